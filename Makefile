@@ -1,0 +1,83 @@
+# Everything from a bare Debian 12 machine on: what is missing is installed with apt-get, as root or through sudo.
+
+build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev libcsv-dev \
+                  libcli11-dev libfmt-dev nlohmann-json3-dev
+test_packages  := $(build_packages) libgtest-dev \
+                  python3 python3-numpy python3-scipy python3-h5py python3-pytest
+tidy_packages  := $(test_packages) clang-tidy
+bench_packages := $(build_packages) libbenchmark-dev
+
+# $(call install,PACKAGES) installs those that are missing; where there is no dpkg, they are the user's business.
+install = @wanted="$(strip $(1))"; \
+  command -v dpkg-query >/dev/null || { echo "Not a Debian machine; taken as installed: $$wanted"; exit 0; }; \
+  have=" $$(dpkg-query -W -f='$${Package} $${db:Status-Status}\n' $$wanted 2>/dev/null | \
+            sed -n 's/ installed$$//p' | tr '\n' ' ')"; \
+  missing=; for package in $$wanted; do case "$$have" in *" $$package "*) ;; *) missing="$$missing $$package";; esac; done; \
+  test -n "$$missing" || exit 0; \
+  echo "Installing$$missing"; \
+  sudo=; test "$$(id -u)" = 0 || sudo=sudo; \
+  $$sudo apt-get -qq update && \
+  $$sudo env DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=300 \
+    install --no-install-recommends $$missing >/dev/null
+
+configure = cmake --log-level=WARNING --preset
+# Debian's own, which has the packages above; another one may come first on the path.
+python := $(firstword $(wildcard /usr/bin/python3) python3)
+
+.PHONY: help build demo test install-test asan tsan tidy format bench clean
+
+help:
+	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
+	@echo 'make test          build with the tests and run all of them'
+	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
+	@echo 'make install-test  only the tests of the installed package'
+	@echo 'make asan          all tests under the address and undefined behaviour sanitizers'
+	@echo 'make tsan          the unit tests under the thread sanitizer'
+	@echo 'make tidy          clang-tidy'
+	@echo 'make format        clang-format, in place'
+	@echo 'make bench         build the benchmark programs (build-bench/bin)'
+	@echo 'make clean         remove what was built'
+
+build:
+	$(call install,$(build_packages))
+	@$(configure) release >/dev/null
+	@cmake --build build
+
+demo: build
+	@examples/demo.sh build/bin build/demo
+
+test:
+	$(call install,$(test_packages))
+	@$(configure) test >/dev/null
+	@cmake --build build
+	@$(python) tests/run.py build
+
+install-test:
+	$(call install,$(test_packages))
+	@$(configure) test >/dev/null
+	@cmake --build build
+	@$(python) tests/run.py build --label-regex install
+
+asan tsan:
+	$(call install,$(test_packages))
+	@$(configure) $@ >/dev/null
+	@cmake --build build-$@
+	@UBSAN_OPTIONS=print_stacktrace=1 TSAN_OPTIONS=halt_on_error=1 \
+	  $(python) tests/run.py build-$@ $(if $(filter tsan,$@),--label-regex unit)
+
+tidy:
+	$(call install,$(tidy_packages))
+	@$(configure) dev -B build-tidy -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null
+	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|examples|bench|tests)/'
+
+format:
+	$(call install,clang-format)
+	@find include src app examples bench tests -name '*.[ch]pp' -exec clang-format -i {} +
+
+bench:
+	$(call install,$(bench_packages))
+	@$(configure) bench >/dev/null
+	@cmake --build build-bench
+
+clean:
+	rm -rf build build-asan build-tsan build-tidy build-bench build-dev

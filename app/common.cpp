@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "common.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <system_error>
+
+namespace tokid::app {
+
+// Options
+
+CLI::App* add_command(CLI::App& tool, const char* name, const char* description, const char* example) {
+  CLI::App* command = tool.add_subcommand(name, description);
+  command->group("Commands");
+  command->footer(fmt::format("Example:\n  {}", example));
+  return command;
+}
+
+void add_column_options(CLI::App* command, ReadOptions& options) {
+  const auto add = [command](const char* name, std::vector<std::string>& target, const char* description) {
+    const auto set = [&target, name](const std::string& text) {
+      target = CLI::detail::split(text, ',');
+      for (const std::string& column : target)
+        if (column.empty()) throw CLI::ValidationError(name, fmt::format("'{}' holds an empty name", text));
+    };
+    command->add_option_function<std::string>(name, set, description)->type_name("A,B,...");
+  };
+  add("--inputs", options.inputs, "Columns of a .csv that are inputs (default: names beginning with u)");
+  add("--outputs", options.outputs, "Columns of a .csv that are outputs (default: names beginning with y)");
+}
+
+void add_output_option(CLI::App* command, fs::path& path, const char* description) {
+  command->add_option("-o,--output", path, description)->required()->type_name("FILE");
+}
+
+void add_horizon_option(CLI::App* command, Index& horizon) {
+  add_number<Index>(command, "--horizon", horizon, "H", "Steps ahead that outputs are predicted (default 1)", 1);
+}
+
+void add_count_or_auto(CLI::App* command, const char* name, Index& target, const char* description) {
+  const auto set = [&target, name](const std::string& text) {
+    const auto count = text == "auto" ? 0 : parse_number<Index>(text, 1, std::numeric_limits<Index>::max());
+    if (!count)
+      throw CLI::ValidationError(name, fmt::format("'{}' found, a whole number from 1 on or auto needed", text));
+    target = *count;
+  };
+  command->add_option_function<std::string>(name, set, description)->type_name("N|auto");
+}
+
+// Files
+
+std::string extension_of(const fs::path& path) {
+  std::string extension = path.extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return extension;
+}
+
+void check_output(const fs::path& path, Content content) {
+  const auto refuse = [&path](const std::string& why) { throw IoError(fmt::format("{}: {}", path.string(), why)); };
+  const std::string extension = extension_of(path);
+  std::vector<std::string> known{".npz", ".h5", ".hdf5", ".mat"};
+  if (content == Content::ensemble) known.push_back(".csv");
+  if (std::find(known.begin(), known.end(), extension) == known.end())
+    refuse(fmt::format("extension '{}' found, one of {} needed to write {}", extension, fmt::join(known, ", "),
+                       content == Content::model ? "a model" : "an ensemble"));
+
+  std::error_code error;
+  if (fs::is_directory(path, error)) refuse("a directory found, the name of a file needed");
+  const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  if (!fs::is_directory(directory, error)) refuse(fmt::format("directory '{}' does not exist", directory.string()));
+  if (access(directory.c_str(), W_OK | X_OK) != 0)
+    refuse(
+        fmt::format("directory '{}' can't be written: {}", directory.string(), std::generic_category().message(errno)));
+  if (fs::exists(path, error) && access(path.c_str(), W_OK) != 0)
+    refuse(fmt::format("can't be written: {}", std::generic_category().message(errno)));
+}
+
+std::vector<std::string> differences(const Model& model, const Ensemble& data) {
+  std::vector<std::string> result;
+  // Sample times that went through single precision or decimal text are still the same.
+  if (std::abs(model.dt - data.dt) > 1e-6 * model.dt)
+    result.push_back(fmt::format("the data's dt = {} s differs from the model's dt = {} s", data.dt, model.dt));
+  const auto compare = [&result](const char* what, const std::vector<std::string>& found,
+                                 const std::vector<std::string>& known) {
+    if (!found.empty() && !known.empty() && found != known)
+      result.push_back(fmt::format("the data's {} are named {}, the model's {}", what, fmt::join(found, ", "),
+                                   fmt::join(known, ", ")));
+  };
+  compare("inputs", data.names.input_names, model.names.input_names);
+  if (data.outputs() > 0) compare("outputs", data.names.output_names, model.names.output_names);
+  return result;
+}
+
+std::string gaps(const Model& model, const Ensemble& computed) {
+  Index empty = 0;
+  for (Index k = 0; k < computed.steps(); ++k) {
+    const auto y = computed.output(k);
+    if ((y.array() != y.array()).all()) ++empty;
+  }
+  if (empty == 0) return {};
+  return fmt::format("{} of {} without outputs (NaN): the model covers steps {} to {}", empty,
+                     plural(computed.steps(), "step"), model.k_begin, model.k_end() - 1);
+}
+
+// Numbers
+
+Index missing_samples(const Ensemble& ensemble) {
+  Index beyond = 0;
+  for (const Index length : ensemble.length) beyond += (ensemble.steps() - length) * ensemble.channels();
+  return ensemble.missing() - beyond;
+}
+
+Index rank_deficient_steps(const Model& model) {
+  Index count = 0;
+  for (size_t s = 0; s < std::min(model.rank.size(), model.lags.size()); ++s)
+    if (model.rank[s] < minimum_experiments(model.inputs, model.outputs, model.lags[s])) ++count;
+  return count;
+}
+
+double median(std::vector<double> values) {
+  values.erase(std::remove_if(values.begin(), values.end(), [](double v) { return std::isnan(v); }), values.end());
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Text
+
+std::string one_line(std::string_view text) {
+  std::string result(text);
+  for (char& c : result)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  return result;
+}
+
+std::string number(double value) { return std::isnan(value) ? "-" : fmt::format("{:.4g}", value); }
+
+std::string percent(double value) {
+  if (std::isnan(value)) return "-";
+  return std::abs(value) < 1e4 ? fmt::format("{:.4f} %", value) : fmt::format("{:.3g} %", value);
+}
+
+std::string plural(Index count, const char* noun) { return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s"); }
+
+std::string describe(const Ensemble& e) {
+  return fmt::format("N = {} experiments, T = {} steps, r = {} inputs, m = {} outputs, dt = {} s", e.experiments(),
+                     e.steps(), e.inputs(), e.outputs(), e.dt);
+}
+
+std::string describe(const Model& model) {
+  return fmt::format("n = {} states, r = {} inputs, m = {} outputs, steps {} to {}, dt = {} s", model.states(),
+                     model.inputs, model.outputs, model.k_begin, model.k_end() - 1, model.dt);
+}
+
+namespace {
+
+std::string with_unit(const std::string& name, const std::vector<std::string>& units, Index i) {
+  const size_t at = static_cast<size_t>(i);
+  return one_line(at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name);
+}
+
+// Code points stand for columns: good for every script that channels are named in, but not for the widest.
+size_t width(std::string_view text) {
+  return static_cast<size_t>(
+      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) >> 6) != 2; }));
+}
+
+constexpr size_t label_width = 15;
+
+}  // namespace
+
+std::string output_label(const Channels& names, Index j) { return with_unit(names.output(j), names.output_units, j); }
+std::string input_label(const Channels& names, Index i) { return with_unit(names.input(i), names.input_units, i); }
+
+void Page::row(std::string_view label, std::string_view text) {
+  std::string line = fmt::format("{:<{}}{}", label, label_width, one_line(text));
+  line.erase(line.find_last_not_of(' ') + 1);
+  text_ += line + '\n';
+}
+
+void Page::table(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<size_t> widths;
+  for (const auto& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()));
+    for (size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], width(row[c]));
+  }
+  for (const auto& row : rows) {
+    std::string line(label_width, ' ');
+    for (size_t c = 0; c < row.size(); ++c) {
+      const std::string padding(widths[c] - width(row[c]), ' ');
+      line += c == 0 ? row[c] + padding : "   " + padding + row[c];
+    }
+    line.erase(line.find_last_not_of(' ') + 1);
+    text_ += line + '\n';
+  }
+}
+
+// Output
+
+Json numbers(const Vector& values) { return Json(std::vector<double>(values.begin(), values.end())); }
+
+void print(const std::string& text) {
+  if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) return;
+  if (errno != EPIPE) throw std::system_error(errno, std::generic_category(), "standard output");
+}
+
+// NaN and infinity become null; text that is not UTF-8 is repaired rather than refused.
+void print(const Json& json) { print(json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n'); }
+
+// Nobody is left to tell where stderr can't be written.
+void message(std::string_view text) {
+  const std::string line = one_line(fmt::format("tokid: {}", text)) + '\n';
+  std::fwrite(line.data(), 1, line.size(), stderr);
+}
+
+void warn(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) message("warning: " + warning);
+}
+
+namespace {
+
+constexpr int bar_width = 30;
+
+}  // namespace
+
+ProgressBar::ProgressBar(bool wanted)
+    : enabled_(wanted && isatty(STDERR_FILENO) != 0), next_(Clock::now() + std::chrono::milliseconds(100)) {}
+
+ProgressBar::~ProgressBar() {
+  if (!drawn_) return;
+  const std::string blank = fmt::format("\r{:{}}\r", "", bar_width + 8);
+  std::fwrite(blank.data(), 1, blank.size(), stderr);
+}
+
+Progress ProgressBar::callback() {
+  if (!enabled_) return {};
+  return [this](double share) { draw(share); };
+}
+
+void ProgressBar::draw(double share) {
+  const Clock::time_point now = Clock::now();
+  if (now < next_) return;
+  next_ = now + std::chrono::milliseconds(50);
+  drawn_ = true;
+  share = std::clamp(share, 0.0, 1.0);
+  const int done = static_cast<int>(share * bar_width);
+  const std::string bar = fmt::format("\r[{}{}] {:3.0f} %", std::string(size_t(done), '#'),
+                                      std::string(size_t(bar_width - done), '.'), 100 * share);
+  std::fwrite(bar.data(), 1, bar.size(), stderr);
+}
+
+}  // namespace tokid::app

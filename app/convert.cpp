@@ -1,0 +1,44 @@
+// tokid convert: ensembles and models from one format to another.
+// SPDX-License-Identifier: BSD-3-Clause
+#include "common.hpp"
+
+namespace tokid::app {
+
+namespace {
+
+struct Call {
+  fs::path input, output;
+  ReadOptions read{{}, {}, false};
+  WriteOptions write;
+};
+
+void run(const Call& call) {
+  const bool model = file_kind(call.input) == FileKind::model;
+  check_output(call.output, model ? Content::model : Content::ensemble);
+  if (call.write.mat73 && extension_of(call.output) != ".mat")
+    throw std::invalid_argument(fmt::format("--mat73: the output is '{}', a .mat needed", call.output.string()));
+  if (model)
+    save_model(load_model(call.input), call.output, call.write);
+  else
+    save_ensemble(load_ensemble(call.input, call.read), call.output, call.write);
+
+  Page page;
+  page.row("Converted", fmt::format("{} {}", model ? "the model" : "the ensemble", call.input.string()));
+  page.row("Written", call.output.string());
+  print(page.text());
+}
+
+}  // namespace
+
+void add_convert(CLI::App& tool) {
+  const auto call = std::make_shared<Call>();
+  CLI::App* command = add_command(tool, "convert", "Convert an ensemble or a model to another format",
+                                  "tokid convert data.csv data.mat --mat73");
+  command->add_option("IN", call->input, "Ensemble or model to read")->required()->type_name("");
+  command->add_option("OUT", call->output, "File to write; its extension says the format")->required()->type_name("");
+  add_column_options(command, call->read);
+  command->add_flag("--mat73", call->write.mat73, "Write a .mat of MATLAB version 7.3");
+  command->callback([call] { run(*call); });
+}
+
+}  // namespace tokid::app

@@ -1,0 +1,57 @@
+// tokid example: simulated experiments on systems with known answers.
+// SPDX-License-Identifier: BSD-3-Clause
+#include "common.hpp"
+
+namespace tokid::app {
+
+namespace {
+
+struct Call {
+  std::string name;
+  fs::path output;
+  Index steps = 100;
+  ExperimentOptions options;
+};
+
+void run(const Call& call) {
+  check_output(call.output, Content::ensemble);
+  const Model system = call.name == "oscillator" ? oscillator(call.steps) : rotating_tube(call.steps);
+  const Ensemble data = experiments(system, call.options);
+  save_ensemble(data, call.output);
+
+  Page page;
+  page.row("System", fmt::format("{}, n = {} states", call.name, system.states()));
+  page.row("Experiments", describe(data));
+  page.row("", fmt::format("initial states {}, {}", to_string(call.options.initial_state),
+                           plural(data.free.experiments, "free response")));
+  page.row("Written", call.output.string());
+  print(page.text());
+}
+
+}  // namespace
+
+void add_example(CLI::App& tool) {
+  const auto call = std::make_shared<Call>();
+  ExperimentOptions& o = call->options;
+  CLI::App* command = add_command(tool, "example", "Simulated experiments on a system with known answers",
+                                  "tokid example oscillator -o data.npz --experiments 200 --measurement-noise 0.1");
+  add_choice(command, "SYSTEM", call->name,
+             Choices<std::string>{{"oscillator", "oscillator"}, {"rotating-tube", "rotating-tube"}},
+             "oscillator: the paper's, 4 states; rotating-tube: 2 states")
+      ->required();
+  add_output_option(command, call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
+  add_number<Index>(command, "--experiments", o.experiments, "N", "Experiments (default 50)", 1);
+  add_number<Index>(command, "--steps", call->steps, "T", "Time steps (default 100)", 1);
+  add_number<std::uint64_t>(command, "--seed", o.seed, "S", "Seed of the random numbers (default 1)", 0);
+  add_number(command, "--process-noise", o.process_noise, "SD",
+             "Standard deviation of the noise on each state (default 0)", 0.0);
+  add_number(command, "--measurement-noise", o.measurement_noise, "SD",
+             "Standard deviation of the noise on each output (default 0)", 0.0);
+  add_number<Index>(command, "--free-responses", o.free_responses, "NF", "Experiments without input (default 0)", 0);
+  add_choice(command, "--initial-state", o.initial_state,
+             Choices<InitialState>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
+             "States at step 0 (default zero; unknown: random)");
+  command->callback([call] { run(*call); });
+}
+
+}  // namespace tokid::app

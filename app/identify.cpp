@@ -1,0 +1,218 @@
+// tokid identify: ensemble → model, with the evidence for every choice.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+
+#include "common.hpp"
+
+namespace tokid::app {
+
+namespace {
+
+struct Call {
+  fs::path data, model;
+  ReadOptions read;
+  IdentifyOptions options;
+  std::string method = "tvera";
+  bool json = false, quiet = false;
+};
+
+// σ_n / σ_{n+1} of H_k, the median over the steps of full dimension: how clearly the order shows.
+double singular_value_gap(const Model& model) {
+  std::vector<double> gaps;
+  const Index n = model.states();
+  for (Index k = model.full_begin(); n > 0 && k < std::min(model.full_end(), model.k_end()); ++k) {
+    if (model.at(k) >= model.singular_values.size()) break;
+    const Vector& s = model.singular_values[model.at(k)];
+    if (s.size() > n) gaps.push_back(s(n - 1) / s(n));
+  }
+  return median(gaps);
+}
+
+// Lag orders p = 1 … with their leave-one-out error as a share of the outputs, the geometric mean over outputs and
+// steps.
+std::vector<std::vector<std::string>> lag_table(const Identification& result) {
+  std::vector<std::vector<std::string>> rows{{"p", "leave-one-out error", ""}};
+  for (Index p = 1; p <= result.lag_order_errors.mean.size(); ++p)
+    rows.push_back({fmt::format("{}", p), percent(100 * std::exp(result.lag_order_errors.mean(p - 1) / 2)),
+                    p == result.lags ? "chosen" : ""});
+  return rows;
+}
+
+std::string missing_text(const Ensemble& data) {
+  std::string text =
+      missing_samples(data) == 0 ? "no missing samples" : plural(missing_samples(data), "missing sample");
+  if (data.free.experiments > 0) text += fmt::format(", {}", plural(data.free.experiments, "free response"));
+  return text;
+}
+
+std::string nominal_text(const Call& call, const Identification& result) {
+  if (call.options.nominal == NominalChoice::none) return "none, as asked";
+  if (call.options.nominal == NominalChoice::mean) return "the mean motion was removed, as asked";
+  const NominalTest& test = result.nominal_test;
+  return fmt::format("{}: mean t2 = {:.4g}, threshold {:.4g}",
+                     test.significant ? "the mean motion was removed, being significant"
+                                      : "none, the mean motion not being significant",
+                     test.statistic, test.threshold);
+}
+
+// The largest lag order that the experiments carry; the mean motion costs one of them.
+Index largest_lags(const Ensemble& data, const Identification& result) {
+  const Index spent = result.model.u_nominal.size() > 0 ? 1 : 0;
+  return largest_lag_order(result.experiments - spent, data.inputs(), data.outputs());
+}
+
+void add_orders(const Call& call, const Ensemble& data, const Identification& result, Page& page) {
+  page.row("Lag order",
+           fmt::format("p = {}, {}; {} carry lag orders up to p = {}, this one needs {}", result.lags,
+                       call.options.lags > 0                      ? "as asked"
+                       : result.lag_order_errors.mean.size() == 0 ? "the smallest possible"
+                                                                  : "by leave-one-out error",
+                       plural(result.experiments, "experiment"), largest_lags(data, result), result.min_experiments));
+  if (result.lag_order_errors.mean.size() > 0) page.table(lag_table(result));
+
+  const Model& model = result.model;
+  const double gap = singular_value_gap(model);
+  page.row("States",
+           fmt::format("n = {}, {}{}", model.states(),
+                       call.options.states > 0 ? "as asked" : "the rank of the Hankel matrices",
+                       std::isnan(gap) ? "" : fmt::format("; singular values fall by {:.3g} behind it", gap)));
+  page.row("Model",
+           fmt::format("{}, {} frame, steps {} to {}, all {} from {} to {}", model.method, model.frame, model.k_begin,
+                       model.k_end() - 1, plural(model.states(), "state"), model.full_begin(), model.full_end() - 1));
+}
+
+void add_fit(const Model& model, const Identification& result, Index held_out, Page& page) {
+  page.row("Fit", result.held_out ? fmt::format("on {} held out", plural(held_out, "experiment"))
+                                  : "on the training data; --hold-out gives an honest figure");
+  std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
+  for (Index j = 0; j < model.outputs; ++j)
+    rows.push_back({output_label(model.names, j), percent(result.validation.simulation.fit(j)),
+                    percent(result.validation.one_step.fit(j))});
+  page.table(rows);
+}
+
+std::string report(const Call& call, const Ensemble& data, const Identification& result) {
+  const Model& model = result.model;
+  Page page;
+  page.row("Data", call.data.string());
+  page.row("", describe(data));
+  page.row("", missing_text(data));
+  page.row("Initial state", fmt::format("{}: {}", to_string(model.initial_state), result.initial_state_test.reason));
+  page.row("Nominal", nominal_text(call, result));
+  add_orders(call, data, result, page);
+  page.row("Regressions", fmt::format("condition up to {:.3g}, {} of {} rank deficient", result.condition_max,
+                                      result.rank_deficient_steps, plural(result.steps, "step")));
+  add_fit(model, result, data.experiments() - result.experiments, page);
+  page.row("Written", fmt::format("{} in {:.2f} s", call.model.string(), result.seconds));
+  return page.text();
+}
+
+Json json(const Call& call, const Ensemble& data, const Identification& result) {
+  const Model& model = result.model;
+  Json j;
+  j["data"] = call.data.string();
+  j["model"] = call.model.string();
+  j["experiments"] = result.experiments;
+  j["held_out_experiments"] = data.experiments() - result.experiments;
+  j["steps"] = result.steps;
+  j["inputs"] = data.inputs();
+  j["outputs"] = data.outputs();
+  j["dt"] = data.dt;
+  j["missing_samples"] = missing_samples(data);
+  j["free_responses"] = data.free.experiments;
+  j["method"] = model.method;
+  j["frame"] = model.frame;
+  j["states"] = model.states();
+  j["lags"] = result.lags;
+  j["largest_lag_order"] = largest_lags(data, result);
+  j["min_experiments"] = result.min_experiments;
+  j["lag_order_errors"] = nullptr;
+  if (result.lag_order_errors.mean.size() > 0)
+    j["lag_order_errors"] = {{"mean_log_error", numbers(result.lag_order_errors.mean)},
+                             {"steps", result.lag_order_errors.steps},
+                             {"best", result.lag_order_errors.best}};
+  j["initial_state"] = to_string(model.initial_state);
+  const InitialStateTest& initial = result.initial_state_test;
+  j["initial_state_test"] = {{"statistic", initial.statistic},
+                             {"threshold", initial.threshold},
+                             {"decision", to_string(initial.decision)},
+                             {"reason", initial.reason}};
+  j["nominal"] = model.u_nominal.size() > 0;
+  j["nominal_test"] = nullptr;
+  if (call.options.nominal == NominalChoice::automatic)
+    j["nominal_test"] = {{"statistic", result.nominal_test.statistic},
+                         {"threshold", result.nominal_test.threshold},
+                         {"significant", result.nominal_test.significant}};
+  j["k_begin"] = model.k_begin;
+  j["k_end"] = model.k_end();
+  j["full_begin"] = model.full_begin();
+  j["full_end"] = model.full_end();
+  j["singular_value_gap"] = singular_value_gap(model);
+  j["condition_max"] = result.condition_max;
+  j["rank_deficient_steps"] = result.rank_deficient_steps;
+  j["evaluated_on"] = result.held_out ? "held_out" : "training";
+  j["output_names"] = Json::array();
+  for (Index i = 0; i < model.outputs; ++i) j["output_names"].push_back(model.names.output(i));
+  j["one_step_fit"] = numbers(result.validation.one_step.fit);
+  j["simulation_fit"] = numbers(result.validation.simulation.fit);
+  j["whiteness_p"] = result.validation.whiteness_p;
+  j["warnings"] = result.warnings;
+  j["seconds"] = result.seconds;
+  j["version"] = version;
+  return j;
+}
+
+void run(const Call& call) {
+  check_output(call.model, Content::model);
+  if (call.options.reference_step >= 0 && call.options.frame != Frame::reference)
+    throw std::invalid_argument("--reference-step: needs --frame reference");
+  const Ensemble data = load_ensemble(call.data, call.read);
+  const Identification result = about(call.data, [&call, &data] {
+    ProgressBar bar(!call.quiet);
+    IdentifyOptions options = call.options;
+    options.execution.progress = bar.callback();
+    return identify(data, options);
+  });
+  save_model(result.model, call.model);
+  if (call.json)
+    print(json(call, data, result));
+  else if (!call.quiet)
+    print(report(call, data, result));
+  warn(result.warnings);
+}
+
+}  // namespace
+
+void add_identify(CLI::App& tool) {
+  const auto call = std::make_shared<Call>();
+  IdentifyOptions& o = call->options;
+  CLI::App* command = add_command(tool, "identify", "Identify a time varying model from an ensemble of experiments",
+                                  "tokid identify data.npz -o model.npz --hold-out 0.2");
+  command->add_option("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv")->required()->type_name("");
+  add_output_option(command, call->model, "Model to write: .npz, .h5 or .mat");
+  add_column_options(command, call->read);
+  add_count_or_auto(command, "--states", o.states, "State dimension n (auto: the rank of the Hankel matrices)");
+  add_count_or_auto(command, "--lags", o.lags, "Lag order p (auto: the smallest leave-one-out error)");
+  add_choice(command, "--method", call->method, Choices<std::string>{{"tvera", "tvera"}}, "Method of realisation");
+  add_choice(command, "--initial-state", o.initial_state,
+             Choices<std::optional<InitialState>>{
+                 {"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
+             "States at step 0 (auto: as the data say, else by test)");
+  add_choice(command, "--frame", o.frame,
+             Choices<Frame>{{"raw", Frame::raw}, {"reference", Frame::reference}, {"smooth", Frame::smooth}},
+             "Coordinates of the states (default raw)");
+  add_number<Index>(command, "--reference-step", o.reference_step, "S",
+                    "Step of the reference frame (default: first of full dimension)", 0);
+  add_choice(command, "--nominal", o.nominal,
+             Choices<NominalChoice>{
+                 {"auto", NominalChoice::automatic}, {"none", NominalChoice::none}, {"mean", NominalChoice::mean}},
+             "Mean motion to remove (auto: where it is significant)");
+  add_number(command, "--hold-out", o.hold_out, "FRACTION", "Share of the experiments kept for validation (default 0)",
+             0.0, 1.0);
+  add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
+  command->add_flag("--json", call->json, "Print one JSON object");
+  command->add_flag("--quiet", call->quiet, "Print warnings and errors only");
+  command->callback([call] { run(*call); });
+}
+
+}  // namespace tokid::app

@@ -1,0 +1,253 @@
+// tokid info: what is in a file?
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "common.hpp"
+
+namespace tokid::app {
+
+namespace {
+
+struct Call {
+  fs::path file;
+  ReadOptions read{{}, {}, false};
+  bool json = false;
+};
+
+// Ensembles
+
+struct ChannelSummary {
+  const char* kind;
+  std::string name, unit, label;
+  Index samples = 0, missing = 0;  // within the length of each experiment
+  double mean, std, min, max;
+};
+
+ChannelSummary summary(const Ensemble& e, Index c) {
+  const bool input = c < e.inputs();
+  const Index i = input ? c : c - e.inputs();
+  const std::vector<std::string>& units = input ? e.names.input_units : e.names.output_units;
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  ChannelSummary s{input ? "input" : "output",
+                   input ? e.names.input(i) : e.names.output(i),
+                   size_t(i) < units.size() ? units[size_t(i)] : "",
+                   input ? input_label(e.names, i) : output_label(e.names, i),
+                   0,
+                   0,
+                   nan,
+                   nan,
+                   nan,
+                   nan};
+  // Welford's update: one pass, and no cancellation for channels far from zero.
+  double squares = 0.0;
+  for (Index n = 0; n < e.experiments(); ++n)
+    for (Index k = 0; k < (e.length.empty() ? e.steps() : e.length[size_t(n)]); ++k) {
+      const double value = e.samples()(n, k * e.channels() + c);
+      if (std::isnan(value)) {
+        ++s.missing;
+        continue;
+      }
+      if (s.samples++ == 0) s.mean = s.min = s.max = value;
+      const double step = value - s.mean;
+      s.mean += step / double(s.samples);
+      squares += step * (value - s.mean);
+      s.min = std::min(s.min, value);
+      s.max = std::max(s.max, value);
+    }
+  if (s.samples > 0) s.std = std::sqrt(squares / double(s.samples));
+  return s;
+}
+
+std::vector<ChannelSummary> summaries(const Ensemble& e) {
+  std::vector<ChannelSummary> result;
+  for (Index c = 0; c < e.channels(); ++c) result.push_back(summary(e, c));
+  return result;
+}
+
+Json json(const Call& call, const Ensemble& e) {
+  Json j;
+  j["file"] = call.file.string();
+  j["kind"] = "ensemble";
+  j["experiments"] = e.experiments();
+  j["steps"] = e.steps();
+  j["inputs"] = e.inputs();
+  j["outputs"] = e.outputs();
+  j["dt"] = e.dt;
+  j["missing_samples"] = missing_samples(e);
+  j["length"] = e.length.empty() ? Json() : Json(e.length);
+  j["initial_state"] = e.initial_state ? Json(to_string(*e.initial_state)) : Json();
+  j["free_responses"] = {{"experiments", e.free.experiments}, {"steps", e.free.steps}};
+  j["largest_lag_order"] = largest_lag_order(e.experiments(), e.inputs(), e.outputs());
+  j["channels"] = Json::array();
+  for (const ChannelSummary& s : summaries(e))
+    j["channels"].push_back({{"kind", s.kind},
+                             {"name", s.name},
+                             {"unit", s.unit},
+                             {"samples", s.samples},
+                             {"missing", s.missing},
+                             {"mean", s.mean},
+                             {"std", s.std},
+                             {"min", s.min},
+                             {"max", s.max}});
+  return j;
+}
+
+std::string report(const Call& call, const Ensemble& e) {
+  Page page;
+  page.row("Ensemble", call.file.string());
+  page.row("", describe(e));
+  if (!e.length.empty()) {
+    const auto [least, most] = std::minmax_element(e.length.begin(), e.length.end());
+    page.row("Lengths", fmt::format("{} to {} steps", *least, *most));
+  }
+  page.row("Initial state", e.initial_state ? to_string(*e.initial_state) : "not stated");
+  if (e.free.experiments > 0)
+    page.row("Free", fmt::format("{} of {}", plural(e.free.experiments, "response"), plural(e.free.steps, "step")));
+  const Index p = largest_lag_order(e.experiments(), e.inputs(), e.outputs());
+  page.row("Lag orders",
+           p > 0 ? fmt::format("{} carry p up to {}", plural(e.experiments(), "experiment"), p)
+                 : fmt::format("none; p = 1 needs {} experiments", minimum_experiments(e.inputs(), e.outputs(), 1)));
+  page.row("Channels", "");
+  std::vector<std::vector<std::string>> rows{{"channel", "kind", "missing", "mean", "std", "min", "max"}};
+  for (const ChannelSummary& s : summaries(e))
+    rows.push_back(
+        {s.label, s.kind, fmt::format("{}", s.missing), number(s.mean), number(s.std), number(s.min), number(s.max)});
+  page.table(rows);
+  return page.text();
+}
+
+// Models
+
+struct Span {
+  Index least = 0, most = 0;
+};
+
+Span span(const std::vector<Index>& values) {
+  if (values.empty()) return {};
+  const auto [least, most] = std::minmax_element(values.begin(), values.end());
+  return {*least, *most};
+}
+
+std::string text(const Span& s) {
+  return s.least == s.most ? fmt::format("{}", s.most) : fmt::format("{} to {}", s.least, s.most);
+}
+
+double largest(const std::vector<double>& values) {
+  return values.empty() ? std::numeric_limits<double>::quiet_NaN() : *std::max_element(values.begin(), values.end());
+}
+
+// How well the observer forgets, away from the steps without states.
+double deadbeat_norm(const Model& model) {
+  return model.G.empty() ? std::numeric_limits<double>::quiet_NaN()
+                         : median(deadbeat_products(model, model.max_lags()));
+}
+
+std::vector<std::string> noise_fields(const Model& model) {
+  std::vector<std::string> names;
+  const auto add = [&names](bool there, const char* name) {
+    if (there) names.emplace_back(name);
+  };
+  add(!model.innovation_cov.empty(), "innovation_cov");
+  add(!model.Q.empty(), "Q");
+  add(!model.R.empty(), "R");
+  add(!model.K.empty(), "K");
+  add(model.x0_mean.size() > 0, "x0_mean");
+  add(model.x0_cov.size() > 0, "x0_cov");
+  return names;
+}
+
+Json json(const Call& call, const Model& model) {
+  const Span dims = span(model.state_dim), lags = span(model.lags);
+  Json j;
+  j["file"] = call.file.string();
+  j["kind"] = "model";
+  j["method"] = model.method;
+  j["frame"] = model.frame;
+  j["states"] = model.states();
+  j["inputs"] = model.inputs;
+  j["outputs"] = model.outputs;
+  j["steps"] = model.steps();
+  j["k_begin"] = model.k_begin;
+  j["k_end"] = model.k_end();
+  j["dt"] = model.dt;
+  j["initial_state"] = to_string(model.initial_state);
+  j["nominal"] = model.u_nominal.size() > 0;
+  j["state_dim"] = {{"min", dims.least}, {"max", dims.most}};
+  j["full_begin"] = model.full_begin();
+  j["full_end"] = model.full_end();
+  j["lags"] = {{"min", lags.least}, {"max", lags.most}};
+  j["condition_median"] = median(model.condition);
+  j["condition_max"] = largest(model.condition);
+  j["rank_deficient_steps"] = rank_deficient_steps(model);
+  j["deadbeat_product_norm"] = deadbeat_norm(model);
+  j["noise"] = noise_fields(model);
+  j["input_names"] = Json::array();
+  for (Index i = 0; i < model.inputs; ++i) j["input_names"].push_back(model.names.input(i));
+  j["output_names"] = Json::array();
+  for (Index i = 0; i < model.outputs; ++i) j["output_names"].push_back(model.names.output(i));
+  const Json options = Json::parse(model.options, nullptr, false);
+  j["options"] = options.is_discarded() ? Json(model.options) : options;
+  j["version"] = model.version;
+  return j;
+}
+
+std::string report(const Call& call, const Model& model) {
+  const auto labels = [](Index count, const auto& label) {
+    std::vector<std::string> names;
+    for (Index i = 0; i < count; ++i) names.push_back(label(i));
+    return fmt::format("{}", fmt::join(names, ", "));
+  };
+  Page page;
+  page.row("Model", call.file.string());
+  page.row("", describe(model));
+  page.row("", fmt::format("method {}, {} frame, tokid {}", model.method, model.frame,
+                           model.version.empty() ? "unknown" : model.version));
+  page.row("Inputs", labels(model.inputs, [&](Index i) { return input_label(model.names, i); }));
+  page.row("Outputs", labels(model.outputs, [&](Index j) { return output_label(model.names, j); }));
+  page.row("States", fmt::format("dimensions {}, full at steps {} to {}", text(span(model.state_dim)),
+                                 model.full_begin(), model.full_end() - 1));
+  page.row("Initial state", to_string(model.initial_state));
+  page.row("Nominal", model.u_nominal.size() > 0
+                          ? fmt::format("trajectory of {}", plural(model.u_nominal.rows(), "step"))
+                          : "none");
+  if (!model.lags.empty()) page.row("Lag order", text(span(model.lags)));
+  if (!model.condition.empty())
+    page.row("Regressions",
+             fmt::format("condition median {}, largest {}; {} of {} rank deficient", number(median(model.condition)),
+                         number(largest(model.condition)), rank_deficient_steps(model), plural(model.steps(), "step")));
+  page.row("Observer", fmt::format("median norm of {} successive closed-loop matrices {}", model.max_lags(),
+                                   number(deadbeat_norm(model))));
+  if (!noise_fields(model).empty()) page.row("Noise", fmt::format("{}", fmt::join(noise_fields(model), ", ")));
+  if (!model.options.empty()) page.row("Options", model.options);
+  return page.text();
+}
+
+template <class Content>
+void show(const Call& call, const Content& content) {
+  if (call.json)
+    print(json(call, content));
+  else
+    print(report(call, content));
+}
+
+void run(const Call& call) {
+  if (file_kind(call.file) == FileKind::model)
+    show(call, load_model(call.file));
+  else
+    show(call, load_ensemble(call.file, call.read));
+}
+
+}  // namespace
+
+void add_info(CLI::App& tool) {
+  const auto call = std::make_shared<Call>();
+  CLI::App* command = add_command(tool, "info", "What is in an ensemble or a model", "tokid info data.h5");
+  command->add_option("FILE", call->file, "Ensemble or model")->required()->type_name("");
+  add_column_options(command, call->read);
+  command->add_flag("--json", call->json, "Print one JSON object");
+  command->callback([call] { run(*call); });
+}
+
+}  // namespace tokid::app

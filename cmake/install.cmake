@@ -1,0 +1,20 @@
+# cmake --install: headers, library, tool, licence, and the package files that find_package(tokid) reads.
+include(CMakePackageConfigHelpers)
+set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/tokid)
+
+install(TARGETS tokid EXPORT tokid FILE_SET HEADERS)
+install(EXPORT tokid NAMESPACE tokid:: FILE tokidTargets.cmake DESTINATION ${package_dir})
+if(TOKID_BUILD_TOOL)
+  install(TARGETS tokid_tool)
+endif()
+
+get_target_property(library_type tokid TYPE)
+configure_package_config_file(cmake/tokidConfig.cmake.in tokidConfig.cmake INSTALL_DESTINATION ${package_dir})
+write_basic_package_version_file(tokidConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/tokidConfig.cmake ${PROJECT_BINARY_DIR}/tokidConfigVersion.cmake
+        DESTINATION ${package_dir})
+if(library_type STREQUAL STATIC_LIBRARY)
+  install(FILES cmake/FindTokidFormats.cmake DESTINATION ${package_dir})
+endif()
+
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -1,0 +1,117 @@
+// N repeated experiments of T steps as one matrix.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tokid/linalg.hpp"
+
+namespace tokid {
+
+// What is known of the state of every experiment at k = 0.
+enum class InitialState { zero, unknown };
+
+const char* to_string(InitialState state);
+// \throws std::invalid_argument unless the text is "zero" or "unknown"
+InitialState initial_state_from(const std::string& text);
+
+// Names and units of the channels. Empty lists stand for u1…ur, y1…ym without units.
+struct Channels {
+  std::vector<std::string> input_names, output_names;
+  std::vector<std::string> input_units, output_units;
+
+  std::string input(Index i) const;   // "u1" or the given name
+  std::string output(Index j) const;  // "y1" or the given name
+};
+
+// Experiments without input from unknown non-zero initial states, on the time origin of the ensemble.
+struct FreeResponse {
+  Index experiments = 0;  // Nf
+  Index steps = 0;        // Tf
+  Matrix y;               // (Nf × Tf·m), columns k·m … k·m+m-1 hold y_k
+};
+
+// Experiments down the rows, time along the columns: columns k·d … k·d+d-1, d = r+m, hold u_k (r columns) and then y_k
+// (m columns). The regressors of a step are therefore one contiguous window (17), (18). NaN marks a missing sample.
+class Ensemble {
+ public:
+  Ensemble() = default;
+  // N × T with every sample missing. \throws std::invalid_argument for a negative size, r + m = 0 or dt ≤ 0
+  Ensemble(Index experiments, Index steps, Index inputs, Index outputs, double dt = 1.0);
+
+  Index experiments() const { return samples_.rows(); }  // N
+  Index steps() const { return steps_; }                 // T
+  Index inputs() const { return inputs_; }               // r
+  Index outputs() const { return outputs_; }             // m
+  Index channels() const { return inputs_ + outputs_; }  // d = r + m
+
+  double& u(Index n, Index k, Index i) { return samples_(n, k * channels() + i); }
+  double u(Index n, Index k, Index i) const { return samples_(n, k * channels() + i); }
+  double& y(Index n, Index k, Index j) { return samples_(n, k * channels() + inputs_ + j); }
+  double y(Index n, Index k, Index j) const { return samples_(n, k * channels() + inputs_ + j); }
+
+  const Matrix& samples() const { return samples_; }  // (N × T·d)
+
+  // Inputs u_k (N × r) and outputs y_k (N × m) of all experiments at one step.
+  auto input(Index k) const { return samples_.middleCols(k * channels(), inputs_); }
+  auto input(Index k) { return samples_.middleCols(k * channels(), inputs_); }
+  auto output(Index k) const { return samples_.middleCols(k * channels() + inputs_, outputs_); }
+  auto output(Index k) { return samples_.middleCols(k * channels() + inputs_, outputs_); }
+
+  // W_k = [v_{k-p} … v_{k-1} u_k]  (N × p·d + r): the regressors of step k, oldest lag first (18). Needs k ≥ p.
+  auto window(Index k, Index p) const { return samples_.middleCols((k - p) * channels(), p * channels() + inputs_); }
+  // [W_k Y_k]  (N × (p+1)·d), contiguous.
+  auto window_and_output(Index k, Index p) const {
+    return samples_.middleCols((k - p) * channels(), (p + 1) * channels());
+  }
+
+  Index missing() const;  // number of NaN samples
+  // The experiments (row numbers) that have every sample of [W_k Y_k].
+  std::vector<Index> complete_rows(Index k, Index p) const;
+
+  // The experiments of the given row numbers, with everything else kept.
+  Ensemble subset(const std::vector<Index>& experiments) const;
+
+  // \throws std::invalid_argument that names the channel, experiment and step of an infinite value, or the channel
+  // without a single finite sample, or what else is inconsistent.
+  void check() const;
+
+  double dt = 1.0;  // sample time [s]
+  Channels names;
+  std::optional<InitialState> initial_state;  // empty: not stated with the data
+  std::vector<Index> length;                  // (N) valid samples of each experiment; empty: all T
+  FreeResponse free;
+
+ private:
+  Index steps_ = 0, inputs_ = 0, outputs_ = 0;
+  Matrix samples_;
+};
+
+// Every ⌈1/fraction⌉-th experiment is held out, so that ordered campaigns are represented in both parts.
+struct Split {
+  Ensemble training, held_out;
+};
+// \throws std::invalid_argument unless 0 < fraction < 1 and both parts get at least one experiment
+Split split(const Ensemble& ensemble, double fraction);
+
+// Mean motion over the experiments at each step, from the samples that are there.
+struct Nominal {
+  Matrix u;  // (T × r)
+  Matrix y;  // (T × m)
+};
+Nominal nominal_trajectory(const Ensemble& ensemble);
+Ensemble departures(Ensemble ensemble, const Nominal& nominal);
+
+// Is the mean motion significantly different from zero? The mean over channels and steps of t² = N·mean²/variance, held
+// against the quantile of Student's t² that only one run in a thousand exceeds when the true mean is zero. The bound
+// holds for any correlation in time, because a mean of correlated t² has its heaviest tail when all of them are one.
+struct NominalTest {
+  double statistic = 0.0;  // mean of t²
+  double threshold = 0.0;
+  bool significant = false;
+};
+NominalTest test_nominal(const Ensemble& ensemble);
+
+}  // namespace tokid

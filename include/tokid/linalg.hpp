@@ -1,0 +1,56 @@
+// The only door to a dense linear algebra backend. Every routine is single-threaded and deterministic.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+
+namespace tokid {
+
+using Index = Eigen::Index;
+using Matrix = Eigen::MatrixXd;
+using Vector = Eigen::VectorXd;
+using ConstMatrixRef = Eigen::Ref<const Matrix>;
+
+namespace linalg {
+
+// Thin singular value decomposition a = u · diag(s) · vᵀ, singular values in decreasing order.
+struct Svd {
+  Matrix u;  // (rows × k), k = min(rows, cols)
+  Vector s;  // (k)
+  Matrix v;  // (cols × k)
+};
+Svd svd(const ConstMatrixRef& a);
+
+// Singular values alone, in decreasing order.
+Vector singular_values(const ConstMatrixRef& a);
+
+// Overwrites a (rows × cols) by its Householder QR factorisation and returns the upper triangular, or for
+// rows < cols upper trapezoidal, factor (min(rows, cols) × cols). The lower part of `a` is left undefined.
+Matrix triangular_factor(Matrix& a);
+
+// Orthonormal factor (rows × cols) of a full QR factorisation; needs rows ≥ cols.
+Matrix orthonormal_factor(Matrix a);
+
+// Least-squares solution of a·x = b with the smallest norm, by a complete orthogonal decomposition.
+// Pivots below `tolerance` times the largest count as zero.
+struct MinimumNorm {
+  Matrix x;          // (cols of a × cols of b)
+  Index rank = 0;    // numerical rank of a
+  double condition;  // upper estimate ‖T‖_F ‖T⁻¹‖_F of the condition number of the part of rank `rank`
+  Matrix inverse_t;  // (cols of a × rank): X with X·Xᵀ = (aᵀa)⁺, which carries the covariance of x
+};
+MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, double tolerance);
+
+// Moore-Penrose inverse (cols × rows); singular values below tolerance·s_max count as zero. The default is
+// 8·ε·max(rows, cols).
+Matrix pseudo_inverse(const ConstMatrixRef& a, double tolerance = -1.0);
+
+// Some matrix W (n × n) with W·S·Wᵀ = I for a symmetric positive definite S. A singular S is lifted by rounding errors,
+// a zero S yields the identity: whitening never divides by zero.
+Matrix whitener(const ConstMatrixRef& s);
+
+// Orthogonal matrix Q (a.cols × b.cols, a.cols = b.cols) that minimises ‖a·Q - b‖_F (orthogonal Procrustes).
+Matrix procrustes(const ConstMatrixRef& a, const ConstMatrixRef& b);
+
+}  // namespace linalg
+}  // namespace tokid

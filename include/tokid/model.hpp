@@ -1,0 +1,125 @@
+// The model sequence A_k, B_k, C_k, D_k, G_k: simulation, prediction, pulse responses, coordinates.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tokid/ensemble.hpp"
+
+namespace tokid {
+
+// Entry s of every list stands for step k = k_begin + s.
+struct Model {
+  Index inputs = 0, outputs = 0;       // r, m
+  Index k_begin = 0;                   // first step with a model
+  double dt = 1.0;                     // sample time [s]
+  std::vector<Matrix> A;               // (S) x_{k+1} = A_k x_k + B_k u_k: n_{k+1} × n_k                      (1)
+  std::vector<Matrix> B;               // (S) n_{k+1} × r
+  std::vector<Matrix> C;               // (S) y_k = C_k x_k + D_k u_k: m × n_k                                (2)
+  std::vector<Matrix> D;               // (S) m × r
+  std::vector<Matrix> G;               // (S) observer gain, n_{k+1} × m: Ā_k = A_k + G_k C_k                (10)
+  std::vector<Matrix> innovation_cov;  // (S) m × m
+  std::vector<Index> state_dim;        // (S+1) n_k
+
+  std::string frame = "raw";  // raw, reference, smooth
+  std::string method;         // tvera, known
+  InitialState initial_state = InitialState::zero;
+  Channels names;
+
+  // Diagnostics of the identification, per step; empty where the model was not identified.
+  std::vector<Vector> singular_values;  // (S) of H_k
+  std::vector<double> condition;        // (S) of the scaled W_k
+  std::vector<Index> rank;              // (S) of W_k
+  std::vector<Index> lags;              // (S) p_k
+
+  // The nominal trajectory that was removed before identification, T × r and T × m; empty where none was.
+  Matrix u_nominal, y_nominal;
+
+  // Noise description, where estimated or known.
+  std::vector<Matrix> Q;  // (S) n_{k+1} × n_{k+1}
+  std::vector<Matrix> R;  // (S) m × m
+  std::vector<Matrix> K;  // (S) n_k × m
+  Vector x0_mean;         // (n_0)
+  Matrix x0_cov;          // (n_0 × n_0)
+
+  std::string options;  // the options of the identification, as JSON text
+  std::string version;  // of the program that made the model
+
+  Index steps() const { return static_cast<Index>(A.size()); }  // S
+  Index k_end() const { return k_begin + steps(); }
+  Index states() const;      // largest n_k
+  Index full_begin() const;  // first k with the largest n_k
+  Index full_end() const;    // one past the last k with the largest n_k, counting from full_begin() without a gap
+  size_t at(Index k) const { return static_cast<size_t>(k - k_begin); }
+  Index n(Index k) const { return state_dim[at(k)]; }                           // n_k, k_begin ≤ k ≤ k_end
+  Matrix closed_loop(Index k) const { return A[at(k)] + G[at(k)] * C[at(k)]; }  // Ā_k                  (10)
+  Index max_lags() const;                                                       // largest p_k, at least 1
+
+  // \throws std::invalid_argument that names the field whose number or shape disagrees with the others
+  void check() const;
+};
+
+// Outputs y_k (N × m each) on the time grid of the inputs, as an ensemble; NaN where the model has no step.
+// x0 (n × N) holds the state of every experiment at k_begin, default zero. The nominal trajectory is added back. A
+// missing input leaves the outputs of its experiment unknown from there on. \throws std::invalid_argument for a wrong
+// number of inputs or a wrong shape of x0
+Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0 = {});
+
+struct PredictOptions {
+  Index horizon = 1;  // H: ŷ_k from the outputs up to k-H and the inputs up to k
+  // Empty: as the data say, or, where they don't, as the model was identified.
+  std::optional<InitialState> initial_state = {};
+};
+
+struct Prediction {
+  Ensemble y;                       // u as given, y predicted; NaN where there is no prediction
+  std::vector<Matrix> innovations;  // (T) of (N × m): y_k - ŷ_{k|k-1}; NaN where either is missing
+};
+
+// The observer in the loop, x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) (9). With unknown initial states, the state
+// at the first step of full dimension is estimated from the first p samples, and predictions begin p steps later. A
+// missing output corrects nothing; a missing input leaves the predictions of the next p steps unknown. \throws
+// std::invalid_argument for wrong channel numbers or horizon < 1
+Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options = {});
+
+// States (n × N) at step k of the experiments, by least squares over the samples k … k+window-1 through the observer:
+// the innovations, whitened by their covariance, depend linearly on x_k. A column is NaN where a sample is missing that
+// it needs. \throws std::invalid_argument where k or window leave the model
+Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index window);
+
+// h_{k,i} (m × r), k > i (7); h°_{k,i} (m × m) (30). \throws std::invalid_argument for steps outside the model
+Matrix pulse_response(const Model& model, Index k, Index i);
+Matrix gain_pulse_response(const Model& model, Index k, Index i);
+
+// O_k = [C_k; C_{k+1} A_k; …] with the given number of block rows (fewer at the end of the model): (rows·m × n_k)
+Matrix observability(const Model& model, Index k, Index rows);
+
+// The model from step k on, with everything that belongs to those steps. \throws std::invalid_argument for k outside it
+Model from_step(const Model& model, Index k);
+
+// x'_k = S_k x_k with S (S+1 matrices n_k × n_k, invertible), which changes no output.
+Model transform(const Model& model, const std::vector<Matrix>& S);
+
+// The paper's figures: x'_k = P O_k x_k with P = O_s⁺ and the given number of block rows. Steps whose state dimension
+// differs from n_s, or from which fewer block rows follow, keep their own coordinates; `begin`, `end` tell which did
+// not.
+struct FramedModel {
+  Model model;
+  Index begin = 0, end = 0;  // steps k whose state is in the frame: begin ≤ k < end
+};
+// \throws std::invalid_argument where step s has no state or too few block rows
+FramedModel reference_frame(const Model& model, Index s, Index rows);
+
+// Successive orthogonal Procrustes alignment of O_k with O_{k-1}: A_k varies as slowly as the system does.
+Model smooth_frame(const Model& model, Index rows);
+
+// Two models are kinematically similar when their Markov parameters agree; compared over the common steps and γ ≤ band.
+struct Similarity {
+  double max_difference = 0.0;  // largest ‖h1 - h2‖_F over the largest ‖h‖_F of both at the same step k
+  bool similar = false;
+};
+Similarity kinematically_similar(const Model& a, const Model& b, double tolerance = 1e-8, Index band = 0);
+
+}  // namespace tokid

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/ensemble.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+
+#include "statistics.hpp"
+
+namespace tokid {
+
+namespace {
+
+std::string channel_name(const std::vector<std::string>& names, char prefix, Index i) {
+  return static_cast<size_t>(i) < names.size() ? names[static_cast<size_t>(i)] : fmt::format("{}{}", prefix, i + 1);
+}
+
+void check_count(const std::vector<std::string>& list, const char* what, Index channels) {
+  if (!list.empty() && static_cast<Index>(list.size()) != channels)
+    throw std::invalid_argument(fmt::format("{}: {} given for {} channels", what, list.size(), channels));
+}
+
+// Free-response experiments are samples like any other; NaN marks what is missing.
+void check_free_response(const FreeResponse& free, Index outputs) {
+  if (free.experiments == 0) return;
+  if (free.y.rows() != free.experiments || free.y.cols() != free.steps * outputs)
+    throw std::invalid_argument(
+        fmt::format("free_y: {} x {} samples found, {} experiments x {} steps x {} outputs needed", free.y.rows(),
+                    free.y.cols(), free.experiments, free.steps, outputs));
+  if (free.y.array().isInf().any()) throw std::invalid_argument("free_y: infinite value");
+}
+
+}  // namespace
+
+const char* to_string(InitialState state) { return state == InitialState::zero ? "zero" : "unknown"; }
+
+InitialState initial_state_from(const std::string& text) {
+  if (text == "zero") return InitialState::zero;
+  if (text == "unknown") return InitialState::unknown;
+  throw std::invalid_argument(fmt::format("initial_state: \"{}\" found, \"zero\" or \"unknown\" needed", text));
+}
+
+std::string Channels::input(Index i) const { return channel_name(input_names, 'u', i); }
+std::string Channels::output(Index j) const { return channel_name(output_names, 'y', j); }
+
+Ensemble::Ensemble(Index experiments, Index steps, Index inputs, Index outputs, double sample_time)
+    : dt(sample_time), steps_(steps), inputs_(inputs), outputs_(outputs) {
+  if (experiments < 0 || steps < 0 || inputs < 0 || outputs < 0 || inputs + outputs == 0)
+    throw std::invalid_argument(fmt::format("ensemble: {} experiments x {} steps with {} inputs and {} outputs",
+                                            experiments, steps, inputs, outputs));
+  if (!(sample_time > 0) || !std::isfinite(sample_time))
+    throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", sample_time));
+  samples_.setConstant(experiments, steps * (inputs + outputs), std::numeric_limits<double>::quiet_NaN());
+}
+
+Index Ensemble::missing() const { return samples_.array().isNaN().count(); }
+
+std::vector<Index> Ensemble::complete_rows(Index k, Index p) const {
+  const auto block = window_and_output(k, p);
+  // A sum is NaN when a summand is: one pass down the contiguous columns.
+  Vector sum = Vector::Zero(experiments());
+  for (Index c = 0; c < block.cols(); ++c) sum += 0.0 * block.col(c);
+  std::vector<Index> rows;
+  rows.reserve(static_cast<size_t>(experiments()));
+  for (Index n = 0; n < experiments(); ++n)
+    if (!std::isnan(sum(n))) rows.push_back(n);
+  return rows;
+}
+
+Ensemble Ensemble::subset(const std::vector<Index>& chosen) const {
+  Ensemble result = *this;
+  result.samples_ = samples_(chosen, Eigen::all);
+  if (!length.empty()) {
+    result.length.clear();
+    for (const Index n : chosen) result.length.push_back(length[static_cast<size_t>(n)]);
+  }
+  return result;
+}
+
+void Ensemble::check() const {
+  if (!(dt > 0) || !std::isfinite(dt))
+    throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", dt));
+  if (experiments() == 0 || steps() == 0)
+    throw std::invalid_argument(
+        fmt::format("ensemble: {} experiments of {} steps found, at least one of one needed", experiments(), steps()));
+  check_count(names.input_names, "input_names", inputs_);
+  check_count(names.output_names, "output_names", outputs_);
+  check_count(names.input_units, "input_units", inputs_);
+  check_count(names.output_units, "output_units", outputs_);
+  if (!length.empty() && static_cast<Index>(length.size()) != experiments())
+    throw std::invalid_argument(fmt::format("length: {} entries for {} experiments", length.size(), experiments()));
+  for (const Index l : length)
+    if (l < 0 || l > steps_) throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, steps_));
+
+  for (Index c = 0; c < channels(); ++c) {
+    const std::string channel =
+        c < inputs_ ? fmt::format("input {}", names.input(c)) : fmt::format("output {}", names.output(c - inputs_));
+    bool any = false;
+    for (Index k = 0; k < steps_; ++k)
+      for (Index n = 0; n < experiments(); ++n) {
+        const double value = samples_(n, k * channels() + c);
+        any = any || !std::isnan(value);
+        if (std::isinf(value))
+          throw std::invalid_argument(fmt::format(
+              "{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed", channel, n, k));
+      }
+    if (!any)
+      throw std::invalid_argument(
+          fmt::format("{}: all {} samples are missing (NaN), at least one needed", channel, experiments() * steps_));
+  }
+  check_free_response(free, outputs_);
+}
+
+Split split(const Ensemble& ensemble, double fraction) {
+  const Index total = ensemble.experiments();
+  if (!(fraction > 0 && fraction < 1))
+    throw std::invalid_argument(fmt::format("hold-out fraction: {} found, between 0 and 1 needed", fraction));
+  const Index held = static_cast<Index>(std::llround(fraction * double(total)));
+  if (held < 1 || held >= total)
+    throw std::invalid_argument(
+        fmt::format("hold-out fraction: {} of {} experiments leaves one part empty", fraction, total));
+  std::vector<Index> training, held_out;
+  // Bresenham's even spread of `held` experiments over `total`.
+  for (Index n = 0; n < total; ++n) ((n + 1) * held / total > n * held / total ? held_out : training).push_back(n);
+  return {ensemble.subset(training), ensemble.subset(held_out)};
+}
+
+namespace {
+
+struct Moments {
+  double mean = 0.0, variance = 0.0;
+  Index count = 0;
+};
+
+// Of the samples that are there, in two passes against cancellation.
+Moments moments(const Eigen::Ref<const Vector>& x) {
+  Moments m;
+  for (const double v : x)
+    if (!std::isnan(v)) m.mean += v, ++m.count;
+  if (m.count == 0) return m;
+  m.mean /= double(m.count);
+  for (const double v : x)
+    if (!std::isnan(v)) m.variance += (v - m.mean) * (v - m.mean);
+  m.variance = m.count > 1 ? m.variance / double(m.count - 1) : 0.0;
+  return m;
+}
+
+}  // namespace
+
+Nominal nominal_trajectory(const Ensemble& e) {
+  Nominal nominal{Matrix(e.steps(), e.inputs()), Matrix(e.steps(), e.outputs())};
+  for (Index k = 0; k < e.steps(); ++k) {
+    for (Index i = 0; i < e.inputs(); ++i) nominal.u(k, i) = moments(e.input(k).col(i)).mean;
+    for (Index j = 0; j < e.outputs(); ++j) nominal.y(k, j) = moments(e.output(k).col(j)).mean;
+  }
+  return nominal;
+}
+
+Ensemble departures(Ensemble ensemble, const Nominal& nominal) {
+  for (Index k = 0; k < ensemble.steps(); ++k) {
+    ensemble.input(k).rowwise() -= nominal.u.row(k);
+    ensemble.output(k).rowwise() -= nominal.y.row(k);
+  }
+  return ensemble;
+}
+
+NominalTest test_nominal(const Ensemble& e) {
+  NominalTest test;
+  if (e.experiments() < 2) return test;
+  double sum = 0.0;
+  Index terms = 0;
+  for (Index c = 0; c < e.channels(); ++c) {
+    double square = 0.0;
+    std::vector<Moments> step(static_cast<size_t>(e.steps()));
+    for (Index k = 0; k < e.steps(); ++k) {
+      Moments& m = step[static_cast<size_t>(k)] = moments(e.samples().col(k * e.channels() + c));
+      square = std::max(square, m.mean * m.mean + m.variance);
+    }
+    // A spread or a mean at rounding level of the channel is none.
+    const double floor = 1e-24 * square;
+    for (const Moments& m : step) {
+      if (m.count < 2 || m.mean * m.mean <= floor) continue;
+      sum += double(m.count) * m.mean * m.mean / std::max(m.variance, floor);
+    }
+    terms += e.steps();
+  }
+  test.statistic = sum / double(terms);
+  test.threshold = statistics::f_quantile(0.999, 1.0, double(e.experiments() - 1));
+  test.significant = test.statistic > test.threshold;
+  return test;
+}
+
+}  // namespace tokid

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/example.hpp"
+
+#include <fmt/format.h>
+
+#include <boost/random/mersenne_twister.hpp>
+#include <boost/random/normal_distribution.hpp>
+#include <cmath>
+#include <functional>
+#include <stdexcept>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include "tokid/observer.hpp"
+#include "tokid/version.hpp"
+
+namespace tokid {
+
+namespace {
+
+struct System {
+  Matrix a, b, c, d;
+};
+
+// A known model with the gains of its deadbeat observer.
+Model known(Index steps, double dt, const std::function<System(double)>& at) {
+  if (steps < 1) throw std::invalid_argument(fmt::format("steps: {} found, at least 1 needed", steps));
+  if (!(dt > 0)) throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", dt));
+  Model model;
+  model.dt = dt;
+  model.method = "known";
+  model.version = version;
+  for (Index k = 0; k < steps; ++k) {
+    const System system = at(double(k) * dt);
+    model.A.push_back(system.a);
+    model.B.push_back(system.b);
+    model.C.push_back(system.c);
+    model.D.push_back(system.d);
+  }
+  model.inputs = model.B[0].cols();
+  model.outputs = model.C[0].rows();
+  model.state_dim.assign(size_t(steps) + 1, model.A[0].rows());
+  const DeadbeatGain deadbeat = deadbeat_gain(model);
+  model.G = deadbeat.G;
+  model.lags.assign(size_t(steps), deadbeat.steps);
+  return model;
+}
+
+Matrix exponential(const Matrix& a) { return a.exp(); }
+
+}  // namespace
+
+Model oscillator(Index steps, double dt) {
+  return known(steps, dt, [dt](double t) {
+    Matrix stiffness{{4 + 3 * std::sin(10 * t), -1}, {-1, 7 + 3 * std::cos(10 * t)}};
+    Matrix ac = Matrix::Zero(4, 4);  // (78)
+    ac.topRightCorner(2, 2).setIdentity();
+    ac.bottomLeftCorner(2, 2) = -stiffness;
+    return System{exponential(ac * dt), Matrix{{1, 0}, {1, -1}, {0, 1}, {-1, 0}},  // (77)
+                  Matrix{{1, 0, 1, 0.2}, {1, -1, 0, -0.5}}, 0.1 * Matrix::Identity(2, 2)};
+  });
+}
+
+Model rotating_tube(Index steps, double dt) {
+  return known(steps, dt, [dt](double t) {
+    const double rate = 3 * std::sin(t / 2), stiffness = 4 + 2 * std::sin(t);
+    Matrix joint = Matrix::Zero(3, 3);  // of [x; x'; u], so that one exponential gives A and B
+    joint(0, 1) = 1;
+    joint(1, 0) = rate * rate - stiffness;
+    joint(1, 2) = 1;
+    const Matrix held = exponential(joint * dt);
+    return System{held.topLeftCorner(2, 2), held.topRightCorner(2, 1), Matrix{{1, 0}}, Matrix::Zero(1, 1)};
+  });
+}
+
+namespace {
+
+// The same numbers on every machine, which the standard library's distributions don't promise.
+class Gaussian {
+ public:
+  explicit Gaussian(std::uint64_t seed) : engine_(seed) {}
+  Vector draw(Index size) {
+    Vector x(size);
+    for (double& value : x) value = distribution_(engine_);
+    return x;
+  }
+
+ private:
+  boost::random::mt19937_64 engine_;
+  boost::random::normal_distribution<double> distribution_;
+};
+
+// Draws the same number of variates whatever the options, so that ensembles of different noise share their inputs.
+template <class Input, class Output>
+void run(const Model& system, const ExperimentOptions& options, bool from_rest, Gaussian& gaussian, Input&& input,
+         Output&& output) {
+  const Vector start = gaussian.draw(system.state_dim[0]);
+  Vector x = from_rest ? Vector(Vector::Zero(start.size())) : start;
+  for (Index k = 0; k < system.steps(); ++k) {
+    const size_t s = size_t(k);
+    const Vector u = input(k, gaussian.draw(system.inputs));
+    const Vector y = system.C[s] * x + system.D[s] * u + options.measurement_noise * gaussian.draw(system.outputs);
+    output(k, y);
+    x = system.A[s] * x + system.B[s] * u + options.process_noise * gaussian.draw(system.state_dim[s + 1]);
+  }
+}
+
+}  // namespace
+
+Ensemble experiments(const Model& system, const ExperimentOptions& options) {
+  if (options.experiments < 1 || options.free_responses < 0)
+    throw std::invalid_argument(fmt::format("experiments: {} experiments and {} free responses asked for",
+                                            options.experiments, options.free_responses));
+  if (!(options.process_noise >= 0 && options.measurement_noise >= 0))
+    throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, none may be negative",
+                                            options.process_noise, options.measurement_noise));
+  const bool from_rest = options.initial_state == InitialState::zero;
+  Ensemble ensemble(options.experiments, system.steps(), system.inputs, system.outputs, system.dt);
+  ensemble.names = system.names;
+  ensemble.initial_state = options.initial_state;
+  Gaussian gaussian(options.seed);
+  for (Index n = 0; n < options.experiments; ++n)
+    run(
+        system, options, from_rest, gaussian,
+        [&](Index k, const Vector& u) {
+          ensemble.input(k).row(n) = u.transpose();
+          return u;
+        },
+        [&](Index k, const Vector& y) { ensemble.output(k).row(n) = y.transpose(); });
+
+  FreeResponse& free = ensemble.free;
+  free.experiments = options.free_responses;
+  free.steps = free.experiments > 0 ? system.steps() : 0;
+  free.y.resize(free.experiments, free.steps * system.outputs);
+  Gaussian other(~options.seed);  // adding free responses leaves the forced experiments as they are
+  for (Index n = 0; n < free.experiments; ++n)
+    run(
+        system, options, false, other, [](Index, const Vector& u) { return Vector(Vector::Zero(u.size())); },
+        [&](Index k, const Vector& y) { free.y.row(n).segment(k * system.outputs, system.outputs) = y.transpose(); });
+  return ensemble;
+}
+
+}  // namespace tokid

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/gtv_arx.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+
+namespace tokid {
+
+namespace {
+
+// Inverse norms of the columns; 1 for columns of zeros, which stay zero.
+Vector column_scales(const ConstMatrixRef& a) {
+  Vector scales = a.colwise().norm();
+  for (double& s : scales) s = s > 0 ? 1 / s : 1.0;
+  return scales;
+}
+
+// Diagonal of W W⁺ for W with scaled columns and triangular factor `r_ww`.
+Vector leverages(const Matrix& w, const ConstMatrixRef& r_ww, Index rank) {
+  if (rank >= w.rows()) return Vector::Ones(w.rows());
+  if (rank == w.cols()) return linalg::orthonormal_factor(w).rowwise().squaredNorm();
+  if (w.rows() < w.cols()) return linalg::svd(w).u.leftCols(rank).rowwise().squaredNorm();
+  const Matrix range = linalg::svd(r_ww).u.leftCols(rank);
+  return (linalg::orthonormal_factor(w) * range).rowwise().squaredNorm();
+}
+
+// One step: the least-squares problem Y_k = W_k M_kᵀ over the experiments in `rows` (19).
+GtvArxStep regress(const Ensemble& ensemble, Index k, Index lags, bool every_row, const GtvArxOptions& options,
+                   Matrix& workspace) {
+  GtvArxStep step;
+  step.lags = lags;
+  const Index outputs = ensemble.outputs();
+  const Index regressors = lags * ensemble.channels() + ensemble.inputs();
+  const auto block = ensemble.window_and_output(k, lags);
+  if (every_row)
+    workspace = block;
+  else
+    workspace = block(ensemble.complete_rows(k, lags), Eigen::all);
+  step.rows = workspace.rows();
+
+  // Columns of norm 1: the rank and the smallest norm then do not depend on the units of the channels.
+  const Vector scales = column_scales(workspace.leftCols(regressors));
+  workspace.leftCols(regressors) *= scales.asDiagonal();
+  Matrix scaled;
+  if (options.leverages) scaled = workspace.leftCols(regressors);
+  step.output_rms = (workspace.rightCols(outputs).colwise().squaredNorm() / double(std::max<Index>(1, step.rows)))
+                        .cwiseSqrt()
+                        .transpose();
+
+  const Matrix r = linalg::triangular_factor(workspace);  // [R_WW R_Wy; 0 R_yy]
+  const Index lead = std::min(r.rows(), regressors);
+  const auto r_ww = r.topLeftCorner(lead, regressors);
+  const auto r_wy = r.topRightCorner(lead, outputs);
+  const auto r_yy = r.bottomRightCorner(r.rows() - lead, outputs);
+
+  const linalg::MinimumNorm solution =
+      linalg::minimum_norm(r_ww, r_wy, options.tolerance * std::sqrt(double(regressors)));
+  step.rank = solution.rank;
+  step.condition = solution.condition;
+  step.coefficients = (scales.asDiagonal() * solution.x).transpose();
+  step.noise_shape = scales.asDiagonal() * solution.inverse_t;
+
+  step.residual_cov.setZero(outputs, outputs);
+  if (step.degrees_of_freedom() > 0) {
+    const Matrix unexplained = r_wy - r_ww * solution.x;  // beyond the numerical rank
+    step.residual_cov =
+        (r_yy.transpose() * r_yy + unexplained.transpose() * unexplained) / double(step.degrees_of_freedom());
+  }
+  if (options.leverages) step.leverages = leverages(scaled, r_ww, step.rank);
+  return step;
+}
+
+void check_ensemble(const Ensemble& ensemble) {
+  if (ensemble.experiments() == 0 || ensemble.steps() == 0 || ensemble.inputs() == 0 || ensemble.outputs() == 0)
+    throw std::invalid_argument(fmt::format(
+        "ensemble: {} experiments of {} steps with {} inputs and {} outputs found, at least one of each needed",
+        ensemble.experiments(), ensemble.steps(), ensemble.inputs(), ensemble.outputs()));
+}
+
+}  // namespace
+
+GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
+  check_ensemble(ensemble);
+  const Index steps = ensemble.steps();
+  if (options.lags.size() != 1 && static_cast<Index>(options.lags.size()) != steps)
+    throw std::invalid_argument(
+        fmt::format("lags: {} lag orders found, one or {} (one for each step) needed", options.lags.size(), steps));
+  for (const Index p : options.lags)
+    if (p < 1) throw std::invalid_argument(fmt::format("lags: lag order {} found, at least 1 needed", p));
+  const auto lag_order = [&](Index k) { return options.lags[options.lags.size() == 1 ? 0 : static_cast<size_t>(k)]; };
+
+  GtvArx arx;
+  arx.inputs = ensemble.inputs();
+  arx.outputs = ensemble.outputs();
+  arx.step.resize(static_cast<size_t>(steps));
+  const bool zero = options.initial_state == InitialState::zero;
+  if (!zero) {
+    // The regressions begin where every later step has its lags within the data.
+    for (Index k = steps; k-- > 0;)
+      if (lag_order(k) > k) {
+        arx.k_begin = k + 1;
+        break;
+      }
+  }
+  const bool every_row = ensemble.missing() == 0;
+  parallel_for(arx.k_begin, steps, options.execution, [&](Index begin, Index end) {
+    Matrix workspace;
+    for (Index k = begin; k < end; ++k)
+      arx.step[static_cast<size_t>(k)] = regress(ensemble, k, std::min(lag_order(k), k), every_row, options, workspace);
+  });
+  return arx;
+}
+
+Index minimum_experiments(Index inputs, Index outputs, Index lags) { return inputs + lags * (inputs + outputs); }
+
+Index largest_lag_order(Index experiments, Index inputs, Index outputs) {
+  return std::max<Index>(0, (experiments - inputs) / (inputs + outputs));
+}
+
+namespace {
+
+// Leave-one-out errors of one step for the lag orders 1 … p_max, as log of the share of the mean square of y.
+Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact) {
+  const Index d = ensemble.channels(), r = ensemble.inputs(), m = ensemble.outputs();
+  const std::vector<Index> rows = ensemble.complete_rows(k, p_max);
+  const Index count = static_cast<Index>(rows.size());
+  Vector error = Vector::Constant(p_max, std::numeric_limits<double>::infinity());
+  const Index p_judged = std::min(p_max, largest_lag_order(count - 1, r, m));  // at least one degree of freedom
+  if (p_judged < 1) return error;
+
+  Matrix w(count, r + p_judged * d);  // newest lag first
+  w.leftCols(r) = ensemble.input(k)(rows, Eigen::all);
+  for (Index j = 1; j <= p_judged; ++j)
+    w.middleCols(r + (j - 1) * d, d) = ensemble.samples().middleCols((k - j) * d, d)(rows, Eigen::all);
+  w *= column_scales(w).asDiagonal();
+  const Matrix y = ensemble.output(k)(rows, Eigen::all);
+  const Matrix q = linalg::orthonormal_factor(w);
+
+  Matrix residual = y;
+  Vector left = Vector::Ones(count);  // 1 - leverage
+  Index used = 0;
+  const auto use = [&](Index columns) {
+    const auto part = q.middleCols(used, columns);
+    residual -= part * (part.transpose() * residual);
+    left -= part.rowwise().squaredNorm();
+    used += columns;
+  };
+  use(r);
+  for (Index p = 1; p <= p_judged; ++p) {
+    use(d);
+    double sum = 0.0;
+    for (Index j = 0; j < m; ++j) {
+      const double scale = y.col(j).squaredNorm();
+      // An experiment that alone determines a coefficient (leverage 1) can't be predicted from the others.
+      const double loo = (residual.col(j).array() / left.array().max(1e-12)).square().sum();
+      sum += scale > 0 ? std::log(std::max(loo / scale, exact * exact)) : 0.0;
+    }
+    error(p - 1) = sum / double(m);
+  }
+  return error;
+}
+
+}  // namespace
+
+LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions& options) {
+  check_ensemble(ensemble);
+  const Index p_max = std::min(options.p_max, ensemble.steps() - 1);
+  LagOrderErrors result;
+  result.best = std::max<Index>(1, options.p_min);
+  if (p_max < 1) return result;
+
+  const Index available = ensemble.steps() - p_max;
+  const Index count = std::min(available, std::max<Index>(1, options.steps));
+  for (Index s = 0; s < count; ++s) result.steps.push_back(p_max + (2 * s + 1) * available / (2 * count));
+  result.error.resize(count, p_max);
+  parallel_for(0, count, options.execution, [&](Index begin, Index end) {
+    for (Index s = begin; s < end; ++s)
+      result.error.row(s) =
+          step_errors(ensemble, result.steps[static_cast<size_t>(s)], p_max, options.exact).transpose();
+  });
+  result.mean = result.error.colwise().mean().transpose();
+
+  // One standard error of the paired difference over steps decides against needless lags.
+  const Index first = std::clamp<Index>(options.p_min, 1, p_max);
+  Index smallest = first;
+  for (Index p = first; p <= p_max; ++p)
+    if (result.mean(p - 1) < result.mean(smallest - 1)) smallest = p;
+  result.best = std::max(options.p_min, smallest);
+  if (!std::isfinite(result.mean(smallest - 1))) return result;
+  for (Index p = first; p < smallest; ++p) {
+    const Vector difference = result.error.col(p - 1) - result.error.col(smallest - 1);
+    const double mean = difference.mean();
+    const double variance = (difference.array() - mean).square().sum() / double(std::max<Index>(1, count - 1));
+    if (mean <= std::sqrt(variance / double(count))) {
+      result.best = p;
+      break;
+    }
+  }
+  return result;
+}
+
+}  // namespace tokid

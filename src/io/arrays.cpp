@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "arrays.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+#include <type_traits>
+
+namespace tokid::io {
+
+namespace {
+
+Shape row_major_strides(const Shape& shape) {
+  Shape strides(shape.size(), 1);
+  for (size_t i = shape.size(); i-- > 1;) strides[i - 1] = strides[i] * shape[i];
+  return strides;
+}
+
+template <typename T>
+void gather(const std::vector<T>& in, size_t offset, const Shape& shape, const Shape& strides, size_t axis,
+            std::vector<T>& out) {
+  if (axis == shape.size()) return out.push_back(in[offset]);
+  for (size_t i = 0; i < shape[axis]; ++i) gather(in, offset + i * strides[axis], shape, strides, axis + 1, out);
+}
+
+}  // namespace
+
+bool contains(const Names& names, std::string_view name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+size_t checked_product(const Shape& shape, size_t item_bytes) {
+  if (std::find(shape.begin(), shape.end(), 0u) != shape.end()) return 0;
+  // Half the range, because sizes must fit into the signed indices of Eigen.
+  constexpr size_t limit = std::numeric_limits<size_t>::max() / 2;
+  size_t product = item_bytes;
+  for (const size_t n : shape) {
+    if (product > limit / n) fail("shape {} found, sizes that fit into memory needed", text(shape));
+    product *= n;
+  }
+  return product;
+}
+
+void check_claim(std::string_view name, const Shape& shape, size_t item_bytes, std::uint64_t stored_bytes) {
+  const std::uint64_t claimed = checked_product(shape, item_bytes);
+  if (claimed / 1032 > stored_bytes)
+    fail("data set '{}': shape {} ({} bytes) found in {} stored bytes, a consistent size needed", name, text(shape),
+         claimed, stored_bytes);
+}
+
+Array permuted(const Array& array, const std::vector<size_t>& order) {
+  const Shape from = row_major_strides(array.shape);
+  Array result;
+  Shape strides;
+  for (const size_t axis : order) {
+    result.shape.push_back(array.shape[axis]);
+    strides.push_back(from[axis]);
+  }
+  const bool empty = checked_product(array.shape) == 0;
+  std::visit(
+      [&](const auto& values) {
+        using Values = std::decay_t<decltype(values)>;
+        if constexpr (std::is_same_v<Values, Foreign>) {
+          result.values = values;
+        } else {
+          Values out;
+          out.reserve(values.size());
+          if (!empty) gather(values, 0, result.shape, strides, 0, out);
+          result.values = std::move(out);
+        }
+      },
+      array.values);
+  return result;
+}
+
+Array reversed(const Array& array) {
+  std::vector<size_t> order(array.shape.size());
+  std::iota(order.rbegin(), order.rend(), size_t{0});
+  return permuted(array, order);
+}
+
+std::string text(const Shape& shape) { return fmt::format("({})", fmt::join(shape, ", ")); }
+
+std::string quoted(const Names& names) {
+  return names.empty() ? "nothing" : fmt::format("'{}'", fmt::join(names, "', '"));
+}
+
+}  // namespace tokid::io

@@ -1,0 +1,67 @@
+// What every format reads and writes: named arrays, row-major.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <fmt/format.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "tokid/io.hpp"
+
+namespace tokid::io {
+
+using Names = std::vector<std::string>;
+using Shape = std::vector<size_t>;  // empty: a scalar
+
+// Messages in src/io leave out the name of the file; the entry points in io.cpp put it in front.
+template <typename... T>
+[[noreturn]] void fail(fmt::format_string<T...> text, T&&... values) {
+  throw IoError(fmt::format(text, std::forward<T>(values)...));
+}
+
+// Values of a kind that tokid has no use for: harmless unless someone asks for them.
+struct Foreign {
+  std::string what;  // "complex numbers"
+  bool operator==(const Foreign&) const = default;
+};
+
+struct Array {
+  Shape shape;
+  std::variant<std::vector<double>, std::vector<std::int64_t>, std::vector<std::string>, Foreign> values;
+};
+
+using Arrays = std::vector<std::pair<std::string, Array>>;  // in the order of the file
+
+// MATLAB drops trailing dimensions of size one, and its users want the step as the last index of a stack.
+enum class Layout { plain, matlab };
+
+struct Contents {
+  Names names;    // of everything in the file
+  Arrays arrays;  // those that were wanted and are there; readers turn every number into a double
+  Layout layout = Layout::plain;
+};
+
+bool contains(const Names& names, std::string_view name);
+
+// \throws IoError where the product does not fit
+size_t checked_product(const Shape& shape, size_t item_bytes = 1);
+
+// Refuses a data set whose claimed size can't come from so many stored bytes, before memory is taken for it. DEFLATE
+// can't compress better than 1032:1.
+void check_claim(std::string_view name, const Shape& shape, size_t item_bytes, std::uint64_t stored_bytes);
+
+// Axis i of the result is axis order[i] of the argument.
+Array permuted(const Array& array, const std::vector<size_t>& order);
+// All axes reversed: the way from row-major to column-major and back.
+Array reversed(const Array& array);
+
+std::string text(const Shape& shape);    // "(2, 80, 1)"
+std::string quoted(const Names& names);  // "'u', 'y'"; "nothing" for none
+
+}  // namespace tokid::io

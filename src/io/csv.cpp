@@ -1,0 +1,507 @@
+// Tidy .csv: a row for each experiment and step, a column for each channel, comments before the header for the rest.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <csv.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <deque>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <unordered_map>
+
+#include "atomic_file.hpp"
+#include "formats.hpp"
+#include "text.hpp"
+
+namespace tokid::io {
+
+namespace {
+
+constexpr double missing = std::numeric_limits<double>::quiet_NaN();
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+
+// ---- rows of cells ----
+
+using Cells = std::vector<std::string>;
+
+struct Row {
+  Index line = 0;  // where it ends, counted from 1
+  Cells cells;
+};
+
+class Tokenizer {
+ public:
+  explicit Tokenizer(const std::filesystem::path& path) : file_(path, std::ios::binary) {
+    if (!file_ || csv_init(&parser_, CSV_STRICT | CSV_STRICT_FINI) != 0) fail("can't be read");
+    constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
+    read_line();
+    if (line_text_.starts_with(byte_order_mark)) line_text_.erase(0, byte_order_mark.size());
+  }
+  ~Tokenizer() { csv_free(&parser_); }
+  Tokenizer(const Tokenizer&) = delete;
+  Tokenizer& operator=(const Tokenizer&) = delete;
+
+  // The text after # of the next line, if it is a comment; to be asked before the first row only.
+  std::optional<Row> next_comment() {
+    if (!has_line_ || !line_text_.starts_with('#')) return std::nullopt;
+    Row comment{line_, {line_text_.substr(1)}};
+    read_line();
+    return comment;
+  }
+
+  // The next row that is not blank.
+  std::optional<Row> next() {
+    while (rows_.empty() && has_line_) parse_line();
+    if (rows_.empty()) return std::nullopt;
+    Row row = std::move(rows_.front());
+    rows_.pop_front();
+    return row;
+  }
+
+ private:
+  void read_line() {
+    has_line_ = static_cast<bool>(std::getline(file_, line_text_));
+    if (has_line_) ++line_;
+  }
+
+  // One line at a time, so that every row knows its line; a quoted cell may span several.
+  void parse_line() {
+    line_text_ += '\n';
+    const size_t parsed = csv_parse(&parser_, line_text_.data(), line_text_.size(), on_cell, on_row, this);
+    if (parsed != line_text_.size())
+      fail("line {}: misplaced quotation mark found, plain or quoted cells needed", line_);
+    const Index line = line_;
+    read_line();
+    if (!has_line_ && csv_fini(&parser_, on_cell, on_row, this) != 0)
+      fail("line {}: the end found within a quoted cell, a closing quotation mark needed", line);
+  }
+
+  static void on_cell(void* text, size_t size, void* self) {
+    static_cast<Tokenizer*>(self)->cells_.emplace_back(static_cast<const char*>(text), size);
+  }
+  static void on_row(int, void* self) {
+    auto& t = *static_cast<Tokenizer*>(self);
+    t.rows_.push_back({t.line_, std::exchange(t.cells_, {})});
+  }
+
+  std::ifstream file_;
+  csv_parser parser_{};
+  std::string line_text_;
+  bool has_line_ = false;
+  Index line_ = 0;
+  Cells cells_;
+  std::deque<Row> rows_;
+};
+
+// ---- comments before the header: "# name = value" ----
+
+struct Notes {
+  std::optional<double> dt;
+  std::optional<InitialState> initial_state;
+  Channels channels;
+  std::vector<Index> length;
+};
+
+std::string trimmed(std::string_view text) {
+  const size_t begin = text.find_first_not_of(" \t\r");
+  if (begin == std::string_view::npos) return "";
+  return std::string(text.substr(begin, text.find_last_not_of(" \t\r") + 1 - begin));
+}
+
+template <typename T>
+void parse_note(const Row& comment, const std::string& key, const std::string& value, T& to) {
+  try {
+    to = nlohmann::json::parse(value).get<typename std::decay_t<T>>();
+  } catch (const nlohmann::json::exception&) {
+    fail("line {}: {} = '{}' found, a value in JSON's notation needed", comment.line, key, value);
+  }
+}
+
+void read_note(const Row& comment, Notes& notes) {
+  const std::string& text = comment.cells.front();
+  const size_t equals = text.find('=');
+  if (equals == std::string::npos) return;
+  const std::string key = trimmed(text.substr(0, equals)), value = trimmed(text.substr(equals + 1));
+  const std::map<std::string, Names*> lists{{"input_names", &notes.channels.input_names},
+                                            {"output_names", &notes.channels.output_names},
+                                            {"input_units", &notes.channels.input_units},
+                                            {"output_units", &notes.channels.output_units}};
+  if (key == "dt") parse_note(comment, key, value, notes.dt.emplace());
+  if (key == "length") parse_note(comment, key, value, notes.length);
+  if (key == "initial_state") notes.initial_state = initial_state_from(value);
+  if (const auto list = lists.find(key); list != lists.end()) parse_note(comment, key, value, *list->second);
+}
+
+// ---- columns ----
+
+struct Columns {
+  Cells names;
+  std::optional<size_t> experiment, time, k;
+  std::vector<size_t> inputs, outputs;
+
+  Names names_of(const std::vector<size_t>& chosen) const {
+    Names result;
+    for (const size_t c : chosen) result.push_back(names[c]);
+    return result;
+  }
+};
+
+std::optional<size_t> find_column(const Cells& names, const std::string& name) {
+  const auto count = std::count(names.begin(), names.end(), name);
+  if (count > 1) fail("header: {} columns '{}' found, one needed", count, name);
+  if (count == 0) return std::nullopt;
+  return static_cast<size_t>(std::find(names.begin(), names.end(), name) - names.begin());
+}
+
+bool is_reserved(const std::string& name) { return name == "experiment" || name == "time" || name == "k"; }
+
+std::vector<size_t> named_columns(const Cells& names, const Names& wanted) {
+  std::vector<size_t> columns;
+  for (const auto& name : wanted) {
+    const auto column = find_column(names, name);
+    if (!column) fail("no column '{}' found among {}", name, quoted(names));
+    columns.push_back(*column);
+  }
+  return columns;
+}
+
+std::vector<size_t> prefixed_columns(const Cells& names, char prefix, const Names& taken) {
+  Names wanted;
+  for (const auto& name : names)
+    if (name.starts_with(prefix) && !is_reserved(name) && !contains(taken, name)) wanted.push_back(name);
+  return named_columns(names, wanted);
+}
+
+Columns columns_of(const Row& header, const Names& inputs, const Names& outputs) {
+  Columns columns;
+  columns.names = header.cells;
+  const Cells& names = columns.names;
+  columns.experiment = find_column(names, "experiment");
+  columns.time = find_column(names, "time");
+  columns.k = find_column(names, "k");
+  columns.inputs = inputs.empty() ? prefixed_columns(names, 'u', outputs) : named_columns(names, inputs);
+  columns.outputs = outputs.empty() ? prefixed_columns(names, 'y', inputs) : named_columns(names, outputs);
+  for (const size_t c : columns.inputs)
+    if (std::count(columns.outputs.begin(), columns.outputs.end(), c) > 0)
+      fail("column '{}' found among inputs and outputs, one of them needed", names[c]);
+  return columns;
+}
+
+void require_channels(const Columns& columns, bool outputs_required) {
+  if (columns.inputs.empty())
+    fail("no column whose name begins with u found among {}; name the inputs", quoted(columns.names));
+  if (columns.outputs.empty() && outputs_required)
+    fail("no column whose name begins with y found among {}; name the outputs", quoted(columns.names));
+}
+
+// ---- samples ----
+
+struct Records {
+  Columns columns;
+  std::vector<Index> experiment;  // of each row
+  std::vector<double> time;       // of each row: time, step or number of the row in its experiment
+  std::vector<Index> line;        // of each row
+  std::vector<double> samples;    // (rows, r + m)
+  Names experiments;              // in the order of appearance
+};
+
+double number_of(std::string_view text, const Row& row, const std::string& column) {
+  if (text.empty() || text == "NA") return missing;
+  std::string_view digits = text.starts_with('+') ? text.substr(1) : text;
+  double value = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  if (error != std::errc() || end != digits.data() + digits.size())
+    fail("line {}, column '{}': '{}' found, a number needed", row.line, column, text);
+  return value;
+}
+
+void check_width(const Row& row, const Cells& names) {
+  const size_t found = row.cells.size(), needed = names.size();
+  if (found < needed)
+    fail("line {}: {} cells found, {} needed; column '{}' has none", row.line, found, needed, names[found]);
+  if (found > needed)
+    fail("line {}: {} cells found, {} needed; '{}' after the last column '{}'", row.line, found, needed,
+         row.cells[needed], names.back());
+}
+
+class RecordReader {
+ public:
+  explicit RecordReader(Columns columns) { records_.columns = std::move(columns); }
+
+  void add(const Row& row) {
+    const Columns& columns = records_.columns;
+    check_width(row, columns.names);
+    const Index n = experiment_of(row);
+    records_.experiment.push_back(n);
+    records_.line.push_back(row.line);
+    records_.time.push_back(time_of(row, n));
+    for (const auto* chosen : {&columns.inputs, &columns.outputs})
+      for (const size_t c : *chosen) records_.samples.push_back(number_of(row.cells[c], row, columns.names[c]));
+  }
+
+  Records take() { return std::move(records_); }
+
+ private:
+  Index experiment_of(const Row& row) {
+    const auto column = records_.columns.experiment;
+    const std::string id = column ? row.cells[*column] : "";
+    if (column && id.empty()) fail("line {}, column 'experiment': nothing found, a number or name needed", row.line);
+    const auto [at, is_new] = numbers_.try_emplace(id, static_cast<Index>(numbers_.size()));
+    if (is_new) {
+      records_.experiments.push_back(id);
+      rows_.push_back(0);
+    }
+    return at->second;
+  }
+
+  double time_of(const Row& row, Index n) {
+    const Columns& columns = records_.columns;
+    const auto column = columns.time ? columns.time : columns.k;
+    if (!column) return static_cast<double>(rows_[static_cast<size_t>(n)]++);
+    const double time = number_of(row.cells[*column], row, columns.names[*column]);
+    const bool whole = columns.time || time == std::floor(time);
+    if (!std::isfinite(time) || !whole)
+      fail("line {}, column '{}': '{}' found, a {} needed", row.line, columns.names[*column], row.cells[*column],
+           columns.time ? "finite time" : "whole number");
+    return time;
+  }
+
+  Records records_;
+  std::unordered_map<std::string, Index> numbers_;
+  std::vector<Index> rows_;  // of each experiment so far
+};
+
+// ---- the grid of time ----
+
+struct Grid {
+  double begin = 0.0, dt = 1.0;
+  Index steps = 1;
+
+  double step(double time) const { return std::round((time - begin) / dt); }
+};
+
+// Distinct times; those closer than rounding errors make them are one.
+std::vector<double> distinct(std::vector<double> times, double resolution) {
+  std::sort(times.begin(), times.end());
+  double largest = 0.0;
+  for (size_t i = 1; i < times.size(); ++i) largest = std::max(largest, times[i] - times[i - 1]);
+  const double same = std::max(resolution, 1e-6 * largest);
+  times.erase(std::unique(times.begin(), times.end(), [&](double a, double b) { return b - a <= same; }), times.end());
+  return times;
+}
+
+// The even spacing: the smallest distance counts the steps of the others, and the whole range refines it.
+double spacing(const std::vector<double>& times) {
+  if (times.size() < 2) return 1.0;
+  double smallest = std::numeric_limits<double>::infinity(), steps = 0.0;
+  for (size_t i = 1; i < times.size(); ++i) smallest = std::min(smallest, times[i] - times[i - 1]);
+  for (size_t i = 1; i < times.size(); ++i) steps += std::round((times[i] - times[i - 1]) / smallest);
+  const double refined = (times.back() - times.front()) / steps;
+  // Of the numbers that the times allow for, the one that was meant has few digits.
+  double rounded = 0.0;
+  const std::string digits = fmt::format("{:.12g}", refined);
+  std::from_chars(digits.data(), digits.data() + digits.size(), rounded);
+  const double uncertainty =
+      2 * epsilon * (refined + std::max(std::abs(times.front()), std::abs(times.back())) / steps);
+  return std::abs(rounded - refined) <= uncertainty ? rounded : refined;
+}
+
+Grid grid_of(const Records& records, std::optional<double> dt) {
+  const bool timed = records.columns.time.has_value();
+  const auto [first, last] = std::minmax_element(records.time.begin(), records.time.end());
+  const double resolution = 4 * epsilon * std::max(std::abs(*first), std::abs(*last));
+  Grid grid;
+  grid.begin = *first;
+  if (timed) grid.dt = dt ? *dt : spacing(distinct(records.time, resolution));
+  if (!(grid.dt > 0) || !std::isfinite(grid.dt)) fail("dt: {} found, a positive time in seconds needed", grid.dt);
+  for (size_t i = 0; i < records.time.size(); ++i) {
+    const double time = records.time[i];
+    if (timed && !(std::abs(time - grid.begin - grid.step(time) * grid.dt) <= 1e-6 * grid.dt + resolution))
+      fail("line {}, column 'time': {} found, even steps of {} from {} on needed (or step numbers in a column 'k')",
+           records.line[i], time, grid.dt, grid.begin);
+  }
+  const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.time.size());
+  // A wild time or step number would otherwise ask for more memory than the file can be worth.
+  if (!(steps * static_cast<double>(records.experiments.size()) <= 1e6 + 1000 * rows))
+    fail("{} experiments of {} steps found in {} rows, fewer gaps needed", records.experiments.size(), steps, rows);
+  grid.steps = static_cast<Index>(steps);
+  return grid;
+}
+
+// ---- the ensemble ----
+
+void fill(const Records& records, const Grid& grid, Ensemble& e) {
+  std::vector<bool> seen(static_cast<size_t>(e.experiments() * e.steps()));
+  auto sample = records.samples.begin();
+  for (size_t i = 0; i < records.time.size(); ++i) {
+    const Index n = records.experiment[i], k = static_cast<Index>(grid.step(records.time[i]));
+    auto cell = seen[static_cast<size_t>(n * e.steps() + k)];
+    if (cell)
+      fail("line {}: a second row for step {} of experiment '{}' found, one needed", records.line[i], k,
+           records.experiments[static_cast<size_t>(n)]);
+    cell = true;
+    for (Index j = 0; j < e.inputs(); ++j) e.u(n, k, j) = *sample++;
+    for (Index j = 0; j < e.outputs(); ++j) e.y(n, k, j) = *sample++;
+  }
+}
+
+// Default names need not be kept, unless they were given as names.
+Names names_unless_default(const Names& names, char prefix, bool given) {
+  bool is_default = true;
+  for (size_t i = 0; i < names.size(); ++i) is_default = is_default && names[i] == fmt::format("{}{}", prefix, i + 1);
+  return is_default && !given ? Names{} : names;
+}
+
+// The units of the file belong to its own choice of channels; another choice finds them by name.
+Names units_of(const Names& chosen, const std::map<std::string, std::string>& units) {
+  Names result;
+  bool any = false;
+  for (const auto& name : chosen) {
+    const auto unit = units.find(name);
+    result.push_back(unit == units.end() ? "" : unit->second);
+    any = any || unit != units.end();
+  }
+  return any ? result : Names{};
+}
+
+void add_units(const Names& names, const Names& units, const char* key, std::map<std::string, std::string>& to) {
+  if (units.empty()) return;
+  if (units.size() != names.size()) fail("{}: {} found for {} channels", key, units.size(), names.size());
+  for (size_t i = 0; i < names.size(); ++i) to[names[i]] = units[i];
+}
+
+Channels channels_of(const Columns& columns, const Row& header, const Notes& notes) {
+  const Columns own = columns_of(header, notes.channels.input_names, notes.channels.output_names);
+  std::map<std::string, std::string> units;
+  add_units(own.names_of(own.inputs), notes.channels.input_units, "input_units", units);
+  add_units(own.names_of(own.outputs), notes.channels.output_units, "output_units", units);
+  const Names inputs = columns.names_of(columns.inputs), outputs = columns.names_of(columns.outputs);
+  return {names_unless_default(inputs, 'u', !notes.channels.input_names.empty()),
+          names_unless_default(outputs, 'y', !notes.channels.output_names.empty()), units_of(inputs, units),
+          units_of(outputs, units)};
+}
+
+void apply_length(const std::vector<Index>& length, Ensemble& e) {
+  e.length = length;
+  if (e.length.size() != static_cast<size_t>(e.experiments()) && !length.empty())
+    fail("length: {} entries found for {} experiments", length.size(), e.experiments());
+  for (size_t n = 0; n < length.size(); ++n)
+    for (Index k = std::max(length[n], Index{0}); k < e.steps(); ++k) {
+      e.input(k).row(static_cast<Index>(n)).setConstant(missing);
+      e.output(k).row(static_cast<Index>(n)).setConstant(missing);
+    }
+}
+
+}  // namespace
+
+Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options) {
+  Tokenizer file(path);
+  Notes notes;
+  while (const auto comment = file.next_comment()) read_note(*comment, notes);
+  const auto header = file.next();
+  if (!header) fail("no header line found, one needed");
+  const Names& inputs = options.inputs.empty() ? notes.channels.input_names : options.inputs;
+  const Names& outputs = options.outputs.empty() ? notes.channels.output_names : options.outputs;
+  const Columns columns = columns_of(*header, inputs, outputs);
+  require_channels(columns, options.outputs_required);
+
+  RecordReader reader(columns);
+  while (const auto row = file.next()) reader.add(*row);
+  const Records records = reader.take();
+  if (records.time.empty()) fail("no rows after the header found, samples needed");
+
+  const Grid grid = grid_of(records, notes.dt);
+  Ensemble e(static_cast<Index>(records.experiments.size()), grid.steps, static_cast<Index>(columns.inputs.size()),
+             static_cast<Index>(columns.outputs.size()), notes.dt.value_or(grid.dt));
+  fill(records, grid, e);
+  e.names = channels_of(columns, *header, notes);
+  e.initial_state = notes.initial_state;
+  apply_length(notes.length, e);
+  e.check();
+  return e;
+}
+
+// ---- writing ----
+
+namespace {
+
+Names column_names(const Ensemble& e) {
+  Names names{"experiment", "time"};
+  for (Index i = 0; i < e.inputs(); ++i) names.push_back(e.names.input(i));
+  for (Index j = 0; j < e.outputs(); ++j) names.push_back(e.names.output(j));
+  for (size_t c = 0; c < names.size(); ++c)
+    if (std::count(names.begin(), names.end(), names[c]) > 1 || (c > 1 && is_reserved(names[c])))
+      fail("channel name '{}' found twice or as the name of a column of its own in .csv; distinct names needed",
+           names[c]);
+  return names;
+}
+
+std::string csv_cell(const std::string& text) {
+  std::string cell(2 * text.size() + 2, '\0');
+  cell.resize(csv_write(cell.data(), cell.size(), text.data(), text.size()));
+  const bool plain = cell.size() == text.size() + 2 && !text.empty() && text == trimmed(text) &&
+                     text.find_first_of(",\r\n#") == std::string::npos;
+  return plain ? text : cell;
+}
+
+void write_notes(const Ensemble& e, fmt::memory_buffer& out) {
+  const auto note = [&](const char* key, const auto& value) {
+    fmt::format_to(std::back_inserter(out), "# {} = {}\n", key, nlohmann::json(value).dump());
+  };
+  fmt::format_to(std::back_inserter(out), "# dt = {}\n", e.dt);
+  if (e.initial_state) fmt::format_to(std::back_inserter(out), "# initial_state = {}\n", to_string(*e.initial_state));
+  if (!e.length.empty()) note("length", e.length);
+  if (!e.names.input_names.empty()) note("input_names", e.names.input_names);
+  if (!e.names.output_names.empty()) note("output_names", e.names.output_names);
+  if (!e.names.input_units.empty()) note("input_units", e.names.input_units);
+  if (!e.names.output_units.empty()) note("output_units", e.names.output_units);
+}
+
+void write_row(const Ensemble& e, Index n, Index k, fmt::memory_buffer& out) {
+  fmt::format_to(std::back_inserter(out), "{},{}", n, static_cast<double>(k) * e.dt);
+  for (Index c = 0; c < e.channels(); ++c) {
+    const double value = e.samples()(n, k * e.channels() + c);
+    out.push_back(',');
+    if (!std::isnan(value)) fmt::format_to(std::back_inserter(out), "{}", value);
+  }
+  out.push_back('\n');
+}
+
+// Rows without a sample are left out, but for the first experiment and the first step, which keep the grid whole.
+bool is_needed(const Ensemble& e, Index n, Index k) {
+  return n == 0 || k == 0 || !e.samples().row(n).segment(k * e.channels(), e.channels()).array().isNaN().all();
+}
+
+void check_fits(const Ensemble& e) {
+  if (e.free.experiments > 0) fail("free responses don't fit into .csv; .npz, .h5 or .mat needed");
+  if (e.inputs() == 0) fail("an ensemble without inputs doesn't fit into .csv; .npz, .h5 or .mat needed");
+  check_texts("input_names", e.names.input_names);
+  check_texts("output_names", e.names.output_names);
+  check_texts("input_units", e.names.input_units);
+  check_texts("output_units", e.names.output_units);
+}
+
+}  // namespace
+
+void write_csv(const Ensemble& e, const std::filesystem::path& path) {
+  check_fits(e);
+  ByteWriter file(path);
+  fmt::memory_buffer out;
+  write_notes(e, out);
+  Names cells = column_names(e);
+  std::transform(cells.begin(), cells.end(), cells.begin(), csv_cell);
+  fmt::format_to(std::back_inserter(out), "{}\n", fmt::join(cells, ","));
+  for (Index n = 0; n < e.experiments(); ++n) {
+    for (Index k = 0; k < e.steps(); ++k)
+      if (is_needed(e, n, k)) write_row(e, n, k, out);
+    file.write({out.data(), out.size()});
+    out.clear();
+  }
+}
+
+}  // namespace tokid::io

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <limits>
+#include <optional>
+
+#include "schema.hpp"
+
+namespace tokid::io {
+
+namespace {
+
+constexpr double missing = std::numeric_limits<double>::quiet_NaN();
+
+struct ChannelField {
+  const char* name;
+  std::vector<std::string> Channels::*list;
+};
+constexpr ChannelField channel_fields[] = {{"input_names", &Channels::input_names},
+                                           {"output_names", &Channels::output_names},
+                                           {"input_units", &Channels::input_units},
+                                           {"output_units", &Channels::output_units}};
+
+// ---- shapes: (N, T, channels), however the file spells it ----
+
+size_t size(Index n) { return static_cast<size_t>(n); }
+
+Shape one_experiment(const Shape& shape) { return {1, shape[0], shape[1]}; }
+Shape one_channel(const Shape& shape) { return {shape[0], shape[1], 1}; }
+
+bool is_grid(const Shape& shape, const Shape& other) { return shape[0] == other[0] && shape[1] == other[1]; }
+
+Shape beside(const char* name, const Shape& shape, const char* other_name, const Shape& other, Layout layout) {
+  const bool is_channel = is_grid(shape, other), is_experiment = other[0] == 1 && shape[0] == other[1];
+  if (layout == Layout::matlab && is_channel) return one_channel(shape);
+  if (is_experiment) return one_experiment(shape);
+  fail_shape(name, shape,
+             is_channel ? fmt::format("{} beside '{}' of shape {}", text(one_channel(shape)), other_name, text(other))
+                        : fmt::format("({}, {}, channels) like '{}'", other[0], other[1], other_name));
+}
+
+// `experiments` says that nothing but trailing ones were dropped.
+Shape with_trailing_ones(const char* name, Shape shape, Index experiments) {
+  const Shape found = shape;
+  if (shape.size() < 3) shape.resize(3, 1);
+  if (shape[0] != size(experiments))
+    fail_shape(name, found, fmt::format("{} rows, the number in 'experiments',", experiments));
+  return shape;
+}
+
+struct Shapes {
+  Shape u, y;
+};
+
+Shapes shapes_of(const Fields& fields, bool has_outputs) {
+  Shapes s{fields.shape("u"), has_outputs ? fields.shape("y") : Shape{}};
+  const auto check_rank = [](const char* name, const Shape& shape) {
+    if (shape.size() != 2 && shape.size() != 3)
+      fail_shape(name, shape, "(N, T, channels), or (T, channels) for one experiment,");
+  };
+  check_rank("u", s.u);
+  if (has_outputs) check_rank("y", s.y);
+  if (fields.layout() == Layout::matlab && fields.has("experiments")) {
+    const Index n = fields.integer("experiments");
+    s.u = with_trailing_ones("u", s.u, n);
+    if (has_outputs) s.y = with_trailing_ones("y", s.y, n);
+  } else {
+    if (s.u.size() == 2) s.u = s.y.size() == 3 ? beside("u", s.u, "y", s.y, fields.layout()) : one_experiment(s.u);
+    if (s.y.size() == 2)
+      s.y = fields.shape("u").size() == 3 ? beside("y", s.y, "u", s.u, fields.layout()) : one_experiment(s.y);
+  }
+  if (!has_outputs) s.y = {s.u[0], s.u[1], 0};
+  if (!is_grid(s.y, s.u))
+    fail_shape("y", fields.shape("y"), fmt::format("({}, {}, channels) like 'u'", s.u[0], s.u[1]));
+  if (s.u[0] == 0 || s.u[1] == 0 || s.u[2] + s.y[2] == 0)
+    fail_shape("u", fields.shape("u"), "at least one experiment of one step with one channel");
+  return s;
+}
+
+Shape free_shape(const Fields& fields, size_t outputs) {
+  const Shape found = fields.shape("free_y");
+  Shape shape = found;
+  if (shape.size() == 2) {
+    const bool dropped_one =
+        fields.layout() == Layout::matlab && outputs == 1 && (shape[1] != 1 || fields.has("experiments"));
+    shape = dropped_one ? one_channel(shape) : one_experiment(shape);
+  }
+  if (shape.size() != 3 || shape[2] != outputs)
+    fail_shape("free_y", found, fmt::format("(experiments, steps, {}) like the outputs", outputs));
+  return shape;
+}
+
+// ---- samples ----
+
+// Calls f(n, k, c, index of the sample in a row-major array) for every sample.
+template <typename F>
+void each_sample(Index experiments, Index steps, Index channels, F&& f) {
+  size_t at = 0;
+  for (Index n = 0; n < experiments; ++n)
+    for (Index k = 0; k < steps; ++k)
+      for (Index c = 0; c < channels; ++c) f(n, k, c, at++);
+}
+
+template <typename F>
+Array samples_array(Index experiments, Index steps, Index channels, F&& sample) {
+  const Shape shape{size(experiments), size(steps), size(channels)};
+  std::vector<double> values(checked_product(shape));
+  each_sample(experiments, steps, channels,
+              [&](Index n, Index k, Index c, size_t at) { values[at] = sample(n, k, c); });
+  return {shape, std::move(values)};
+}
+
+FreeResponse free_response_of(const Fields& fields, Index outputs) {
+  const auto& values = fields.numbers("free_y");
+  const Shape shape = free_shape(fields, size(outputs));
+  if (values.empty()) return {};
+  FreeResponse free{static_cast<Index>(shape[0]), static_cast<Index>(shape[1]), {}};
+  free.y.resize(free.experiments, free.steps * outputs);
+  each_sample(free.experiments, free.steps, outputs,
+              [&](Index n, Index k, Index j, size_t at) { free.y(n, k * outputs + j) = values[at]; });
+  return free;
+}
+
+}  // namespace
+
+Array scalar(double value) { return {{}, std::vector<double>{value}}; }
+Array scalar(Index value) { return {{}, std::vector<std::int64_t>{value}}; }
+Array scalar(const std::string& value) { return {{}, std::vector<std::string>{value}}; }
+Array list(const std::vector<Index>& values) {
+  return {{values.size()}, std::vector<std::int64_t>(values.begin(), values.end())};
+}
+
+void add_channels(const Channels& channels, Arrays& arrays) {
+  for (const auto& [name, field] : channel_fields) {
+    const auto& texts = channels.*field;
+    if (!texts.empty()) arrays.emplace_back(name, Array{{texts.size()}, texts});
+  }
+}
+
+Channels channels_of(const Fields& fields) {
+  Channels channels;
+  for (const auto& [name, field] : channel_fields)
+    if (fields.has(name)) channels.*field = fields.texts(name);
+  return channels;
+}
+
+const Names& ensemble_names() {
+  static const Names names{"u",
+                           "y",
+                           "dt",
+                           "length",
+                           "free_y",
+                           "input_names",
+                           "output_names",
+                           "input_units",
+                           "output_units",
+                           "initial_state",
+                           "experiments"};
+  return names;
+}
+
+bool is_ensemble(const Names& found) { return !is_model(found) && (contains(found, "u") || contains(found, "y")); }
+
+Arrays arrays_of(const Ensemble& e, Layout layout) {
+  Arrays arrays;
+  arrays.emplace_back("dt", scalar(e.dt));
+  if (layout == Layout::matlab) arrays.emplace_back("experiments", scalar(e.experiments()));
+  if (e.initial_state) arrays.emplace_back("initial_state", scalar(std::string(to_string(*e.initial_state))));
+  if (!e.length.empty()) arrays.emplace_back("length", list(e.length));
+  add_channels(e.names, arrays);
+  if (e.free.experiments > 0)
+    arrays.emplace_back("free_y",
+                        samples_array(e.free.experiments, e.free.steps, e.outputs(),
+                                      [&](Index n, Index k, Index j) { return e.free.y(n, k * e.outputs() + j); }));
+  arrays.emplace_back("u", samples_array(e.experiments(), e.steps(), e.inputs(),
+                                         [&](Index n, Index k, Index i) { return e.u(n, k, i); }));
+  if (e.outputs() > 0)
+    arrays.emplace_back("y", samples_array(e.experiments(), e.steps(), e.outputs(),
+                                           [&](Index n, Index k, Index j) { return e.y(n, k, j); }));
+  return arrays;
+}
+
+Ensemble ensemble_of(const Fields& fields, bool outputs_required) {
+  const bool has_outputs = outputs_required || fields.has("y");
+  const auto& u = fields.numbers("u");
+  static const std::vector<double> none;
+  const auto& y = has_outputs ? fields.numbers("y") : none;
+  const Shapes shapes = shapes_of(fields, has_outputs);
+  if (outputs_required && shapes.y[2] == 0) fail_shape("y", fields.shape("y"), "at least one output");
+
+  const auto at = [](const Shape& shape, size_t axis) { return static_cast<Index>(shape[axis]); };
+  Ensemble e(at(shapes.u, 0), at(shapes.u, 1), at(shapes.u, 2), at(shapes.y, 2),
+             fields.has("dt") ? fields.number("dt") : 1.0);
+  each_sample(e.experiments(), e.steps(), e.inputs(),
+              [&](Index n, Index k, Index i, size_t from) { e.u(n, k, i) = u[from]; });
+  each_sample(e.experiments(), e.steps(), e.outputs(),
+              [&](Index n, Index k, Index j, size_t from) { e.y(n, k, j) = y[from]; });
+
+  e.names = channels_of(fields);
+  if (fields.has("initial_state")) e.initial_state = initial_state_from(fields.text("initial_state"));
+  if (fields.has("length")) e.length = fields.integers("length", shapes.u[0], 0, e.steps());
+  for (size_t n = 0; n < e.length.size(); ++n)
+    for (Index k = e.length[n]; k < e.steps(); ++k) {
+      e.input(k).row(static_cast<Index>(n)).setConstant(missing);
+      e.output(k).row(static_cast<Index>(n)).setConstant(missing);
+    }
+  if (fields.has("free_y")) e.free = free_response_of(fields, e.outputs());
+  e.check();
+  return e;
+}
+
+}  // namespace tokid::io

@@ -1,0 +1,40 @@
+// The data sets of a file by name, with their types and shapes checked. Every error names the data set, what was found
+// and what is needed.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "arrays.hpp"
+
+namespace tokid::io {
+
+class Fields {
+ public:
+  explicit Fields(Contents contents) : contents_(std::move(contents)) {}
+
+  const Names& names() const { return contents_.names; }
+  Layout layout() const { return contents_.layout; }
+  bool has(std::string_view name) const { return find(name) != nullptr; }
+
+  // Each of these throws where the data set is absent or of another kind.
+  const std::vector<double>& numbers(std::string_view name) const;
+  const Shape& shape(std::string_view name) const;
+  double number(std::string_view name) const;
+  Index integer(std::string_view name) const;
+  std::string text(std::string_view name) const;
+  const std::vector<std::string>& texts(std::string_view name) const;
+  const std::vector<double>& list(std::string_view name, size_t count) const;
+  std::vector<Index> integers(std::string_view name, size_t count, Index low, Index high) const;
+  Matrix matrix(std::string_view name) const;
+  // (S, rows, columns); in MATLAB's layout rows × columns × S, less its trailing ones.
+  Array stack(std::string_view name) const;
+
+ private:
+  const Array* find(std::string_view name) const;
+  const Array& get(std::string_view name) const;
+
+  Contents contents_;
+};
+
+[[noreturn]] void fail_shape(std::string_view name, const Shape& found, std::string_view needed);
+
+}  // namespace tokid::io

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/io.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+#include <new>
+
+#include "atomic_file.hpp"
+#include "formats.hpp"
+#include "schema.hpp"
+#include "text.hpp"
+
+namespace tokid {
+
+namespace {
+
+namespace fs = std::filesystem;
+using io::fail;
+
+enum class Format { npz, hdf5, mat, csv };
+
+Format format_of(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (extension == ".npz") return Format::npz;
+  if (extension == ".h5" || extension == ".hdf5") return Format::hdf5;
+  if (extension == ".mat") return Format::mat;
+  if (extension == ".csv") return Format::csv;
+  fail("extension '{}' found; .npz, .h5, .hdf5, .mat or (ensembles only) .csv needed", extension);
+}
+
+// Runs f and puts the name of the file in front of whatever it complains about, on one line.
+template <typename F>
+auto naming(const fs::path& path, F&& f) {
+  const auto rethrow = [&](const std::string& message) {
+    throw IoError(io::single_line(fmt::format("{}: {}", path.string(), message)));
+  };
+  try {
+    return f();
+  } catch (const std::bad_alloc&) {
+    rethrow("more data found than fits into memory");
+  } catch (const std::length_error&) {
+    rethrow("more data found than fits into memory");
+  } catch (const std::exception& error) {
+    rethrow(error.what());
+  }
+  throw std::logic_error("unreachable");
+}
+
+// The libraries' own words for these differ, and some are misleading.
+void check_readable(const fs::path& path) {
+  const auto status = fs::status(path);
+  if (!fs::exists(status)) fail("no such file");
+  if (fs::is_directory(status)) fail("a directory found, a file needed");
+  if (!fs::is_regular_file(status)) fail("a device or pipe found, a file needed");
+  if (!std::ifstream(path, std::ios::binary)) fail("can't be read: {}", std::generic_category().message(errno));
+  if (fs::file_size(path) == 0) fail("an empty file found, data needed");
+}
+
+io::Contents read(const fs::path& path, Format format, const io::Names& wanted) {
+  switch (format) {
+    case Format::npz:
+      return io::read_npz(path, wanted);
+    case Format::hdf5:
+      return io::read_hdf5(path, wanted);
+    case Format::mat:
+      return io::read_mat(path, wanted);
+    default:
+      fail("a .csv file found, which holds an ensemble; a model in .npz, .h5 or .mat needed");
+  }
+}
+
+void write(const io::Arrays& arrays, const fs::path& path, Format format, const WriteOptions& options) {
+  for (const auto& [name, array] : arrays)
+    if (const auto* texts = std::get_if<std::vector<std::string>>(&array.values)) io::check_texts(name, *texts);
+  switch (format) {
+    case Format::npz:
+      return io::write_npz(arrays, path);
+    case Format::hdf5:
+      return io::write_hdf5(arrays, path);
+    case Format::mat:
+      return options.mat73 ? io::write_mat73(arrays, path) : io::write_mat(arrays, path);
+    default:
+      fail("models don't fit into .csv; .npz, .h5 or .mat needed");
+  }
+}
+
+io::Layout layout_of(Format format) { return format == Format::mat ? io::Layout::matlab : io::Layout::plain; }
+
+}  // namespace
+
+FileKind file_kind(const fs::path& path) {
+  return naming(path, [&] {
+    const Format format = format_of(path);
+    check_readable(path);
+    if (format == Format::csv) return FileKind::ensemble;
+    const io::Names found = read(path, format, {}).names;
+    if (io::is_model(found)) return FileKind::model;
+    if (io::is_ensemble(found)) return FileKind::ensemble;
+    fail("neither an ensemble ('u', 'y') nor a model ('A', 'state_dim') found among {}", io::quoted(found));
+  });
+}
+
+Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
+  return naming(path, [&] {
+    const Format format = format_of(path);
+    check_readable(path);
+    if (format == Format::csv) return io::read_csv(path, options);
+    if (!options.inputs.empty() || !options.outputs.empty())
+      fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
+    const io::Fields fields(read(path, format, io::ensemble_names()));
+    if (io::is_model(fields.names())) fail("a model found, an ensemble ('u', 'y') needed");
+    return io::ensemble_of(fields, options.outputs_required);
+  });
+}
+
+Model load_model(const fs::path& path) {
+  return naming(path, [&] {
+    const Format format = format_of(path);
+    check_readable(path);
+    const io::Fields fields(read(path, format, io::model_names()));
+    if (io::is_ensemble(fields.names())) fail("an ensemble found, a model ('A', 'B', 'C', 'D', 'state_dim') needed");
+    return io::model_of(fields);
+  });
+}
+
+void save_ensemble(const Ensemble& ensemble, const fs::path& path, const WriteOptions& options) {
+  naming(path, [&] {
+    const Format format = format_of(path);
+    io::AtomicFile file(path);
+    if (format == Format::csv)
+      io::write_csv(ensemble, file.path());
+    else
+      write(io::arrays_of(ensemble, layout_of(format)), file.path(), format, options);
+    file.commit();
+  });
+}
+
+void save_model(const Model& model, const fs::path& path, const WriteOptions& options) {
+  model.check();
+  naming(path, [&] {
+    const Format format = format_of(path);
+    io::AtomicFile file(path);
+    write(io::arrays_of(model, layout_of(format)), file.path(), format, options);
+    file.commit();
+  });
+}
+
+}  // namespace tokid

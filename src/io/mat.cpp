@@ -1,0 +1,312 @@
+// MATLAB's .mat: versions 5 and 7 through matio; 7.3 is HDF5 and left to its reader and writer.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <matio.h>
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "formats.hpp"
+#include "matlab.hpp"
+#include "text.hpp"
+
+namespace tokid::io {
+
+namespace {
+
+struct CloseFile {
+  void operator()(mat_t* file) const { Mat_Close(file); }
+};
+struct FreeVariable {
+  void operator()(matvar_t* variable) const { Mat_VarFree(variable); }
+};
+using File = std::unique_ptr<mat_t, CloseFile>;
+using Variable = std::unique_ptr<matvar_t, FreeVariable>;
+
+// ---- messages of the library, which are ours to print ----
+
+thread_local std::string last_message;
+
+void listen_to_matio() {
+  static std::once_flag once;
+  std::call_once(once,
+                 [] { Mat_LogInitFunc("tokid", [](int, char* message) { last_message = single_line(message); }); });
+  last_message.clear();
+}
+
+std::string reason() { return last_message.empty() ? "truncated or damaged" : last_message; }
+
+// ---- the frame of the file, looked at before matio trusts it ----
+
+constexpr std::uint64_t header_bytes = 128;
+
+enum class Container { version5, hdf5 };
+
+template <typename T>
+T load(const char* bytes, bool swap) {
+  T value = 0;
+  for (size_t i = 0; i < sizeof(T); ++i) {
+    const size_t at = swap ? sizeof(T) - 1 - i : i;
+    value = static_cast<T>(value | (T{static_cast<unsigned char>(bytes[at])} << (8 * i)));
+  }
+  return value;
+}
+
+bool is_hdf5(std::istream& file) {
+  constexpr std::string_view signature = "\x89HDF\r\n\x1a\n";
+  for (const int offset : {0, 512}) {
+    std::array<char, 8> start{};
+    file.clear();
+    file.seekg(offset);
+    file.read(start.data(), start.size());
+    if (std::string_view(start.data(), start.size()) == signature) return true;
+  }
+  return false;
+}
+
+// A file of version 5 is a header and a chain of elements with their sizes, the last of which ends where the file does.
+// matio takes a broken chain for the end of the file.
+void check_elements(std::istream& file, std::uint64_t size, bool swap) {
+  constexpr std::uint32_t matrix = 14, compressed = 15;
+  std::uint64_t at = header_bytes;
+  for (int count = 1; at < size; ++count) {
+    std::array<char, 8> tag{};
+    file.clear();
+    file.seekg(static_cast<std::streamoff>(at));
+    if (!file.read(tag.data(), tag.size())) fail("truncated in variable {}", count);
+    const auto type = load<std::uint32_t>(tag.data(), swap), bytes = load<std::uint32_t>(tag.data() + 4, swap);
+    if (type != matrix && type != compressed) fail("variable {} is damaged: element of type {} found", count, type);
+    at += tag.size() + bytes;
+    if (at > size) fail("truncated in variable {}: {} bytes found, {} needed", count, size, at);
+  }
+}
+
+Container check_container(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (is_hdf5(file)) return Container::hdf5;
+  std::array<char, header_bytes> header{};
+  file.clear();
+  file.seekg(0);
+  file.read(header.data(), header.size());
+  const std::string_view order(&header[126], 2);
+  const bool swap = order == "MI";
+  if (!file || (order != "IM" && order != "MI") || load<std::uint16_t>(&header[124], swap) != 0x0100)
+    fail("no header of a .mat file found, MATLAB version 5, 7 or 7.3 needed (save -v7)");
+  check_elements(file, std::filesystem::file_size(path), swap);
+  return Container::version5;
+}
+
+// ---- reading ----
+
+template <typename T>
+std::vector<double> numbers_of(const matvar_t& variable, size_t count) {
+  const auto* values = static_cast<const T*>(variable.data);
+  std::vector<double> numbers(count);
+  for (size_t i = 0; i < count; ++i) numbers[i] = static_cast<double>(values[i]);
+  return numbers;
+}
+
+std::optional<std::vector<double>> numbers_of(const matvar_t& variable, size_t count) {
+  switch (variable.data_type) {
+    case MAT_T_DOUBLE:
+      return numbers_of<double>(variable, count);
+    case MAT_T_SINGLE:
+      return numbers_of<float>(variable, count);
+    case MAT_T_INT8:
+      return numbers_of<std::int8_t>(variable, count);
+    case MAT_T_UINT8:
+      return numbers_of<std::uint8_t>(variable, count);
+    case MAT_T_INT16:
+      return numbers_of<std::int16_t>(variable, count);
+    case MAT_T_UINT16:
+      return numbers_of<std::uint16_t>(variable, count);
+    case MAT_T_INT32:
+      return numbers_of<std::int32_t>(variable, count);
+    case MAT_T_UINT32:
+      return numbers_of<std::uint32_t>(variable, count);
+    case MAT_T_INT64:
+      return numbers_of<std::int64_t>(variable, count);
+    case MAT_T_UINT64:
+      return numbers_of<std::uint64_t>(variable, count);
+    default:
+      return std::nullopt;
+  }
+}
+
+Shape shape_of(const matvar_t& variable) {
+  return variable.rank > 0 && variable.dims ? Shape(variable.dims, variable.dims + variable.rank) : Shape{};
+}
+
+std::u16string utf16_codes(const matvar_t& variable, size_t count) {
+  const auto* bytes = static_cast<const char*>(variable.data);
+  // Characters of more than one byte make the text longer than its number of characters.
+  if (variable.data_type == MAT_T_UTF8) return utf16_from({bytes, variable.nbytes});
+  const auto width = static_cast<size_t>(variable.data_size);
+  if (count > variable.nbytes / std::max(width, size_t{1})) fail("truncated text found");
+  std::u16string codes;
+  for (size_t i = 0; i < count; ++i)
+    codes += width == 1   ? static_cast<char16_t>(static_cast<unsigned char>(bytes[i]))
+             : width == 2 ? static_cast<char16_t>(load<std::uint16_t>(bytes + 2 * i, false))
+                          : u'\xFFFD';
+  return codes;
+}
+
+Array text_value(const matvar_t& variable, const Shape& shape, size_t count) {
+  if (count == 0 || !variable.data) return char_array(u"", shape);
+  const std::u16string codes = utf16_codes(variable, count);
+  if (codes.size() == count) return char_array(codes, shape);
+  if (shape.size() == 2 && shape[0] == 1) return char_array(codes, {1, codes.size()});
+  return {shape, Foreign{"a char array of several rows that is not ASCII"}};
+}
+
+Array cell_value(const matvar_t& variable, const Shape& shape, size_t count) {
+  const Array foreign{shape, Foreign{"a cell array of other things than texts"}};
+  auto* const* cells = static_cast<matvar_t* const*>(variable.data);
+  std::vector<std::string> texts;
+  for (size_t i = 0; i < count; ++i) {
+    const matvar_t* cell = cells ? cells[i] : nullptr;
+    if (!cell || cell->class_type != MAT_C_CHAR) return foreign;
+    const Shape cell_shape = shape_of(*cell);
+    const Array item = text_value(*cell, cell_shape, checked_product(cell_shape));
+    const auto* text = std::get_if<std::vector<std::string>>(&item.values);
+    if (!text || text->size() != 1) return foreign;
+    texts.push_back(text->front());
+  }
+  return {{count}, std::move(texts)};
+}
+
+std::string foreign_kind(const matvar_t& variable) {
+  switch (variable.class_type) {
+    case MAT_C_SPARSE:
+      return "a sparse matrix";
+    case MAT_C_STRUCT:
+      return "a struct";
+    case MAT_C_FUNCTION:
+      return "a function";
+    default:
+      return "an object";
+  }
+}
+
+Array value_of(const matvar_t& variable) {
+  const Shape shape = shape_of(variable);
+  if (variable.isComplex) return {shape, Foreign{"complex numbers"}};
+  const size_t count = checked_product(shape);
+  if (variable.class_type == MAT_C_CHAR) return text_value(variable, shape, count);
+  if (variable.class_type == MAT_C_CELL) return cell_value(variable, shape, count);
+  if (variable.class_type < MAT_C_DOUBLE || variable.class_type > MAT_C_UINT64)
+    return {shape, Foreign{foreign_kind(variable)}};
+  if (count == 0) return {shape, std::vector<double>{}};
+  const bool complete =
+      variable.data && variable.nbytes == checked_product(shape, static_cast<size_t>(variable.data_size));
+  auto numbers = complete ? numbers_of(variable, count) : std::nullopt;
+  if (!numbers) fail("data set '{}' can't be read: {}", variable.name, reason());
+  return reversed({Shape(shape.rbegin(), shape.rend()), std::move(*numbers)});
+}
+
+Array read_variable(mat_t* file, matvar_t* variable, std::uint64_t file_bytes) {
+  // Numbers may be stored in one byte that take eight in memory.
+  check_claim(variable->name, shape_of(*variable), sizeof(double), file_bytes * sizeof(double));
+  if (Mat_VarReadDataAll(file, variable) != 0) fail("data set '{}' can't be read: {}", variable->name, reason());
+  return value_of(*variable);
+}
+
+// ---- writing ----
+
+std::string_view bits(const Array& array) {
+  const auto& values = std::get<std::vector<double>>(array.values);
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(double)};
+}
+
+// Variables may be no larger in version 7.
+constexpr size_t version7_bytes = (size_t{1} << 31) - 1;
+
+Variable create(const std::string& name, matio_classes kind, matio_types type, Shape shape, const void* values) {
+  Variable variable(Mat_VarCreate(name.c_str(), kind, type, static_cast<int>(shape.size()), shape.data(),
+                                  const_cast<void*>(values), 0));
+  if (!variable) fail("can't be written: data set '{}': {}", name, reason());
+  return variable;
+}
+
+Variable text_variable(const std::string& name, const std::string& text) {
+  const std::u16string codes = utf16_from(text);
+  return create(name, MAT_C_CHAR, MAT_T_UINT16, {codes.empty() ? size_t{0} : size_t{1}, codes.size()}, codes.data());
+}
+
+Variable cell_variable(const std::string& name, const std::vector<std::string>& texts) {
+  std::vector<matvar_t*> cells;
+  for (const auto& text : texts) cells.push_back(text_variable(name, text).release());
+  return create(name, MAT_C_CELL, MAT_T_CELL, {texts.size(), 1}, cells.data());
+}
+
+Variable number_variable(const std::string& name, const Array& array) {
+  const Array numbers = column_major(array);
+  return create(name, MAT_C_DOUBLE, MAT_T_DOUBLE, {numbers.shape.rbegin(), numbers.shape.rend()},
+                std::get<std::vector<double>>(numbers.values).data());
+}
+
+Variable variable_of(const std::string& name, const Array& array) {
+  const auto* texts = std::get_if<std::vector<std::string>>(&array.values);
+  if (!texts) return number_variable(name, array);
+  return array.shape.empty() ? text_variable(name, texts->front()) : cell_variable(name, *texts);
+}
+
+}  // namespace
+
+Contents read_mat(const std::filesystem::path& path, const Names& wanted) {
+  if (check_container(path) == Container::hdf5) return read_hdf5(path, wanted);
+  listen_to_matio();
+  const File file(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
+  if (!file) fail("no readable .mat file: {}", reason());
+  Contents contents;
+  contents.layout = Layout::matlab;
+  while (const Variable variable{Mat_VarReadNextInfo(file.get())}) {
+    if (!variable->name) continue;
+    const std::string name = variable->name;
+    contents.names.push_back(name);
+    if (contains(wanted, name))
+      contents.arrays.emplace_back(name, read_variable(file.get(), variable.get(), std::filesystem::file_size(path)));
+  }
+  return contents;
+}
+
+namespace {
+
+// matio doesn't look at what becomes of its writes, so that a full disk goes unnoticed: read everything back.
+void check_written(const Arrays& arrays, const std::filesystem::path& path) {
+  Names names;
+  for (const auto& [name, array] : arrays) names.push_back(name);
+  const Contents written = read_mat(path, names);
+  bool same = written.arrays.size() == arrays.size();
+  for (size_t i = 0; same && i < arrays.size(); ++i) {
+    const Array &there = written.arrays[i].second, &here = arrays[i].second;
+    if (std::holds_alternative<std::vector<std::string>>(here.values))
+      same = there.values == here.values;
+    else
+      same = bits(there) == bits(reversed(column_major(here)));
+  }
+  if (!same) fail("can't be written: the data read back differ");
+}
+
+}  // namespace
+
+void write_mat(const Arrays& arrays, const std::filesystem::path& path) {
+  listen_to_matio();
+  // Without the date, which the default header has, the same data give the same bytes.
+  File file(Mat_CreateVer(path.c_str(), "MATLAB 5.0 MAT-file, created by tokid", MAT_FT_MAT5));
+  if (!file) fail("can't be written: {}", reason());
+  for (const auto& [name, array] : arrays) {
+    if (checked_product(array.shape, sizeof(double)) > version7_bytes)
+      fail("data set '{}': shape {} found, at most 2 GiB needed for a .mat of version 7; take version 7.3 or .h5", name,
+           text(array.shape));
+    if (Mat_VarWrite(file.get(), variable_of(name, array).get(), MAT_COMPRESSION_ZLIB) != 0)
+      fail("can't be written: data set '{}': {}", name, reason());
+  }
+  if (Mat_Close(file.release()) != 0) fail("can't be written: {}", reason());
+  check_written(arrays, path);
+}
+
+}  // namespace tokid::io

@@ -1,0 +1,31 @@
+// The names and shapes of docs/formats.md.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "fields.hpp"
+
+namespace tokid::io {
+
+const Names& ensemble_names();
+const Names& model_names();
+
+bool is_ensemble(const Names& found);
+bool is_model(const Names& found);
+
+// What is required comes last, so that a file which lost its end is never taken for a complete one.
+Arrays arrays_of(const Ensemble& ensemble, Layout layout);
+Arrays arrays_of(const Model& model, Layout layout);
+
+Ensemble ensemble_of(const Fields& fields, bool outputs_required);
+Model model_of(const Fields& fields);
+
+// The channel names and units, which ensembles and models share.
+void add_channels(const Channels& channels, Arrays& arrays);
+Channels channels_of(const Fields& fields);
+
+Array scalar(double value);
+Array scalar(Index value);
+Array scalar(const std::string& value);
+Array list(const std::vector<Index>& values);
+
+}  // namespace tokid::io

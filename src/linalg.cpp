@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/linalg.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace tokid::linalg {
+
+namespace {
+
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+
+}  // namespace
+
+Svd svd(const ConstMatrixRef& a) {
+  if (a.size() == 0) return {Matrix(a.rows(), 0), Vector(0), Matrix(a.cols(), 0)};
+  const Eigen::BDCSVD<Matrix> decomposition(a, Eigen::ComputeThinU | Eigen::ComputeThinV);
+  return {decomposition.matrixU(), decomposition.singularValues(), decomposition.matrixV()};
+}
+
+Vector singular_values(const ConstMatrixRef& a) {
+  if (a.size() == 0) return Vector(0);
+  return Eigen::BDCSVD<Matrix>(a).singularValues();
+}
+
+Matrix triangular_factor(Matrix& a) {
+  const Index size = std::min(a.rows(), a.cols());
+  if (size == 0) return Matrix(0, a.cols());
+  Eigen::HouseholderQR<Eigen::Ref<Matrix>> in_place(a);
+  return a.topRows(size).triangularView<Eigen::Upper>();
+}
+
+Matrix orthonormal_factor(Matrix a) {
+  const Index rows = a.rows(), cols = a.cols();
+  const Eigen::HouseholderQR<Eigen::Ref<Matrix>> in_place(a);
+  return in_place.householderQ() * Matrix::Identity(rows, cols);
+}
+
+MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, double tolerance) {
+  Eigen::CompleteOrthogonalDecomposition<Matrix> cod;
+  cod.setThreshold(tolerance);
+  cod.compute(a);
+  MinimumNorm result;
+  result.rank = cod.rank();
+  result.x = cod.solve(b);
+  // a = Q [T 0; 0 0] Z Pᵀ, so (aᵀa)⁺ = P Zᵀ [T⁻¹T⁻ᵀ 0; 0 0] Z Pᵀ.
+  const Index rank = result.rank;
+  const auto t = cod.matrixT().topLeftCorner(rank, rank).template triangularView<Eigen::Upper>();
+  const Matrix t_inverse = t.solve(Matrix::Identity(rank, rank));
+  result.condition = rank > 0 ? Matrix(t).norm() * t_inverse.norm() : 0.0;
+  Matrix padded = Matrix::Zero(a.cols(), rank);
+  padded.topRows(rank) = t_inverse;
+  if (rank < a.cols()) padded = cod.matrixZ().adjoint() * padded;  // at full rank Z is not formed
+  result.inverse_t = cod.colsPermutation() * padded;
+  return result;
+}
+
+Matrix pseudo_inverse(const ConstMatrixRef& a, double tolerance) {
+  const Svd d = svd(a);
+  if (tolerance < 0) tolerance = 8 * epsilon * double(std::max(a.rows(), a.cols()));
+  Vector inverse = Vector::Zero(d.s.size());
+  for (Index i = 0; i < d.s.size(); ++i)
+    if (d.s(i) > tolerance * d.s(0)) inverse(i) = 1 / d.s(i);
+  return d.v * inverse.asDiagonal() * d.u.transpose();
+}
+
+Matrix whitener(const ConstMatrixRef& s) {
+  const Index n = s.rows();
+  const double trace = s.trace();
+  if (!(trace > 0)) return Matrix::Identity(n, n);
+  // Channels of very different units are scaled to equal variance before the lift, so that it favours none of them.
+  Vector scale = s.diagonal().cwiseSqrt();
+  for (double& value : scale) value = value > 0 ? 1 / value : 1.0;
+  Matrix correlation = scale.asDiagonal() * s * scale.asDiagonal();
+  correlation.diagonal().array() += epsilon * double(n);
+  const Eigen::LLT<Matrix> cholesky(correlation);
+  if (cholesky.info() != Eigen::Success) return scale.asDiagonal();
+  return cholesky.matrixL().solve(Matrix(scale.asDiagonal()));
+}
+
+Matrix procrustes(const ConstMatrixRef& a, const ConstMatrixRef& b) {
+  const Svd d = svd(a.transpose() * b);
+  return d.u * d.v.transpose();
+}
+
+}  // namespace tokid::linalg

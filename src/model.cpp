@@ -1,0 +1,463 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/model.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <stdexcept>
+
+namespace tokid {
+
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+void check_shape(const char* name, Index s, const Matrix& a, Index rows, Index cols) {
+  if (a.rows() != rows || a.cols() != cols)
+    throw std::invalid_argument(
+        fmt::format("model: {}[{}] is {} x {}, {} x {} needed", name, s, a.rows(), a.cols(), rows, cols));
+}
+
+template <class List>
+void check_length(const char* name, const List& list, Index needed, bool optional) {
+  const Index found = static_cast<Index>(list.size());
+  if (found != needed && !(optional && found == 0))
+    throw std::invalid_argument(fmt::format("model: {} entries of {} found, {} needed", found, name, needed));
+}
+
+void check_channels(const Model& model, const Ensemble& data, bool with_outputs) {
+  if (data.inputs() != model.inputs)
+    throw std::invalid_argument(fmt::format("inputs: {} found, the model has {}", data.inputs(), model.inputs));
+  if (with_outputs && data.outputs() != model.outputs)
+    throw std::invalid_argument(fmt::format("outputs: {} found, the model has {}", data.outputs(), model.outputs));
+}
+
+// Inputs and outputs of one step as departures from the nominal trajectory.
+Matrix input_departure(const Model& model, const Ensemble& data, Index k) {
+  Matrix u = data.input(k);
+  if (k < model.u_nominal.rows()) u.rowwise() -= model.u_nominal.row(k);
+  return u;
+}
+
+Matrix output_departure(const Model& model, const Ensemble& data, Index k) {
+  Matrix y = data.output(k);
+  if (k < model.y_nominal.rows()) y.rowwise() -= model.y_nominal.row(k);
+  return y;
+}
+
+// The ensemble of the given inputs, with the model's outputs still missing.
+Ensemble outputs_for(const Model& model, const Ensemble& inputs) {
+  Ensemble result(inputs.experiments(), inputs.steps(), model.inputs, model.outputs, inputs.dt);
+  for (Index k = 0; k < inputs.steps(); ++k) result.input(k) = inputs.input(k);
+  result.names = model.names;
+  result.length = inputs.length;
+  result.initial_state = inputs.initial_state;
+  return result;
+}
+
+void store_output(const Model& model, Index k, Matrix y, Ensemble& result) {
+  if (k < model.y_nominal.rows()) y.rowwise() += model.y_nominal.row(k);
+  result.output(k) = y;
+}
+
+// Experiments as rows: y = x Cᵀ + u Dᵀ, x⁺ = x Aᵀ + u Bᵀ.
+Matrix output(const Model& model, Index k, const Matrix& x, const Matrix& u) {
+  const size_t s = model.at(k);
+  return x * model.C[s].transpose() + u * model.D[s].transpose();
+}
+
+Matrix next_state(const Model& model, Index k, const Matrix& x, const Matrix& u) {
+  const size_t s = model.at(k);
+  return x * model.A[s].transpose() + u * model.B[s].transpose();
+}
+
+}  // namespace
+
+Index Model::states() const { return state_dim.empty() ? 0 : *std::max_element(state_dim.begin(), state_dim.end()); }
+
+Index Model::full_begin() const {
+  return k_begin + (std::max_element(state_dim.begin(), state_dim.end()) - state_dim.begin());
+}
+
+Index Model::full_end() const {
+  Index k = full_begin();
+  while (k <= k_end() && n(k) == states()) ++k;
+  return k;
+}
+
+Index Model::max_lags() const {
+  return lags.empty() ? 1 : std::max<Index>(1, *std::max_element(lags.begin(), lags.end()));
+}
+
+void Model::check() const {
+  const Index s_end = steps();
+  if (inputs < 0 || outputs < 1 || k_begin < 0)
+    throw std::invalid_argument(fmt::format("model: {} inputs, {} outputs, first step {}", inputs, outputs, k_begin));
+  if (!(dt > 0) || !std::isfinite(dt))
+    throw std::invalid_argument(fmt::format("model: dt = {} found, a positive time in seconds needed", dt));
+  check_length("B", B, s_end, false);
+  check_length("C", C, s_end, false);
+  check_length("D", D, s_end, false);
+  check_length("G", G, s_end, false);
+  check_length("state_dim", state_dim, s_end + 1, false);
+  check_length("innovation_cov", innovation_cov, s_end, true);
+  check_length("singular_values", singular_values, s_end, true);
+  check_length("condition", condition, s_end, true);
+  check_length("rank", rank, s_end, true);
+  check_length("lags", lags, s_end, true);
+  check_length("Q", Q, s_end, true);
+  check_length("R", R, s_end, true);
+  check_length("K", K, s_end, true);
+  for (Index s = 0; s < s_end; ++s) {
+    const size_t i = static_cast<size_t>(s);
+    const Index now = state_dim[i], next = state_dim[i + 1];
+    check_shape("A", s, A[i], next, now);
+    check_shape("B", s, B[i], next, inputs);
+    check_shape("C", s, C[i], outputs, now);
+    check_shape("D", s, D[i], outputs, inputs);
+    check_shape("G", s, G[i], next, outputs);
+    if (!innovation_cov.empty()) check_shape("innovation_cov", s, innovation_cov[i], outputs, outputs);
+    if (!Q.empty()) check_shape("Q", s, Q[i], next, next);
+    if (!R.empty()) check_shape("R", s, R[i], outputs, outputs);
+    if (!K.empty()) check_shape("K", s, K[i], now, outputs);
+  }
+  if (u_nominal.size() > 0 || y_nominal.size() > 0) {
+    if (u_nominal.cols() != inputs || y_nominal.cols() != outputs || u_nominal.rows() != y_nominal.rows())
+      throw std::invalid_argument(fmt::format(
+          "model: u_nominal is {} x {} and y_nominal {} x {}, equal steps with {} inputs and {} outputs needed",
+          u_nominal.rows(), u_nominal.cols(), y_nominal.rows(), y_nominal.cols(), inputs, outputs));
+  }
+}
+
+Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) {
+  check_channels(model, inputs, false);
+  const Index experiments = inputs.experiments(), end = std::min(model.k_end(), inputs.steps());
+  Ensemble result = outputs_for(model, inputs);
+  if (model.steps() == 0) return result;
+  const Index n0 = model.state_dim.front();
+  if (x0.size() > 0 && (x0.rows() != n0 || x0.cols() != experiments))
+    throw std::invalid_argument(
+        fmt::format("x0: {} x {} found, {} states x {} experiments needed", x0.rows(), x0.cols(), n0, experiments));
+  Matrix x = x0.size() > 0 ? Matrix(x0.transpose()) : Matrix(Matrix::Zero(experiments, n0));
+  for (Index k = model.k_begin; k < end; ++k) {
+    const Matrix u = input_departure(model, inputs, k);
+    store_output(model, k, output(model, k, x, u), result);
+    x = next_state(model, k, x, u);
+  }
+  return result;
+}
+
+namespace {
+
+// The observer over all experiments, one row each. `blind` counts the steps for which an experiment's state is not yet,
+// or no longer, known.
+class Observer {
+ public:
+  Observer(const Model& model, const Ensemble& data) : model_(model), data_(data) {}
+
+  void start(Index k, Matrix x) {
+    k_ = k;
+    x_ = std::move(x);
+    blind_.assign(size_t(data_.experiments()), 0);
+    for (Index n = 0; n < x_.rows(); ++n)
+      if (!x_.row(n).allFinite()) forget(n);
+  }
+
+  Index k() const { return k_; }
+
+  // Predictions of output(k), computed from `horizon` - 1 steps without correction. Rows of NaN where the state is not
+  // known.
+  Matrix predicted(Index horizon) const {
+    Matrix x = x_;
+    for (size_t n = 0; n < blind_.size(); ++n)
+      if (blind_[n] > 0) x.row(Index(n)).setConstant(nan);
+    const Index last = k_ + horizon - 1;
+    for (Index k = k_; k < last; ++k) x = next_state(model_, k, x, input_departure(model_, data_, k));
+    Matrix y = output(model_, last, x, input_departure(model_, data_, last));
+    // Without states the product above can't carry the NaN.
+    for (size_t n = 0; n < blind_.size(); ++n)
+      if (blind_[n] > 0) y.row(Index(n)).setConstant(nan);
+    return y;
+  }
+
+  // x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k)                                                          (9)
+  void advance() {
+    Matrix u = input_departure(model_, data_, k_);
+    for (Index n = 0; n < u.rows(); ++n) {
+      blind_[size_t(n)] = std::max<Index>(0, blind_[size_t(n)] - 1);
+      if (u.row(n).allFinite()) continue;
+      for (double& value : u.row(n))
+        if (!std::isfinite(value)) value = 0.0;
+      blind_[size_t(n)] = model_.max_lags();
+    }
+    Matrix innovation = output_departure(model_, data_, k_) - output(model_, k_, x_, u);
+    for (double& e : innovation.reshaped())
+      if (std::isnan(e)) e = 0.0;  // a missing output corrects nothing
+    x_ = next_state(model_, k_, x_, u) - innovation * model_.G[model_.at(k_)].transpose();
+    ++k_;
+  }
+
+ private:
+  void forget(Index n) {
+    x_.row(n).setZero();
+    blind_[size_t(n)] = model_.max_lags();
+  }
+
+  const Model& model_;
+  const Ensemble& data_;
+  Index k_ = 0;
+  Matrix x_;  // (N × n_k)
+  std::vector<Index> blind_;
+};
+
+}  // namespace
+
+Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options) {
+  check_channels(model, data, true);
+  const Index horizon = options.horizon;
+  if (horizon < 1) throw std::invalid_argument(fmt::format("horizon: {} found, at least 1 needed", horizon));
+  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  const Index end = std::min(model.k_end(), data.steps());
+
+  Prediction result{outputs_for(model, data), {}};
+  result.innovations.assign(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
+  if (model.steps() == 0) return result;
+
+  Observer observer(model, data);
+  Index first = model.k_begin;  // first step with a prediction
+  if (initial == InitialState::zero) {
+    observer.start(model.k_begin, Matrix::Zero(data.experiments(), model.state_dim.front()));
+    // Before the horizon has passed, the known initial state is the latest information.
+    for (Index ahead = 1; ahead < horizon && first + ahead - 1 < end; ++ahead)
+      store_output(model, first + ahead - 1, observer.predicted(ahead), result.y);
+  } else {
+    const Index start = model.full_begin(), window = model.max_lags();
+    if (start + window >= end) return result;
+    first = start + window;
+    observer.start(start, estimate_state(model, data, start, window).transpose());
+  }
+  while (observer.k() < end) {
+    const Index k = observer.k();
+    if (k >= first) {
+      result.innovations[size_t(k)] = output_departure(model, data, k) - observer.predicted(1);
+      if (k + horizon <= end) store_output(model, k + horizon - 1, observer.predicted(horizon), result.y);
+    }
+    observer.advance();
+  }
+  return result;
+}
+
+namespace {
+
+// The samples of one experiment that a state estimate can use: bit per output of the window, and whether all inputs are
+// there.
+std::vector<bool> pattern(const Ensemble& data, Index n, Index k, Index window) {
+  std::vector<bool> present;
+  for (Index j = k; j < k + window; ++j) {
+    for (Index i = 0; i < data.inputs(); ++i) present.push_back(std::isfinite(data.u(n, j, i)));
+    for (Index i = 0; i < data.outputs(); ++i) present.push_back(std::isfinite(data.y(n, j, i)));
+  }
+  return present;
+}
+
+// States of experiments with the same samples present.
+Matrix estimate_alike(const Model& model, const Ensemble& data, Index k, Index window, const Matrix& whitener) {
+  const Index m = model.outputs, experiments = data.experiments(), n = model.n(k);
+  Matrix sensitivity(window * m, n), innovations(window * m, experiments);
+  Matrix transition = Matrix::Identity(n, n);  // of the error of x_k through the observer
+  Matrix x = Matrix::Zero(experiments, n);
+  for (Index j = k; j < k + window; ++j) {
+    const size_t s = model.at(j);
+    const Matrix u = input_departure(model, data, j);
+    Matrix innovation = output_departure(model, data, j) - output(model, j, x, u);
+    Vector present = Vector::Ones(m);
+    for (Index i = 0; i < m; ++i)
+      if (!std::isfinite(data.y(0, j, i))) present(i) = 0.0, innovation.col(i).setZero();
+    const Matrix seen = present.asDiagonal() * model.C[s];
+    sensitivity.middleRows((j - k) * m, m) = whitener * seen * transition;
+    innovations.middleRows((j - k) * m, m) = whitener * innovation.transpose();
+    x = next_state(model, j, x, u) - innovation * model.G[s].transpose();
+    transition = (model.A[s] + model.G[s] * seen) * transition;
+  }
+  return linalg::pseudo_inverse(sensitivity) * innovations;
+}
+
+}  // namespace
+
+Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index window) {
+  check_channels(model, data, true);
+  if (k < model.k_begin || window < 1 || k + window > std::min(model.k_end(), data.steps()))
+    throw std::invalid_argument(fmt::format("estimate_state: steps {} to {} asked for, {} to {} have model and data", k,
+                                            k + window - 1, model.k_begin, std::min(model.k_end(), data.steps()) - 1));
+  // One whitener for the window: the covariance of a single step may be singular by rounding.
+  Matrix covariance = Matrix::Zero(model.outputs, model.outputs);
+  if (!model.innovation_cov.empty())
+    for (Index j = k; j < k + window; ++j) covariance += model.innovation_cov[model.at(j)];
+  const Matrix whitener = linalg::whitener(covariance);
+
+  std::map<std::vector<bool>, std::vector<Index>> groups;
+  for (Index n = 0; n < data.experiments(); ++n) groups[pattern(data, n, k, window)].push_back(n);
+  Matrix x = Matrix::Constant(model.n(k), data.experiments(), nan);
+  for (const auto& [present, rows] : groups) {
+    bool inputs_known = true;
+    for (size_t c = 0; c < present.size(); ++c)
+      inputs_known = inputs_known && (present[c] || Index(c) % data.channels() >= data.inputs());
+    if (!inputs_known) continue;
+    x(Eigen::all, rows) = estimate_alike(model, data.subset(rows), k, window, whitener);
+  }
+  return x;
+}
+
+namespace {
+
+// C_k A_{k-1} … A_{i+1} X_i
+Matrix response(const Model& model, Index k, Index i, const std::vector<Matrix>& entrance) {
+  if (i < model.k_begin || k <= i || k >= model.k_end())
+    throw std::invalid_argument(fmt::format("pulse response: steps k = {}, i = {} asked for, {} <= i < k < {} needed",
+                                            k, i, model.k_begin, model.k_end()));
+  Matrix x = entrance[model.at(i)];
+  for (Index j = i + 1; j < k; ++j) x = model.A[model.at(j)] * x;
+  return model.C[model.at(k)] * x;
+}
+
+}  // namespace
+
+Matrix pulse_response(const Model& model, Index k, Index i) { return response(model, k, i, model.B); }
+Matrix gain_pulse_response(const Model& model, Index k, Index i) { return response(model, k, i, model.G); }
+
+Matrix observability(const Model& model, Index k, Index rows) {
+  const Index count = std::max<Index>(0, std::min(rows, model.k_end() - k));
+  Matrix o(count * model.outputs, model.n(k));
+  Matrix transition = Matrix::Identity(model.n(k), model.n(k));
+  for (Index a = 0; a < count; ++a) {
+    const size_t s = model.at(k + a);
+    o.middleRows(a * model.outputs, model.outputs) = model.C[s] * transition;
+    transition = model.A[s] * transition;
+  }
+  return o;
+}
+
+Model from_step(const Model& model, Index k) {
+  if (k < model.k_begin || k > model.k_end())
+    throw std::invalid_argument(
+        fmt::format("from_step: step {} found, {} to {} needed", k, model.k_begin, model.k_end()));
+  Model result = model;
+  const auto drop = [count = k - model.k_begin](auto& list) {
+    if (!list.empty()) list.erase(list.begin(), list.begin() + count);
+  };
+  for (auto* list :
+       {&result.A, &result.B, &result.C, &result.D, &result.G, &result.innovation_cov, &result.Q, &result.R, &result.K})
+    drop(*list);
+  drop(result.state_dim);
+  drop(result.singular_values);
+  drop(result.condition);
+  drop(result.rank);
+  drop(result.lags);
+  result.k_begin = k;
+  if (k > model.k_begin) {  // the moments describe the state at the old first step
+    result.x0_mean.resize(0);
+    result.x0_cov.resize(0, 0);
+  }
+  return result;
+}
+
+Model transform(const Model& model, const std::vector<Matrix>& S) {
+  if (static_cast<Index>(S.size()) != model.steps() + 1)
+    throw std::invalid_argument(
+        fmt::format("transform: {} matrices found, {} (one for each state) needed", S.size(), model.steps() + 1));
+  Model result = model;
+  std::vector<Matrix> inverse(S.size());
+  for (size_t s = 0; s < S.size(); ++s) {
+    if (S[s].rows() != model.state_dim[s] || S[s].cols() != model.state_dim[s])
+      throw std::invalid_argument(fmt::format("transform: S[{}] is {} x {}, {} x {} needed", s, S[s].rows(),
+                                              S[s].cols(), model.state_dim[s], model.state_dim[s]));
+    inverse[s] = linalg::pseudo_inverse(S[s]);
+  }
+  for (size_t s = 0; s + 1 < S.size(); ++s) {
+    result.A[s] = S[s + 1] * model.A[s] * inverse[s];
+    result.B[s] = S[s + 1] * model.B[s];
+    result.C[s] = model.C[s] * inverse[s];
+    result.G[s] = S[s + 1] * model.G[s];
+    if (!model.Q.empty()) result.Q[s] = S[s + 1] * model.Q[s] * S[s + 1].transpose();
+    if (!model.K.empty()) result.K[s] = S[s] * model.K[s];
+  }
+  if (model.x0_mean.size() > 0) result.x0_mean = S[0] * model.x0_mean;
+  if (model.x0_cov.size() > 0) result.x0_cov = S[0] * model.x0_cov * S[0].transpose();
+  return result;
+}
+
+FramedModel reference_frame(const Model& model, Index s, Index rows) {
+  if (s < model.k_begin || s + rows > model.k_end() || rows < 1 || model.n(s) == 0)
+    throw std::invalid_argument(fmt::format(
+        "reference frame: step {} with {} block rows asked for; a step with states and so many steps behind it is "
+        "needed, states are there at steps {} to {}, the model ends with step {}",
+        s, rows, model.full_begin(), model.full_end() - 1, model.k_end() - 1));
+  const Matrix projection = linalg::pseudo_inverse(observability(model, s, rows));
+  const auto fits = [&](Index k) { return k + rows <= model.k_end() && model.n(k) == model.n(s); };
+  FramedModel result;
+  result.begin = s;
+  while (result.begin > model.k_begin && fits(result.begin - 1)) --result.begin;
+  result.end = s;
+  while (fits(result.end)) ++result.end;
+
+  std::vector<Matrix> S;
+  for (Index k = model.k_begin; k <= model.k_end(); ++k)
+    S.push_back(k >= result.begin && k < result.end ? Matrix(projection * observability(model, k, rows))
+                                                    : Matrix(Matrix::Identity(model.n(k), model.n(k))));
+  result.model = transform(model, S);
+  result.model.frame = "reference";
+  return result;
+}
+
+Model smooth_frame(const Model& model, Index rows) {
+  std::vector<Matrix> S;
+  Matrix previous(0, 0);  // O_{k-1} in the new coordinates
+  for (Index k = model.k_begin; k <= model.k_end(); ++k) {
+    const Index n = model.n(k);
+    const Matrix o = observability(model, k, rows);
+    const Index common = std::min(o.rows(), previous.rows());
+    Matrix target = Matrix::Zero(common, n);
+    const Index shared = std::min(n, previous.cols());
+    target.leftCols(shared) = previous.topLeftCorner(common, shared);
+    const Matrix rotation =
+        common > 0 && n > 0 ? linalg::procrustes(o.topRows(common), target) : Matrix(Matrix::Identity(n, n));
+    S.push_back(rotation.transpose());  // x' = Qᵀ x, so O' = O Q
+    previous = o * rotation;
+  }
+  Model result = transform(model, S);
+  result.frame = "smooth";
+  return result;
+}
+
+Similarity kinematically_similar(const Model& a, const Model& b, double tolerance, Index band) {
+  if (a.inputs != b.inputs || a.outputs != b.outputs)
+    throw std::invalid_argument(fmt::format("kinematically_similar: models with {} and {} inputs, {} and {} outputs",
+                                            a.inputs, b.inputs, a.outputs, b.outputs));
+  const Index begin = std::max(a.k_begin, b.k_begin), end = std::min(a.k_end(), b.k_end());
+  if (band <= 0) band = 2 * std::max(a.states(), b.states());
+  // Forward from each pulse: one product per parameter, and the scale of each step k collected on the way.
+  Vector difference = Vector::Zero(std::max<Index>(0, end - begin)), scale = difference;
+  const auto compare = [&](Index k, const Matrix& x, const Matrix& y) {
+    difference(k - begin) = std::max(difference(k - begin), (x - y).norm());
+    scale(k - begin) = std::max({scale(k - begin), x.norm(), y.norm()});
+  };
+  for (Index i = begin; i < end; ++i) {
+    compare(i, a.D[a.at(i)], b.D[b.at(i)]);
+    Matrix x = a.B[a.at(i)], y = b.B[b.at(i)];
+    for (Index k = i + 1; k < std::min(end, i + 1 + band); ++k) {
+      compare(k, a.C[a.at(k)] * x, b.C[b.at(k)] * y);
+      x = a.A[a.at(k)] * x;
+      y = b.A[b.at(k)] * y;
+    }
+  }
+  Similarity result;
+  for (Index k = 0; k < difference.size(); ++k)
+    if (scale(k) > 0) result.max_difference = std::max(result.max_difference, difference(k) / scale(k));
+  result.similar = result.max_difference <= tolerance;
+  return result;
+}
+
+}  // namespace tokid

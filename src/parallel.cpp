@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/parallel.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace tokid {
+
+void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body) {
+  const Index total = end - begin;
+  if (total <= 0) return;
+  const Index threads = std::min<Index>(
+      execution.threads > 0 ? execution.threads : std::max(1, int(std::thread::hardware_concurrency())), total);
+  // Pieces are smaller than a thread's share so that uneven steps balance and progress is seen.
+  const Index piece = std::max<Index>(1, total / (32 * threads));
+
+  std::atomic<Index> next{begin};
+  std::mutex mutex;
+  std::exception_ptr failure;
+  Index done = 0;
+  const auto work = [&] {
+    for (Index first = next.fetch_add(piece); first < end; first = next.fetch_add(piece)) {
+      try {
+        const Index last = std::min(end, first + piece);
+        body(first, last);
+        const std::lock_guard lock(mutex);
+        done += last - first;
+        if (execution.progress) execution.progress(double(done) / double(total));
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        if (!failure) failure = std::current_exception();
+        next = end;
+      }
+    }
+  };
+
+  std::vector<std::jthread> others;
+  for (Index t = 1; t < threads; ++t) others.emplace_back(work);
+  work();
+  others.clear();  // joins
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace tokid

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The model's equations in NumPy, from the arrays of a model file, written independently of the library."""
+
+import numpy as np
+
+
+def load(path):
+    with np.load(path) as file:
+        return {name: file[name] for name in file.files}
+
+
+def _departures(model, name, values):
+    values = values.copy()
+    if f"{name}_nominal" in model:
+        nominal = model[f"{name}_nominal"]
+        values[:, :len(nominal)] -= nominal[:values.shape[1]]
+    return values
+
+
+def _with_nominal(model, y):
+    if "y_nominal" in model:
+        nominal = model["y_nominal"]
+        y[:, :len(nominal)] += nominal[:y.shape[1]]
+    return y
+
+
+def simulate(model, u):
+    """y (N, T, m) from the zero state at k_begin. The matrices are padded with zeros, which carry nothing."""
+    u = _departures(model, "u", u)
+    begin, (steps, outputs, states) = int(model["k_begin"]), model["C"].shape
+    y = np.full((*u.shape[:2], outputs), np.nan)
+    x = np.zeros((len(u), states))
+    for k in range(begin, min(begin + steps, u.shape[1])):
+        A, B, C, D = (model[name][k - begin] for name in "ABCD")
+        y[:, k] = x @ C.T + u[:, k] @ D.T
+        x = x @ A.T + u[:, k] @ B.T
+    return _with_nominal(model, y)
+
+
+def predict(model, u, y, horizon=1):
+    """H-step predictions from zero initial states; before the horizon has passed, from the initial state."""
+    u, y = _departures(model, "u", u), _departures(model, "y", y)
+    begin, (steps, _, states) = int(model["k_begin"]), model["C"].shape
+    end = min(begin + steps, u.shape[1])
+    state = {begin: np.zeros((len(u), states))}
+    for k in range(begin, end):
+        A, B, C, D, G = (model[name][k - begin] for name in "ABCDG")
+        innovation = y[:, k] - state[k] @ C.T - u[:, k] @ D.T
+        innovation[np.isnan(innovation)] = 0.0  # a missing output corrects nothing
+        state[k + 1] = state[k] @ A.T + u[:, k] @ B.T - innovation @ G.T
+    predicted = np.full(y.shape, np.nan)
+    for k in range(begin, end):
+        j = max(begin, k - horizon + 1)
+        x = state[j]
+        for i in range(j, k):
+            x = x @ model["A"][i - begin].T + u[:, i] @ model["B"][i - begin].T
+        predicted[:, k] = x @ model["C"][k - begin].T + u[:, k] @ model["D"][k - begin].T
+    return _with_nominal(model, predicted)
+
+
+def fit(measured, computed, reference=None):
+    """100 (1 - |y - computed| / |y - reference|) for each output, over the samples that both have."""
+    result = []
+    for j in range(measured.shape[2]):
+        y, c = measured[..., j], computed[..., j]
+        both = ~np.isnan(y) & ~np.isnan(c)
+        r = np.broadcast_to(reference[:, j], y.shape)[both] if reference is not None else y[both].mean()
+        result.append(100 * (1 - np.linalg.norm((y - c)[both]) / np.linalg.norm(y[both] - r)))
+    return np.array(result)
+
+
+def rmse(measured, computed):
+    return np.sqrt(np.nanmean((measured - computed) ** 2, axis=(0, 1)))
+
+
+def assert_close(found, expected, tolerance):
+    """Equal up to `tolerance` times the largest value, and NaN in the same places."""
+    assert found.shape == expected.shape
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
+    scale = np.nanmax(np.abs(expected))
+    assert scale > 0
+    assert np.nanmax(np.abs(found - expected)) <= tolerance * scale
+
+
+def random_system(seed, steps, states, inputs, outputs):
+    """Matrices of a time varying system that neither dies out nor explodes: A is orthogonal, turned a little each step."""
+    rng = np.random.default_rng(seed)
+    A, _ = np.linalg.qr(rng.standard_normal((steps, states, states)))
+    return {"A": A, "B": rng.standard_normal((steps, states, inputs)),
+            "C": rng.standard_normal((steps, outputs, states)), "D": rng.standard_normal((steps, outputs, inputs)),
+            "k_begin": 0}

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""example, identify, info, validate, simulate, predict, convert in every format, with the numbers checked in NumPy."""
+
+import numpy as np
+import pytest
+from support import assert_close, fit, load, predict, rmse, simulate
+
+# Forty steps of a recursion over four states, summed in another order than here, stay within a few hundred units of
+# rounding; 1e-12 leaves room and is still far below anything a wrong term would do.
+ROUNDING = 1e-12
+
+ENSEMBLES = [".npz", ".h5", ".hdf5", ".mat", ".csv"]
+MODELS = [".npz", ".h5", ".mat"]
+
+
+@pytest.mark.parametrize("system,sizes", [("oscillator", (2, 2, 4)), ("rotating-tube", (1, 1, 2))])
+def test_example_has_the_sizes_asked_for(tokid, tmp_path, system, sizes):
+    r, m, n = sizes
+    tokid("example", system, "-o", tmp_path / "data.npz", "--experiments", 30, "--steps", 25, "--free-responses", 6)
+    data = load(tmp_path / "data.npz")
+    assert data["u"].shape == (30, 25, r)
+    assert data["y"].shape == (30, 25, m)
+    assert data["free_y"].shape == (6, 25, m)
+    assert str(data["initial_state"]) == "zero"
+    result = tokid.json("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz")
+    assert result["states"] == n
+    # Free responses give the state its full dimension from the first step on.
+    assert load(tmp_path / "model.npz")["state_dim"][0] == n
+
+
+def test_example_follows_its_options(tokid, tmp_path):
+    def example(*options):
+        tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 5, "--steps", 9, *options)
+        return load(tmp_path / "data.npz")
+
+    plain, again, other = example(), example(), example("--seed", 2)
+    np.testing.assert_array_equal(plain["y"], again["y"])
+    assert not np.array_equal(plain["u"], other["u"])
+    # From rest the first output is the feed-through alone, D = 0.1 I.
+    np.testing.assert_allclose(plain["y"][:, 0], 0.1 * plain["u"][:, 0], rtol=0, atol=1e-15)
+    noisy = example("--measurement-noise", 0.5)
+    np.testing.assert_array_equal(noisy["u"], plain["u"])
+    # 90 samples: the standard deviation is met within a third, far beyond its standard error of 1/13.
+    assert np.std(noisy["y"] - plain["y"]) == pytest.approx(0.5, rel=1 / 3)
+    assert not np.array_equal(example("--process-noise", 0.5)["y"], plain["y"])
+    thrown = example("--initial-state", "unknown")
+    assert str(thrown["initial_state"]) == "unknown"
+    assert np.abs(thrown["y"][:, 0] - 0.1 * thrown["u"][:, 0]).min() > 0
+
+
+@pytest.mark.parametrize("extension", ENSEMBLES)
+def test_every_format_gives_the_same_model(tokid, tmp_path, oscillator, extension):
+    data = tmp_path / f"data{extension}"
+    tokid("convert", oscillator / "data.npz", data)
+    tokid("identify", data, "-o", tmp_path / "model.npz")
+    expected, found = load(oscillator / "model.npz"), load(tmp_path / "model.npz")
+    assert found.keys() == expected.keys()
+    for name in expected:
+        np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+
+
+@pytest.mark.parametrize("extension", MODELS)
+def test_models_of_every_format_compute_the_same(tokid, tmp_path, oscillator, extension):
+    model = tmp_path / f"model{extension}"
+    tokid("identify", oscillator / "data.npz", "-o", model)
+    fresh, computed = load(oscillator / "fresh.npz"), load(oscillator / "model.npz")
+    for command, expected in (("simulate", simulate(computed, fresh["u"])),
+                              ("predict", predict(computed, fresh["u"], fresh["y"]))):
+        tokid(command, model, oscillator / "fresh.npz", "-o", tmp_path / "out.npz")
+        assert_close(load(tmp_path / "out.npz")["y"], expected, ROUNDING)
+
+
+def test_mat73_is_read_back(tokid, tmp_path, oscillator):
+    for name in ("data", "model"):
+        tokid("convert", oscillator / f"{name}.npz", tmp_path / f"{name}.mat", "--mat73")
+        # Version 7.3 is HDF5 behind a header of 512 bytes.
+        assert (tmp_path / f"{name}.mat").read_bytes()[512:520] == b"\x89HDF\r\n\x1a\n"
+        tokid("convert", tmp_path / f"{name}.mat", tmp_path / f"{name}.npz")
+        expected, found = load(oscillator / f"{name}.npz"), load(tmp_path / f"{name}.npz")
+        assert found.keys() == expected.keys()
+        for key in expected:
+            np.testing.assert_array_equal(found[key], expected[key], err_msg=key)
+
+
+@pytest.mark.parametrize("extension", ENSEMBLES)
+def test_computed_ensembles_of_every_format(tokid, tmp_path, oscillator, extension):
+    tokid("simulate", oscillator / "model.npz", oscillator / "fresh.npz", "-o", tmp_path / f"out{extension}")
+    fresh = load(oscillator / "fresh.npz")
+    found = tokid.arrays(tmp_path / f"out{extension}", tmp_path)
+    np.testing.assert_array_equal(found["u"], fresh["u"])
+    assert float(found["dt"]) == 0.05
+    assert_close(found["y"], simulate(load(oscillator / "model.npz"), fresh["u"]), ROUNDING)
+
+
+def test_noise_free_data_are_reproduced(tokid, oscillator):
+    result = tokid.json("validate", oscillator / "model.npz", oscillator / "fresh.npz", "--horizon", 5)
+    for key in ("simulation_fit", "one_step_fit", "horizon_fit"):
+        assert min(result[key]) > 99.9999, key
+    # Noise-free innovations are errors of arithmetic, which no test of whiteness applies to.
+    assert result["whiteness_p"] is None
+    # Outputs of unit order that pass through windows of condition 1e3 keep far more than nine digits.
+    scale = load(oscillator / "fresh.npz")["y"].std(axis=(0, 1))
+    assert np.all(result["simulation_rmse"] < 1e-9 * scale)
+    assert np.all(result["one_step_rmse"] < 1e-9 * scale)
+
+
+@pytest.fixture(scope="module")
+def noisy(tokid, tmp_path_factory):
+    directory = tmp_path_factory.mktemp("noisy")
+    noise = ["--process-noise", 0.1, "--measurement-noise", 0.3, "--steps", 30]
+    tokid("example", "oscillator", "-o", directory / "data.npz", "--experiments", 150, *noise)
+    tokid("example", "oscillator", "-o", directory / "fresh.npz", "--experiments", 20, "--seed", 2, *noise)
+    tokid("identify", directory / "data.npz", "-o", directory / "model.npz", "--lags", 3, "--states", 4)
+    return directory
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 7])
+def test_predictions_are_those_of_the_observer(tokid, tmp_path, noisy, horizon):
+    model, fresh = load(noisy / "model.npz"), load(noisy / "fresh.npz")
+    tokid("predict", noisy / "model.npz", noisy / "fresh.npz", "-o", tmp_path / "out.npz", "--horizon", horizon)
+    found = load(tmp_path / "out.npz")
+    np.testing.assert_array_equal(found["u"], fresh["u"])
+    assert_close(found["y"], predict(model, fresh["u"], fresh["y"], horizon), ROUNDING)
+
+
+def test_validation_figures(tokid, noisy):
+    model, fresh = load(noisy / "model.npz"), load(noisy / "fresh.npz")
+    result = tokid.json("validate", noisy / "model.npz", noisy / "fresh.npz", "--horizon", 4)
+    for key, computed in (("simulation", simulate(model, fresh["u"])),
+                          ("one_step", predict(model, fresh["u"], fresh["y"])),
+                          ("horizon", predict(model, fresh["u"], fresh["y"], 4))):
+        # Fits of tens of percent that agree to ten digits were computed by the same formula.
+        np.testing.assert_allclose(result[f"{key}_fit"], fit(fresh["y"], computed), rtol=0, atol=1e-8)
+        np.testing.assert_allclose(result[f"{key}_rmse"], rmse(fresh["y"], computed), rtol=1e-10)
+    assert 0 <= result["whiteness_p"] <= 1
+
+
+def test_identify_reports_what_validate_finds(tokid, tmp_path, noisy):
+    result = tokid.json("identify", noisy / "data.npz", "-o", tmp_path / "model.npz", "--lags", 3, "--states", 4)
+    assert result["evaluated_on"] == "training"
+    again = tokid.json("validate", tmp_path / "model.npz", noisy / "data.npz")
+    for key in ("simulation_fit", "one_step_fit"):
+        # The same computation twice, less the last digit of the text.
+        np.testing.assert_allclose(result[key], again[key], rtol=1e-9)
+
+
+def test_inputs_alone_are_enough_to_simulate(tokid, tmp_path, oscillator):
+    fresh = load(oscillator / "fresh.npz")
+    np.savez(tmp_path / "inputs.npz", u=fresh["u"], dt=0.05)
+    tokid("simulate", oscillator / "model.npz", tmp_path / "inputs.npz", "-o", tmp_path / "out.npz")
+    expected = simulate(load(oscillator / "model.npz"), fresh["u"])
+    assert_close(load(tmp_path / "out.npz")["y"], expected, ROUNDING)
+    # The noise-free truth, to the accuracy of test_noise_free_data_are_reproduced.
+    assert_close(expected, fresh["y"], 1e-9)
+
+
+def test_fewer_and_more_steps_than_the_model_has(tokid, tmp_path, oscillator):
+    model, rng = load(oscillator / "model.npz"), np.random.default_rng(3)
+    for steps in (7, 60):
+        u = rng.standard_normal((3, steps, 2))
+        np.savez(tmp_path / "inputs.npz", u=u, dt=0.05)
+        shown = tokid("simulate", oscillator / "model.npz", tmp_path / "inputs.npz", "-o", tmp_path / "out.npz").stdout
+        assert ("20 of 60 steps without outputs" in shown) == (steps == 60)
+        y = load(tmp_path / "out.npz")["y"]
+        assert np.isnan(y).any() == (steps == 60)
+        assert_close(y, simulate(model, u), ROUNDING)
+
+
+def test_channel_names_go_along(tokid, tmp_path):
+    tokid("example", "oscillator", "-o", tmp_path / "plain.npz", "--experiments", 20, "--steps", 15)
+    names = {"input_names": ["Drehmoment", "τ2"], "output_names": ["q1", "q2"], "input_units": ["N m", "N m"],
+             "output_units": ["rad", "rad"]}
+    np.savez(tmp_path / "data.npz", **{**load(tmp_path / "plain.npz"), **names})
+    shown = tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.h5").stdout
+    assert "q1 [rad]" in shown
+    shown = tokid("info", tmp_path / "model.h5").stdout
+    assert "Drehmoment [N m], τ2 [N m]" in shown
+    assert tokid.json("info", tmp_path / "model.h5")["output_names"] == names["output_names"]
+    np.savez(tmp_path / "inputs.npz", u=load(tmp_path / "plain.npz")["u"], dt=0.05)
+    tokid("simulate", tmp_path / "model.h5", tmp_path / "inputs.npz", "-o", tmp_path / "out.npz")
+    out = load(tmp_path / "out.npz")
+    for key, value in names.items():
+        assert list(out[key]) == value
+
+
+def test_columns_of_a_csv_by_name(tokid, tmp_path, oscillator):
+    data = load(oscillator / "data.npz")
+    experiments, steps = data["u"].shape[:2]
+    lines = ["experiment,time,torque,force,angle,speed"]
+    lines += [",".join([str(n), repr(k * 0.05), *map(repr, data["u"][n, k].tolist() + data["y"][n, k].tolist())])
+              for n in range(experiments) for k in range(steps)]
+    (tmp_path / "data.csv").write_text("\n".join(lines) + "\n")
+    tokid("identify", tmp_path / "data.csv", "-o", tmp_path / "model.npz", "--inputs", "torque,force", "--outputs",
+          "angle,speed")
+    found = load(tmp_path / "model.npz")
+    assert list(found["input_names"]) == ["torque", "force"]
+    np.testing.assert_array_equal(found["A"], load(oscillator / "model.npz")["A"])
+
+
+def test_output_may_replace_its_input(tokid, tmp_path, oscillator):
+    for name in ("data", "model"):
+        (tmp_path / f"{name}.npz").write_bytes((oscillator / f"{name}.npz").read_bytes())
+    tokid("simulate", tmp_path / "model.npz", tmp_path / "data.npz", "-o", tmp_path / "data.npz")
+    expected = simulate(load(oscillator / "model.npz"), load(oscillator / "data.npz")["u"])
+    assert_close(load(tmp_path / "data.npz")["y"], expected, ROUNDING)
+    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "data.npz")
+    assert "A" in load(tmp_path / "data.npz")
+
+
+@pytest.mark.parametrize("frame", ["reference", "smooth"])
+def test_frames_change_no_output(tokid, tmp_path, oscillator, frame):
+    tokid("identify", oscillator / "data.npz", "-o", tmp_path / "model.npz", "--frame", frame)
+    model, raw = load(tmp_path / "model.npz"), load(oscillator / "model.npz")
+    assert str(model["frame"]) == frame
+    assert not np.allclose(model["A"], raw["A"])
+    fresh = load(oscillator / "fresh.npz")
+    # A change of coordinates costs the digits of its condition, a few hundred here.
+    assert_close(simulate(model, fresh["u"]), simulate(raw, fresh["u"]), 1e-9)
+
+
+def test_reference_step(tokid, tmp_path, oscillator):
+    tokid("identify", oscillator / "data.npz", "-o", tmp_path / "model.npz", "--frame", "reference",
+          "--reference-step", 20)
+    model = load(tmp_path / "model.npz")
+    # x' = O_s+ O_k x leaves the coordinates of the reference step itself alone, and no others.
+    raw = load(oscillator / "model.npz")
+    np.testing.assert_allclose(model["C"][20], raw["C"][20], rtol=0, atol=1e-10 * np.abs(raw["C"][20]).max())
+    assert np.abs(model["C"][21] - raw["C"][21]).max() > 1e-6

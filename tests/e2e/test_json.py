@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What --json promises: one object on stdout with these keys and types, and nothing else there."""
+
+import json
+from numbers import Real
+
+import numpy as np
+import pytest
+from support import load
+
+
+def per_output(value):
+    return isinstance(value, list) and len(value) == 2 and all(v is None or isinstance(v, Real) for v in value)
+
+
+def texts(value):
+    return isinstance(value, list) and all(isinstance(v, str) for v in value)
+
+
+def real(value):
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def count(value):
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def one_of(*words):
+    return lambda value: value in words
+
+
+def check(found, contract):
+    for key, holds in contract.items():
+        assert key in found, f"{key} is missing"
+        assert holds(found[key]), f"{key} = {found[key]!r}"
+
+
+IDENTIFY = {
+    "experiments": count, "steps": count, "inputs": count, "outputs": count, "states": count, "lags": count,
+    "method": one_of("tvera"), "initial_state": one_of("zero", "unknown"), "k_begin": count, "min_experiments": count,
+    "condition_max": real, "rank_deficient_steps": count, "seconds": real, "one_step_fit": per_output,
+    "simulation_fit": per_output, "warnings": texts, "evaluated_on": one_of("training", "held_out"),
+    "nominal": lambda v: isinstance(v, bool), "frame": one_of("raw"), "dt": real, "missing_samples": count,
+    "largest_lag_order": count, "output_names": texts, "held_out_experiments": count, "version": lambda v: v,
+}
+
+
+def test_identify(tokid, tmp_path, oscillator):
+    found = tokid.json("identify", oscillator / "data.npz", "-o", tmp_path / "model.npz")
+    check(found, IDENTIFY)
+    model = load(tmp_path / "model.npz")
+    data = load(oscillator / "data.npz")
+    assert [found[key] for key in ("experiments", "steps", "inputs")] == list(data["u"].shape)
+    assert found["outputs"] == data["y"].shape[2]
+    assert found["states"] == 4 == model["state_dim"].max()
+    assert found["lags"] == 2 == model["lags"].max()
+    assert found["min_experiments"] == 2 + 2 * (2 + 2)
+    assert found["largest_lag_order"] == (60 - 2) // 4
+    assert found["k_begin"] == model["k_begin"] == 0
+    assert found["condition_max"] == pytest.approx(model["condition"].max(), rel=1e-12)  # as many digits as printed
+    regressors = 2 + 4 * model["lags"]
+    assert found["rank_deficient_steps"] == np.count_nonzero(model["rank"] < regressors)
+    assert found["initial_state"] == "zero"
+    assert found["evaluated_on"] == "training"
+    assert found["nominal"] is False
+    assert found["missing_samples"] == 0
+    assert found["dt"] == 0.05
+    assert found["output_names"] == ["y1", "y2"]
+    # Noise-free data: the smallest exact lag order is the best, and the singular values end with a cliff.
+    assert found["lag_order_errors"]["best"] == 2
+    errors = found["lag_order_errors"]["mean_log_error"]
+    assert errors[1] < errors[0] - 20
+    assert found["singular_value_gap"] is None or found["singular_value_gap"] > 1e6
+    assert found["nominal_test"]["significant"] is False
+    assert found["initial_state_test"]["decision"] == "zero"
+    assert found["initial_state_test"]["reason"]
+
+
+def test_given_orders_are_not_tested(tokid, tmp_path, oscillator):
+    found = tokid.json("identify", oscillator / "data.npz", "-o", tmp_path / "model.npz", "--lags", 3, "--nominal", "none")
+    check(found, IDENTIFY)
+    assert found["lags"] == 3
+    assert found["lag_order_errors"] is None
+    assert found["nominal_test"] is None
+
+
+def test_validate(tokid, oscillator):
+    found = tokid.json("validate", oscillator / "model.npz", oscillator / "fresh.npz", "--horizon", 3)
+    check(found, {"simulation_fit": per_output, "one_step_fit": per_output, "horizon_fit": per_output,
+                  "simulation_rmse": per_output, "one_step_rmse": per_output, "horizon_rmse": per_output,
+                  "whiteness_p": lambda v: v is None or 0 <= v <= 1, "horizon": lambda v: v == 3, "warnings": texts,
+                  "first_predicted": lambda v: v == 0, "output_names": lambda v: v == ["y1", "y2"]})
+
+
+def test_horizon_of_one_is_the_one_step_prediction(tokid, oscillator):
+    found = tokid.json("validate", oscillator / "model.npz", oscillator / "fresh.npz")
+    assert found["horizon"] == 1
+    assert found["horizon_fit"] == found["one_step_fit"]
+
+
+def test_info_of_an_ensemble(tokid, tmp_path):
+    rng = np.random.default_rng(7)
+    u, y = rng.standard_normal((9, 12, 1)), 1e6 + rng.standard_normal((9, 12, 2))
+    length = np.full(9, 12)
+    length[4] = 10
+    y[0, 3, 1] = y[1, 5, 1] = np.nan
+    np.savez(tmp_path / "data.npz", u=u, y=y, dt=0.25, length=length, free_y=rng.standard_normal((4, 6, 2)),
+             input_names=["F"], input_units=["N"], output_names=["x", "v"], initial_state="unknown")
+    found = tokid.json("info", tmp_path / "data.npz")
+    check(found, {"kind": one_of("ensemble"), "experiments": lambda v: v == 9, "steps": lambda v: v == 12,
+                  "inputs": lambda v: v == 1, "outputs": lambda v: v == 2, "dt": lambda v: v == 0.25,
+                  "missing_samples": lambda v: v == 2, "initial_state": one_of("unknown"),
+                  "length": lambda v: v == length.tolist(),
+                  "free_responses": lambda v: v == {"experiments": 4, "steps": 6},
+                  "largest_lag_order": lambda v: v == (9 - 1) // 3})
+    assert [c["name"] for c in found["channels"]] == ["F", "x", "v"]
+    assert [c["unit"] for c in found["channels"]] == ["N", "", ""]
+    assert [c["kind"] for c in found["channels"]] == ["input", "output", "output"]
+    assert [c["missing"] for c in found["channels"]] == [0, 0, 2]
+    u[4, 10:] = y[4, 10:] = np.nan
+    for channel, values in zip(found["channels"], [u[..., 0], y[..., 0], y[..., 1]]):
+        assert channel["samples"] == np.count_nonzero(~np.isnan(values))
+        assert channel["min"] == np.nanmin(values) and channel["max"] == np.nanmax(values)
+        # A mean of 1e6 beside a spread of 1: rounding of the mean enters the spread at 1e-10.
+        assert channel["mean"] == pytest.approx(np.nanmean(values), rel=1e-12, abs=1e-12)
+        assert channel["std"] == pytest.approx(np.nanstd(values), rel=1e-9)
+
+
+def test_info_of_an_ensemble_that_says_little(tokid, tmp_path):
+    np.savez(tmp_path / "data.npz", u=np.ones((3, 4, 1)))
+    found = tokid.json("info", tmp_path / "data.npz")
+    assert found["outputs"] == 0
+    assert found["length"] is None and found["initial_state"] is None
+    assert found["free_responses"] == {"experiments": 0, "steps": 0}
+
+
+def test_info_of_a_model(tokid, oscillator):
+    found, model = tokid.json("info", oscillator / "model.npz"), load(oscillator / "model.npz")
+    check(found, {"kind": one_of("model"), "method": one_of("tvera"), "frame": one_of("raw"), "states": lambda v: v == 4,
+                  "inputs": lambda v: v == 2, "outputs": lambda v: v == 2, "steps": lambda v: v == 40,
+                  "k_begin": lambda v: v == 0, "k_end": lambda v: v == 40, "dt": lambda v: v == 0.05,
+                  "initial_state": one_of("zero"), "nominal": lambda v: v is False, "version": texts_or_text,
+                  "input_names": lambda v: v == ["u1", "u2"], "output_names": lambda v: v == ["y1", "y2"],
+                  "lags": lambda v: v == {"min": 0, "max": 2}})
+    assert found["state_dim"] == {"min": int(model["state_dim"].min()), "max": 4}
+    full = np.flatnonzero(model["state_dim"] == 4)
+    assert (found["full_begin"], found["full_end"]) == (full[0], full[-1] + 1)
+    assert found["condition_max"] == pytest.approx(model["condition"].max(), rel=1e-12)
+    assert found["rank_deficient_steps"] == np.count_nonzero(model["rank"] < 2 + 4 * model["lags"])
+    assert found["options"]["lags"] == "auto"
+    closed = [A + G @ C for A, G, C in zip(model["A"], model["G"], model["C"])]
+    norms = [np.linalg.norm(b @ a) for a, b in zip(closed, closed[1:])]
+    # Products at rounding level have no digits that NumPy and the library share, but the same size.
+    assert found["deadbeat_product_norm"] < 1e-9
+    assert np.median(norms) < 1e-9
+
+
+def texts_or_text(value):
+    return isinstance(value, str) and value.count(".") == 2
+
+
+def test_names_are_valid_text_whatever_they_hold(tokid, tmp_path):
+    name = 'a "quoted"\nname\twith \\ and é'
+    np.savez(tmp_path / "data.npz", u=np.ones((3, 4, 1)), y=np.ones((3, 4, 1)), output_names=[name])
+    assert tokid.json("info", tmp_path / "data.npz")["channels"][1]["name"] == name
+    # For people, every channel keeps to its line.
+    lines = tokid("info", tmp_path / "data.npz").stdout.splitlines()
+    assert any('a "quoted" name with \\ and é' in line for line in lines)
+
+
+@pytest.mark.parametrize("command", [["identify", "data.npz", "-o", "model.npz"], ["info", "data.npz"]])
+def test_failures_print_nothing_on_stdout(tokid, tmp_path, command):
+    result = tokid(*command, "--json", status=2, cwd=tmp_path)
+    assert result.stdout == ""
+
+
+def test_not_a_number_is_null(tokid, tmp_path, oscillator):
+    # Beyond the last step of the model nothing is predicted, and a fit of nothing is no number.
+    data = load(oscillator / "fresh.npz")
+    data["y"][:, :, 1] = np.nan
+    data["y"][0, 0, 1] = 1.0  # a channel without a single sample would be refused
+    np.savez(tmp_path / "data.npz", **data)
+    text = tokid("validate", oscillator / "model.npz", tmp_path / "data.npz", "--horizon", 2, "--json").stdout
+    assert "nan" not in text.lower() and "inf" not in text.lower()
+    assert json.loads(text)["one_step_fit"][1] is None

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/ensemble.hpp"
+
+#include <gtest/gtest.h>
+
+#include "testing.hpp"
+
+namespace tokid::testing {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+// Every sample tells where it belongs: 10000·experiment + 100·step + channel.
+Ensemble numbered(Index experiments, Index steps, Index inputs, Index outputs) {
+  Ensemble e(experiments, steps, inputs, outputs);
+  for (Index n = 0; n < experiments; ++n)
+    for (Index k = 0; k < steps; ++k) {
+      for (Index i = 0; i < inputs; ++i) e.u(n, k, i) = double(10000 * n + 100 * k + i);
+      for (Index j = 0; j < outputs; ++j) e.y(n, k, j) = double(10000 * n + 100 * k + inputs + j);
+    }
+  return e;
+}
+
+template <class Call>
+std::string message(Call&& call) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "no exception";
+}
+
+TEST(Ensemble, WindowHoldsTheOldestLagFirstAndTheInputOfTheStepLast) {
+  const Ensemble e = numbered(3, 6, 2, 1);
+  const Matrix w = e.window(4, 2);
+  ASSERT_EQ(w.cols(), 2 * 3 + 2);
+  const double expected[] = {200, 201, 202, 300, 301, 302, 400, 401};
+  for (Index c = 0; c < w.cols(); ++c) EXPECT_EQ(w(1, c), 10000 + expected[c]);
+  EXPECT_EQ(e.window_and_output(4, 2).rightCols(1), e.output(4));
+  EXPECT_EQ(e.window(0, 0), e.input(0));
+}
+
+TEST(Ensemble, CompleteRowsAreThoseWithoutAMissingSampleInTheWindow) {
+  Ensemble e = numbered(4, 6, 1, 1);
+  e.y(0, 1, 0) = nan;
+  e.u(2, 3, 0) = nan;
+  EXPECT_EQ(e.missing(), 2);
+  EXPECT_EQ(e.complete_rows(1, 1), (std::vector<Index>{1, 2, 3}));
+  EXPECT_EQ(e.complete_rows(3, 2), (std::vector<Index>{1, 3}));
+  EXPECT_EQ(e.complete_rows(5, 1), (std::vector<Index>{0, 1, 2, 3}));
+}
+
+TEST(Ensemble, SubsetAndSplitKeepWholeExperiments) {
+  Ensemble e = numbered(10, 3, 1, 2);
+  e.length = {3, 3, 3, 3, 3, 3, 3, 3, 3, 2};
+  const Split parts = split(e, 0.3);
+  ASSERT_EQ(parts.training.experiments(), 7);
+  ASSERT_EQ(parts.held_out.experiments(), 3);
+  EXPECT_EQ(parts.held_out.length.back(), 2);
+  // The held-out experiments are spread over the campaign.
+  std::vector<double> first;
+  for (Index n = 0; n < 3; ++n) first.push_back(parts.held_out.u(n, 0, 0) / 10000);
+  EXPECT_EQ(first, (std::vector<double>{3, 6, 9}));
+  for (const double bad : {0.0, 1.0, -0.1, 0.01, 0.99, nan}) EXPECT_THROW(split(e, bad), std::invalid_argument) << bad;
+}
+
+TEST(Ensemble, ChecksNameChannelExperimentAndStep) {
+  Ensemble e = numbered(3, 4, 1, 2);
+  e.names.output_names = {"angle", "rate"};
+  EXPECT_NO_THROW(e.check());
+  Ensemble infinite = e;
+  infinite.y(1, 2, 1) = std::numeric_limits<double>::infinity();
+  EXPECT_NE(message([&] { infinite.check(); }).find("output rate: infinite value in experiment 1 at step 2"),
+            std::string::npos);
+  Ensemble silent = e;
+  for (Index k = 0; k < 4; ++k) silent.output(k).col(0).setConstant(nan);
+  EXPECT_NE(message([&] { silent.check(); }).find("output angle: all 12 samples are missing"), std::string::npos);
+  Ensemble misnamed = e;
+  misnamed.names.input_names = {"a", "b"};
+  EXPECT_NE(message([&] { misnamed.check(); }).find("input_names: 2 given for 1"), std::string::npos);
+  Ensemble overlong = e;
+  overlong.length = {4, 5, 4};
+  EXPECT_NE(message([&] { overlong.check(); }).find("length: 5 found, 0 to 4 needed"), std::string::npos);
+  EXPECT_THROW(Ensemble(1, 1, 0, 0), std::invalid_argument);
+  EXPECT_THROW(Ensemble(1, 1, 1, 1, 0.0), std::invalid_argument);
+  EXPECT_THROW(initial_state_from("rest"), std::invalid_argument);
+  EXPECT_EQ(initial_state_from(to_string(InitialState::unknown)), InitialState::unknown);
+}
+
+TEST(Nominal, IsTheMeanOfTheSamplesThatAreThere) {
+  Ensemble e = numbered(3, 2, 1, 1);
+  e.y(2, 1, 0) = nan;
+  const Nominal nominal = nominal_trajectory(e);
+  EXPECT_DOUBLE_EQ(nominal.u(1, 0), 10100);
+  EXPECT_DOUBLE_EQ(nominal.y(1, 0), 5101);
+  const Ensemble rest = departures(e, nominal);
+  EXPECT_DOUBLE_EQ(rest.u(0, 1, 0), -10000);
+  EXPECT_TRUE(std::isnan(rest.y(2, 1, 0)));
+}
+
+// One run in a thousand may reach the threshold; of 400 true nulls, five or more would have a probability of 1e-4. The
+// channels here move so slowly that all steps of an experiment are nearly the same number, the worst case for such a
+// test.
+TEST(Nominal, TestKeepsItsPromiseForStronglyCorrelatedMotion) {
+  int alarms = 0;
+  for (std::uint64_t seed = 0; seed < 400; ++seed) {
+    Random random(seed);
+    Ensemble e(12, 20, 1, 1);
+    for (Index n = 0; n < 12; ++n) {
+      const double level = random.normal();
+      for (Index k = 0; k < 20; ++k)
+        e.u(n, k, 0) = level + 0.01 * random.normal(), e.y(n, k, 0) = 2 * level + 0.01 * random.normal();
+    }
+    alarms += test_nominal(e).significant;
+  }
+  EXPECT_LT(alarms, 5);
+}
+
+TEST(Nominal, TestSeesAMotionOfTwiceTheSpread) {
+  Random random(1);
+  Ensemble e(20, 50, 1, 1);
+  for (Index k = 0; k < 50; ++k) {
+    e.input(k) = random.matrix(20, 1);
+    e.output(k) = random.matrix(20, 1).array() + 2 * std::sin(0.1 * double(k) + 1);
+  }
+  EXPECT_TRUE(test_nominal(e).significant);
+  EXPECT_FALSE(test_nominal(e.subset({3})).significant);  // a single experiment has no spread
+}
+
+}  // namespace
+}  // namespace tokid::testing

@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/gtv_arx.hpp"
+
+#include <gtest/gtest.h>
+
+#include "testing.hpp"
+
+namespace tokid::testing {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+Ensemble with_noise(Ensemble e, double sigma, std::uint64_t seed) {
+  Random random(seed);
+  for (Index k = 0; k < e.steps(); ++k) e.output(k) += sigma * random.matrix(e.experiments(), e.outputs());
+  return e;
+}
+
+TEST(GtvArx, ExplainsNoiseFreeDataCompletely) {
+  for (const SystemSize size : {SystemSize{1, 1, 1}, {4, 2, 2}, {3, 1, 2}, {3, 2, 1}, {2, 3, 1}, {6, 2, 3}})
+    for (const Index extra : {0, 2}) {
+      const Index p = smallest_lag_order(size) + extra, n = minimum_experiments(size.r, size.m, p) + 5;
+      const Ensemble e = random_experiments(random_system(size, 20, 1.0, 7), n, 8);
+      GtvArxOptions options;
+      options.lags = {p};
+      options.leverages = true;
+      const GtvArx arx = gtv_arx(e, options);
+      ASSERT_EQ(arx.steps(), 20);
+      for (Index k = 0; k < 20; ++k) {
+        const GtvArxStep& s = arx.step[size_t(k)];
+        EXPECT_EQ(s.lags, std::min(p, k));
+        EXPECT_EQ(s.rows, n);
+        // Least-squares residuals are rounding errors of the outputs, whatever the condition of the window.
+        const Matrix residual = e.output(k) - e.window(k, s.lags) * s.coefficients.transpose();
+        EXPECT_LE(residual.norm(), 1e4 * epsilon * e.output(k).norm()) << name(size) << " k " << k;
+        // Rank: the inputs and the states they reached (math.md 2).
+        EXPECT_LE(s.rank, size.r * (s.lags + 1) + size.n);
+        EXPECT_NEAR(s.leverages.sum(), double(s.rank), 1e-8);  // the trace of a projector
+      }
+    }
+}
+
+TEST(GtvArx, CoefficientsOfTheSmallestOrderAreThoseOfTheDeadbeatObserver) {
+  // Scalar system x⁺ = a x + b u, y = x: y_k = a y_{k-1} + b u_{k-1}.
+  const Model system = random_system({1, 1, 1}, 12, 0.9, 3);
+  Model plain = system;
+  for (Matrix& c : plain.C) c.setOnes();
+  for (Matrix& d : plain.D) d.setZero();
+  const GtvArx arx = gtv_arx(random_experiments(plain, 10, 4), {});
+  for (Index k = 2; k < 12; ++k) {
+    EXPECT_NEAR(arx.output_block(k, 1)(0, 0), plain.A[size_t(k - 1)](0, 0), 1e-12);
+    EXPECT_NEAR(arx.input_block(k, 1)(0, 0), plain.B[size_t(k - 1)](0, 0), 1e-12);
+    EXPECT_NEAR(arx.D(k)(0, 0), 0.0, 1e-12);
+  }
+}
+
+TEST(GtvArx, MinimumNormSolutionIsThatOfThePseudoInverseInScaledColumns) {
+  const SystemSize size{3, 2, 1};
+  const Ensemble e = random_experiments(random_system(size, 14, 1.0, 5), 60, 6);
+  GtvArxOptions options;
+  options.lags = {4};  // p·m = 8 > n = 3: rank deficient
+  const GtvArx arx = gtv_arx(e, options);
+  for (Index k = 7; k < 14; ++k) {  // from here on the states of step k - 4 span all directions
+    const GtvArxStep& s = arx.step[size_t(k)];
+    EXPECT_EQ(s.rank, size.r * 5 + size.n) << k;
+    Matrix w = e.window(k, 4);
+    const Vector norms = w.colwise().norm();
+    w *= norms.cwiseInverse().asDiagonal();
+    const Matrix expected =
+        (norms.cwiseInverse().asDiagonal() * (linalg::pseudo_inverse(w, 1e-11) * e.output(k))).transpose();
+    EXPECT_LE((s.coefficients - expected).norm(), 1e-9 * expected.norm()) << k;
+  }
+}
+
+TEST(GtvArx, LagOrderMayDifferPerStep) {
+  const Ensemble e = random_experiments(random_system({2, 1, 1}, 10, 1.0, 9), 30, 10);
+  GtvArxOptions options;
+  for (Index k = 0; k < 10; ++k) options.lags.push_back(2 + k % 3);
+  options.lags.erase(options.lags.begin());
+  const GtvArx arx = gtv_arx(e, options);
+  for (Index k = 0; k < 10; ++k) {
+    const Index p = std::min(k, options.lags[size_t(k)]);
+    EXPECT_EQ(arx.step[size_t(k)].lags, p);
+    GtvArxOptions alone;
+    alone.lags = {std::max<Index>(1, p)};
+    EXPECT_EQ(arx.step[size_t(k)].coefficients, gtv_arx(e, alone).step[size_t(k)].coefficients);
+  }
+}
+
+TEST(GtvArx, UnknownInitialStatesLeaveTheStepsFromPOnExact) {
+  const SystemSize size{4, 2, 1};
+  const Ensemble e = random_experiments(random_system(size, 15, 1.0, 11), 20, 12, 100.0);
+  GtvArxOptions options;
+  options.lags = {2};
+  options.initial_state = InitialState::unknown;
+  const GtvArx arx = gtv_arx(e, options);
+  EXPECT_EQ(arx.k_begin, 2);
+  EXPECT_EQ(arx.step[1].coefficients.size(), 0);
+  for (Index k = 2; k < 15; ++k) {
+    const GtvArxStep& s = arx.step[size_t(k)];
+    EXPECT_LE((e.output(k) - e.window(k, 2) * s.coefficients.transpose()).norm(), 1e4 * epsilon * e.output(k).norm());
+  }
+}
+
+TEST(GtvArx, MissingSamplesRemoveTheRowsOfTheStepsTheyTouchAndNothingElse) {
+  const Ensemble e = with_noise(random_experiments(random_system({2, 1, 1}, 12, 1.0, 13), 25, 14), 0.1, 15);
+  Ensemble holes = e;
+  holes.y(3, 6, 0) = nan;
+  holes.u(7, 6, 0) = nan;
+  std::vector<Index> others;
+  for (Index n = 0; n < 25; ++n)
+    if (n != 3 && n != 7) others.push_back(n);
+  GtvArxOptions options;
+  options.lags = {2};
+  const GtvArx whole = gtv_arx(e, options), with_holes = gtv_arx(holes, options),
+               without = gtv_arx(e.subset(others), options);
+  for (Index k = 0; k < 12; ++k) {
+    const bool touched = k >= 6 && k <= 8;
+    EXPECT_EQ(with_holes.step[size_t(k)].rows, touched ? 23 : 25) << k;
+    EXPECT_EQ(with_holes.step[size_t(k)].coefficients, (touched ? without : whole).step[size_t(k)].coefficients) << k;
+  }
+}
+
+TEST(GtvArx, LeveragesAreTheDiagonalOfTheProjector) {
+  const Ensemble noisy = with_noise(random_experiments(random_system({2, 1, 1}, 8, 1.0, 16), 20, 17), 0.1, 18);
+  const Ensemble clean = random_experiments(random_system({2, 1, 1}, 8, 1.0, 16), 20, 17);
+  GtvArxOptions options;
+  options.lags = {4};
+  options.leverages = true;
+  for (const Ensemble& e : {noisy, clean}) {  // full rank, rank deficient
+    const GtvArxStep s = gtv_arx(e, options).step[6];
+    Matrix w = e.window(6, 4);
+    w *= Vector(w.colwise().norm().cwiseInverse()).asDiagonal();
+    const Vector expected = (w * linalg::pseudo_inverse(w, 1e-11)).diagonal();
+    EXPECT_LE((s.leverages - expected).norm(), 1e-9);
+  }
+}
+
+TEST(GtvArx, FewerExperimentsThanUnknownsAreInterpolatedAndSaySo) {
+  const Ensemble e = with_noise(random_experiments(random_system({2, 1, 1}, 8, 1.0, 19), 4, 20), 0.1, 21);
+  GtvArxOptions options;
+  options.lags = {3};
+  const GtvArxStep s = gtv_arx(e, options).step[5];
+  EXPECT_EQ(s.rank, 4);
+  EXPECT_EQ(s.degrees_of_freedom(), 0);
+  EXPECT_EQ(s.residual_cov.norm(), 0.0);
+  EXPECT_LE((e.output(5) - e.window(5, 3) * s.coefficients.transpose()).norm(), 1e-10);
+}
+
+// residual_cov ⊗ X Xᵀ is the covariance of the coefficients: over 400 noise realisations of a fixed window the scaled
+// squared deviations have mean 1, with a standard error of sqrt(2/400) = 0.07 per coefficient.
+TEST(GtvArx, CoefficientCovarianceIsThatOfRepeatedNoise) {
+  const Index p = 2, k = 5;
+  const Ensemble clean = random_experiments(random_system({2, 1, 1}, 8, 1.0, 22), 30, 23);
+  GtvArxOptions options;
+  options.lags = {p};
+  const GtvArxStep truth = gtv_arx(clean, options).step[size_t(k)];
+  Vector sum = Vector::Zero(truth.coefficients.cols());
+  const Index runs = 400;
+  Random random(24);
+  for (Index run = 0; run < runs; ++run) {
+    Ensemble e = clean;
+    e.output(k) += 0.5 * random.matrix(30, 1);  // noise on the output of the step alone keeps its window
+    const GtvArxStep s = gtv_arx(e, options).step[size_t(k)];
+    const Vector variance = 0.25 * s.noise_shape.rowwise().squaredNorm();
+    sum += ((s.coefficients - truth.coefficients).transpose().array().square() / variance.array()).matrix();
+  }
+  for (const double mean : sum / double(runs)) EXPECT_NEAR(mean, 1.0, 5 * std::sqrt(2.0 / double(runs)));
+}
+
+TEST(GtvArx, RefusesLagOrdersThatMakeNoSense) {
+  const Ensemble e = random_experiments(random_system({2, 1, 1}, 8, 1.0, 25), 10, 26);
+  for (const std::vector<Index>& lags : {std::vector<Index>{}, {0}, {1, 2}, {-1}}) {
+    GtvArxOptions options;
+    options.lags = lags;
+    EXPECT_THROW(gtv_arx(e, options), std::invalid_argument);
+  }
+  EXPECT_THROW(gtv_arx(Ensemble(3, 0, 1, 1)), std::invalid_argument);
+  EXPECT_THROW(gtv_arx(Ensemble(3, 4, 1, 0)), std::invalid_argument);
+}
+
+TEST(LagOrder, CountsExperiments) {
+  EXPECT_EQ(minimum_experiments(2, 2, 2), 10);
+  EXPECT_EQ(largest_lag_order(10, 2, 2), 2);
+  EXPECT_EQ(largest_lag_order(9, 2, 2), 1);
+  EXPECT_EQ(largest_lag_order(1, 2, 2), 0);
+}
+
+TEST(LagOrder, LeaveOneOutErrorsAreThoseOfRefitting) {
+  const Index count = 24, p_max = 3;
+  const Ensemble e = with_noise(random_experiments(random_system({2, 1, 1}, 12, 1.0, 27), count, 28), 0.3, 29);
+  LagOrderOptions options;
+  options.p_max = p_max;
+  const LagOrderErrors errors = lag_order_errors(e, options);
+  ASSERT_EQ(errors.error.cols(), p_max);
+  for (size_t s = 0; s < errors.steps.size(); s += 3) {
+    const Index k = errors.steps[s];
+    for (Index p = 1; p <= p_max; ++p) {
+      double sum = 0.0;
+      for (Index out = 0; out < count; ++out) {
+        std::vector<Index> rest;
+        for (Index n = 0; n < count; ++n)
+          if (n != out) rest.push_back(n);
+        GtvArxOptions arx_options;
+        arx_options.lags = {p};
+        const GtvArxStep fit = gtv_arx(e.subset(rest), arx_options).step[size_t(k)];
+        sum += std::pow(e.y(out, k, 0) - (e.window(k, p).row(out) * fit.coefficients.transpose())(0), 2);
+      }
+      EXPECT_NEAR(errors.error(Index(s), p - 1), std::log(sum / e.output(k).squaredNorm()), 1e-9) << k << " " << p;
+    }
+  }
+}
+
+TEST(LagOrder, NoiseFreeDataChooseTheSmallestExactOrder) {
+  for (const SystemSize size : {SystemSize{4, 2, 2}, {3, 1, 1}, {2, 2, 1}}) {
+    const Ensemble e = random_experiments(random_system(size, 40, 1.0, 30), 60, 31);
+    LagOrderOptions options;
+    options.p_max = 5;
+    EXPECT_EQ(lag_order_errors(e, options).best, smallest_lag_order(size)) << name(size);
+  }
+}
+
+TEST(LagOrder, OrdersWithoutADegreeOfFreedomAreNotChosen) {
+  const Ensemble e = with_noise(random_experiments(random_system({2, 1, 1}, 20, 1.0, 32), 6, 33), 0.1, 34);
+  LagOrderOptions options;
+  options.p_max = 8;
+  const LagOrderErrors errors = lag_order_errors(e, options);
+  EXPECT_LE(errors.best, 2);
+  for (Index p = 3; p <= 8; ++p) EXPECT_TRUE(std::isinf(errors.mean(p - 1)));
+}
+
+}  // namespace
+}  // namespace tokid::testing

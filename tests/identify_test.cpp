@@ -1,0 +1,413 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/identify.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include "testing.hpp"
+#include "tokid/example.hpp"
+#include "tokid/observer.hpp"
+
+namespace tokid::testing {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+bool mentions(const std::vector<std::string>& texts, const std::string& part) {
+  return std::any_of(texts.begin(), texts.end(),
+                     [&](const std::string& text) { return text.find(part) != std::string::npos; });
+}
+
+template <class Call>
+std::string message(Call&& call) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "no exception";
+}
+
+// The published example: N = 10 zero-state experiments, p = 2, free responses for the frame at step 0.
+class Published : public ::testing::TestWithParam<std::uint64_t> {
+ protected:
+  static Identification identification(std::uint64_t seed) {
+    const Ensemble e = experiments(oscillator(80), {.experiments = 10, .seed = seed, .free_responses = 8});
+    return identify(e, {.states = 4, .lags = 2});
+  }
+  const Identification result = identification(GetParam());
+  const FramedModel framed = reference_frame(result.model, 0, 3);
+};
+
+TEST_P(Published, ClosedLoopEigenvaluesToAllPrintedDigits) {
+  const double published[3][2] = {{0.43716, -0.048167}, {0.31545, -0.097074}, {-0.14861, 0.048661}};
+  for (int i = 0; i < 3; ++i) {
+    Eigen::VectorXcd eigenvalues = framed.model.closed_loop(34 + i).eigenvalues();  // the paper's 35, 36, 37
+    std::sort(eigenvalues.begin(), eigenvalues.end(), [](auto a, auto b) { return std::abs(a) > std::abs(b); });
+    for (int j = 0; j < 2; ++j) {
+      const double unit = std::pow(10.0, std::floor(std::log10(std::abs(published[i][j]))) - 4);  // of the fifth digit
+      EXPECT_NEAR(eigenvalues(j).real(), published[i][j], 0.5 * unit) << "k = " << 34 + i;
+      EXPECT_EQ(eigenvalues(j).imag(), 0.0);
+      // Double zero eigenvalues of a matrix known to ε·κ ~ 1e-12 are known to its square root at the worst.
+      EXPECT_LE(std::abs(eigenvalues(2 + j)), 1e-6);
+    }
+  }
+}
+
+TEST_P(Published, ClosedLoopMatricesUpToOneSimilarity) {
+  const Matrix paper[3] = {Matrix{{-1.7924, 0.4678, 0.1630, 0.5778},  // (80)
+                                  {-0.7301, -0.4380, -2.8865, -0.1330},
+                                  {1.1874, -0.1662, 0.5671, -0.2986},
+                                  {-5.7243, 1.8475, 2.1805, 2.0524}},
+                           Matrix{{-2.0405, 0.3357, 0.0016, 0.5965},  // (79)
+                                  {-1.7735, -0.7681, -3.2887, -0.0289},
+                                  {1.7902, -0.0270, 0.8290, -0.3852},
+                                  {-6.9208, 1.4773, 1.0572, 2.1980}},
+                           Matrix{{-2.4701, 0.1432, -0.2323, 0.6315},  // (81)
+                                  {-2.3403, -0.8353, -3.3551, 0.0362},
+                                  {2.0767, 0.0773, 0.8335, -0.4165},
+                                  {-8.8651, 0.6963, -0.2452, 2.3719}}};
+  // T paper = ours T for all three: the null vector of (paperᵀ ⊗ I - I ⊗ ours) vec(T), stacked.
+  Matrix equations = Matrix::Zero(48, 16);
+  for (int i = 0; i < 3; ++i) {
+    const Matrix ours = framed.model.closed_loop(34 + i);
+    for (int c = 0; c < 4; ++c)
+      for (int b = 0; b < 4; ++b) {
+        auto block = equations.block(16 * i + 4 * c, 4 * b, 4, 4);
+        block.diagonal().array() += paper[i](b, c);
+        if (b == c) block -= ours;
+      }
+  }
+  const linalg::Svd d = linalg::svd(equations);
+  EXPECT_LE(d.s(15), 1e-4);
+  EXPECT_GT(d.s(14), 1e-2);  // the similarity is unique
+  const Matrix t = Eigen::Map<const Matrix>(Vector(d.v.col(15)).data(), 4, 4);
+  for (int i = 0; i < 3; ++i) {
+    const Matrix computed = t.inverse() * framed.model.closed_loop(34 + i) * t;
+    EXPECT_LE((computed - paper[i]).cwiseAbs().maxCoeff(), 1e-4) << "k = " << 34 + i;
+  }
+}
+
+TEST_P(Published, ObserverIsDeadbeatAwayFromTheFirstSteps) {
+  const std::vector<double> products = deadbeat_products(result.model, 2);
+  for (size_t k = 4; k < products.size(); ++k) EXPECT_LE(products[k], 1e-10) << k;
+}
+
+TEST_P(Published, OutputsOfFreshExperimentsFromStepZeroToTheLast) {
+  const Ensemble fresh = experiments(oscillator(80), {.experiments = 30, .seed = GetParam() + 1000});
+  EXPECT_LE(output_error(fresh, simulate(result.model, fresh)), 1e-9);
+  EXPECT_EQ(result.model.k_begin, 0);
+  EXPECT_EQ(result.model.k_end(), 80);
+  EXPECT_TRUE(result.warnings.empty());
+  EXPECT_EQ(result.min_experiments, 10);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, Published, ::testing::Values(1, 2, 3, 4, 5, 6, 7, 8),
+                         [](const auto& test) { return "seed" + std::to_string(test.param); });
+
+// Noise-free recovery on random systems, whose matrices are independent from step to step.
+struct Case {
+  SystemSize size;
+  double growth;      // largest singular value of A_k: the origin is stable below 1, unstable above about 1.2
+  bool smallest_too;  // also with p = p_min
+};
+
+class Recovery : public ::testing::TestWithParam<Case> {
+ protected:
+  template <class Check>
+  void for_each_setting(Check&& check) {
+    const SystemSize size = GetParam().size;
+    for (const Index extra : {0, 3}) {
+      if (extra == 0 && !GetParam().smallest_too) continue;
+      const Index p = smallest_lag_order(size) + extra;
+      const Index steps = std::max<Index>(30, 4 * p + 2 * size.n);
+      const Model system =
+          random_system(size, steps, GetParam().growth, std::uint64_t(size.n + 10 * size.m + 100 * size.r));
+      for (const Index experiments : {minimum_experiments(size.r, size.m, p) + 5, Index(200)}) {
+        SCOPED_TRACE("p = " + std::to_string(p) + ", N = " + std::to_string(experiments));
+        check(system, p, experiments);
+      }
+    }
+  }
+};
+
+TEST_P(Recovery, MarkovParametersAndFreshOutputsFromRest) {
+  for_each_setting([&](const Model& system, Index p, Index count) {
+    const Identification result =
+        identify(random_experiments(system, count, 1), {.lags = p, .initial_state = InitialState::zero});
+    EXPECT_EQ(result.model.steps(), system.steps());
+    EXPECT_EQ(result.model.states(), system.states());
+    EXPECT_LE(kinematically_similar(result.model, system).max_difference, 1e-9);
+    const Ensemble fresh = random_experiments(system, 20, 2);
+    EXPECT_LE(output_error(fresh, simulate(result.model, fresh)), 1e-9);
+    EXPECT_EQ(result.initial_state_test.decision, InitialState::zero);
+  });
+}
+
+TEST_P(Recovery, PredictionsFromUnknownInitialStates) {
+  for_each_setting([&](const Model& system, Index p, Index count) {
+    Ensemble e = random_experiments(system, count, 3, 30.0);
+    const Identification result = identify(e, {.lags = p});
+    EXPECT_EQ(result.initial_state_test.decision, InitialState::unknown) << result.initial_state_test.reason;
+    const Index begin = result.model.k_begin;
+    EXPECT_LE(begin, p + (system.states() + system.inputs - 1) / system.inputs);
+    EXPECT_TRUE(mentions(result.warnings, "the model begins at step " + std::to_string(begin)));
+    const Ensemble fresh = random_experiments(system, 20, 4, 30.0);
+    const Prediction prediction = predict(result.model, fresh);
+    for (Index k = 0; k < system.steps(); ++k) EXPECT_EQ(prediction.y.output(k).allFinite(), k >= begin + p);
+    EXPECT_LE(output_error(fresh, prediction.y), 1e-9);
+  });
+}
+
+// n = 12 with a single input or output appears with p_min + 3 only: at p_min·m = n the deadbeat gains go through the
+// inverse of an n × n observability matrix of independent random steps, whose condition reaches 1e6 and enters squared.
+INSTANTIATE_TEST_SUITE_P(
+    Grid, Recovery,
+    ::testing::Values(Case{{1, 1, 1}, 0.9, true}, Case{{1, 1, 1}, 1.3, true}, Case{{2, 1, 1}, 0.9, true},
+                      Case{{2, 1, 1}, 1.3, true}, Case{{3, 1, 1}, 1.0, true}, Case{{4, 2, 2}, 0.9, true},
+                      Case{{4, 2, 2}, 1.3, true}, Case{{3, 2, 1}, 1.3, true}, Case{{2, 3, 1}, 0.9, true},
+                      Case{{2, 3, 1}, 1.3, true}, Case{{2, 1, 4}, 0.9, true}, Case{{2, 1, 4}, 1.3, true},
+                      Case{{5, 2, 3}, 1.0, true}, Case{{4, 1, 2}, 1.3, true}, Case{{4, 3, 1}, 1.0, true},
+                      Case{{6, 1, 1}, 1.0, true}, Case{{12, 3, 2}, 0.9, true}, Case{{12, 4, 4}, 0.9, true},
+                      Case{{12, 4, 4}, 1.3, true}, Case{{12, 2, 1}, 0.9, false}, Case{{12, 1, 1}, 0.9, false},
+                      Case{{12, 1, 2}, 1.0, false}),
+    [](const auto& test) { return name(test.param.size) + "growth" + std::to_string(int(10 * test.param.growth)); });
+
+TEST(Identify, TimeInvariantSystemsGiveTheModelOfClassicalEra) {
+  const SystemSize size{3, 2, 1};
+  const Model system = constant_system(size, 40, 0.9, 100);
+  const Identification result = identify(random_experiments(system, 30, 101), {.lags = 3});
+  // ERA (Juang 1994): Hankel matrices of the pulse responses h_1, h_2, … of the step where k is large enough.
+  const auto h = [&](Index gap) { return pulse_response(result.model, 30, 30 - gap); };
+  Matrix h0(3 * 2, 3), h1(3 * 2, 3);
+  for (Index a = 0; a < 3; ++a)
+    for (Index b = 0; b < 3; ++b) h0.block(2 * a, b, 2, 1) = h(a + b + 1), h1.block(2 * a, b, 2, 1) = h(a + b + 2);
+  const linalg::Svd d = linalg::svd(h0);
+  const Matrix root = d.s.head(3).cwiseSqrt().cwiseInverse().asDiagonal();
+  const Matrix a = root * d.u.leftCols(3).transpose() * h1 * d.v.leftCols(3) * root;
+  const Matrix b = root * d.u.leftCols(3).transpose() * h0.leftCols(1);
+  const Matrix c = h0.topRows(2) * d.v.leftCols(3) * root;
+  Matrix power = b;
+  for (Index gap = 1; gap < 12; ++gap, power = a * power)
+    for (Index k = gap; k < 40; ++k)
+      EXPECT_LE((pulse_response(result.model, k, k - gap) - c * power).norm(), 1e-9) << k << " " << gap;
+  // The poles are those of the system.
+  Eigen::VectorXcd poles = a.eigenvalues(), truth = system.A[0].eigenvalues();
+  const auto order = [](auto x, auto y) { return std::pair(x.real(), x.imag()) < std::pair(y.real(), y.imag()); };
+  std::sort(poles.begin(), poles.end(), order);
+  std::sort(truth.begin(), truth.end(), order);
+  EXPECT_LE((poles - truth).norm(), 1e-8);
+}
+
+TEST(Identify, ChoosesTheOrdersOfNoiseFreeData) {
+  const Ensemble e = experiments(oscillator(60), {.experiments = 40});
+  const Identification result = identify(e);
+  EXPECT_EQ(result.lags, 2);
+  EXPECT_EQ(result.model.states(), 4);
+  EXPECT_FALSE(result.noisy);
+  EXPECT_EQ(result.lag_order_errors.best, 2);
+}
+
+TEST(Identify, InitialStatesAreToldApartWithAndWithoutNoise) {
+  for (const double noise : {0.0, 0.1})
+    for (const InitialState truth : {InitialState::zero, InitialState::unknown})
+      for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+        Ensemble e = experiments(oscillator(40), {.experiments = 40,
+                                                  .seed = seed,
+                                                  .process_noise = noise / 3,
+                                                  .measurement_noise = noise,
+                                                  .initial_state = truth});
+        e.initial_state.reset();
+        const InitialStateTest test = identify(e, {.states = 4, .lags = 3}).initial_state_test;
+        EXPECT_EQ(test.decision, truth) << "noise " << noise << " seed " << seed << ": " << test.reason;
+      }
+}
+
+TEST(Identify, WhatTheDataOrTheCallerSayOfInitialStatesIsTaken) {
+  Ensemble e = experiments(oscillator(40), {.experiments = 20});
+  EXPECT_EQ(identify(e).initial_state_test.reason, "as the data say");
+  const Identification result = identify(e, {.initial_state = InitialState::unknown});
+  EXPECT_EQ(result.initial_state_test.reason, "as asked");
+  EXPECT_EQ(result.model.k_begin, 4);
+  EXPECT_EQ(result.model.initial_state, InitialState::unknown);
+}
+
+TEST(Identify, NominalTrajectoriesAreFoundRemovedAndAddedBack) {
+  const Model system = oscillator(50);
+  const auto moved = [](Ensemble e) {
+    for (Index k = 0; k < e.steps(); ++k) {
+      e.input(k).array() += 3 * std::sin(0.2 * double(k));
+      e.output(k).array() += 20 * std::cos(0.1 * double(k));
+    }
+    return e;
+  };
+  const Ensemble e = moved(experiments(system, {.experiments = 20}));
+  const Ensemble fresh = moved(experiments(system, {.experiments = 5, .seed = 9}));
+  const Identification result = identify(e);
+  EXPECT_TRUE(result.nominal_test.significant);
+  ASSERT_EQ(result.model.y_nominal.rows(), 50);
+  // The sample mean of 20 experiments is not the true trajectory; but what remains is an affine combination of exact
+  // departures, so the model is exact and the outputs of fresh data are too.
+  EXPECT_TRUE(kinematically_similar(result.model, system, 1e-9).similar);
+  EXPECT_LE(output_error(fresh, simulate(result.model, fresh)), 1e-9);
+  EXPECT_EQ(result.min_experiments, 11);
+  IdentifyOptions none;
+  none.nominal = NominalChoice::none;
+  EXPECT_EQ(identify(e, none).model.y_nominal.size(), 0);
+  EXPECT_FALSE(identify(experiments(system, {.experiments = 20})).nominal_test.significant);
+  EXPECT_EQ(identify(experiments(system, {.experiments = 20})).model.y_nominal.size(), 0);
+}
+
+TEST(Identify, TooFewExperimentsAreCountedAndTheOrderThatWouldDoIsNamed) {
+  const Ensemble e = experiments(oscillator(40), {.experiments = 9});
+  EXPECT_EQ(
+      message([&] { identify(e, {.lags = 2}); }),
+      "experiments: 9 found, lag order 2 with 2 inputs and 2 outputs needs at least 10 (r + p(r+m)); 9 would do for "
+      "lag orders up to 1");
+  EXPECT_NE(message([&] {
+              identify(experiments(oscillator(40), {.experiments = 3}), {.lags = 1});
+            }).find("no lag order will do, 6 are needed for lag order 1"),
+            std::string::npos);
+  EXPECT_NE(message([&] {
+              identify(experiments(oscillator(2), {.experiments = 40}), {.lags = 2});
+            }).find("steps: 2 found, lag order 2 needs at least 3"),
+            std::string::npos);
+  EXPECT_NE(message([&] { identify(e, {.hold_out = 1.0}); }).find("hold-out fraction"), std::string::npos);
+  EXPECT_NE(message([&] { identify(e, {.states = -1}); }).find("states: -1 found"), std::string::npos);
+  Ensemble no_outputs(5, 5, 2, 0);
+  for (Index k = 0; k < 5; ++k) no_outputs.input(k).setOnes();
+  EXPECT_NE(message([&] { identify(no_outputs); }).find("0 outputs found"), std::string::npos);
+}
+
+TEST(Identify, ConstantInputsAreNamedWithTheirSteps) {
+  Ensemble e = experiments(oscillator(40), {.experiments = 30});
+  Ensemble inputs = e;
+  for (Index k = 0; k < 40; ++k) {
+    if (k < 10) inputs.input(k).col(1).setZero();
+    if (k >= 30) inputs.input(k).col(0).setConstant(1.5);
+  }
+  inputs.names.input_names = {"torque", "valve"};
+  Ensemble data = simulate(oscillator(40), inputs);
+  data.names = inputs.names;
+  const Identification result = identify(data, {.states = 4, .lags = 2});
+  EXPECT_TRUE(mentions(result.warnings, "input valve is zero in every experiment at steps 0-9"));
+  EXPECT_TRUE(mentions(result.warnings, "input torque is constant in every experiment at steps 30-39"));
+  for (const auto* list : {&result.model.A, &result.model.B, &result.model.C, &result.model.D, &result.model.G})
+    for (const Matrix& a : *list) EXPECT_TRUE(a.allFinite());
+}
+
+TEST(Identify, HeldOutExperimentsJudgeTheModel) {
+  const Ensemble e = experiments(oscillator(40), {.experiments = 40, .process_noise = 0.01, .measurement_noise = 0.03});
+  const Identification result = identify(e, {.states = 4, .lags = 3, .hold_out = 0.25});
+  EXPECT_TRUE(result.held_out);
+  EXPECT_EQ(result.experiments, 30);
+  EXPECT_EQ(result.validation.one_step.samples, 10 * 40);
+  EXPECT_TRUE(result.noisy);
+}
+
+TEST(Identify, NoiseIsSurvivedByEveryOrderChosenAutomatically) {
+  // The fits that a usable model reaches on fresh data here; a wrong order gives large negative ones.
+  for (const Index count : {30, 100, 400}) {
+    const Model system = oscillator(60);
+    const Identification result =
+        identify(experiments(system, {.experiments = count, .process_noise = 0.01, .measurement_noise = 0.03}));
+    const Ensemble fresh =
+        experiments(system, {.experiments = 100, .seed = 77, .process_noise = 0.01, .measurement_noise = 0.03});
+    const Validation v = validate(result.model, fresh);
+    EXPECT_GT(v.one_step.fit.minCoeff(), 99) << count;
+    EXPECT_GT(v.simulation.fit.minCoeff(), count < 100 ? 85 : 97) << count;
+    EXPECT_GE(result.model.states(), 4);
+    EXPECT_EQ(result.order_scores.best, result.model.states());
+  }
+}
+
+TEST(Identify, FewExperimentsForManyUnknownsAreSaid) {
+  const Ensemble e = experiments(oscillator(40), {.experiments = 15, .measurement_noise = 0.1});
+  EXPECT_TRUE(mentions(identify(e, {.lags = 3}).warnings, "15 experiments are few for the 14 unknowns"));
+  EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10}), {.states = 4}).warnings,
+                       "leave no degree of freedom to judge lag order 2"));
+}
+
+TEST(Identify, AskingForMoreStatesThanThereAreIsAnswered) {
+  const Ensemble e = experiments(oscillator(40), {.experiments = 30});
+  const Identification result = identify(e, {.states = 6, .lags = 3});
+  EXPECT_EQ(result.model.states(), 4);
+  EXPECT_TRUE(mentions(result.warnings, "6 states asked for, but the Hankel matrices have at most rank 4"));
+  EXPECT_TRUE(mentions(identify(e, {.states = 4, .lags = 1}).warnings, "lag order 1 with 2 outputs carries at most 2"));
+}
+
+TEST(Identify, MissingSamplesAndUnequalLengthsCostOnlyTheRowsTheyTouch) {
+  const Model system = oscillator(40);
+  Ensemble e = experiments(system, {.experiments = 60});
+  Random random(5);
+  for (Index n = 0; n < 60; ++n)
+    for (Index k = 0; k < 40; ++k)
+      if (random.uniform(0, 1) < 0.03 || (n % 3 == 0 && k >= 25)) e.y(n, k, k % 2) = nan;
+  const Identification result = identify(e, {.states = 4, .lags = 2});
+  EXPECT_TRUE(kinematically_similar(result.model, system, 1e-9).similar);
+  const Ensemble fresh = experiments(system, {.experiments = 10, .seed = 6});
+  EXPECT_LE(output_error(fresh, simulate(result.model, fresh)), 1e-9);
+  // Where too few experiments are left, the tool says at which steps.
+  for (Index n = 5; n < 60; ++n) e.y(n, 20, 0) = nan;
+  EXPECT_TRUE(mentions(identify(e, {.states = 4, .lags = 2}).warnings,
+                       "fewer experiments than the 10 unknowns at steps 20-22"));
+}
+
+TEST(Identify, FramesAreAppliedAndNamed) {
+  const Ensemble e = experiments(oscillator(40), {.experiments = 20});
+  IdentifyOptions options;
+  for (const auto& [frame, text] :
+       {std::pair{Frame::raw, "raw"}, {Frame::reference, "reference"}, {Frame::smooth, "smooth"}}) {
+    options.frame = frame;
+    const Identification result = identify(e, options);
+    EXPECT_EQ(result.model.frame, text);
+    EXPECT_TRUE(kinematically_similar(result.model, oscillator(40), 1e-9).similar);
+  }
+  options.frame = Frame::reference;
+  options.reference_step = 39;
+  EXPECT_THROW(identify(e, options), std::invalid_argument);
+}
+
+TEST(Identify, SameBitsForAnyNumberOfThreadsAndFromRunToRun) {
+  const Ensemble e = experiments(oscillator(60), {.experiments = 30, .process_noise = 0.1, .measurement_noise = 0.1});
+  const Identification reference = identify(e);
+  for (const int threads : {1, 2, 3, 8}) {
+    IdentifyOptions options;
+    options.execution.threads = threads;
+    const Identification result = identify(e, options);
+    ASSERT_EQ(result.model.steps(), reference.model.steps());
+    for (size_t k = 0; k < result.model.A.size(); ++k) {
+      EXPECT_EQ(result.model.A[k], reference.model.A[k]);
+      EXPECT_EQ(result.model.B[k], reference.model.B[k]);
+      EXPECT_EQ(result.model.C[k], reference.model.C[k]);
+      EXPECT_EQ(result.model.G[k], reference.model.G[k]);
+    }
+  }
+}
+
+TEST(Identify, ProgressRunsFromZeroToOne) {
+  std::vector<double> seen;
+  IdentifyOptions options;
+  options.execution.progress = [&](double share) { seen.push_back(share); };
+  identify(experiments(oscillator(60), {.experiments = 20}), options);
+  ASSERT_GT(seen.size(), 10u);
+  EXPECT_TRUE(std::is_sorted(seen.begin(), seen.end()));
+  EXPECT_EQ(seen.back(), 1.0);
+}
+
+TEST(Identify, OutputsThatDoNotAnswerHaveNoStates) {
+  Ensemble e(12, 10, 1, 1);
+  Random random(8);
+  for (Index k = 0; k < 10; ++k) e.input(k) = random.matrix(12, 1), e.output(k) = 2.0 * e.input(k);
+  const Identification result = identify(e, {.lags = 1});
+  EXPECT_EQ(result.model.states(), 0);
+  EXPECT_TRUE(mentions(result.warnings, "no state was found"));
+  EXPECT_NEAR(result.model.D[5](0, 0), 2.0, 1e-12);
+  for (Index k = 0; k < 10; ++k) e.output(k).setZero();
+  EXPECT_NO_THROW(identify(e, {.lags = 1}));
+}
+
+}  // namespace
+}  // namespace tokid::testing

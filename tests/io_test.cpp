@@ -1,0 +1,938 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/io.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zip.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <limits>
+#include <optional>
+#include <random>
+
+#include "../src/io/formats.hpp"
+
+namespace tokid {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Test;
+
+constexpr double missing = std::numeric_limits<double>::quiet_NaN();
+constexpr double infinite = std::numeric_limits<double>::infinity();
+
+// ---- tools ----
+
+class Io : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    std::string name = std::string(test->test_suite_name()) + "." + test->name();
+    for (char& c : name)
+      if (c == '/') c = '_';
+    directory_ = fs::temp_directory_path() / ("tokid-io-" + std::to_string(getpid()) + "-" + name);
+    fs::create_directories(directory_);
+  }
+  void TearDown() override {
+    fs::permissions(directory_, fs::perms::owner_all);
+    fs::remove_all(directory_);
+  }
+
+  fs::path file(const std::string& name) const { return directory_ / name; }
+
+  size_t number_of_files() const {
+    return static_cast<size_t>(std::distance(fs::directory_iterator(directory_), fs::directory_iterator()));
+  }
+
+ private:
+  fs::path directory_;
+};
+
+std::string bytes_of(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+void write_bytes(const fs::path& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
+}
+
+// The message of the IoError that f must throw.
+template <typename F>
+std::string error_of(F&& f) {
+  try {
+    f();
+  } catch (const IoError& error) {
+    const std::string text = error.what();
+    EXPECT_EQ(text.find('\n'), std::string::npos) << text;
+    return text;
+  } catch (const std::exception& error) {
+    ADD_FAILURE() << "no IoError but: " << error.what();
+    return "";
+  }
+  ADD_FAILURE() << "no IoError";
+  return "";
+}
+
+void expect_words(const std::string& message, const std::vector<std::string>& words) {
+  for (const auto& word : words) EXPECT_NE(message.find(word), std::string::npos) << message << "\nlacks: " << word;
+}
+
+void expect_load_error(const fs::path& path, std::vector<std::string> words, const ReadOptions& options = {}) {
+  words.push_back(path.filename().string() + ": ");
+  expect_words(error_of([&] { load_ensemble(path, options); }), words);
+}
+
+bool same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+
+bool same(const Matrix& a, const Matrix& b) {
+  if (a.rows() != b.rows() || a.cols() != b.cols()) return false;
+  for (Index i = 0; i < a.rows(); ++i)
+    for (Index j = 0; j < a.cols(); ++j)
+      if (!same(a(i, j), b(i, j))) return false;
+  return true;
+}
+
+bool same(const std::vector<Matrix>& a, const std::vector<Matrix>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const Matrix& x, const Matrix& y) { return same(x, y); });
+}
+
+bool same(const std::vector<Vector>& a, const std::vector<Vector>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const Vector& x, const Vector& y) { return same(Matrix(x), Matrix(y)); });
+}
+
+void expect_same(const Channels& a, const Channels& b) {
+  EXPECT_EQ(a.input_names, b.input_names);
+  EXPECT_EQ(a.output_names, b.output_names);
+  EXPECT_EQ(a.input_units, b.input_units);
+  EXPECT_EQ(a.output_units, b.output_units);
+}
+
+void expect_same(const Ensemble& a, const Ensemble& b) {
+  EXPECT_EQ(a.experiments(), b.experiments());
+  EXPECT_EQ(a.steps(), b.steps());
+  EXPECT_EQ(a.inputs(), b.inputs());
+  EXPECT_EQ(a.outputs(), b.outputs());
+  EXPECT_TRUE(same(a.samples(), b.samples()));
+  EXPECT_EQ(a.dt, b.dt);
+  EXPECT_EQ(a.initial_state, b.initial_state);
+  EXPECT_EQ(a.length, b.length);
+  expect_same(a.names, b.names);
+  EXPECT_EQ(a.free.experiments, b.free.experiments);
+  EXPECT_EQ(a.free.steps, b.free.steps);
+  EXPECT_TRUE(same(a.free.y, b.free.y));
+}
+
+void expect_same(const Model& a, const Model& b) {
+  EXPECT_EQ(a.inputs, b.inputs);
+  EXPECT_EQ(a.outputs, b.outputs);
+  EXPECT_EQ(a.k_begin, b.k_begin);
+  EXPECT_EQ(a.dt, b.dt);
+  EXPECT_TRUE(same(a.A, b.A) && same(a.B, b.B) && same(a.C, b.C) && same(a.D, b.D) && same(a.G, b.G));
+  EXPECT_TRUE(same(a.innovation_cov, b.innovation_cov));
+  EXPECT_EQ(a.state_dim, b.state_dim);
+  EXPECT_EQ(a.frame, b.frame);
+  EXPECT_EQ(a.method, b.method);
+  EXPECT_EQ(a.initial_state, b.initial_state);
+  expect_same(a.names, b.names);
+  EXPECT_TRUE(same(a.singular_values, b.singular_values));
+  EXPECT_TRUE(std::equal(a.condition.begin(), a.condition.end(), b.condition.begin(), b.condition.end(),
+                         [](double x, double y) { return same(x, y); }));
+  EXPECT_EQ(a.rank, b.rank);
+  EXPECT_EQ(a.lags, b.lags);
+  EXPECT_TRUE(same(a.u_nominal, b.u_nominal) && same(a.y_nominal, b.y_nominal));
+  EXPECT_TRUE(same(a.Q, b.Q) && same(a.R, b.R) && same(a.K, b.K));
+  EXPECT_TRUE(same(Matrix(a.x0_mean), Matrix(b.x0_mean)) && same(a.x0_cov, b.x0_cov));
+  EXPECT_EQ(a.options, b.options);
+  EXPECT_EQ(a.version, b.version);
+}
+
+// ---- random ensembles and models ----
+
+using Random = std::mt19937_64;
+
+double gaussian(Random& random) { return std::normal_distribution<double>()(random); }
+
+Matrix gaussian(Random& random, Index rows, Index cols) {
+  return Matrix::NullaryExpr(rows, cols, [&] { return gaussian(random); });
+}
+
+bool coin(Random& random) { return (random() & 1) != 0; }
+
+Index between(Random& random, Index low, Index high) { return std::uniform_int_distribution<Index>(low, high)(random); }
+
+Ensemble random_ensemble(Random& random, Index n_exp, Index steps, Index r, Index m) {
+  Ensemble e(n_exp, steps, r, m, 0.01 * std::exp(gaussian(random)));
+  for (Index n = 0; n < n_exp; ++n)
+    for (Index k = 0; k < steps; ++k) {
+      for (Index i = 0; i < r; ++i) e.u(n, k, i) = gaussian(random);
+      for (Index j = 0; j < m; ++j) e.y(n, k, j) = gaussian(random);
+    }
+  return e;
+}
+
+const std::vector<std::string> odd_names{"plain",      "with, comma",     "\"quoted\"",
+                                         "two\nlines", " blanks around ", "Größe ϑ · 角度 🚀",
+                                         "a#b",        "semi;colon",      "tab\there"};
+
+Channels odd_channels(Index r, Index m) {
+  Channels channels;
+  for (Index i = 0; i < r + m; ++i) {
+    const std::string name = odd_names[static_cast<size_t>(i) % odd_names.size()] + std::to_string(i);
+    (i < r ? channels.input_names : channels.output_names).push_back(name);
+    (i < r ? channels.input_units : channels.output_units).push_back(i % 2 == 0 ? "" : "N·m, \"²\"");
+  }
+  return channels;
+}
+
+void drop_samples(Random& random, Ensemble& e) {
+  for (Index n = 0; n < e.experiments(); ++n)
+    for (Index k = 0; k < e.steps(); ++k)
+      for (Index j = 0; j < e.outputs(); ++j)
+        if (n + k > 0 && random() % 4 == 0) e.y(n, k, j) = missing;
+}
+
+void shorten(Random& random, Ensemble& e) {
+  for (Index n = 0; n < e.experiments(); ++n) {
+    const Index length = n == 0 ? e.steps() : between(random, 0, e.steps());
+    e.length.push_back(length);
+    for (Index k = length; k < e.steps(); ++k) {
+      e.input(k).row(n).setConstant(missing);
+      e.output(k).row(n).setConstant(missing);
+    }
+  }
+}
+
+void add_free_response(Random& random, Ensemble& e) {
+  e.free.experiments = between(random, 1, 3);
+  e.free.steps = between(random, 1, 5);
+  e.free.y = gaussian(random, e.free.experiments, e.free.steps * e.outputs());
+}
+
+std::vector<Matrix> stack(Random& random, Index S, const std::function<Index(size_t)>& rows,
+                          const std::function<Index(size_t)>& cols) {
+  std::vector<Matrix> list;
+  for (size_t s = 0; s < static_cast<size_t>(S); ++s) list.push_back(gaussian(random, rows(s), cols(s)));
+  return list;
+}
+
+Model random_model(Random& random, Index S, Index n, Index r, Index m, bool optional_fields) {
+  Model model;
+  model.inputs = r;
+  model.outputs = m;
+  model.dt = 0.05;
+  for (Index s = 0; s <= S; ++s) model.state_dim.push_back(between(random, 0, n));
+  const auto now = [&](size_t s) { return model.state_dim[s]; };
+  const auto next = [&](size_t s) { return model.state_dim[s + 1]; };
+  const auto in = [&](size_t) { return r; };
+  const auto out = [&](size_t) { return m; };
+  model.A = stack(random, S, next, now);
+  model.B = stack(random, S, next, in);
+  model.C = stack(random, S, out, now);
+  model.D = stack(random, S, out, in);
+  model.G = stack(random, S, next, out);
+  if (!optional_fields) return model;
+
+  model.k_begin = between(random, 0, 7);
+  model.frame = "smooth";
+  model.method = "tvera";
+  model.initial_state = InitialState::unknown;
+  model.names = odd_channels(r, m);
+  model.innovation_cov = stack(random, S, out, out);
+  model.Q = stack(random, S, next, next);
+  model.R = stack(random, S, out, out);
+  model.K = stack(random, S, now, out);
+  model.x0_mean = gaussian(random, model.state_dim[0], 1);
+  model.x0_cov = gaussian(random, model.state_dim[0], model.state_dim[0]);
+  for (Index s = 0; s < S; ++s) {
+    model.singular_values.push_back(gaussian(random, between(random, 0, 4), 1));
+    model.condition.push_back(s == 1 ? infinite : gaussian(random));
+    model.rank.push_back(between(random, 0, 9));
+    model.lags.push_back(between(random, 0, 9));
+  }
+  model.u_nominal = gaussian(random, S + 3, r);
+  model.y_nominal = gaussian(random, S + 3, m);
+  model.options = R"({"lags": "auto", "text": "a \"quoted\" word, ü"})";
+  model.version = "1.2.3";
+  return model;
+}
+
+struct FormatCase {
+  const char* extension;
+  bool mat73;
+};
+
+std::ostream& operator<<(std::ostream& out, const FormatCase& format) {
+  return out << format.extension << (format.mat73 ? " v7.3" : "");
+}
+
+class EveryFormat : public Io, public testing::WithParamInterface<FormatCase> {
+ protected:
+  fs::path target() const { return file(std::string("file") + GetParam().extension); }
+  WriteOptions options() const { return {GetParam().mat73}; }
+};
+
+INSTANTIATE_TEST_SUITE_P(Formats, EveryFormat,
+                         testing::Values(FormatCase{".npz", false}, FormatCase{".h5", false},
+                                         FormatCase{".hdf5", false}, FormatCase{".mat", false},
+                                         FormatCase{".mat", true}, FormatCase{".csv", false}));
+
+class BinaryFormat : public EveryFormat {};
+INSTANTIATE_TEST_SUITE_P(Formats, BinaryFormat,
+                         testing::Values(FormatCase{".npz", false}, FormatCase{".h5", false}, FormatCase{".mat", false},
+                                         FormatCase{".mat", true}));
+
+// ---- round trips ----
+
+TEST_P(EveryFormat, EnsembleComesBackAsItWas) {
+  const bool csv = std::string(GetParam().extension) == ".csv";
+  for (int seed = 0; seed < 30; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(static_cast<std::uint64_t>(seed));
+    const Index sizes[] = {1, 1, 2, 3, 7};
+    const auto size = [&] { return sizes[random() % std::size(sizes)]; };
+    Ensemble e = random_ensemble(random, size(), size(), size(), size());
+    if (coin(random)) drop_samples(random, e);
+    if (coin(random)) shorten(random, e);
+    if (coin(random)) e.names = odd_channels(e.inputs(), e.outputs());
+    if (coin(random)) e.initial_state = coin(random) ? InitialState::zero : InitialState::unknown;
+    if (!csv && coin(random)) add_free_response(random, e);
+    save_ensemble(e, target(), options());
+    EXPECT_EQ(file_kind(target()), FileKind::ensemble);
+    expect_same(load_ensemble(target()), e);
+    EXPECT_EQ(number_of_files(), 1u);
+    if (Test::HasFailure()) break;
+  }
+}
+
+TEST_P(EveryFormat, ExtremeNumbersKeepEveryBit) {
+  Ensemble e(1, 6, 1, 1, 1.0 / 3.0);
+  const double values[] = {0.1, -0.0, 5e-324, 1.7976931348623157e308, 1.0 / 3.0, -1e22};
+  for (Index k = 0; k < 6; ++k) e.u(0, k, 0) = e.y(0, k, 0) = values[k];
+  save_ensemble(e, target(), options());
+  const Ensemble back = load_ensemble(target());
+  expect_same(back, e);
+  EXPECT_TRUE(std::signbit(back.u(0, 1, 0)));
+}
+
+TEST_P(EveryFormat, InputsAlone) {
+  Random random(1);
+  const Ensemble e = random_ensemble(random, 3, 4, 2, 0);
+  save_ensemble(e, target(), options());
+  expect_same(load_ensemble(target(), {{}, {}, false}), e);
+  expect_load_error(target(), {"y", "'u", "found"});
+}
+
+TEST_P(BinaryFormat, ModelComesBackAsItWas) {
+  for (int seed = 0; seed < 30; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(static_cast<std::uint64_t>(seed));
+    const Model model = random_model(random, between(random, 1, 6), between(random, 0, 4), between(random, 1, 3),
+                                     between(random, 1, 3), coin(random));
+    save_model(model, target(), options());
+    EXPECT_EQ(file_kind(target()), FileKind::model);
+    expect_same(load_model(target()), model);
+    EXPECT_EQ(number_of_files(), 1u);
+    if (Test::HasFailure()) break;
+  }
+}
+
+TEST_F(Io, SameDataSameBytes) {
+  Random random(1);
+  const Ensemble e = random_ensemble(random, 3, 4, 2, 1);
+  const std::vector<FormatCase> formats{
+      {".npz", false}, {".h5", false}, {".mat", false}, {".mat", true}, {".csv", false}};
+  const auto write_all = [&] {
+    std::vector<std::string> bytes;
+    for (const auto& format : formats) {
+      const fs::path path = file(std::string("a") + format.extension);
+      save_ensemble(e, path, {format.mat73});
+      bytes.push_back(bytes_of(path));
+    }
+    return bytes;
+  };
+  const auto first = write_all();
+  sleep(2);  // the clock of zip archives ticks every two seconds
+  EXPECT_EQ(first, write_all());
+}
+
+TEST_F(Io, UnstatedChannelNamesStayUnstated) {
+  write_bytes(file("a.csv"), "experiment,time,u1,y1,y2\n0,0,1,2,3\n0,0.1,4,5,6\n");
+  const Ensemble e = load_ensemble(file("a.csv"));
+  EXPECT_TRUE(e.names.input_names.empty());
+  EXPECT_TRUE(e.names.output_names.empty());
+  EXPECT_EQ(e.dt, 0.1);
+}
+
+TEST_F(Io, MatlabLayoutSurvivesAnotherExtension) {
+  Random random(1);
+  const Ensemble e = random_ensemble(random, 2, 5, 1, 3);
+  save_ensemble(e, file("a.mat"), {true});
+  fs::rename(file("a.mat"), file("a.h5"));
+  expect_same(load_ensemble(file("a.h5")), e);
+  const Model model = random_model(random, 4, 3, 2, 1, true);
+  save_model(model, file("m.mat"), {true});
+  fs::rename(file("m.mat"), file("m.hdf5"));
+  expect_same(load_model(file("m.hdf5")), model);
+}
+
+// ---- shapes ----
+
+using io::Array;
+using io::Arrays;
+using io::Shape;
+
+Array numbers(const Shape& shape, double value = 1.0) {
+  return {shape, std::vector<double>(io::checked_product(shape), value)};
+}
+
+Array ramp(const Shape& shape) {
+  Array array = numbers(shape);
+  double next = 0;
+  for (double& x : std::get<std::vector<double>>(array.values)) x = next++;
+  return array;
+}
+
+Array texts(const Shape& shape) { return {shape, std::vector<std::string>(io::checked_product(shape), "text")}; }
+
+class Shapes : public Io {
+ protected:
+  fs::path npz(const Arrays& arrays) const {
+    return write_bytes(file("a.npz"), ""), io::write_npz(arrays, file("a.npz")), file("a.npz");
+  }
+  fs::path mat(const Arrays& arrays) const { return io::write_mat(arrays, file("a.mat")), file("a.mat"); }
+};
+
+TEST_F(Shapes, TwoDimensionsAreOneExperiment) {
+  for (const auto& path :
+       {npz({{"u", ramp({5, 2})}, {"y", ramp({5, 1})}}), mat({{"u", ramp({5, 2})}, {"y", ramp({5, 1})}})}) {
+    const Ensemble e = load_ensemble(path);
+    EXPECT_EQ(e.experiments(), 1);
+    EXPECT_EQ(e.steps(), 5);
+    EXPECT_EQ(e.u(0, 3, 1), 7);
+    EXPECT_EQ(e.y(0, 3, 0), 3);
+  }
+}
+
+TEST_F(Shapes, OneExperimentMayLackItsFirstDimensionInOneArray) {
+  const Ensemble e = load_ensemble(npz({{"u", ramp({1, 5, 2})}, {"y", ramp({5, 3})}}));
+  EXPECT_EQ(e.experiments(), 1);
+  EXPECT_EQ(e.y(0, 2, 1), 7);
+}
+
+TEST_F(Shapes, AmbiguousChannelDimensionIsRefused) {
+  expect_load_error(npz({{"u", ramp({4, 5, 2})}, {"y", ramp({4, 5})}}), {"'y'", "(4, 5)", "(4, 5, 1)", "'u'"});
+  expect_load_error(npz({{"u", ramp({4, 5})}, {"y", ramp({4, 5, 2})}}), {"'u'", "(4, 5)", "(4, 5, 1)", "'y'"});
+}
+
+TEST_F(Shapes, MatlabDropsTrailingOnes) {
+  const Ensemble e = load_ensemble(mat({{"u", ramp({4, 5})}, {"y", ramp({4, 5, 2})}}));
+  EXPECT_EQ(e.experiments(), 4);
+  EXPECT_EQ(e.inputs(), 1);
+  EXPECT_EQ(e.u(2, 3, 0), 13);
+  const Ensemble siso = load_ensemble(mat({{"experiments", numbers({}, 4)}, {"u", ramp({4, 5})}, {"y", ramp({4, 5})}}));
+  EXPECT_EQ(siso.experiments(), 4);
+  EXPECT_EQ(siso.outputs(), 1);
+  EXPECT_EQ(siso.y(2, 3, 0), 13);
+  expect_load_error(mat({{"experiments", numbers({}, 3)}, {"u", ramp({4, 5})}, {"y", ramp({4, 5})}}),
+                    {"'u'", "(4, 5)", "3 rows"});
+}
+
+TEST_F(Shapes, OtherShapesAreRefused) {
+  expect_load_error(npz({{"u", ramp({5})}, {"y", ramp({5, 1})}}), {"'u'", "(5)", "(N, T, channels)"});
+  expect_load_error(npz({{"u", ramp({2, 5, 1})}, {"y", ramp({1, 2, 5, 1})}}), {"'y'", "(1, 2, 5, 1)"});
+  expect_load_error(npz({{"u", ramp({2, 5, 1})}, {"y", ramp({2, 6, 1})}}), {"'y'", "(2, 6, 1)", "(2, 5, channels)"});
+  expect_load_error(npz({{"u", ramp({2, 5, 1})}, {"y", ramp({3, 5, 1})}}), {"'y'", "(3, 5, 1)"});
+  expect_load_error(npz({{"u", ramp({5, 1})}, {"y", ramp({6, 1})}}), {"'y'", "(6, 1)", "(1, 5, channels)"});
+  expect_load_error(npz({{"u", ramp({2, 5, 1})}, {"y", ramp({6, 1})}}), {"'y'", "(6, 1)"});
+  expect_load_error(npz({{"u", ramp({2, 0, 1})}, {"y", ramp({2, 0, 1})}}), {"'u'", "(2, 0, 1)"});
+  expect_load_error(npz({{"u", ramp({0, 5, 1})}, {"y", ramp({0, 5, 1})}}), {"'u'", "(0, 5, 1)"});
+}
+
+TEST_F(Shapes, OptionalFieldsAreChecked) {
+  const auto with = [&](const std::string& name, const Array& array) {
+    return npz({{name, array}, {"u", ramp({2, 5, 1})}, {"y", ramp({2, 5, 1})}});
+  };
+  EXPECT_EQ(load_ensemble(with("length", {{2}, std::vector<std::int64_t>{5, 3}})).missing(), 4);
+  EXPECT_EQ(load_ensemble(with("length", {{2, 1}, std::vector<double>{5, 3}})).missing(), 4);
+  EXPECT_EQ(load_ensemble(with("dt", numbers({1, 1}, 0.5))).dt, 0.5);
+  expect_load_error(with("length", numbers({3})), {"'length'", "(3)", "(2)"});
+  expect_load_error(with("length", numbers({2}, 6)), {"'length'", "6", "from 0 to 5"});
+  expect_load_error(with("length", numbers({2}, -1)), {"'length'", "-1"});
+  expect_load_error(with("length", numbers({2}, 2.5)), {"'length'", "2.5"});
+  expect_load_error(with("length", numbers({2}, missing)), {"'length'", "nan"});
+  expect_load_error(with("length", texts({2})), {"'length'", "text found", "numbers needed"});
+  expect_load_error(with("dt", numbers({}, 0)), {"dt", "0 found"});
+  expect_load_error(with("dt", numbers({}, infinite)), {"dt", "inf found"});
+  expect_load_error(with("dt", numbers({2})), {"'dt'", "(2)", "one number"});
+  expect_load_error(with("initial_state", texts({})), {"initial_state", "text", "zero"});
+  expect_load_error(with("initial_state", numbers({})), {"'initial_state'", "numbers found", "text needed"});
+  expect_load_error(with("input_names", texts({2})), {"input_names", "2"});
+  expect_load_error(with("output_units", numbers({1})), {"'output_units'", "numbers found", "text needed"});
+  EXPECT_EQ(load_ensemble(with("free_y", ramp({3, 4, 1}))).free.experiments, 3);
+  EXPECT_EQ(load_ensemble(with("free_y", ramp({4, 1}))).free.experiments, 1);
+  expect_load_error(with("free_y", ramp({3, 4})), {"'free_y'", "(3, 4)"});
+  expect_load_error(with("free_y", ramp({3, 4, 2})), {"'free_y'", "(3, 4, 2)"});
+  expect_load_error(with("free_y", numbers({3, 4, 1}, infinite)), {"free_y", "infinite"});
+  EXPECT_EQ(load_ensemble(with("something else", texts({2}))).steps(), 5);
+}
+
+TEST_F(Shapes, WrongTypesAreRefused) {
+  expect_load_error(npz({{"u", texts({2, 5, 1})}, {"y", ramp({2, 5, 1})}}),
+                    {"'u'", "text found", "real numbers needed"});
+  expect_load_error(mat({{"u", ramp({2, 5, 1})}, {"y", texts({})}}), {"'y'", "text found", "real numbers needed"});
+}
+
+TEST_F(Shapes, ImpossibleSamplesAreNamed) {
+  Array y = ramp({2, 5, 2});
+  std::get<std::vector<double>>(y.values)[13] = infinite;  // experiment 1, step 1, channel 1
+  expect_load_error(npz({{"u", ramp({2, 5, 1})}, {"y", y}}), {"y2", "infinite", "experiment 1", "step 1"});
+  expect_load_error(npz({{"u", ramp({2, 5, 1})}, {"y", numbers({2, 5, 1}, missing)}}), {"y1", "missing"});
+}
+
+// ---- models that are none ----
+
+Arrays model_arrays() {
+  return {{"state_dim", numbers({4}, 2)}, {"D", ramp({3, 1, 1})}, {"C", ramp({3, 1, 2})},
+          {"B", ramp({3, 2, 1})},         {"A", ramp({3, 2, 2})}, {"G", ramp({3, 2, 1})}};
+}
+
+TEST_F(Shapes, ModelFieldsAreChecked) {
+  const auto error_with = [&](const std::string& name, const std::optional<Array>& array) {
+    Arrays arrays = model_arrays();
+    std::erase_if(arrays, [&](const auto& entry) { return entry.first == name; });
+    if (array) arrays.emplace_back(name, *array);
+    return error_of([&] { load_model(npz(arrays)); });
+  };
+  EXPECT_EQ(load_model(npz(model_arrays())).steps(), 3);
+  for (const std::string name : {"A", "B", "C", "D", "G", "state_dim"})
+    expect_words(error_with(name, std::nullopt), {"'" + name + "'", "found", "needed"});
+  expect_words(error_with("A", ramp({3, 2})), {"'A'", "(3, 2)", "three dimensions"});
+  expect_words(error_with("A", ramp({3, 2, 3})), {"'A'", "3 steps of 2 x 3", "3 steps of 2 x 2"});
+  expect_words(error_with("B", ramp({2, 2, 1})), {"'B'", "2 steps", "3 steps"});
+  expect_words(error_with("C", ramp({3, 1, 3})), {"'C'", "1 x 3", "1 x 2"});
+  expect_words(error_with("D", ramp({3, 2, 1})), {"'D'", "2 x 1", "1 x 1"});
+  expect_words(error_with("A", numbers({3, 2, 2}, missing)), {"'A'", "not finite", "step 0"});
+  expect_words(error_with("A", texts({3, 2, 2})), {"'A'", "text found"});
+  expect_words(error_with("state_dim", numbers({3})), {"'state_dim'", "(3)", "(4)"});
+  expect_words(error_with("state_dim", numbers({4}, 3)), {"'state_dim'", "3 found", "from 0 to 2"});
+  expect_words(error_with("state_dim", numbers({4}, -1)), {"'state_dim'", "-1 found"});
+  expect_words(error_with("state_dim", numbers({4}, 1.5)), {"'state_dim'", "1.5 found"});
+  expect_words(error_with("state_dim", numbers({4}, 1e300)), {"'state_dim'", "1e+300 found"});
+  expect_words(error_with("k_begin", numbers({}, 0.5)), {"'k_begin'", "0.5 found"});
+  expect_words(error_with("k_begin", numbers({}, -1)), {"first step -1"});
+  expect_words(error_with("dt", numbers({}, -1)), {"dt", "-1"});
+  expect_words(error_with("rank", numbers({2})), {"'rank'", "(2)", "(3)"});
+  expect_words(error_with("singular_values", ramp({2, 2})), {"'singular_values'", "(2, 2)"});
+  expect_words(error_with("Q", ramp({3, 1, 1})), {"'Q'", "1 x 1", "2 x 2"});
+  expect_words(error_with("x0_mean", ramp({3})), {"'x0_mean'", "(3)", "(2)"});
+  expect_words(error_with("x0_cov", ramp({2, 3})), {"'x0_cov'", "(2, 3)", "(2, 2)"});
+  expect_words(error_with("u_nominal", ramp({3, 2})), {"'u_nominal'", "(3, 2)"});
+}
+
+TEST_F(Shapes, EnsemblesAndModelsAreToldApart) {
+  const auto path = npz(model_arrays());
+  expect_load_error(path, {"a model found", "an ensemble", "needed"});
+  const auto ensemble = mat({{"u", ramp({2, 5, 1})}, {"y", ramp({2, 5, 1})}});
+  expect_words(error_of([&] { load_model(ensemble); }), {"an ensemble found", "a model", "needed"});
+  const auto other = npz({{"voltage", ramp({2, 5, 1})}, {"weather", texts({3})}});
+  expect_load_error(other, {"'u'", "'voltage'", "'weather'"});
+  expect_words(error_of([&] { file_kind(other); }), {"neither", "'voltage'", "'weather'"});
+}
+
+TEST_F(Io, ModelInMatlabHasTheStepLast) {
+  Random random(3);
+  const Model model = random_model(random, 4, 3, 2, 1, false);
+  save_model(model, file("m.mat"));
+  const io::Contents contents = io::read_mat(file("m.mat"), {"A", "B"});
+  for (const auto& [name, array] : contents.arrays)
+    EXPECT_EQ(array.shape,
+              (Shape{static_cast<size_t>(model.states()), name == "A" ? static_cast<size_t>(model.states()) : 2, 4}));
+}
+
+// ---- files that are none ----
+
+TEST_P(EveryFormat, NoFileNoDirectoryNoEmptyFile) {
+  expect_load_error(target(), {"no such file"});
+  fs::create_directory(target());
+  expect_load_error(target(), {"directory"});
+  fs::remove(target());
+  write_bytes(target(), "");
+  expect_load_error(target(), {"empty"});
+  expect_words(error_of([&] { file_kind(file("none.npz")); }), {"none.npz: no such file"});
+  expect_words(error_of([&] { load_model(file("none.npz")); }), {"none.npz: no such file"});
+}
+
+TEST_P(EveryFormat, OtherContentIsRefused) {
+  for (const std::string& content :
+       {std::string("hello, world\n"), std::string("\0\0\0\0", 4), std::string(5000, '\xFF'),
+        std::string("PK\x03\x04 no archive"), std::string("\x89HDF\r\n\x1a\n no more")}) {
+    write_bytes(target(), content);
+    expect_load_error(target(), {"found"});
+  }
+}
+
+TEST_F(Io, UnknownExtensions) {
+  write_bytes(file("a.xlsx"), "x");
+  expect_load_error(file("a.xlsx"), {"'.xlsx'", ".npz", ".h5", ".mat", ".csv"});
+  Random random(1);
+  const Ensemble e = random_ensemble(random, 1, 2, 1, 1);
+  expect_words(error_of([&] { save_ensemble(e, file("b.txt")); }), {"'.txt'", ".npz"});
+  expect_words(error_of([&] { save_ensemble(e, file("b")); }), {"''", ".npz"});
+  expect_words(error_of([&] { save_model(random_model(random, 1, 1, 1, 1, false), file("m.csv")); }), {".csv", ".npz"});
+  expect_words(error_of([&] { load_model(file("a.xlsx")); }), {"'.xlsx'"});
+  EXPECT_EQ(number_of_files(), 1u);
+  save_ensemble(e, file("UPPER.NPZ"));
+  expect_same(load_ensemble(file("UPPER.NPZ")), e);
+}
+
+TEST_P(BinaryFormat, TruncatedFilesAreRefused) {
+  Random random(5);
+  Ensemble e = random_ensemble(random, 3, 6, 2, 2);
+  shorten(random, e);
+  save_ensemble(e, target(), options());
+  const std::string bytes = bytes_of(target());
+  const size_t step = std::max<size_t>(1, bytes.size() / 700);
+  for (size_t size = 1; size < bytes.size(); size += step) {
+    SCOPED_TRACE(size);
+    write_bytes(target(), bytes.substr(0, size));
+    error_of([&] { load_ensemble(target()); });
+    if (Test::HasFailure()) break;
+  }
+}
+
+TEST_P(BinaryFormat, TruncatedModelsAreRefused) {
+  Random random(5);
+  save_model(random_model(random, 4, 2, 1, 2, true), target(), options());
+  const std::string bytes = bytes_of(target());
+  const size_t step = std::max<size_t>(1, bytes.size() / 400);
+  for (size_t size = 1; size < bytes.size(); size += step) {
+    SCOPED_TRACE(size);
+    write_bytes(target(), bytes.substr(0, size));
+    error_of([&] { load_model(target()); });
+    if (Test::HasFailure()) break;
+  }
+}
+
+// Whatever the bytes are: an answer or an IoError.
+TEST_P(EveryFormat, DamagedFilesNeverCrash) {
+  Random random(11);
+  Ensemble e = random_ensemble(random, 2, 3, 1, 2);
+  e.names = odd_channels(1, 2);
+  save_ensemble(e, target(), options());
+  const std::string bytes = bytes_of(target());
+  const fs::path damaged = file(std::string("damaged") + GetParam().extension);
+  const char* rounds = std::getenv("TOKID_FUZZ_ROUNDS");
+  const int count = rounds ? std::atoi(rounds) : 600;
+  for (int round = 0; round < count; ++round) {
+    std::string copy = bytes;
+    for (Index flips = between(random, 1, 3); flips > 0; --flips) {
+      const size_t at = random() % (coin(random) ? std::min<size_t>(copy.size(), 256) : copy.size());
+      copy[at] = coin(random) ? static_cast<char>(copy[at] ^ (1 << random() % 8)) : static_cast<char>(random());
+    }
+    write_bytes(damaged, copy);
+    try {
+      load_ensemble(damaged);
+    } catch (const IoError&) {
+    }
+  }
+}
+
+// ---- sizes that can't be ----
+
+// An archive of raw .npy files.
+void write_raw_npz(const fs::path& path, const std::vector<std::pair<std::string, std::string>>& entries) {
+  int code = 0;
+  zip_t* archive = zip_open(path.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);
+  ASSERT_NE(archive, nullptr);
+  for (const auto& [name, bytes] : entries)
+    ASSERT_GE(zip_file_add(archive, name.c_str(), zip_source_buffer(archive, bytes.data(), bytes.size(), 0), 0), 0);
+  ASSERT_EQ(zip_close(archive), 0);
+}
+
+std::string npy(const std::string& header, size_t payload, char version = 1) {
+  std::string bytes = "\x93NUMPY";
+  bytes += {version, '\0', static_cast<char>(header.size()), '\0'};
+  if (version > 1) bytes += std::string(2, '\0');
+  return bytes + header + std::string(payload, '\0');
+}
+
+TEST_F(Io, NpyHeaders) {
+  const std::string good = npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3, 1), }", 48);
+  const auto error_for = [&](const std::string& u) {
+    write_raw_npz(file("a.npz"), {{"u.npy", u}, {"y.npy", good}});
+    return error_of([&] { load_ensemble(file("a.npz")); });
+  };
+  const auto loads = [&](const std::string& u) {
+    write_raw_npz(file("a.npz"), {{"u.npy", u}, {"y.npy", good}});
+    return load_ensemble(file("a.npz")).experiments() == 2;
+  };
+  EXPECT_TRUE(loads(good));
+  EXPECT_TRUE(loads(npy("{'shape': (2,3,1), 'fortran_order': True,\n 'descr': \"<f4\"}  \n", 24, 2)));
+  EXPECT_TRUE(loads(npy("{'descr': '>i2', 'fortran_order': False, 'shape': (2L, 3L, 1L)}", 12, 3)));
+  EXPECT_TRUE(loads(npy("{'descr': '|b1', 'fortran_order': False, 'shape': (2, 3, 1)}", 6)));
+
+  expect_words(error_for(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3, 1), }", 40)),
+               {"'u'", "40", "48"});
+  expect_words(error_for(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3, 1), }", 56)),
+               {"'u'", "56", "48"});
+  expect_words(error_for(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904, 3, 1), }", 48)),
+               {"memory"});
+  expect_words(error_for(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000, 1), }", 48)),
+               {"'u'", "48"});
+  expect_words(error_for(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999, 1), }", 48)),
+               {"'u'", "header"});
+  expect_words(error_for(npy("{'descr': '<f8', 'fortran_order': False, 'shape': (-2, 3, 1), }", 48)),
+               {"'u'", "header"});
+  expect_words(error_for(npy("{'descr': '<U0', 'fortran_order': False, 'shape': (1000000000000, 1), }", 0)),
+               {"'u'", "0 bytes found"});
+  expect_words(error_for(npy("{'descr': '<c16', 'fortran_order': False, 'shape': (2, 3, 1), }", 96)),
+               {"'u'", "complex"});
+  expect_words(error_for(npy("{'descr': '|O', 'fortran_order': False, 'shape': (2, 3, 1), }", 96)),
+               {"'u'", "Python objects"});
+  expect_words(error_for(npy("{'descr': '<M8[ns]', 'fortran_order': False, 'shape': (2, 3, 1), }", 48)),
+               {"'u'", "dates"});
+  expect_words(error_for(npy("{'descr': '<f2', 'fortran_order': False, 'shape': (2, 3, 1), }", 12)), {"'u'", "<f2"});
+  expect_words(error_for(npy("{'descr': [('a', '<f8'), ('b', '<f8')], 'fortran_order': False, 'shape': (2, 3), }", 96)),
+               {"'u'", "records"});
+  expect_words(error_for(npy("{'descr': '<f8', 'shape': (2, 3, 1), }", 48)), {"'u'", "header"});
+  expect_words(error_for(npy("{", 48)), {"'u'", "header"});
+  expect_words(error_for(npy("{}", 48, 9)), {"'u'", "header"});
+  expect_words(error_for("\x93NUM"), {"'u'", "header"});
+  expect_words(error_for(std::string("\x93NUMPY\x01\x00\xff\xff", 10)), {"'u'", "truncated"});
+}
+
+TEST_F(Io, FalseChecksumIsNoticed) {
+  Random random(1);
+  save_ensemble(random_ensemble(random, 3, 20, 1, 1), file("a.npz"));
+  std::string bytes = bytes_of(file("a.npz"));
+  bytes[bytes.find("NUMPY", bytes.find("u.npy")) + 300] ^= 1;
+  write_bytes(file("a.npz"), bytes);
+  expect_load_error(file("a.npz"), {"'u'", "CRC"});
+}
+
+// ---- CSV ----
+
+class Csv : public Io {
+ protected:
+  fs::path csv(const std::string& text) const { return write_bytes(file("a.csv"), text), file("a.csv"); }
+  Ensemble load(const std::string& text, const ReadOptions& options = {}) const {
+    return load_ensemble(csv(text), options);
+  }
+  void expect_error(const std::string& text, const std::vector<std::string>& words,
+                    const ReadOptions& options = {}) const {
+    expect_load_error(csv(text), words, options);
+  }
+};
+
+TEST_F(Csv, TidyRowsInAnyOrder) {
+  const Ensemble e = load(
+      "experiment,time,remark,u_force,y_x,y_v\n"
+      "b,0.2,,3,30,300\r\n"
+      "a,0.1,\"many, many\nlines\",2,20,\n"
+      "\n"
+      "b,0.1,x,5,50,NaN\n");
+  EXPECT_EQ(e.experiments(), 2);
+  EXPECT_EQ(e.steps(), 2);
+  EXPECT_NEAR(e.dt, 0.1, 1e-15);
+  EXPECT_EQ(e.u(0, 1, 0), 3);  // b appears first
+  EXPECT_EQ(e.y(0, 0, 0), 50);
+  EXPECT_EQ(e.u(1, 0, 0), 2);
+  EXPECT_TRUE(std::isnan(e.u(1, 1, 0)));
+  EXPECT_TRUE(std::isnan(e.y(1, 0, 1)));
+  EXPECT_EQ(e.names.input_names, std::vector<std::string>{"u_force"});
+}
+
+TEST_F(Csv, StepsInsteadOfTime) {
+  const Ensemble e = load("k,experiment,u,y\n10,1,1,2\n12,1,3,4\n11,2,5,6\n");
+  EXPECT_EQ(e.experiments(), 2);
+  EXPECT_EQ(e.steps(), 3);
+  EXPECT_EQ(e.dt, 1.0);
+  EXPECT_EQ(e.y(1, 1, 0), 6);
+  expect_error("k,u,y\n0,1,2\n0.5,1,2\n", {"line 3", "'k'", "'0.5'", "whole number"});
+}
+
+TEST_F(Csv, NeitherStepsNorTime) {
+  const Ensemble e = load("# dt = 0.5\nu,y\n1,2\n3,4\n5,6\n");
+  EXPECT_EQ(e.experiments(), 1);
+  EXPECT_EQ(e.steps(), 3);
+  EXPECT_EQ(e.dt, 0.5);
+  EXPECT_EQ(e.y(0, 2, 0), 6);
+}
+
+TEST_F(Csv, ChannelsByName) {
+  const std::string text = "# input_names = [\"a\"]\n# input_units = [\"V\"]\ntime,a,b,y\n0,1,2,3\n1,4,5,6\n";
+  EXPECT_EQ(load(text).names.input_units, std::vector<std::string>{"V"});
+  const Ensemble e = load(text, {{"y", "a"}, {"b"}, true});
+  EXPECT_EQ(e.u(0, 1, 0), 6);
+  EXPECT_EQ(e.names.input_names, (std::vector<std::string>{"y", "a"}));
+  EXPECT_EQ(e.names.input_units, (std::vector<std::string>{"", "V"}));
+  EXPECT_EQ(e.names.output_names, std::vector<std::string>{"b"});
+  expect_error(text, {"'c'", "'time', 'a', 'b', 'y'"}, {{"c"}, {"y"}, true});
+  expect_error(text, {"'a'", "inputs and outputs"}, {{"a"}, {"a"}, true});
+  expect_error("time,u,u,y\n0,1,2,3\n", {"header", "2 columns 'u'"});
+  expect_error("time,a,y\n0,1,2\n", {"begins with u", "'time', 'a', 'y'"});
+  expect_error("time,u,b\n0,1,2\n", {"begins with y", "'time', 'u', 'b'"});
+  EXPECT_EQ(load("time,u,b\n0,1,2\n", {{}, {}, false}).outputs(), 0);
+}
+
+TEST_F(Csv, ColumnsAreChosenInCsvOnly) {
+  Random random(1);
+  save_ensemble(random_ensemble(random, 1, 2, 1, 1), file("a.npz"));
+  expect_load_error(file("a.npz"), {".csv files only"}, {{"u1"}, {}, true});
+}
+
+TEST_F(Csv, LinesAndColumnsOfErrors) {
+  expect_error("time,u,y\n0,1,2\n1,1\n", {"line 3", "2 cells found, 3 needed", "'y'"});
+  expect_error("time,u,y\n0,1,2\n1,1,2,3\n", {"line 3", "4 cells found, 3 needed", "'3'"});
+  expect_error("time,u,y\n0,1,2\n\n1,x7,2\n", {"line 4", "'u'", "'x7'", "number"});
+  expect_error("time,u,y\n0,1,2\n1,1e999,2\n", {"line 3", "'u'", "'1e999'"});
+  expect_error("time,u,y\n0,1,2\n,1,2\n", {"line 3", "'time'"});
+  expect_error("experiment,time,u,y\n,0,1,2\n", {"line 2", "'experiment'"});
+  expect_error("time,u,y\n0,1,2\n1,\"1\"2,2\n", {"line 3", "quotation mark"});
+  expect_error("time,u,y\n0,1,2\n1,\"1,2\n3,4,5\n", {"line 4", "quot"});
+  expect_error("time,u,y\n0,1,2\n0,1,2\n", {"line 3", "second row", "step 0"});
+  expect_error("time,u,y\n0,1,2\n1,1,2\n2.1,1,2\n", {"'time'", "even steps"});
+  expect_error("time,u,y\n0,1,2\n1,1,inf\n", {"infinite", "experiment 0", "step 1", "y"});
+  expect_error("time,u,y\n0,1,\n1,1,\n", {"y", "missing"});
+  expect_error("time,u,y\n", {"no rows"});
+  expect_error("# dt = 1\n", {"no header"});
+  expect_error("# dt = fast\ntime,u,y\n0,1,2\n", {"line 1", "dt", "'fast'"});
+  expect_error("# dt = -1\ntime,u,y\n0,1,2\n", {"dt", "-1"});
+  expect_error("# input_names = u\ntime,u,y\n0,1,2\n", {"line 1", "input_names", "JSON"});
+  expect_error("# length = [3]\ntime,u,y\n0,1,2\n", {"length", "3"});
+  expect_error("# length = [-3]\ntime,u,y\n0,1,2\n", {"length", "-3"});
+  expect_error("# initial_state = hot\ntime,u,y\n0,1,2\n", {"initial_state", "hot"});
+  expect_error("k,u,y\n0,1,2\n9000000000000000,1,2\n", {"steps", "2 rows"});
+  expect_error("time,u,y\n0,1,2\n1e-3,1,2\n1e300,1,2\n", {"line 3"});
+}
+
+TEST_F(Csv, TimeGrids) {
+  // Printed with rounding errors, from an offset, with gaps.
+  std::string text = "experiment,time,u,y\n";
+  for (int n = 0; n < 3; ++n)
+    for (int k = n; k < 100; k += n + 1)
+      text += std::to_string(n) + "," + std::to_string(1000.0 + (n == 1 ? 1 : 1) * k * 0.05) + ",1," +
+              std::to_string(k) + "\n";
+  const Ensemble e = load(text);
+  EXPECT_EQ(e.steps(), 100);
+  EXPECT_NEAR(e.dt, 0.05, 1e-12);
+  for (Index n = 0; n < 3; ++n)
+    for (Index k = n; k < 100; k += n + 1) EXPECT_EQ(e.y(n, k, 0), static_cast<double>(k));
+  // The clock of the computer as the time.
+  EXPECT_NEAR(load("time,u,y\n1700000000.01,1,2\n1700000000.02,1,2\n1700000000.03,1,2\n1700000000.05,1,2\n").dt, 0.01,
+              1e-7);
+}
+
+TEST_F(Csv, ByteOrderMarkAndBlanks) {
+  const Ensemble e = load("\xEF\xBB\xBFtime, u , y\n0, 1 ,+2\n1,3,4");
+  EXPECT_EQ(e.y(0, 0, 0), 2);
+  EXPECT_EQ(e.y(0, 1, 0), 4);
+}
+
+TEST_F(Csv, NothingIsDroppedSilently) {
+  Random random(1);
+  Ensemble e = random_ensemble(random, 2, 3, 1, 1);
+  add_free_response(random, e);
+  expect_words(error_of([&] { save_ensemble(e, file("a.csv")); }), {"a.csv", "free responses", ".npz"});
+  e = random_ensemble(random, 2, 3, 1, 1);
+  e.names.input_names = {"time"};
+  expect_words(error_of([&] { save_ensemble(e, file("a.csv")); }), {"a.csv", "'time'"});
+  e.names.input_names = {"y1"};
+  expect_words(error_of([&] { save_ensemble(e, file("a.csv")); }), {"a.csv", "'y1'"});
+  EXPECT_EQ(number_of_files(), 0u);
+}
+
+// ---- writing ----
+
+TEST_P(EveryFormat, PermissionsFollowTheUmask) {
+  Random random(1);
+  const mode_t before = umask(027);
+  save_ensemble(random_ensemble(random, 1, 2, 1, 1), target(), options());
+  umask(before);
+  struct stat status {};
+  ASSERT_EQ(stat(target().c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0640u);
+}
+
+TEST_P(EveryFormat, FailuresLeaveNothingBehind) {
+  Random random(1);
+  const Ensemble e = random_ensemble(random, 1, 2, 1, 1);
+  const std::string name = target().filename().string();
+  const fs::path nowhere = file("none") / name;
+  expect_words(error_of([&] { save_ensemble(e, nowhere, options()); }),
+               {nowhere.string(), "No such file or directory"});
+  EXPECT_EQ(number_of_files(), 0u);
+  fs::create_directory(target());
+  expect_words(error_of([&] { save_ensemble(e, target(), options()); }), {"directory"});
+  EXPECT_EQ(number_of_files(), 1u);
+}
+
+TEST_P(EveryFormat, FullDiskLeavesTheOldFile) {
+  Random random(1);
+  const Ensemble old = random_ensemble(random, 1, 2, 1, 1);
+  save_ensemble(old, target(), options());
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  rlimit small = before;
+  small.rlim_cur = 20000;
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  setrlimit(RLIMIT_FSIZE, &small);
+  const std::string message =
+      error_of([&] { save_ensemble(random_ensemble(random, 40, 100, 2, 2), target(), options()); });
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  expect_words(message, {target().string(), "written"});
+  EXPECT_EQ(number_of_files(), 1u);
+  expect_same(load_ensemble(target()), old);
+}
+
+TEST_P(EveryFormat, UnwritableDirectory) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
+  Random random(1);
+  fs::permissions(target().parent_path(), fs::perms::owner_read | fs::perms::owner_exec);
+  expect_words(error_of([&] { save_ensemble(random_ensemble(random, 1, 2, 1, 1), target(), options()); }),
+               {target().string(), "Permission denied"});
+}
+
+TEST_P(EveryFormat, TextThatNoFormatCanStore) {
+  Random random(1);
+  Ensemble e = random_ensemble(random, 1, 2, 1, 1);
+  for (const std::string& name : {std::string("a\0b", 3), std::string("\xFF\xFE"), std::string("\xED\xA0\x80")}) {
+    e.names.input_names = {name};
+    expect_words(error_of([&] { save_ensemble(e, target(), options()); }), {"'input_names'", "UTF-8"});
+  }
+  EXPECT_EQ(number_of_files(), 0u);
+}
+
+TEST_F(Io, LinksAreFollowed) {
+  Random random(1);
+  const Ensemble e = random_ensemble(random, 1, 2, 1, 1);
+  fs::create_directory(file("there"));
+  save_ensemble(e, file("there") / "a.npz");
+  fs::create_symlink(file("there") / "a.npz", file("link.npz"));
+  save_ensemble(random_ensemble(random, 2, 2, 1, 1), file("link.npz"));
+  EXPECT_TRUE(fs::is_symlink(file("link.npz")));
+  EXPECT_EQ(load_ensemble(file("there") / "a.npz").experiments(), 2);
+}
+
+TEST_F(Io, NoFileForAnInconsistentModel) {
+  Random random(1);
+  Model model = random_model(random, 2, 2, 1, 1, false);
+  model.C.pop_back();
+  EXPECT_THROW(save_model(model, file("m.npz")), std::invalid_argument);
+  EXPECT_EQ(number_of_files(), 0u);
+}
+
+}  // namespace
+}  // namespace tokid

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/linalg.hpp"
+
+#include <gtest/gtest.h>
+
+#include "testing.hpp"
+
+namespace tokid::testing {
+namespace {
+
+struct Shape {
+  Index rows, cols;
+};
+class Factorisations : public ::testing::TestWithParam<Shape> {
+ protected:
+  const Index rows = GetParam().rows, cols = GetParam().cols;
+  Matrix a = Random(std::uint64_t(1 + rows * 100 + cols)).matrix(rows, cols);
+  // Backward errors of orthogonal factorisations: a modest multiple of ε × size × norm.
+  const double tolerance = 10 * epsilon * double(std::max(rows, cols)) * a.norm();
+};
+
+TEST_P(Factorisations, SvdReproducesTheMatrix) {
+  const linalg::Svd d = linalg::svd(a);
+  const Index k = std::min(rows, cols);
+  EXPECT_LE((d.u * d.s.asDiagonal() * d.v.transpose() - a).norm(), tolerance);
+  EXPECT_LE((d.u.transpose() * d.u - Matrix::Identity(k, k)).norm(), tolerance);
+  EXPECT_LE((d.v.transpose() * d.v - Matrix::Identity(k, k)).norm(), tolerance);
+  for (Index i = 1; i < k; ++i) EXPECT_LE(d.s(i), d.s(i - 1));
+}
+
+TEST_P(Factorisations, TriangularFactorHasTheGramMatrix) {
+  Matrix copy = a;
+  const Matrix r = linalg::triangular_factor(copy);
+  ASSERT_EQ(r.rows(), std::min(rows, cols));
+  EXPECT_LE((r.transpose() * r - a.transpose() * a).norm(), tolerance * a.norm());
+  for (Index i = 0; i < r.rows(); ++i)
+    for (Index j = 0; j < i; ++j) EXPECT_EQ(r(i, j), 0.0);
+}
+
+TEST_P(Factorisations, MinimumNormSolutionSolvesTheNormalEquationsAndHasNoNullPart) {
+  const Matrix b = Random(5).matrix(rows, 2);
+  const linalg::MinimumNorm solution = linalg::minimum_norm(a, b, 1e-13);
+  EXPECT_EQ(solution.rank, std::min(rows, cols));
+  EXPECT_LE((a.transpose() * (a * solution.x - b)).norm(), tolerance * a.norm() * b.norm());
+  EXPECT_LE((solution.x - linalg::pseudo_inverse(a) * b).norm(), 100 * tolerance * solution.condition);
+}
+
+TEST_P(Factorisations, InverseFactorCarriesTheInverseGramMatrix) {
+  const linalg::MinimumNorm solution = linalg::minimum_norm(a, Matrix::Zero(rows, 1), 1e-13);
+  const Matrix gram_inverse = linalg::pseudo_inverse(a.transpose() * a, 1e-10);
+  const Matrix x = solution.inverse_t;
+  EXPECT_LE((x * x.transpose() - gram_inverse).norm(),
+            100 * tolerance * solution.condition * solution.condition * gram_inverse.norm());
+}
+
+INSTANTIATE_TEST_SUITE_P(Shapes, Factorisations,
+                         ::testing::Values(Shape{1, 1}, Shape{5, 1}, Shape{1, 5}, Shape{7, 7}, Shape{50, 12},
+                                           Shape{12, 30}, Shape{40, 40}),
+                         [](const auto& test) {
+                           return std::to_string(test.param.rows) + "x" + std::to_string(test.param.cols);
+                         });
+
+TEST(MinimumNorm, RankDeficientProblemsGetTheSmallestSolution) {
+  Random random(2);
+  const Matrix a = random.matrix(20, 4) * random.matrix(4, 9), b = random.matrix(20, 3);
+  const linalg::MinimumNorm solution = linalg::minimum_norm(a, b, 1e-12);
+  EXPECT_EQ(solution.rank, 4);
+  EXPECT_LE((solution.x - linalg::pseudo_inverse(a, 1e-12) * b).norm(), 1e4 * epsilon * solution.x.norm());
+  const Matrix x = solution.inverse_t, gram = a.transpose() * a;
+  EXPECT_EQ(x.cols(), 4);
+  // X Xᵀ is the pseudo-inverse of the Gram matrix: G X Xᵀ G = G.
+  EXPECT_LE((gram * x * x.transpose() * gram - gram).norm(), 1e5 * epsilon * gram.norm());
+}
+
+TEST(MinimumNorm, ConditionIsWithinTheDimensionOfTheTrueOne) {
+  Random random(3);
+  for (const double smallest : {1.0, 1e-4, 1e-9}) {
+    const Vector s = Vector::LinSpaced(6, 0.0, std::log(smallest)).array().exp();
+    const Matrix a = random.orthogonal(6) * s.asDiagonal() * random.orthogonal(6);
+    const double condition = linalg::minimum_norm(a, Matrix::Zero(6, 1), 1e-14).condition;
+    EXPECT_GE(condition, 0.99 / smallest);
+    EXPECT_LE(condition, 6.1 / smallest);
+  }
+}
+
+TEST(MinimumNorm, ZeroMatrixHasRankZeroAndSolutionZero) {
+  const linalg::MinimumNorm solution = linalg::minimum_norm(Matrix::Zero(5, 3), Matrix::Ones(5, 1), 1e-13);
+  EXPECT_EQ(solution.rank, 0);
+  EXPECT_EQ(solution.x.norm(), 0.0);
+}
+
+TEST(Whitener, WhitensAndSurvivesSingularCovariances) {
+  const Matrix root = Random(4).matrix(3, 3), s = root * root.transpose();
+  const Matrix w = linalg::whitener(s);
+  EXPECT_LE((w * s * w.transpose() - Matrix::Identity(3, 3)).norm(), 1e4 * epsilon);
+  EXPECT_EQ(linalg::whitener(Matrix::Zero(2, 2)), Matrix::Identity(2, 2));
+  const Matrix singular = Vector::Ones(3) * Vector::Ones(3).transpose();
+  EXPECT_TRUE(linalg::whitener(singular).allFinite());
+  // Units that differ by twelve orders of magnitude change nothing.
+  const Vector units{{1e6, 1.0, 1e-6}};
+  const Matrix scaled = units.asDiagonal() * s * units.asDiagonal();
+  const Matrix v = linalg::whitener(scaled);
+  EXPECT_LE((v * scaled * v.transpose() - Matrix::Identity(3, 3)).norm(), 1e4 * epsilon);
+}
+
+TEST(Procrustes, FindsTheRotation) {
+  Random random(6);
+  const Matrix a = random.matrix(10, 4), q = random.orthogonal(4);
+  EXPECT_LE((linalg::procrustes(a, a * q) - q).norm(), 1e3 * epsilon);
+}
+
+}  // namespace
+}  // namespace tokid::testing

@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/model.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "testing.hpp"
+#include "tokid/example.hpp"
+#include "tokid/observer.hpp"
+
+namespace tokid::testing {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+Model observed_system(const SystemSize& size, Index steps, std::uint64_t seed, double growth = 1.0) {
+  Model model = random_system(size, steps, growth, seed);
+  Random random(seed + 1);
+  for (Matrix& g : model.G) g = 0.3 * random.matrix(size.n, size.m);
+  model.lags.assign(size_t(steps), smallest_lag_order(size));
+  return model;
+}
+
+// Random basis changes, well conditioned.
+std::vector<Matrix> bases(const Model& model, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Matrix> S;
+  for (const Index n : model.state_dim)
+    S.push_back(random.orthogonal(n) * (1 + random.matrix(n, 1).array().abs()).matrix().asDiagonal() *
+                random.orthogonal(n));
+  return S;
+}
+
+TEST(Model, SimulatesEquationsOneAndTwo) {
+  const Model model = observed_system({3, 2, 2}, 15, 60);
+  const Matrix x0 = Random(61).matrix(3, 4);
+  Ensemble u(4, 15, 2, 0);
+  for (Index k = 0; k < 15; ++k) u.input(k) = Random(std::uint64_t(62 + k)).matrix(4, 2);
+  const Ensemble y = simulate(model, u, x0);
+  for (Index n = 0; n < 4; ++n) {
+    Vector x = x0.col(n);
+    for (size_t k = 0; k < 15; ++k) {
+      const Vector uk = u.input(Index(k)).row(n).transpose();
+      const Vector expected = model.C[k] * x + model.D[k] * uk;
+      EXPECT_LE((y.output(Index(k)).row(n).transpose() - expected).norm(), 1e3 * epsilon * (1 + expected.norm()));
+      x = model.A[k] * x + model.B[k] * uk;
+    }
+  }
+}
+
+TEST(Model, StepsWithoutAModelAndMissingInputsAreNaN) {
+  Model model = from_step(observed_system({2, 1, 1}, 10, 63), 3);
+  Ensemble u(2, 12, 1, 0);
+  for (Index k = 0; k < 12; ++k) u.input(k).setOnes();
+  u.u(1, 6, 0) = nan;
+  const Ensemble y = simulate(model, u);
+  for (Index k = 0; k < 12; ++k) {
+    EXPECT_EQ(std::isnan(y.y(0, k, 0)), k < 3 || k >= 10) << k;
+    EXPECT_EQ(std::isnan(y.y(1, k, 0)), k < 3 || k >= 6) << k;
+  }
+}
+
+TEST(Model, NominalTrajectoryIsTakenAwayAndAddedBack) {
+  Model model = observed_system({2, 1, 1}, 10, 64);
+  const Ensemble plain = random_experiments(model, 3, 65);
+  Model moved = model;
+  moved.u_nominal = Random(66).matrix(10, 1);
+  moved.y_nominal = Random(67).matrix(10, 1);
+  Ensemble data = plain;
+  for (Index k = 0; k < 10; ++k)
+    data.input(k).rowwise() += moved.u_nominal.row(k), data.output(k).rowwise() += moved.y_nominal.row(k);
+  EXPECT_LE(output_error(data, simulate(moved, data)), 1e3 * epsilon);
+  EXPECT_LE(output_error(data, predict(moved, data).y), 1e3 * epsilon);
+}
+
+TEST(Predict, IsTheObserverOfEquationNine) {
+  const Model model = observed_system({3, 2, 1}, 12, 68);
+  const Ensemble e = random_experiments(model, 2, 69, 1.0);  // unknown to the observer, which starts from zero
+  for (const Index horizon : {1, 2, 4}) {
+    PredictOptions options{horizon, InitialState::zero};
+    const Prediction prediction = predict(model, e, options);
+    for (Index n = 0; n < 2; ++n) {
+      std::vector<Vector> state{Vector::Zero(3)};  // x̂_{k|k-1}
+      for (size_t k = 0; k < 12; ++k)
+        state.push_back(model.closed_loop(Index(k)) * state[k] +
+                        (model.B[k] + model.G[k] * model.D[k]) * e.input(Index(k)).row(n).transpose() -
+                        model.G[k] * e.output(Index(k)).row(n).transpose());
+      for (Index k = 0; k < 12; ++k) {
+        const Index origin = std::max<Index>(0, k - horizon + 1);
+        Vector x = state[size_t(origin)];
+        for (Index j = origin; j < k; ++j)
+          x = model.A[size_t(j)] * x + model.B[size_t(j)] * e.input(j).row(n).transpose();
+        const Vector expected = model.C[size_t(k)] * x + model.D[size_t(k)] * e.input(k).row(n).transpose();
+        EXPECT_LE((prediction.y.output(k).row(n).transpose() - expected).norm(), 1e3 * epsilon * (1 + expected.norm()));
+        if (horizon == 1) {
+          EXPECT_LE((prediction.innovations[size_t(k)].row(n).transpose() - (e.output(k).row(n).transpose() - expected))
+                        .norm(),
+                    1e3 * epsilon * (1 + expected.norm()));
+        }
+      }
+    }
+  }
+}
+
+TEST(Predict, UnknownInitialStatesAreFoundFromTheFirstSamples) {
+  for (const SystemSize size : {SystemSize{4, 2, 2}, {3, 1, 1}, {2, 3, 1}}) {
+    const Model model = observed_system(size, 20, 70);
+    const Ensemble e = random_experiments(model, 5, 71, 50.0);
+    const Index p = model.max_lags();
+    const Prediction prediction = predict(model, e, {1, InitialState::unknown});
+    for (Index k = 0; k < 20; ++k) EXPECT_EQ(prediction.y.output(k).allFinite(), k >= p) << k;
+    EXPECT_LE(output_error(e, prediction.y), 1e-10) << name(size);
+    const Prediction ahead = predict(model, e, {3, InitialState::unknown});
+    for (Index k = 0; k < 20; ++k) EXPECT_EQ(ahead.y.output(k).allFinite(), k >= p + 2) << k;
+    EXPECT_LE(output_error(e, ahead.y), 1e-10) << name(size);
+  }
+}
+
+TEST(Predict, MissingOutputsCorrectNothingAndMissingInputsBlindTheObserver) {
+  const Model model = observed_system({2, 2, 1}, 20, 72);
+  Ensemble e = random_experiments(model, 3, 73);
+  e.y(0, 5, 1) = nan;
+  e.u(1, 8, 0) = nan;
+  const Prediction prediction = predict(model, e);
+  // Noise-free, the state is exact, so a missing output changes no prediction.
+  for (Index k = 0; k < 20; ++k) {
+    EXPECT_TRUE(prediction.y.output(k).row(0).allFinite());
+    EXPECT_EQ(prediction.y.output(k).row(1).allFinite(), k < 8 || k > 8 + model.max_lags()) << k;
+    EXPECT_TRUE(prediction.y.output(k).row(2).allFinite());
+  }
+  EXPECT_TRUE(std::isnan(prediction.innovations[5](0, 1)));
+  Ensemble whole = random_experiments(model, 3, 73);
+  EXPECT_LE(output_error(whole.subset({0, 2}), prediction.y.subset({0, 2})), 1e3 * epsilon);
+}
+
+TEST(Predict, StateEstimatesUseTheSamplesThatAreThere) {
+  const Model model = observed_system({3, 2, 1}, 12, 74);
+  const Matrix x0 = Random(75).matrix(3, 4);
+  Ensemble e(4, 12, 1, 2);
+  for (Index k = 0; k < 12; ++k) e.input(k) = Random(std::uint64_t(76 + k)).matrix(4, 1);
+  e = simulate(model, e, x0);
+  e.y(1, 1, 0) = nan;
+  e.y(2, 0, 0) = e.y(2, 0, 1) = nan;
+  e.u(3, 1, 0) = nan;
+  const Matrix x = estimate_state(model, e, 0, 4);
+  EXPECT_LE((x.leftCols(3) - x0.leftCols(3)).norm(), 1e-10);
+  EXPECT_TRUE(x.col(3).array().isNaN().all());  // the response to a missing input is not known
+  EXPECT_THROW(estimate_state(model, e, 10, 4), std::invalid_argument);
+}
+
+TEST(Coordinates, ChangeNoOutputAndNoPulseResponse) {
+  for (const SystemSize size : {SystemSize{1, 1, 1}, {4, 2, 2}, {5, 1, 3}}) {
+    Model model = observed_system(size, 16, 77);
+    model.K.assign(16, Matrix::Ones(size.n, size.m));
+    model.Q.assign(16, Matrix::Identity(size.n, size.n));
+    const Model other = transform(model, bases(model, 78));
+    other.check();
+    EXPECT_TRUE(kinematically_similar(model, other, 1e-11).similar);
+    const Ensemble e = random_experiments(model, 3, 79);
+    EXPECT_LE(output_error(e, simulate(other, e)), 1e-11);
+    for (Index k = 2; k < 16; ++k)
+      EXPECT_LE((gain_pulse_response(model, k, k - 2) - gain_pulse_response(other, k, k - 2)).norm(), 1e-11);
+    // C K is the same in all coordinates.
+    EXPECT_LE((model.C[3] * model.K[3] - other.C[3] * other.K[3]).norm(), 1e-11 * model.C[3].norm());
+  }
+}
+
+TEST(Coordinates, SimilarityTellsModelsApart) {
+  const Model model = observed_system({3, 2, 1}, 16, 80);
+  Model other = model;
+  other.A[7] *= 1 + 1e-6;
+  const Similarity s = kinematically_similar(model, other);
+  EXPECT_FALSE(s.similar);
+  EXPECT_GT(s.max_difference, 1e-8);
+  EXPECT_LT(s.max_difference, 1e-5);
+  other = model;
+  other.D[0] *= 1.01;
+  EXPECT_FALSE(kinematically_similar(model, other).similar);
+}
+
+TEST(Coordinates, ReferenceFrameDoesNotDependOnTheBasisUpToOneSimilarity) {
+  const Model model = observed_system({4, 2, 2}, 20, 81);
+  const Model other = transform(model, bases(model, 82));
+  const FramedModel a = reference_frame(model, 3, 3), b = reference_frame(other, 3, 3);
+  EXPECT_EQ(a.begin, 0);
+  EXPECT_EQ(a.end, 18);
+  // The constant similarity is the change of basis at the reference step.
+  const Matrix t = bases(model, 82)[3];
+  for (Index k = 1; k + 1 < a.end; ++k) {
+    const Matrix expected = t * a.model.closed_loop(k) * t.inverse();
+    EXPECT_LE((b.model.closed_loop(k) - expected).norm(), 1e-9 * expected.norm()) << k;
+  }
+  EXPECT_EQ(a.model.frame, "reference");
+  EXPECT_TRUE(kinematically_similar(model, a.model, 1e-9).similar);
+  EXPECT_THROW(reference_frame(model, 18, 3), std::invalid_argument);
+  EXPECT_THROW(reference_frame(model, -1, 3), std::invalid_argument);
+}
+
+TEST(Coordinates, SmoothFrameVariesAsSlowlyAsTheSystem) {
+  const Model system = oscillator(60);
+  // Balanced coordinates, each step's turned at random: what a realisation hands over.
+  const auto jumpiness = [](const Model& m) {
+    double sum = 0.0;
+    for (size_t k = 5; k < 50; ++k) sum += (m.A[k + 1] - m.A[k]).norm();
+    return sum;
+  };
+  Random random(83);
+  std::vector<Matrix> turns;
+  for (const Index n : system.state_dim) turns.push_back(random.orthogonal(n));
+  const Model turned = transform(system, turns), smooth = smooth_frame(turned, 4);
+  EXPECT_EQ(smooth.frame, "smooth");
+  EXPECT_TRUE(kinematically_similar(smooth, system, 1e-10).similar);
+  EXPECT_GT(jumpiness(turned), 20 * jumpiness(system));
+  EXPECT_LT(jumpiness(smooth), 3 * jumpiness(system));
+}
+
+TEST(Coordinates, SmoothFrameAcceptsVaryingStateDimensions) {
+  Model model = observed_system({3, 1, 2}, 8, 84);
+  // Cut the first state down to two and the last to one.
+  model.state_dim.front() = 2;
+  model.A[0] = model.A[0].leftCols(2).eval();
+  model.C[0] = model.C[0].leftCols(2).eval();
+  model.state_dim.back() = 1;
+  model.A[7] = model.A[7].topRows(1).eval();
+  model.B[7] = model.B[7].topRows(1).eval();
+  model.G[7] = model.G[7].topRows(1).eval();
+  const Model smooth = smooth_frame(model, 3);
+  smooth.check();
+  EXPECT_TRUE(kinematically_similar(smooth, model, 1e-10).similar);
+  EXPECT_EQ(model.full_begin(), 1);
+  EXPECT_EQ(model.full_end(), 8);
+}
+
+TEST(Model, CheckNamesWhatDisagrees) {
+  const Model model = observed_system({2, 1, 1}, 4, 85);
+  EXPECT_NO_THROW(model.check());
+  const auto message = [](Model broken) -> std::string {
+    try {
+      broken.check();
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  Model broken = model;
+  broken.B[2] = Matrix::Zero(3, 1);
+  EXPECT_EQ(message(broken), "model: B[2] is 3 x 1, 2 x 1 needed");
+  broken = model;
+  broken.G.pop_back();
+  EXPECT_EQ(message(broken), "model: 3 entries of G found, 4 needed");
+  broken = model;
+  broken.u_nominal = Matrix::Zero(4, 1);
+  EXPECT_NE(message(broken), "");
+  broken = model;
+  broken.dt = 0;
+  EXPECT_NE(message(broken), "");
+}
+
+TEST(Model, FromStepKeepsTheRest) {
+  const Model model = observed_system({2, 1, 1}, 10, 86);
+  const Model rest = from_step(model, 4);
+  rest.check();
+  EXPECT_EQ(rest.k_begin, 4);
+  EXPECT_EQ(rest.k_end(), 10);
+  EXPECT_EQ(rest.A[rest.at(6)], model.A[6]);
+  EXPECT_EQ(rest.n(10), 2);
+  EXPECT_THROW(from_step(model, 11), std::invalid_argument);
+}
+
+TEST(Model, WrongChannelsAndStatesAreRefused) {
+  const Model model = observed_system({2, 2, 1}, 10, 87);
+  EXPECT_THROW(simulate(model, Ensemble(1, 10, 2, 0)), std::invalid_argument);
+  EXPECT_THROW(simulate(model, Ensemble(3, 10, 1, 0), Matrix::Zero(2, 2)), std::invalid_argument);
+  EXPECT_THROW(predict(model, Ensemble(1, 10, 1, 1)), std::invalid_argument);
+  EXPECT_THROW(predict(model, Ensemble(1, 10, 1, 2), {0, {}}), std::invalid_argument);
+  EXPECT_THROW(pulse_response(model, 3, 3), std::invalid_argument);
+  EXPECT_THROW(pulse_response(model, 10, 3), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace tokid::testing

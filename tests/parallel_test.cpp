@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/parallel.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <stdexcept>
+#include <vector>
+
+namespace tokid {
+namespace {
+
+TEST(ParallelFor, CoversEveryIndexOnceForAnyNumberOfThreads) {
+  for (const int threads : {0, 1, 2, 3, 8}) {
+    for (const Index size : {0, 1, 7, 1000}) {
+      std::vector<std::atomic<int>> seen(size_t(size) + 1);
+      parallel_for(0, size, {threads, {}}, [&](Index begin, Index end) {
+        for (Index k = begin; k < end; ++k) ++seen[size_t(k)];
+      });
+      for (Index k = 0; k < size; ++k) EXPECT_EQ(seen[size_t(k)], 1) << threads << " threads, index " << k;
+    }
+  }
+}
+
+TEST(ParallelFor, ReportsProgressThatEndsAtOne) {
+  for (const int threads : {1, 3}) {
+    std::vector<double> reported;
+    parallel_for(3, 103, {threads, [&](double share) { reported.push_back(share); }}, [](Index, Index) {});
+    ASSERT_FALSE(reported.empty());
+    for (size_t i = 1; i < reported.size(); ++i) EXPECT_GT(reported[i], reported[i - 1]);
+    EXPECT_EQ(reported.back(), 1.0);
+  }
+}
+
+TEST(ParallelFor, RethrowsWhatAPieceThrows) {
+  for (const int threads : {1, 4})
+    EXPECT_THROW(parallel_for(0, 1000, {threads, {}},
+                              [](Index begin, Index end) {
+                                if (begin <= 500 && 500 < end) throw std::runtime_error("step 500");
+                              }),
+                 std::runtime_error);
+}
+
+}  // namespace
+}  // namespace tokid

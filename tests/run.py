@@ -1,0 +1,68 @@
+#!/usr/bin/env python3
+"""Runs all tests of a build directory and ends with the line 'N passed, N failed'.
+
+    tests/run.py BUILD [argument of ctest ...]
+
+Every GoogleTest case and every pytest case counts as one; what else ctest runs (the examples, the installed package)
+counts as one each. The exit status is 0 if something passed and nothing failed.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+
+def outcome(case):
+    if case.find("failure") is not None or case.find("error") is not None:
+        return "failed"
+    return "skipped" if case.find("skipped") is not None else "passed"
+
+
+def pytest_cases(report):
+    """Name and outcome of each case in a JUnit report of pytest; none where the file is missing or broken."""
+    try:
+        cases = ElementTree.parse(report).iter("testcase")
+    except (OSError, ElementTree.ParseError):
+        return []
+    # A test that passes and whose clean-up then fails is listed twice: the worse of the two counts.
+    found = {}
+    for case in cases:
+        name = f"{case.get('classname')}.{case.get('name')}"
+        found[name] = max(found.get(name, ""), outcome(case), key=["", "passed", "skipped", "failed"].index)
+    return list(found.items())
+
+
+def main():
+    build = Path(sys.argv[1])
+    reports = (build / "reports").resolve()
+    shutil.rmtree(reports, ignore_errors=True)
+    reports.mkdir(parents=True)
+    status = subprocess.run(
+        ["ctest", "--test-dir", build, "--output-on-failure", "--no-tests=error", "--no-label-summary", "--parallel", str(os.cpu_count()),
+         "--output-junit", reports / "ctest.xml", *sys.argv[2:]],
+        stdin=subprocess.DEVNULL, check=False).returncode
+
+    results = []
+    for test in ElementTree.parse(reports / "ctest.xml").iter("testcase"):
+        name, ended = test.get("name"), test.get("status")
+        ended = {"run": "passed", "fail": "failed"}.get(ended, "skipped" if outcome(test) == "skipped" else "failed")
+        cases = pytest_cases(reports / f"{name}.xml")
+        # pytest itself may fail without a failed case: count that too.
+        if ended == "failed" and all(result != "failed" for _, result in cases) or not cases:
+            cases.append((name, ended))
+        results += cases
+
+    count = {word: sum(result == word for _, result in results) for word in ("passed", "failed", "skipped")}
+    for word in ("skipped", "failed"):
+        if count[word]:
+            print(f"\n{word}:", *(name for name, result in results if result == word), sep="\n  ")
+    print(f"\n{count['passed']} passed, {count['failed']} failed"
+          + (f", {count['skipped']} skipped" if count["skipped"] else ""), flush=True)
+    return 0 if status == 0 and count["passed"] and not count["failed"] else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/tvera.hpp"
+
+#include <gtest/gtest.h>
+
+#include "testing.hpp"
+#include "tokid/example.hpp"
+
+namespace tokid::testing {
+namespace {
+
+struct Stage {
+  Ensemble data;
+  Markov parameters;
+};
+
+Stage stage(const Model& system, Index lags, Index experiments, Index band) {
+  Stage s;
+  s.data = random_experiments(system, experiments, 50);
+  GtvArxOptions options;
+  options.lags = {lags};
+  s.parameters = markov(gtv_arx(s.data, options), band);
+  return s;
+}
+
+TEST(Tvera, StateDimensionGrowsFromZeroAndShrinksAtTheEnd) {
+  const Model system = random_system({4, 2, 1}, 30, 1.0, 51);
+  const Stage s = stage(system, 2, 20, 6);
+  const Model model = tvera(s.parameters, {}, {.rows = 3, .cols = 4});
+  model.check();
+  ASSERT_EQ(model.steps(), 30);
+  std::vector<Index> expected;
+  for (Index k = 0; k <= 30; ++k) expected.push_back(std::min<Index>({k * 1, 4, (30 - k) * 2}));
+  EXPECT_EQ(model.state_dim, expected);
+  EXPECT_TRUE(kinematically_similar(model, system, 1e-9).similar);
+}
+
+TEST(Tvera, FreeResponsesGiveTheFullStateFromTheFirstStep) {
+  Model system = oscillator(40);
+  ExperimentOptions options;
+  options.experiments = 20;
+  options.free_responses = 6;
+  const Ensemble e = experiments(system, options);
+  GtvArxOptions arx_options;
+  arx_options.lags = {2};
+  const Markov parameters = markov(gtv_arx(e, arx_options), 4);
+  FreeResponse free = e.free;
+  free.y *= 1e6;  // the size of the free states does not matter
+  const Model model = tvera(parameters, free, {.rows = 3, .cols = 2});
+  for (Index k = 0; k <= 38; ++k) EXPECT_EQ(model.n(k), 4) << k;
+  EXPECT_EQ(model.n(39), 2);  // two outputs are left to see the state by
+  EXPECT_LE(kinematically_similar(model, system).max_difference, 1e-9);
+  // A free response that lacks a sample is left out, and too few of them leave the first state short.
+  free.y(0, 1) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(tvera(parameters, free, {.rows = 3, .cols = 2}).n(0), 4);
+  free.y.rightCols(free.y.cols()).bottomRows(3).setConstant(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(tvera(parameters, free, {.rows = 3, .cols = 2}).n(0), 2);
+}
+
+TEST(Tvera, AnOrderThatIsAskedForIsAnUpperBound) {
+  const Model system = random_system({4, 2, 2}, 24, 1.0, 52);
+  const Stage s = stage(system, 3, 40, 8);
+  EXPECT_EQ(tvera(s.parameters, {}, {.rows = 4, .cols = 4, .states = 3}).states(), 3);
+  // Noise-free data have no fifth state to give: rounding errors are not taken for states.
+  const Model model = tvera(s.parameters, {}, {.rows = 4, .cols = 4, .states = 6});
+  EXPECT_EQ(model.states(), 4);
+  EXPECT_TRUE(kinematically_similar(model, system, 1e-9).similar);
+}
+
+TEST(Tvera, SystemsWhoseOrderChangesAreFollowed) {
+  // The second pair of states is cut off from inputs and outputs in the first half.
+  Model system = random_system({4, 2, 2}, 40, 1.0, 53);
+  for (size_t k = 0; k < 20; ++k) {
+    system.A[k].topRightCorner(2, 2).setZero();
+    system.A[k].bottomLeftCorner(2, 2).setZero();
+    system.B[k].bottomRows(2).setZero();
+    system.C[k].rightCols(2).setZero();
+  }
+  const Stage s = stage(system, 2, 40, 5);
+  const Model model = tvera(s.parameters, {}, {.rows = 3, .cols = 2});
+  EXPECT_EQ(model.n(12), 2);
+  EXPECT_EQ(model.n(30), 4);
+  EXPECT_LE(kinematically_similar(model, system).max_difference, 1e-9);
+}
+
+TEST(Tvera, RefusesBlocksBeyondTheBand) {
+  const Stage s = stage(random_system({2, 1, 1}, 20, 1.0, 54), 2, 20, 3);
+  EXPECT_NO_THROW(tvera(s.parameters, {}, {.rows = 2, .cols = 2}));
+  EXPECT_THROW(tvera(s.parameters, {}, {.rows = 3, .cols = 2}), std::invalid_argument);
+  EXPECT_THROW(tvera(s.parameters, {}, {.rows = 0, .cols = 2}), std::invalid_argument);
+  FreeResponse free{2, 5, Matrix::Zero(2, 7)};
+  EXPECT_THROW(tvera(s.parameters, free, {.rows = 2, .cols = 2}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace tokid::testing
