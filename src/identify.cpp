@@ -56,6 +56,22 @@ void check_options(const IdentifyOptions& o) {
     throw std::invalid_argument(fmt::format("hold-out fraction: {} found, 0 <= fraction < 1 needed", o.hold_out));
 }
 
+// Squares and ratios of samples must stay within the range of double precision, ratios of their squares too.
+void check_magnitudes(const Ensemble& e) {
+  constexpr double largest = 1e60, smallest = 1e-60;
+  for (Index c = 0; c < e.channels(); ++c) {
+    double magnitude = 0.0;
+    for (Index k = 0; k < e.steps(); ++k)
+      for (const double value : e.samples().col(k * e.channels() + c))
+        if (!std::isnan(value)) magnitude = std::max(magnitude, std::abs(value));
+    if (magnitude != 0 && (magnitude > largest || magnitude < smallest))
+      throw std::invalid_argument(
+          fmt::format("{}: values up to {:.3g} found, {:.0e} to {:.0e} can be handled: choose another unit",
+                      c < e.inputs() ? "input " + e.names.input(c) : "output " + e.names.output(c - e.inputs()),
+                      magnitude, smallest, largest));
+  }
+}
+
 // Inputs that are the same in every experiment identify nothing at those steps.
 void warn_of_constant_inputs(const Ensemble& e, std::vector<std::string>& warnings) {
   for (Index i = 0; i < e.inputs(); ++i) {
@@ -96,6 +112,7 @@ class Pipeline {
   void warn_of_regressions();
   void warn_of_states();
   void choose_frame();
+  void check_finite() const;
   void evaluate();
 
   Index experiments_for(Index lags) const {
@@ -307,7 +324,7 @@ void Pipeline::realise_model() {
   o.execution = share(0.7, 0.8);
   const Markov parameters = markov(arx_, o.rows + o.cols - 1, share(0.6, 0.7));
   const HankelFactors factors = hankel_factors(parameters, data_.free, o);
-  o.execution = share(0.8, 0.9);
+  o.execution.progress = {};
   Model& model = result_.model;
   model = model_of(parameters, factors, o, n == 0 && result_.noisy ? choose_states(parameters, factors, o) : n);
   if (model.states() == 0)
@@ -380,6 +397,16 @@ void Pipeline::choose_frame() {
   }
 }
 
+void Pipeline::check_finite() const {
+  const Model& model = result_.model;
+  for (const auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G, &model.innovation_cov})
+    for (const Matrix& a : *list)
+      if (!a.allFinite())
+        throw std::overflow_error(
+            "the model is not finite: samples or their ratios are beyond the range of double precision; scale the "
+            "data");
+}
+
 void Pipeline::evaluate() {
   ValidateOptions o;
   o.initial_state = initial_;
@@ -414,6 +441,7 @@ Identification Pipeline::run() {
   if (data_.inputs() == 0 || data_.outputs() == 0)
     throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
                                             data_.inputs(), data_.outputs()));
+  check_magnitudes(data_);
   hold_out();
   result_.experiments = data_.experiments();
   result_.steps = data_.steps();
@@ -436,6 +464,7 @@ Identification Pipeline::run() {
   realise_model();
   warn_of_states();
   choose_frame();
+  check_finite();
   result_.model.version = version;
   result_.model.options = options_json();
   evaluate();

@@ -19,6 +19,7 @@ void check_shape(const char* name, Index s, const Matrix& a, Index rows, Index c
   if (a.rows() != rows || a.cols() != cols)
     throw std::invalid_argument(
         fmt::format("model: {}[{}] is {} x {}, {} x {} needed", name, s, a.rows(), a.cols(), rows, cols));
+  if (!a.allFinite()) throw std::invalid_argument(fmt::format("model: {}[{}] has a value that is not finite", name, s));
 }
 
 template <class List>

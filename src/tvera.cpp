@@ -45,7 +45,8 @@ HankelFactor factorise(const Markov& markov, const FreeResponse& free, Index k, 
   }
   const double error = std::hypot(std::sqrt(variance), negligible * h.norm());
   linalg::Svd d = linalg::svd(h);
-  return {std::move(d.u), std::move(d.s), error};
+  const double scale = std::max(d.s.size() > 0 ? d.s(0) : 0.0, markov.D[size_t(k)].norm());
+  return {std::move(d.u), std::move(d.s), scale, error};
 }
 
 // O_k of the chosen order, and what is needed to multiply by its pseudo-inverse.
@@ -60,10 +61,9 @@ struct Observability {
 
 Observability choose_order(const HankelFactor& factor, const TveraOptions& options) {
   const Vector& sigma = factor.singular_values;
-  const double largest = sigma.size() > 0 ? sigma(0) : 0.0;
-  double threshold = options.noise_factor * factor.error;
-  // An order that was asked for may reach into the noise, but not into the rounding errors.
-  if (options.states > 0) threshold = std::min(threshold, arithmetic * largest);
+  // The estimate of the error may be far too large where many steps hand it on: whatever it says, singular values this
+  // large are no errors of arithmetic.
+  const double threshold = std::min(options.noise_factor * factor.error, arithmetic * factor.scale);
   Index n = (sigma.array() > threshold).count();
   if (options.states > 0) n = std::min(n, options.states);
   return {factor.u.leftCols(n), sigma.head(n).cwiseSqrt()};

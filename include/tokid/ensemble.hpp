@@ -89,7 +89,7 @@ class Ensemble {
   Matrix samples_;
 };
 
-// Every ⌈1/fraction⌉-th experiment is held out, so that ordered campaigns are represented in both parts.
+// The experiments held out are spread evenly over the ensemble, so that both parts represent an ordered campaign.
 struct Split {
   Ensemble training, held_out;
 };

@@ -57,7 +57,8 @@ struct Model {
   Matrix closed_loop(Index k) const { return A[at(k)] + G[at(k)] * C[at(k)]; }  // Ā_k                  (10)
   Index max_lags() const;                                                       // largest p_k, at least 1
 
-  // \throws std::invalid_argument that names the field whose number or shape disagrees with the others
+  // \throws std::invalid_argument that names the field whose number or shape disagrees with the others, or that is not
+  // finite
   void check() const;
 };
 

@@ -10,8 +10,9 @@ namespace tokid {
 struct TveraOptions {
   Index rows = 2;    // block rows of H_k = [h_{k+a,k-1-b}]; needs (rows-1)·m ≥ n
   Index cols = 2;    // block columns; needs cols·r ≥ n
-  Index states = 0;  // at most so many states per step; 0: the numerical rank of H_k
-  // With states = 0, σ_i(H_k) counts as non-zero above noise_factor times the expected norm of the error of H_k.
+  Index states = 0;  // at most so many states per step; 0: the numerical rank of H_k, which noisy data do not show
+  // σ_i(H_k) counts as zero below the smaller of noise_factor times the expected norm of the error of H_k and 1e-9
+  // times its scale.
   double noise_factor = 3.0;
   Execution execution = {};
 };
@@ -22,6 +23,7 @@ struct TveraOptions {
 struct HankelFactor {
   Matrix u;                // (rows·m × q) left singular vectors
   Vector singular_values;  // (q)
+  double scale = 0.0;      // σ_1, or the norm of D_k where that is larger
   double error = 0.0;      // expected Frobenius norm of the error of H_k, from the residuals of the regressions
 };
 struct HankelFactors {
