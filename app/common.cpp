@@ -97,15 +97,19 @@ std::vector<std::string> differences(const Model& model, const Ensemble& data) {
   return result;
 }
 
-std::string gaps(const Model& model, const Ensemble& computed) {
-  Index empty = 0;
+std::string coverage(const Ensemble& computed, std::vector<std::string>& warnings) {
+  std::vector<Index> steps;
   for (Index k = 0; k < computed.steps(); ++k) {
     const auto y = computed.output(k);
-    if ((y.array() != y.array()).all()) ++empty;
+    if ((y.array() == y.array()).any()) steps.push_back(k);
   }
-  if (empty == 0) return {};
-  return fmt::format("{} of {} without outputs (NaN): the model covers steps {} to {}", empty,
-                     plural(computed.steps(), "step"), model.k_begin, model.k_end() - 1);
+  if (steps.empty()) {
+    warnings.push_back("no step of the data has outputs of the model: all of them are missing (NaN)");
+    return "no outputs";
+  }
+  const bool all = Index(steps.size()) == computed.steps();
+  return fmt::format("outputs at steps {} to {}{}", steps.front(), steps.back(),
+                     all ? "" : ", elsewhere missing (NaN)");
 }
 
 // Numbers

@@ -110,8 +110,8 @@ std::invoke_result_t<Work> about(const fs::path& file, Work&& work) {
 
 // Differences between the data and the model that are no error, but may be a mistake.
 std::vector<std::string> differences(const Model& model, const Ensemble& data);
-// The model's steps, where some of the data's have no outputs in `computed`; else empty.
-std::string gaps(const Model& model, const Ensemble& computed);
+// At which steps something could be computed; a warning where at none.
+std::string coverage(const Ensemble& computed, std::vector<std::string>& warnings);
 
 // Numbers
 

@@ -1,5 +1,6 @@
 // tokid identify: ensemble → model, with the evidence for every choice.
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
 
 #include "common.hpp"
@@ -19,23 +20,75 @@ struct Call {
 // σ_n / σ_{n+1} of H_k, the median over the steps of full dimension: how clearly the order shows.
 double singular_value_gap(const Model& model) {
   std::vector<double> gaps;
-  const Index n = model.states();
-  for (Index k = model.full_begin(); n > 0 && k < std::min(model.full_end(), model.k_end()); ++k) {
-    if (model.at(k) >= model.singular_values.size()) break;
+  const Index n = model.states(),
+              end = std::min({model.full_end(), model.k_end(), model.k_begin + Index(model.singular_values.size())});
+  for (Index k = model.full_begin(); n > 0 && k < end; ++k) {
     const Vector& s = model.singular_values[model.at(k)];
     if (s.size() > n) gaps.push_back(s(n - 1) / s(n));
   }
   return median(gaps);
 }
 
-// Lag orders p = 1 … with their leave-one-out error as a share of the outputs, the geometric mean over outputs and
-// steps.
-std::vector<std::vector<std::string>> lag_table(const Identification& result) {
-  std::vector<std::vector<std::string>> rows{{"p", "leave-one-out error", ""}};
-  for (Index p = 1; p <= result.lag_order_errors.mean.size(); ++p)
-    rows.push_back({fmt::format("{}", p), percent(100 * std::exp(result.lag_order_errors.mean(p - 1) / 2)),
-                    p == result.lags ? "chosen" : ""});
-  return rows;
+// RMS errors relative to what they are errors of, from the means of their logarithms.
+std::vector<double> relative(const Vector& mean_log_square) {
+  const Vector error = (mean_log_square.array() / 2).exp();
+  return {error.begin(), error.end()};
+}
+
+std::vector<double> relative(std::vector<double> logs) {
+  for (double& value : logs) value = std::exp(value);
+  return logs;
+}
+
+// Errors of twice the size of the outputs, or a googol of it, say the same: useless.
+std::string share(double error) { return error < 1.999 ? fmt::format("{:.3g} %", 100 * error) : "> 200 %"; }
+
+// Candidates with the errors that decided between them.
+struct Trial {
+  std::string symbol;
+  std::vector<Index> candidates;
+  std::vector<std::pair<std::string, std::vector<double>>> errors;
+  Index best = 0;
+};
+
+Trial lag_trial(const Identification& result) {
+  const LagOrderErrors& found = result.lag_order_errors;
+  Trial trial{"p", {}, {{"leave-one-out error", relative(found.mean)}}, found.best};
+  for (Index p = 1; p <= found.mean.size(); ++p) trial.candidates.push_back(p);
+  return trial;
+}
+
+Trial state_trial(const Identification& result) {
+  const OrderScores& found = result.order_scores;
+  return {"n",
+          found.states,
+          {{"one-step error", relative(found.one_step)}, {"simulation error", relative(found.simulation)}},
+          found.best};
+}
+
+void add_trial(const Trial& trial, Page& page) {
+  if (trial.candidates.empty()) return;
+  std::vector<std::vector<std::string>> rows{{trial.symbol}};
+  for (const auto& [name, values] : trial.errors) rows.front().push_back(name);
+  for (size_t i = 0; i < trial.candidates.size(); ++i) {
+    rows.push_back({fmt::format("{}", trial.candidates[i])});
+    for (const auto& [name, values] : trial.errors) rows.back().push_back(share(values[i]));
+    rows.back().emplace_back(trial.candidates[i] == trial.best ? "chosen" : "");
+  }
+  page.table(rows);
+}
+
+// null where nothing was tried.
+Json json(const Trial& trial) {
+  if (trial.candidates.empty()) return {};
+  Json j{{"candidates", trial.candidates}, {"best", trial.best}};
+  for (const auto& [name, values] : trial.errors) {
+    std::string key = name;
+    for (char& c : key)
+      if (c == ' ' || c == '-') c = '_';
+    j[key] = values;
+  }
+  return j;
 }
 
 std::string missing_text(const Ensemble& data) {
@@ -61,21 +114,26 @@ Index largest_lags(const Ensemble& data, const Identification& result) {
   return largest_lag_order(result.experiments - spent, data.inputs(), data.outputs());
 }
 
-void add_orders(const Call& call, const Ensemble& data, const Identification& result, Page& page) {
+void add_lag_order(const Call& call, const Ensemble& data, const Identification& result, Page& page) {
+  const bool tried = result.lag_order_errors.mean.size() > 0;
+  const char* why = call.options.lags > 0 ? "as asked" : tried ? "by leave-one-out error" : "the smallest possible";
   page.row("Lag order",
-           fmt::format("p = {}, {}; {} carry lag orders up to p = {}, this one needs {}", result.lags,
-                       call.options.lags > 0                      ? "as asked"
-                       : result.lag_order_errors.mean.size() == 0 ? "the smallest possible"
-                                                                  : "by leave-one-out error",
+           fmt::format("p = {}, {}; {} carry lag orders up to p = {}, this one needs {}", result.lags, why,
                        plural(result.experiments, "experiment"), largest_lags(data, result), result.min_experiments));
-  if (result.lag_order_errors.mean.size() > 0) page.table(lag_table(result));
+  add_trial(lag_trial(result), page);
+}
 
+void add_states(const Call& call, const Identification& result, Page& page) {
   const Model& model = result.model;
+  const bool tried = !result.order_scores.states.empty();
+  const char* why = call.options.states > 0 ? "as asked"
+                    : tried                 ? "by prediction and simulation errors"
+                                            : "the rank of the Hankel matrices";
   const double gap = singular_value_gap(model);
   page.row("States",
-           fmt::format("n = {}, {}{}", model.states(),
-                       call.options.states > 0 ? "as asked" : "the rank of the Hankel matrices",
-                       std::isnan(gap) ? "" : fmt::format("; singular values fall by {:.3g} behind it", gap)));
+           fmt::format("n = {}, {}{}", model.states(), why,
+                       std::isfinite(gap) ? fmt::format("; singular values fall by {:.3g} behind it", gap) : ""));
+  add_trial(state_trial(result), page);
   page.row("Model",
            fmt::format("{}, {} frame, steps {} to {}, all {} from {} to {}", model.method, model.frame, model.k_begin,
                        model.k_end() - 1, plural(model.states(), "state"), model.full_begin(), model.full_end() - 1));
@@ -99,7 +157,8 @@ std::string report(const Call& call, const Ensemble& data, const Identification&
   page.row("", missing_text(data));
   page.row("Initial state", fmt::format("{}: {}", to_string(model.initial_state), result.initial_state_test.reason));
   page.row("Nominal", nominal_text(call, result));
-  add_orders(call, data, result, page);
+  add_lag_order(call, data, result, page);
+  add_states(call, result, page);
   page.row("Regressions", fmt::format("condition up to {:.3g}, {} of {} rank deficient", result.condition_max,
                                       result.rank_deficient_steps, plural(result.steps, "step")));
   add_fit(model, result, data.experiments() - result.experiments, page);
@@ -126,11 +185,8 @@ Json json(const Call& call, const Ensemble& data, const Identification& result) 
   j["lags"] = result.lags;
   j["largest_lag_order"] = largest_lags(data, result);
   j["min_experiments"] = result.min_experiments;
-  j["lag_order_errors"] = nullptr;
-  if (result.lag_order_errors.mean.size() > 0)
-    j["lag_order_errors"] = {{"mean_log_error", numbers(result.lag_order_errors.mean)},
-                             {"steps", result.lag_order_errors.steps},
-                             {"best", result.lag_order_errors.best}};
+  j["lag_order_errors"] = json(lag_trial(result));
+  j["order_scores"] = json(state_trial(result));
   j["initial_state"] = to_string(model.initial_state);
   const InitialStateTest& initial = result.initial_state_test;
   j["initial_state_test"] = {{"statistic", initial.statistic},

@@ -16,18 +16,21 @@ void run(const Call& call) {
   check_output(call.output, Content::ensemble);
   const Model model = load_model(call.model);
   const Ensemble data = load_ensemble(call.data, call.read);
-  const Ensemble result = about(call.data, [&] { return predict(model, data, call.options).y; });
+  const Ensemble result = about(call.data, [&] {
+    data.check();
+    return predict(model, data, call.options).y;
+  });
   save_ensemble(result, call.output);
 
+  std::vector<std::string> warnings = differences(model, data);
   Page page;
   page.row("Model", describe(model));
   page.row("Predicted", fmt::format("{}, {}, {} ahead", plural(result.experiments(), "experiment"),
                                     plural(result.steps(), "step"), plural(call.options.horizon, "step")));
-  if (const std::string text = gaps(model, result); !text.empty()) page.row("", text);
+  page.row("", coverage(result, warnings));
   page.row("Written", call.output.string());
   print(page.text());
-
-  warn(differences(model, data));
+  warn(warnings);
 }
 
 }  // namespace

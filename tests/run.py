@@ -41,7 +41,7 @@ def main():
     shutil.rmtree(reports, ignore_errors=True)
     reports.mkdir(parents=True)
     status = subprocess.run(
-        ["ctest", "--test-dir", build, "--output-on-failure", "--no-tests=error", "--no-label-summary", "--parallel", str(os.cpu_count()),
+        ["ctest", "--test-dir", build, "--progress", "--output-on-failure", "--no-tests=error", "--no-label-summary", "--parallel", str(os.cpu_count()),
          "--output-junit", reports / "ctest.xml", *sys.argv[2:]],
         stdin=subprocess.DEVNULL, check=False).returncode
 

@@ -27,7 +27,7 @@ PUBLISHED = {34: (0.43716, -0.048167), 35: (0.31545, -0.097074), 36: (-0.14861, 
 
 
 def run(tool, directory):
-    """Ten experiments and eight free responses, the model identified from them, and its outputs on fresh experiments."""
+    """The model that ten experiments and eight free responses give, fresh experiments, and its outputs for them."""
     def call(*arguments):
         subprocess.run([tool, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
 
@@ -76,7 +76,8 @@ def plain(axes):
 
 def title(axes, text, note):
     axes.set_title(text, loc="left", fontsize=11, color=INK, fontweight="bold", pad=21)
-    axes.annotate(note, (0, 1), xycoords="axes fraction", xytext=(0, 6), textcoords="offset points", fontsize=8.5, color=MUTED)
+    axes.annotate(note, (0, 1), xycoords="axes fraction", xytext=(0, 6), textcoords="offset points", fontsize=8.5,
+                  color=MUTED)
 
 
 def draw_plane(axes, open_loop, closed_loop):
@@ -86,16 +87,16 @@ def draw_plane(axes, open_loop, closed_loop):
     axes.axhline(0, color=RULE, lw=0.7, zorder=0)
     axes.axvline(0, color=RULE, lw=0.7, zorder=0)
     axes.plot(np.cos(angle), np.sin(angle), color=MUTED, lw=0.9, zorder=1)
-    axes.plot(outer.real, outer.imag, "o", ms=3.4, mfc="none", mec=OPEN, mew=0.6)
-    axes.plot(inner.real, inner.imag, "o", ms=3.4, mfc="none", mec=CLOSED, mew=0.6)
+    axes.plot(outer.real, outer.imag, "o", ms=3.0, mfc="none", mec=OPEN, mew=0.5, alpha=0.8)
+    axes.plot(inner.real, inner.imag, "o", ms=3.0, mfc="none", mec=CLOSED, mew=0.5, alpha=0.8)
     axes.set_aspect("equal")
-    axes.set_xlim(-1.15, 1.45)
+    axes.set_xlim(-1.15, 1.6)
     axes.set_ylim(-1.15, 1.15)
     axes.set_xticks([-1, 0, 1])
     axes.set_yticks([-1, 0, 1])
-    axes.text(1.12, 0.27, "open loop\n$A_k$", color=OPEN, fontsize=9.5, ha="center")
+    axes.text(1.13, 0.23, "open loop\n$A_k$", color=OPEN, fontsize=9.5, ha="left")
     axes.text(0.12, 0.12, "closed loop\n$A_k + G_k C_k$", color=CLOSED, fontsize=9.5, ha="center")
-    axes.text(-0.78, -0.78, "unit circle", color=MUTED, fontsize=8.5, ha="right", va="top")
+    axes.text(-0.66, -0.66, "unit circle", color=MUTED, fontsize=8.5, ha="left", va="bottom")
     plain(axes)
 
 
@@ -103,15 +104,17 @@ def draw_closed_loop(axes, closed_loop, first):
     steps = np.arange(first, len(closed_loop))
     values = np.linalg.eigvals(closed_loop[first:])
     assert np.abs(values.imag).max() < 1e-6
-    # Two of the four are zero at every step; the others follow their neighbours in time without a crossing of signs.
+    # Two of the four are zero at every step.
     largest = np.take_along_axis(values.real, np.argsort(-abs(values), axis=1), axis=1)[:, :2]
+    largest.sort(axis=1)
     axes.axhline(0, color=CLOSED, lw=1.1, zorder=1)
-    axes.vlines(steps, np.sort(largest)[:, 0], np.sort(largest)[:, 1], color=RULE, lw=0.8, zorder=0)
+    axes.vlines(steps, largest[:, 0], largest[:, 1], color=RULE, lw=0.8, zorder=0)
     axes.plot(steps, largest, "o", ms=2.6, color=CLOSED, mec="none")
     for k, published in PUBLISHED.items():
         axes.plot([k, k], published, "o", ms=7, mfc="none", mec=OPEN, mew=1.1)
-    axes.annotate("published", (36, 0.31), xytext=(10, 4), textcoords="offset points", color=OPEN, fontsize=9.5)
+    axes.annotate("published", (34, 0.43716), xytext=(8, 4), textcoords="offset points", color=OPEN, fontsize=9.5)
     axes.text(80.5, 0, "two at 0", color=CLOSED, fontsize=8.5, va="center")
+    axes.set_ylim(-0.25, 0.53)
     axes.set_yticks([-0.2, 0, 0.2, 0.4])
     plain(axes)
 
@@ -130,8 +133,17 @@ def draw_outputs(axes, fresh, simulated):
 
 
 def compact(svg):
-    """Two decimals of a point are enough for the eye."""
-    return re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), svg)
+    """The same picture in less text: coordinates to a twentieth of a point, repeated styles as classes."""
+    def shorten(attribute):
+        return re.sub(r"\d+\.\d{2,}", lambda number: f"{float(number[0]):.1f}", attribute[0])
+
+    svg = re.sub(r' (?:x|y|d)="[^"]*"', shorten, svg)
+    styles = {}
+    svg = re.sub(r'(<use [^>]*)style="([^"]*)"',
+                 lambda use: f'{use[1]}class="{styles.setdefault(use[2], f"s{len(styles)}")}"', svg)
+    rules = "\n".join(f".{name} {{ {style} }}" for style, name in styles.items())
+    svg = svg.replace("<defs>", f"<defs>\n<style>\n{rules}\n</style>", 1)
+    return re.sub(r"\n +", "\n", svg)
 
 
 def main():
@@ -146,17 +158,19 @@ def main():
     first = 4  # the observer settles within the first 2p steps
 
     plt.rcParams.update({"font.family": "DejaVu Sans", "mathtext.fontset": "dejavusans", "svg.hashsalt": "tokid"})
-    figure = plt.figure(figsize=(9.6, 4.9), facecolor="white")
-    grid = figure.add_gridspec(2, 2, width_ratios=[1, 1.2], left=0.045, right=0.945, top=0.875, bottom=0.1, wspace=0.16,
-                               hspace=0.5)
+    figure = plt.figure(figsize=(9.6, 4.55), facecolor="white")
+    grid = figure.add_gridspec(2, 2, width_ratios=[1, 1.18], left=0.04, right=0.93, top=0.878, bottom=0.105,
+                               wspace=0.15, hspace=0.55)
     left, top, bottom = (figure.add_subplot(grid[cell]) for cell in ((slice(None), 0), (0, 1), (1, 1)))
     draw_plane(left, open_loop[first:], closed_loop[first:])
-    title(left, "Eigenvalues, from ten experiments", f"steps {first} to {len(open_loop) - 1}, reference frame of step 0")
+    left.set_anchor("N")
+    title(left, "Eigenvalues, from ten experiments",
+          f"steps {first} to {len(open_loop) - 1}, reference frame of step 0")
     draw_closed_loop(top, closed_loop, first)
     title(top, "Closed loop over time", "eigenvalues of $A_k + G_k C_k$, all real")
     draw_outputs(bottom, fresh, simulated)
-    title(bottom, "Outputs for inputs never seen", "circles: experiment; lines: simulation by the identified model; "
-          f"largest difference ${error:.0e}".replace("e-", r"\cdot 10^{-") + "}$")
+    title(bottom, "Outputs for inputs never seen", "circles: experiment; lines: simulation; "
+          f"largest difference ${error:.0e}".replace("e-", r" \cdot 10^{-") + "}$")
     for axes in (top, bottom):
         axes.set_xticks(range(0, 81, 20))
         axes.set_xlim(-1, 80)

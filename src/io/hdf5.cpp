@@ -10,7 +10,6 @@
 #include "atomic_file.hpp"
 #include "formats.hpp"
 #include "matlab.hpp"
-#include "quiet_hdf5.hpp"
 #include "text.hpp"
 
 namespace tokid::io {
@@ -18,6 +17,22 @@ namespace tokid::io {
 namespace {
 
 // ---- handles and errors ----
+
+// The library would print its error stack on stderr; the innermost reason goes into our own message instead.
+class QuietHdf5 {
+ public:
+  QuietHdf5() {
+    H5Eget_auto2(H5E_DEFAULT, &print_, &data_);
+    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  }
+  ~QuietHdf5() { H5Eset_auto2(H5E_DEFAULT, print_, data_); }
+  QuietHdf5(const QuietHdf5&) = delete;
+  QuietHdf5& operator=(const QuietHdf5&) = delete;
+
+ private:
+  H5E_auto2_t print_ = nullptr;
+  void* data_ = nullptr;
+};
 
 std::string reason() {
   std::string text;
@@ -291,33 +306,30 @@ namespace {
 // The file is made in memory: once a write to the disk has failed, the library can't close the file any more.
 class MemoryFile {
  public:
-  MemoryFile(H5F_libver_t low, hsize_t userblock) : file_(create(low, userblock)), userblock_(userblock) {}
+  explicit MemoryFile(hsize_t userblock) : file_(create(userblock)) {}
 
   operator hid_t() const { return file_; }
 
-  // Not by H5Fget_file_image, which clears flags in the image and leaves a checksum that is false.
-  std::string_view image() {
+  std::string image() {
     checked(H5Fflush(file_, H5F_SCOPE_GLOBAL));
-    hsize_t size = 0;
-    void* bytes = nullptr;
-    checked(H5Fget_filesize(file_, &size));
-    checked(H5Fget_vfd_handle(file_, H5P_DEFAULT, &bytes));
-    return {static_cast<const char*>(bytes), static_cast<size_t>(size)};
+    std::string bytes(static_cast<size_t>(checked(H5Fget_file_image(file_, nullptr, 0))), '\0');
+    checked(H5Fget_file_image(file_, bytes.data(), bytes.size()));
+    return bytes;
   }
 
  private:
-  static Handle create(H5F_libver_t low, hsize_t userblock) {
+  static Handle create(hsize_t userblock) {
     const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose), access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
     checked(H5Pset_obj_track_times(creation, false));
     checked(H5Pset_userblock(creation, userblock));
-    checked(H5Pset_libver_bounds(access, low, H5F_LIBVER_V18));
+    // Older than the default allows, for older readers; the image of a newer file would have a false checksum.
+    checked(H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_V18));
     constexpr size_t increment = size_t{1} << 20;
     checked(H5Pset_fapl_core(access, increment, false));
     return {H5Fcreate("in memory", H5F_ACC_TRUNC, creation, access), H5Fclose};
   }
 
   Handle file_;
-  hsize_t userblock_;
 };
 
 Handle text_type(size_t size, H5T_str_t padding, H5T_cset_t characters) {
@@ -348,7 +360,7 @@ Handle write_values(hid_t group, const std::string& name, const Shape& shape, hi
 void write_texts(hid_t file, const std::string& name, const Shape& shape, const std::vector<std::string>& texts) {
   size_t longest = 1;
   for (const auto& text : texts) longest = std::max(longest, text.size());
-  // Of fixed length, because the heap that holds texts of variable length has no checksum.
+  // Of fixed length, so that the bytes lie where the data set is, not in a heap.
   const Handle type = text_type(longest, H5T_STR_NULLPAD, H5T_CSET_UTF8);
   std::string bytes;
   for (const auto& text : texts) bytes += text + std::string(longest - text.size(), '\0');
@@ -436,7 +448,7 @@ std::string matlab_header() {
 
 void write_hdf5(const Arrays& arrays, const std::filesystem::path& path) {
   const QuietHdf5 quiet;
-  MemoryFile file(H5F_LIBVER_V18, 0);  // the first format whose metadata have checksums
+  MemoryFile file(0);
   for (const auto& [name, array] : arrays) write_array(file, name, array);
   ByteWriter(path).write(file.image());
 }
@@ -444,7 +456,7 @@ void write_hdf5(const Arrays& arrays, const std::filesystem::path& path) {
 void write_mat73(const Arrays& arrays, const std::filesystem::path& path) {
   const QuietHdf5 quiet;
   const std::string header = matlab_header();
-  MemoryFile file(H5F_LIBVER_EARLIEST, header.size());  // the format that MATLAB writes
+  MemoryFile file(header.size());
   for (const auto& [name, array] : arrays) write_matlab_variable(file, name, array);
   ByteWriter out(path);
   out.write(header);

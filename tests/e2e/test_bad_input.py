@@ -205,6 +205,15 @@ def test_infinite_value(identify_refused, npz, name, channel, value):
     identify_refused(npz(**{name: values}), words=[channel, "infinite", "experiment 3", "step 7"])
 
 
+@pytest.mark.parametrize("command", ["validate", "simulate", "predict"])
+def test_infinite_value_for_a_model(tokid, tmp_path, oscillator, npz, command):
+    values = arrays()["u"]
+    values[3, 7, 1] = np.inf
+    data = npz(u=values)
+    output = [] if command == "validate" else ["-o", tmp_path / "out.npz"]
+    refused(tokid, tmp_path, command, oscillator / "model.npz", data, *output, words=[data, "u2", "infinite", "step 7"])
+
+
 # Amounts
 
 def test_too_few_experiments_for_the_lag_order(identify_refused, npz):

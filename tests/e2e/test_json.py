@@ -68,8 +68,10 @@ def test_identify(tokid, tmp_path, oscillator):
     assert found["output_names"] == ["y1", "y2"]
     # Noise-free data: the smallest exact lag order is the best, and the singular values end with a cliff.
     assert found["lag_order_errors"]["best"] == 2
-    errors = found["lag_order_errors"]["mean_log_error"]
-    assert errors[1] < errors[0] - 20
+    assert found["lag_order_errors"]["candidates"][:3] == [1, 2, 3]
+    errors = found["lag_order_errors"]["leave_one_out_error"]
+    assert 0.01 < errors[0] < 1 and max(errors[1:]) < 1e-9
+    assert found["order_scores"] is None  # the rank decides, not the errors
     assert found["singular_value_gap"] is None or found["singular_value_gap"] > 1e6
     assert found["nominal_test"]["significant"] is False
     assert found["initial_state_test"]["decision"] == "zero"
@@ -82,6 +84,18 @@ def test_given_orders_are_not_tested(tokid, tmp_path, oscillator):
     assert found["lags"] == 3
     assert found["lag_order_errors"] is None
     assert found["nominal_test"] is None
+
+
+def test_states_of_noisy_data_are_tried(tokid, tmp_path):
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--steps", 30, "--measurement-noise", 0.2,
+          "--experiments", 100)
+    found = tokid.json("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz")
+    scores = found["order_scores"]
+    assert scores["best"] == found["states"] in scores["candidates"]
+    assert len(scores["one_step_error"]) == len(scores["simulation_error"]) == len(scores["candidates"])
+    assert all(error is None or error > 0 for error in scores["one_step_error"] + scores["simulation_error"])
+    shown = tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz").stdout
+    assert "by prediction and simulation errors" in shown
 
 
 def test_validate(tokid, oscillator):

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Twenty swing-ups of a real robot: a large mean motion, feedback, noise, and few experiments."""
+
+import numpy as np
+import pytest
+from support import load
+
+OUTPUTS = ["pos1", "pos2", "vel1", "vel2"]
+
+
+@pytest.fixture(scope="module")
+def pendubot(shared_data):
+    path = shared_data / "pendubot" / "pendubot.npz"
+    if not path.exists():
+        pytest.skip(f"{path} is absent: the measured data are no part of the project")
+    return path
+
+
+def test_info(tokid, pendubot):
+    found = tokid.json("info", pendubot)
+    assert [found[key] for key in ("experiments", "steps", "inputs", "outputs", "dt")] == [20, 195, 2, 4, 0.02]
+    assert found["largest_lag_order"] == 3
+    assert [c["name"] for c in found["channels"]][2:] == OUTPUTS
+
+
+def test_identify_says_what_twenty_experiments_can_carry(tokid, tmp_path, pendubot):
+    result = tokid("identify", pendubot, "-o", tmp_path / "model.npz", "--hold-out", 0.3)
+    # 14 experiments less the one that the mean motion costs: r + p (r + m) = 8, 14, ...
+    assert "14 experiments carry lag orders up to p = 1" in result.stdout
+    assert "the mean motion was removed" in result.stdout
+    assert "on 6 experiments held out" in result.stdout
+    assert "14 experiments are few" in result.stderr
+
+
+def test_lag_orders_beyond_are_refused(tokid, tmp_path, pendubot):
+    result = tokid("identify", pendubot, "-o", tmp_path / "model.npz", "--lags", 4, status=2)
+    assert str(pendubot) in result.stderr
+    assert "20 found" in result.stderr and "lag orders up to" in result.stderr
+    assert not (tmp_path / "model.npz").exists()
+
+
+def test_identify_and_validate(tokid, tmp_path, pendubot):
+    data = load(pendubot)
+    held_out = np.arange(len(data["u"])) % 3 == 2
+    for name, rows in (("training", ~held_out), ("fresh", held_out)):
+        part = {key: value[rows] if key in ("u", "y") else value for key, value in data.items()}
+        np.savez(tmp_path / f"{name}.npz", **part)
+    found = tokid.json("identify", tmp_path / "training.npz", "-o", tmp_path / "model.npz")
+    assert found["nominal"] is True and found["initial_state"] == "unknown"
+    assert any("few" in text for text in found["warnings"])
+    assert load(tmp_path / "model.npz")["y_nominal"].shape == (195, 4)
+
+    fresh = tokid.json("validate", tmp_path / "model.npz", tmp_path / "fresh.npz", "--horizon", 5)
+    assert fresh["output_names"] == OUTPUTS
+    # Positions are told from the last sample to a few percent (published baseline: 97 %); the velocities are noisy.
+    assert min(fresh["one_step_fit"][:2]) > 80
+    # Predictions get worse with the horizon, and so they are shown.
+    assert np.all(np.array(fresh["horizon_fit"][:2]) < fresh["one_step_fit"][:2])
