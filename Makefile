@@ -67,7 +67,7 @@ asan tsan:
 
 tidy:
 	$(call install,$(tidy_packages))
-	@$(configure) dev -B build-tidy -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null
+	@$(configure) dev -B build-tidy >/dev/null
 	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|examples|bench|tests)/'
 
 format:

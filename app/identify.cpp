@@ -189,8 +189,9 @@ Json json(const Call& call, const Ensemble& data, const Identification& result) 
   j["order_scores"] = json(state_trial(result));
   j["initial_state"] = to_string(model.initial_state);
   const InitialStateTest& initial = result.initial_state_test;
-  j["initial_state_test"] = {{"statistic", initial.statistic},
-                             {"threshold", initial.threshold},
+  const bool tested = !call.options.initial_state && !data.initial_state;
+  j["initial_state_test"] = {{"statistic", tested ? Json(initial.statistic) : Json()},
+                             {"threshold", tested ? Json(initial.threshold) : Json()},
                              {"decision", to_string(initial.decision)},
                              {"reason", initial.reason}};
   j["nominal"] = model.u_nominal.size() > 0;

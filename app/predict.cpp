@@ -16,10 +16,7 @@ void run(const Call& call) {
   check_output(call.output, Content::ensemble);
   const Model model = load_model(call.model);
   const Ensemble data = load_ensemble(call.data, call.read);
-  const Ensemble result = about(call.data, [&] {
-    data.check();
-    return predict(model, data, call.options).y;
-  });
+  const Ensemble result = about(call.data, [&] { return predict(model, data, call.options).y; });
   save_ensemble(result, call.output);
 
   std::vector<std::string> warnings = differences(model, data);

@@ -11,29 +11,14 @@ struct Call {
   ReadOptions read{{}, {}, false};
 };
 
-// What the outputs hold doesn't matter, not even whether it makes sense.
-Ensemble without_outputs(const Ensemble& data) {
-  Ensemble inputs(data.experiments(), data.steps(), data.inputs(), 0, data.dt);
-  for (Index k = 0; k < data.steps(); ++k) inputs.input(k) = data.input(k);
-  inputs.names.input_names = data.names.input_names;
-  inputs.names.input_units = data.names.input_units;
-  inputs.length = data.length;
-  inputs.initial_state = data.initial_state;
-  return inputs;
-}
-
 void run(const Call& call) {
   check_output(call.output, Content::ensemble);
   const Model model = load_model(call.model);
-  const Ensemble data = load_ensemble(call.inputs, call.read);
-  const Ensemble result = about(call.inputs, [&] {
-    const Ensemble inputs = without_outputs(data);
-    inputs.check();
-    return simulate(model, inputs);
-  });
+  const Ensemble inputs = load_ensemble(call.inputs, call.read);
+  const Ensemble result = about(call.inputs, [&] { return simulate(model, inputs); });
   save_ensemble(result, call.output);
 
-  std::vector<std::string> warnings = differences(model, data);
+  std::vector<std::string> warnings = differences(model, inputs);
   Page page;
   page.row("Model", describe(model));
   page.row("Simulated",
@@ -42,7 +27,7 @@ void run(const Call& call) {
   page.row("", coverage(result, warnings));
   page.row("Written", call.output.string());
   print(page.text());
-  if (data.initial_state.value_or(model.initial_state) == InitialState::unknown)
+  if (inputs.initial_state.value_or(model.initial_state) == InitialState::unknown)
     warnings.push_back(fmt::format(
         "initial states are unknown: simulated from the zero state at step {}, where the model begins", model.k_begin));
   warn(warnings);

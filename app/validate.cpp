@@ -72,10 +72,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
 void run(const Call& call) {
   const Model model = load_model(call.model);
   const Ensemble data = load_ensemble(call.data, call.read);
-  Validation result = about(call.data, [&] {
-    data.check();
-    return validate(model, data, call.options);
-  });
+  Validation result = about(call.data, [&] { return validate(model, data, call.options); });
   const std::vector<std::string> remarks = differences(model, data);
   result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());
   if (call.json)

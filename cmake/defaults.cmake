@@ -4,6 +4,11 @@ if(NOT CMAKE_BUILD_TYPE AND NOT multi_config)
   set(CMAKE_BUILD_TYPE Release CACHE STRING "Release, Debug, RelWithDebInfo or MinSizeRel" FORCE)
 endif()
 
+# Shared by default: a program that calls find_package(tokid) then needs Eigen and nothing else, because the libraries
+# that read and write the file formats stay behind tokid's own. The package of a static tokid looks for them on the
+# consumer's machine.
+option(BUILD_SHARED_LIBS "Build a shared library" ON)
+
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)

@@ -47,6 +47,14 @@ InitialState initial_state_from(const std::string& text) {
 std::string Channels::input(Index i) const { return channel_name(input_names, 'u', i); }
 std::string Channels::output(Index j) const { return channel_name(output_names, 'y', j); }
 
+FreeResponse complete(const FreeResponse& free) {
+  FreeResponse kept{0, free.steps, Matrix(free.y.rows(), free.y.cols())};
+  for (Index n = 0; n < free.experiments; ++n)
+    if (free.y.row(n).allFinite()) kept.y.row(kept.experiments++) = free.y.row(n);
+  kept.y.conservativeResize(kept.experiments, Eigen::NoChange);
+  return kept;
+}
+
 Ensemble::Ensemble(Index experiments, Index steps, Index inputs, Index outputs, double sample_time)
     : dt(sample_time), steps_(steps), inputs_(inputs), outputs_(outputs) {
   if (experiments < 0 || steps < 0 || inputs < 0 || outputs < 0 || inputs + outputs == 0)

@@ -65,11 +65,11 @@ GtvArxStep regress(const Ensemble& ensemble, Index k, Index lags, bool every_row
   step.coefficients = (scales.asDiagonal() * solution.x).transpose();
   step.noise_shape = scales.asDiagonal() * solution.inverse_t;
 
+  step.freedom = std::max<Index>(0, step.rows - step.rank - options.spent);
   step.residual_cov.setZero(outputs, outputs);
-  if (step.degrees_of_freedom() > 0) {
+  if (step.freedom > 0) {
     const Matrix unexplained = r_wy - r_ww * solution.x;  // beyond the numerical rank
-    step.residual_cov =
-        (r_yy.transpose() * r_yy + unexplained.transpose() * unexplained) / double(step.degrees_of_freedom());
+    step.residual_cov = (r_yy.transpose() * r_yy + unexplained.transpose() * unexplained) / double(step.freedom);
   }
   if (options.leverages) step.leverages = leverages(scaled, r_ww, step.rank);
   return step;
@@ -124,12 +124,14 @@ Index largest_lag_order(Index experiments, Index inputs, Index outputs) {
 
 namespace {
 
+constexpr double inf = std::numeric_limits<double>::infinity();
+
 // Leave-one-out errors of one step for the lag orders 1 … p_max, as log of the share of the mean square of y.
 Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact) {
   const Index d = ensemble.channels(), r = ensemble.inputs(), m = ensemble.outputs();
   const std::vector<Index> rows = ensemble.complete_rows(k, p_max);
   const Index count = static_cast<Index>(rows.size());
-  Vector error = Vector::Constant(p_max, std::numeric_limits<double>::infinity());
+  Vector error = Vector::Constant(p_max, inf);
   const Index p_judged = std::min(p_max, largest_lag_order(count - 1, r, m));  // at least one degree of freedom
   if (p_judged < 1) return error;
 
@@ -183,7 +185,17 @@ LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions&
       result.error.row(s) =
           step_errors(ensemble, result.steps[static_cast<size_t>(s)], p_max, options.exact).transpose();
   });
-  result.mean = result.error.colwise().mean().transpose();
+  // Missing samples may leave some steps too few experiments: orders are compared at the steps that can judge all of
+  // them, up to the largest order that at least half of the steps can judge.
+  const auto judging = [&](Index p) { return (result.error.col(p - 1).array() < inf).count(); };
+  Index judged = p_max;
+  while (judged > 1 && 2 * judging(judged) < count) --judged;
+  std::vector<Index> rows;
+  for (Index s = 0; s < count; ++s)
+    if (result.error(s, judged - 1) < inf) rows.push_back(s);
+  const Matrix error = result.error(rows, Eigen::all);
+  result.mean.setConstant(p_max, inf);
+  if (!rows.empty()) result.mean.head(judged) = error.leftCols(judged).colwise().mean().transpose();
 
   // One standard error of the paired difference over steps decides against needless lags.
   const Index first = std::clamp<Index>(options.p_min, 1, p_max);
@@ -193,10 +205,10 @@ LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions&
   result.best = std::max(options.p_min, smallest);
   if (!std::isfinite(result.mean(smallest - 1))) return result;
   for (Index p = first; p < smallest; ++p) {
-    const Vector difference = result.error.col(p - 1) - result.error.col(smallest - 1);
-    const double mean = difference.mean();
-    const double variance = (difference.array() - mean).square().sum() / double(std::max<Index>(1, count - 1));
-    if (mean <= std::sqrt(variance / double(count))) {
+    const Vector difference = error.col(p - 1) - error.col(smallest - 1);
+    const double mean = difference.mean(), steps = double(difference.size());
+    const double variance = (difference.array() - mean).square().sum() / std::max(1.0, steps - 1);
+    if (mean <= std::sqrt(variance / steps)) {
       result.best = p;
       break;
     }

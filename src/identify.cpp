@@ -30,28 +30,35 @@ constexpr Index most_judged = 64;
 
 Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 
-// "3, 5-9, 12": a list of steps for people.
-std::string ranges(const std::vector<Index>& steps) {
+// "steps 3, 5-9, 12", for people, who won't read more than a few ranges.
+std::string step_list(const std::vector<Index>& steps) {
+  constexpr int most_ranges = 8;
   std::string text;
+  int ranges = 0;
   for (size_t i = 0; i < steps.size();) {
+    if (ranges++ == most_ranges) {
+      text += fmt::format(", … ({} steps in all)", steps.size());
+      break;
+    }
     size_t j = i;
     while (j + 1 < steps.size() && steps[j + 1] == steps[j] + 1) ++j;
     if (!text.empty()) text += ", ";
     text += i == j ? fmt::format("{}", steps[i]) : fmt::format("{}-{}", steps[i], steps[j]);
     i = j + 1;
   }
-  return text;
+  return (steps.size() == 1 ? "step " : "steps ") + text;
 }
 
 void check_options(const IdentifyOptions& o) {
-  const auto not_negative = [](const char* name, Index value) {
-    if (value < 0)
-      throw std::invalid_argument(fmt::format("{}: {} found, at least 1 (or automatic) needed", name, value));
+  static constexpr Index most = 1'000'000;
+  const auto check_count = [](const char* name, Index value) {
+    if (value < 0 || value > most)
+      throw std::invalid_argument(fmt::format("{}: {} found, 1 to {} (or automatic) needed", name, value, most));
   };
-  not_negative("states", o.states);
-  not_negative("lags", o.lags);
-  not_negative("rows", o.rows);
-  not_negative("cols", o.cols);
+  check_count("states", o.states);
+  check_count("lags", o.lags);
+  check_count("rows", o.rows);
+  check_count("cols", o.cols);
   if (!(o.hold_out >= 0 && o.hold_out < 1))
     throw std::invalid_argument(fmt::format("hold-out fraction: {} found, 0 <= fraction < 1 needed", o.hold_out));
 }
@@ -78,19 +85,49 @@ void warn_of_constant_inputs(const Ensemble& e, std::vector<std::string>& warnin
     std::vector<Index> zero, constant;
     for (Index k = 0; k < e.steps(); ++k) {
       const auto u = e.input(k).col(i);
-      const double first = u(0);
-      if (!((u.array() == first) || u.array().isNaN()).all()) continue;
-      (first == 0 ? zero : constant).push_back(k);
+      // The range of the samples that are there; steps without any say nothing.
+      double least = std::numeric_limits<double>::infinity(), most = -least;
+      for (const double value : u)
+        if (!std::isnan(value)) least = std::min(least, value), most = std::max(most, value);
+      if (least == most) (least == 0 ? zero : constant).push_back(k);
     }
     const auto warn = [&](const char* what, const std::vector<Index>& steps) {
       if (steps.empty()) return;
-      warnings.push_back(
-          fmt::format("input {} is {} in every experiment at {} {}: its effect there can't be identified",
-                      e.names.input(i), what, steps.size() == 1 ? "step" : "steps", ranges(steps)));
+      warnings.push_back(fmt::format("input {} is {} in every experiment at {}: its effect there can't be identified",
+                                     e.names.input(i), what, step_list(steps)));
     };
     warn("zero", zero);
     warn("constant", constant);
   }
+}
+
+// Root mean squares of `count` channels from channel `first` on; 1 for those that rest.
+Vector channel_sizes(const Ensemble& e, Index first, Index count) {
+  Vector sizes(count);
+  for (Index c = 0; c < count; ++c) {
+    double sum = 0.0;
+    Index samples = 0;
+    for (Index k = 0; k < e.steps(); ++k)
+      for (const double value : e.samples().col(k * e.channels() + first + c))
+        if (!std::isnan(value)) sum += value * value, ++samples;
+    sizes(c) = sum > 0 ? std::sqrt(sum / double(samples)) : 1.0;
+  }
+  return sizes;
+}
+
+// Are the inputs of the steps k-p … k linearly dependent over the experiments, channels at rest left aside?
+bool inputs_dependent(const Ensemble& e, Index k, Index p) {
+  const std::vector<Index> rows = e.complete_rows(k, p);
+  Matrix inputs(static_cast<Index>(rows.size()), (p + 1) * e.inputs());
+  Index used = 0;
+  for (Index j = k - p; j <= k; ++j)
+    for (Index i = 0; i < e.inputs(); ++i) {
+      const Vector u = e.input(j).col(i)(rows);
+      if (u.norm() > 0) inputs.col(used++) = u / u.norm();
+    }
+  if (inputs.rows() < used) return false;  // too few experiments is another matter
+  const Matrix zero = Matrix::Zero(inputs.rows(), 1);
+  return linalg::minimum_norm(inputs.leftCols(used), zero, 1e-12).rank < used;
 }
 
 // The pipeline with its intermediate results.
@@ -163,7 +200,14 @@ void Pipeline::remove_nominal() {
   nominal_ = nominal_trajectory(data_);
   data_ = departures(std::move(data_), *nominal_);
   // Free responses share a nominal motion of their own; its departures are free responses too.
-  if (data_.free.experiments > 1) data_.free.y.rowwise() -= Eigen::RowVectorXd(data_.free.y.colwise().mean());
+  FreeResponse& free = data_.free;
+  if (free.experiments == 1) {
+    warn("a single free response has no mean motion to depart from: it was not used");
+    free = {};
+  } else if (free.experiments > 1) {
+    free = complete(free);
+    free.y.rowwise() -= Eigen::RowVectorXd(free.y.colwise().mean());
+  }
 }
 
 void Pipeline::choose_lags() {
@@ -174,14 +218,19 @@ void Pipeline::choose_lags() {
     LagOrderOptions lag_options;
     lag_options.p_min = needed;
     // An order is judged by what is left over: at least one degree of freedom.
-    lag_options.p_max =
-        std::min({most_lags, largest_lag_order(effective_experiments() - 1, r, m), (data_.steps() - 1) / 2});
+    const Index judged = largest_lag_order(effective_experiments() - 1, r, m);
+    lag_options.p_max = std::min({most_lags, judged, (data_.steps() - 1) / 2});
     lag_options.execution = share(0.0, 0.1);
     result_.lags = needed;
-    if (lag_options.p_max >= needed) {
+    if (lag_options.p_max >= needed && lag_options.p_max >= 1) {
       result_.lag_order_errors = lag_order_errors(data_, lag_options);
       result_.lags = result_.lag_order_errors.best;
-    } else if (data_.experiments() >= experiments_for(needed)) {
+      if (result_.lags == lag_options.p_max && lag_options.p_max == judged && judged < most_lags)
+        warn(fmt::format(
+            "lag order {} is the largest that {} experiments can judge: more experiments, or a larger order "
+            "that is stated, may do better",
+            judged, data_.experiments()));
+    } else if (judged < needed && data_.experiments() >= experiments_for(needed)) {
       warn(fmt::format("{} experiments leave no degree of freedom to judge lag order {} by: it fits any data exactly",
                        data_.experiments(), needed));
     }
@@ -221,8 +270,8 @@ void Pipeline::decide_initial_state() {
   Vector later = Vector::Zero(m), square = Vector::Zero(m);
   Index freedom = 0;
   for (Index k = p; k < std::min(last, p + std::max<Index>(10, 3 * p)); ++k) {
-    freedom += step(k).degrees_of_freedom();
-    later += double(step(k).degrees_of_freedom()) * step(k).residual_cov.diagonal();
+    freedom += step(k).freedom;
+    later += double(step(k).freedom) * step(k).residual_cov.diagonal();
   }
   for (Index k = 0; k < last; ++k) square = square.cwiseMax(step(k).output_rms.cwiseAbs2());
   if (freedom > 0) later /= double(freedom);
@@ -230,7 +279,7 @@ void Pipeline::decide_initial_state() {
 
   test.threshold = std::numeric_limits<double>::infinity();
   for (Index k = 0; k < std::min(p, last); ++k) {
-    const Index own = step(k).degrees_of_freedom();
+    const Index own = step(k).freedom;
     if (own <= 0) continue;
     for (Index j = 0; j < m; ++j) {
       if (!(later(j) > 0)) continue;
@@ -320,7 +369,12 @@ void Pipeline::realise_model() {
   const Index m = data_.outputs(), r = data_.inputs(), n = options_.states, p = result_.lags;
   TveraOptions o;
   o.rows = options_.rows > 0 ? options_.rows : std::max(p + 1, ceil_div(n, m) + 1);
-  o.cols = options_.cols > 0 ? options_.cols : std::max(p, ceil_div(n > 0 ? n : p * m, r));
+  // A single input, or a single direction of the inputs, may have to reach every state by itself: n columns, as n input
+  // steps always suffice. Noisy data get no more than the orders that are compared.
+  const Index most = n > 0 ? n : result_.noisy ? std::min(p * m, most_states) : p * m;
+  o.cols = options_.cols > 0 ? options_.cols : std::max(p, most);
+  o.output_size = channel_sizes(data_, data_.inputs(), m);
+  o.input_size = channel_sizes(data_, 0, r);
   o.execution = share(0.7, 0.8);
   const Markov parameters = markov(arx_, o.rows + o.cols - 1, share(0.6, 0.7));
   const HankelFactors factors = hankel_factors(parameters, data_.free, o);
@@ -338,6 +392,7 @@ void Pipeline::realise_model() {
 void Pipeline::warn_of_regressions() {
   std::vector<Index> ill, starved, unexcited;
   double residual = 0.0, square = 0.0;
+  Index freedom = 0;
   for (Index k = arx_.k_begin; k < step_count(); ++k) {
     const Index regressors = step(k).coefficients.cols();
     result_.condition_max = std::max(result_.condition_max, step(k).condition);
@@ -345,27 +400,33 @@ void Pipeline::warn_of_regressions() {
     if (step(k).condition > ill_conditioned) ill.push_back(k);
     if (step(k).rows - (nominal_ ? 1 : 0) < regressors)
       starved.push_back(k);
-    else if (step(k).rank < regressors && k >= result_.lags)
+    else if (step(k).rank < regressors && k >= result_.lags && inputs_dependent(data_, k, step(k).lags))
       unexcited.push_back(k);
+    freedom += step(k).freedom;
     residual += step(k).residual_cov.trace();
     square += step(k).output_rms.squaredNorm();
   }
   result_.noisy = residual > arithmetic * arithmetic * square;
   if (!ill.empty())
-    warn(fmt::format("ill-conditioned windows (condition above {:.0e}) at steps {}: expect few digits there",
-                     ill_conditioned, ranges(ill)));
+    warn(fmt::format("ill-conditioned windows (condition above {:.0e}) at {}: expect few digits there", ill_conditioned,
+                     step_list(ill)));
   if (!starved.empty())
+    warn(
+        fmt::format("missing samples leave fewer experiments than the {} unknowns at {}: the solution of smallest "
+                    "norm stands in there",
+                    data_.inputs() + result_.lags * data_.channels(), step_list(starved)));
+  if (!unexcited.empty())
     warn(fmt::format(
-        "missing samples leave fewer experiments than the {} unknowns at steps {}: the solution of smallest "
-        "norm stands in there",
-        data_.inputs() + result_.lags * data_.channels(), ranges(starved)));
-  if (result_.noisy && !unexcited.empty())
-    warn(fmt::format(
-        "the inputs don't excite every direction at steps {}: the windows are rank deficient there although "
-        "the data are noisy",
-        ranges(unexcited)));
+        "the inputs of neighbouring steps and channels are linearly dependent over the experiments at {}: their "
+        "effects there can't be told apart",
+        step_list(unexcited)));
   const Index unknowns = minimum_experiments(data_.inputs(), data_.outputs(), result_.lags);
-  if (result_.noisy && effective_experiments() < 2 * unknowns)
+  if (freedom == 0)
+    warn(fmt::format(
+        "{} experiments leave no degree of freedom at lag order {}: the regressions fit any data exactly, and "
+        "nothing shows how noisy they are; {} or more would tell",
+        data_.experiments(), result_.lags, 2 * unknowns));
+  else if (result_.noisy && effective_experiments() < 2 * unknowns)
     warn(
         fmt::format("{} experiments are few for the {} unknowns per output and step at lag order {}: noise enters the "
                     "coefficients almost undamped; {} or more would be better, and {} carry lag orders up to {} at all",
@@ -378,6 +439,9 @@ void Pipeline::warn_of_states() {
   if (options_.states > 0 && model.states() < options_.states)
     warn(fmt::format("{} states asked for, but the Hankel matrices have at most rank {}", options_.states,
                      model.states()));
+  if (data_.free.experiments > 0 && model.states() > 0 && model.full_begin() > arx_.k_begin)
+    warn(fmt::format("the {} free responses don't show all {} states from step {} on, but only from step {}",
+                     data_.free.experiments, model.states(), arx_.k_begin, model.full_begin()));
   if (initial_ == InitialState::unknown && model.states() > 0)
     warn(fmt::format("initial states are unknown: the model begins at step {}, the first with the full state dimension",
                      model.k_begin));
@@ -423,11 +487,15 @@ void Pipeline::evaluate() {
 
 std::string Pipeline::options_json() const {
   static constexpr const char* nominal[] = {"auto", "none", "mean"};
+  static constexpr const char* frame[] = {"raw", "reference", "smooth"};
   const auto number = [](Index value) { return value > 0 ? nlohmann::json(value) : nlohmann::json("auto"); };
   return nlohmann::json{{"states", number(options_.states)},
                         {"lags", number(options_.lags)},
                         {"initial_state", options_.initial_state ? to_string(*options_.initial_state) : "auto"},
                         {"nominal", nominal[static_cast<size_t>(options_.nominal)]},
+                        {"frame", frame[static_cast<size_t>(options_.frame)]},
+                        {"reference_step", options_.reference_step >= 0 ? nlohmann::json(options_.reference_step)
+                                                                        : nlohmann::json("auto")},
                         {"hold_out", options_.hold_out},
                         {"rows", number(options_.rows)},
                         {"cols", number(options_.cols)}}
@@ -452,6 +520,7 @@ Identification Pipeline::run() {
 
   GtvArxOptions arx_options;
   arx_options.lags = {result_.lags};
+  arx_options.spent = nominal_ ? 1 : 0;
   arx_options.execution = share(0.1, 0.6);
   arx_ = gtv_arx(data_, arx_options);
   decide_initial_state();

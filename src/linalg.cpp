@@ -18,13 +18,14 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 Svd svd(const ConstMatrixRef& a) {
   if (a.size() == 0) return {Matrix(a.rows(), 0), Vector(0), Matrix(a.cols(), 0)};
-  const Eigen::BDCSVD<Matrix> decomposition(a, Eigen::ComputeThinU | Eigen::ComputeThinV);
+  // Not BDCSVD: Eigen 3.4's returns wrong vectors for some exactly rank-deficient matrices, such as H_k.
+  const Eigen::JacobiSVD<Matrix> decomposition(a, Eigen::ComputeThinU | Eigen::ComputeThinV);
   return {decomposition.matrixU(), decomposition.singularValues(), decomposition.matrixV()};
 }
 
 Vector singular_values(const ConstMatrixRef& a) {
   if (a.size() == 0) return Vector(0);
-  return Eigen::BDCSVD<Matrix>(a).singularValues();
+  return Eigen::JacobiSVD<Matrix>(a).singularValues();
 }
 
 Matrix triangular_factor(Matrix& a) {
@@ -41,6 +42,7 @@ Matrix orthonormal_factor(Matrix a) {
 }
 
 MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, double tolerance) {
+  if (a.size() == 0) return {Matrix::Zero(a.cols(), b.cols()), 0, 0.0, Matrix(a.cols(), 0)};
   Eigen::CompleteOrthogonalDecomposition<Matrix> cod;
   cod.setThreshold(tolerance);
   cod.compute(a);

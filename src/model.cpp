@@ -131,6 +131,8 @@ void Model::check() const {
           "model: u_nominal is {} x {} and y_nominal {} x {}, equal steps with {} inputs and {} outputs needed",
           u_nominal.rows(), u_nominal.cols(), y_nominal.rows(), y_nominal.cols(), inputs, outputs));
   }
+  if (!u_nominal.allFinite() || !y_nominal.allFinite() || !x0_mean.allFinite() || !x0_cov.allFinite())
+    throw std::invalid_argument("model: u_nominal, y_nominal, x0_mean or x0_cov has a value that is not finite");
 }
 
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) {
@@ -151,70 +153,102 @@ Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) 
   return result;
 }
 
+Index estimation_window(const Model& model) {
+  return std::max(model.max_lags(), (model.states() + model.outputs - 1) / model.outputs);
+}
+
 namespace {
 
-// The observer over all experiments, one row each. `blind` counts the steps for which an experiment's state is not yet,
-// or no longer, known.
+// The observer over all experiments, one row each. A blind experiment is one whose state is not, or no longer, known:
+// its predictions are NaN until the last samples, as many as the observer remembers, tell the state again.
 class Observer {
  public:
-  Observer(const Model& model, const Ensemble& data) : model_(model), data_(data) {}
-
-  void start(Index k, Matrix x) {
-    k_ = k;
-    x_ = std::move(x);
-    blind_.assign(size_t(data_.experiments()), 0);
-    for (Index n = 0; n < x_.rows(); ++n)
-      if (!x_.row(n).allFinite()) forget(n);
-  }
+  Observer(const Model& model, const Ensemble& data, Index k, bool known)
+      : model_(model),
+        data_(data),
+        window_(estimation_window(model)),
+        k_(k),
+        x_(Matrix::Zero(data.experiments(), model.n(k))),
+        since_(size_t(data.experiments()), known ? sees : k) {}
 
   Index k() const { return k_; }
 
   // Predictions of output(k), computed from `horizon` - 1 steps without correction. Rows of NaN where the state is not
   // known.
   Matrix predicted(Index horizon) const {
-    Matrix x = x_;
-    for (size_t n = 0; n < blind_.size(); ++n)
-      if (blind_[n] > 0) x.row(Index(n)).setConstant(nan);
     const Index last = k_ + horizon - 1;
+    Matrix x = x_;
     for (Index k = k_; k < last; ++k) x = next_state(model_, k, x, input_departure(model_, data_, k));
     Matrix y = output(model_, last, x, input_departure(model_, data_, last));
-    // Without states the product above can't carry the NaN.
-    for (size_t n = 0; n < blind_.size(); ++n)
-      if (blind_[n] > 0) y.row(Index(n)).setConstant(nan);
+    for (size_t n = 0; n < since_.size(); ++n)
+      if (since_[n] != sees) y.row(Index(n)).setConstant(nan);
     return y;
   }
 
-  // x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k)                                                          (9)
   void advance() {
     Matrix u = input_departure(model_, data_, k_);
     for (Index n = 0; n < u.rows(); ++n) {
-      blind_[size_t(n)] = std::max<Index>(0, blind_[size_t(n)] - 1);
       if (u.row(n).allFinite()) continue;
-      for (double& value : u.row(n))
-        if (!std::isfinite(value)) value = 0.0;
-      blind_[size_t(n)] = model_.max_lags();
+      u.row(n).setZero();
+      since_[size_t(n)] = k_ + 1;
     }
-    Matrix innovation = output_departure(model_, data_, k_) - output(model_, k_, x_, u);
-    for (double& e : innovation.reshaped())
-      if (std::isnan(e)) e = 0.0;  // a missing output corrects nothing
-    x_ = next_state(model_, k_, x_, u) - innovation * model_.G[model_.at(k_)].transpose();
+    correct(k_, u, data_, x_);
     ++k_;
+    if (k_ < model_.k_end()) recover();
   }
 
  private:
-  void forget(Index n) {
-    x_.row(n).setZero();
-    blind_[size_t(n)] = model_.max_lags();
+  // x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k)                                                          (9)
+  void correct(Index k, const Matrix& u, const Ensemble& data, Matrix& x) const {
+    Matrix innovation = output_departure(model_, data, k) - output(model_, k, x, u);
+    for (double& e : innovation.reshaped())
+      if (std::isnan(e)) e = 0.0;  // a missing output corrects nothing
+    x = next_state(model_, k, x, u) - innovation * model_.G[model_.at(k)].transpose();
   }
+
+  // Blind experiments whose samples since then may tell the state. A window that fails grows, up to twice its size.
+  void recover() {
+    std::map<Index, std::vector<Index>> windows;  // first step → experiments
+    for (size_t n = 0; n < since_.size(); ++n) {
+      if (since_[n] == sees || k_ - since_[n] < window_) continue;
+      const Index from = std::max(since_[n], k_ - 2 * window_);
+      if (may_tell(Index(n), from)) windows[from].push_back(Index(n));
+    }
+    for (const auto& [from, rows] : windows) {
+      const Ensemble part = data_.subset(rows);
+      Matrix x = estimate_state(model_, part, from, k_ - from).transpose();
+      for (Index k = from; k < k_; ++k) correct(k, input_departure(model_, part, k), part, x);
+      for (size_t i = 0; i < rows.size(); ++i) {
+        if (!x.row(Index(i)).allFinite()) continue;
+        x_.row(rows[i]) = x.row(Index(i));
+        since_[size_t(rows[i])] = sees;
+      }
+    }
+  }
+
+  bool may_tell(Index n, Index from) const {
+    Index samples = 0;
+    for (Index k = from; k < k_; ++k) {
+      if (!data_.input(k).row(n).allFinite()) return false;
+      for (const double y : data_.output(k).row(n)) samples += std::isfinite(y);
+    }
+    return samples >= model_.n(from);
+  }
+
+  static constexpr Index sees = -1;
 
   const Model& model_;
   const Ensemble& data_;
-  Index k_ = 0;
-  Matrix x_;  // (N × n_k)
-  std::vector<Index> blind_;
+  Index window_, k_;
+  Matrix x_;                  // (N × n_k)
+  std::vector<Index> since_;  // (N) first step of the samples since an experiment went blind, or `sees`
 };
 
 }  // namespace
+
+bool starts_from_zero(const Model& model, InitialState initial) {
+  return model.steps() > 0 && (model.state_dim.front() == 0 || (initial == InitialState::zero && model.k_begin == 0));
+}
 
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options) {
   check_channels(model, data, true);
@@ -227,26 +261,16 @@ Prediction predict(const Model& model, const Ensemble& data, const PredictOption
   result.innovations.assign(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
   if (model.steps() == 0) return result;
 
-  Observer observer(model, data);
-  Index first = model.k_begin;  // first step with a prediction
-  if (initial == InitialState::zero) {
-    observer.start(model.k_begin, Matrix::Zero(data.experiments(), model.state_dim.front()));
-    // Before the horizon has passed, the known initial state is the latest information.
-    for (Index ahead = 1; ahead < horizon && first + ahead - 1 < end; ++ahead)
-      store_output(model, first + ahead - 1, observer.predicted(ahead), result.y);
-  } else {
-    const Index start = model.full_begin(), window = model.max_lags();
-    if (start + window >= end) return result;
-    first = start + window;
-    observer.start(start, estimate_state(model, data, start, window).transpose());
-  }
-  while (observer.k() < end) {
+  const bool known = starts_from_zero(model, initial);
+  Observer observer(model, data, known ? model.k_begin : model.full_begin(), known);
+  // Before the horizon has passed, a known initial state is the latest information.
+  if (known)
+    for (Index ahead = 1; ahead < horizon && model.k_begin + ahead - 1 < end; ++ahead)
+      store_output(model, model.k_begin + ahead - 1, observer.predicted(ahead), result.y);
+  for (; observer.k() < end; observer.advance()) {
     const Index k = observer.k();
-    if (k >= first) {
-      result.innovations[size_t(k)] = output_departure(model, data, k) - observer.predicted(1);
-      if (k + horizon <= end) store_output(model, k + horizon - 1, observer.predicted(horizon), result.y);
-    }
-    observer.advance();
+    result.innovations[size_t(k)] = output_departure(model, data, k) - observer.predicted(1);
+    if (horizon <= end - k) store_output(model, k + horizon - 1, observer.predicted(horizon), result.y);
   }
   return result;
 }
@@ -264,7 +288,13 @@ std::vector<bool> pattern(const Ensemble& data, Index n, Index k, Index window) 
   return present;
 }
 
-// States of experiments with the same samples present.
+// Coordinates whose smallest singular value is below this share of the largest would cost half of the digits.
+constexpr double frame_condition = 1e-8;
+
+// Directions of the state that show in the samples by less than this share of the clearest are not seen.
+constexpr double unseen = 1e-12;
+
+// States of experiments with the same samples present; NaN where those don't tell all of the state.
 Matrix estimate_alike(const Model& model, const Ensemble& data, Index k, Index window, const Matrix& whitener) {
   const Index m = model.outputs, experiments = data.experiments(), n = model.n(k);
   Matrix sensitivity(window * m, n), innovations(window * m, experiments);
@@ -283,7 +313,8 @@ Matrix estimate_alike(const Model& model, const Ensemble& data, Index k, Index w
     x = next_state(model, j, x, u) - innovation * model.G[s].transpose();
     transition = (model.A[s] + model.G[s] * seen) * transition;
   }
-  return linalg::pseudo_inverse(sensitivity) * innovations;
+  const linalg::MinimumNorm solution = linalg::minimum_norm(sensitivity, innovations, unseen);
+  return solution.rank < n ? Matrix::Constant(n, experiments, nan) : solution.x;
 }
 
 }  // namespace
@@ -375,7 +406,11 @@ Model transform(const Model& model, const std::vector<Matrix>& S) {
     if (S[s].rows() != model.state_dim[s] || S[s].cols() != model.state_dim[s])
       throw std::invalid_argument(fmt::format("transform: S[{}] is {} x {}, {} x {} needed", s, S[s].rows(),
                                               S[s].cols(), model.state_dim[s], model.state_dim[s]));
-    inverse[s] = linalg::pseudo_inverse(S[s]);
+    const linalg::MinimumNorm solution = linalg::minimum_norm(S[s], Matrix::Identity(S[s].rows(), S[s].cols()), unseen);
+    if (solution.rank < S[s].cols())
+      throw std::invalid_argument(
+          fmt::format("transform: S[{}] has rank {}, {} needed", s, solution.rank, S[s].cols()));
+    inverse[s] = solution.x;
   }
   for (size_t s = 0; s + 1 < S.size(); ++s) {
     result.A[s] = S[s + 1] * model.A[s] * inverse[s];
@@ -391,23 +426,32 @@ Model transform(const Model& model, const std::vector<Matrix>& S) {
 }
 
 FramedModel reference_frame(const Model& model, Index s, Index rows) {
-  if (s < model.k_begin || s + rows > model.k_end() || rows < 1 || model.n(s) == 0)
+  if (s < model.k_begin || rows < 1 || s >= model.k_end() || rows > model.k_end() - s || model.n(s) == 0)
     throw std::invalid_argument(fmt::format(
         "reference frame: step {} with {} block rows asked for; a step with states and so many steps behind it is "
         "needed, states are there at steps {} to {}, the model ends with step {}",
         s, rows, model.full_begin(), model.full_end() - 1, model.k_end() - 1));
   const Matrix projection = linalg::pseudo_inverse(observability(model, s, rows));
-  const auto fits = [&](Index k) { return k + rows <= model.k_end() && model.n(k) == model.n(s); };
+  std::vector<Matrix> S;
+  for (Index k = model.k_begin; k <= model.k_end(); ++k) S.push_back(Matrix::Identity(model.n(k), model.n(k)));
+  // The frame reaches as far as its coordinates tell all of the state.
+  const auto enters = [&](Index k) {
+    if (k < model.k_begin || k + rows > model.k_end() || model.n(k) != model.n(s)) return false;
+    const Matrix coordinates = projection * observability(model, k, rows);
+    const Vector sigma = linalg::singular_values(coordinates);
+    if (!(sigma(sigma.size() - 1) > frame_condition * sigma(0))) return false;
+    S[model.at(k)] = coordinates;
+    return true;
+  };
+  if (!enters(s))
+    throw std::invalid_argument(fmt::format(
+        "reference frame: {} block rows of step {} don't tell its {} states apart; more rows or another step needed",
+        rows, s, model.n(s)));
   FramedModel result;
   result.begin = s;
-  while (result.begin > model.k_begin && fits(result.begin - 1)) --result.begin;
-  result.end = s;
-  while (fits(result.end)) ++result.end;
-
-  std::vector<Matrix> S;
-  for (Index k = model.k_begin; k <= model.k_end(); ++k)
-    S.push_back(k >= result.begin && k < result.end ? Matrix(projection * observability(model, k, rows))
-                                                    : Matrix(Matrix::Identity(model.n(k), model.n(k))));
+  while (enters(result.begin - 1)) --result.begin;
+  result.end = s + 1;
+  while (enters(result.end)) ++result.end;
   result.model = transform(model, S);
   result.model.frame = "reference";
   return result;

@@ -17,35 +17,43 @@ constexpr double negligible = 8 * std::numeric_limits<double>::epsilon();
 // Relative size below which a singular value is error of arithmetic rather than of noisy data.
 constexpr double arithmetic = 1e-9;
 
-// The free responses without a missing sample: all of their columns serve one factorisation.
-FreeResponse complete(const FreeResponse& free) {
-  FreeResponse kept{0, free.steps, Matrix(free.y.rows(), free.y.cols())};
-  for (Index n = 0; n < free.experiments; ++n)
-    if (free.y.row(n).allFinite()) kept.y.row(kept.experiments++) = free.y.row(n);
-  kept.y.conservativeResize(kept.experiments, Eigen::NoChange);
-  return kept;
-}
+// Channel sizes as given, or 1.
+struct Units {
+  Units(const Markov& markov, const TveraOptions& options)
+      : output(options.output_size.size() > 0 ? options.output_size : Vector(Vector::Ones(markov.outputs))),
+        input(options.input_size.size() > 0 ? options.input_size : Vector(Vector::Ones(markov.inputs))) {}
+  // A block with outputs as rows and inputs as columns, in these units.
+  Matrix scaled(const ConstMatrixRef& block) const {
+    return output.cwiseInverse().asDiagonal() * block * input.asDiagonal();
+  }
+  Matrix scaled_variance(const ConstMatrixRef& block) const {
+    return output.cwiseAbs2().cwiseInverse().asDiagonal() * block * input.cwiseAbs2().asDiagonal();
+  }
+  Vector output, input;
+};
 
-HankelFactor factorise(const Markov& markov, const FreeResponse& free, Index k, Index rows, Index cols) {
+HankelFactor factorise(const Markov& markov, const FreeResponse& free, const Units& units, Index k, Index rows,
+                       Index cols) {
   const Index m = markov.outputs, r = markov.inputs;
   const Index extra = k + rows <= free.steps ? free.experiments : 0;
   Matrix h(rows * m, cols * r + extra);
   double variance = 0.0;
   for (Index a = 0; a < rows; ++a)
     for (Index b = 0; b < cols; ++b) {
-      h.block(a * m, b * r, m, r) = markov.h(k + a, k - 1 - b);
-      variance += markov.h_noise(k + a, k - 1 - b).sum();
+      h.block(a * m, b * r, m, r) = units.scaled(markov.h(k + a, k - 1 - b));
+      variance += units.scaled_variance(markov.h_noise(k + a, k - 1 - b)).sum();
     }
   if (extra > 0) {
     auto columns = h.rightCols(extra);
     columns = free.y.middleCols(k * m, rows * m).transpose();
+    columns = units.output.cwiseInverse().replicate(rows, 1).asDiagonal() * columns;
     // The states of the free experiments may have any size: give both parts the same weight.
     const double forced = h.leftCols(cols * r).norm(), own = columns.norm();
     if (forced > 0 && own > 0) columns *= forced / own;
   }
   const double error = std::hypot(std::sqrt(variance), negligible * h.norm());
   linalg::Svd d = linalg::svd(h);
-  const double scale = std::max(d.s.size() > 0 ? d.s(0) : 0.0, markov.D[size_t(k)].norm());
+  const double scale = std::max(d.s.size() > 0 ? d.s(0) : 0.0, units.scaled(markov.D[size_t(k)]).norm());
   return {std::move(d.u), std::move(d.s), scale, error};
 }
 
@@ -77,11 +85,12 @@ Matrix stacked(Index rows, Index outputs, Index cols, Parameter&& parameter) {
   return result;
 }
 
-void realise_step(const Markov& markov, const Observability& now, const Observability& next, Index k, Model& model) {
+void realise_step(const Markov& markov, const Units& units, const Observability& now, const Observability& next,
+                  Index k, Model& model) {
   const Index m = markov.outputs, r = markov.inputs;
   const size_t s = model.at(k);
   const Matrix o = now.matrix();
-  model.C[s] = o.topRows(m);
+  model.C[s] = units.output.asDiagonal() * o.topRows(m);
   model.D[s] = markov.D[size_t(k)];
   model.A[s] = Matrix::Zero(next.n(), now.n());
   model.B[s] = Matrix::Zero(next.n(), r);
@@ -89,8 +98,10 @@ void realise_step(const Markov& markov, const Observability& now, const Observab
   if (next.n() == 0) return;
   const Index rows = next.u.rows() / m, shared = o.rows() - m;  // block rows of O_{k+1}; rows of O_k↓ and O_{k+1}↑
   model.A[s] = linalg::minimum_norm(next.matrix().topRows(shared), o.bottomRows(shared), negligible).x;
-  model.B[s] = next.solve(stacked(rows, m, r, [&](Index a) { return markov.h(k + 1 + a, k); }));
-  model.G[s] = next.solve(stacked(rows, m, m, [&](Index a) { return markov.h_gain(k + 1 + a, k); }));  // (40)
+  const auto from_outputs = units.output.cwiseInverse().asDiagonal();
+  model.B[s] = next.solve(stacked(rows, m, r, [&](Index a) { return from_outputs * markov.h(k + 1 + a, k); }));
+  model.G[s] =
+      next.solve(stacked(rows, m, m, [&](Index a) { return from_outputs * markov.h_gain(k + 1 + a, k); }));  // (40)
 }
 
 }  // namespace
@@ -99,6 +110,13 @@ HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, con
   if (options.rows < 1 || options.cols < 1 || options.states < 0)
     throw std::invalid_argument(fmt::format("tvera: {} block rows, {} block columns, {} states asked for", options.rows,
                                             options.cols, options.states));
+  const auto check_sizes = [](const char* name, const Vector& sizes, Index channels) {
+    if (sizes.size() > 0 && (sizes.size() != channels || !(sizes.array() > 0).all()))
+      throw std::invalid_argument(
+          fmt::format("{}: {} values found, {} positive ones needed", name, sizes.size(), channels));
+  };
+  check_sizes("output_size", options.output_size, markov.outputs);
+  check_sizes("input_size", options.input_size, markov.inputs);
   if (options.rows + options.cols - 1 > markov.band && markov.band < markov.steps() - 1)
     throw std::invalid_argument(
         fmt::format("tvera: {} x {} blocks need Markov parameters up to {} steps apart, {} found", options.rows,
@@ -109,10 +127,11 @@ HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, con
   HankelFactors factors{options.rows, options.cols, markov.i_begin, {}};
   factors.step.resize(size_t(markov.steps() - markov.i_begin));
   const FreeResponse complete_free = complete(free);
+  const Units units(markov, options);
   parallel_for(markov.i_begin, markov.steps(), options.execution, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
       factors.step[size_t(k - factors.k_begin)] =
-          factorise(markov, complete_free, k, std::min(options.rows, markov.steps() - k),
+          factorise(markov, complete_free, units, k, std::min(options.rows, markov.steps() - k),
                     std::min(options.cols, k - markov.i_begin));
   });
   return factors;
@@ -132,9 +151,10 @@ Model realise(const Markov& markov, const HankelFactors& factors, const TveraOpt
     model.singular_values.push_back(factors.step[s].singular_values);
   }
   for (const Observability& o : observability) model.state_dim.push_back(o.n());
+  const Units units(markov, options);
   parallel_for(0, Index(steps), options.execution, [&](Index begin, Index end) {
     for (Index s = begin; s < end; ++s)
-      realise_step(markov, observability[size_t(s)], observability[size_t(s) + 1], factors.k_begin + s, model);
+      realise_step(markov, units, observability[size_t(s)], observability[size_t(s) + 1], factors.k_begin + s, model);
   });
   return model;
 }

@@ -127,10 +127,10 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
   result.horizon = options.horizon == 1 ? result.one_step : fit(data, predict(model, data, ahead).y, model.y_nominal);
 
   // A simulation needs an initial state: the known one, or the one that the first samples tell.
-  if (initial == InitialState::zero) {
+  if (starts_from_zero(model, initial)) {
     result.simulation = fit(data, simulate(model, data), model.y_nominal);
   } else {
-    const Index start = model.full_begin(), window = model.max_lags();
+    const Index start = model.full_begin(), window = estimation_window(model);
     Ensemble simulated = prediction.y;
     for (Index k = 0; k < data.steps(); ++k) simulated.output(k).setConstant(nan);
     if (start + window <= std::min(model.k_end(), data.steps()))
@@ -160,7 +160,7 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
     result.warnings.push_back(
         fmt::format("no step could be predicted: the model covers steps {} to {}, and {} steps are "
                     "needed to find an unknown initial state",
-                    model.k_begin, model.k_end() - 1, model.max_lags()));
+                    model.k_begin, model.k_end() - 1, estimation_window(model)));
   if (options.horizon > 1 && result.horizon.samples == 0)
     result.warnings.push_back(fmt::format("no step could be predicted {} steps ahead", options.horizon));
   if (!result.simulation.rmse.allFinite() && result.simulation.samples > 0)

@@ -142,7 +142,7 @@ TEST(GtvArx, FewerExperimentsThanUnknownsAreInterpolatedAndSaySo) {
   options.lags = {3};
   const GtvArxStep s = gtv_arx(e, options).step[5];
   EXPECT_EQ(s.rank, 4);
-  EXPECT_EQ(s.degrees_of_freedom(), 0);
+  EXPECT_EQ(s.freedom, 0);
   EXPECT_EQ(s.residual_cov.norm(), 0.0);
   EXPECT_LE((e.output(5) - e.window(5, 3) * s.coefficients.transpose()).norm(), 1e-10);
 }

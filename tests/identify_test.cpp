@@ -100,7 +100,7 @@ TEST_P(Published, OutputsOfFreshExperimentsFromStepZeroToTheLast) {
   EXPECT_LE(output_error(fresh, simulate(result.model, fresh)), 1e-9);
   EXPECT_EQ(result.model.k_begin, 0);
   EXPECT_EQ(result.model.k_end(), 80);
-  EXPECT_TRUE(result.warnings.empty());
+  EXPECT_TRUE(result.warnings.empty());  // the first two steps have residuals left, which say that there is no noise
   EXPECT_EQ(result.min_experiments, 10);
 }
 
@@ -247,6 +247,9 @@ TEST(Identify, NominalTrajectoriesAreFoundRemovedAndAddedBack) {
   EXPECT_TRUE(kinematically_similar(result.model, system, 1e-9).similar);
   EXPECT_LE(output_error(fresh, simulate(result.model, fresh)), 1e-9);
   EXPECT_EQ(result.min_experiments, 11);
+  EXPECT_TRUE(identify(e.subset({0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10}), {.lags = 2, .nominal = NominalChoice::mean})
+                  .model.innovation_cov[20]
+                  .isZero(0));  // the mean has spent the one degree of freedom that 11 experiments leave
   IdentifyOptions none;
   none.nominal = NominalChoice::none;
   EXPECT_EQ(identify(e, none).model.y_nominal.size(), 0);
@@ -322,6 +325,8 @@ TEST(Identify, FewExperimentsForManyUnknownsAreSaid) {
   EXPECT_TRUE(mentions(identify(e, {.lags = 3}).warnings, "15 experiments are few for the 14 unknowns"));
   EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10}), {.states = 4}).warnings,
                        "leave no degree of freedom to judge lag order 2"));
+  EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10})).warnings,
+                       "lag order 1 is the largest that 10 experiments can judge"));
 }
 
 TEST(Identify, AskingForMoreStatesThanThereAreIsAnswered) {
@@ -407,6 +412,103 @@ TEST(Identify, UnitsDoNotMatterWithinTheRangeOfDoublePrecision) {
     }
   EXPECT_NE(message([&] { identify(scaled(1e-200, 1.0)); }).find("input u1: values up to"), std::string::npos);
   EXPECT_NE(message([&] { identify(scaled(1.0, 1e200)); }).find("output y1: values up to"), std::string::npos);
+}
+
+TEST(Identify, EveryChannelMayHaveItsOwnUnit) {
+  // Two loops of two states that know nothing of each other, the second in micro-units.
+  Model system = random_system({4, 2, 2}, 40, 1.0, 110);
+  for (size_t k = 0; k < 40; ++k) {
+    system.A[k].topRightCorner(2, 2).setZero();
+    system.A[k].bottomLeftCorner(2, 2).setZero();
+    system.B[k].topRightCorner(2, 1).setZero();
+    system.B[k].bottomLeftCorner(2, 1).setZero();
+    system.C[k].topRightCorner(1, 2).setZero();
+    system.C[k].bottomLeftCorner(1, 2).setZero();
+    system.D[k] = Matrix(system.D[k].diagonal().asDiagonal());
+  }
+  Random random(111);
+  Ensemble noisy = random_experiments(system, 80, 112);
+  for (Index k = 0; k < 40; ++k)
+    for (Index j = 0; j < 2; ++j)
+      noisy.output(k).col(j) += 0.02 * noisy.output(k).col(j).norm() / std::sqrt(80.0) * random.matrix(80, 1);
+  Ensemble small = noisy;
+  for (Index k = 0; k < 40; ++k) small.output(k).col(1) *= 1e-6, small.input(k).col(0) *= 1e3;
+  const Identification a = identify(noisy), b = identify(small);
+  EXPECT_EQ(a.lags, b.lags);
+  EXPECT_EQ(a.model.states(), b.model.states());
+  // Scaling by powers of ten rounds, and the choices above are the same: equal fits to many digits.
+  EXPECT_LE((a.validation.one_step.fit - b.validation.one_step.fit).cwiseAbs().maxCoeff(), 1e-6);
+  EXPECT_LE((a.validation.simulation.fit - b.validation.simulation.fit).cwiseAbs().maxCoeff(), 1e-6);
+  EXPECT_GT(b.validation.simulation.fit.minCoeff(), 80);
+}
+
+TEST(Identify, InputsThatReachNothingLeaveTheOthersTheirStates) {
+  Model system = random_system({4, 2, 2}, 40, 1.0, 113);
+  for (Matrix& b : system.B) b.col(1).setZero();
+  for (const InitialState state : {InitialState::zero, InitialState::unknown}) {
+    const double initial = state == InitialState::zero ? 0.0 : 10.0;
+    const Ensemble e = random_experiments(system, 40, 114, initial);
+    const Identification result = identify(e);
+    EXPECT_EQ(result.model.states(), 4);
+    EXPECT_EQ(result.initial_state_test.decision, state);
+    const Ensemble fresh = random_experiments(system, 10, 115, initial);
+    EXPECT_LE(output_error(fresh, predict(result.model, fresh).y), 1e-9);
+    if (state == InitialState::zero) {
+      EXPECT_LE(kinematically_similar(result.model, system).max_difference, 1e-9);
+    }
+  }
+  // The same with an input that rests throughout.
+  Ensemble rest(40, 40, 2, 2);
+  Random random(116);
+  for (Index k = 0; k < 40; ++k) rest.input(k) << random.matrix(40, 1), Matrix::Zero(40, 1);
+  const Model whole = random_system({4, 2, 2}, 40, 1.0, 117);
+  const Identification result = identify(simulate(whole, rest));
+  EXPECT_GT(result.validation.simulation.fit.minCoeff(), 100 - 1e-7);
+}
+
+TEST(Identify, UnequalLengthsDoNotCollapseTheLagOrder) {
+  Ensemble e = random_experiments(random_system({4, 1, 1}, 100, 1.0, 118), 80, 119);
+  Random random(120);
+  e.length.assign(80, 0);
+  for (Index n = 0; n < 80; ++n) {
+    const Index length = e.length[size_t(n)] = Index(random.uniform(40, 100));
+    for (Index k = length; k < 100; ++k) e.u(n, k, 0) = e.y(n, k, 0) = nan;
+  }
+  const Identification result = identify(e);
+  EXPECT_EQ(result.lags, 4);
+  EXPECT_EQ(result.model.states(), 4);
+  EXPECT_GT(result.validation.simulation.fit(0), 100 - 1e-6);
+}
+
+TEST(Identify, ExactFitsForLackOfFreedomAreNotPraised) {
+  Ensemble e = experiments(
+      oscillator(40),
+      {.experiments = 10, .process_noise = 0.1, .measurement_noise = 0.3, .initial_state = InitialState::unknown});
+  EXPECT_TRUE(mentions(identify(e, {.lags = 2}).warnings, "leave no degree of freedom at lag order 2"));
+}
+
+TEST(Identify, DependentInputsAreNamed) {
+  Ensemble e = experiments(oscillator(40), {.experiments = 30});
+  for (Index k = 0; k < 40; ++k) e.input(k).col(1) = 2 * e.input(k).col(0);
+  e = simulate(oscillator(40), e);
+  EXPECT_TRUE(mentions(identify(e, {.lags = 2}).warnings, "linearly dependent over the experiments at steps 2-39"));
+}
+
+TEST(Identify, FreeResponsesOfAMovingRigAreDepartures) {
+  const Model system = oscillator(50);
+  Ensemble e = experiments(system, {.experiments = 20, .free_responses = 6});
+  for (Index k = 0; k < 50; ++k) {
+    e.output(k).array() += 20 * std::cos(0.1 * double(k));
+    e.free.y.middleCols(2 * k, 2).array() += 7 * std::cos(0.1 * double(k));
+  }
+  e.free.y(2, 3) = nan;  // costs its experiment and no other
+  const Identification result = identify(e);
+  EXPECT_EQ(result.model.full_begin(), 0);
+  EXPECT_TRUE(kinematically_similar(result.model, system, 1e-9).similar);
+  e.free = {1, 50, e.free.y.topRows(1)};
+  EXPECT_TRUE(mentions(identify(e).warnings, "a single free response"));
+  Ensemble few = experiments(system, {.experiments = 20, .free_responses = 2});
+  EXPECT_TRUE(mentions(identify(few).warnings, "the 2 free responses don't show all 4 states from step 0 on"));
 }
 
 TEST(Identify, OutputsThatDoNotAnswerHaveNoStates) {

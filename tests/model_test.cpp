@@ -134,6 +134,56 @@ TEST(Predict, MissingOutputsCorrectNothingAndMissingInputsBlindTheObserver) {
   EXPECT_LE(output_error(whole.subset({0, 2}), prediction.y.subset({0, 2})), 1e3 * epsilon);
 }
 
+TEST(Predict, AModelThatBeginsLateDoesNotTakeItsFirstStateForZero) {
+  const Model whole = observed_system({4, 2, 1}, 20, 95);
+  const Model late = from_step(whole, 5);
+  Ensemble e = random_experiments(whole, 4, 96);
+  e.initial_state = InitialState::zero;
+  EXPECT_FALSE(starts_from_zero(late, InitialState::zero));
+  EXPECT_TRUE(starts_from_zero(whole, InitialState::zero));
+  EXPECT_FALSE(starts_from_zero(whole, InitialState::unknown));
+  const Prediction prediction = predict(late, e);
+  for (Index k = 0; k < 20; ++k) EXPECT_EQ(prediction.y.output(k).allFinite(), k >= 7) << k;
+  EXPECT_LE(output_error(e, prediction.y), 1e-10);
+}
+
+TEST(Predict, StatesThatTheFirstSamplesDoNotTellAreWaitedFor) {
+  Model model = observed_system({4, 2, 1}, 20, 97);
+  model.G = deadbeat_gain(model).G;
+  Ensemble e = random_experiments(model, 3, 98, 10.0);
+  e.y(1, 1, 0) = nan;  // p·m = n: every sample of the first two steps is needed
+  const Prediction prediction = predict(model, e, {1, InitialState::unknown});
+  const Ensemble truth = random_experiments(model, 3, 98, 10.0);
+  for (Index k = 0; k < 20; ++k) {
+    EXPECT_EQ(prediction.y.output(k).row(0).allFinite(), k >= 2) << k;
+    EXPECT_EQ(prediction.y.output(k).row(1).allFinite(), k >= 3) << k;  // the third sample makes up for the missing one
+  }
+  EXPECT_LE(output_error(truth.subset({0, 1, 2}), prediction.y, 3), 1e-9);
+}
+
+TEST(Predict, NothingIsPredictedFromSamplesThatAreNotThere) {
+  // p·m > n, gains far from deadbeat: what is not estimated is not forgotten either.
+  Model model = observed_system({3, 2, 1}, 30, 101);
+  const Ensemble truth = random_experiments(model, 4, 102, 10.0);
+  Ensemble e = truth;
+  for (Index k = 0; k < 12; ++k) e.output(k).row(1).setConstant(nan);
+  e.u(2, 10, 0) = nan;
+  for (Index k = 10; k < 16; ++k) e.output(k).row(2).setConstant(nan);
+  e.u(3, 15, 0) = nan;
+  const Prediction prediction = predict(model, e, {1, InitialState::unknown});
+  for (Index k = 0; k < 30; ++k) {
+    EXPECT_EQ(prediction.y.output(k).row(0).allFinite(), k >= 2) << k;
+    EXPECT_EQ(prediction.y.output(k).row(1).allFinite(), k >= 14) << k;
+    EXPECT_EQ(prediction.y.output(k).row(2).allFinite(), (k >= 2 && k < 10) || k >= 18) << k;
+    EXPECT_EQ(prediction.y.output(k).row(3).allFinite(), (k >= 2 && k < 15) || k >= 18) << k;
+    for (Index n = 0; n < 4; ++n)
+      for (Index j = 0; j < 2; ++j)
+        if (!std::isnan(prediction.y.y(n, k, j))) {
+          EXPECT_NEAR(prediction.y.y(n, k, j), truth.y(n, k, j), 1e-9) << n << " " << k;
+        }
+  }
+}
+
 TEST(Predict, StateEstimatesUseTheSamplesThatAreThere) {
   const Model model = observed_system({3, 2, 1}, 12, 74);
   const Matrix x0 = Random(75).matrix(3, 4);
@@ -177,6 +227,22 @@ TEST(Coordinates, SimilarityTellsModelsApart) {
   other = model;
   other.D[0] *= 1.01;
   EXPECT_FALSE(kinematically_similar(model, other).similar);
+}
+
+TEST(Coordinates, ReferenceFrameEndsWhereItsCoordinatesFail) {
+  Model model = random_system({2, 2, 1}, 30, 1.0, 99);
+  for (size_t k = 0; k < 30; ++k) {
+    model.A[k].setIdentity();
+    model.C[k] = Matrix{{1, 0}, {0, k < 15 ? 1.0 : -1.0}};
+  }
+  // Rows from both sides of step 15 cancel in P O_k there.
+  const FramedModel framed = reference_frame(model, 0, 2);
+  EXPECT_EQ(framed.begin, 0);
+  EXPECT_EQ(framed.end, 14);
+  EXPECT_TRUE(kinematically_similar(framed.model, model, 1e-12).similar);
+  std::vector<Matrix> singular(31, Matrix::Identity(2, 2));
+  singular[3](0, 0) = 0;
+  EXPECT_THROW(transform(model, singular), std::invalid_argument);
 }
 
 TEST(Coordinates, ReferenceFrameDoesNotDependOnTheBasisUpToOneSimilarity) {

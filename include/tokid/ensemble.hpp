@@ -33,6 +33,9 @@ struct FreeResponse {
   Matrix y;               // (Nf × Tf·m), columns k·m … k·m+m-1 hold y_k
 };
 
+// Those without a missing sample: one factorisation needs all of its columns whole.
+FreeResponse complete(const FreeResponse& free);
+
 // Experiments down the rows, time along the columns: columns k·d … k·d+d-1, d = r+m, hold u_k (r columns) and then y_k
 // (m columns). The regressors of a step are therefore one contiguous window (17), (18). NaN marks a missing sample.
 class Ensemble {

@@ -13,16 +13,15 @@ namespace tokid {
 struct GtvArxStep {
   Index lags = 0;        // p_k
   Index rows = 0;        // experiments with every sample of the step, N_k
+  Index freedom = 0;     // degrees of freedom left: N_k - rank, less those spent beforehand
   Index rank = 0;        // numerical rank of W_k with columns scaled to norm 1
   double condition = 0;  // condition number of the same (Frobenius norms; of its part of rank `rank`)
   Matrix coefficients;   // M_k (m × L_k), columns as in W_k = [v_{k-p} … v_{k-1} u_k]                 (18)
-  Matrix residual_cov;   // (m × m): EᵀE / (N_k - rank); zero where no degree of freedom is left
+  Matrix residual_cov;   // (m × m): EᵀE / freedom; zero where no degree of freedom is left
   Matrix noise_shape;    // X (L_k × rank) with X·Xᵀ = (W_kᵀW_k)⁺: the covariance of the coefficients is
                          // residual_cov ⊗ X·Xᵀ
   Vector output_rms;     // (m): root mean square of y_k over the experiments used
   Vector leverages;      // (N_k): diagonal of W_k W_k⁺, for exact leave-one-out errors; empty unless asked for
-
-  Index degrees_of_freedom() const { return rows - rank; }
 };
 
 struct GtvArx {
@@ -52,6 +51,7 @@ struct GtvArxOptions {
   // coordinates is taken.
   double tolerance = 1.5e-14;
   bool leverages = false;
+  Index spent = 0;  // degrees of freedom of the experiments that the data have lost before: 1 for a mean motion
   Execution execution = {};
 };
 

@@ -16,7 +16,7 @@ struct Markov {
   std::vector<Matrix> gain;          // (T) of (m × band·m): block γ-1 of step k is h°_{k,k-γ}           (34), (35)
   std::vector<Matrix> system_noise;  // (T) of (m × band·r): variances of the entries of `system` to first order, with
                                      // those of earlier entries taken as uncorrelated: a measure of size, not a bound
-  std::vector<Matrix> D;  // (T) of (m × r)
+  std::vector<Matrix> D;             // (T) of (m × r)
 
   Index steps() const { return static_cast<Index>(system.size()); }
   bool has(Index k, Index i) const { return i >= i_begin && k > i && k - i <= band && k < steps(); }

@@ -68,6 +68,13 @@ struct Model {
 // number of inputs or a wrong shape of x0
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0 = {});
 
+// Is the state at the first step of the model known to be zero? A model that begins later than the experiments can't
+// know.
+bool starts_from_zero(const Model& model, InitialState initial);
+
+// Steps whose samples tell a state: the largest lag order, and at least ⌈n/m⌉.
+Index estimation_window(const Model& model);
+
 struct PredictOptions {
   Index horizon = 1;  // H: ŷ_k from the outputs up to k-H and the inputs up to k
   // Empty: as the data say, or, where they don't, as the model was identified.
@@ -79,10 +86,10 @@ struct Prediction {
   std::vector<Matrix> innovations;  // (T) of (N × m): y_k - ŷ_{k|k-1}; NaN where either is missing
 };
 
-// The observer in the loop, x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) (9). With unknown initial states, the state
-// at the first step of full dimension is estimated from the first p samples, and predictions begin p steps later. A
-// missing output corrects nothing; a missing input leaves the predictions of the next p steps unknown. \throws
-// std::invalid_argument for wrong channel numbers or horizon < 1
+// The observer in the loop, x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) (9). Where the state is not known, at the
+// start with unknown initial states and after a missing input, it is estimated from the samples that follow;
+// predictions are NaN until estimation_window(model) of them, or as many more as it takes, tell all of the state. A
+// missing output corrects nothing. \throws std::invalid_argument for wrong channel numbers or horizon < 1
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options = {});
 
 // States (n × N) at step k of the experiments, by least squares over the samples k … k+window-1 through the observer:
@@ -100,7 +107,8 @@ Matrix observability(const Model& model, Index k, Index rows);
 // The model from step k on, with everything that belongs to those steps. \throws std::invalid_argument for k outside it
 Model from_step(const Model& model, Index k);
 
-// x'_k = S_k x_k with S (S+1 matrices n_k × n_k, invertible), which changes no output.
+// x'_k = S_k x_k with S (S+1 matrices n_k × n_k), which changes no output. \throws std::invalid_argument for a wrong
+// shape or a singular matrix
 Model transform(const Model& model, const std::vector<Matrix>& S);
 
 // The paper's figures: x'_k = P O_k x_k with P = O_s⁺ and the given number of block rows. Steps whose state dimension

@@ -14,6 +14,9 @@ struct TveraOptions {
   // σ_i(H_k) counts as zero below the smaller of noise_factor times the expected norm of the error of H_k and 1e-9
   // times its scale.
   double noise_factor = 3.0;
+  // Typical sizes of the outputs (m) and inputs (r), in whose units H_k is formed, so that its singular values do not
+  // depend on the units of the channels; empty: 1.
+  Vector output_size = {}, input_size = {};
   Execution execution = {};
 };
 
@@ -21,7 +24,7 @@ struct TveraOptions {
 // blocks. Free-response experiments, where given, are further columns, so that O_k has full rank from the first step
 // on.
 struct HankelFactor {
-  Matrix u;                // (rows·m × q) left singular vectors
+  Matrix u;                // (rows·m × q) left singular vectors of H_k in the units of TveraOptions
   Vector singular_values;  // (q)
   double scale = 0.0;      // σ_1, or the norm of D_k where that is larger
   double error = 0.0;      // expected Frobenius norm of the error of H_k, from the residuals of the regressions

@@ -22,7 +22,7 @@ std::string reason(int error) { return std::generic_category().message(error); }
 // Rename would silently replace what the user can't write to, or what is no file at all.
 fs::path writable_target(const fs::path& path) {
   std::error_code error;
-  const fs::path target = fs::is_symlink(path, error) ? fs::weakly_canonical(path, error) : path;
+  fs::path target = fs::is_symlink(path, error) ? fs::weakly_canonical(path, error) : path;
   const auto status = fs::status(target, error);
   if (fs::is_directory(status)) fail("a directory found, the name of a file to write needed");
   if (fs::exists(status) && !fs::is_regular_file(status)) fail("a device found, the name of a file to write needed");

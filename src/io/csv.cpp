@@ -48,6 +48,7 @@ class Tokenizer {
 
   // The text after # of the next line, if it is a comment; to be asked before the first row only.
   std::optional<Row> next_comment() {
+    while (has_line_ && line_text_.find_first_not_of(" \t\r") == std::string::npos) read_line();
     if (!has_line_ || !line_text_.starts_with('#')) return std::nullopt;
     Row comment{line_, {line_text_.substr(1)}};
     read_line();

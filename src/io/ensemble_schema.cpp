@@ -76,7 +76,7 @@ Shapes shapes_of(const Fields& fields, bool has_outputs) {
 }
 
 Shape free_shape(const Fields& fields, size_t outputs) {
-  const Shape found = fields.shape("free_y");
+  const Shape& found = fields.shape("free_y");
   Shape shape = found;
   if (shape.size() == 2) {
     const bool dropped_one =
@@ -158,6 +158,20 @@ const Names& ensemble_names() {
 }
 
 bool is_ensemble(const Names& found) { return !is_model(found) && (contains(found, "u") || contains(found, "y")); }
+
+void check_sizes(const Ensemble& e) {
+  const auto check = [](const char* name, size_t found, Index needed) {
+    if (found != 0 && found != size(needed)) fail("{}: {} entries found, {} needed", name, found, needed);
+  };
+  check("length", e.length.size(), e.experiments());
+  check("input_names", e.names.input_names.size(), e.inputs());
+  check("input_units", e.names.input_units.size(), e.inputs());
+  check("output_names", e.names.output_names.size(), e.outputs());
+  check("output_units", e.names.output_units.size(), e.outputs());
+  if (e.free.y.rows() != e.free.experiments || e.free.y.cols() != e.free.steps * e.outputs())
+    fail_shape("free_y", {size(e.free.y.rows()), size(e.free.y.cols())},
+               fmt::format("({}, {} x {})", e.free.experiments, e.free.steps, e.outputs()));
+}
 
 Arrays arrays_of(const Ensemble& e, Layout layout) {
   Arrays arrays;

@@ -166,6 +166,30 @@ std::string foreign_kind(const Node& node, H5T_class_t type) {
   return complex ? "complex numbers" : "records (a compound type)";
 }
 
+// The library's conversion of numbers that don't fill their bytes writes past its buffers, so it gets none of them.
+bool is_plain_integer(hid_t type) {
+  return H5Tget_precision(type) == 8 * H5Tget_size(type) && H5Tget_offset(type) == 0 && H5Tget_size(type) <= 8;
+}
+
+bool is_half_float(hid_t type) {
+  size_t sign = 0, exponent = 0, exponent_bits = 0, mantissa = 0, mantissa_bits = 0;
+  return H5Tget_size(type) == 2 && H5Tget_precision(type) == 16 && H5Tget_offset(type) == 0 &&
+         H5Tget_fields(type, &sign, &exponent, &exponent_bits, &mantissa, &mantissa_bits) >= 0 && sign == 15 &&
+         exponent == 10 && exponent_bits == 5 && mantissa == 0 && mantissa_bits == 10;
+}
+
+bool is_plain_float(hid_t type) {
+  for (const hid_t known : {H5T_IEEE_F64LE, H5T_IEEE_F32LE, H5T_IEEE_F64BE, H5T_IEEE_F32BE})
+    if (H5Tequal(type, known) > 0) return true;
+  return is_half_float(type);
+}
+
+bool is_plain_number(const Node& node, H5T_class_t type) {
+  if (type == H5T_FLOAT) return is_plain_float(node.type);
+  if (type == H5T_INTEGER) return is_plain_integer(node.type);
+  return type == H5T_ENUM && is_plain_integer(Handle(H5Tget_super(node.type), H5Tclose, node.name));
+}
+
 Array read_node(const Node& node) {
   const H5S_class_t extent = H5Sget_simple_extent_type(node.space);
   if (extent != H5S_SCALAR && extent != H5S_SIMPLE) return {{0}, Foreign{"nothing (an empty data space)"}};
@@ -174,7 +198,7 @@ Array read_node(const Node& node) {
   const size_t count = checked_product(shape);
   const H5T_class_t type = H5Tget_class(node.type);
   if (type == H5T_STRING) return {shape, read_texts(node, count)};
-  if (type != H5T_INTEGER && type != H5T_FLOAT && type != H5T_ENUM) return {shape, Foreign{foreign_kind(node, type)}};
+  if (!is_plain_number(node, type)) return {shape, Foreign{foreign_kind(node, type)}};
   check_claim(node.name, shape, sizeof(double), file_size(node.id) * sizeof(double));
   std::vector<double> numbers(count);
   if (count > 0) checked(node.read(H5T_NATIVE_DOUBLE, numbers.data()), node.name);

@@ -129,6 +129,7 @@ Model load_model(const fs::path& path) {
 void save_ensemble(const Ensemble& ensemble, const fs::path& path, const WriteOptions& options) {
   naming(path, [&] {
     const Format format = format_of(path);
+    io::check_sizes(ensemble);
     io::AtomicFile file(path);
     if (format == Format::csv)
       io::write_csv(ensemble, file.path());

@@ -163,7 +163,7 @@ Array text_value(const matvar_t& variable, const Shape& shape, size_t count) {
 }
 
 Array cell_value(const matvar_t& variable, const Shape& shape, size_t count) {
-  const Array foreign{shape, Foreign{"a cell array of other things than texts"}};
+  Array foreign{shape, Foreign{"a cell array of other things than texts"}};
   auto* const* cells = static_cast<matvar_t* const*>(variable.data);
   // A damaged variable may claim more cells than matio has read.
   if (cells && variable.nbytes < checked_product(shape, sizeof(matvar_t*))) return foreign;
@@ -240,6 +240,7 @@ Variable text_variable(const std::string& name, const std::string& text) {
 
 Variable cell_variable(const std::string& name, const std::vector<std::string>& texts) {
   std::vector<matvar_t*> cells;
+  cells.reserve(texts.size());
   for (const auto& text : texts) cells.push_back(text_variable(name, text).release());
   return create(name, MAT_C_CELL, MAT_T_CELL, {texts.size(), 1}, cells.data());
 }

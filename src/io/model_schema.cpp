@@ -75,9 +75,6 @@ std::vector<Matrix> read_stack(const Fields& fields, const Stack& stack, const M
     for (Index i = 0; i < matrix.rows(); ++i)
       for (Index j = 0; j < matrix.cols(); ++j)
         matrix(i, j) = values[(s * size(rows) + size(i)) * size(columns) + size(j)];
-    if (stack.required && !matrix.allFinite())
-      fail("data set '{}': an entry that is not finite found at step {}, finite numbers needed", stack.name,
-           model.k_begin + static_cast<Index>(s));
   }
   return list;
 }
@@ -110,7 +107,7 @@ std::vector<Vector> singular_values_of(const Fields& fields, size_t steps) {
   for (Index s = 0; s < padded_values.rows(); ++s) {
     Index count = padded_values.cols();
     while (count > 0 && std::isnan(padded_values(s, count - 1))) --count;
-    list.push_back(padded_values.row(s).head(count).transpose());
+    list.emplace_back(padded_values.row(s).head(count).transpose());
   }
   return list;
 }

@@ -275,7 +275,7 @@ class Entry {
 NpyHeader read_header(Entry& entry, const std::string& name) {
   char prefix[8] = {};
   if (entry.left() >= sizeof prefix) entry.read(prefix, sizeof prefix);
-  const int version = prefix[6];
+  const auto version = static_cast<unsigned char>(prefix[6]);
   if (!std::string_view(prefix, sizeof prefix).starts_with(magic) || version < 1 || version > 3)
     fail("data set '{}': no header of a NumPy array found, .npy version 1 to 3 needed", name);
   unsigned char length[4] = {};
@@ -426,7 +426,7 @@ void write_npz(const Arrays& arrays, const std::filesystem::path& path) {
     add_entry(archive.get(), name, payloads.back());
   }
   if (zip_close(archive.get()) != 0) fail("can't be written: {}", zip_strerror(archive.get()));
-  archive.release();
+  static_cast<void>(archive.release());
 }
 
 }  // namespace tokid::io

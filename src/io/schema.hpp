@@ -16,6 +16,9 @@ bool is_model(const Names& found);
 Arrays arrays_of(const Ensemble& ensemble, Layout layout);
 Arrays arrays_of(const Model& model, Layout layout);
 
+// Lists of the ensemble that don't go with its sizes; they would make a file that can't be read. \throws IoError
+void check_sizes(const Ensemble& ensemble);
+
 Ensemble ensemble_of(const Fields& fields, bool outputs_required);
 Model model_of(const Fields& fields);
 

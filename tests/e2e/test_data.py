@@ -43,9 +43,10 @@ def warning_with(found, *words):
 
 # Inputs that identify nothing
 
+@pytest.mark.parametrize("states", [2, 3])  # as many as two block columns of one live input can reach, and more
 @pytest.mark.parametrize("value,word", [(0.0, "zero"), (2.5, "constant")])
-def test_dead_input(tokid, identify, tmp_path, value, word):
-    system = random_system(1, 20, 2, 2, 2)
+def test_dead_input(tokid, identify, tmp_path, value, word, states):
+    system = random_system(1, 20, states, 2, 2)
     system["B"][:, :, 1] = system["D"][:, :, 1] = 0.0  # what never moves leaves no trace in the outputs
     u, y = experiments(system, 40, 2)
     u[:, :, 1] = value
@@ -70,6 +71,7 @@ def test_input_that_rests_for_some_steps(identify):
     u[:, 11, 0] = 0.0
     found, _ = identify("--lags", 2, u=u, y=simulate(random_system(1, 20, 3, 2, 2), u), initial_state="zero")
     warning_with(found, "u1", "zero", "5-7, 11")
+    assert min(found["simulation_fit"]) > 99.9999
 
 
 def test_all_inputs_dead(identify):
@@ -138,6 +140,7 @@ def test_zero_initial_states_are_found_out(identify, noise):
     y += noise * np.random.default_rng(9).standard_normal(y.shape)
     found, _ = identify(u=u, y=y)
     assert found["initial_state"] == "zero" == found["initial_state_test"]["decision"]
+    assert found["initial_state_test"]["statistic"] <= found["initial_state_test"]["threshold"]
     assert found["k_begin"] == 0
 
 
