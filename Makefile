@@ -5,7 +5,6 @@ build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev l
 test_packages  := $(build_packages) libgtest-dev \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest
 tidy_packages  := $(test_packages) clang-tidy
-bench_packages := $(build_packages) libbenchmark-dev
 
 # $(call install,PACKAGES) installs those that are missing; where there is no dpkg, they are the user's business.
 install = @wanted="$(strip $(1))"; \
@@ -24,7 +23,7 @@ configure = cmake --log-level=WARNING --preset
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test install-test asan tsan tidy format bench clean
+.PHONY: help build demo test install-test asan tsan tidy format clean
 
 help:
 	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
@@ -35,7 +34,6 @@ help:
 	@echo 'make tsan          the unit tests under the thread sanitizer'
 	@echo 'make tidy          clang-tidy'
 	@echo 'make format        clang-format, in place'
-	@echo 'make bench         build the benchmark programs (build-bench/bin)'
 	@echo 'make clean         remove what was built'
 
 build:
@@ -68,16 +66,11 @@ asan tsan:
 tidy:
 	$(call install,$(tidy_packages))
 	@$(configure) dev -B build-tidy >/dev/null
-	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|examples|bench|tests)/'
+	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|examples|tests)/'
 
 format:
 	$(call install,clang-format)
-	@find include src app examples bench tests -name '*.[ch]pp' -exec clang-format -i {} +
-
-bench:
-	$(call install,$(bench_packages))
-	@$(configure) bench >/dev/null
-	@cmake --build build-bench
+	@find include src app examples tests -name '*.[ch]pp' -exec clang-format -i {} +
 
 clean:
-	rm -rf build build-asan build-tsan build-tidy build-bench build-dev
+	rm -rf build build-asan build-tsan build-tidy build-dev

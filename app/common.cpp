@@ -40,7 +40,8 @@ void add_output_option(CLI::App* command, fs::path& path, const char* descriptio
 }
 
 void add_horizon_option(CLI::App* command, Index& horizon) {
-  add_number<Index>(command, "--horizon", horizon, "H", "Steps ahead that outputs are predicted (default 1)", 1);
+  add_number<Index>(command, "--horizon", horizon, "H", "Steps ahead that outputs are predicted (default 1)", 1,
+                    1'000'000);
 }
 
 void add_count_or_auto(CLI::App* command, const char* name, Index& target, const char* description) {

@@ -40,14 +40,15 @@ void add_example(CLI::App& tool) {
              "oscillator: the paper's, 4 states; rotating-tube: 2 states")
       ->required();
   add_output_option(command, call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
-  add_number<Index>(command, "--experiments", o.experiments, "N", "Experiments (default 50)", 1);
-  add_number<Index>(command, "--steps", call->steps, "T", "Time steps (default 100)", 1);
+  add_number<Index>(command, "--experiments", o.experiments, "N", "Experiments (default 50)", 1, 1'000'000);
+  add_number<Index>(command, "--steps", call->steps, "T", "Time steps (default 100)", 1, 1'000'000);
   add_number<std::uint64_t>(command, "--seed", o.seed, "S", "Seed of the random numbers (default 1)", 0);
   add_number(command, "--process-noise", o.process_noise, "SD",
              "Standard deviation of the noise on each state (default 0)", 0.0);
   add_number(command, "--measurement-noise", o.measurement_noise, "SD",
              "Standard deviation of the noise on each output (default 0)", 0.0);
-  add_number<Index>(command, "--free-responses", o.free_responses, "NF", "Experiments without input (default 0)", 0);
+  add_number<Index>(command, "--free-responses", o.free_responses, "NF", "Experiments without input (default 0)", 0,
+                    1'000'000);
   add_choice(command, "--initial-state", o.initial_state,
              Choices<InitialState>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
              "States at step 0 (default zero; unknown: random)");

@@ -248,7 +248,8 @@ void add_identify(CLI::App& tool) {
   command->add_option("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv")->required()->type_name("");
   add_output_option(command, call->model, "Model to write: .npz, .h5 or .mat");
   add_column_options(command, call->read);
-  add_count_or_auto(command, "--states", o.states, "State dimension n (auto: the rank of the Hankel matrices)");
+  add_count_or_auto(command, "--states", o.states,
+                    "State dimension n (auto: the rank of the Hankel matrices, or by errors where the data are noisy)");
   add_count_or_auto(command, "--lags", o.lags, "Lag order p (auto: the smallest leave-one-out error)");
   add_choice(command, "--method", call->method, Choices<std::string>{{"tvera", "tvera"}}, "Method of realisation");
   add_choice(command, "--initial-state", o.initial_state,
@@ -259,7 +260,7 @@ void add_identify(CLI::App& tool) {
              Choices<Frame>{{"raw", Frame::raw}, {"reference", Frame::reference}, {"smooth", Frame::smooth}},
              "Coordinates of the states (default raw)");
   add_number<Index>(command, "--reference-step", o.reference_step, "S",
-                    "Step of the reference frame (default: first of full dimension)", 0);
+                    "Step of the reference frame (default: first of full dimension)", 0, 1'000'000'000);
   add_choice(command, "--nominal", o.nominal,
              Choices<NominalChoice>{
                  {"auto", NominalChoice::automatic}, {"none", NominalChoice::none}, {"mean", NominalChoice::mean}},
