@@ -28,8 +28,9 @@ void run(const Call& call) {
   page.row("Written", call.output.string());
   print(page.text());
   if (!starts_from_zero(model, inputs.initial_state.value_or(model.initial_state)))
-    warnings.push_back(fmt::format(
-        "the states at step {}, where the model begins, are not known: simulated from the zero state", model.k_begin));
+    warnings.push_back(
+        fmt::format("the initial states are unknown: simulated from the zero state at step {}, where the model begins",
+                    model.k_begin));
   warn(warnings);
 }
 

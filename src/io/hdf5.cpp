@@ -145,6 +145,7 @@ std::vector<std::string> read_variable_texts(const Node& node, size_t count) {
   std::vector<char*> pointers(count, nullptr);
   checked(node.read(node.type, pointers.data()), node.name);
   std::vector<std::string> texts;
+  texts.reserve(count);
   for (const char* pointer : pointers) texts.emplace_back(pointer ? pointer : "");
   checked(H5Dvlen_reclaim(node.type, node.space, H5P_DEFAULT, pointers.data()), node.name);
   return texts;

@@ -338,7 +338,7 @@ def test_wrong_calls(tokid, tmp_path, arguments, words):
     ("model", [".npz"]),
     ("taken.npz", ["directory"]),
     ("data.npz/model.npz", ["data.npz"]),
-    # Long after a name as such is fine: the file system refuses it.
+    # Too long a name: only the writing itself finds out.
     ("x" * 300 + ".npz", ["xxx"]),
 ])
 def test_unwritable_model(tokid, tmp_path, npz, name, words):
