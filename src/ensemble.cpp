@@ -89,7 +89,7 @@ Ensemble Ensemble::subset(const std::vector<Index>& chosen) const {
   return result;
 }
 
-void Ensemble::check() const {
+void Ensemble::check(bool outputs_needed) const {
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", dt));
   if (experiments() == 0 || steps() == 0)
@@ -116,7 +116,7 @@ void Ensemble::check() const {
           throw std::invalid_argument(fmt::format(
               "{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed", channel, n, k));
       }
-    if (!any)
+    if (!any && (c < inputs_ || outputs_needed))
       throw std::invalid_argument(
           fmt::format("{}: all {} samples are missing (NaN), at least one needed", channel, experiments() * steps_));
   }

@@ -84,8 +84,9 @@ Index Model::full_begin() const {
 }
 
 Index Model::full_end() const {
+  const Index full = states();
   Index k = full_begin();
-  while (k <= k_end() && n(k) == states()) ++k;
+  while (k <= k_end() && n(k) == full) ++k;
   return k;
 }
 

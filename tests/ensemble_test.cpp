@@ -75,6 +75,7 @@ TEST(Ensemble, ChecksNameChannelExperimentAndStep) {
             std::string::npos);
   Ensemble silent = e;
   for (Index k = 0; k < 4; ++k) silent.output(k).col(0).setConstant(nan);
+  EXPECT_NO_THROW(silent.check(false));  // where outputs are not needed
   EXPECT_NE(message([&] { silent.check(); }).find("output angle: all 12 samples are missing"), std::string::npos);
   Ensemble misnamed = e;
   misnamed.names.input_names = {"a", "b"};

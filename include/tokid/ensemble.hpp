@@ -79,7 +79,8 @@ class Ensemble {
 
   // \throws std::invalid_argument that names the channel, experiment and step of an infinite value, or the channel
   // without a single finite sample, or what else is inconsistent.
-  void check() const;
+  // With outputs_needed = false, outputs may be missing altogether, as where nothing could be predicted.
+  void check(bool outputs_needed = true) const;
 
   double dt = 1.0;  // sample time [s]
   Channels names;

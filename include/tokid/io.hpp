@@ -22,7 +22,7 @@ class IoError : public std::runtime_error {
 struct ReadOptions {
   // Columns of a .csv that are inputs and outputs; empty: those whose names begin with u and y.
   std::vector<std::string> inputs = {}, outputs = {};
-  bool outputs_required = true;  // false: a file of inputs alone will do (m = 0)
+  bool outputs_required = true;  // false: inputs alone will do (m = 0), and outputs without a sample
 };
 
 enum class FileKind { ensemble, model };

@@ -423,7 +423,7 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   e.names = channels_of(columns, *header, notes);
   e.initial_state = notes.initial_state;
   apply_length(notes.length, e);
-  e.check();
+  e.check(options.outputs_required);
   return e;
 }
 

@@ -217,7 +217,7 @@ Ensemble ensemble_of(const Fields& fields, bool outputs_required) {
       e.output(k).row(static_cast<Index>(n)).setConstant(missing);
     }
   if (fields.has("free_y")) e.free = free_response_of(fields, e.outputs());
-  e.check();
+  e.check(outputs_required);
   return e;
 }
 

@@ -131,6 +131,11 @@ def test_too_few_samples_to_find_the_state(tokid, identify, tmp_path, thrown):
     result = tokid("predict", tmp_path / "model.npz", tmp_path / "short.npz", "-o", tmp_path / "out.npz")
     assert len(result.stderr.splitlines()) == 1 and "all of them are missing" in result.stderr
     assert np.isnan(load(tmp_path / "out.npz")["y"]).all()
+    # What the tool writes it also reads; only what needs outputs refuses to go without.
+    tokid("info", tmp_path / "out.npz")
+    tokid("convert", tmp_path / "out.npz", tmp_path / "out.mat")
+    tokid("simulate", tmp_path / "model.npz", tmp_path / "out.mat", "-o", tmp_path / "again.npz")
+    assert "y1" in tokid("identify", tmp_path / "out.npz", "-o", tmp_path / "never.npz", status=2).stderr
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1])
