@@ -104,15 +104,19 @@ void run(const Model& system, const ExperimentOptions& options, bool from_rest, 
   }
 }
 
+void check_noise(const ExperimentOptions& options) {
+  if (!(options.process_noise >= 0 && options.measurement_noise >= 0))
+    throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, none may be negative",
+                                            options.process_noise, options.measurement_noise));
+}
+
 }  // namespace
 
 Ensemble experiments(const Model& system, const ExperimentOptions& options) {
   if (options.experiments < 1 || options.free_responses < 0)
     throw std::invalid_argument(fmt::format("experiments: {} experiments and {} free responses asked for",
                                             options.experiments, options.free_responses));
-  if (!(options.process_noise >= 0 && options.measurement_noise >= 0))
-    throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, none may be negative",
-                                            options.process_noise, options.measurement_noise));
+  check_noise(options);
   const bool from_rest = options.initial_state == InitialState::zero;
   Ensemble ensemble(options.experiments, system.steps(), system.inputs, system.outputs, system.dt);
   ensemble.names = system.names;
@@ -137,6 +141,22 @@ Ensemble experiments(const Model& system, const ExperimentOptions& options) {
         system, options, false, other, [](Index, const Vector& u) { return Vector(Vector::Zero(u.size())); },
         [&](Index k, const Vector& y) { free.y.row(n).segment(k * system.outputs, system.outputs) = y.transpose(); });
   return ensemble;
+}
+
+Model with_noise(Model system, const ExperimentOptions& options) {
+  check_noise(options);
+  const auto white = [](Index size, double deviation) -> Matrix {
+    return deviation * deviation * Matrix::Identity(size, size);
+  };
+  for (Index k = system.k_begin; k < system.k_end(); ++k) {
+    system.Q.push_back(white(system.n(k + 1), options.process_noise));
+    system.R.push_back(white(system.outputs, options.measurement_noise));
+  }
+  const Index n = system.state_dim.front();
+  system.x0_mean = Vector::Zero(n);
+  system.x0_cov = white(n, options.initial_state == InitialState::zero ? 0.0 : 1.0);
+  system.initial_state = options.initial_state;
+  return kalman_observer(std::move(system));
 }
 
 }  // namespace tokid

@@ -2,6 +2,7 @@
 #include "tokid/linalg.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
@@ -82,6 +83,22 @@ Matrix whitener(const ConstMatrixRef& s) {
   const Eigen::LLT<Matrix> cholesky(correlation);
   if (cholesky.info() != Eigen::Success) return scale.asDiagonal();
   return cholesky.matrixL().solve(Matrix(scale.asDiagonal()));
+}
+
+std::optional<Matrix> covariance_factor(const ConstMatrixRef& s) {
+  constexpr double rounding = 1e-10;
+  if (s.rows() != s.cols() || !s.allFinite() || (s.diagonal().array() < 0).any()) return std::nullopt;
+  if (s.size() == 0) return Matrix(0, 0);
+  // Of the correlations, so that quantities of very different units keep their digits.
+  const Vector size = s.diagonal().cwiseSqrt();
+  const Vector inverse = (size.array() > 0).select(size.cwiseInverse(), 1.0);
+  const Matrix correlation = inverse.asDiagonal() * s * inverse.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Matrix> decomposition(correlation);
+  if ((correlation - correlation.transpose()).cwiseAbs().maxCoeff() > rounding ||
+      decomposition.eigenvalues().minCoeff() < -rounding)
+    return std::nullopt;
+  return size.asDiagonal() * decomposition.eigenvectors() *
+         decomposition.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
 Matrix procrustes(const ConstMatrixRef& a, const ConstMatrixRef& b) {

@@ -426,6 +426,33 @@ Model transform(const Model& model, const std::vector<Matrix>& S) {
   return result;
 }
 
+namespace {
+
+// The run of steps around s that `coordinates(k)`, the candidate for S_k, takes into the frame: as far as it tells all
+// of the state. Empty where it fails at step s already.
+template <class Coordinates>
+FramedModel framed(const Model& model, Index s, Coordinates&& coordinates) {
+  std::vector<Matrix> S;
+  for (Index k = model.k_begin; k <= model.k_end(); ++k) S.push_back(Matrix::Identity(model.n(k), model.n(k)));
+  const auto enters = [&](Index k) {
+    if (k < model.k_begin || k > model.k_end()) return false;
+    const Matrix candidate = coordinates(k);
+    if (candidate.rows() != model.n(k) || candidate.size() == 0) return false;
+    const Vector sigma = linalg::singular_values(candidate);
+    if (!(sigma(sigma.size() - 1) > frame_condition * sigma(0))) return false;
+    S[model.at(k)] = candidate;
+    return true;
+  };
+  FramedModel result{{}, s, s};
+  if (!enters(s)) return result;
+  while (enters(result.begin - 1)) --result.begin;
+  while (enters(++result.end)) continue;
+  result.model = transform(model, S);
+  return result;
+}
+
+}  // namespace
+
 FramedModel reference_frame(const Model& model, Index s, Index rows) {
   if (s < model.k_begin || rows < 1 || s >= model.k_end() || rows > model.k_end() - s || model.n(s) == 0)
     throw std::invalid_argument(fmt::format(
@@ -433,28 +460,35 @@ FramedModel reference_frame(const Model& model, Index s, Index rows) {
         "needed, states are there at steps {} to {}, the model ends with step {}",
         s, rows, model.full_begin(), model.full_end() - 1, model.k_end() - 1));
   const Matrix projection = linalg::pseudo_inverse(observability(model, s, rows));
-  std::vector<Matrix> S;
-  for (Index k = model.k_begin; k <= model.k_end(); ++k) S.push_back(Matrix::Identity(model.n(k), model.n(k)));
-  // The frame reaches as far as its coordinates tell all of the state.
-  const auto enters = [&](Index k) {
-    if (k < model.k_begin || k + rows > model.k_end() || model.n(k) != model.n(s)) return false;
-    const Matrix coordinates = projection * observability(model, k, rows);
-    const Vector sigma = linalg::singular_values(coordinates);
-    if (!(sigma(sigma.size() - 1) > frame_condition * sigma(0))) return false;
-    S[model.at(k)] = coordinates;
-    return true;
-  };
-  if (!enters(s))
+  FramedModel result = framed(model, s, [&](Index k) {
+    return k + rows <= model.k_end() ? Matrix(projection * observability(model, k, rows)) : Matrix();
+  });
+  if (result.begin == result.end)
     throw std::invalid_argument(fmt::format(
         "reference frame: {} block rows of step {} don't tell its {} states apart; more rows or another step needed",
         rows, s, model.n(s)));
-  FramedModel result;
-  result.begin = s;
-  while (enters(result.begin - 1)) --result.begin;
-  result.end = s + 1;
-  while (enters(result.end)) ++result.end;
-  result.model = transform(model, S);
   result.model.frame = "reference";
+  return result;
+}
+
+FramedModel align(const Model& model, const Model& reference, Index rows) {
+  if (model.inputs != reference.inputs || model.outputs != reference.outputs)
+    throw std::invalid_argument(fmt::format("align: models with {} and {} inputs, {} and {} outputs", model.inputs,
+                                            reference.inputs, model.outputs, reference.outputs));
+  const Index last = std::min(model.k_end(), reference.k_end()) - rows;
+  Index s = std::max(model.full_begin(), reference.k_begin);
+  while (s < last && model.n(s) != reference.n(s)) ++s;
+  if (rows < 1 || s > last)
+    throw std::invalid_argument(
+        fmt::format("align: no step has the same state dimension in both models and {} block rows in each", rows));
+  FramedModel result = framed(model, s, [&](Index k) {
+    if (k < reference.k_begin || k > last) return Matrix();
+    return Matrix(linalg::pseudo_inverse(observability(reference, k, rows)) * observability(model, k, rows));
+  });
+  if (result.begin == result.end)
+    throw std::invalid_argument(fmt::format(
+        "align: {} block rows of step {} don't tell its {} states apart; more rows needed", rows, s, model.n(s)));
+  result.model.frame = reference.frame;
   return result;
 }
 

@@ -120,6 +120,28 @@ TEST(Whitener, WhitensAndSurvivesSingularCovariances) {
   EXPECT_LE((v * scaled * v.transpose() - Matrix::Identity(3, 3)).norm(), 1e4 * epsilon);
 }
 
+TEST(CovarianceFactor, SquaresToTheCovarianceOrRefuses) {
+  Random random(12);
+  for (const Index rank : {0, 1, 3, 5}) {
+    const Matrix f = random.matrix(5, rank);
+    Vector unit{{1e-9, 1.0, 1e9, 1.0, 0.0}};
+    const Matrix s = unit.asDiagonal() * (f * f.transpose()) * unit.asDiagonal();
+    const std::optional<Matrix> factor = linalg::covariance_factor(s);
+    ASSERT_TRUE(factor) << rank;
+    // Entry by entry, in units of the standard deviations: small channels keep their digits beside large ones.
+    const Vector size = s.diagonal().cwiseSqrt();
+    const Matrix error = (*factor * factor->transpose() - s).cwiseAbs();
+    EXPECT_LE((error.array() - 100 * epsilon * (size * size.transpose()).array()).maxCoeff(), 0.0) << rank;
+  }
+  EXPECT_TRUE(linalg::covariance_factor(Matrix(0, 0)));
+  EXPECT_FALSE(linalg::covariance_factor(Matrix{{1, 2}, {2, 1}}));    // an eigenvalue of -1
+  EXPECT_FALSE(linalg::covariance_factor(Matrix{{1, 0.5}, {0, 1}}));  // not symmetric
+  EXPECT_FALSE(linalg::covariance_factor(Matrix{{0, 0.5}, {0.5, 1}}));
+  EXPECT_FALSE(linalg::covariance_factor(Matrix::Constant(1, 1, -1.0)));
+  EXPECT_FALSE(linalg::covariance_factor(Matrix::Ones(2, 3)));
+  EXPECT_FALSE(linalg::covariance_factor(Matrix::Constant(1, 1, std::numeric_limits<double>::quiet_NaN())));
+}
+
 TEST(Procrustes, FindsTheRotation) {
   Random random(6);
   const Matrix a = random.matrix(10, 4), q = random.orthogonal(4);

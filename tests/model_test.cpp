@@ -263,6 +263,37 @@ TEST(Coordinates, ReferenceFrameDoesNotDependOnTheBasisUpToOneSimilarity) {
   EXPECT_THROW(reference_frame(model, -1, 3), std::invalid_argument);
 }
 
+TEST(Coordinates, AlignedModelsHaveTheMatricesOfTheReference) {
+  for (const SystemSize size : {SystemSize{3, 2, 1}, {4, 1, 2}, {2, 3, 2}}) {
+    Model reference = random_system(size, 20, 1.0, 70);
+    Random random(71);
+    for (Matrix& G : reference.G) G = random.matrix(size.n, size.m);
+    std::vector<Matrix> S;
+    for (Index k = 0; k <= 20; ++k)
+      S.push_back(random.orthogonal(size.n) * Vector::LinSpaced(size.n, 0.5, 2).asDiagonal());
+    const Index rows = smallest_lag_order(size) + 1;
+    const FramedModel aligned = align(transform(reference, S), reference, rows);
+    EXPECT_EQ(aligned.begin, 0);
+    EXPECT_EQ(aligned.end, 20 - rows + 1);  // later states have too few outputs ahead of them
+    for (Index k = aligned.begin; k + 1 < aligned.end; ++k) {
+      const size_t s = size_t(k);
+      // Observability matrices of so few rows have condition numbers up to some 1e3.
+      EXPECT_LE((aligned.model.A[s] - reference.A[s]).norm(), 1e-10) << name(size) << k;
+      EXPECT_LE((aligned.model.B[s] - reference.B[s]).norm(), 1e-10 * reference.B[s].norm()) << name(size) << k;
+      EXPECT_LE((aligned.model.G[s] - reference.G[s]).norm(), 1e-10 * reference.G[s].norm()) << name(size) << k;
+    }
+    EXPECT_TRUE(kinematically_similar(aligned.model, reference).similar);
+  }
+}
+
+TEST(Coordinates, ModelsWithoutACommonStateDimensionAreNotAligned) {
+  const Model a = random_system({3, 1, 1}, 20, 1.0, 72);
+  EXPECT_THROW(align(a, random_system({2, 1, 1}, 20, 1.0, 73), 4), std::invalid_argument);
+  EXPECT_THROW(align(a, random_system({3, 2, 1}, 20, 1.0, 73), 4), std::invalid_argument);
+  EXPECT_THROW(align(a, random_system({3, 1, 1}, 3, 1.0, 73), 4), std::invalid_argument);
+  EXPECT_THROW(align(a, random_system({3, 1, 1}, 20, 1.0, 73), 2), std::invalid_argument);  // two rows for three states
+}
+
 TEST(Coordinates, SmoothFrameVariesAsSlowlyAsTheSystem) {
   const Model system = oscillator(60);
   // Balanced coordinates, each step's turned at random: what a realisation hands over.

@@ -3,7 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+
 #include "testing.hpp"
+#include "tokid/example.hpp"
+#include "tokid/validate.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -73,6 +77,167 @@ TEST(Deadbeat, VaryingStateDimensions) {
 
 TEST(Deadbeat, ProductsOfNoStepsAreRefused) {
   EXPECT_THROW(deadbeat_products(random_system({2, 1, 1}, 5, 1.0, 94), 0), std::invalid_argument);
+}
+
+// Random covariances and gains; nothing is diagonal or equal from step to step.
+Model random_noise(Model model, std::uint64_t seed, double process, double measurement) {
+  Random random(seed);
+  const auto covariance = [&](Index n, double size) -> Matrix {
+    const Matrix f = size * random.matrix(n, n);
+    return f * f.transpose();
+  };
+  for (Index k = model.k_begin; k < model.k_end(); ++k) {
+    model.Q.push_back(covariance(model.n(k + 1), process));
+    model.R.push_back(covariance(model.outputs, measurement));
+  }
+  model.x0_cov = covariance(model.state_dim.front(), 1.0);
+  return model;
+}
+
+// The conditional mean of x_k given y_0 … y_{k-1} and its covariance, from the joint covariance of all of them: no
+// recursion, so that it shares nothing with the filter.
+struct Conditional {
+  Matrix P, gain;  // covariance of x_k before y_k, and the weight of y_k - ŷ_k in the estimate of x_k after it
+};
+Conditional conditional(const Model& model, Index k) {
+  const Index m = model.outputs, n0 = model.state_dim.front();
+  // x_k and y_0 … y_k as linear maps of the independent sources x_0, w_0 …, v_0 …
+  Index sources = n0;
+  for (Index j = 0; j <= k; ++j) sources += model.n(j + 1) + m;
+  Matrix x = Matrix::Zero(n0, sources), y((k + 1) * m, sources), x_k;
+  x.leftCols(n0) = *linalg::covariance_factor(model.x0_cov);
+  Index column = n0;
+  for (Index j = 0; j <= k; ++j) {
+    if (j == k) x_k = x;
+    y.middleRows(j * m, m) = model.C[size_t(j)] * x;
+    y.block(j * m, column, m, m) += *linalg::covariance_factor(model.R[size_t(j)]);
+    column += m;
+    x = model.A[size_t(j)] * x;
+    const Index next = model.n(j + 1);
+    x.middleCols(column, next) += *linalg::covariance_factor(model.Q[size_t(j)]);
+    column += next;
+  }
+  // What is left of x_k and of y_k when the earlier outputs are known.
+  const Matrix past = y.topRows(k * m), now = y.bottomRows(m);
+  const auto left = [&](const Matrix& a) -> Matrix {
+    if (k == 0) return a;
+    return a - a * past.transpose() * linalg::pseudo_inverse(past * past.transpose()) * past;
+  };
+  const Matrix xl = left(x_k), yl = left(now);
+  return {xl * xl.transpose(), xl * yl.transpose() * (yl * yl.transpose()).inverse()};
+}
+
+TEST(Kalman, IsTheConditionalMeanGivenThePast) {
+  for (const SystemSize size : {SystemSize{1, 1, 1}, {4, 2, 2}, {3, 1, 1}, {2, 3, 1}, {5, 2, 1}})
+    for (const double growth : {0.9, 1.2}) {
+      const Model model = random_noise(random_system(size, 8, growth, 100), 101, 0.3, 0.5);
+      const KalmanFilter filter = kalman_filter(model);
+      for (const Index k : {0, 1, 4, 7}) {
+        const Conditional exact = conditional(model, k);
+        // The joint covariance loses digits with its condition number, some 1e4 here.
+        EXPECT_LE((filter.P[size_t(k)] - exact.P).norm(), 1e-10 * exact.P.norm()) << name(size) << " k " << k;
+        EXPECT_LE((filter.K[size_t(k)] - exact.gain).norm(), 1e-9 * (1 + exact.gain.norm()))
+            << name(size) << " k " << k;
+      }
+    }
+}
+
+TEST(Kalman, CovariancesStaySymmetricAndPositiveWhereTheTextbookFormFails) {
+  // Exact outputs of an uncertain state: P falls by 24 orders of magnitude, and P - K C P would be all rounding errors.
+  Model model = random_system({6, 2, 1}, 40, 1.0, 102);
+  for (Index k = 0; k < 40; ++k) {
+    model.Q.push_back(Matrix::Zero(6, 6));
+    model.R.push_back(1e-12 * Matrix::Identity(2, 2));
+  }
+  model.x0_cov = 1e12 * Matrix::Identity(6, 6);
+  const KalmanFilter filter = kalman_filter(model);
+  for (size_t s = 0; s < filter.P.size(); ++s) {
+    const Matrix& P = filter.P[s];
+    EXPECT_EQ(P, P.transpose()) << s;
+    EXPECT_TRUE(linalg::covariance_factor(P)) << s;  // no negative eigenvalue
+    EXPECT_GT(P.trace(), 0) << s;
+  }
+  // n/m = 3 outputs tell the state to about the measurement noise, and nothing disturbs it later.
+  EXPECT_LE(filter.P.back().trace(), 1e-6);
+  for (const Matrix& K : filter.K) EXPECT_TRUE(K.allFinite());
+}
+
+TEST(Kalman, ReachesTheSteadyStateOfAConstantSystem) {
+  Model model = constant_system({4, 2, 1}, 200, 1.0, 103);
+  for (Index k = 0; k < 200; ++k) {
+    model.Q.push_back(0.1 * Matrix::Identity(4, 4));
+    model.R.push_back(0.2 * Matrix::Identity(2, 2));
+  }
+  const KalmanFilter filter = kalman_filter(model);
+  const Matrix &P = filter.P.back(), &A = model.A[0], &C = model.C[0];
+  const Matrix E = C * P * C.transpose() + model.R[0];
+  // The algebraic Riccati equation.
+  const Matrix next = A * P * A.transpose() - A * P * C.transpose() * E.inverse() * C * P * A.transpose() + model.Q[0];
+  EXPECT_LE((next - P).norm(), 100 * epsilon * P.norm());
+  EXPECT_LE((filter.innovation_cov.back() - E).norm(), 100 * epsilon * E.norm());
+}
+
+TEST(Kalman, InnovationsOfTheTrueFilterAreWhiteAndAsLargeAsItSays) {
+  const ExperimentOptions options{.experiments = 400, .seed = 104, .process_noise = 0.1, .measurement_noise = 0.3};
+  const Model model = with_noise(oscillator(40), options);
+  const Prediction prediction = predict(model, experiments(model, options));
+  EXPECT_GT(whiteness_p(prediction.innovations, 5), 0.001);
+  double sum = 0.0;
+  for (Index k = 0; k < 40; ++k) {
+    const Matrix whitened =
+        prediction.innovations[size_t(k)] * linalg::whitener(model.innovation_cov[size_t(k)]).transpose();
+    sum += whitened.squaredNorm();
+  }
+  // χ² with 400·40·2 degrees of freedom: its mean has a standard deviation of 0.8 %.
+  EXPECT_NEAR(sum / (400 * 40 * 2), 1.0, 0.04);
+  // Any other gain predicts worse.
+  Model deadbeat = model;
+  deadbeat.G = oscillator(40).G;
+  const Ensemble data = experiments(model, options);
+  EXPECT_LT(validate(model, data).one_step.rmse(0), 0.8 * validate(deadbeat, data).one_step.rmse(0));
+}
+
+TEST(Kalman, DoesNotDependOnTheUnitsOfTheOutputs) {
+  const Model model = random_noise(random_system({4, 2, 1}, 20, 1.0, 105), 106, 0.3, 0.3);
+  Model scaled = model;
+  const Vector unit{{1e9, 1e-9}};
+  for (size_t s = 0; s < 20; ++s) {
+    scaled.C[s] = unit.asDiagonal() * model.C[s];
+    scaled.R[s] = unit.asDiagonal() * model.R[s] * unit.asDiagonal();
+  }
+  const KalmanFilter a = kalman_filter(model), b = kalman_filter(scaled);
+  for (size_t s = 0; s < 20; ++s) EXPECT_LE((a.K[s] - b.K[s] * unit.asDiagonal()).norm(), 1e-10 * a.K[s].norm()) << s;
+}
+
+TEST(Kalman, WithoutAnyNoiseTheStateIsKnownAndNothingIsDivided) {
+  const Model model = with_noise(oscillator(20), {});
+  for (const Matrix& G : model.G) EXPECT_EQ(G, Matrix::Zero(4, 2));
+  const Ensemble data = experiments(model, {.experiments = 5});
+  EXPECT_LE(output_error(data, predict(model, data).y), 1e-12);
+  // Unknown initial states and exact outputs: the filter is deadbeat, for it knows the state as soon as the outputs do.
+  Model unknown = with_noise(oscillator(20), {.initial_state = InitialState::unknown});
+  EXPECT_LE(kalman_filter(unknown).P[2].norm(), 1e-12);
+}
+
+TEST(Kalman, WhatIsNoCovarianceIsRefused) {
+  const Model good = random_noise(random_system({3, 2, 1}, 5, 1.0, 107), 108, 1, 1);
+  const auto refused = [](Model model) { EXPECT_THROW(kalman_filter(model), std::invalid_argument); };
+  refused(random_system({3, 2, 1}, 5, 1.0, 107));  // no noise given
+  Model bad = good;
+  bad.Q.pop_back();
+  refused(bad);
+  bad = good;
+  bad.R[2] = -bad.R[2];
+  refused(bad);
+  bad = good;
+  bad.Q[1](0, 1) += 1;
+  refused(bad);
+  bad = good;
+  bad.R[3].resize(1, 1);
+  refused(bad);
+  bad = good;
+  bad.x0_cov(0, 0) = std::numeric_limits<double>::quiet_NaN();
+  refused(bad);
 }
 
 }  // namespace

@@ -29,4 +29,8 @@ struct ExperimentOptions {
 // Simulated experiments with unit Gaussian inputs, the same for the same seed on every machine.
 Ensemble experiments(const Model& system, const ExperimentOptions& options = {});
 
+// The system with the covariances of the noise in those experiments and its Kalman filter as observer: no other
+// predicts experiments(system, options) better. \throws std::invalid_argument for negative standard deviations
+Model with_noise(Model system, const ExperimentOptions& options);
+
 }  // namespace tokid

@@ -25,7 +25,7 @@ struct IdentifyOptions {
   Frame frame = Frame::raw;
   Index reference_step = -1;  // s of the reference frame; -1: the first step of full dimension
   double hold_out = 0.0;      // share of the experiments kept for validation, 0 ≤ share < 1
-  Index rows = 0, cols = 0;   // blocks of H_k; 0: p+1 (at least ⌈n/m⌉+1) and max(p, ⌈n/r⌉)
+  Index rows = 0, cols = 0;   // blocks of H_k; 0: max(p, ⌈n/m⌉)+1 and max(p, n), or with noise max(p, 48)
   Execution execution = {};
 };
 

@@ -3,6 +3,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
+
+#include "tokid/version.hpp"  // checks that Eigen allocates here as it did when the library was built
 
 namespace tokid {
 
@@ -34,10 +37,10 @@ Matrix orthonormal_factor(Matrix a);
 // Least-squares solution of a·x = b with the smallest norm, by a complete orthogonal decomposition.
 // Pivots below `tolerance` times the largest count as zero.
 struct MinimumNorm {
-  Matrix x;          // (cols of a × cols of b)
-  Index rank = 0;    // numerical rank of a
-  double condition;  // upper estimate ‖T‖_F ‖T⁻¹‖_F of the condition number of the part of rank `rank`
-  Matrix inverse_t;  // (cols of a × rank): X with X·Xᵀ = (aᵀa)⁺, which carries the covariance of x
+  Matrix x;                // (cols of a × cols of b)
+  Index rank = 0;          // numerical rank of a
+  double condition = 0.0;  // upper estimate ‖T‖_F ‖T⁻¹‖_F of the condition number of the part of rank `rank`
+  Matrix inverse_t;        // (cols of a × rank): X with X·Xᵀ = (aᵀa)⁺, which carries the covariance of x
 };
 MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, double tolerance);
 
@@ -48,6 +51,10 @@ Matrix pseudo_inverse(const ConstMatrixRef& a, double tolerance = -1.0);
 // Some matrix W (n × n) with W·S·Wᵀ = I for a symmetric positive definite S. A singular S is lifted by rounding errors,
 // a zero S yields the identity: whitening never divides by zero.
 Matrix whitener(const ConstMatrixRef& s);
+
+// Some F (n × n) with F·Fᵀ = S for a symmetric positive semidefinite S; nothing for any other. Asymmetries and negative
+// eigenvalues up to 1e-10 of the diagonal count as rounding errors.
+std::optional<Matrix> covariance_factor(const ConstMatrixRef& s);
 
 // Orthogonal matrix Q (a.cols × b.cols, a.cols = b.cols) that minimises ‖a·Q - b‖_F (orthogonal Procrustes).
 Matrix procrustes(const ConstMatrixRef& a, const ConstMatrixRef& b);

@@ -121,6 +121,11 @@ struct FramedModel {
 // \throws std::invalid_argument where step s has no state or too few block rows
 FramedModel reference_frame(const Model& model, Index s, Index rows);
 
+// The model in the coordinates of another model of the same system: x'_k = O_k(reference)⁺ O_k x_k with the given
+// number of block rows, so that A'_k, B'_k, C'_k, G'_k can be compared with those of the reference one by one. `begin`
+// and `end` as above. \throws std::invalid_argument where channels disagree or no step can be aligned
+FramedModel align(const Model& model, const Model& reference, Index rows);
+
 // Successive orthogonal Procrustes alignment of O_k with O_{k-1}: A_k varies as slowly as the system does.
 Model smooth_frame(const Model& model, Index rows);
 

@@ -1,4 +1,4 @@
-// Observers of a model that is known or identified (Appendix B).
+// Observers of a model that is known or identified: deadbeat (Appendix B) and Kalman (Appendix A).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -20,5 +20,22 @@ struct DeadbeatGain {
 };
 // Directions below tolerance·‖C_k‖ count as unseen, below tolerance·‖A_k‖ as gone.
 DeadbeatGain deadbeat_gain(const Model& model, double tolerance = 1e-10);
+
+// The Kalman filter of a model whose noise is known (54):
+//   x_{k+1} = A_k x_k + B_k u_k + w_k,   E[w_k w_kᵀ] = Q_k
+//   y_k     = C_k x_k + D_k u_k + v_k,   E[v_k v_kᵀ] = R_k,   w and v white and independent of each other
+// P_k is carried as a square root in Joseph's form, so that it stays symmetric and positive semidefinite whatever the
+// rounding errors; singular innovations get the gain of smallest norm.
+struct KalmanFilter {
+  std::vector<Matrix> P;  // (S+1) n_k × n_k: covariance of x_k - x̂_k before y_k is known
+  std::vector<Matrix> K;  // (S) n_k × m: P_k C_kᵀ (C_k P_k C_kᵀ + R_k)⁻¹                          (69)
+  std::vector<Matrix> innovation_cov;  // (S) m × m: C_k P_k C_kᵀ + R_k
+};
+// P of the first step is model.x0_cov, zero where that is empty. \throws std::invalid_argument where Q or R is missing,
+// or one of the three is no covariance
+KalmanFilter kalman_filter(const Model& model);
+
+// The model with its Kalman filter as observer: K_k, G_k = -A_k K_k, innovation_cov. predict() then filters optimally.
+Model kalman_observer(Model model);
 
 }  // namespace tokid
