@@ -7,6 +7,7 @@
 #include <boost/random/normal_distribution.hpp>
 #include <cmath>
 #include <functional>
+#include <numeric>
 #include <stdexcept>
 #include <unsupported/Eigen/MatrixFunctions>
 
@@ -157,6 +158,44 @@ Model with_noise(Model system, const ExperimentOptions& options) {
   system.x0_cov = white(n, options.initial_state == InitialState::zero ? 0.0 : 1.0);
   system.initial_state = options.initial_state;
   return kalman_observer(std::move(system));
+}
+
+Ensemble expected_moments(const Model& system) {
+  if (static_cast<Index>(system.Q.size()) != system.steps() || static_cast<Index>(system.R.size()) != system.steps())
+    throw std::invalid_argument(fmt::format("Q and R: {} and {} matrices found, {} of each (one for each step) needed",
+                                            system.Q.size(), system.R.size(), system.steps()));
+  const auto factor = [](const Matrix& covariance, const char* name) {
+    std::optional<Matrix> f = linalg::covariance_factor(covariance);
+    if (!f) throw std::invalid_argument(fmt::format("{}: no covariance", name));
+    return std::move(*f);
+  };
+  const Index T = system.steps(), n0 = system.state_dim.front();
+  const Index states = std::accumulate(system.state_dim.begin(), system.state_dim.end(), Index(0));
+  const Index sources = states + T * (system.inputs + system.outputs);  // x_0, and u_k, v_k, w_k of every step
+  // The mean over the sources stands for the expectation of experiments: each source counts once, not 1/sources times.
+  const double weight = std::sqrt(double(sources));
+  Ensemble ensemble(sources, T, system.inputs, system.outputs, system.dt);
+  ensemble.names = system.names;
+  ensemble.initial_state = system.initial_state;
+  Matrix x = Matrix::Zero(sources, n0);
+  Index row = 0;
+  const auto excite = [&](auto&& target, const Matrix& f) {
+    target.middleRows(row, f.cols()) += f.transpose();
+    row += f.cols();
+  };
+  excite(x, system.x0_cov.size() > 0 ? factor(system.x0_cov, "x0_cov") : Matrix(Matrix::Zero(n0, n0)));
+  for (Index k = 0; k < T; ++k) {
+    const size_t s = size_t(k);
+    Matrix u = Matrix::Zero(sources, system.inputs);
+    excite(u, Matrix::Identity(system.inputs, system.inputs));
+    Matrix y = x * system.C[s].transpose() + u * system.D[s].transpose();
+    excite(y, factor(system.R[s], "R"));
+    x = x * system.A[s].transpose() + u * system.B[s].transpose();
+    excite(x, factor(system.Q[s], "Q"));
+    ensemble.input(k) = weight * u;
+    ensemble.output(k) = weight * y;
+  }
+  return ensemble;
 }
 
 }  // namespace tokid

@@ -33,4 +33,10 @@ Ensemble experiments(const Model& system, const ExperimentOptions& options = {})
 // predicts experiments(system, options) better. \throws std::invalid_argument for negative standard deviations
 Model with_noise(Model system, const ExperimentOptions& options);
 
+// An ensemble whose second moments are those that infinitely many experiments on the system tend to, with white inputs
+// of covariance I and the noise Q, R, x0_cov of the system: one experiment for each independent source, which alone is
+// not zero in it. Regressions on it have the coefficients of the limit N → ∞, and its residual covariances.
+// \throws std::invalid_argument where Q or R is missing or one of the three is no covariance
+Ensemble expected_moments(const Model& system);
+
 }  // namespace tokid

@@ -11,6 +11,7 @@
 #include "tokid/markov.hpp"
 #include "tokid/model.hpp"
 #include "tokid/observer.hpp"
+#include "tokid/paper.hpp"
 #include "tokid/parallel.hpp"
 #include "tokid/tvera.hpp"
 #include "tokid/validate.hpp"
