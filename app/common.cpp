@@ -66,10 +66,13 @@ void check_output(const fs::path& path, Content content) {
   const auto refuse = [&path](const std::string& why) { throw IoError(fmt::format("{}: {}", path.string(), why)); };
   const std::string extension = extension_of(path);
   std::vector<std::string> known{".npz", ".h5", ".hdf5", ".mat"};
-  if (content == Content::ensemble) known.push_back(".csv");
+  if (content == Content::ensemble) known.emplace_back(".csv");
+  if (content == Content::page) known = {".html", ".htm"};
   if (std::find(known.begin(), known.end(), extension) == known.end())
     refuse(fmt::format("extension '{}' found, one of {} needed to write {}", extension, fmt::join(known, ", "),
-                       content == Content::model ? "a model" : "an ensemble"));
+                       content == Content::page    ? "a page"
+                       : content == Content::model ? "a model"
+                                                   : "an ensemble"));
 
   std::error_code error;
   if (fs::is_directory(path, error)) refuse("a directory found, the name of a file needed");

@@ -33,6 +33,7 @@ void add_predict(CLI::App& tool);
 void add_info(CLI::App& tool);
 void add_example(CLI::App& tool);
 void add_convert(CLI::App& tool);
+void add_report(CLI::App& tool);
 
 // Options
 
@@ -94,7 +95,7 @@ CLI::Option* add_choice(CLI::App* command, const std::string& name, T& target, c
 
 std::string extension_of(const fs::path& path);  // in lower case, with its dot
 
-enum class Content { ensemble, model };
+enum class Content { ensemble, model, page };
 // Before long work: will the file be writable under this name? \throws IoError
 void check_output(const fs::path& path, Content content);
 

@@ -17,4 +17,4 @@ if(library_type STREQUAL STATIC_LIBRARY)
   install(FILES cmake/FindTokidFormats.cmake DESTINATION ${package_dir})
 endif()
 
-install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES LICENSE NOTICE DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -499,6 +499,7 @@ std::string Pipeline::options_json() const {
                         {"reference_step", options_.reference_step >= 0 ? nlohmann::json(options_.reference_step)
                                                                         : nlohmann::json("auto")},
                         {"hold_out", options_.hold_out},
+                        {"experiments", result_.experiments},
                         {"rows", number(options_.rows)},
                         {"cols", number(options_.cols)}}
       .dump();

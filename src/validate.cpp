@@ -62,56 +62,105 @@ Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nomi
 
 namespace {
 
-// Orthonormal basis, over the given experiments, of what their centred innovations span.
-Matrix centred_basis(const Matrix& innovations, const std::vector<Index>& rows) {
-  Matrix centred = innovations(rows, Eigen::all);
-  centred.rowwise() -= Eigen::RowVectorXd(centred.colwise().mean());
-  const linalg::Svd d = linalg::svd(centred);
-  return d.u.leftCols((d.s.array() > 1e-12 * d.s(0)).count());
+// The innovations of one step over the given experiments, less their mean: columns of norm 1, and an orthonormal basis
+// of what they span.
+struct Centred {
+  Matrix columns, basis;
+};
+
+Centred centred(const Matrix& innovations, const std::vector<Index>& rows) {
+  Centred c;
+  c.columns = innovations(rows, Eigen::all);
+  c.columns.rowwise() -= Eigen::RowVectorXd(c.columns.colwise().mean());
+  const linalg::Svd d = linalg::svd(c.columns);
+  c.basis = d.u.leftCols((d.s.array() > 1e-12 * d.s(0)).count());
+  for (auto column : c.columns.colwise())
+    if (const double norm = column.norm(); norm > 0) column /= norm;
+  return c;
 }
 
 // The innovations of one step over the experiments that have all of them.
 struct StepInnovations {
   std::vector<Index> rows;
-  Matrix basis;
+  Centred over;
 };
 
 StepInnovations step_innovations(const Matrix& innovations) {
   StepInnovations step;
   for (Index n = 0; n < innovations.rows(); ++n)
     if (innovations.row(n).allFinite()) step.rows.push_back(n);
-  if (static_cast<Index>(step.rows.size()) > innovations.cols() + 2) step.basis = centred_basis(innovations, step.rows);
+  if (static_cast<Index>(step.rows.size()) > innovations.cols() + 2) step.over = centred(innovations, step.rows);
   return step;
 }
 
+// Sums over the steps for one lag.
+struct LagSum {
+  double excess = 0.0, variance = 0.0;  // Pillai's traces less their means, and their variances
+  Vector correlation;                   // (m)
+  double correlation_variance = 0.0;
+  Index steps = 0;
+
+  void add(const Centred& now, const Centred& before) {
+    const double p = double(now.basis.cols()), q = double(before.basis.cols()), nu = double(now.columns.rows()) - 1;
+    excess += (now.basis.transpose() * before.basis).squaredNorm() - p * q / nu;
+    variance += 2 * p * q * (nu - p) * (nu - q) / (nu * nu * (nu - 1) * (nu + 2));
+    correlation += now.columns.cwiseProduct(before.columns).colwise().sum().transpose();
+    correlation_variance += 1 / nu;
+    ++steps;
+  }
+};
+
 }  // namespace
 
-double whiteness_p(const std::vector<Matrix>& innovations, Index lags) {
+Whiteness whiteness(const std::vector<Matrix>& innovations, Index lags) {
   std::vector<StepInnovations> step;
   step.reserve(innovations.size());
   for (const Matrix& e : innovations) step.push_back(step_innovations(e));
+  const Index m = innovations.empty() ? 0 : innovations.front().cols();
 
-  double excess = 0.0, variance = 0.0;
-  const auto add = [&](const Matrix& a, const Matrix& b, size_t experiments) {
-    const double p = double(a.cols()), q = double(b.cols()), nu = double(experiments) - 1;
-    excess += (a.transpose() * b).squaredNorm() - p * q / nu;  // Pillai's trace less its mean
-    variance += 2 * p * q * (nu - p) * (nu - q) / (nu * nu * (nu - 1) * (nu + 2));
-  };
+  std::vector<LagSum> sums(size_t(lags), LagSum{0.0, 0.0, Vector::Zero(m), 0.0, 0});
   for (size_t k = 1; k < step.size(); ++k)
     for (size_t j = 1; j <= std::min(size_t(lags), k); ++j) {
       const StepInnovations &now = step[k], &before = step[k - j];
-      if (now.basis.cols() == 0 || before.basis.cols() == 0) continue;
+      if (now.over.basis.cols() == 0 || before.over.basis.cols() == 0) continue;
       if (now.rows == before.rows) {
-        add(now.basis, before.basis, now.rows.size());
+        sums[j - 1].add(now.over, before.over);
         continue;
       }
       std::vector<Index> both;
       std::set_intersection(now.rows.begin(), now.rows.end(), before.rows.begin(), before.rows.end(),
                             std::back_inserter(both));
       if (static_cast<Index>(both.size()) > innovations[k].cols() + 2)
-        add(centred_basis(innovations[k], both), centred_basis(innovations[k - j], both), both.size());
+        sums[j - 1].add(centred(innovations[k], both), centred(innovations[k - j], both));
     }
-  return variance > 0 ? statistics::normal_tail(excess / std::sqrt(variance)) : nan;
+
+  constexpr double two_sided_99 = 2.5758293035489;  // quantile of the normal distribution
+  Whiteness result{nan, Vector::Constant(lags, nan), Matrix::Constant(lags, m, nan), Vector::Constant(lags, nan)};
+  double excess = 0.0, variance = 0.0;
+  for (Index j = 0; j < lags; ++j) {
+    const LagSum& sum = sums[size_t(j)];
+    excess += sum.excess;
+    variance += sum.variance;
+    if (sum.variance > 0) result.z(j) = sum.excess / std::sqrt(sum.variance);
+    if (sum.steps == 0) continue;
+    result.correlation.row(j) = sum.correlation.transpose() / double(sum.steps);
+    result.bound(j) = two_sided_99 * std::sqrt(sum.correlation_variance) / double(sum.steps);
+  }
+  if (variance > 0) result.p = statistics::normal_tail(excess / std::sqrt(variance));
+  return result;
+}
+
+double whiteness_p(const std::vector<Matrix>& innovations, Index lags) { return whiteness(innovations, lags).p; }
+
+Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
+  const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  if (starts_from_zero(model, initial)) return simulate(model, data);
+  const Index start = model.full_begin(), window = estimation_window(model);
+  if (start + window <= std::min(model.k_end(), data.steps()))
+    return simulate(from_step(model, start), data, estimate_state(model, data, start, window));
+  Ensemble unknown = simulate(model, data);
+  for (Index k = 0; k < data.steps(); ++k) unknown.output(k).setConstant(nan);
+  return unknown;
 }
 
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options) {
@@ -120,23 +169,12 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
         fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
   Validation result;
   PredictOptions one_step{1, options.initial_state}, ahead{options.horizon, options.initial_state};
-  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
 
   const Prediction prediction = predict(model, data, one_step);
   result.one_step = fit(data, prediction.y, model.y_nominal);
   result.horizon = options.horizon == 1 ? result.one_step : fit(data, predict(model, data, ahead).y, model.y_nominal);
 
-  // A simulation needs an initial state: the known one, or the one that the first samples tell.
-  if (starts_from_zero(model, initial)) {
-    result.simulation = fit(data, simulate(model, data), model.y_nominal);
-  } else {
-    const Index start = model.full_begin(), window = estimation_window(model);
-    Ensemble simulated = prediction.y;
-    for (Index k = 0; k < data.steps(); ++k) simulated.output(k).setConstant(nan);
-    if (start + window <= std::min(model.k_end(), data.steps()))
-      simulated = simulate(from_step(model, start), data, estimate_state(model, data, start, window));
-    result.simulation = fit(data, simulated, model.y_nominal);
-  }
+  result.simulation = fit(data, simulate_data(model, data, options.initial_state), model.y_nominal);
 
   double innovation = 0.0, output = 0.0;
   bool any = false;
@@ -154,8 +192,11 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
         output += y * y;
       }
   }
-  result.whiteness_p =
-      innovation > arithmetic * arithmetic * output ? whiteness_p(prediction.innovations, options.whiteness_lags) : nan;
+  result.whiteness_p = nan;
+  if (innovation > arithmetic * arithmetic * output) {
+    result.whiteness = whiteness(prediction.innovations, options.whiteness_lags);
+    result.whiteness_p = result.whiteness.p;
+  }
   if (!any)
     result.warnings.push_back(
         fmt::format("no step could be predicted: the model covers steps {} to {}, and {} steps are "

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tokid/ensemble.hpp"
@@ -40,5 +41,7 @@ struct WriteOptions {
 // The file appears whole or not at all: written beside its target, then renamed. \throws IoError
 void save_ensemble(const Ensemble& ensemble, const std::filesystem::path& path, const WriteOptions& options = {});
 void save_model(const Model& model, const std::filesystem::path& path, const WriteOptions& options = {});
+// Text as it stands, such as a page; any extension.
+void save_text(std::string_view text, const std::filesystem::path& path);
 
 }  // namespace tokid

@@ -55,6 +55,8 @@ Matrix whitener(const ConstMatrixRef& s);
 // Some F (n × n) with F·Fᵀ = S for a symmetric positive semidefinite S; nothing for any other. Asymmetries and negative
 // eigenvalues up to 1e-10 of the diagonal count as rounding errors.
 std::optional<Matrix> covariance_factor(const ConstMatrixRef& s);
+// Eigenvalues of a square matrix, in no order of meaning; conjugate pairs stand together.
+Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a);
 
 // Orthogonal matrix Q (a.cols × b.cols, a.cols = b.cols) that minimises ‖a·Q - b‖_F (orthogonal Procrustes).
 Matrix procrustes(const ConstMatrixRef& a, const ConstMatrixRef& b);

@@ -13,6 +13,7 @@
 #include "tokid/observer.hpp"
 #include "tokid/paper.hpp"
 #include "tokid/parallel.hpp"
+#include "tokid/report.hpp"
 #include "tokid/tvera.hpp"
 #include "tokid/validate.hpp"
 #include "tokid/version.hpp"

@@ -149,4 +149,12 @@ void save_model(const Model& model, const fs::path& path, const WriteOptions& op
   });
 }
 
+void save_text(std::string_view text, const fs::path& path) {
+  naming(path, [&] {
+    io::AtomicFile file(path);
+    io::ByteWriter(file.path()).write(text);
+    file.commit();
+  });
+}
+
 }  // namespace tokid

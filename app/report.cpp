@@ -1,0 +1,50 @@
+// tokid report: one page that shows whether a model can be trusted.
+// SPDX-License-Identifier: BSD-3-Clause
+#include "common.hpp"
+
+namespace tokid::app {
+
+namespace {
+
+struct Call {
+  fs::path model, data, output;
+  ReadOptions read;
+  ReportOptions options;
+};
+
+void run(const Call& call) {
+  check_output(call.output, Content::page);
+  const Model model = load_model(call.model);
+  const Ensemble data = load_ensemble(call.data, call.read);
+  ReportOptions options = call.options;
+  options.model_name = call.model.filename().string();
+  options.data_name = call.data.filename().string();
+  const ReportPage page = about(call.data, [&] { return report_page(model, data, options); });
+  save_text(page.html, call.output);
+
+  Page text;
+  text.row("Verdict", to_string(page.verdict.trust));
+  text.row("", page.verdict.summary);
+  for (const std::string& reason : page.verdict.reasons) text.row("", "- " + reason);
+  text.row("Written", call.output.string());
+  print(text.text());
+}
+
+}  // namespace
+
+void add_report(CLI::App& tool) {
+  const auto call = std::make_shared<Call>();
+  CLI::App* command = add_command(tool, "report", "A page (HTML) that shows whether a model can be trusted",
+                                  "tokid report model.npz fresh.npz -o page.html");
+  command->add_option("MODEL", call->model, "Model: .npz, .h5 or .mat")->required()->type_name("");
+  command->add_option("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv")->required()->type_name("");
+  add_output_option(command, call->output, "Page to write: .html");
+  add_column_options(command, call->read);
+  add_number<Index>(command, "--horizon", call->options.horizon, "H", "Steps ahead of the multi-step fit (default 10)",
+                    1, 1'000'000);
+  add_number<Index>(command, "--experiments", call->options.experiments, "N",
+                    "Experiments in the plots, at most (default 24)", 1, 1000);
+  command->callback([call] { run(*call); });
+}
+
+}  // namespace tokid::app

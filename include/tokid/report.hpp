@@ -1,0 +1,52 @@
+// Model and data → one HTML page that shows whether the model can be trusted.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tokid/model.hpp"
+
+namespace tokid {
+
+// What the data of a report are to the model. The verdict is milder on none of them, but says how much they prove.
+enum class Evaluation {
+  given,     // not stated: perhaps the data that the model was identified from
+  held_out,  // experiments kept back from the identification
+  training   // the experiments of the identification themselves
+};
+
+struct ReportOptions {
+  std::string model_name, data_name;  // of the files, shown as text
+  Evaluation evaluation = Evaluation::given;
+  Index identified_from = 0;                       // experiments of the identification; 0: not known
+  std::vector<std::string> warnings = {};          // of the identification, and others that belong on the page
+  Index horizon = 10;                              // H of the H-step predictions and their fit
+  std::optional<InitialState> initial_state = {};  // as in PredictOptions
+  Index experiments = 24;                          // at most so many in the plots; all of them count in the figures
+  Index points = 1200;                             // at most so many per curve: least and largest of each stretch
+};
+
+enum class Trust { good, look_closer, distrust };
+const char* to_string(Trust trust);  // "good", "look closer", "don't trust"
+
+// The first thing on the page: one sentence of figures, and why the status is what it is.
+struct Verdict {
+  Trust trust = Trust::distrust;
+  std::string summary;
+  std::vector<std::string> reasons;  // against the model, the gravest first; empty where nothing is
+};
+// \throws as report_page
+Verdict verdict(const Model& model, const Ensemble& data, const ReportOptions& options = {});
+
+struct ReportPage {
+  Verdict verdict;
+  std::string html;
+};
+// A self-contained page in HTML, which loads nothing: tables for every reader, plots where JavaScript runs. Its data
+// are a few megabytes at most, whatever the size of the ensemble; what was left out is stated on it.
+// \throws std::invalid_argument where channels disagree, or no step of the data has a model
+ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options = {});
+
+}  // namespace tokid

@@ -1,0 +1,67 @@
+// The figures behind a report: computed once, read by the verdict, the tables and the plots.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tokid/report.hpp"
+#include "tokid/validate.hpp"
+
+namespace tokid::report {
+
+// Bounds that the verdict and the tables use; the page states them.
+namespace bounds {
+inline constexpr double good_fit = 80.0, poor_fit = 50.0;  // [%]
+inline constexpr double whiteness = 0.01;                  // p below it counts as correlated …
+inline constexpr double correlation = 0.1;                 // … and matters where a correlation is larger than this
+inline constexpr double ill_conditioned = 1e8;             // always
+inline constexpr double worse_than_usual = 30.0;           // with noise: so many times the median condition …
+inline constexpr double worth_a_word = 1e3;                // … and larger than this
+inline constexpr double weak_input = 0.02;                 // spread of an input over its median spread
+inline constexpr double error_peak = 5.0;                  // one-step error of a step over the median of the steps
+inline constexpr double error_floor = 0.05;                // … and over the spread of the output
+inline constexpr Index few_tested = 3;                     // experiments
+}  // namespace bounds
+
+// An input that hardly differs between the experiments at some steps.
+struct WeakInput {
+  Index input = 0;
+  std::vector<Index> steps;
+  double spread = 0.0;  // the smallest over those steps, relative to the input's median spread
+};
+
+struct Evidence {
+  Validation validation;
+  Prediction prediction;  // one step
+  Ensemble simulated;
+  Channels names;  // of the model, or of the data where the model has none
+  Index horizon = 1;
+  Index experiments = 0, missing = 0;  // tested; missing samples within the lengths
+  bool noisy = false;                  // innovations beyond rounding errors
+  Index lags = 0, unknowns = 0;        // p, and r + p (r + m); 0 where the model tells no lag order
+  Index identified_from = 0;           // experiments; 0: not known
+  double condition_median = 0.0, condition_max = 0.0;
+  std::vector<Index> ill, deficient;  // steps k: ill-conditioned; rank below the number of unknowns
+  std::vector<WeakInput> weak_inputs;
+  std::vector<Index> error_peaks;  // steps whose one-step error stands out
+  std::vector<double> step_error;  // (T) RMS one-step error over outputs, relative to their spread; NaN where none
+  std::vector<double> experiment_error;  // (N) the same of the simulation, or of the prediction where there is none
+  std::vector<std::string> differences;  // between the data's and the model's sample time and names
+};
+// \throws as report_page
+Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions& options);
+
+Verdict verdict_of(const Model& model, const Evidence& found, const ReportOptions& options);
+
+// The median of what is finite; NaN for none.
+double median(std::vector<double> values);
+// "steps 3, 5-9 and 12", a few ranges at most
+std::string step_list(const std::vector<Index>& steps);
+// "93 %", with as many digits as tell it from 100 %
+std::string percent(double fit);
+// "93-97 %" with an en dash; "-" where there is none
+std::string percent_range(const Vector& fits);
+std::string plural(Index count, std::string_view noun);
+
+}  // namespace tokid::report

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "page.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "assets.hpp"
+#include "tokid/version.hpp"
+
+namespace tokid::report {
+
+namespace {
+
+constexpr std::string_view replacement = "\xEF\xBF\xBD";  // U+FFFD
+
+// Length of the UTF-8 character at the front, 0 where there is none.
+size_t character_length(std::string_view text) {
+  const auto byte = [&text](size_t i) { return static_cast<unsigned char>(text[i]); };
+  const unsigned char lead = byte(0);
+  if (lead < 0x80) return 1;
+  const size_t length = lead >= 0xC2 && lead <= 0xDF   ? 2
+                        : (lead & 0xF0) == 0xE0        ? 3
+                        : lead >= 0xF0 && lead <= 0xF4 ? 4
+                                                       : 0;
+  if (length == 0 || length > text.size()) return 0;
+  for (size_t i = 1; i < length; ++i)
+    if ((byte(i) & 0xC0) != 0x80) return 0;
+  // Overlong forms, surrogates, and what lies beyond U+10FFFF
+  if ((lead == 0xE0 && byte(1) < 0xA0) || (lead == 0xED && byte(1) > 0x9F) || (lead == 0xF0 && byte(1) < 0x90) ||
+      (lead == 0xF4 && byte(1) > 0x8F))
+    return 0;
+  return length;
+}
+
+void append_escaped(std::string_view character, std::string& result) {
+  switch (character[0]) {
+    case '&':
+      result += "&amp;";
+      return;
+    case '<':
+      result += "&lt;";
+      return;
+    case '>':
+      result += "&gt;";
+      return;
+    case '"':
+      result += "&quot;";
+      return;
+    case '\'':
+      result += "&#39;";
+      return;
+    default:
+      break;
+  }
+  const auto first = static_cast<unsigned char>(character[0]);
+  const bool control =
+      first < 0x20 || first == 0x7F || (first == 0xC2 && static_cast<unsigned char>(character[1]) < 0xA0);
+  if (control)
+    result += ' ';
+  else
+    result += character;
+}
+
+}  // namespace
+
+std::string escape(std::string_view text) {
+  std::string result;
+  result.reserve(text.size());
+  while (!text.empty()) {
+    const size_t length = character_length(text);
+    if (length == 0)
+      result += replacement;
+    else
+      append_escaped(text.substr(0, length), result);
+    text.remove_prefix(std::max<size_t>(1, length));
+  }
+  return result;
+}
+
+std::string element(std::string_view tag, std::string_view text, std::string_view css_class) {
+  const std::string attribute = css_class.empty() ? "" : fmt::format(" class=\"{}\"", escape(css_class));
+  return fmt::format("<{}{}>{}</{}>\n", tag, attribute, escape(text), tag);
+}
+
+Table::Table(std::vector<Column> columns, std::string_view caption) : columns_(std::move(columns)), caption_(caption) {}
+
+void Table::row(const std::vector<std::string>& cells, std::string_view css_class) {
+  if (cells.size() != columns_.size())
+    throw std::invalid_argument(fmt::format("table: row of {} cells found, {} needed", cells.size(), columns_.size()));
+  rows_ += css_class.empty() ? "<tr>" : fmt::format("<tr class=\"{}\">", escape(css_class));
+  for (size_t c = 0; c < cells.size(); ++c) {
+    const char* align = columns_[c].align == Align::number ? " class=\"n\"" : "";
+    rows_ += c == 0 ? fmt::format("<th scope=\"row\"{}>{}</th>", align, escape(cells[c]))
+                    : fmt::format("<td{}>{}</td>", align, escape(cells[c]));
+  }
+  rows_ += "</tr>\n";
+}
+
+std::string Table::html() const {
+  std::string head;
+  for (const Column& column : columns_)
+    head += fmt::format("<th scope=\"col\"{}>{}</th>", column.align == Align::number ? " class=\"n\"" : "",
+                        escape(column.title));
+  return fmt::format(
+      "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\"><table>\n{}<thead><tr>{}</tr></thead>\n"
+      "<tbody>\n{}</tbody></table></div>\n",
+      escape(caption_.empty() ? "Table" : caption_), caption_.empty() ? "" : element("caption", caption_), head, rows_);
+}
+
+void Facts::row(std::string_view label, std::string_view value) {
+  rows_ += fmt::format("<div><dt>{}</dt><dd>{}</dd></div>\n", escape(label), escape(value));
+}
+
+std::string Facts::html() const { return fmt::format("<dl class=\"facts\">\n{}</dl>\n", rows_); }
+
+std::string section(std::string_view id, std::string_view heading, std::string_view body) {
+  return fmt::format(
+      "<section id=\"{0}\" aria-labelledby=\"{0}-heading\">\n<h2 id=\"{0}-heading\">{1}</h2>\n{2}</section>\n",
+      escape(id), escape(heading), body);
+}
+
+std::string plot_place(std::string_view id, std::string_view label) {
+  return fmt::format("<div class=\"plot\" id=\"{}\" role=\"img\" aria-label=\"{}\"></div>\n", escape(id),
+                     escape(label));
+}
+
+std::string script_json(std::string_view id, std::string_view json) {
+  std::string safe;
+  safe.reserve(json.size());
+  for (size_t i = 0; i < json.size(); ++i) {
+    const std::string_view rest = json.substr(i, 3);
+    if (json[i] == '<')
+      safe += "\\u003c";
+    else if (json[i] == '>')
+      safe += "\\u003e";
+    else if (json[i] == '&')
+      safe += "\\u0026";
+    else if (rest == "\xE2\x80\xA8" || rest == "\xE2\x80\xA9")
+      safe += rest[2] == '\xA8' ? "\\u2028" : "\\u2029", i += 2;
+    else
+      safe += json[i];
+  }
+  return fmt::format("<script type=\"application/json\" id=\"{}\">{}</script>\n", escape(id), safe);
+}
+
+std::string script(std::string_view code) {
+  for (const char* forbidden : {"</script", "<!--"})
+    if (code.find(forbidden) != std::string_view::npos)
+      throw std::invalid_argument(fmt::format("script: {} found in the code", forbidden));
+  return fmt::format("<script>\n{}\n</script>\n", code);
+}
+
+namespace {
+
+// Escaped, with its line breaks.
+std::string escape_lines(std::string_view text) {
+  std::string result;
+  while (!text.empty()) {
+    const size_t end = std::min(text.find('\n'), text.size());
+    result += escape(text.substr(0, end)) + '\n';
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return result;
+}
+
+std::string navigation(const std::vector<Link>& links) {
+  if (links.empty()) return "";
+  std::string items;
+  for (const Link& link : links) items += fmt::format("<a href=\"#{}\">{}</a>\n", escape(link.id), escape(link.text));
+  return fmt::format("<nav aria-label=\"Sections\"><div>\n{}</div></nav>\n", items);
+}
+
+}  // namespace
+
+std::string document(const Document& parts) {
+  const std::string title = escape(parts.title);
+  std::string page = fmt::format(
+      "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+      "<meta name=\"color-scheme\" content=\"light dark\">\n<meta name=\"generator\" content=\"tokid {}\">\n"
+      // Nothing may be loaded, whatever a name may hold.
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline'; "
+      "style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'\">\n"
+      "<link rel=\"icon\" href=\"data:,\">\n<title>{}</title>\n<style>\n",
+      escape(version), title);
+  if (parts.plots) page += assets::uplot_css();
+  page += assets::page_css();
+  page += "</style>\n</head>\n<body>\n";
+  page += script("document.documentElement.classList.add('scripted');");
+  page += fmt::format(
+      "<header class=\"top\"><div class=\"kind\">{}</div><h1>{}</h1>\n"
+      "<button type=\"button\" id=\"theme\" class=\"quiet\" aria-label=\"Light or dark\" "
+      "hidden>Dark</button></header>\n",
+      escape(parts.kind), title);
+  page += navigation(parts.links);
+  page +=
+      "<noscript><p class=\"note\">JavaScript is off: the tables are all here, the plots are not "
+      "drawn.</p></noscript>\n";
+  page += "<main>\n";
+  page += parts.body;
+  page += "</main>\n<footer>\n";
+  page += fmt::format("<p>Made by tokid {}. This file is complete in itself and loads nothing.</p>\n", escape(version));
+  if (parts.plots)
+    page += fmt::format(
+        "<details><summary>Plots by uPlot 1.6.32, MIT licence</summary><pre>https://github.com/leeoniya/uPlot\n\n"
+        "{}</pre></details>\n",
+        escape_lines(assets::uplot_license()));
+  page += "</footer>\n";
+  if (parts.plots) page += script(assets::uplot_js());
+  page += script(assets::page_js());
+  page += parts.scripts;
+  page += "</body>\n</html>\n";
+  return page;
+}
+
+}  // namespace tokid::report

@@ -1,0 +1,75 @@
+// HTML pages that stand alone: text, tables, data, and the frame that all pages share.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace tokid::report {
+
+// Text as it appears between tags or in a quoted attribute. Whatever is not UTF-8 becomes U+FFFD, control characters
+// become spaces.
+std::string escape(std::string_view text);
+
+// <tag class="…">text</tag>, the text escaped.
+std::string element(std::string_view tag, std::string_view text, std::string_view css_class = {});
+
+// A table of texts, all of them escaped. It scrolls by itself where it is wider than the page.
+class Table {
+ public:
+  // Columns of text are aligned to the left, columns of numbers to the right.
+  enum class Align { text, number };
+  struct Column {
+    std::string title;
+    Align align = Align::number;
+  };
+  explicit Table(std::vector<Column> columns, std::string_view caption = {});
+  void row(const std::vector<std::string>& cells, std::string_view css_class = {});
+  bool empty() const { return rows_.empty(); }
+  std::string html() const;
+
+ private:
+  std::vector<Column> columns_;
+  std::string caption_, rows_;
+};
+
+// Label and value side by side, for facts.
+class Facts {
+ public:
+  void row(std::string_view label, std::string_view value);
+  std::string html() const;
+
+ private:
+  std::string rows_;
+};
+
+// <section> with a heading that can be linked to. The heading is escaped, the body is HTML.
+std::string section(std::string_view id, std::string_view heading, std::string_view body);
+
+// The place of a plot, which a script fills: empty and announced as missing where no script runs.
+std::string plot_place(std::string_view id, std::string_view label);
+
+// <script type="application/json" id="…">: JSON text that can't end the element or begin a comment.
+std::string script_json(std::string_view id, std::string_view json);
+// <script> of code that is part of tokid, never of data. \throws std::invalid_argument where it could end the element
+std::string script(std::string_view code);
+
+struct Link {
+  std::string id, text;
+};
+
+// What a page consists of. `body` and `scripts` are HTML, the other texts are escaped.
+struct Document {
+  std::string title;        // of the window and the first heading
+  std::string kind;         // small words above the heading, as "identification report"
+  std::vector<Link> links;  // sections, for the navigation
+  std::string body;
+  bool plots = true;    // with the plotting library, its style and its licence
+  std::string scripts;  // after the body
+};
+
+// The whole page: shared style, light and dark by the reader's system or a button, no request to anywhere.
+std::string document(const Document& parts);
+
+}  // namespace tokid::report

@@ -1,0 +1,485 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/report.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "assets.hpp"
+#include "evidence.hpp"
+#include "page.hpp"
+#include "report_data.hpp"
+#include "tokid/version.hpp"
+
+namespace tokid {
+
+namespace report {
+
+namespace {
+
+using Align = Table::Align;
+
+std::string number(double value) {
+  if (std::isnan(value)) return "–";
+  if (std::isinf(value)) return value > 0 ? "∞" : "−∞";
+  return fmt::format("{:.4g}", value);
+}
+
+std::string with_unit(const std::string& name, const std::vector<std::string>& units, Index i) {
+  const size_t at = static_cast<size_t>(i);
+  return at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name;
+}
+
+std::string paragraph(std::string_view text, std::string_view css_class = "note") {
+  return element("p", text, css_class);
+}
+
+std::string list(const std::vector<std::string>& texts, std::string_view css_class) {
+  std::string items;
+  for (const std::string& text : texts) items += element("li", text);
+  return fmt::format("<ul class=\"{}\">\n{}</ul>\n", css_class, items);
+}
+
+// A tick, a lens, a cross: the status for those who don't see its colour.
+std::string status(Trust trust) {
+  static constexpr const char* css_class[] = {"good", "look", "bad"};
+  static constexpr const char* text[] = {"Good", "Look closer", "Don’t trust"};
+  static constexpr const char* shape[] = {R"(<circle cx="12" cy="12" r="9"/><path d="m8 12.5 2.8 2.8L16.2 9.5"/>)",
+                                          R"(<circle cx="10.5" cy="10.5" r="6.5"/><path d="m15.5 15.5 5 5"/>)",
+                                          R"(<path d="M8 3h8l5 5v8l-5 5H8l-5-5V8z"/><path d="m9 9 6 6m0-6-6 6"/>)"};
+  const size_t i = static_cast<size_t>(trust);
+  return fmt::format("<p class=\"status {}\"><svg viewBox=\"0 0 24 24\" aria-hidden=\"true\">{}</svg>{}</p>\n",
+                     css_class[i], shape[i], text[i]);
+}
+
+std::string tile(std::string_view value, std::string_view label) {
+  return fmt::format("<div class=\"tile\"><b>{}</b><span>{}</span></div>\n", escape(value), escape(label));
+}
+
+std::string controls(std::string_view inner) { return fmt::format("<div class=\"controls\">{}</div>\n", inner); }
+std::string choice(std::string_view id, std::string_view label) {
+  return fmt::format("<label>{}<select id=\"{}\"></select></label>", escape(label), id);
+}
+std::string legend(std::string_view id) {
+  return fmt::format("<div class=\"legend\" id=\"{}\" aria-live=\"off\"></div>\n", id);
+}
+
+// The sections of the page, from what was found.
+class Report {
+ public:
+  Report(const Model& model, const Ensemble& data, const ReportOptions& options)
+      : model_(model),
+        data_(data),
+        options_(options),
+        found_(evidence(model, data, options)),
+        verdict_(verdict_of(model, found_, options)),
+        plots_(plot_data(model, data, found_, options)) {}
+
+  const Verdict& verdict() const { return verdict_; }
+
+  std::string html() const {
+    Document page;
+    page.title = options_.model_name.empty() ? "Identified model" : options_.model_name;
+    page.kind = "Identification report";
+    page.links = {{"verdict", "Verdict"},
+                  {"setup", "Data and options"},
+                  {"fit", "Fit"},
+                  {"outputs", "Outputs"},
+                  {"order", "Order"},
+                  {"regressions", "Regressions"},
+                  {"poles", "Eigenvalues"},
+                  {"matrices", "Matrices"},
+                  {"whiteness", "Whiteness"},
+                  {"notes", "Notes"}};
+    page.body = verdict_section() + setup_section() + fit_section() + outputs_section() + order_section() +
+                regression_section() + pole_section() + matrix_section() + whiteness_section() + notes_section();
+    page.scripts = script_json("report-data", plots_.json) + script(assets::report_js());
+    return document(page);
+  }
+
+ private:
+  std::string evaluated_on() const {
+    const std::string count = plural(found_.experiments, "experiment");
+    switch (options_.evaluation) {
+      case Evaluation::held_out:
+        return count + " held out from the identification";
+      case Evaluation::training:
+        return count + ", the same that the model was identified from";
+      default:
+        return count + " as given";
+    }
+  }
+
+  std::string verdict_section() const {
+    static constexpr const char* css_class[] = {"good", "look", "bad"};
+    const Validation& v = found_.validation;
+    std::string tiles = tile(percent_range(v.simulation.fit), "simulation fit") +
+                        tile(percent_range(v.one_step.fit), "one-step prediction fit");
+    if (!std::isnan(v.whiteness_p))
+      tiles += tile(fmt::format("p {} {:.2g}", v.whiteness_p < 1e-4 ? "<" : "=", std::max(v.whiteness_p, 1e-4)),
+                    "innovations white across the ensemble");
+    else
+      tiles += tile("–", found_.noisy ? "whiteness: too few experiments" : "innovations at rounding level");
+    if (!model_.condition.empty())
+      tiles +=
+          tile(number(found_.condition_max), fmt::format("worst condition, median {:.3g}", found_.condition_median));
+    tiles += tile(fmt::format("{}", model_.states()), model_.states() == 1 ? "state" : "states");
+
+    return fmt::format(
+        "<section id=\"verdict\" class=\"verdict {}\" aria-label=\"Verdict\">\n{}{}{}<div "
+        "class=\"tiles\">\n{}</div>\n{}</section>\n",
+        css_class[static_cast<size_t>(verdict_.trust)], status(verdict_.trust), paragraph(verdict_.summary, "summary"),
+        verdict_.reasons.empty() ? paragraph("None of the checks of this page speaks against the model.")
+                                 : list(verdict_.reasons, "reasons"),
+        tiles, thresholds());
+  }
+
+  std::string thresholds() const {
+    return fmt::format(
+        "<details class=\"note\"><summary>How the status is decided</summary>{}</details>\n",
+        paragraph(fmt::format(
+            "Good: every output is simulated to {:.0f} % or more, on experiments that were held out or given, or on "
+            "training data of at least three times as many experiments as unknowns, and nothing below applies. Look "
+            "closer: a fit from {:.0f} to {:.0f} %, or a poor simulation beside a good prediction; few experiments; "
+            "condition numbers above {:.0e}, or with noise above {:.0e} and {:.0f} times their median; an input whose "
+            "spread over the experiments falls below {:.0f} % of its usual one; errors {:.0f} times the usual ones at "
+            "some steps; "
+            "correlated innovations (p below {:.2f}, and a correlation above {:.1f}); other sample times or names than "
+            "the model's. Don't trust: a fit below {:.0f} %, an overflow, or nothing tested.",
+            bounds::good_fit, bounds::poor_fit, bounds::good_fit, bounds::ill_conditioned, bounds::worth_a_word,
+            bounds::worse_than_usual, 100 * bounds::weak_input, bounds::error_peak, bounds::whiteness,
+            bounds::correlation, bounds::poor_fit)));
+  }
+
+  std::string setup_section() const {
+    Facts data, model;
+    if (!options_.data_name.empty()) data.row("File", options_.data_name);
+    data.row("Evaluated on", evaluated_on());
+    data.row("Steps", fmt::format("T = {}, dt = {:.6g} s", data_.steps(), data_.dt));
+    data.row("Inputs", channel_list(model_.inputs, true));
+    data.row("Outputs", channel_list(model_.outputs, false));
+    data.row("Missing samples", found_.missing == 0 ? "none" : fmt::format("{}", found_.missing));
+    if (data_.free.experiments > 0) data.row("Free responses", fmt::format("{}", data_.free.experiments));
+    data.row("Initial states", data_.initial_state ? to_string(*data_.initial_state) : "not stated with the data");
+
+    if (!options_.model_name.empty()) model.row("File", options_.model_name);
+    model.row("Method",
+              fmt::format("{}, {} frame", model_.method.empty() ? "not stated" : model_.method, model_.frame));
+    if (found_.identified_from > 0)
+      model.row("Identified from",
+                plural(found_.identified_from, "experiment") +
+                    (found_.unknowns > 0 ? fmt::format(", for {} unknowns per output and step", found_.unknowns) : ""));
+    model.row("Steps", fmt::format("{} to {}, all {} from {} to {}", model_.k_begin, model_.k_end() - 1,
+                                   plural(model_.states(), "state"), model_.full_begin(), model_.full_end() - 1));
+    model.row("Sample time", fmt::format("{:.6g} s", model_.dt));
+    if (found_.lags > 0) model.row("Lag order", fmt::format("p = {}", found_.lags));
+    model.row("Initial states", to_string(model_.initial_state));
+    model.row("Nominal trajectory", model_.y_nominal.rows() > 0 ? "removed before, added back after" : "none");
+    if (const std::string text = option_text(); !text.empty()) model.row("Options", text);
+    if (!model_.version.empty()) model.row("Made by", "tokid " + model_.version);
+    return section("setup", "Data and options",
+                   fmt::format("<div class=\"two\"><div><h3>Data</h3>\n{}</div><div><h3>Model</h3>\n{}</div></div>\n",
+                               data.html(), model.html()));
+  }
+
+  std::string channel_list(Index count, bool inputs) const {
+    constexpr Index most = 40;
+    std::vector<std::string> names;
+    for (Index i = 0; i < std::min(count, most); ++i)
+      names.push_back(inputs ? with_unit(found_.names.input(i), found_.names.input_units, i)
+                             : with_unit(found_.names.output(i), found_.names.output_units, i));
+    if (count > most) names.push_back(fmt::format("… ({} in all)", count));
+    return fmt::format("{}", fmt::join(names, ", "));
+  }
+
+  std::string option_text() const {
+    const auto json = nlohmann::ordered_json::parse(model_.options, nullptr, false);
+    if (!json.is_object()) return model_.options;
+    std::vector<std::string> parts;
+    for (const auto& [key, value] : json.items()) {
+      std::string name = key;
+      std::replace(name.begin(), name.end(), '_', ' ');
+      parts.push_back(fmt::format("{} {}", name,
+                                  value.is_string()
+                                      ? value.get<std::string>()
+                                      : value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)));
+    }
+    return fmt::format("{}", fmt::join(parts, ", "));
+  }
+
+  std::string fit_section() const {
+    const Validation& v = found_.validation;
+    Table table({{"Output", Align::text},
+                 {"Simulation"},
+                 {"One step"},
+                 {fmt::format("{} ahead", plural(found_.horizon, "step"))},
+                 {"RMS error, simulation"},
+                 {"RMS error, one step"}},
+                "Fit and error of each output");
+    for (Index j = 0; j < model_.outputs; ++j) {
+      const auto unit = [&](double value) {
+        const std::string text = number(value);
+        const auto& units = found_.names.output_units;
+        return size_t(j) < units.size() && !units[size_t(j)].empty() && !std::isnan(value)
+                   ? text + " " + units[size_t(j)]
+                   : text;
+      };
+      table.row({with_unit(found_.names.output(j), {}, j), percent(v.simulation.fit(j)), percent(v.one_step.fit(j)),
+                 percent(v.horizon.fit(j)), unit(v.simulation.rmse(j)), unit(v.one_step.rmse(j))},
+                v.simulation.fit(j) < bounds::good_fit ? "mark" : "");
+    }
+    std::string text =
+        "Simulation uses the inputs alone; predictions use the measured outputs up to the given number of "
+        "steps before. 100 % is no error, 0 % no better than ";
+    text += model_.y_nominal.rows() > 0 ? "the nominal trajectory." : "the mean.";
+    return section("fit", "Fit per output", paragraph(text) + table.html());
+  }
+
+  std::string outputs_section() const {
+    const std::string body =
+        paragraph(
+            "Measured against simulated and predicted outputs, and what is left over. Drag across a plot to zoom into "
+            "all "
+            "plots over time, double-click or use the button to see everything again.",
+            "note scripted-only") +
+        controls(
+            "<div class=\"pair grow\"><label>Experiment<select id=\"experiment\"></select></label>"
+            "<button type=\"button\" class=\"step\" id=\"previous\" aria-label=\"Previous experiment\">‹</button>"
+            "<button type=\"button\" class=\"step\" id=\"next\" aria-label=\"Next experiment\">›</button></div>" +
+            choice("output", "Output") + choice("input", "Input") +
+            "<button type=\"button\" id=\"reset\" disabled>Show all steps</button>") +
+        legend("legend-outputs") +
+        plot_place("plot-outputs", "Measured, simulated and predicted output over the steps") +
+        "<h3 class=\"scripted-only\">Errors</h3>\n" + legend("legend-errors") +
+        plot_place("plot-errors", "Errors of simulation and prediction over the steps") +
+        "<h3 class=\"scripted-only\">Input</h3>\n" + legend("legend-inputs") +
+        plot_place("plot-inputs", "Input over the steps");
+    return section("outputs", "Outputs and inputs", body + experiment_table());
+  }
+
+  std::string experiment_table() const {
+    const Shown shown = shown_experiments(found_, std::min<Index>(options_.experiments, 12));
+    Table table({{"Experiment", Align::text}, {"Relative error"}},
+                "RMS simulation error relative to the spread of the outputs");
+    for (size_t i = 0; i < shown.rows.size(); ++i)
+      table.row({shown.labels[i], number(found_.experiment_error[size_t(shown.rows[i])])});
+    return fmt::format("<details><summary>Errors of experiments as a table</summary>\n{}</details>\n", table.html());
+  }
+
+  std::string order_section() const {
+    if (model_.singular_values.empty())
+      return section("order", "Order",
+                     paragraph("The model carries no singular values: it was not identified by tokid."));
+    return section(
+        "order", "Singular values and order",
+        paragraph("Singular values of the Hankel matrix of each step: what the past can do to the future. The line "
+                  "is the number of states in use; a fall of brightness across it says that the order is clear.") +
+            legend("legend-order") +
+            plot_place(
+                "plot-order",
+                "Heat map of the singular values of the Hankel matrix over the steps, with the number of states") +
+            order_table());
+  }
+
+  std::string order_table() const {
+    const Index n = model_.states();
+    std::vector<double> last, beyond;
+    for (Index k = model_.full_begin(); n > 0 && k < std::min(model_.full_end(), model_.k_end()); ++k) {
+      const Vector& s = model_.singular_values[model_.at(k)];
+      if (s.size() >= n && s(0) > 0) last.push_back(s(n - 1) / s(0));
+      if (s.size() > n && s(0) > 0) beyond.push_back(s(n) / s(0));
+    }
+    Facts facts;
+    facts.row("States", fmt::format("{}", n));
+    if (!last.empty())
+      facts.row("Last one kept", fmt::format("{:.3g} of the largest, median over steps", median(last)));
+    if (!beyond.empty()) facts.row("First left out", fmt::format("{:.3g} of the largest", median(beyond)));
+    return facts.html();
+  }
+
+  std::string regression_section() const {
+    if (model_.condition.empty() && model_.rank.empty())
+      return section("regressions", "Regressions",
+                     paragraph("The model carries no diagnostics of its identification."));
+    return section(
+        "regressions", "Regressions",
+        paragraph(
+            "Every step has a regression of its own. Its condition number says how much noise and rounding errors "
+            "may be magnified; full rank says that all of its unknowns could be told apart.") +
+            "<h3 class=\"scripted-only\">Condition number</h3>\n" + legend("legend-condition") +
+            plot_place("plot-condition", "Condition number of the regression of each step") +
+            "<h3 class=\"scripted-only\">Rank, unknowns, lag order</h3>\n" + legend("legend-rank") +
+            plot_place("plot-rank", "Rank, number of unknowns and lag order of each step") +
+            "<h3 class=\"scripted-only\">One-step error</h3>\n" + legend("legend-step") +
+            plot_place("plot-step", "Relative one-step error of each step over the experiments") + worst_steps());
+  }
+
+  // The steps that deserve a look, without a plot.
+  std::string worst_steps() const {
+    std::vector<Index> order;
+    for (Index k = model_.k_begin; k < model_.k_end(); ++k) order.push_back(k);
+    const auto value = [&](Index k) { return model_.condition.empty() ? 0.0 : model_.condition[model_.at(k)]; };
+    const size_t count = std::min<size_t>(10, order.size());
+    std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(count), order.end(),
+                      [&](Index a, Index b) { return value(a) != value(b) ? value(a) > value(b) : a < b; });
+    Table table(
+        {{"Step"}, {"Time [s]"}, {"Condition"}, {"Rank"}, {"Unknowns"}, {"Lag order"}, {"States"}, {"One-step error"}},
+        fmt::format("The {} worst conditioned steps", count));
+    for (size_t i = 0; i < count; ++i) {
+      const Index k = order[i];
+      const size_t s = model_.at(k);
+      const bool lags = !model_.lags.empty(), rank = !model_.rank.empty();
+      const Index unknowns = lags ? model_.inputs + model_.lags[s] * (model_.inputs + model_.outputs) : 0;
+      table.row(
+          {fmt::format("{}", k), number(double(k) * model_.dt),
+           model_.condition.empty() ? "–" : number(model_.condition[s]), rank ? fmt::format("{}", model_.rank[s]) : "–",
+           lags ? fmt::format("{}", unknowns) : "–", lags ? fmt::format("{}", model_.lags[s]) : "–",
+           fmt::format("{}", model_.n(k)), k < data_.steps() ? number(found_.step_error[size_t(k)]) : "–"},
+          std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
+    }
+    return table.html();
+  }
+
+  std::string frame_text() const {
+    const Framed& frame = plots_.frame;
+    if (frame.name == "reference")
+      return fmt::format(
+          "in the reference frame of step {}, in which the states of all steps are measured by the same "
+          "combinations of outputs",
+          frame.reference_step);
+    return "in the smooth frame, in which the coordinates of each step are turned to be as close to those before as "
+           "they "
+           "can; the reference frame does not reach far enough here";
+  }
+
+  std::string pole_section() const {
+    std::string body =
+        paragraph(fmt::format("Eigenvalues of A (open loop) and of A + GC (with the observer), {}. Those of one step "
+                              "say what that step does to "
+                              "the state; in a time varying system they do not decide stability by themselves. All "
+                              "steps are faint, the chosen "
+                              "one is strong.",
+                              frame_text()));
+    body += controls(
+        "<label class=\"grow\"><span id=\"pole-label\">Step</span><input type=\"range\" id=\"pole-step\" min=\"0\" "
+        "max=\"0\" value=\"0\" aria-labelledby=\"pole-label\"></label>"
+        "<button type=\"button\" id=\"pole-play\">Play</button>");
+    body += legend("legend-poles") +
+            "<div class=\"plot square\" id=\"plot-poles\" role=\"img\" aria-label=\"Eigenvalues in the "
+            "complex plane with the unit circle\"></div>\n" +
+            pole_table();
+    return section("poles", "Eigenvalues", body);
+  }
+
+  std::string pole_table() const {
+    const Model& m = plots_.frame.model;
+    std::vector<std::pair<double, Index>> radius;
+    double closed = 0.0;
+    for (Index k = std::max(m.k_begin, plots_.frame.begin); k < std::min(m.k_end(), plots_.frame.end); ++k) {
+      if (m.n(k) != m.n(k + 1) || m.n(k) == 0) continue;
+      radius.emplace_back(linalg::eigenvalues(m.A[m.at(k)]).cwiseAbs().maxCoeff(), k);
+      closed = std::max(closed, linalg::eigenvalues(m.closed_loop(k)).cwiseAbs().maxCoeff());
+    }
+    Facts facts;
+    if (radius.empty()) return paragraph("No step has as many states before as after it: there are no eigenvalues.");
+    const auto [least, most] = std::minmax_element(radius.begin(), radius.end());
+    const Index outside = std::count_if(radius.begin(), radius.end(), [](const auto& r) { return r.first > 1; });
+    facts.row("Largest of A", fmt::format("{:.4g} at step {}, {:.4g} at step {}", least->first, least->second,
+                                          most->first, most->second));
+    facts.row("Outside the circle", fmt::format("at {} of {}", outside, plural(Index(radius.size()), "step")));
+    facts.row("Largest of A + GC", fmt::format("{:.4g}", closed));
+    return facts.html();
+  }
+
+  std::string matrix_section() const {
+    return section(
+        "matrices", "Gain history and A",
+        paragraph(fmt::format("The gains {}; the entries of A in the smooth frame. A system that varies smoothly "
+                              "should show smooth curves: what scatters is noise.",
+                              frame_text())) +
+            controls(choice("gain-row", "Rows of G") + choice("a-row", "Rows of A")) +
+            "<h3 class=\"scripted-only\">Observer gain G</h3>\n" + legend("legend-gain") +
+            plot_place("plot-gain", "Entries of the observer gain over the steps") +
+            "<h3 class=\"scripted-only\">A, smooth frame</h3>\n" + legend("legend-a") +
+            plot_place("plot-a", "Entries of A over the steps in the smooth frame") +
+            "<noscript><p class=\"note\">The matrices themselves are in the model's file.</p></noscript>\n");
+  }
+
+  std::string whiteness_section() const {
+    const Validation& v = found_.validation;
+    const std::string about =
+        "An observer that is right leaves innovations without memory. Shown is the correlation of each "
+        "output's innovations with those some steps before, over the experiments, averaged over the steps.";
+    if (std::isnan(v.whiteness_p))
+      return section("whiteness", "Whiteness of the innovations",
+                     paragraph(about) + paragraph(found_.noisy ? "Not tested: too few experiments."
+                                                               : "Not tested: the innovations are at rounding level.",
+                                                  "lead"));
+    std::vector<Table::Column> columns{{"Lag"}, {"99 % bound"}};
+    constexpr Index most = 12;
+    for (Index j = 0; j < std::min(most, model_.outputs); ++j) columns.push_back({found_.names.output(j)});
+    Table table(columns, "Correlation of the innovations with those some steps before");
+    for (Index lag = 1; lag <= v.whiteness.correlation.rows(); ++lag) {
+      std::vector<std::string> cells{fmt::format("{}", lag), fmt::format("{:.3f}", v.whiteness.bound(lag - 1))};
+      for (Index j = 0; j < std::min(most, model_.outputs); ++j)
+        cells.push_back(std::isnan(v.whiteness.correlation(lag - 1, j))
+                            ? "–"
+                            : fmt::format("{:.3f}", v.whiteness.correlation(lag - 1, j)));
+      table.row(cells);
+    }
+    const bool white = v.whiteness_p >= bounds::whiteness;
+    return section(
+        "whiteness", "Whiteness of the innovations",
+        paragraph(about) +
+            paragraph(fmt::format("p = {:.3g}: {}.", v.whiteness_p,
+                                  white ? "no sign of correlation" : "the innovations are correlated in time"),
+                      "lead") +
+            legend("legend-whiteness") +
+            plot_place("plot-whiteness", "Correlation of the innovations over the lag, with its bounds") +
+            fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
+  }
+
+  std::string notes_section() const {
+    std::string body = "<h3>Warnings</h3>\n";
+    std::vector<std::string> warnings = options_.warnings;
+    for (const std::string& text : found_.validation.warnings)
+      if (std::find(warnings.begin(), warnings.end(), text) == warnings.end()) warnings.push_back(text);
+    body += warnings.empty() ? paragraph("None.") : list(warnings, "plain");
+    body += "<h3>What the plots leave out</h3>\n";
+    body += plots_.omitted.empty() ? paragraph("Nothing: every sample of every experiment is on this page.")
+                                   : list(plots_.omitted, "plain");
+    body += "<h3>How the figures are defined</h3>\n";
+    body += list(
+        {"Fit: 100 · (1 − ‖y − ŷ‖ / ‖y − ȳ‖) %, over all experiments and steps that have both; ȳ is the nominal "
+         "trajectory where the model has one, else the mean.",
+         "One-step error of a step: root mean square over experiments and outputs, each relative to the spread of its "
+         "output.",
+         "Condition: of the regressors of a step with columns scaled to norm 1, in Frobenius norms, of the part of "
+         "full rank.",
+         "Whiteness p: the chance of innovations as correlated over ten lags if they were white (Pillai's traces over "
+         "the "
+         "experiments). Steps count from 0."},
+        "plain");
+    return section("notes", "Warnings and notes", body);
+  }
+
+  const Model& model_;
+  const Ensemble& data_;
+  const ReportOptions& options_;
+  Evidence found_;
+  Verdict verdict_;
+  Plots plots_;
+};
+
+}  // namespace
+
+}  // namespace report
+
+ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options) {
+  const report::Report report(model, data, options);
+  return {report.verdict(), report.html()};
+}
+
+}  // namespace tokid

@@ -1,0 +1,398 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "report_data.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <stdexcept>
+
+namespace tokid::report {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+// The page holds at most so many numbers of each kind; seven bytes each, more or less.
+constexpr Index most_trace_numbers = 400'000;
+constexpr Index most_entry_numbers = 60'000;  // of A_k and G_k each
+constexpr Index most_poles = 50'000;
+constexpr Index most_heat_columns = 1200, most_heat_rows = 32;
+constexpr Index most_states_shown = 12;
+constexpr Index fewest_points = 120;  // of a curve, however many there are
+
+// Six digits are more than any screen shows; null where there is no finite number.
+Json rounded(double value) {
+  if (!std::isfinite(value)) return {};
+  if (value == std::trunc(value) && std::abs(value) < 1e6) return static_cast<std::int64_t>(value);
+  const std::string text = fmt::format("{:.6g}", value);
+  double result = value;
+  std::from_chars(text.data(), text.data() + text.size(), result);
+  return result;
+}
+
+Json rounded(const std::vector<double>& values) {
+  Json list = Json::array();
+  for (const double value : values) list.push_back(rounded(value));
+  return list;
+}
+
+Json channels(Index count, const std::function<std::string(Index)>& name, const std::vector<std::string>& units) {
+  Json list = Json::array();
+  for (Index i = 0; i < count; ++i)
+    list.push_back({{"name", name(i)}, {"unit", size_t(i) < units.size() ? units[size_t(i)] : ""}});
+  return list;
+}
+
+}  // namespace
+
+Grid make_grid(Index begin, Index steps, Index points) {
+  Grid grid{begin, steps, 1, {}};
+  points = std::max<Index>(2, points);
+  if (steps > points) grid.stretch = (2 * steps + points - 1) / points;
+  if (grid.stretch == 1) {
+    for (Index k = 0; k < steps; ++k) grid.x.push_back(begin + k);
+    return grid;
+  }
+  for (Index k = 0; k < steps; k += grid.stretch) {
+    grid.x.push_back(begin + k);
+    // The last stretch may be a single step: its two points stand side by side all the same.
+    grid.x.push_back(begin + k + std::max<Index>(1, grid.stretch / 2));
+  }
+  return grid;
+}
+
+std::vector<double> Grid::thin(const std::vector<double>& values) const {
+  if (stretch == 1) return values;
+  std::vector<double> result;
+  result.reserve(x.size());
+  for (Index k = 0; k < steps; k += stretch) {
+    Index least = -1, most = -1;
+    for (Index i = k; i < std::min(steps, k + stretch); ++i) {
+      const double value = values[size_t(i)];
+      if (!std::isfinite(value)) continue;
+      if (least < 0 || value < values[size_t(least)]) least = i;
+      if (most < 0 || value > values[size_t(most)]) most = i;
+    }
+    if (least < 0) {
+      result.insert(result.end(), 2, nan);
+      continue;
+    }
+    result.push_back(values[size_t(std::min(least, most))]);
+    result.push_back(values[size_t(std::max(least, most))]);
+  }
+  return result;
+}
+
+Framed pole_frame(const Model& model) {
+  Framed framed;
+  const Index n = model.states();
+  const Index rows = std::max(model.max_lags(), n > 0 ? (n + model.outputs - 1) / model.outputs : 1);
+  if (n > 0) {
+    const Index s = model.full_begin(), full = model.full_end() - s;
+    try {
+      FramedModel reference = reference_frame(model, s, rows);
+      // One that reaches half of the steps is a picture, less is a stub.
+      if (2 * (reference.end - reference.begin) >= full && reference.end - reference.begin > 1)
+        return {std::move(reference.model), "reference", reference.begin, reference.end - 1, s};
+    } catch (const std::invalid_argument&) {
+      // The outputs of step s don't tell its state: the smooth frame needs no such thing.
+    }
+  }
+  return {smooth_frame(model, rows), "smooth", model.k_begin, model.k_end(), -1};
+}
+
+Shown shown_experiments(const Evidence& found, Index most) {
+  const auto& error = found.experiment_error;
+  const Index total = Index(error.size());
+  most = std::clamp<Index>(most, 1, std::max<Index>(1, total));
+  std::vector<Index> order(size_t(total), 0);
+  std::iota(order.begin(), order.end(), Index{0});
+  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
+    const double x = error[size_t(a)], y = error[size_t(b)];
+    return std::isnan(y) ? !std::isnan(x) : x < y;  // those without an error come last
+  });
+  const Index known = std::count_if(error.begin(), error.end(), [](double e) { return !std::isnan(e); });
+
+  Shown shown;
+  Index best = -1, middle = -1, worst = -1;
+  if (known > 0) {
+    best = order.front();
+    middle = order[size_t((known - 1) / 2)];
+    worst = order[size_t(known - 1)];
+  }
+  std::vector<bool> taken(size_t(total), false);
+  Index count = 0;
+  for (const Index n : {middle, worst, best})
+    if (n >= 0 && count < most && !taken[size_t(n)]) taken[size_t(n)] = true, ++count;
+  for (Index i = 0; i < most && count < most; ++i) {
+    Index n = i * total / most;
+    while (n < total && taken[size_t(n)]) ++n;
+    if (n < total) taken[size_t(n)] = true, ++count;
+  }
+  for (Index n = 0; n < total; ++n) {
+    if (!taken[size_t(n)]) continue;
+    std::string label = fmt::format("Experiment {}", n);
+    if (total > 1 && n == worst)
+      label += " (largest error)";
+    else if (total > 1 && n == best)
+      label += " (smallest error)";
+    else if (total > 2 && n == middle)
+      label += " (median error)";
+    if (n == middle) shown.first = shown.rows.size();
+    shown.rows.push_back(n);
+    shown.labels.push_back(std::move(label));
+  }
+  return shown;
+}
+
+namespace {
+
+// Collects the JSON, and says what it leaves out.
+class Collector {
+ public:
+  Collector(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options)
+      : model_(model), data_(data), found_(found), options_(options), plots_{{}, {}, pole_frame(model)} {}
+
+  Plots collect() {
+    json_["dt"] = rounded(data_.dt);
+    json_["steps"] = data_.steps();
+    json_["begin"] = model_.k_begin;
+    json_["end"] = model_.k_end();
+    const Channels& names = found_.names;
+    json_["inputs"] = channels(
+        model_.inputs, [&](Index i) { return names.input(i); }, names.input_units);
+    json_["outputs"] = channels(
+        model_.outputs, [&](Index j) { return names.output(j); }, names.output_units);
+    traces();
+    singular_values();
+    steps();
+    poles();
+    entries();
+    whiteness();
+    plots_.json = json_.dump(-1, ' ', false, Json::error_handler_t::replace);
+    return std::move(plots_);
+  }
+
+ private:
+  template <class... Arguments>
+  void omit(fmt::format_string<Arguments...> text, Arguments&&... arguments) {
+    plots_.omitted.push_back(fmt::format(text, std::forward<Arguments>(arguments)...));
+  }
+
+  // Points for each of `curves` curves that share `budget` numbers.
+  Index points_for(Index curves, Index budget) const {
+    return std::clamp(budget / std::max<Index>(1, curves), fewest_points, std::max<Index>(2, options_.points));
+  }
+
+  template <class Value>
+  Json curve(const Grid& grid, Value&& value) const {
+    std::vector<double> values(size_t(grid.steps), nan);
+    for (Index k = 0; k < grid.steps; ++k) values[size_t(k)] = value(grid.begin + k);
+    return rounded(grid.thin(values));
+  }
+
+  void traces() {
+    const Index curves = model_.inputs + 5 * model_.outputs;
+    // So many experiments that each curve keeps a fair number of points.
+    const Index fair = std::min({data_.steps(), options_.points, Index{400}});
+    Index most = std::min(options_.experiments, most_trace_numbers / std::max<Index>(1, curves * fair));
+    const Shown shown = shown_experiments(found_, std::max<Index>(1, most));
+    const Index count = Index(shown.rows.size());
+    const Grid grid = make_grid(0, data_.steps(), points_for(count * curves, most_trace_numbers));
+    if (count < data_.experiments())
+      omit(
+          "The plots of outputs and inputs show {} of {} experiments: those with the smallest, median and largest "
+          "error, "
+          "and others spread evenly. All of them count in the figures.",
+          count, data_.experiments());
+    if (grid.stretch > 1)
+      omit("Curves over time are drawn by the least and largest value of every {} steps, so that no peak is lost.",
+           grid.stretch);
+
+    Json list = Json::array();
+    for (size_t i = 0; i < shown.rows.size(); ++i) list.push_back(experiment(grid, shown.rows[i], shown.labels[i]));
+    Json nominal = nullptr;
+    if (model_.y_nominal.rows() > 0)
+      nominal = {{"u", all(grid, model_.inputs, [&](Index i, Index k) { return entry(model_.u_nominal, k, i); })},
+                 {"y", all(grid, model_.outputs, [&](Index j, Index k) { return entry(model_.y_nominal, k, j); })}};
+    json_["traces"] = {
+        {"x", grid.x}, {"stretch", grid.stretch}, {"first", shown.first}, {"nominal", nominal}, {"experiments", list}};
+  }
+
+  static double entry(const Matrix& a, Index k, Index i) { return k < a.rows() ? a(k, i) : nan; }
+
+  template <class Value>
+  Json all(const Grid& grid, Index count, Value&& value) const {
+    Json list = Json::array();
+    for (Index i = 0; i < count; ++i) list.push_back(curve(grid, [&](Index k) { return value(i, k); }));
+    return list;
+  }
+
+  Json experiment(const Grid& grid, Index n, const std::string& label) const {
+    const Ensemble &simulated = found_.simulated, &predicted = found_.prediction.y;
+    const Index m = model_.outputs;
+    const auto difference = [&](const Ensemble& computed) {
+      return all(grid, m, [&](Index j, Index k) { return data_.y(n, k, j) - computed.y(n, k, j); });
+    };
+    return {{"label", label},
+            {"u", all(grid, model_.inputs, [&](Index i, Index k) { return data_.u(n, k, i); })},
+            {"y", all(grid, m, [&](Index j, Index k) { return data_.y(n, k, j); })},
+            {"simulated", all(grid, m, [&](Index j, Index k) { return simulated.y(n, k, j); })},
+            {"predicted", all(grid, m, [&](Index j, Index k) { return predicted.y(n, k, j); })},
+            {"simulation_error", difference(simulated)},
+            {"prediction_error", difference(predicted)}};
+  }
+
+  // Base-ten logarithms in hundredths: small whole numbers.
+  void singular_values() {
+    json_["sigma"] = nullptr;
+    Index rows = 0;
+    for (const Vector& s : model_.singular_values) rows = std::max(rows, s.size());
+    if (rows == 0) return;
+    if (rows > most_heat_rows)
+      omit("Of {} singular values of every step the largest {} are drawn.", rows, most_heat_rows);
+    rows = std::min(rows, most_heat_rows);
+    const Index stride = (model_.steps() + most_heat_columns - 1) / most_heat_columns;
+    if (stride > 1) omit("Singular values are drawn at every {}. step.", stride);
+    double largest = 0.0;
+    for (const Vector& s : model_.singular_values)
+      if (s.size() > 0 && std::isfinite(s(0))) largest = std::max(largest, s(0));
+    Json columns = Json::array(), order = Json::array();
+    for (Index k = 0; k < model_.steps(); k += stride) {
+      Json column = Json::array();
+      const Vector& s = model_.singular_values[size_t(k)];
+      for (Index i = 0; i < std::min(rows, s.size()); ++i) {
+        // What lies sixteen decades below the largest is zero in double precision.
+        const double floor = largest * 1e-17;
+        column.push_back(std::lround(100 * std::log10(std::max({s(i), floor, std::numeric_limits<double>::min()}))));
+      }
+      columns.push_back(std::move(column));
+      order.push_back(model_.state_dim[size_t(k)]);
+    }
+    json_["sigma"] = {
+        {"begin", model_.k_begin}, {"stride", stride}, {"rows", rows}, {"log", columns}, {"order", order}};
+  }
+
+  void steps() {
+    const Grid grid = make_grid(model_.k_begin, model_.steps(), options_.points);
+    const auto list = [&](const auto& values) -> Json {
+      if (values.empty()) return nullptr;
+      return curve(grid, [&](Index k) { return double(values[model_.at(k)]); });
+    };
+    Json unknowns = nullptr;
+    if (!model_.lags.empty())
+      unknowns = curve(grid, [&](Index k) {
+        return double(model_.inputs + model_.lags[model_.at(k)] * (model_.inputs + model_.outputs));
+      });
+    json_["per_step"] = {{"x", grid.x},
+                         {"condition", list(model_.condition)},
+                         {"rank", list(model_.rank)},
+                         {"unknowns", unknowns},
+                         {"lags", list(model_.lags)},
+                         {"states", curve(grid, [&](Index k) { return double(model_.n(k)); })}};
+    const Grid whole = make_grid(0, data_.steps(), options_.points);
+    json_["step_error"] = {{"x", whole.x},
+                           {"value", curve(whole, [&](Index k) { return found_.step_error[size_t(k)]; })}};
+  }
+
+  void poles() {
+    const Framed& frame = plots_.frame;
+    const Model& model = frame.model;
+    std::vector<Index> square;
+    Index mixed = 0;
+    for (Index k = model.k_begin; k < model.k_end(); ++k) {
+      const bool eigenvalues = model.n(k) == model.n(k + 1) && model.n(k) > 0;
+      if (eigenvalues && k >= frame.begin && k < frame.end)
+        square.push_back(k);
+      else
+        ++mixed;
+    }
+    if (mixed > 0 && model.states() > 0)
+      omit("Eigenvalues are not shown at {}: the state dimension changes there, or the {} frame does not reach them.",
+           mixed == 1 ? "one step" : fmt::format("{} steps", mixed), frame.name);
+    const Index most = std::max<Index>(2, most_poles / std::max<Index>(1, 4 * model.states()));
+    const Index stride = std::max<Index>(1, (Index(square.size()) + most - 1) / most);
+    if (stride > 1) omit("Eigenvalues are shown at every {}. step.", stride);
+    Json k_list = Json::array(), open = Json::array(), closed = Json::array();
+    const auto list = [](const Eigen::VectorXcd& values) {
+      Json numbers = Json::array();
+      for (const auto& value : values) {
+        numbers.push_back(rounded(value.real()));
+        numbers.push_back(rounded(value.imag()));
+      }
+      return numbers;
+    };
+    for (size_t i = 0; i < square.size(); i += size_t(stride)) {
+      const Index k = square[i];
+      k_list.push_back(k);
+      open.push_back(list(linalg::eigenvalues(model.A[model.at(k)])));
+      closed.push_back(list(linalg::eigenvalues(model.closed_loop(k))));
+    }
+    json_["poles"] = {{"frame", frame.name}, {"k", k_list}, {"open", open}, {"closed", closed}};
+  }
+
+  // Entries of A_k or G_k over k, NaN where the entry does not exist.
+  Json entries_of(const Model& model, const std::vector<Matrix>& list, Index begin, Index end, Index rows, Index cols,
+                  const char* what) {
+    const Index shown_rows = std::min(rows, most_states_shown), shown_cols = std::min(cols, most_states_shown);
+    if (shown_rows < rows || shown_cols < cols)
+      omit("Of {} the first {} × {} entries of {} × {} are drawn.", what, shown_rows, shown_cols, rows, cols);
+    const Grid grid =
+        make_grid(begin, std::max<Index>(0, end - begin), points_for(shown_rows * shown_cols, most_entry_numbers));
+    Json values = Json::array();
+    for (Index i = 0; i < shown_rows; ++i)
+      for (Index j = 0; j < shown_cols; ++j)
+        values.push_back(curve(grid, [&](Index k) {
+          const Matrix& a = list[model.at(k)];
+          return i < a.rows() && j < a.cols() ? a(i, j) : nan;
+        }));
+    return {{"x", grid.x}, {"rows", shown_rows}, {"cols", shown_cols}, {"values", values}};
+  }
+
+  void entries() {
+    const Framed& frame = plots_.frame;
+    const Index n = model_.states();
+    json_["gain"] = entries_of(frame.model, frame.model.G, frame.begin, frame.end, n, model_.outputs, "the gains");
+    json_["gain"]["frame"] = frame.name;
+    const Model smooth =
+        model_.frame == "smooth" || frame.name == "smooth"
+            ? (frame.name == "smooth" ? frame.model : model_)
+            : smooth_frame(model_, std::max(model_.max_lags(), (n + model_.outputs - 1) / model_.outputs));
+    json_["A"] = entries_of(smooth, smooth.A, model_.k_begin, model_.k_end(), n, n, "A");
+  }
+
+  void whiteness() {
+    const Whiteness& white = found_.validation.whiteness;
+    json_["whiteness"] = nullptr;
+    if (white.correlation.rows() == 0 || std::isnan(white.p)) return;
+    Json correlation = Json::array();
+    for (Index j = 0; j < white.correlation.cols(); ++j) {
+      const Vector column = white.correlation.col(j);
+      correlation.push_back(rounded(std::vector<double>(column.begin(), column.end())));
+    }
+    json_["whiteness"] = {{"correlation", correlation},
+                          {"bound", rounded(std::vector<double>(white.bound.begin(), white.bound.end()))}};
+  }
+
+  const Model& model_;
+  const Ensemble& data_;
+  const Evidence& found_;
+  const ReportOptions& options_;
+  Plots plots_;
+  Json json_;
+};
+
+}  // namespace
+
+Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options) {
+  return Collector(model, data, found, options).collect();
+}
+
+}  // namespace tokid::report
