@@ -34,6 +34,7 @@ void add_info(CLI::App& tool);
 void add_example(CLI::App& tool);
 void add_convert(CLI::App& tool);
 void add_report(CLI::App& tool);
+void add_paper(CLI::App& tool);
 
 // Options
 

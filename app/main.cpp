@@ -53,6 +53,7 @@ int run(int argc, char** argv) {
   add_identify(tool);
   add_validate(tool);
   add_report(tool);
+  add_paper(tool);
   add_simulate(tool);
   add_predict(tool);
   add_info(tool);

@@ -1,6 +1,6 @@
 #!/bin/sh
 # The main job, on the example of the paper: experiments in a file → identified model → validation on fresh
-# experiments → published beside computed eigenvalues. Every file that it makes stays in OUT.
+# experiments; then all of the paper's figures and printed numbers. Every file that it makes stays in OUT.
 #
 #   examples/demo.sh [BIN [OUT]]      BIN: directory of the built programs; OUT: a directory of the demo's own
 set -eu
@@ -30,15 +30,16 @@ heading "3. Validate on fresh experiments"
 run tokid example oscillator -o "$out/fresh.h5" --experiments 10 --steps 80 --seed 2
 run tokid validate "$out/model.npz" "$out/fresh.h5"
 
-heading "4. The published eigenvalues beside the computed ones"
-run paper_example "$out/model.npz"
+heading "4. The figures of the paper, and its printed numbers beside the computed ones"
+run tokid paper -o "$out/paper"
 
 heading "Files"
-for file in ensemble.npz model.npz fresh.h5; do
+for file in ensemble.npz model.npz fresh.h5 paper/paper.html; do
   case $file in
     ensemble.npz) what="the ten experiments and eight free responses" ;;
     model.npz) what="the identified model" ;;
     fresh.h5) what="the ten experiments it was validated on" ;;
+    paper/paper.html) what="the paper, recomputed: open it in a browser" ;;
   esac
-  printf '%s/%-14s %s\n' "$out" "$file" "$what"
+  printf '%s/%-17s %s\n' "$out" "$file" "$what"
 done

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -72,8 +71,8 @@ void check(const PaperOptions& o) {
 }
 
 // Eigenvalues in decreasing modulus, conjugate pairs with the positive imaginary part first.
-std::vector<std::complex<double>> eigenvalues(const Matrix& a) {
-  const Eigen::VectorXcd values = a.eigenvalues();
+std::vector<std::complex<double>> sorted_eigenvalues(const Matrix& a) {
+  const Eigen::VectorXcd values = linalg::eigenvalues(a);
   std::vector<std::complex<double>> sorted(values.begin(), values.end());
   std::sort(sorted.begin(), sorted.end(), [](auto x, auto y) {
     return std::make_pair(-std::abs(x), -x.imag()) < std::make_pair(-std::abs(y), -y.imag());
@@ -144,8 +143,8 @@ void show_observer(Paper& paper) {
   for (Index k = framed.begin; k < last; ++k) {
     const Index j = k - framed.begin;
     const Matrix &a = framed.model.A[framed.model.at(k)], closed = framed.model.closed_loop(k);
-    paper.open.push_back(eigenvalues(a));
-    paper.closed.push_back(eigenvalues(closed));
+    paper.open.push_back(sorted_eigenvalues(a));
+    paper.closed.push_back(sorted_eigenvalues(closed));
     paper.open_error.col(j + 1) = a * paper.open_error.col(j);
     paper.closed_error.col(j + 1) = closed * paper.closed_error.col(j);
   }

@@ -1,4 +1,4 @@
-// Model and data → one HTML page that shows whether the model can be trusted.
+// Results → pages: whether a model can be trusted, and what became of the paper's example.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tokid/model.hpp"
+#include "tokid/paper.hpp"
 
 namespace tokid {
 
@@ -48,5 +49,16 @@ struct ReportPage {
 // are a few megabytes at most, whatever the size of the ensemble; what was left out is stated on it.
 // \throws std::invalid_argument where channels disagree, or no step of the data has a model
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options = {});
+
+// The paper's figures with their captions, Appendix B and the Kalman study on one page, which loads nothing and needs
+// no JavaScript.
+std::string paper_page(const Paper& paper, const KalmanStudy& study);
+// All of the figures' data, as JSON text.
+std::string paper_json(const Paper& paper, const KalmanStudy& study);
+// Each figure as an SVG file of its own.
+struct PaperFile {
+  std::string name, text;
+};
+std::vector<PaperFile> paper_figure_files(const Paper& paper, const KalmanStudy& study);
 
 }  // namespace tokid

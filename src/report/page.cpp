@@ -187,6 +187,7 @@ std::string document(const Document& parts) {
       escape(version), title);
   if (parts.plots) page += assets::uplot_css();
   page += assets::page_css();
+  page += parts.style;
   page += "</style>\n</head>\n<body>\n";
   page += script("document.documentElement.classList.add('scripted');");
   page += fmt::format(
@@ -195,9 +196,10 @@ std::string document(const Document& parts) {
       "hidden>Dark</button></header>\n",
       escape(parts.kind), title);
   page += navigation(parts.links);
-  page +=
-      "<noscript><p class=\"note\">JavaScript is off: the tables are all here, the plots are not "
-      "drawn.</p></noscript>\n";
+  if (parts.plots)
+    page +=
+        "<noscript><p class=\"note\">JavaScript is off: the tables are all here, the plots are not "
+        "drawn.</p></noscript>\n";
   page += "<main>\n";
   page += parts.body;
   page += "</main>\n<footer>\n";

@@ -66,6 +66,7 @@ struct Document {
   std::vector<Link> links;  // sections, for the navigation
   std::string body;
   bool plots = true;    // with the plotting library, its style and its licence
+  std::string style;    // CSS of this page's own
   std::string scripts;  // after the body
 };
 

@@ -1,0 +1,89 @@
+// tokid paper: the paper's example, figures and printed numbers, recomputed from experiments.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <chrono>
+
+#include "common.hpp"
+
+namespace tokid::app {
+
+namespace {
+
+struct Call {
+  fs::path directory;
+  std::uint64_t seed = 1;
+  int threads = 1;
+};
+
+// Before the work: a directory that is there, or can be made.
+void make_directory(const fs::path& path) {
+  std::error_code error;
+  if (fs::is_directory(path, error)) return;
+  if (fs::exists(path, error)) throw IoError(fmt::format("{}: a file found, a directory needed", path.string()));
+  fs::create_directories(path, error);
+  if (error) throw IoError(fmt::format("{}: can't be made: {}", path.string(), error.message()));
+}
+
+std::string text(const Paper& paper, const KalmanStudy& study, const Call& call, size_t figures, double seconds) {
+  Page page;
+  page.row("Appendix B", "eigenvalues of A + G C in the reference frame");
+  std::vector<std::vector<std::string>> rows{{"equation", "printed", "computed", "difference"}};
+  for (const PrintedNumber& n : paper.printed)
+    if (n.quantity.starts_with("λ") && std::abs(n.printed) > 1e-9)
+      rows.push_back({n.equation, fmt::format("{:.5g}", n.printed.real()), fmt::format("{:.7f}", n.computed.real()),
+                      fmt::format("{:.1e}", std::abs(n.computed - n.printed))});
+  page.table(rows);
+  const auto agree =
+      std::count_if(paper.printed.begin(), paper.printed.end(), [](const auto& n) { return n.agrees(); });
+  page.row("", fmt::format("{} of {} printed numbers agree", agree, paper.printed.size()));
+  for (const PaperCase* one : {&paper.minimum, &paper.more})
+    page.row(one == &paper.minimum ? "Case 1" : "Case 2",
+             fmt::format("N = {}: Markov parameters exact to {:.1e}, outputs to {:.1e}", one->experiments,
+                         one->direct_error.tail(one->direct_error.size() - 1).maxCoeff(),
+                         one->output_error.cwiseAbs().maxCoeff()));
+  for (const KalmanStudyCell& cell : study.cells)
+    if (cell.lags == 10 && cell.experiments == 2000)
+      page.row("Noise",
+               fmt::format("N = 2000, p = 10: one-step error {:.3f} times that of the Kalman filter", cell.error));
+  page.row("Written", fmt::format("{}: paper.html, paper.json, {} figures (.svg) in {:.1f} s", call.directory.string(),
+                                  figures, seconds));
+  return page.text();
+}
+
+void run(const Call& call) {
+  const auto begin = std::chrono::steady_clock::now();
+  make_directory(call.directory);
+  const Paper paper = paper_example({.seed = call.seed, .execution = {call.threads, {}}});
+  const KalmanStudy study = kalman_study({.seed = call.seed, .execution = {call.threads, {}}});
+  const std::vector<PaperFile> figures = paper_figure_files(paper, study);
+  save_text(paper_page(paper, study), call.directory / "paper.html");
+  save_text(paper_json(paper, study), call.directory / "paper.json");
+  for (const PaperFile& figure : figures) save_text(figure.text, call.directory / figure.name);
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  print(text(paper, study, call, figures.size(), seconds));
+
+  std::vector<std::string> warnings;
+  for (const PrintedNumber& n : paper.printed)
+    if (!n.agrees())
+      warnings.push_back(fmt::format("{} {}: {:.5g} printed, {:.5g} computed", n.equation, n.quantity, n.printed.real(),
+                                     n.computed.real()));
+  warn(warnings);
+  if (!warnings.empty())
+    throw std::runtime_error(
+        fmt::format("{} of {} printed numbers do not agree", warnings.size(), paper.printed.size()));
+}
+
+}  // namespace
+
+void add_paper(CLI::App& tool) {
+  const auto call = std::make_shared<Call>();
+  CLI::App* command =
+      add_command(tool, "paper", "The paper's figures and printed numbers, recomputed", "tokid paper -o paper");
+  command->add_option("-o,--output", call->directory, "Directory for paper.html, paper.json and the figures")
+      ->required()
+      ->type_name("DIR");
+  add_number<std::uint64_t>(command, "--seed", call->seed, "S", "Seed of the experiments (default 1)", 0);
+  add_number(command, "--threads", call->threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
+  command->callback([call] { run(*call); });
+}
+
+}  // namespace tokid::app

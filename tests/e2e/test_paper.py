@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""tokid paper: every figure and every printed number, in files that stand alone."""
+
+import json
+import re
+import xml.etree.ElementTree as ElementTree
+from html.parser import HTMLParser
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def paper(tokid, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("paper") / "new" / "folder"
+    return folder, tokid("paper", "-o", folder).stdout
+
+
+def test_says_what_agrees(paper):
+    _, text = paper
+    assert "98 of 98 printed numbers agree" in text
+    assert "0.4371621" in text
+
+
+def test_files(paper):
+    folder, _ = paper
+    names = {path.name for path in folder.iterdir()}
+    assert names == {"paper.html", "paper.json", "kalman-error.svg", "kalman-gain.svg"} | {
+        f"figure-{i}.svg" for i in range(1, 8)}
+
+
+def test_figures_are_well_formed(paper):
+    folder, _ = paper
+    for path in folder.glob("*.svg"):
+        root = ElementTree.parse(path).getroot()
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        drawn = [node.get("d") for node in root.iter("{http://www.w3.org/2000/svg}path")
+                 if node.get("class", "").startswith("c")]
+        assert max(map(len, drawn)) > 50, path.name
+        assert not any(word in text for text in drawn for word in ("nan", "inf"))
+
+
+def test_numbers(paper):
+    folder, _ = paper
+    data = json.loads((folder / "paper.json").read_text())
+    assert [figure["id"] for figure in data["figures"]] == [f"figure-{i}" for i in range(1, 8)]
+    for figure in data["figures"]:
+        assert figure["caption"] and figure["title"]
+        for panel in figure["panels"]:
+            for series in panel["series"]:
+                assert len(series["x"]) == len(series["y"]) > 0
+
+    entries = [n for n in data["appendix_b"] if re.fullmatch(r"Ā3[567]\[\d,\d\]", n["quantity"])]
+    assert len(entries) == 48
+    assert all(abs(n["printed"][0] - n["computed"][0]) <= 1e-4 for n in entries)
+    eigenvalues = sorted(n["computed"][0] for n in data["appendix_b"]
+                         if n["quantity"].startswith("λ") and abs(n["printed"][0]) > 1e-3)
+    assert [f"{value:.5g}" for value in eigenvalues] == [
+        "-0.14861", "-0.097074", "-0.048167", "0.048661", "0.31545", "0.43716"]
+    products = [n for n in data["appendix_b"] if n["equation"] in ("(82)", "(83)")]
+    assert len(products) == 32
+    assert all(abs(n["computed"][0]) < 1e-11 for n in products)
+
+    def worst(figure, series):
+        return max(value for value in data["figures"][figure - 1]["panels"][0]["series"][series]["y"] if value is not None)
+
+    assert worst(2, 0) <= 1e-10  # direct Markov parameters, minimum number of experiments
+    assert worst(3, 0) < worst(2, 0) and worst(3, 1) < worst(2, 1)
+    opened, observer = (s["y"] for s in data["figures"][5]["panels"][1]["series"])
+    assert max(observer[6:]) <= 1e-10 * observer[0]  # 2p + p = 6
+    assert min(opened) > 0.1
+
+    cells = {(cell["lags"], cell["experiments"]): cell for cell in data["kalman_study"]["cells"]}
+    assert {(p, n) for p in (2, 3, 5, 8, 10) for n in (50, 200, 2000, None)} == set(cells)
+    assert cells[10, 2000]["error"] <= 1.04
+    assert cells[10, None]["gain"] < cells[5, None]["gain"] < cells[2, None]["gain"]
+
+
+def test_page_stands_alone(paper):
+    folder, _ = paper
+    page = (folder / "paper.html").read_text()
+    problems = []
+
+    class Checker(HTMLParser):
+        def handle_starttag(self, tag, attributes):
+            for name, value in attributes:
+                if name in ("src", "srcset", "action") or name == "href" and not re.match("#|data:,$", value):
+                    problems.append((tag, name, value))
+
+    Checker().feed(page)
+    assert not problems
+    assert "url(" not in page and "@import" not in page
+    assert page.count("<svg") >= 9
+    assert all(f'id="figure-{i}"' in page for i in range(1, 8))
+    # The table of the Kalman study.
+    assert all(f"<td class=\"n\">{cell['error']:.3f} ({cell['gain']:.2f})</td>" in page
+               for cell in json.loads((folder / "paper.json").read_text())["kalman_study"]["cells"])
+
+
+def test_same_numbers_whatever_the_threads(tokid, tmp_path, paper):
+    tokid("paper", "-o", tmp_path, "--threads", 3)
+    assert (tmp_path / "paper.json").read_bytes() == (paper[0] / "paper.json").read_bytes()
+
+
+@pytest.mark.parametrize("make, options, words", [
+    (lambda path: path.write_text("x"), [], "a file found, a directory needed"),
+    (lambda path: None, ["--seed", "-1"], "--seed"),
+    (lambda path: None, ["--threads", "many"], "--threads"),
+])
+def test_wrong_calls(tokid, tmp_path, make, options, words):
+    target = tmp_path / "paper"
+    make(target)
+    result = tokid("paper", "-o", target, *options, status=2)
+    assert words in result.stderr and len(result.stderr.splitlines()) == 1
+    assert not target.is_dir()
+
+
+def test_directory_is_required(tokid):
+    assert "--output" in tokid("paper", status=2).stderr
