@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the documents show is what the tool prints.
+
+With TOKID_UPDATE_DOCS=1 in the environment, the outputs in docs/guide.md are written anew instead of compared.
+"""
+
+import os
+import re
+import shlex
+import subprocess
+from itertools import zip_longest
+
+import pytest
+
+from conftest import ROOT
+
+GUIDE = ROOT / "docs" / "guide.md"
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def run(tokid, command, folder):
+    """What a reader sees in the terminal."""
+    words = shlex.split(command, comments=True)
+    assert words[0] == "tokid"
+    result = subprocess.run([tokid.executable, *words[1:]], cwd=folder, stdin=subprocess.DEVNULL, text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    return result.returncode, [line.rstrip() for line in result.stdout.splitlines()]
+
+
+def session_blocks(text):
+    """Fenced blocks that begin with a command, as lists of (command, output lines)."""
+    for match in re.finditer(r"^```\n(\$ tokid .*?)^```$", text, re.MULTILINE | re.DOTALL):
+        session = []
+        for line in match[1].splitlines():
+            if line.startswith("$ "):
+                session.append((line[2:], []))
+            else:
+                session[-1][1].append(line)
+        yield match, session
+
+
+def same(shown, printed):
+    """The same words, and numbers alike to 2 %: the last digits, and times, belong to the machine."""
+    if " in " in shown and shown.startswith("Written"):
+        shown, printed = (re.sub(r" in [\d.]+ s$", "", line) for line in (shown, printed))
+    if NUMBER.sub("#", shown).split() != NUMBER.sub("#", printed).split():
+        return False
+    pairs = zip(map(float, NUMBER.findall(shown)), map(float, NUMBER.findall(printed)))
+    # Of probabilities as small as those, the order of magnitude counts.
+    return all(abs(a - b) <= 0.02 * abs(a) or max(abs(a), abs(b)) < 1e-7 for a, b in pairs)
+
+
+def test_guide(tokid, tmp_path):
+    text = updated = GUIDE.read_text()
+    update = os.environ.get("TOKID_UPDATE_DOCS") == "1"
+    commands = 0
+    for match, session in session_blocks(text):
+        block = "```\n"
+        for command, shown in session:
+            commands += 1
+            _, printed = run(tokid, command, tmp_path)
+            block += f"$ {command}\n" + "".join(line + "\n" for line in printed)
+            if not update:
+                for before, now in zip_longest(shown, printed, fillvalue=""):
+                    assert same(before, now), f"{command}\nshown:   {before}\nprinted: {now}"
+        updated = updated.replace(match[0], block + "```")
+    assert commands >= 8
+    if update:
+        GUIDE.write_text(updated)
+        pytest.skip("docs/guide.md written anew")
+
+
+def test_readme(tokid, tmp_path):
+    block = re.search(r"^```sh\n(tokid .*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)[1]
+    commands = block.splitlines()
+    assert len(commands) >= 8
+    for command in commands:
+        if command:
+            status, printed = run(tokid, command, tmp_path)
+            assert status == 0, "\n".join([command, *printed])
