@@ -3,14 +3,13 @@
 
 #include <fmt/format.h>
 
-#include <boost/random/mersenne_twister.hpp>
-#include <boost/random/normal_distribution.hpp>
 #include <cmath>
 #include <functional>
 #include <numeric>
 #include <stdexcept>
 #include <unsupported/Eigen/MatrixFunctions>
 
+#include "random.hpp"
 #include "tokid/observer.hpp"
 #include "tokid/version.hpp"
 
@@ -75,33 +74,18 @@ Model rotating_tube(Index steps, double dt) {
 
 namespace {
 
-// The same numbers on every machine, which the standard library's distributions don't promise.
-class Gaussian {
- public:
-  explicit Gaussian(std::uint64_t seed) : engine_(seed) {}
-  Vector draw(Index size) {
-    Vector x(size);
-    for (double& value : x) value = distribution_(engine_);
-    return x;
-  }
-
- private:
-  boost::random::mt19937_64 engine_;
-  boost::random::normal_distribution<double> distribution_;
-};
-
 // Draws the same number of variates whatever the options, so that ensembles of different noise share their inputs.
 template <class Input, class Output>
-void run(const Model& system, const ExperimentOptions& options, bool from_rest, Gaussian& gaussian, Input&& input,
+void run(const Model& system, const ExperimentOptions& options, bool from_rest, RandomNumbers& random, Input&& input,
          Output&& output) {
-  const Vector start = gaussian.draw(system.state_dim[0]);
+  const Vector start = random.normals(system.state_dim[0]);
   Vector x = from_rest ? Vector(Vector::Zero(start.size())) : start;
   for (Index k = 0; k < system.steps(); ++k) {
     const size_t s = size_t(k);
-    const Vector u = input(k, gaussian.draw(system.inputs));
-    const Vector y = system.C[s] * x + system.D[s] * u + options.measurement_noise * gaussian.draw(system.outputs);
+    const Vector u = input(k, random.normals(system.inputs));
+    const Vector y = system.C[s] * x + system.D[s] * u + options.measurement_noise * random.normals(system.outputs);
     output(k, y);
-    x = system.A[s] * x + system.B[s] * u + options.process_noise * gaussian.draw(system.state_dim[s + 1]);
+    x = system.A[s] * x + system.B[s] * u + options.process_noise * random.normals(system.state_dim[s + 1]);
   }
 }
 
@@ -122,10 +106,10 @@ Ensemble experiments(const Model& system, const ExperimentOptions& options) {
   Ensemble ensemble(options.experiments, system.steps(), system.inputs, system.outputs, system.dt);
   ensemble.names = system.names;
   ensemble.initial_state = options.initial_state;
-  Gaussian gaussian(options.seed);
+  RandomNumbers random(options.seed);
   for (Index n = 0; n < options.experiments; ++n)
     run(
-        system, options, from_rest, gaussian,
+        system, options, from_rest, random,
         [&](Index k, const Vector& u) {
           ensemble.input(k).row(n) = u.transpose();
           return u;
@@ -136,7 +120,7 @@ Ensemble experiments(const Model& system, const ExperimentOptions& options) {
   free.experiments = options.free_responses;
   free.steps = free.experiments > 0 ? system.steps() : 0;
   free.y.resize(free.experiments, free.steps * system.outputs);
-  Gaussian other(~options.seed);  // adding free responses leaves the forced experiments as they are
+  RandomNumbers other(~options.seed);  // adding free responses leaves the forced experiments as they are
   for (Index n = 0; n < free.experiments; ++n)
     run(
         system, options, false, other, [](Index, const Vector& u) { return Vector(Vector::Zero(u.size())); },

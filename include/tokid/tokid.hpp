@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "tokid/design.hpp"
 #include "tokid/ensemble.hpp"
 #include "tokid/example.hpp"
 #include "tokid/gtv_arx.hpp"

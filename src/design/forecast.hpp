@@ -1,0 +1,22 @@
+// What planned inputs will show of a system that is known beforehand.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "tokid/design.hpp"
+
+namespace tokid::design {
+
+// The departures that inputs (N × T·r) cause, without noise, from the zero state at k_begin; zero where there is no
+// model yet.
+Ensemble response(const Model& model, const Matrix& inputs);
+
+struct NoisyRegression {
+  double floor = 0.0;  // RMS of the best one-step error of p lags over the RMS of the outputs, noise included in both
+  // The expected error of D_k and h_{k,k-1} … h_{k,k-p} over them, both root mean squares, times √(N - L - 1).
+  double markov_error = 0.0;
+};
+// Over the steps k ≥ first. The noise enters the second moments of the regressors by its covariance.
+NoisyRegression noisy_regression(const Model& model, const Ensemble& response, Index lags, Index first,
+                                 const NoiseLevel& noise);
+
+}  // namespace tokid::design

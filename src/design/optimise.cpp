@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "design/optimise.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+
+#include "design/forecast.hpp"
+
+namespace tokid::design {
+
+namespace {
+
+// log-mean of the condition numbers κ_k² = ‖W_k B_k‖²_F ‖(W_k B_k)⁺‖²_F to the power q: q = 1 and less looks at all
+// steps, a large q at the worst. B_k (L × rank) scales the channels of W_k, by the outputs as they were at the
+// beginning, and spans its row space, which the model fixes: what no input can excite is left aside.
+class WindowConditions {
+ public:
+  WindowConditions(const Model& model, const Vector& amplitude, Index lags, Index first, const Execution& execution)
+      : model_(model), amplitude_(amplitude), lags_(lags), first_(first), execution_(execution) {}
+
+  // Takes the scales and row spaces from the windows of these inputs.
+  void rescale(const Matrix& inputs) {
+    const Ensemble e = response(model_, inputs);
+    const Index steps = e.steps();
+    basis_.assign(size_t(steps), {});
+    parallel_for(first_, steps, execution_, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k) {
+        Matrix w = e.window(k, lags(k));
+        const Vector scale = scales(w, e);
+        w *= scale.asDiagonal();
+        const linalg::Svd svd = linalg::svd(linalg::triangular_factor(w));
+        Index rank = 0;
+        while (rank < svd.s.size() && svd.s(rank) > 1e-11 * svd.s(0)) ++rank;
+        basis_[size_t(k)] = scale.asDiagonal() * svd.v.leftCols(rank);
+      }
+    });
+  }
+
+  // Value, and gradient with respect to the inputs.
+  double operator()(const Matrix& inputs, double q, Matrix& gradient) const {
+    const Ensemble e = response(model_, inputs);
+    const Index steps = e.steps(), r = e.inputs(), m = e.outputs();
+    std::vector<Matrix> slope(static_cast<size_t>(steps));  // of log κ² with respect to W_k B_k
+    Vector value = Vector::Zero(steps);                     // log κ²
+    parallel_for(first_, steps, execution_, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k) {
+        const Matrix& basis = basis_[size_t(k)];
+        if (basis.cols() == 0) continue;
+        const Matrix w = e.window(k, lags(k)) * basis;
+        Matrix copy = w;
+        const Matrix factor = linalg::triangular_factor(copy);
+        const Matrix inverse =
+            factor.triangularView<Eigen::Upper>().solve(Matrix::Identity(factor.rows(), factor.cols()));
+        const Matrix gram = inverse * inverse.transpose();  // (wᵀw)⁻¹
+        const double size = w.squaredNorm(), inverse_size = inverse.squaredNorm();
+        value(k) = std::log(size * inverse_size);
+        slope[size_t(k)] = (2 / size) * w - (2 / inverse_size) * (w * gram) * gram;
+      }
+    });
+
+    const double largest = value.tail(steps - first_).maxCoeff();
+    Vector weight = (q * (value.array() - largest)).exp();
+    weight.head(first_).setZero();
+    const double sum = weight.sum();
+    weight /= sum;
+
+    Matrix by_sample = Matrix::Zero(e.experiments(), e.samples().cols());
+    for (Index k = first_; k < steps; ++k) {
+      const Matrix& basis = basis_[size_t(k)];
+      if (basis.cols() == 0) continue;
+      by_sample.middleCols((k - lags(k)) * (r + m), basis.rows()) += weight(k) * slope[size_t(k)] * basis.transpose();
+    }
+    // Backwards through the model: what the outputs are worth is worth to the inputs before them.
+    gradient.resize(e.experiments(), steps * r);
+    Matrix state = Matrix::Zero(e.experiments(), model_.n(steps));
+    for (Index k = steps; k-- > 0;) {
+      auto g = gradient.middleCols(k * r, r);
+      g = by_sample.middleCols(k * (r + m), r);
+      if (k < model_.k_begin) continue;
+      const size_t s = model_.at(k);
+      const auto y = by_sample.middleCols(k * (r + m) + r, m);
+      g += y * model_.D[s] + state * model_.B[s];
+      state = state * model_.A[s] + y * model_.C[s];
+    }
+    return largest + std::log(sum / double(steps - first_)) / q;
+  }
+
+ private:
+  // Of the columns of a window. Inputs count by their limits, so that weak ones are no way to balance a window; outputs
+  // by their size in this window, the same for all lags of a channel.
+  Vector scales(const Matrix& window, const Ensemble& e) const {
+    const Index d = e.channels(), r = e.inputs();
+    Vector scales = Vector::Zero(window.cols());
+    for (Index i = 0; i < std::min(d, window.cols()); ++i) {
+      const auto columns = Eigen::seq(i, Eigen::last, d);
+      const auto part = window(Eigen::all, columns);
+      const double norm = i < r ? amplitude_(i) * std::sqrt(double(part.size())) : part.norm();
+      if (norm > 0) scales(columns).setConstant(std::sqrt(double(part.cols())) / norm);
+    }
+    return scales;
+  }
+
+  Index lags(Index k) const { return std::min(lags_, std::max<Index>(0, k - model_.k_begin)); }
+
+  const Model& model_;
+  const Vector& amplitude_;
+  Index lags_, first_;
+  Execution execution_;
+  std::vector<Matrix> basis_;
+};
+
+// Limited-memory BFGS with a backtracking line search, over all entries of a matrix.
+template <class Function>
+Matrix descend(Matrix x, Index iterations, Function&& function) {
+  constexpr size_t memory = 10;
+  struct Pair {
+    Matrix step, change;
+    double product;
+  };
+  const auto dot = [](const Matrix& a, const Matrix& b) { return a.cwiseProduct(b).sum(); };
+  std::deque<Pair> pairs;
+  Matrix gradient, next_gradient;
+  double value = function(x, gradient);
+  for (Index i = 0; i < iterations && gradient.norm() > 0; ++i) {
+    Matrix direction = -gradient;
+    std::vector<double> parts;
+    for (size_t j = pairs.size(); j-- > 0;) {
+      parts.push_back(dot(pairs[j].step, direction) / pairs[j].product);
+      direction -= parts.back() * pairs[j].change;
+    }
+    if (pairs.empty())
+      direction *= 0.1 * std::sqrt(double(x.size())) / gradient.norm();  // a first step of 0.1 per entry
+    else
+      direction *= pairs.back().product / pairs.back().change.squaredNorm();
+    for (const Pair& pair : pairs) {
+      direction += (parts.back() - dot(pair.change, direction) / pair.product) * pair.step;
+      parts.pop_back();
+    }
+
+    const double slope = dot(gradient, direction);
+    if (!(slope < 0)) break;
+    double length = 1.0, next = 0.0;
+    Matrix moved;
+    bool lower = false;
+    for (int trial = 0; trial < 20 && !lower; ++trial, length *= 0.5) {
+      moved = x + length * direction;
+      next = function(moved, next_gradient);
+      lower = next <= value + 1e-4 * length * slope;
+    }
+    if (!lower) break;
+    Pair pair{moved - x, next_gradient - gradient, 0.0};
+    pair.product = dot(pair.step, pair.change);
+    // Without positive curvature along the step, the pair would spoil the next directions.
+    if (pair.product > 1e-10 * pair.step.norm() * pair.change.norm()) {
+      if (pairs.size() == memory) pairs.pop_front();
+      pairs.push_back(std::move(pair));
+    }
+    const double gain = value - next;
+    x = std::move(moved);
+    gradient.swap(next_gradient);
+    value = next;
+    if (gain < 1e-7) break;
+  }
+  return x;
+}
+
+}  // namespace
+
+Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude, Index lags, Index first,
+                Index iterations, const Execution& execution) {
+  // u = a sin θ keeps every sample within its limit, and lets the descent know no limit.
+  const Matrix limit = amplitude.transpose().replicate(start.rows(), start.cols() / amplitude.size());
+  const auto inputs = [&](const Matrix& angle) -> Matrix { return limit.array() * angle.array().sin(); };
+  // 0.95: at the limit itself the sine is flat.
+  Matrix angle = (0.95 * start.array() / limit.array()).asin();
+
+  WindowConditions conditions(model, amplitude, lags, first, execution);
+  for (const double q : {0.5, 2.0, 8.0}) {
+    conditions.rescale(inputs(angle));
+    angle = descend(angle, iterations, [&](const Matrix& x, Matrix& gradient) {
+      const double value = conditions(inputs(x), q, gradient);
+      gradient.array() *= limit.array() * x.array().cos();
+      return value;
+    });
+  }
+  const Matrix u = inputs(angle);
+  // No factor common to all inputs changes a condition number: the limit that is nearest is reached.
+  return u / (u.array() / limit.array()).abs().maxCoeff();
+}
+
+}  // namespace tokid::design
