@@ -57,6 +57,7 @@ int run(int argc, char** argv) {
   add_simulate(tool);
   add_predict(tool);
   add_info(tool);
+  add_plan(tool);
   add_example(tool);
   add_convert(tool);
   try {

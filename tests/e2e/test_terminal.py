@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from support import load
 
-COMMANDS = ["identify", "validate", "simulate", "predict", "info", "example", "convert"]
+COMMANDS = ["identify", "validate", "simulate", "predict", "info", "plan", "example", "convert"]
 
 
 def test_version(tokid):
@@ -41,7 +41,10 @@ def test_every_option_of_the_contract_is_in_the_help(tokid):
     for command, options in {
             "identify": "--states --lags --method --initial-state --frame --nominal --hold-out --threads --json --inputs "
                         "--outputs --reference-step --quiet --output",
-            "validate": "--horizon --json --inputs --outputs", "simulate": "--output --inputs",
+            "validate": "--horizon --json --inputs --outputs",
+            "plan": "--states --inputs --outputs --steps --lags --experiments --kind --amplitude --noise --model "
+                    "--initial-state --nominal --dt --seed --threads --output --json",
+            "simulate": "--output --inputs",
             "predict": "--output --horizon --inputs --outputs", "info": "--json",
             "example": "--output --experiments --steps --seed --process-noise --measurement-noise --free-responses "
                        "--initial-state", "convert": "--mat73"}.items():

@@ -1,0 +1,215 @@
+// tokid plan: how many experiments, and inputs for them.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+
+#include "common.hpp"
+
+namespace tokid::app {
+
+namespace {
+
+struct Call {
+  fs::path model, output;
+  PlanOptions options;
+  bool json = false;
+};
+
+// The step with the largest of some numbers, which may be NaN where there is none.
+struct Extreme {
+  double value = std::numeric_limits<double>::quiet_NaN(), median = std::numeric_limits<double>::quiet_NaN();
+  Index step = 0;
+};
+Extreme extreme(const std::vector<double>& values) {
+  Extreme result;
+  for (size_t k = 0; k < values.size(); ++k)
+    if (!std::isnan(values[k]) && !(values[k] <= result.value)) {
+      result.value = values[k];
+      result.step = static_cast<Index>(k);
+    }
+  result.median = median(values);
+  return result;
+}
+
+std::string describe(const Extreme& e) {
+  return fmt::format("median {}, largest {} at step {}", number(e.median), number(e.value), e.step);
+}
+
+std::string report(const Call& call, const PlanOptions& sizes, const Plan& plan) {
+  const Ensemble& u = plan.inputs;
+  Page page;
+  page.row("System", fmt::format("n = {} states, r = {} inputs, m = {} outputs; lag order p = {}", sizes.states,
+                                 sizes.inputs, sizes.outputs, plan.lags));
+  page.row("Experiments", fmt::format("N = {} of {}; minimum {}, recommended {}", u.experiments(),
+                                      plural(u.steps(), "step"), plan.minimum, plan.recommended));
+  for (const std::string& reason : plan.reasons) page.row("", reason);
+  page.row("Inputs", fmt::format("{}, seed {}", to_string(plan.kind), sizes.seed));
+  std::vector<std::vector<std::string>> rows{{"input", "limit", "peak", "RMS"}};
+  for (Index i = 0; i < u.inputs(); ++i) {
+    const double limit = sizes.amplitude[sizes.amplitude.size() == 1 ? 0 : size_t(i)];
+    rows.push_back({input_label(u.names, i), number(limit), number(plan.peak(i)), number(plan.rms(i))});
+  }
+  page.table(rows);
+  page.row("Condition", fmt::format("of the inputs in a window: {}", describe(extreme(plan.input_condition))));
+  if (plan.condition.empty()) {
+    page.row("",
+             "of the whole windows: depends on the system, of which nothing but the sizes is assumed; a preliminary "
+             "model tells");
+  } else {
+    page.row("", fmt::format("of the windows W_k on the model: {}", describe(extreme(plan.condition))));
+    if (!std::isnan(plan.start_condition))
+      page.row("", fmt::format("before it was optimised: largest {}", number(plan.start_condition)));
+    std::string peaks;
+    for (Index j = 0; j < plan.output_peak.size(); ++j)
+      peaks += fmt::format("{}{} {}", j > 0 ? ", " : "", output_label(sizes.names, j), number(plan.output_peak(j)));
+    page.row("Outputs", fmt::format("largest on the model: {}", peaks));
+  }
+  if (std::isfinite(plan.excess))
+    page.row("Noise", fmt::format("estimated coefficients add {} to the mean square of the best one-step error",
+                                  percent(100 * plan.excess)));
+  else
+    page.row("Noise", "no degree of freedom left to average it");
+  if (!std::isnan(plan.noise_floor))
+    page.row("", fmt::format("best one-step error: {} of the outputs; Markov parameters: {}",
+                             percent(100 * plan.noise_floor), percent(100 * plan.markov_error)));
+  page.row("Written", call.output.string());
+  return page.text();
+}
+
+Json json(const PlanOptions& sizes, const Plan& plan) {
+  const auto summary = [](const std::vector<double>& values) {
+    const Extreme e = extreme(values);
+    return Json{{"median", e.median}, {"largest", e.value}, {"step", e.step}, {"per_step", values}};
+  };
+  Json j;
+  j["states"] = sizes.states;
+  j["inputs"] = sizes.inputs;
+  j["outputs"] = sizes.outputs;
+  j["steps"] = plan.inputs.steps();
+  j["lags"] = plan.lags;
+  j["unknowns"] = plan.unknowns;
+  j["experiments"] = plan.inputs.experiments();
+  j["minimum"] = plan.minimum;
+  j["recommended"] = plan.recommended;
+  j["reasons"] = plan.reasons;
+  j["kind"] = to_string(plan.kind);
+  j["seed"] = sizes.seed;
+  j["initial_state"] = to_string(sizes.initial_state);
+  j["first_step"] = plan.first_step;
+  j["peak"] = numbers(plan.peak);
+  j["rms"] = numbers(plan.rms);
+  j["excess"] = plan.excess;
+  j["input_condition"] = summary(plan.input_condition);
+  if (!plan.condition.empty()) {
+    j["condition"] = summary(plan.condition);
+    j["start_condition"] = plan.start_condition;
+    j["rank"] = plan.rank;
+    j["output_peak"] = numbers(plan.output_peak);
+    j["noise_floor"] = plan.noise_floor;
+    j["markov_error"] = plan.markov_error;
+  }
+  j["warnings"] = plan.warnings;
+  return j;
+}
+
+void run(const Call& call) {
+  check_output(call.output, Content::ensemble);
+  PlanOptions options = call.options;
+  Plan result;
+  if (call.model.empty()) {
+    for (const auto& [name, value] : {std::pair{"--states", options.states}, std::pair{"--inputs", options.inputs},
+                                      std::pair{"--outputs", options.outputs}, std::pair{"--steps", options.steps}})
+      if (value == 0) throw std::invalid_argument(fmt::format("{}: needed unless --model tells it", name));
+    result = plan(options);
+  } else {
+    const Model model = load_model(call.model);
+    result = about(call.model, [&] { return plan(model, options); });
+    options.states = model.states();
+    options.inputs = model.inputs;
+    options.outputs = model.outputs;
+    options.names = model.names;
+  }
+  save_ensemble(result.inputs, call.output);
+  if (call.json)
+    print(json(options, result));
+  else
+    print(report(call, options, result));
+  warn(result.warnings);
+}
+
+// "0.5" or "0.5,2,1"
+void add_amplitude_option(CLI::App* command, std::vector<double>& amplitude) {
+  const auto set = [&amplitude](const std::string& text) {
+    amplitude.clear();
+    for (const std::string& part : CLI::detail::split(text, ',')) {
+      const auto value = parse_number(part, std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
+      if (!value)
+        throw CLI::ValidationError("--amplitude",
+                                   fmt::format("'{}' found, positive numbers needed, such as 2 or 0.5,2", text));
+      amplitude.push_back(*value);
+    }
+  };
+  command->add_option_function<std::string>("--amplitude", set, "Limit of |u|, one or one for each input (default 1)")
+      ->type_name("A,...");
+}
+
+// "0.01:0.1"
+void add_noise_option(CLI::App* command, std::optional<NoiseLevel>& noise) {
+  const auto set = [&noise](const std::string& text) {
+    const size_t colon = text.find(':');
+    const auto part = [](const std::string& level) {
+      return parse_number(level, 0.0, std::numeric_limits<double>::max());
+    };
+    const auto input = part(text.substr(0, colon)),
+               output = part(colon == std::string::npos ? "" : text.substr(colon + 1));
+    if (!input || !output)
+      throw CLI::ValidationError("--noise",
+                                 fmt::format("'{}' found, two standard deviations needed, such as 0.01:0.1", text));
+    noise = NoiseLevel{*input, *output};
+  };
+  command
+      ->add_option_function<std::string>("--noise", set,
+                                         "Standard deviations of the noise on inputs and outputs (default: not known)")
+      ->type_name("SD:SD");
+}
+
+}  // namespace
+
+void add_plan(CLI::App& tool) {
+  const auto call = std::make_shared<Call>();
+  PlanOptions& o = call->options;
+  constexpr Index most = 1'000'000;
+  CLI::App* command =
+      add_command(tool, "plan", "How many experiments, and inputs for them",
+                  "tokid plan --states 4 --inputs 2 --outputs 2 --steps 80 --amplitude 0.5 -o inputs.npz");
+  add_number<Index>(command, "--states", o.states, "n", "States (default with --model: as it has)", 1, most);
+  add_number<Index>(command, "--inputs", o.inputs, "r", "Inputs (default with --model: as it has)", 1, most);
+  add_number<Index>(command, "--outputs", o.outputs, "m", "Outputs (default with --model: as it has)", 1, most);
+  add_number<Index>(command, "--steps", o.steps, "T", "Time steps (default with --model: as it has)", 1, most);
+  add_count_or_auto(command, "--lags", o.lags, "Lag order p (auto: the smallest, n/m rounded up)");
+  add_count_or_auto(command, "--experiments", o.experiments, "Experiments N (auto: as many as recommended)");
+  add_choice(command, "--kind", o.kind,
+             Choices<std::optional<InputKind>>{{"orthogonal", InputKind::orthogonal},
+                                               {"gaussian", InputKind::gaussian},
+                                               {"binary", InputKind::binary},
+                                               {"multisine", InputKind::multisine},
+                                               {"optimised", InputKind::optimised}},
+             "Inputs (default optimised with --model, else orthogonal)");
+  add_amplitude_option(command, o.amplitude);
+  add_noise_option(command, o.noise);
+  command->add_option("--model", call->model, "Preliminary model: .npz, .h5 or .mat")->type_name("FILE");
+  add_choice(command, "--initial-state", o.initial_state,
+             Choices<InitialState>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
+             "States at step 0 (default zero)");
+  command->add_flag("--nominal", o.nominal,
+                    "The experiments depart from a mean motion, which is removed from the data");
+  add_number(command, "--dt", o.dt, "SECONDS", "Sample time (default 1; with --model: its own)",
+             std::numeric_limits<double>::min());
+  add_number<std::uint64_t>(command, "--seed", o.seed, "S", "Seed of the random numbers (default 1)", 0);
+  add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
+  add_output_option(command, call->output, "Ensemble to write, inputs only: .npz, .h5, .mat or .csv");
+  command->add_flag("--json", call->json, "Print one JSON object");
+  command->callback([call] { run(*call); });
+}
+
+}  // namespace tokid::app
