@@ -11,7 +11,12 @@ namespace tokid::design {
 
 namespace {
 
-// log-mean of the condition numbers κ_k² = ‖W_k B_k‖²_F ‖(W_k B_k)⁺‖²_F to the power q: q = 1 and less looks at all
+// With 1 this would be the condition number alone, which small inputs serve as well as large ones; 0 looks at the
+// information alone. Halfway, inputs have twice the RMS value of the former, and a condition half as large as the
+// latter.
+constexpr double power = 0.5;
+
+// log-mean of κ_k² = ‖W_k B_k‖_F^{2·power} ‖(W_k B_k)⁺‖²_F to the power q: q = 1 and less looks at all
 // steps, a large q at the worst. B_k (L × rank) scales the channels of W_k, by the outputs as they were at the
 // beginning, and spans its row space, which the model fixes: what no input can excite is left aside.
 class WindowConditions {
@@ -41,8 +46,8 @@ class WindowConditions {
   double operator()(const Matrix& inputs, double q, Matrix& gradient) const {
     const Ensemble e = response(model_, inputs);
     const Index steps = e.steps(), r = e.inputs(), m = e.outputs();
-    std::vector<Matrix> slope(static_cast<size_t>(steps));  // of log κ² with respect to W_k B_k
-    Vector value = Vector::Zero(steps);                     // log κ²
+    std::vector<Matrix> slope(static_cast<size_t>(steps));  // of log κ_k² with respect to W_k B_k
+    Vector value = Vector::Zero(steps);                     // log κ_k²
     parallel_for(first_, steps, execution_, [&](Index begin, Index end) {
       for (Index k = begin; k < end; ++k) {
         const Matrix& basis = basis_[size_t(k)];
@@ -54,8 +59,8 @@ class WindowConditions {
             factor.triangularView<Eigen::Upper>().solve(Matrix::Identity(factor.rows(), factor.cols()));
         const Matrix gram = inverse * inverse.transpose();  // (wᵀw)⁻¹
         const double size = w.squaredNorm(), inverse_size = inverse.squaredNorm();
-        value(k) = std::log(size * inverse_size);
-        slope[size_t(k)] = (2 / size) * w - (2 / inverse_size) * (w * gram) * gram;
+        value(k) = power * std::log(size) + std::log(inverse_size);
+        slope[size_t(k)] = (2 * power / size) * w - (2 / inverse_size) * (w * gram) * gram;
       }
     });
 
