@@ -200,12 +200,16 @@ class Planner {
           fmt::format("experiments: {} found, at least {} needed (r + p(r+m){} at lag order {})", N, plan_.minimum,
                       o.nominal ? " + 1 for the mean motion" : "", o.lags));
     inputs_ = kind_inputs(plan_.kind, N);
+    if (model_ != nullptr && !design::response(*model_, inputs_).samples().allFinite())
+      throw std::invalid_argument(
+          fmt::format("steps: {} found, on which the outputs of the model grow beyond all numbers", o.steps));
     plan_.start_condition = nan;
     if (plan_.kind == InputKind::optimised) {
       // About ten seconds of work: large plans have little to gain.
       const double work = 20 * double(o.steps) * double(N) * double(plan_.unknowns) * double(plan_.unknowns);
       const Index iterations = std::min(o.iterations, Index(1 + 5e9 / work));
-      Matrix better = design::optimise(*model_, inputs_, amplitude_, o.lags, first_, iterations, o.execution);
+      Matrix better =
+          design::optimise(*model_, inputs_, amplitude_, {o.lags, first_, o.nominal}, iterations, o.execution);
       const double start = worst(conditions(inputs_));
       if (worst(conditions(better)) < start) inputs_ = std::move(better);
       plan_.start_condition = start;

@@ -246,6 +246,9 @@ TEST(Design, OrthogonalInputsOfDeparturesHaveMeanZero) {
   const Plan result = plan(options);
   for (Index k = 0; k < 80; ++k)
     EXPECT_LT(result.inputs.input(k).colwise().sum().cwiseAbs().maxCoeff(), 100 * epsilon) << k;
+  // A descent may leave the mean, but not the condition without it.
+  const Plan better = plan(oscillator(80), options);
+  EXPECT_LT(*std::max_element(better.condition.begin(), better.condition.end()), better.start_condition / 2);
   // Those that are none don't look like a mean motion either.
   const Ensemble data = simulate(oscillator(80), plan(oscillator_options(12)).inputs);
   EXPECT_FALSE(test_nominal(data).significant);
@@ -385,6 +388,9 @@ TEST(Design, WrongCallsSayWhatIsNeeded) {
   options.outputs = 1;
   EXPECT_TRUE(contains(complaint(options, &system), "outputs: 1 found, the model has 2"));
   options.outputs = 2;
+  const Model unstable = testing::random_system({4, 2, 2}, 3000, 2.0, 1);
+  PlanOptions all;
+  EXPECT_TRUE(contains(complaint(all, &unstable), "grow beyond all numbers"));
   options.states = 6;
   EXPECT_TRUE(contains(complaint(options, &system), "states: 6 found, the model has 4"));
 }

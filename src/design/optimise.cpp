@@ -21,8 +21,8 @@ constexpr double power = 0.5;
 // beginning, and spans its row space, which the model fixes: what no input can excite is left aside.
 class WindowConditions {
  public:
-  WindowConditions(const Model& model, const Vector& amplitude, Index lags, Index first, const Execution& execution)
-      : model_(model), amplitude_(amplitude), lags_(lags), first_(first), execution_(execution) {}
+  WindowConditions(const Model& model, const Vector& amplitude, const Windows& windows, const Execution& execution)
+      : model_(model), amplitude_(amplitude), windows_(windows), first_(windows.first), execution_(execution) {}
 
   // Takes the scales and row spaces from the windows of these inputs.
   void rescale(const Matrix& inputs) {
@@ -31,7 +31,7 @@ class WindowConditions {
     basis_.assign(size_t(steps), {});
     parallel_for(first_, steps, execution_, [&](Index begin, Index end) {
       for (Index k = begin; k < end; ++k) {
-        Matrix w = e.window(k, lags(k));
+        Matrix w = window(e, k);
         const Vector scale = scales(w, e);
         w *= scale.asDiagonal();
         const linalg::Svd svd = linalg::svd(linalg::triangular_factor(w));
@@ -52,7 +52,7 @@ class WindowConditions {
       for (Index k = begin; k < end; ++k) {
         const Matrix& basis = basis_[size_t(k)];
         if (basis.cols() == 0) continue;
-        const Matrix w = e.window(k, lags(k)) * basis;
+        const Matrix w = window(e, k) * basis;
         Matrix copy = w;
         const Matrix factor = linalg::triangular_factor(copy);
         const Matrix inverse =
@@ -106,11 +106,18 @@ class WindowConditions {
     return scales;
   }
 
-  Index lags(Index k) const { return std::min(lags_, std::max<Index>(0, k - model_.k_begin)); }
+  Index lags(Index k) const { return std::min(windows_.lags, std::max<Index>(0, k - model_.k_begin)); }
+
+  Matrix window(const Ensemble& e, Index k) const {
+    Matrix w = e.window(k, lags(k));
+    if (windows_.centred) w.rowwise() -= w.colwise().mean().eval();
+    return w;
+  }
 
   const Model& model_;
   const Vector& amplitude_;
-  Index lags_, first_;
+  Windows windows_;
+  Index first_;
   Execution execution_;
   std::vector<Matrix> basis_;
 };
@@ -172,7 +179,7 @@ Matrix descend(Matrix x, Index iterations, Function&& function) {
 
 }  // namespace
 
-Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude, Index lags, Index first,
+Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude, const Windows& windows,
                 Index iterations, const Execution& execution) {
   // u = a sin θ keeps every sample within its limit, and lets the descent know no limit.
   const Matrix limit = amplitude.transpose().replicate(start.rows(), start.cols() / amplitude.size());
@@ -180,7 +187,7 @@ Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude
   // 0.95: at the limit itself the sine is flat.
   Matrix angle = (0.95 * start.array() / limit.array()).asin();
 
-  WindowConditions conditions(model, amplitude, lags, first, execution);
+  WindowConditions conditions(model, amplitude, windows, execution);
   for (const double q : {0.5, 2.0, 8.0}) {
     conditions.rescale(inputs(angle));
     angle = descend(angle, iterations, [&](const Matrix& x, Matrix& gradient) {

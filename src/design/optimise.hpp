@@ -6,9 +6,13 @@
 
 namespace tokid::design {
 
-// Improves inputs (N × T·r) by descent within |u| ≤ amplitude (r). The windows are those of the steps k ≥ first, of
-// min(p, k - k_begin) lags.
-Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude, Index lags, Index first,
+struct Windows {
+  Index lags = 0, first = 0;  // those of the steps k ≥ first, of min(p, k - k_begin) lags
+  bool centred = false;       // judged without their mean over the experiments
+};
+
+// Improves inputs (N × T·r) by descent within |u| ≤ amplitude (r).
+Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude, const Windows& windows,
                 Index iterations, const Execution& execution);
 
 }  // namespace tokid::design
