@@ -171,7 +171,7 @@ class Planner {
 
   Matrix kind_inputs(InputKind kind, Index experiments) const {
     const PlanOptions& o = options_;
-    const design::InputSizes sizes{experiments, o.steps, o.inputs, o.lags, o.outputs};
+    const design::InputSizes sizes{experiments, o.steps, o.states, o.inputs, o.outputs, o.lags};
     RandomNumbers random(o.seed);
     Matrix u;
     switch (kind) {

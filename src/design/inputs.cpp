@@ -148,8 +148,9 @@ Matrix orthogonal_inputs(const InputSizes& sizes, bool zero_mean, Index hold, Ra
   const Matrix basis = directions(sizes, zero_mean, random);
   const Index count = basis.cols();
   if (hold == 0) {
-    const Index spare = count - minimum_experiments(r, sizes.outputs, p);
-    hold = std::max<Index>(1, 6 / (1 + std::max<Index>(0, spare)));
+    // Without noise a window has this rank at most; with as many experiments its condition has the heaviest tail.
+    const Index rank = r * (p + 1) + sizes.states;
+    hold = std::max<Index>(1, 6 / (1 + std::max<Index>(0, count - rank)));
   }
 
   // At rest: the directions outside the last p steps, the longest at rest in front.

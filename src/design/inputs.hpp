@@ -9,7 +9,7 @@ namespace tokid::design {
 
 // What the inputs are for: N × T·r samples, columns k·r … k·r+r-1 for step k, in windows of p + 1 steps.
 struct InputSizes {
-  Index experiments, steps, inputs, lags, outputs;
+  Index experiments, steps, states, inputs, outputs, lags;
 };
 
 Matrix gaussian_inputs(const InputSizes& sizes, RandomNumbers& random);
