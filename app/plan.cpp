@@ -123,7 +123,7 @@ void run(const Call& call) {
     result = plan(options);
   } else {
     const Model model = load_model(call.model);
-    result = about(call.model, [&] { return plan(model, options); });
+    result = plan(model, options);
     options.states = model.states();
     options.inputs = model.inputs;
     options.outputs = model.outputs;

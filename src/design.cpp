@@ -203,7 +203,6 @@ class Planner {
     if (model_ != nullptr && !design::response(*model_, inputs_).samples().allFinite())
       throw std::invalid_argument(
           fmt::format("steps: {} found, on which the outputs of the model grow beyond all numbers", o.steps));
-    plan_.start_condition = nan;
     if (plan_.kind == InputKind::optimised) {
       // About ten seconds of work: large plans have little to gain.
       const double work = 20 * double(o.steps) * double(N) * double(plan_.unknowns) * double(plan_.unknowns);
@@ -273,7 +272,6 @@ class Planner {
       }
     });
 
-    plan_.noise_floor = plan_.markov_error = nan;
     if (model_ == nullptr) return;
     const GtvArx arx = conditions(inputs_);
     plan_.condition.assign(size_t(steps), nan);
@@ -351,6 +349,6 @@ class Planner {
 
 Plan plan(const PlanOptions& options) { return Planner(options, nullptr).run(); }
 
-Plan plan(const Model& preliminary, PlanOptions options) { return Planner(std::move(options), &preliminary).run(); }
+Plan plan(const Model& preliminary, const PlanOptions& options) { return Planner(options, &preliminary).run(); }
 
 }  // namespace tokid

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -61,20 +62,22 @@ struct Plan {
   InputKind kind = InputKind::orthogonal;
   Ensemble inputs;       // N × T with r inputs and no outputs
   Vector peak, rms;      // (r) of the inputs
-  Index first_step = 0;  // first step with a regression over p lags
+  Index first_step = 0;  // first step with a regression
   // Expected share of the one-step mean square error of new data that N experiments add to that of the best
   // coefficients, L / (N - L - 1); infinite without degrees of freedom.
   double excess = 0.0;
-  std::vector<double> input_condition;  // (T) of [u_{k-p} … u_k], columns of norm 1; NaN below first_step
+  std::vector<double> input_condition;  // (T) of [u_{k-p} … u_k], columns of norm 1; NaN without a regression
 
   // With a preliminary model only; else empty or NaN.
   std::vector<double> condition;  // (T) of W_k as GtvArxStep::condition measures it; NaN without a regression
   std::vector<Index> rank;        // (T)
-  double start_condition;         // worst condition before the descent
-  Vector output_peak;             // (m) largest |y| over experiments and steps, without noise
+  double start_condition = std::numeric_limits<double>::quiet_NaN();  // worst condition before the descent
+  Vector output_peak;  // (m) largest |y| over experiments and steps, without noise
   // With the noise levels as well.
-  double noise_floor;   // RMS one-step error of the best coefficients over the RMS of the outputs
-  double markov_error;  // expected error of D_k and h_{k,k-1} … h_{k,k-p}, root mean square over that of themselves
+  double noise_floor = std::numeric_limits<double>::quiet_NaN();   // RMS one-step error of the best coefficients over
+                                                                   // the RMS of the outputs
+  double markov_error = std::numeric_limits<double>::quiet_NaN();  // expected error of D_k and h_{k,k-1} … h_{k,k-p},
+                                                                   // root mean square over that of themselves
 
   std::vector<std::string> warnings;
 };
@@ -85,6 +88,6 @@ Plan plan(const PlanOptions& options);
 
 // The same on a preliminary model, which must have the stated sizes (those that are zero are taken from it, as are dt
 // and names) and steps up to T.
-Plan plan(const Model& preliminary, PlanOptions options = {});
+Plan plan(const Model& preliminary, const PlanOptions& options = {});
 
 }  // namespace tokid
