@@ -128,7 +128,7 @@ Matrix descend(Matrix x, Index iterations, Function&& function) {
   constexpr size_t memory = 10;
   struct Pair {
     Matrix step, change;
-    double product;
+    double product = 0.0;
   };
   const auto dot = [](const Matrix& a, const Matrix& b) { return a.cwiseProduct(b).sum(); };
   std::deque<Pair> pairs;
