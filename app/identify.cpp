@@ -10,7 +10,7 @@ namespace tokid::app {
 namespace {
 
 struct Call {
-  fs::path data, model;
+  fs::path data, model, page;
   ReadOptions read;
   IdentifyOptions options;
   std::string method = "tvera";
@@ -219,8 +219,21 @@ Json json(const Call& call, const Ensemble& data, const Identification& result) 
   return j;
 }
 
+void save_page(const Call& call, const Ensemble& data, const Identification& result) {
+  ReportOptions options;
+  options.model_name = call.model.filename().string();
+  options.data_name = call.data.filename().string();
+  options.evaluation = result.held_out ? Evaluation::held_out : Evaluation::training;
+  options.identified_from = result.experiments;
+  options.warnings = result.warnings;
+  options.initial_state = result.model.initial_state;
+  const Ensemble tested = result.held_out ? split(data, call.options.hold_out).held_out : data;
+  save_text(report_page(result.model, tested, options).html, call.page);
+}
+
 void run(const Call& call) {
   check_output(call.model, Content::model);
+  if (!call.page.empty()) check_output(call.page, Content::page);
   if (call.options.reference_step >= 0 && call.options.frame != Frame::reference)
     throw std::invalid_argument("--reference-step: needs --frame reference");
   const Ensemble data = load_ensemble(call.data, call.read);
@@ -231,6 +244,7 @@ void run(const Call& call) {
     return identify(data, options);
   });
   save_model(result.model, call.model);
+  if (!call.page.empty()) save_page(call, data, result);
   if (call.json)
     print(json(call, data, result));
   else if (!call.quiet)
@@ -268,6 +282,8 @@ void add_identify(CLI::App& tool) {
   add_number(command, "--hold-out", o.hold_out, "FRACTION", "Share of the experiments kept for validation (default 0)",
              0.0, 1.0);
   add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
+  command->add_option("--report", call->page, "Page to write that shows whether the model can be trusted: .html")
+      ->type_name("FILE");
   command->add_flag("--json", call->json, "Print one JSON object");
   command->add_flag("--quiet", call->quiet, "Print warnings and errors only");
   command->callback([call] { run(*call); });

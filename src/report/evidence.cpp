@@ -219,12 +219,12 @@ std::string step_list(const std::vector<Index>& steps) {
 namespace {
 
 // The figure alone, cut rather than rounded up: 99.97 is not 100.
-std::string percent_figure(double fit) {
+std::string percent_figure(double fit, int least_digits) {
   if (!std::isfinite(fit)) return "–";
   if (fit < -999) return "below −999";
   const double gap = 100 - fit;
   if (gap < 1e-6) return "100";
-  const int digits = gap >= 2 ? 0 : std::clamp(static_cast<int>(std::ceil(-std::log10(gap))), 1, 6);
+  const int digits = std::max(least_digits, gap >= 2 ? 0 : std::clamp(int(std::ceil(-std::log10(gap))), 1, 6));
   const double scale = std::pow(10.0, digits);
   const double cut = std::floor(fit * scale) / scale;
   return cut < 0 ? fmt::format("−{:.{}f}", -cut, digits) : fmt::format("{:.{}f}", cut, digits);
@@ -232,14 +232,16 @@ std::string percent_figure(double fit) {
 
 }  // namespace
 
-std::string percent(double fit) { return percent_figure(fit) + (std::isfinite(fit) ? " %" : ""); }
+std::string percent(double fit, int digits) { return percent_figure(fit, digits) + (std::isfinite(fit) ? " %" : ""); }
+
+std::string probability(double p) { return p < 1e-4 ? "p < 0.0001" : fmt::format("p = {:.2g}", p); }
 
 std::string percent_range(const Vector& fits) {
   double least = std::numeric_limits<double>::infinity(), most = -least;
   for (const double fit : fits)
     if (std::isfinite(fit)) least = std::min(least, fit), most = std::max(most, fit);
   if (least > most) return "–";
-  const std::string a = percent_figure(least), b = percent_figure(most);
+  const std::string a = percent_figure(least, 0), b = percent_figure(most, 0);
   if (a == b) return a + " %";
   // A dash after a minus sign is hard to read.
   return fmt::format("{}{}{} %", a, least < 0 ? " to " : "–", b);

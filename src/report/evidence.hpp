@@ -58,10 +58,11 @@ Verdict verdict_of(const Model& model, const Evidence& found, const ReportOption
 double median(std::vector<double> values);
 // "steps 3, 5-9 and 12", a few ranges at most
 std::string step_list(const std::vector<Index>& steps);
-// "93 %", with as many digits as tell it from 100 %
-std::string percent(double fit);
+// "93 %", cut rather than rounded, with at least so many digits, and as many as tell it from 100 %
+std::string percent(double fit, int digits = 0);
 // "93-97 %" with an en dash; "-" where there is none
 std::string percent_range(const Vector& fits);
+std::string probability(double p);  // "p = 0.02", "p < 0.0001"
 std::string plural(Index count, std::string_view noun);
 
 }  // namespace tokid::report

@@ -84,7 +84,8 @@ std::string element(std::string_view tag, std::string_view text, std::string_vie
   return fmt::format("<{}{}>{}</{}>\n", tag, attribute, escape(text), tag);
 }
 
-Table::Table(std::vector<Column> columns, std::string_view caption) : columns_(std::move(columns)), caption_(caption) {}
+Table::Table(std::vector<Column> columns, std::string_view caption, bool caption_shown)
+    : columns_(std::move(columns)), caption_(caption), caption_shown_(caption_shown) {}
 
 void Table::row(const std::vector<std::string>& cells, std::string_view css_class) {
   if (cells.size() != columns_.size())
@@ -106,7 +107,7 @@ std::string Table::html() const {
   return fmt::format(
       "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\"><table>\n{}<thead><tr>{}</tr></thead>\n"
       "<tbody>\n{}</tbody></table></div>\n",
-      escape(caption_.empty() ? "Table" : caption_), caption_.empty() ? "" : element("caption", caption_), head, rows_);
+      escape(caption_), element("caption", caption_, caption_shown_ ? "" : "unseen"), head, rows_);
 }
 
 void Facts::row(std::string_view label, std::string_view value) {

@@ -24,7 +24,7 @@ class Table {
     std::string title;
     Align align = Align::number;
   };
-  explicit Table(std::vector<Column> columns, std::string_view caption = {});
+  explicit Table(std::vector<Column> columns, std::string_view caption, bool caption_shown = true);
   void row(const std::vector<std::string>& cells, std::string_view css_class = {});
   bool empty() const { return rows_.empty(); }
   std::string html() const;
@@ -32,6 +32,7 @@ class Table {
  private:
   std::vector<Column> columns_;
   std::string caption_, rows_;
+  bool caption_shown_;
 };
 
 // Label and value side by side, for facts.

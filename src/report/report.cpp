@@ -36,6 +36,16 @@ std::string paragraph(std::string_view text, std::string_view css_class = "note"
   return element("p", text, css_class);
 }
 
+// Ranges and figures with their units stay on one line.
+std::string keep_together(std::string html) {
+  const auto replace = [&html](std::string_view from, std::string_view to) {
+    for (size_t i = 0; (i = html.find(from, i)) != std::string::npos; i += to.size()) html.replace(i, from.size(), to);
+  };
+  replace("–", "&#8288;–&#8288;");
+  replace(" %", "&nbsp;%");
+  return html;
+}
+
 std::string list(const std::vector<std::string>& texts, std::string_view css_class) {
   std::string items;
   for (const std::string& text : texts) items += element("li", text);
@@ -82,7 +92,8 @@ class Report {
   std::string html() const {
     Document page;
     page.title = options_.model_name.empty() ? "Identified model" : options_.model_name;
-    page.kind = "Identification report";
+    page.kind =
+        options_.data_name.empty() ? "Identification report" : "Identification report, tested on " + options_.data_name;
     page.links = {{"verdict", "Verdict"},
                   {"setup", "Data and options"},
                   {"fit", "Fit"},
@@ -118,8 +129,8 @@ class Report {
     std::string tiles = tile(percent_range(v.simulation.fit), "simulation fit") +
                         tile(percent_range(v.one_step.fit), "one-step prediction fit");
     if (!std::isnan(v.whiteness_p))
-      tiles += tile(fmt::format("p {} {:.2g}", v.whiteness_p < 1e-4 ? "<" : "=", std::max(v.whiteness_p, 1e-4)),
-                    "innovations white across the ensemble");
+      tiles += tile(probability(v.whiteness_p), v.whiteness_p < bounds::whiteness ? "innovations correlated in time"
+                                                                                  : "innovations without correlation");
     else
       tiles += tile("–", found_.noisy ? "whiteness: too few experiments" : "innovations at rounding level");
     if (!model_.condition.empty())
@@ -130,7 +141,8 @@ class Report {
     return fmt::format(
         "<section id=\"verdict\" class=\"verdict {}\" aria-label=\"Verdict\">\n{}{}{}<div "
         "class=\"tiles\">\n{}</div>\n{}</section>\n",
-        css_class[static_cast<size_t>(verdict_.trust)], status(verdict_.trust), paragraph(verdict_.summary, "summary"),
+        css_class[static_cast<size_t>(verdict_.trust)], status(verdict_.trust),
+        keep_together(paragraph(verdict_.summary, "summary")),
         verdict_.reasons.empty() ? paragraph("None of the checks of this page speaks against the model.")
                                  : list(verdict_.reasons, "reasons"),
         tiles, thresholds());
@@ -194,19 +206,26 @@ class Report {
     return fmt::format("{}", fmt::join(names, ", "));
   }
 
+  // What was asked for, and what was left to the program.
   std::string option_text() const {
     const auto json = nlohmann::ordered_json::parse(model_.options, nullptr, false);
     if (!json.is_object()) return model_.options;
-    std::vector<std::string> parts;
+    std::vector<std::string> asked, automatic;
     for (const auto& [key, value] : json.items()) {
+      if (key == "experiments") continue;  // a row of its own
       std::string name = key;
       std::replace(name.begin(), name.end(), '_', ' ');
-      parts.push_back(fmt::format("{} {}", name,
-                                  value.is_string()
-                                      ? value.get<std::string>()
-                                      : value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)));
+      const std::string text = value.is_string() ? value.get<std::string>()
+                                                 : value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+      if (text == "auto")
+        automatic.push_back(name);
+      else
+        asked.push_back(name + " " + text);
     }
-    return fmt::format("{}", fmt::join(parts, ", "));
+    std::string text = fmt::format("{}", fmt::join(asked, ", "));
+    if (!automatic.empty())
+      text += fmt::format("{}automatic: {}", text.empty() ? "" : "; ", fmt::join(automatic, ", "));
+    return text;
   }
 
   std::string fit_section() const {
@@ -217,7 +236,7 @@ class Report {
                  {fmt::format("{} ahead", plural(found_.horizon, "step"))},
                  {"RMS error, simulation"},
                  {"RMS error, one step"}},
-                "Fit and error of each output");
+                "Fit and error of each output", false);
     for (Index j = 0; j < model_.outputs; ++j) {
       const auto unit = [&](double value) {
         const std::string text = number(value);
@@ -226,9 +245,10 @@ class Report {
                    ? text + " " + units[size_t(j)]
                    : text;
       };
-      table.row({with_unit(found_.names.output(j), {}, j), percent(v.simulation.fit(j)), percent(v.one_step.fit(j)),
-                 percent(v.horizon.fit(j)), unit(v.simulation.rmse(j)), unit(v.one_step.rmse(j))},
-                v.simulation.fit(j) < bounds::good_fit ? "mark" : "");
+      table.row(
+          {with_unit(found_.names.output(j), {}, j), percent(v.simulation.fit(j), 1), percent(v.one_step.fit(j), 1),
+           percent(v.horizon.fit(j), 1), unit(v.simulation.rmse(j)), unit(v.one_step.rmse(j))},
+          v.simulation.fit(j) < bounds::good_fit ? "mark" : "");
     }
     std::string text =
         "Simulation uses the inputs alone; predictions use the measured outputs up to the given number of "
@@ -366,10 +386,12 @@ class Report {
         "<label class=\"grow\"><span id=\"pole-label\">Step</span><input type=\"range\" id=\"pole-step\" min=\"0\" "
         "max=\"0\" value=\"0\" aria-labelledby=\"pole-label\"></label>"
         "<button type=\"button\" id=\"pole-play\">Play</button>");
-    body += legend("legend-poles") +
-            "<div class=\"plot square\" id=\"plot-poles\" role=\"img\" aria-label=\"Eigenvalues in the "
-            "complex plane with the unit circle\"></div>\n" +
-            pole_table();
+    body += "<div class=\"two\"><div>" + legend("legend-poles") +
+            "<div class=\"plot square\" id=\"plot-poles\" role=\"img\" aria-label=\"Eigenvalues in the complex plane "
+            "with the "
+            "unit circle\"></div></div>\n<div><h3 class=\"scripted-only\">Largest magnitude</h3>\n" +
+            legend("legend-radius") + plot_place("plot-radius", "Largest magnitude of the eigenvalues over the steps") +
+            pole_table() + "</div></div>\n";
     return section("poles", "Eigenvalues", body);
   }
 
@@ -386,9 +408,9 @@ class Report {
     if (radius.empty()) return paragraph("No step has as many states before as after it: there are no eigenvalues.");
     const auto [least, most] = std::minmax_element(radius.begin(), radius.end());
     const Index outside = std::count_if(radius.begin(), radius.end(), [](const auto& r) { return r.first > 1; });
-    facts.row("Largest of A", fmt::format("{:.4g} at step {}, {:.4g} at step {}", least->first, least->second,
+    facts.row("Largest of A", fmt::format("{:.4g} (step {}) to {:.4g} (step {})", least->first, least->second,
                                           most->first, most->second));
-    facts.row("Outside the circle", fmt::format("at {} of {}", outside, plural(Index(radius.size()), "step")));
+    facts.row("A outside the circle", fmt::format("at {} of {}", outside, plural(Index(radius.size()), "step")));
     facts.row("Largest of A + GC", fmt::format("{:.4g}", closed));
     return facts.html();
   }
@@ -433,7 +455,7 @@ class Report {
     return section(
         "whiteness", "Whiteness of the innovations",
         paragraph(about) +
-            paragraph(fmt::format("p = {:.3g}: {}.", v.whiteness_p,
+            paragraph(fmt::format("{}: {}.", probability(v.whiteness_p),
                                   white ? "no sign of correlation" : "the innovations are correlated in time"),
                       "lead") +
             legend("legend-whiteness") +

@@ -193,9 +193,9 @@ class Judge {
         if (std::abs(c) > largest) largest = std::abs(c), lag = j + 1;
     if (largest < bounds::correlation) return;
     against(Trust::look_closer,
-            fmt::format("The innovations are correlated in time (p = {:.1g}, up to {:.2f} at lag {}): the model leaves "
+            fmt::format("The innovations are correlated in time ({}, up to {:.2f} at lag {}): the model leaves "
                         "something unexplained that a larger lag order or order might take up.",
-                        found_.validation.whiteness_p, largest, lag));
+                        probability(found_.validation.whiteness_p), largest, lag));
   }
 
   const Model& model_;

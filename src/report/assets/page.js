@@ -14,7 +14,8 @@
 
   function apply() {
     const theme = printing ? "light" : current();
-    if (root.dataset.theme === theme) return;
+    if (root.dataset.theme === theme && root.dataset.printing === String(printing)) return;
+    root.dataset.printing = String(printing);
     root.dataset.theme = theme;
     button.textContent = theme === "dark" ? "Light" : "Dark";
     button.setAttribute("aria-label", `Switch to ${theme === "dark" ? "light" : "dark"} colours`);
