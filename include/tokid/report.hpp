@@ -11,16 +11,18 @@
 
 namespace tokid {
 
-// What the data of a report are to the model. The verdict is milder on none of them, but says how much they prove.
+// What the data of a report are to the model; the verdict depends on it.
 enum class Evaluation {
-  given,     // not stated: perhaps the data that the model was identified from
-  held_out,  // experiments kept back from the identification
-  training   // the experiments of the identification themselves
+  automatic,  // found out by doing one regression of the identification anew; of data of which some had been held out,
+              // these alone are tested
+  given,      // other data, as far as is known
+  held_out,   // experiments kept back from the identification
+  training    // the experiments of the identification themselves
 };
 
 struct ReportOptions {
   std::string model_name, data_name;  // of the files, shown as text
-  Evaluation evaluation = Evaluation::given;
+  Evaluation evaluation = Evaluation::automatic;
   Index identified_from = 0;                       // experiments of the identification; 0: not known
   std::vector<std::string> warnings = {};          // of the identification, and others that belong on the page
   Index horizon = 10;                              // H of the H-step predictions and their fit

@@ -135,6 +135,16 @@ void judge_regressions(const Model& model, Evidence& found) {
       found.deficient.push_back(model.k_begin + Index(s));
 }
 
+void judge_whiteness(Evidence& found) {
+  const Whiteness& white = found.validation.whiteness;
+  found.correlated = found.validation.whiteness_p < bounds::whiteness;
+  for (Index j = 0; j < white.correlation.rows(); ++j)
+    for (const double c : white.correlation.row(j)) {
+      found.correlated = found.correlated || std::abs(c) > 1.5 * white.bound(j);
+      if (std::abs(c) > found.correlation) found.correlation = std::abs(c), found.correlation_lag = j + 1;
+    }
+}
+
 // Experiments of the identification, where the model has kept their number.
 Index identified_from(const Model& model, const ReportOptions& options) {
   if (options.identified_from > 0) return options.identified_from;
@@ -173,6 +183,7 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
   }
   found.identified_from = identified_from(model, options);
   judge_regressions(model, found);
+  judge_whiteness(found);
   found.weak_inputs = weak_inputs(data);
   found.differences = differences(model, data);
 

@@ -47,6 +47,9 @@ struct Evidence {
   std::vector<Index> error_peaks;  // steps whose one-step error stands out
   std::vector<double> step_error;  // (T) RMS one-step error over outputs, relative to their spread; NaN where none
   std::vector<double> experiment_error;  // (N) the same of the simulation, or of the prediction where there is none
+  bool correlated = false;               // innovations, by the test or by a mean correlation well beyond its bound
+  double correlation = 0.0;              // the largest of the mean correlations in size
+  Index correlation_lag = 0;
   std::vector<std::string> differences;  // between the data's and the model's sample time and names
 };
 // \throws as report_page

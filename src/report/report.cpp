@@ -10,6 +10,7 @@
 #include "assets.hpp"
 #include "evidence.hpp"
 #include "page.hpp"
+#include "provenance.hpp"
 #include "report_data.hpp"
 #include "tokid/version.hpp"
 
@@ -119,7 +120,7 @@ class Report {
       case Evaluation::training:
         return count + ", the same that the model was identified from";
       default:
-        return count + " as given";
+        return count + ", not the ones that the model was identified from";
     }
   }
 
@@ -129,8 +130,8 @@ class Report {
     std::string tiles = tile(percent_range(v.simulation.fit), "simulation fit") +
                         tile(percent_range(v.one_step.fit), "one-step prediction fit");
     if (!std::isnan(v.whiteness_p))
-      tiles += tile(probability(v.whiteness_p), v.whiteness_p < bounds::whiteness ? "innovations correlated in time"
-                                                                                  : "innovations without correlation");
+      tiles += tile(probability(v.whiteness_p),
+                    found_.correlated ? "innovations correlated in time" : "innovations without correlation");
     else
       tiles += tile("–", found_.noisy ? "whiteness: too few experiments" : "innovations at rounding level");
     if (!model_.condition.empty())
@@ -429,6 +430,20 @@ class Report {
             "<noscript><p class=\"note\">The matrices themselves are in the model's file.</p></noscript>\n");
   }
 
+  std::string whiteness_text() const {
+    const std::string p = probability(found_.validation.whiteness_p);
+    if (!found_.correlated) return p + ": no sign of correlation.";
+    const std::string size = fmt::format("up to {:.3f} at lag {}", found_.correlation, found_.correlation_lag);
+    if (found_.correlation < bounds::correlation)
+      return fmt::format(
+          "{}: correlated beyond chance, but little ({}); correlations below {:.1f} do not count against "
+          "the model.",
+          p, size, bounds::correlation);
+    if (found_.validation.whiteness_p < bounds::whiteness) return fmt::format("{}: correlated in time, {}.", p, size);
+    return fmt::format("{}: the test sees nothing in single steps, but the mean correlations are beyond chance, {}.", p,
+                       size);
+  }
+
   std::string whiteness_section() const {
     const Validation& v = found_.validation;
     const std::string about =
@@ -451,16 +466,10 @@ class Report {
                             : fmt::format("{:.3f}", v.whiteness.correlation(lag - 1, j)));
       table.row(cells);
     }
-    const bool white = v.whiteness_p >= bounds::whiteness;
-    return section(
-        "whiteness", "Whiteness of the innovations",
-        paragraph(about) +
-            paragraph(fmt::format("{}: {}.", probability(v.whiteness_p),
-                                  white ? "no sign of correlation" : "the innovations are correlated in time"),
-                      "lead") +
-            legend("legend-whiteness") +
-            plot_place("plot-whiteness", "Correlation of the innovations over the lag, with its bounds") +
-            fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
+    return section("whiteness", "Whiteness of the innovations",
+                   paragraph(about) + paragraph(whiteness_text(), "lead") + legend("legend-whiteness") +
+                       plot_place("plot-whiteness", "Correlation of the innovations over the lag, with its bounds") +
+                       fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
   }
 
   std::string notes_section() const {
@@ -500,7 +509,8 @@ class Report {
 }  // namespace report
 
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options) {
-  const report::Report report(model, data, options);
+  const report::Tested tested = report::tested(model, data, options);
+  const report::Report report(model, tested.data, tested.options);
   return {report.verdict(), report.html()};
 }
 

@@ -260,7 +260,7 @@ class Collector {
       omit("Of {} singular values of every step the largest {} are drawn.", rows, most_heat_rows);
     rows = std::min(rows, most_heat_rows);
     const Index stride = (model_.steps() + most_heat_columns - 1) / most_heat_columns;
-    if (stride > 1) omit("Singular values are drawn at every {}. step.", stride);
+    if (stride > 1) omit("Singular values are drawn at one step in {}.", stride);
     double largest = 0.0;
     for (const Vector& s : model_.singular_values)
       if (s.size() > 0 && std::isfinite(s(0))) largest = std::max(largest, s(0));
@@ -319,7 +319,7 @@ class Collector {
            mixed == 1 ? "one step" : fmt::format("{} steps", mixed), frame.name);
     const Index most = std::max<Index>(2, most_poles / std::max<Index>(1, 4 * model.states()));
     const Index stride = std::max<Index>(1, (Index(square.size()) + most - 1) / most);
-    if (stride > 1) omit("Eigenvalues are shown at every {}. step.", stride);
+    if (stride > 1) omit("Eigenvalues are shown at one step in {}.", stride);
     Json k_list = Json::array(), open = Json::array(), closed = Json::array();
     const auto list = [](const Eigen::VectorXcd& values) {
       Json numbers = Json::array();

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "evidence.hpp"
+#include "provenance.hpp"
 
 namespace tokid {
 
@@ -69,7 +70,7 @@ class Judge {
       text = fmt::format("No simulation could be compared on {}", tested());
     if (v.one_step.samples > 0) text += fmt::format("; one-step prediction fit {}", percent_range(v.one_step.fit));
     text += ".";
-    if (!ill_text_.empty()) text += " " + ill_text_;
+    if (!remark_.empty()) text += " " + remark_;
     return text;
   }
 
@@ -96,6 +97,13 @@ class Judge {
       against(Trust::look_closer, "Nothing was simulated: no initial state could be found for it.");
     else if (!v.simulation.rmse.allFinite())
       against(Trust::distrust, "The simulation overflows: the model is unstable over its steps.");
+    else if (simulation < 0)
+      against(Trust::distrust, fmt::format("The simulation of output {} is worse than none at all (fit {}){}.",
+                                           name(v.simulation.fit), percent(simulation),
+                                           one_step >= bounds::good_fit
+                                               ? fmt::format("; predictions with the observer in the loop are not ({})",
+                                                             percent_range(v.one_step.fit))
+                                               : ""));
     else if (simulation < bounds::poor_fit && one_step >= bounds::good_fit)
       against(
           Trust::look_closer,
@@ -130,8 +138,6 @@ class Judge {
                 fmt::format("Identified from {} for {} unknowns per output and step: noise enters the model almost "
                             "undamped; {} or more would be better.",
                             plural(from, "experiment"), unknowns, 3 * unknowns));
-      if (options_.evaluation == Evaluation::given && from == 0 && !model_.lags.empty())
-        against(Trust::look_closer, "It is not known whether the model was identified from these experiments.");
     }
     if (found_.experiments < bounds::few_tested)
       against(Trust::look_closer,
@@ -159,8 +165,8 @@ class Judge {
       explained = cause(found_.ill);
       std::string steps = step_list(found_.ill);
       steps[0] = 'S';
-      ill_text_ = fmt::format("{} {} ill-conditioned{}.", steps, found_.ill.size() == 1 ? "is" : "are",
-                              explained.empty() ? "" : ": " + explained);
+      remark_ = fmt::format("{} {} ill-conditioned{}.", steps, found_.ill.size() == 1 ? "is" : "are",
+                            explained.empty() ? "" : ": " + explained);
       std::string why = explained;
       if (why.empty() && found_.identified_from > 0 && found_.identified_from < 2 * found_.unknowns)
         why = fmt::format("{} are few for {} unknowns", plural(found_.identified_from, "experiment"), found_.unknowns);
@@ -172,6 +178,7 @@ class Judge {
     }
     for (const WeakInput& weak : found_.weak_inputs) {
       const std::string name = found_.names.input(weak.input);
+      if (remark_.empty()) remark_ = fmt::format("Input {} is nearly constant at {}.", name, step_list(weak.steps));
       against(Trust::look_closer,
               fmt::format("Input {} is nearly constant at {} (its spread over the experiments falls to {:.2g} % of the "
                           "usual one): its effect there is hardly tested, nor well identified from such data.",
@@ -184,18 +191,11 @@ class Judge {
   }
 
   void whiteness() {
-    const Whiteness& white = found_.validation.whiteness;
-    if (!(found_.validation.whiteness_p < bounds::whiteness)) return;
-    double largest = 0.0;
-    Index lag = 0;
-    for (Index j = 0; j < white.correlation.rows(); ++j)
-      for (const double c : white.correlation.row(j))
-        if (std::abs(c) > largest) largest = std::abs(c), lag = j + 1;
-    if (largest < bounds::correlation) return;
+    if (!found_.correlated || found_.correlation < bounds::correlation) return;
     against(Trust::look_closer,
             fmt::format("The innovations are correlated in time ({}, up to {:.2f} at lag {}): the model leaves "
-                        "something unexplained that a larger lag order or order might take up.",
-                        probability(found_.validation.whiteness_p), largest, lag));
+                        "something unexplained that more lags or states might take up.",
+                        probability(found_.validation.whiteness_p), found_.correlation, found_.correlation_lag));
   }
 
   const Model& model_;
@@ -203,7 +203,7 @@ class Judge {
   const ReportOptions& options_;
   Verdict verdict_;
   std::vector<std::pair<Trust, std::string>> reasons_;
-  std::string ill_text_;
+  std::string remark_;  // on single steps, for the summary
 };
 
 }  // namespace
@@ -215,7 +215,8 @@ Verdict verdict_of(const Model& model, const Evidence& found, const ReportOption
 }  // namespace report
 
 Verdict verdict(const Model& model, const Ensemble& data, const ReportOptions& options) {
-  return report::verdict_of(model, report::evidence(model, data, options), options);
+  const report::Tested tested = report::tested(model, data, options);
+  return report::verdict_of(model, report::evidence(model, tested.data, tested.options), tested.options);
 }
 
 }  // namespace tokid
