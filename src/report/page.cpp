@@ -199,8 +199,8 @@ std::string document(const Document& parts) {
   page += navigation(parts.links);
   if (parts.plots)
     page +=
-        "<noscript><p class=\"note\">JavaScript is off: the tables are all here, the plots are not "
-        "drawn.</p></noscript>\n";
+        "<p class=\"note unscripted\">JavaScript is off: the tables are all here, the plots are not "
+        "drawn.</p>\n";
   page += "<main>\n";
   page += parts.body;
   page += "</main>\n<footer>\n";

@@ -427,7 +427,7 @@ class Report {
             plot_place("plot-gain", "Entries of the observer gain over the steps") +
             "<h3 class=\"scripted-only\">A, smooth frame</h3>\n" + legend("legend-a") +
             plot_place("plot-a", "Entries of A over the steps in the smooth frame") +
-            "<noscript><p class=\"note\">The matrices themselves are in the model's file.</p></noscript>\n");
+            "<p class=\"note unscripted\">The matrices themselves are in the model's file.</p>\n");
   }
 
   std::string whiteness_text() const {
