@@ -56,6 +56,26 @@ TEST(Whiteness, ProbabilitiesAreUniformForWhiteInnovations) {
 
 TEST(Whiteness, SeesCorrelationInTime) { EXPECT_LT(whiteness_p(innovations(60, 30, 2, 0.4, 7), 5), 1e-6); }
 
+TEST(Whiteness, CorrelationsAreThoseOfEachLag) {
+  // e_k = c e_{k-1} + fresh: c / √(1 + c²) at lag 1 where the previous innovation is fresh alone, which it is here.
+  Random random(5);
+  const double c = 0.5;
+  std::vector<Matrix> e;
+  for (int pair = 0; pair < 40; ++pair) {
+    const Matrix first = random.matrix(200, 1);
+    e.push_back(first);
+    e.push_back(c * first + random.matrix(200, 1));
+  }
+  const Whiteness w = whiteness(e, 3);
+  // Every second pair of steps is correlated, 40 of 79. Bounds of 99 %: twice that leaves no doubt.
+  EXPECT_NEAR(w.correlation(0, 0), 40.0 / 79 * c / std::sqrt(1 + c * c), 2 * w.bound(0));
+  EXPECT_LT(std::abs(w.correlation(1, 0)), 2 * w.bound(1));
+  EXPECT_NEAR(w.bound(0), 2.576 / std::sqrt(79.0 * 199), 1e-4);
+  EXPECT_GT(w.z(0), 10);
+  EXPECT_LT(std::abs(w.z(2)), 4);
+  EXPECT_EQ(w.p, whiteness_p(e, 3));
+}
+
 TEST(Whiteness, LeavesOutWhatIsMissingAndNeedsEnoughExperiments) {
   std::vector<Matrix> e = innovations(20, 30, 2, 0.0, 8);
   e[4](3, 0) = nan;

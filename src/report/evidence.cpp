@@ -245,6 +245,31 @@ std::string percent_figure(double fit, int least_digits) {
 
 std::string percent(double fit, int digits) { return percent_figure(fit, digits) + (std::isfinite(fit) ? " %" : ""); }
 
+std::string figure(double value, int digits) {
+  if (std::isnan(value)) return "–";
+  if (std::isinf(value)) return value > 0 ? "∞" : "−∞";
+  const double size = std::abs(value);
+  if (size == 0 || (size >= 1e-4 && size < 1e5)) {
+    // No exponent in this range: a few digits of something large are as many as it has.
+    const int integers = size >= 1 ? static_cast<int>(std::log10(size)) + 1 : 1;
+    const std::string text = fmt::format("{:.{}g}", size, std::max(digits, integers));
+    return value < 0 ? "−" + text : text;
+  }
+  const std::string text = fmt::format("{:.{}e}", size, digits - 1);
+  const size_t e = text.find('e');
+  std::string mantissa = text.substr(0, e);
+  while (mantissa.find('.') != std::string::npos && (mantissa.back() == '0' || mantissa.back() == '.')) {
+    const bool point = mantissa.back() == '.';
+    mantissa.pop_back();
+    if (point) break;
+  }
+  static constexpr const char* raised[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
+  const int exponent = std::stoi(text.substr(e + 1));
+  std::string power = exponent < 0 ? "⁻" : "";
+  for (const char digit : std::to_string(std::abs(exponent))) power += raised[digit - '0'];
+  return fmt::format("{}{}·10{}", value < 0 ? "−" : "", mantissa, power);
+}
+
 std::string probability(double p) { return p < 1e-4 ? "p < 0.0001" : fmt::format("p = {:.2g}", p); }
 
 std::string percent_range(const Vector& fits) {

@@ -65,6 +65,8 @@ std::string step_list(const std::vector<Index>& steps);
 std::string percent(double fit, int digits = 0);
 // "93-97 %" with an en dash; "-" where there is none
 std::string percent_range(const Vector& fits);
+// "0.0123", "1.4·10⁵"; a dash for NaN
+std::string figure(double value, int digits = 4);
 std::string probability(double p);  // "p = 0.02", "p < 0.0001"
 std::string plural(Index count, std::string_view noun);
 

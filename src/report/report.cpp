@@ -22,19 +22,9 @@ namespace {
 
 using Align = Table::Align;
 
-std::string number(double value) {
-  if (std::isnan(value)) return "–";
-  if (std::isinf(value)) return value > 0 ? "∞" : "−∞";
-  return fmt::format("{:.4g}", value);
-}
-
 std::string with_unit(const std::string& name, const std::vector<std::string>& units, Index i) {
   const size_t at = static_cast<size_t>(i);
   return at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name;
-}
-
-std::string paragraph(std::string_view text, std::string_view css_class = "note") {
-  return element("p", text, css_class);
 }
 
 // Ranges and figures with their units stay on one line.
@@ -47,9 +37,13 @@ std::string keep_together(std::string html) {
   return html;
 }
 
+std::string paragraph(std::string_view text, std::string_view css_class = "note") {
+  return keep_together(element("p", text, css_class));
+}
+
 std::string list(const std::vector<std::string>& texts, std::string_view css_class) {
   std::string items;
-  for (const std::string& text : texts) items += element("li", text);
+  for (const std::string& text : texts) items += keep_together(element("li", text));
   return fmt::format("<ul class=\"{}\">\n{}</ul>\n", css_class, items);
 }
 
@@ -135,15 +129,13 @@ class Report {
     else
       tiles += tile("–", found_.noisy ? "whiteness: too few experiments" : "innovations at rounding level");
     if (!model_.condition.empty())
-      tiles +=
-          tile(number(found_.condition_max), fmt::format("worst condition, median {:.3g}", found_.condition_median));
+      tiles += tile(figure(found_.condition_max, 3), "worst condition, median " + figure(found_.condition_median, 3));
     tiles += tile(fmt::format("{}", model_.states()), model_.states() == 1 ? "state" : "states");
 
     return fmt::format(
         "<section id=\"verdict\" class=\"verdict {}\" aria-label=\"Verdict\">\n{}{}{}<div "
         "class=\"tiles\">\n{}</div>\n{}</section>\n",
-        css_class[static_cast<size_t>(verdict_.trust)], status(verdict_.trust),
-        keep_together(paragraph(verdict_.summary, "summary")),
+        css_class[static_cast<size_t>(verdict_.trust)], status(verdict_.trust), paragraph(verdict_.summary, "summary"),
         verdict_.reasons.empty() ? paragraph("None of the checks of this page speaks against the model.")
                                  : list(verdict_.reasons, "reasons"),
         tiles, thresholds());
@@ -240,7 +232,7 @@ class Report {
                 "Fit and error of each output", false);
     for (Index j = 0; j < model_.outputs; ++j) {
       const auto unit = [&](double value) {
-        const std::string text = number(value);
+        const std::string text = figure(value);
         const auto& units = found_.names.output_units;
         return size_t(j) < units.size() && !units[size_t(j)].empty() && !std::isnan(value)
                    ? text + " " + units[size_t(j)]
@@ -285,7 +277,7 @@ class Report {
     Table table({{"Experiment", Align::text}, {"Relative error"}},
                 "RMS simulation error relative to the spread of the outputs");
     for (size_t i = 0; i < shown.rows.size(); ++i)
-      table.row({shown.labels[i], number(found_.experiment_error[size_t(shown.rows[i])])});
+      table.row({shown.labels[i], figure(found_.experiment_error[size_t(shown.rows[i])])});
     return fmt::format("<details><summary>Errors of experiments as a table</summary>\n{}</details>\n", table.html());
   }
 
@@ -314,9 +306,8 @@ class Report {
     }
     Facts facts;
     facts.row("States", fmt::format("{}", n));
-    if (!last.empty())
-      facts.row("Last one kept", fmt::format("{:.3g} of the largest, median over steps", median(last)));
-    if (!beyond.empty()) facts.row("First left out", fmt::format("{:.3g} of the largest", median(beyond)));
+    if (!last.empty()) facts.row("Last one kept", figure(median(last), 3) + " of the largest, median over steps");
+    if (!beyond.empty()) facts.row("First left out", figure(median(beyond), 3) + " of the largest");
     return facts.html();
   }
 
@@ -354,10 +345,10 @@ class Report {
       const bool lags = !model_.lags.empty(), rank = !model_.rank.empty();
       const Index unknowns = lags ? model_.inputs + model_.lags[s] * (model_.inputs + model_.outputs) : 0;
       table.row(
-          {fmt::format("{}", k), number(double(k) * model_.dt),
-           model_.condition.empty() ? "–" : number(model_.condition[s]), rank ? fmt::format("{}", model_.rank[s]) : "–",
+          {fmt::format("{}", k), figure(double(k) * model_.dt),
+           model_.condition.empty() ? "–" : figure(model_.condition[s]), rank ? fmt::format("{}", model_.rank[s]) : "–",
            lags ? fmt::format("{}", unknowns) : "–", lags ? fmt::format("{}", model_.lags[s]) : "–",
-           fmt::format("{}", model_.n(k)), k < data_.steps() ? number(found_.step_error[size_t(k)]) : "–"},
+           fmt::format("{}", model_.n(k)), k < data_.steps() ? figure(found_.step_error[size_t(k)]) : "–"},
           std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
     }
     return table.html();
@@ -412,7 +403,7 @@ class Report {
     facts.row("Largest of A", fmt::format("{:.4g} (step {}) to {:.4g} (step {})", least->first, least->second,
                                           most->first, most->second));
     facts.row("A outside the circle", fmt::format("at {} of {}", outside, plural(Index(radius.size()), "step")));
-    facts.row("Largest of A + GC", fmt::format("{:.4g}", closed));
+    facts.row("Largest of A + GC", figure(closed));
     return facts.html();
   }
 

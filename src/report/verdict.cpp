@@ -117,7 +117,7 @@ class Judge {
       against(Trust::look_closer, fmt::format("The simulation fits output {} to {}; {:.0f} % or more would be good.",
                                               name(v.simulation.fit), percent(simulation), bounds::good_fit));
     if (!found_.error_peaks.empty())
-      against(Trust::look_closer, fmt::format("One-step errors at {} are more than {:.0f} times those of other steps.",
+      against(Trust::look_closer, fmt::format("One-step errors at {} are more than {:.0f} times the median.",
                                               step_list(found_.error_peaks), bounds::error_peak));
     return true;
   }
@@ -145,44 +145,55 @@ class Judge {
   }
 
   // Inputs that rest where the windows of the given steps reach.
-  std::string cause(const std::vector<Index>& steps) const {
-    std::vector<std::string> causes;
+  std::vector<const WeakInput*> causes(const std::vector<Index>& steps) const {
+    std::vector<const WeakInput*> result;
     for (const WeakInput& weak : found_.weak_inputs) {
       const bool reached = std::any_of(steps.begin(), steps.end(), [&](Index k) {
         const auto first = std::lower_bound(weak.steps.begin(), weak.steps.end(), k - found_.lags);
         return first != weak.steps.end() && *first <= k;
       });
-      if (reached)
-        causes.push_back(
-            fmt::format("input {} is nearly constant at {}", found_.names.input(weak.input), step_list(weak.steps)));
+      if (reached) result.push_back(&weak);
     }
-    return fmt::format("{}", fmt::join(causes, ", "));
+    return result;
+  }
+
+  std::string rests(const WeakInput& weak) const {
+    return fmt::format("input {} is nearly constant at {}", found_.names.input(weak.input), step_list(weak.steps));
+  }
+  std::string spread(const WeakInput& weak) const {
+    return fmt::format("its spread over the experiments falls to {} % of the usual one", figure(100 * weak.spread, 2));
   }
 
   void regressions() {
-    std::string explained;
+    const std::vector<const WeakInput*> explained = causes(found_.ill);
     if (!found_.ill.empty()) {
-      explained = cause(found_.ill);
+      std::vector<std::string> briefly, fully;
+      for (const WeakInput* weak : explained) {
+        briefly.push_back(rests(*weak));
+        fully.push_back(fmt::format("{} ({})", rests(*weak), spread(*weak)));
+      }
       std::string steps = step_list(found_.ill);
       steps[0] = 'S';
-      remark_ = fmt::format("{} {} ill-conditioned{}.", steps, found_.ill.size() == 1 ? "is" : "are",
-                            explained.empty() ? "" : ": " + explained);
-      std::string why = explained;
+      remark_ = fmt::format("{} {} ill-conditioned{}{}.", steps, found_.ill.size() == 1 ? "is" : "are",
+                            briefly.empty() ? "" : ": ", fmt::join(briefly, ", "));
+      std::string why = fmt::format("{}", fmt::join(fully, "; "));
       if (why.empty() && found_.identified_from > 0 && found_.identified_from < 2 * found_.unknowns)
         why = fmt::format("{} are few for {} unknowns", plural(found_.identified_from, "experiment"), found_.unknowns);
       if (why.empty()) why = "some inputs or outputs of neighbouring steps are almost dependent over the experiments";
-      against(Trust::look_closer,
-              fmt::format("Condition numbers reach {:.2g} at {} (median {:.2g}): {}. Expect few correct digits of the "
-                          "matrices there.",
-                          found_.condition_max, step_list(found_.ill), found_.condition_median, why));
+      against(
+          Trust::look_closer,
+          fmt::format("Condition numbers reach {} at {}, against a median of {}: {}. Expect few correct digits of "
+                      "the matrices there.",
+                      figure(found_.condition_max, 2), step_list(found_.ill), figure(found_.condition_median, 2), why));
     }
     for (const WeakInput& weak : found_.weak_inputs) {
-      const std::string name = found_.names.input(weak.input);
-      if (remark_.empty()) remark_ = fmt::format("Input {} is nearly constant at {}.", name, step_list(weak.steps));
-      against(Trust::look_closer,
-              fmt::format("Input {} is nearly constant at {} (its spread over the experiments falls to {:.2g} % of the "
-                          "usual one): its effect there is hardly tested, nor well identified from such data.",
-                          name, step_list(weak.steps), 100 * weak.spread));
+      if (std::find(explained.begin(), explained.end(), &weak) != explained.end()) continue;
+      std::string text = rests(weak);
+      text[0] = 'I';
+      if (remark_.empty()) remark_ = text + ".";
+      against(Trust::look_closer, fmt::format("{} ({}): its effect there is hardly tested, nor well identified from "
+                                              "such data.",
+                                              text, spread(weak)));
     }
     if (found_.noisy && !found_.deficient.empty() && Index(found_.deficient.size()) > found_.lags)
       against(Trust::look_closer, fmt::format("The regressions of {} lack rank: part of their effects can't be told "

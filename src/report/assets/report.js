@@ -20,16 +20,25 @@
   };
 
   // Numbers as people read them
+  const raised = exponent => "10" + [...String(exponent)].map(c => c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(c)]).join("");
   function short(value) {
     if (value === null || value === undefined || !Number.isFinite(value)) return "–";
     if (value === 0) return "0";
     const size = Math.abs(value);
-    if (size >= 1e5 || size < 1e-3) return value.toExponential(2).replace("e+", "e").replace("-", "−");
+    if (size >= 1e5 || size < 1e-3) {
+      const [mantissa, exponent] = value.toExponential(2).split("e");
+      return `${mantissa.replace("-", "−")}·${raised(Number(exponent))}`;
+    }
     return String(Number(value.toPrecision(4))).replace("-", "−");
   }
-  const tick = value => value === null ? "" : Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3)
-    ? value.toExponential(0).replace("e+", "e").replace(/-/g, "−") : String(Number(value.toPrecision(6))).replace("-", "−");
-  const raised = exponent => "10" + [...String(exponent)].map(c => c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(c)]).join("");
+  function tick(value) {
+    if (value === null) return "";
+    if (value !== 0 && (Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3)) {
+      const [mantissa, exponent] = String(Number(value.toPrecision(6)).toExponential()).split("e");
+      return `${mantissa === "1" ? "" : mantissa.replace("-", "−") + "·"}${raised(Number(exponent))}`;
+    }
+    return String(Number(value.toPrecision(6))).replace("-", "−");
+  }
   const named = channel => channel.unit ? `${channel.name} [${channel.unit}]` : channel.name;
 
   // Plots over time share one range of steps.
@@ -157,7 +166,8 @@
       },
       axes: [
         {...axis, ...hidden_grid, incrs: steps, size: 30, label: plot.shared ? "Step" : "Lag", labelSize: 18, labelFont: font(12), space: narrow() ? 48 : 64, values: (u, ticks) => ticks.map(v => Number.isInteger(v) ? tick(v) : "")},
-        {...axis, ...hidden_grid, size: 58, space: 34, ...(plot.incrs ? {incrs: plot.incrs} : {}),
+        // As wide with a label as without: steps stand below each other.
+        {...axis, ...hidden_grid, size: (narrow() ? 48 : 58) + (plot.label ? 0 : 20), space: 34, ...(plot.incrs ? {incrs: plot.incrs} : {}),
           ...(plot.label ? {label: plot.label, labelSize: 20, labelFont: font(12)} : {}),
           ...(plot.filter ? {filter: plot.filter, grid: {...axis.grid, filter: plot.filter}, ticks: {...axis.ticks, filter: plot.filter}} : {}),
           values: (u, ticks) => ticks.map(plot.tick || tick)}
@@ -494,7 +504,7 @@
   }
 
   function draw_radius() {
-    add({name: "radius", place: "plot-radius", legend: "legend-radius", shared: true, tall: 250, x: poles.k, zero: true, curves: [
+    add({name: "radius", place: "plot-radius", legend: "legend-radius", shared: true, tall: 290, x: poles.k, zero: true, curves: [
       {label: "Open loop", colour: "--c-orange", values: poles.open.map(largest)},
       {label: "With the observer", colour: "--c-blue", values: poles.closed.map(largest), dash: [5, 3]},
       {label: "Unit circle", colour: "--c-faint", values: poles.k.map(() => 1), width: 1.2}]});

@@ -1,0 +1,365 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/report.hpp"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "report/evidence.hpp"
+#include "report/page.hpp"
+#include "report/provenance.hpp"
+#include "report/report_data.hpp"
+#include "testing.hpp"
+#include "tokid/example.hpp"
+#include "tokid/identify.hpp"
+
+namespace tokid::testing {
+namespace {
+
+using report::escape;
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+std::string all_reasons(const Verdict& verdict) {
+  std::string text;
+  for (const std::string& reason : verdict.reasons) text += reason + "\n";
+  return text;
+}
+
+// Page
+
+TEST(Escape, LeavesNothingThatHtmlReadsAsMoreThanText) {
+  EXPECT_EQ(escape("<img src=\"x\" onerror='f()'> & co"),
+            "&lt;img src=&quot;x&quot; onerror=&#39;f()&#39;&gt; &amp; co");
+  EXPECT_EQ(escape("Δp [N·m] 🛩"), "Δp [N·m] 🛩");
+  EXPECT_EQ(escape(""), "");
+}
+
+TEST(Escape, ReplacesWhatIsNoText) {
+  const std::string bad = "\xEF\xBF\xBD";
+  EXPECT_EQ(escape("a\nb\tc\x7F"), "a b c ");
+  EXPECT_EQ(escape(std::string_view("a\0b", 3)), "a b");
+  EXPECT_EQ(escape("\xC2\x85"), " ");                            // a control character of two bytes
+  EXPECT_EQ(escape("\xFF"), bad);                                // never in UTF-8
+  EXPECT_EQ(escape("x\xE2\x82"), "x" + bad + bad);               // cut off
+  EXPECT_EQ(escape("\xC0\xBC"), bad + bad);                      // an overlong '<'
+  EXPECT_EQ(escape("\xED\xA0\x80"), bad + bad + bad);            // a surrogate
+  EXPECT_EQ(escape("\xF4\x90\x80\x80"), bad + bad + bad + bad);  // beyond the last code point
+}
+
+TEST(ScriptJson, StaysWithinItsElementAndMeansTheSame) {
+  const std::string nasty = "</script><!-- <script> --> & \xE2\x80\xA8 \xE2\x80\xA9 ]]>";
+  const std::string html = report::script_json("x", nlohmann::json{{nasty, nasty}}.dump());
+  const size_t begin = html.find('>') + 1, end = html.rfind("</script>");
+  const std::string inner = html.substr(begin, end - begin);
+  for (const char* part : {"<", ">", "&", "\xE2\x80\xA8", "\xE2\x80\xA9"}) EXPECT_FALSE(contains(inner, part)) << part;
+  EXPECT_EQ(nlohmann::json::parse(inner).at(nasty), nasty);
+}
+
+TEST(Script, RefusesCodeThatWouldEndIt) {
+  EXPECT_THROW(report::script("'</script>'"), std::invalid_argument);
+  EXPECT_TRUE(contains(report::script("f()"), "f()"));
+}
+
+TEST(Table, EscapesItsCellsAndNeedsAllOfThem) {
+  report::Table table({{"<b>", report::Table::Align::text}, {"n"}}, "<caption>");
+  table.row({"<i>", "1"});
+  EXPECT_THROW(table.row({"alone"}), std::invalid_argument);
+  const std::string html = table.html();
+  EXPECT_TRUE(contains(html, "&lt;b&gt;") && contains(html, "&lt;i&gt;") && contains(html, "&lt;caption&gt;"));
+  EXPECT_FALSE(contains(html, "<b>") || contains(html, "<i>"));
+}
+
+// Words
+
+TEST(Words, PercentagesAreCutAndNeverRoundedUpToPerfection) {
+  EXPECT_EQ(report::percent(93.99), "93 %");
+  EXPECT_EQ(report::percent(99.97), "99.97 %");
+  EXPECT_EQ(report::percent(99.99999), "99.99999 %");
+  EXPECT_EQ(report::percent(100 - 1e-9), "100 %");
+  EXPECT_EQ(report::percent(84.26, 1), "84.2 %");
+  EXPECT_EQ(report::percent(-7.5), "−8 %");
+  EXPECT_EQ(report::percent(-1e12), "below −999 %");
+  EXPECT_EQ(report::percent(nan), "–");
+  EXPECT_EQ(report::percent_range(Vector{{93.2, nan, 97.1}}), "93–97 %");
+  EXPECT_EQ(report::percent_range(Vector{{-3.0, 50.0}}), "−3 to 50 %");
+  EXPECT_EQ(report::percent_range(Vector{{nan}}), "–");
+}
+
+TEST(Words, StepsAreJoinedToAFewRanges) {
+  EXPECT_EQ(report::step_list({41, 42, 43, 44}), "steps 41–44");
+  EXPECT_EQ(report::step_list({7}), "step 7");
+  EXPECT_EQ(report::step_list({1, 2, 5}), "steps 1–2 and 5");
+  EXPECT_EQ(report::step_list({1, 3, 5, 7, 9, 11, 13}), "steps 1, 3, 5, 7, 9, 11 and more (7 in all)");
+}
+
+// Thinning
+
+TEST(Grid, KeepsEveryPeakAndEveryGap) {
+  Random random(1);
+  for (const Index steps : {1, 2, 7, 100, 101, 1000, 4001})
+    for (const Index points : {2, 10, 64}) {
+      std::vector<double> values;
+      for (Index k = 0; k < steps; ++k) values.push_back(random.normal());
+      const report::Grid grid = report::make_grid(3, steps, points);
+      const std::vector<double> thin = grid.thin(values);
+      ASSERT_EQ(thin.size(), grid.x.size());
+      EXPECT_LE(Index(thin.size()), std::max<Index>(points, 2) + 1);
+      EXPECT_TRUE(std::is_sorted(grid.x.begin(), grid.x.end(), std::less_equal<>()));
+      EXPECT_EQ(grid.x.front(), 3);
+      EXPECT_EQ(*std::max_element(thin.begin(), thin.end()), *std::max_element(values.begin(), values.end()));
+      EXPECT_EQ(*std::min_element(thin.begin(), thin.end()), *std::min_element(values.begin(), values.end()));
+      if (steps <= points) {
+        EXPECT_EQ(thin, values);
+      }
+    }
+  // A stretch without a value stays a gap, one with some is drawn by them.
+  const report::Grid grid = report::make_grid(0, 8, 4);
+  ASSERT_EQ(grid.stretch, 4);
+  const std::vector<double> thin = grid.thin({nan, nan, nan, nan, nan, 2, nan, 1});
+  EXPECT_TRUE(std::isnan(thin[0]) && std::isnan(thin[1]));
+  EXPECT_EQ(thin[2], 2);  // in the order in which they come
+  EXPECT_EQ(thin[3], 1);
+}
+
+TEST(Shown, HasTheBestTheMedianAndTheWorst) {
+  report::Evidence found;
+  for (Index n = 0; n < 100; ++n)
+    found.experiment_error.push_back(n == 17 ? 90.0 : n == 71 ? 0.5 : 1 + 0.01 * double(n));
+  found.experiment_error[5] = nan;
+  for (const Index most : {3, 10, 100, 500}) {
+    const report::Shown shown = report::shown_experiments(found, most);
+    EXPECT_EQ(Index(shown.rows.size()), std::min<Index>(100, most));
+    EXPECT_TRUE(std::is_sorted(shown.rows.begin(), shown.rows.end()));
+    for (const Index n : {17, 71}) EXPECT_TRUE(std::binary_search(shown.rows.begin(), shown.rows.end(), n)) << n;
+    EXPECT_TRUE(contains(shown.labels[shown.first], "median"));
+  }
+  EXPECT_EQ(report::shown_experiments(found, 1).rows.size(), 1u);
+}
+
+// Verdicts
+
+struct Case {
+  Model model;
+  Ensemble data;
+};
+
+Ensemble noisy(Index experiments, std::uint64_t seed, Index steps = 40) {
+  ExperimentOptions options;
+  options.experiments = experiments;
+  options.measurement_noise = 0.02;
+  options.seed = seed;
+  return tokid::experiments(oscillator(steps), options);
+}
+
+TEST(Verdict, TrustsAModelThatPredictsFreshData) {
+  // Without observer gains the innovations are the measurement noise itself, which is white.
+  Model model = oscillator(40);
+  for (Matrix& G : model.G) G.setZero();
+  const Verdict v = verdict(model, noisy(20, 2));
+  EXPECT_EQ(v.trust, Trust::good) << all_reasons(v);
+  EXPECT_TRUE(v.reasons.empty());
+  EXPECT_TRUE(contains(v.summary, "on 20 experiments given")) << v.summary;
+}
+
+TEST(Verdict, KnowsTheDataOfTheIdentification) {
+  const Ensemble data = noisy(60, 3), fresh = noisy(60, 4);
+  IdentifyOptions options;
+  options.states = 4;
+  for (const double hold_out : {0.0, 0.25}) {
+    options.hold_out = hold_out;
+    const Model model = identify(data, options).model;
+    const report::Tested tested = report::tested(model, data, {});
+    EXPECT_EQ(tested.options.evaluation, hold_out > 0 ? Evaluation::held_out : Evaluation::training);
+    EXPECT_EQ(tested.data.experiments(), hold_out > 0 ? 15 : 60);
+    EXPECT_EQ(report::tested(model, fresh, {}).options.evaluation, Evaluation::given);
+    EXPECT_EQ(report::tested(model, noisy(60, 3, 30), {}).options.evaluation, Evaluation::given);
+    EXPECT_TRUE(contains(verdict(model, data).summary, hold_out > 0 ? "15 held-out" : "identified from"));
+  }
+  // Without noise, and with a mean motion.
+  ExperimentOptions exact;
+  exact.experiments = 20;
+  Ensemble clean = experiments(oscillator(40), exact);
+  exact.seed = 9;
+  const Ensemble other = experiments(oscillator(40), exact);
+  const Model model = identify(clean).model;
+  EXPECT_TRUE(report::identified_from(model, clean));
+  EXPECT_FALSE(report::identified_from(model, other));
+  for (Index k = 0; k < clean.steps(); ++k) clean.input(k).array() += 3.0;
+  clean = simulate(oscillator(40), clean);
+  const Model moved = identify(clean, {.nominal = NominalChoice::mean}).model;
+  EXPECT_TRUE(report::identified_from(moved, clean));
+}
+
+TEST(Verdict, DoesNotTrustFewTrainingExperiments) {
+  ExperimentOptions options;
+  options.experiments = 10;  // as many as unknowns at p = 2
+  const Ensemble data = experiments(oscillator(40), options);
+  const Verdict v = verdict(identify(data, {.lags = 2}).model, data);
+  EXPECT_EQ(v.trust, Trust::look_closer);
+  EXPECT_TRUE(contains(all_reasons(v), "training data alone, 10 experiments for 10 unknowns")) << all_reasons(v);
+}
+
+TEST(Verdict, DoesNotTrustAWrongModel) {
+  Model wrong = oscillator(40);
+  for (Matrix& B : wrong.B) B = -B;
+  const Verdict v = verdict(wrong, noisy(20, 5));
+  EXPECT_EQ(v.trust, Trust::distrust);
+  EXPECT_TRUE(contains(all_reasons(v), "worse than none")) << all_reasons(v);
+}
+
+TEST(Verdict, SaysWhereAnInputRests) {
+  Random random(6);
+  Model system = constant_system({4, 2, 2}, 60, 0.9, 6);
+  // Well seen and well reached, so that nothing but the input is to blame.
+  Matrix A(4, 4), B(4, 2), C(2, 4);
+  A << 0.8, 0.3, 0, 0, -0.3, 0.8, 0, 0, 0, 0, 0.7, 0.2, 0, 0, -0.2, 0.6;
+  B << 1, 0, 0, 0.5, 0.3, 1, 0, 0.7;
+  C << 1, 0, 0.5, 0, 0, 1, 0, 0.8;
+  for (size_t k = 0; k < 60; ++k) system.A[k] = A, system.B[k] = B, system.C[k] = C, system.D[k].setZero();
+  Ensemble data = random_experiments(system, 60, 6);
+  for (Index k = 41; k < 45; ++k) data.input(k).col(1) = (1.5 + 1e-4 * random.matrix(60, 1).array()).matrix();
+  data.names.input_names = {"elevator", "throttle"};
+  const Ensemble clean = simulate(system, data);
+  for (Index k = 0; k < data.steps(); ++k) data.output(k) = clean.output(k) + 0.02 * random.matrix(60, 2);
+  const Model model = identify(data, {.states = 4, .lags = 3, .nominal = NominalChoice::none, .hold_out = 0.25}).model;
+  const Verdict v = verdict(model, data);
+  EXPECT_NE(v.trust, Trust::good);
+  // Windows with two or more resting steps: 42 and on, as far as they reach back.
+  EXPECT_TRUE(contains(v.summary, "are ill-conditioned: input throttle is nearly constant at steps 41–44"))
+      << v.summary;
+  EXPECT_TRUE(contains(v.summary, "15 held-out experiments"));
+  EXPECT_FALSE(contains(all_reasons(v), "elevator"));
+}
+
+TEST(Verdict, SaysWhenNothingWasTested) {
+  Ensemble data = noisy(5, 7);
+  for (Index k = 0; k < data.steps(); ++k) data.output(k).setConstant(nan);
+  const Verdict v = verdict(oscillator(40), data);
+  EXPECT_EQ(v.trust, Trust::distrust);
+  EXPECT_TRUE(contains(v.summary, "Nothing was tested")) << v.summary;
+}
+
+TEST(Verdict, ComparesTimeAndNames) {
+  Model model = oscillator(40);
+  Ensemble data = noisy(20, 8);
+  data.dt = 0.1;
+  model.names.input_names = {"a", "b"};
+  data.names.input_names = {"b", "a"};
+  const Verdict v = verdict(model, data);
+  EXPECT_EQ(v.trust, Trust::look_closer);
+  EXPECT_TRUE(contains(all_reasons(v), "sample time of the data is 0.1 s")) << all_reasons(v);
+  EXPECT_TRUE(contains(all_reasons(v), "inputs are named b, a in the data, a, b in the model")) << all_reasons(v);
+}
+
+TEST(Verdict, CountsOneExperimentAsHardlyATest) {
+  const Verdict v = verdict(oscillator(40), noisy(1, 9));
+  EXPECT_EQ(v.trust, Trust::look_closer);
+  EXPECT_TRUE(contains(all_reasons(v), "Only one experiment")) << all_reasons(v);
+}
+
+// Whole pages
+
+// The data in a page, once it is found to be JSON.
+nlohmann::json page_data(const std::string& html) {
+  const std::string open = "<script type=\"application/json\" id=\"report-data\">";
+  const size_t begin = html.find(open) + open.size();
+  return nlohmann::json::parse(html.substr(begin, html.find("</script>", begin) - begin));
+}
+
+TEST(ReportPage, IsOfBoundedSizeAndSaysWhatItLeavesOut) {
+  const Model system = random_system({6, 4, 3}, 2000, 0.9, 10);
+  Ensemble data = random_experiments(system, 150, 11);
+  const std::string html = report_page(system, data).html;
+  EXPECT_LT(html.size(), 6'000'000u);
+  const nlohmann::json found = page_data(html);
+  EXPECT_EQ(found["traces"]["experiments"].size(), 24u);
+  EXPECT_TRUE(contains(html, "24 of 150 experiments"));
+  EXPECT_GT(found["traces"]["stretch"], 1);
+  EXPECT_TRUE(contains(html, "least and largest value of every"));
+  // Whatever the number of channels: an experiment of 200 of them.
+  const Model wide = random_system({2, 100, 100}, 1500, 0.5, 12);
+  EXPECT_LT(report_page(wide, random_experiments(wide, 3, 13)).html.size(), 6'000'000u);
+}
+
+TEST(ReportPage, LoadsNothing) {
+  const std::string html = report_page(oscillator(20), noisy(5, 14, 20)).html;
+  for (const char* part : {"src=\"", "url(", "@import", "fetch(", "XMLHttpRequest", "innerHTML =", "eval("})
+    EXPECT_EQ(html.find(part), std::string::npos) << part;
+  EXPECT_TRUE(contains(html, "Copyright (c) 2022 Leon Sorokin"));  // the licence of what is inlined
+}
+
+TEST(ReportPage, KeepsNamesAsText) {
+  const std::string nasty = "</script><img src=x onerror=alert(1)>";
+  Model model = oscillator(20);
+  Ensemble data = noisy(5, 15, 20);
+  model.names.output_names = {nasty, "\"y\" \xFF"};
+  ReportOptions options;
+  options.model_name = options.data_name = nasty;
+  options.warnings = {nasty};
+  const std::string html = report_page(model, data, options).html;
+  EXPECT_FALSE(contains(html, "<img"));
+  EXPECT_EQ(page_data(html)["outputs"][0]["name"], nasty);
+}
+
+TEST(ReportPage, HoldsTheMeasuredSamplesWithTheirGaps) {
+  Ensemble data = noisy(3, 16, 20);
+  data.y(1, 7, 0) = nan;
+  const nlohmann::json found = page_data(report_page(oscillator(20), data).html);
+  const auto& e = found["traces"]["experiments"];
+  ASSERT_EQ(e.size(), 3u);
+  EXPECT_TRUE(e[1]["y"][0][7].is_null());
+  for (Index k = 0; k < 20; ++k)
+    EXPECT_NEAR(e[2]["y"][1][size_t(k)], data.y(2, k, 1), 5.1e-6 * std::abs(data.y(2, k, 1)));  // six digits
+}
+
+TEST(ReportPage, EigenvaluesAreThoseOfTheFrame) {
+  // A constant system has the same eigenvalues in every constant frame; the reference frame is one.
+  const Model system = constant_system({3, 2, 2}, 30, 0.9, 17);
+  const nlohmann::json poles = page_data(report_page(system, random_experiments(system, 4, 18)).html)["poles"];
+  EXPECT_EQ(poles["frame"], "reference");
+  std::vector<double> expected, found;
+  for (const auto& value : linalg::eigenvalues(system.A[0])) expected.push_back(std::abs(value));
+  for (size_t i = 0; i < 6; i += 2)
+    found.push_back(std::hypot(double(poles["open"][4][i]), double(poles["open"][4][i + 1])));
+  std::sort(expected.begin(), expected.end());
+  std::sort(found.begin(), found.end());
+  for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(found[i], expected[i], 1e-5);  // six digits on the page
+}
+
+TEST(ReportPage, TakesModelsOfEveryKind) {
+  // States that come and go, one step, one experiment, no states.
+  ExperimentOptions options;
+  options.experiments = 20;
+  const Ensemble data = experiments(oscillator(30), options);
+  const Model identified = identify(data).model;
+  Model stateless = random_system({1, 1, 1}, 5, 0.5, 19);
+  stateless.state_dim.assign(6, 0);
+  for (size_t k = 0; k < 5; ++k) {
+    stateless.A[k].resize(0, 0);
+    stateless.B[k].resize(0, 1);
+    stateless.C[k].resize(1, 0);
+    stateless.G[k].resize(0, 1);
+  }
+  const Model one_step = random_system({2, 1, 1}, 1, 0.5, 20);
+  const Case cases[] = {{identified, data.subset({0})},
+                        {from_step(identified, 12), data},
+                        {smooth_frame(identified, 3), data},
+                        {stateless, random_experiments(stateless, 4, 21)},
+                        {one_step, random_experiments(one_step, 1, 22)}};
+  for (const auto& [model, ensemble] : cases) {
+    const ReportPage page = report_page(model, ensemble);
+    EXPECT_FALSE(page.verdict.summary.empty());
+    EXPECT_TRUE(page_data(page.html).contains("poles"));
+  }
+}
+
+TEST(ReportPage, RefusesOtherChannels) {
+  EXPECT_THROW(report_page(oscillator(20), Ensemble(3, 20, 1, 2)), std::invalid_argument);
+  EXPECT_THROW(report_page(from_step(oscillator(20), 15), noisy(3, 23, 10)), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace tokid::testing
