@@ -163,6 +163,7 @@ std::string report(const Call& call, const Ensemble& data, const Identification&
                                       result.rank_deficient_steps, plural(result.steps, "step")));
   add_fit(model, result, data.experiments() - result.experiments, page);
   page.row("Written", fmt::format("{} in {:.2f} s", call.model.string(), result.seconds));
+  if (!call.page.empty()) page.row("", call.page.string());
   return page.text();
 }
 
@@ -171,6 +172,7 @@ Json json(const Call& call, const Ensemble& data, const Identification& result) 
   Json j;
   j["data"] = call.data.string();
   j["model"] = call.model.string();
+  j["report"] = call.page.empty() ? Json() : Json(call.page.string());
   j["experiments"] = result.experiments;
   j["held_out_experiments"] = data.experiments() - result.experiments;
   j["steps"] = result.steps;

@@ -84,6 +84,23 @@ std::string element(std::string_view tag, std::string_view text, std::string_vie
   return fmt::format("<{}{}>{}</{}>\n", tag, attribute, escape(text), tag);
 }
 
+namespace {
+
+// Names of hundreds of characters would make a table unreadable: their beginning, and the whole on hovering.
+constexpr size_t longest_cell = 80;
+
+std::string cell(std::string_view tag, std::string_view attributes, std::string_view text) {
+  size_t end = 0;
+  for (size_t characters = 0; end < text.size() && characters < longest_cell; ++characters)
+    end += std::max<size_t>(1, character_length(text.substr(end)));
+  const bool whole = end >= text.size();
+  return fmt::format("<{0}{1}{2}>{3}{4}</{0}>", tag, attributes,
+                     whole ? "" : fmt::format(" title=\"{}\"", escape(text)), escape(text.substr(0, end)),
+                     whole ? "" : "…");
+}
+
+}  // namespace
+
 Table::Table(std::vector<Column> columns, std::string_view caption, bool caption_shown)
     : columns_(std::move(columns)), caption_(caption), caption_shown_(caption_shown) {}
 
@@ -92,9 +109,8 @@ void Table::row(const std::vector<std::string>& cells, std::string_view css_clas
     throw std::invalid_argument(fmt::format("table: row of {} cells found, {} needed", cells.size(), columns_.size()));
   rows_ += css_class.empty() ? "<tr>" : fmt::format("<tr class=\"{}\">", escape(css_class));
   for (size_t c = 0; c < cells.size(); ++c) {
-    const char* align = columns_[c].align == Align::number ? " class=\"n\"" : "";
-    rows_ += c == 0 ? fmt::format("<th scope=\"row\"{}>{}</th>", align, escape(cells[c]))
-                    : fmt::format("<td{}>{}</td>", align, escape(cells[c]));
+    const std::string align = columns_[c].align == Align::number ? " class=\"n\"" : "";
+    rows_ += c == 0 ? cell("th", " scope=\"row\"" + align, cells[c]) : cell("td", align, cells[c]);
   }
   rows_ += "</tr>\n";
 }
@@ -102,8 +118,7 @@ void Table::row(const std::vector<std::string>& cells, std::string_view css_clas
 std::string Table::html() const {
   std::string head;
   for (const Column& column : columns_)
-    head += fmt::format("<th scope=\"col\"{}>{}</th>", column.align == Align::number ? " class=\"n\"" : "",
-                        escape(column.title));
+    head += cell("th", column.align == Align::number ? " scope=\"col\" class=\"n\"" : " scope=\"col\"", column.title);
   return fmt::format(
       "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{}\"><table>\n{}<thead><tr>{}</tr></thead>\n"
       "<tbody>\n{}</tbody></table></div>\n",

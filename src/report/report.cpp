@@ -298,16 +298,33 @@ class Report {
 
   std::string order_table() const {
     const Index n = model_.states();
-    std::vector<double> last, beyond;
+    // σ_i relative to σ_1 and σ_i / σ_{i+1}, at the steps of full dimension; rounding errors have no ratios.
+    std::vector<std::vector<double>> size, fall;
     for (Index k = model_.full_begin(); n > 0 && k < std::min(model_.full_end(), model_.k_end()); ++k) {
       const Vector& s = model_.singular_values[model_.at(k)];
-      if (s.size() >= n && s(0) > 0) last.push_back(s(n - 1) / s(0));
-      if (s.size() > n && s(0) > 0) beyond.push_back(s(n) / s(0));
+      if (s.size() == 0 || !(s(0) > 0)) continue;
+      size.resize(std::max(size.size(), size_t(s.size())));
+      fall.resize(size.size());
+      for (Index i = 0; i < s.size(); ++i) size[size_t(i)].push_back(s(i) / s(0));
+      for (Index i = 0; i + 1 < s.size() && s(i) > 1e-12 * s(0); ++i)
+        fall[size_t(i)].push_back(s(i) / std::max(s(i + 1), 1e-16 * s(0)));
     }
     Facts facts;
     facts.row("States", fmt::format("{}", n));
-    if (!last.empty()) facts.row("Last one kept", figure(median(last), 3) + " of the largest, median over steps");
-    if (!beyond.empty()) facts.row("First left out", figure(median(beyond), 3) + " of the largest");
+    if (size.size() >= size_t(n) && n > 0)
+      facts.row("Last one kept", figure(median(size[size_t(n - 1)]), 3) + " of the largest, median over steps");
+    if (size.size() > size_t(n) && n > 0)
+      facts.row("First left out", figure(median(size[size_t(n)]), 3) + " of the largest");
+    std::vector<double> falls;
+    for (const auto& values : fall) falls.push_back(values.empty() ? 0.0 : median(values));
+    // The end of what the window can carry is a fall too, but says nothing about the system.
+    const auto informative = [&](size_t i) { return i + 1 < size.size() && median(size[i + 1]) > 1e-12; };
+    size_t clearest = 0;
+    for (size_t i = 0; i < falls.size(); ++i)
+      if (informative(i) && (!informative(clearest) || falls[i] > falls[clearest])) clearest = i;
+    if (found_.noisy && clearest < falls.size() && informative(clearest))
+      facts.row("Largest fall",
+                fmt::format("by {} behind singular value {}", figure(falls[clearest], 3), clearest + 1));
     return facts.html();
   }
 

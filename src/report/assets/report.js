@@ -80,7 +80,7 @@
     return found;
   }
 
-  const cut = text => [...text].length > 28 ? [...text].slice(0, 27).join("") + "…" : text;
+  const cut = (text, most) => [...text].length > most ? [...text].slice(0, most - 1).join("") + "…" : text;
 
   function legend_of(plot) {
     const place = at(plot.legend);
@@ -168,7 +168,7 @@
         {...axis, ...hidden_grid, incrs: steps, size: 30, label: plot.shared ? "Step" : "Lag", labelSize: 18, labelFont: font(12), space: narrow() ? 48 : 64, values: (u, ticks) => ticks.map(v => Number.isInteger(v) ? tick(v) : "")},
         // As wide with a label as without: steps stand below each other.
         {...axis, ...hidden_grid, size: (narrow() ? 48 : 58) + (plot.label ? 0 : 20), space: 34, ...(plot.incrs ? {incrs: plot.incrs} : {}),
-          ...(plot.label ? {label: plot.label, labelSize: 20, labelFont: font(12)} : {}),
+          ...(plot.label ? {label: cut(plot.label, Math.max(8, Math.floor((height_of(plot) - 50) / 8))), labelSize: 20, labelFont: font(12)} : {}),
           ...(plot.filter ? {filter: plot.filter, grid: {...axis.grid, filter: plot.filter}, ticks: {...axis.ticks, filter: plot.filter}} : {}),
           values: (u, ticks) => ticks.map(plot.tick || tick)}
       ],
@@ -227,14 +227,14 @@
       {label: "One-step prediction", colour: "--c-orange", values: e.predicted[j], width: 1.6, dash: [5, 3]}
     ];
     if (nominal) curves.push({label: "Nominal", colour: "--c-faint", values: nominal.y[j], width: 1.4, dash: [2, 3]});
-    add({name: "outputs", place: "plot-outputs", legend: "legend-outputs", shared: true, tall: 310, x, curves, label: cut(named(data.outputs[j]))});
-    add({name: "errors", place: "plot-errors", legend: "legend-errors", shared: true, tall: 190, x, label: cut(named(data.outputs[j])), curves: [
+    add({name: "outputs", place: "plot-outputs", legend: "legend-outputs", shared: true, tall: 310, x, curves, label: named(data.outputs[j])});
+    add({name: "errors", place: "plot-errors", legend: "legend-errors", shared: true, tall: 190, x, label: named(data.outputs[j]), curves: [
       {label: "Measured − simulated", colour: "--c-blue", values: e.simulation_error[j]},
       {label: "Measured − predicted", colour: "--c-orange", values: e.prediction_error[j]}]});
     if (data.inputs.length) {
       const shown = [{label: "Measured", colour: "--c-green", values: e.u[i], stepped: few}];
       if (nominal) shown.push({label: "Nominal", colour: "--c-faint", values: nominal.u[i], width: 1.4, dash: [2, 3]});
-      add({name: "inputs", place: "plot-inputs", legend: "legend-inputs", shared: true, tall: 190, x, curves: shown, label: cut(named(data.inputs[i]))});
+      add({name: "inputs", place: "plot-inputs", legend: "legend-inputs", shared: true, tall: 190, x, curves: shown, label: named(data.inputs[i])});
     }
     at("previous").disabled = experiment.selectedIndex === 0;
     at("next").disabled = experiment.selectedIndex === experiment.options.length - 1;
