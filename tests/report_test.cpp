@@ -254,6 +254,29 @@ TEST(Verdict, ComparesTimeAndNames) {
   EXPECT_TRUE(contains(all_reasons(v), "inputs are named b, a in the data, a, b in the model")) << all_reasons(v);
 }
 
+TEST(Verdict, CountsMissingSamples) {
+  Ensemble data = noisy(20, 24);
+  for (Index k = 0; k < 10; ++k) data.output(k).setConstant(nan);  // half of the channels, a quarter of the steps
+  const Verdict v = verdict(oscillator(40), data);
+  EXPECT_TRUE(contains(all_reasons(v), "12 % of the samples are missing")) << all_reasons(v);
+  data.length.assign(20, 40);
+  EXPECT_EQ(all_reasons(verdict(oscillator(40), data)), all_reasons(v));
+}
+
+TEST(Verdict, DoesNotBlameFreshDataForTheRegressions) {
+  Random random(25);
+  Model model = oscillator(40);
+  Ensemble data = noisy(20, 25);
+  model.condition.assign(40, 10.0);
+  model.condition[20] = 1e9;
+  for (Index k = 18; k < 21; ++k) data.input(k).col(0).setConstant(1.0);
+  data = simulate(model, data);
+  for (Index k = 0; k < 40; ++k) data.output(k) += 0.02 * random.matrix(20, 2);
+  const Verdict v = verdict(model, data);
+  EXPECT_TRUE(contains(v.summary, "Step 20 is ill-conditioned.")) << v.summary;
+  EXPECT_TRUE(contains(all_reasons(v), "Input u1 is nearly constant at steps 18–20")) << all_reasons(v);
+}
+
 TEST(Verdict, CountsOneExperimentAsHardlyATest) {
   const Verdict v = verdict(oscillator(40), noisy(1, 9));
   EXPECT_EQ(v.trust, Trust::look_closer);

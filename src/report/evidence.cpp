@@ -176,6 +176,9 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
   found.experiments = data.experiments();
   found.missing = data.missing();
   for (const Index length : data.length) found.missing -= (data.steps() - length) * data.channels();
+  Index expected = data.samples().size();
+  for (const Index length : data.length) expected -= (data.steps() - length) * data.channels();
+  found.missing_share = expected > 0 ? double(found.missing) / double(expected) : 0.0;
   found.noisy = is_noisy(found.prediction, model, data);
   if (!model.lags.empty()) {
     found.lags = model.max_lags();

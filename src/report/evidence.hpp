@@ -21,6 +21,7 @@ inline constexpr double worth_a_word = 1e3;                // … and larger tha
 inline constexpr double weak_input = 0.02;                 // spread of an input over its median spread
 inline constexpr double error_peak = 5.0;                  // one-step error of a step over the median of the steps
 inline constexpr double error_floor = 0.05;                // … and over the spread of the output
+inline constexpr double many_missing = 0.1;                // of all samples
 inline constexpr Index few_tested = 3;                     // experiments
 }  // namespace bounds
 
@@ -38,6 +39,7 @@ struct Evidence {
   Channels names;  // of the model, or of the data where the model has none
   Index horizon = 1;
   Index experiments = 0, missing = 0;  // tested; missing samples within the lengths
+  double missing_share = 0.0;          // of the samples within the lengths
   bool noisy = false;                  // innovations beyond rounding errors
   Index lags = 0, unknowns = 0;        // p, and r + p (r + m); 0 where the model tells no lag order
   Index identified_from = 0;           // experiments; 0: not known

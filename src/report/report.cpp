@@ -142,20 +142,28 @@ class Report {
   }
 
   std::string thresholds() const {
-    return fmt::format(
-        "<details class=\"note\"><summary>How the status is decided</summary>{}</details>\n",
-        paragraph(fmt::format(
-            "Good: every output is simulated to {:.0f} % or more, on experiments that were held out or given, or on "
-            "training data of at least three times as many experiments as unknowns, and nothing below applies. Look "
-            "closer: a fit from {:.0f} to {:.0f} %, or a poor simulation beside a good prediction; few experiments; "
-            "condition numbers above {:.0e}, or with noise above {:.0e} and {:.0f} times their median; an input whose "
-            "spread over the experiments falls below {:.0f} % of its usual one; errors {:.0f} times the usual ones at "
-            "some steps; "
-            "correlated innovations (p below {:.2f}, and a correlation above {:.1f}); other sample times or names than "
-            "the model's. Don't trust: a fit below {:.0f} %, an overflow, or nothing tested.",
-            bounds::good_fit, bounds::poor_fit, bounds::good_fit, bounds::ill_conditioned, bounds::worth_a_word,
-            bounds::worse_than_usual, 100 * bounds::weak_input, bounds::error_peak, bounds::whiteness,
-            bounds::correlation, bounds::poor_fit)));
+    const std::vector<std::string> rules = {
+        fmt::format("Good: every output is simulated to {:.0f} % or more, on experiments that the identification did "
+                    "not use, or on at least three times as many of its own as there are unknowns per output and step; "
+                    "and none of the following.",
+                    bounds::good_fit),
+        fmt::format("Look closer: a simulation fit from {:.0f} to {:.0f} %, or from 0 % beside one-step predictions of "
+                    "{:.0f} % or more; one-step errors of a step above {:.0f} times the median and {:.0f} % of the "
+                    "spread of the outputs; noise, and fewer than two experiments per unknown; fewer than {} "
+                    "experiments tested; more than {:.0f} % of the samples missing; condition numbers above {}, or "
+                    "with noise above {} and {:.0f} times their median; an input whose spread over the experiments "
+                    "falls below {:.0f} % of its median; innovations that are correlated beyond chance and by more "
+                    "than {:.1f}; another sample time or other names than the model's.",
+                    bounds::poor_fit, bounds::good_fit, bounds::good_fit, bounds::error_peak, 100 * bounds::error_floor,
+                    bounds::few_tested, 100 * bounds::many_missing, figure(bounds::ill_conditioned),
+                    figure(bounds::worth_a_word), bounds::worse_than_usual, 100 * bounds::weak_input,
+                    bounds::correlation),
+        fmt::format(
+            "Don’t trust: predictions below {:.0f} %, a simulation below that without good predictions or worse "
+            "than none, an overflow, or nothing tested.",
+            bounds::poor_fit)};
+    return "<details class=\"note\"><summary>How the status is decided</summary>" + list(rules, "plain") +
+           "</details>\n";
   }
 
   std::string setup_section() const {

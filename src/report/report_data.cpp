@@ -292,6 +292,7 @@ class Collector {
         return double(model_.inputs + model_.lags[model_.at(k)] * (model_.inputs + model_.outputs));
       });
     json_["per_step"] = {{"x", grid.x},
+                         {"stretch", grid.stretch},
                          {"condition", list(model_.condition)},
                          {"rank", list(model_.rank)},
                          {"unknowns", unknowns},
@@ -299,6 +300,7 @@ class Collector {
                          {"states", curve(grid, [&](Index k) { return double(model_.n(k)); })}};
     const Grid whole = make_grid(0, data_.steps(), options_.points);
     json_["step_error"] = {{"x", whole.x},
+                           {"stretch", whole.stretch},
                            {"value", curve(whole, [&](Index k) { return found_.step_error[size_t(k)]; })}};
   }
 
@@ -353,7 +355,7 @@ class Collector {
           const Matrix& a = list[model.at(k)];
           return i < a.rows() && j < a.cols() ? a(i, j) : nan;
         }));
-    return {{"x", grid.x}, {"rows", shown_rows}, {"cols", shown_cols}, {"values", values}};
+    return {{"x", grid.x}, {"stretch", grid.stretch}, {"rows", shown_rows}, {"cols", shown_cols}, {"values", values}};
   }
 
   void entries() {

@@ -90,7 +90,9 @@ class Judge {
         if (fits(j) < fits(worst) || std::isnan(fits(worst))) worst = j;
       return found_.names.output(worst);
     };
-    if (v.one_step.samples > 0 && one_step < bounds::poor_fit)
+    if (v.one_step.samples > 0 && !v.one_step.rmse.allFinite())
+      against(Trust::distrust, "The predictions overflow: the observer does not follow these data.");
+    else if (v.one_step.samples > 0 && one_step < bounds::poor_fit)
       against(Trust::distrust,
               fmt::format("One-step predictions fit output {} to {} only.", name(v.one_step.fit), percent(one_step)));
     if (v.simulation.samples == 0)
@@ -139,6 +141,8 @@ class Judge {
                             "undamped; {} or more would be better.",
                             plural(from, "experiment"), unknowns, 3 * unknowns));
     }
+    if (found_.missing_share > bounds::many_missing)
+      against(Trust::look_closer, fmt::format("{:.0f} % of the samples are missing.", 100 * found_.missing_share));
     if (found_.experiments < bounds::few_tested)
       against(Trust::look_closer,
               fmt::format("Only {} tested.", found_.experiments == 1 ? "one experiment was" : "two experiments were"));
@@ -147,6 +151,7 @@ class Judge {
   // Inputs that rest where the windows of the given steps reach.
   std::vector<const WeakInput*> causes(const std::vector<Index>& steps) const {
     std::vector<const WeakInput*> result;
+    if (options_.evaluation == Evaluation::given) return result;  // other data explain nothing
     for (const WeakInput& weak : found_.weak_inputs) {
       const bool reached = std::any_of(steps.begin(), steps.end(), [&](Index k) {
         const auto first = std::lower_bound(weak.steps.begin(), weak.steps.end(), k - found_.lags);
@@ -191,9 +196,9 @@ class Judge {
       std::string text = rests(weak);
       text[0] = 'I';
       if (remark_.empty()) remark_ = text + ".";
-      against(Trust::look_closer, fmt::format("{} ({}): its effect there is hardly tested, nor well identified from "
-                                              "such data.",
-                                              text, spread(weak)));
+      const bool given = options_.evaluation == Evaluation::given;
+      against(Trust::look_closer, fmt::format("{} ({}): its effect there is hardly tested{}.", text, spread(weak),
+                                              given ? "" : ", nor well identified from such data"));
     }
     if (found_.noisy && !found_.deficient.empty() && Index(found_.deficient.size()) > found_.lags)
       against(Trust::look_closer, fmt::format("The regressions of {} lack rank: part of their effects can't be told "

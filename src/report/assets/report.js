@@ -105,6 +105,12 @@
     for (const [element, curve] of plot.values) element.textContent = k == null ? "" : short((curve.shown || curve.values)[k]);
     if (k == null) plot.where.textContent = "";
     else if (plot.shared) {
+      // Thinned curves: each shows the least or the largest value of a stretch, wherever in it that lies.
+      if (plot.stretch > 1) {
+        const begin = plot.x[k - k % 2], end = Math.min(begin + plot.stretch - 1, last_step);
+        plot.where.textContent = `least or largest of steps ${begin}–${end}`;
+        return;
+      }
       const step = plot.step_of ? plot.step_of(k) : plot.x[k];
       plot.where.textContent = `step ${step}, ${short(step * data.dt)} s`;
     }
@@ -148,7 +154,7 @@
     };
     const hidden_grid = plot.image ? {grid: {show: false}} : {};
     const options = {
-      width: width_of(place), height: height_of(plot), padding: [10, 10, 0, 0],
+      width: width_of(place), height: height_of(plot), padding: [10, 18, 0, 0],
       legend: {show: false},
       cursor: {
         y: false, points: {size: 6, fill: (u, i) => plot.curves[i - 1].silent ? "transparent" : colour(plot.curves[i - 1].colour)},
@@ -227,14 +233,14 @@
       {label: "One-step prediction", colour: "--c-orange", values: e.predicted[j], width: 1.6, dash: [5, 3]}
     ];
     if (nominal) curves.push({label: "Nominal", colour: "--c-faint", values: nominal.y[j], width: 1.4, dash: [2, 3]});
-    add({name: "outputs", place: "plot-outputs", legend: "legend-outputs", shared: true, tall: 310, x, curves, label: named(data.outputs[j])});
-    add({name: "errors", place: "plot-errors", legend: "legend-errors", shared: true, tall: 190, x, label: named(data.outputs[j]), curves: [
+    add({name: "outputs", place: "plot-outputs", legend: "legend-outputs", shared: true, tall: 310, x, stretch: traces.stretch, curves, label: named(data.outputs[j])});
+    add({name: "errors", place: "plot-errors", legend: "legend-errors", shared: true, tall: 190, x, stretch: traces.stretch, label: named(data.outputs[j]), curves: [
       {label: "Measured − simulated", colour: "--c-blue", values: e.simulation_error[j]},
       {label: "Measured − predicted", colour: "--c-orange", values: e.prediction_error[j]}]});
     if (data.inputs.length) {
       const shown = [{label: "Measured", colour: "--c-green", values: e.u[i], stepped: few}];
       if (nominal) shown.push({label: "Nominal", colour: "--c-faint", values: nominal.u[i], width: 1.4, dash: [2, 3]});
-      add({name: "inputs", place: "plot-inputs", legend: "legend-inputs", shared: true, tall: 190, x, curves: shown, label: named(data.inputs[i])});
+      add({name: "inputs", place: "plot-inputs", legend: "legend-inputs", shared: true, tall: 190, x, stretch: traces.stretch, curves: shown, label: named(data.inputs[i])});
     }
     at("previous").disabled = experiment.selectedIndex === 0;
     at("next").disabled = experiment.selectedIndex === experiment.options.length - 1;
@@ -342,7 +348,7 @@
     const p = data.per_step, x = p.x;
     const some = values => values && values.some(v => v !== null);
     if (some(p.condition))
-      add({name: "condition", place: "plot-condition", legend: "legend-condition", shared: true, tall: 200, x,
+      add({name: "condition", place: "plot-condition", legend: "legend-condition", shared: true, tall: 200, x, stretch: p.stretch,
         curves: [{label: "Condition number", colour: "--c-blue", values: p.condition.map(v => v > 0 ? v : null), points: undefined_points}],
         scale: {distr: 3}, tick: v => v === null ? "" : v >= 1e4 ? raised(Math.round(Math.log10(v))) : tick(v),
         // Decades alone, unless there is but one.
@@ -354,9 +360,9 @@
     const counts = [["unknowns", "Unknowns", "--c-faint", 4], ["rank", "Rank", "--c-blue", 1.8], ["lags", "Lag order", "--c-orange", 1.8], ["states", "States", "--c-green", 1.8]]
       .filter(([key]) => some(p[key])).map(([key, label, name, width], i) => ({label, colour: name, values: p[key], stepped: true, width, dash: i > 2 ? [5, 3] : []}));
     if (some(p.rank))
-      add({name: "rank", place: "plot-rank", legend: "legend-rank", shared: true, tall: 200, x, zero: true, curves: counts});
+      add({name: "rank", place: "plot-rank", legend: "legend-rank", shared: true, tall: 200, x, stretch: p.stretch, zero: true, curves: counts});
     const error = data.step_error;
-    add({name: "step", place: "plot-step", legend: "legend-step", shared: true, tall: 180, x: error.x, zero: true,
+    add({name: "step", place: "plot-step", legend: "legend-step", shared: true, tall: 180, x: error.x, stretch: error.stretch, zero: true,
       curves: [{label: "One-step error over the spread of the outputs", colour: "--c-orange", values: error.value, points: undefined_points}]});
   }
 
@@ -373,7 +379,7 @@
           values: table.values[i * table.cols + j], width: 1.5});
       }
     }
-    add({name, place: `plot-${name}`, legend: `legend-${name}`, shared: true, tall: 260, x: table.x, curves});
+    add({name, place: `plot-${name}`, legend: `legend-${name}`, shared: true, tall: 260, x: table.x, stretch: table.stretch, curves});
   }
 
   function setup_entries(name, symbol, table, select) {
