@@ -221,7 +221,7 @@ class Report {
       if (text == "auto")
         automatic.push_back(name);
       else
-        asked.push_back(name + " " + text);
+        asked.push_back(fmt::format("{} {}", name, text));
     }
     std::string text = fmt::format("{}", fmt::join(asked, ", "));
     if (!automatic.empty())
@@ -270,6 +270,7 @@ class Report {
             "<button type=\"button\" class=\"step\" id=\"previous\" aria-label=\"Previous experiment\">‹</button>"
             "<button type=\"button\" class=\"step\" id=\"next\" aria-label=\"Next experiment\">›</button></div>" +
             choice("output", "Output") + choice("input", "Input") +
+            (model_.y_nominal.rows() > 0 ? choice("motion", "Shown") : "") +
             "<button type=\"button\" id=\"reset\" disabled>Show all steps</button>") +
         legend("legend-outputs") +
         plot_place("plot-outputs", "Measured, simulated and predicted output over the steps") +
@@ -324,6 +325,7 @@ class Report {
     if (size.size() > size_t(n) && n > 0)
       facts.row("First left out", figure(median(size[size_t(n)]), 3) + " of the largest");
     std::vector<double> falls;
+    falls.reserve(fall.size());
     for (const auto& values : fall) falls.push_back(values.empty() ? 0.0 : median(values));
     // The end of what the window can carry is a fall too, but says nothing about the system.
     const auto informative = [&](size_t i) { return i + 1 < size.size() && median(size[i + 1]) > 1e-12; };

@@ -122,6 +122,21 @@ def test_errors_are_differences(visit, typical):
         np.testing.assert_allclose(measured - simulated, error, atol=1.1e-5 * np.nanmax(np.abs(measured)))
 
 
+def test_departures_from_the_nominal_trajectory(visit, tokid, folder, typical):
+    with np.load(folder / "data.npz") as file:
+        data = {key: file[key] for key in file.files}
+    mean = 40 * np.sin(np.arange(80) / 9)
+    np.savez(folder / "moved.npz", **{**data, "y": data["y"] + mean[:, None]})
+    tokid("identify", folder / "moved.npz", "-o", folder / "moved-model.npz", "--hold-out", 0.25, "--nominal", "mean",
+          "--report", folder / "moved.html")
+    with visit(folder / "moved.html") as page:
+        whole, nominal = (np.array(values(page, "outputs", name)) for name in ("Measured", "Nominal"))
+        assert np.corrcoef(nominal, mean)[0, 1] > 0.95  # the means of 37 experiments are about it
+        page.select_option("#motion", "departures")
+        np.testing.assert_allclose(values(page, "outputs", "Measured"), whole - nominal, atol=1e-9)
+        assert "Nominal" not in page.locator("#legend-outputs").inner_text()
+
+
 def drag(page, plot, start, end):
     box = page.locator(f"#plot-{plot} .u-over").bounding_box()
     at = lambda share: (box["x"] + share * box["width"], box["y"] + box["height"] / 2)

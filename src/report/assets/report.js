@@ -215,7 +215,7 @@
 
   // Outputs, errors, inputs
 
-  const experiment = at("experiment"), output = at("output"), input = at("input");
+  const experiment = at("experiment"), output = at("output"), input = at("input"), motion = at("motion");
   const fill = (select, texts, chosen) => {
     texts.forEach((text, i) => { make("option", text, select).value = String(i); });
     select.value = String(chosen);
@@ -227,19 +227,23 @@
     const j = Number(output.value), i = Number(input.value), x = traces.x;
     const nominal = traces.nominal;
     const few = traces.stretch === 1;
+    // The nominal trajectory may be so much larger than what the experiments differ by that it hides every error.
+    const departures = nominal && motion && motion.value === "departures";
+    const less = (values, mean) => departures ? values.map((v, k) => v === null || mean[k] === null ? null : v - mean[k]) : values;
+    const of_output = values => less(values, nominal && nominal.y[j]), of_input = values => less(values, nominal && nominal.u[i]);
     const curves = [
-      {label: "Measured", colour: "--c-measured", values: e.y[j], width: 1.4, points: few ? undefined_points : false, size: 4},
-      {label: "Simulated", colour: "--c-blue", values: e.simulated[j], width: 2},
-      {label: "One-step prediction", colour: "--c-orange", values: e.predicted[j], width: 1.6, dash: [5, 3]}
+      {label: "Measured", colour: "--c-measured", values: of_output(e.y[j]), width: 1.4, points: few ? undefined_points : false, size: 4},
+      {label: "Simulated", colour: "--c-blue", values: of_output(e.simulated[j]), width: 2},
+      {label: "One-step prediction", colour: "--c-orange", values: of_output(e.predicted[j]), width: 1.6, dash: [5, 3]}
     ];
-    if (nominal) curves.push({label: "Nominal", colour: "--c-faint", values: nominal.y[j], width: 1.4, dash: [2, 3]});
+    if (nominal && !departures) curves.push({label: "Nominal", colour: "--c-faint", values: nominal.y[j], width: 1.4, dash: [2, 3]});
     add({name: "outputs", place: "plot-outputs", legend: "legend-outputs", shared: true, tall: 310, x, stretch: traces.stretch, curves, label: named(data.outputs[j])});
     add({name: "errors", place: "plot-errors", legend: "legend-errors", shared: true, tall: 190, x, stretch: traces.stretch, label: named(data.outputs[j]), curves: [
       {label: "Measured − simulated", colour: "--c-blue", values: e.simulation_error[j]},
       {label: "Measured − predicted", colour: "--c-orange", values: e.prediction_error[j]}]});
     if (data.inputs.length) {
-      const shown = [{label: "Measured", colour: "--c-green", values: e.u[i], stepped: few}];
-      if (nominal) shown.push({label: "Nominal", colour: "--c-faint", values: nominal.u[i], width: 1.4, dash: [2, 3]});
+      const shown = [{label: "Measured", colour: "--c-green", values: of_input(e.u[i]), stepped: few}];
+      if (nominal && !departures) shown.push({label: "Nominal", colour: "--c-faint", values: nominal.u[i], width: 1.4, dash: [2, 3]});
       add({name: "inputs", place: "plot-inputs", legend: "legend-inputs", shared: true, tall: 190, x, stretch: traces.stretch, curves: shown, label: named(data.inputs[i])});
     }
     at("previous").disabled = experiment.selectedIndex === 0;
@@ -254,7 +258,13 @@
     fill(experiment, data.traces.experiments.map(e => e.label), data.traces.first);
     fill(output, data.outputs.map(named), 0);
     fill(input, data.inputs.length ? data.inputs.map(named) : ["none"], 0);
-    for (const select of [experiment, output, input]) select.addEventListener("change", draw_traces);
+    if (motion) {
+      // Least and largest values of a stretch have no difference from the nominal ones.
+      make("option", "whole motion", motion).value = "whole";
+      make("option", "departures from nominal", motion).value = "departures";
+      motion.disabled = data.traces.stretch > 1;
+    }
+    for (const select of [experiment, output, input, motion].filter(s => s)) select.addEventListener("change", draw_traces);
     const move = by => {
       experiment.selectedIndex = Math.min(experiment.options.length - 1, Math.max(0, experiment.selectedIndex + by));
       draw_traces();
