@@ -85,22 +85,6 @@ void check_output(const fs::path& path, Content content) {
     refuse(fmt::format("can't be written: {}", std::generic_category().message(errno)));
 }
 
-std::vector<std::string> differences(const Model& model, const Ensemble& data) {
-  std::vector<std::string> result;
-  // Sample times that went through single precision or decimal text are still the same.
-  if (std::abs(model.dt - data.dt) > 1e-6 * model.dt)
-    result.push_back(fmt::format("the data's dt = {} s differs from the model's dt = {} s", data.dt, model.dt));
-  const auto compare = [&result](const char* what, const std::vector<std::string>& found,
-                                 const std::vector<std::string>& known) {
-    if (!found.empty() && !known.empty() && found != known)
-      result.push_back(fmt::format("the data's {} are named {}, the model's {}", what, fmt::join(found, ", "),
-                                   fmt::join(known, ", ")));
-  };
-  compare("inputs", data.names.input_names, model.names.input_names);
-  if (data.outputs() > 0) compare("outputs", data.names.output_names, model.names.output_names);
-  return result;
-}
-
 std::string coverage(const Ensemble& computed, std::vector<std::string>& warnings) {
   std::vector<Index> steps;
   for (Index k = 0; k < computed.steps(); ++k) {

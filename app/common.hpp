@@ -111,8 +111,6 @@ std::invoke_result_t<Work> about(const fs::path& file, Work&& work) {
   }
 }
 
-// Differences between the data and the model that are no error, but may be a mistake.
-std::vector<std::string> differences(const Model& model, const Ensemble& data);
 // At which steps something could be computed; a warning where at none.
 std::string coverage(const Ensemble& computed, std::vector<std::string>& warnings);
 

@@ -18,51 +18,24 @@ struct Call {
 
 // Ensembles
 
-struct ChannelSummary {
+struct Channel {
   const char* kind;
   std::string name, unit, label;
-  Index samples = 0, missing = 0;  // within the length of each experiment
-  double mean, std, min, max;
+  ChannelSummary samples;
 };
 
-ChannelSummary summary(const Ensemble& e, Index c) {
+Channel channel(const Ensemble& e, Index c) {
   const bool input = c < e.inputs();
   const Index i = input ? c : c - e.inputs();
   const std::vector<std::string>& units = input ? e.names.input_units : e.names.output_units;
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  ChannelSummary s{input ? "input" : "output",
-                   input ? e.names.input(i) : e.names.output(i),
-                   size_t(i) < units.size() ? units[size_t(i)] : "",
-                   input ? input_label(e.names, i) : output_label(e.names, i),
-                   0,
-                   0,
-                   nan,
-                   nan,
-                   nan,
-                   nan};
-  // Welford's update: one pass, and no cancellation for channels far from zero.
-  double squares = 0.0;
-  for (Index n = 0; n < e.experiments(); ++n)
-    for (Index k = 0; k < (e.length.empty() ? e.steps() : e.length[size_t(n)]); ++k) {
-      const double value = e.samples()(n, k * e.channels() + c);
-      if (std::isnan(value)) {
-        ++s.missing;
-        continue;
-      }
-      if (s.samples++ == 0) s.mean = s.min = s.max = value;
-      const double step = value - s.mean;
-      s.mean += step / double(s.samples);
-      squares += step * (value - s.mean);
-      s.min = std::min(s.min, value);
-      s.max = std::max(s.max, value);
-    }
-  if (s.samples > 0) s.std = std::sqrt(squares / double(s.samples));
-  return s;
+  return {input ? "input" : "output", input ? e.names.input(i) : e.names.output(i),
+          size_t(i) < units.size() ? units[size_t(i)] : "", input ? input_label(e.names, i) : output_label(e.names, i),
+          channel_summary(e, c)};
 }
 
-std::vector<ChannelSummary> summaries(const Ensemble& e) {
-  std::vector<ChannelSummary> result;
-  for (Index c = 0; c < e.channels(); ++c) result.push_back(summary(e, c));
+std::vector<Channel> channels(const Ensemble& e) {
+  std::vector<Channel> result;
+  for (Index c = 0; c < e.channels(); ++c) result.push_back(channel(e, c));
   return result;
 }
 
@@ -81,10 +54,10 @@ Json json(const Call& call, const Ensemble& e) {
   j["free_responses"] = {{"experiments", e.free.experiments}, {"steps", e.free.steps}};
   j["largest_lag_order"] = largest_lag_order(e.experiments(), e.inputs(), e.outputs());
   j["channels"] = Json::array();
-  for (const ChannelSummary& s : summaries(e))
-    j["channels"].push_back({{"kind", s.kind},
-                             {"name", s.name},
-                             {"unit", s.unit},
+  for (const auto& [kind, name, unit, label, s] : channels(e))
+    j["channels"].push_back({{"kind", kind},
+                             {"name", name},
+                             {"unit", unit},
                              {"samples", s.samples},
                              {"missing", s.missing},
                              {"mean", s.mean},
@@ -111,9 +84,9 @@ std::string report(const Call& call, const Ensemble& e) {
                  : fmt::format("none; p = 1 needs {} experiments", minimum_experiments(e.inputs(), e.outputs(), 1)));
   page.row("Channels", "");
   std::vector<std::vector<std::string>> rows{{"channel", "kind", "missing", "mean", "std", "min", "max"}};
-  for (const ChannelSummary& s : summaries(e))
+  for (const auto& [kind, name, unit, label, s] : channels(e))
     rows.push_back(
-        {s.label, s.kind, fmt::format("{}", s.missing), number(s.mean), number(s.std), number(s.min), number(s.max)});
+        {label, kind, fmt::format("{}", s.missing), number(s.mean), number(s.std), number(s.min), number(s.max)});
   page.table(rows);
   return page.text();
 }

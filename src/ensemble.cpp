@@ -123,6 +123,29 @@ void Ensemble::check(bool outputs_needed) const {
   check_free_response(free, outputs_);
 }
 
+ChannelSummary channel_summary(const Ensemble& e, Index channel) {
+  ChannelSummary s;
+  // Welford's update: one pass, and no cancellation for channels far from zero.
+  double squares = 0.0;
+  for (Index k = 0; k < e.steps(); ++k)
+    for (Index n = 0; n < e.experiments(); ++n) {
+      if (!e.length.empty() && k >= e.length[static_cast<size_t>(n)]) continue;
+      const double value = e.samples()(n, k * e.channels() + channel);
+      if (std::isnan(value)) {
+        ++s.missing;
+        continue;
+      }
+      if (s.samples++ == 0) s.mean = s.min = s.max = value;
+      const double step = value - s.mean;
+      s.mean += step / double(s.samples);
+      squares += step * (value - s.mean);
+      s.min = std::min(s.min, value);
+      s.max = std::max(s.max, value);
+    }
+  if (s.samples > 0) s.std = std::sqrt(squares / double(s.samples));
+  return s;
+}
+
 Split split(const Ensemble& ensemble, double fraction) {
   const Index total = ensemble.experiments();
   if (!(fraction > 0 && fraction < 1))

@@ -13,6 +13,7 @@
 #include "tokid/markov.hpp"
 #include "tokid/tvera.hpp"
 #include "tokid/version.hpp"
+#include "words.hpp"
 
 namespace tokid {
 
@@ -32,25 +33,6 @@ constexpr Index noisy_columns = 48;
 
 Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 
-// "steps 3, 5-9, 12", for people, who won't read more than a few ranges.
-std::string step_list(const std::vector<Index>& steps) {
-  constexpr int most_ranges = 8;
-  std::string text;
-  int ranges = 0;
-  for (size_t i = 0; i < steps.size();) {
-    if (ranges++ == most_ranges) {
-      text += fmt::format(", … ({} steps in all)", steps.size());
-      break;
-    }
-    size_t j = i;
-    while (j + 1 < steps.size() && steps[j + 1] == steps[j] + 1) ++j;
-    if (!text.empty()) text += ", ";
-    text += i == j ? fmt::format("{}", steps[i]) : fmt::format("{}-{}", steps[i], steps[j]);
-    i = j + 1;
-  }
-  return (steps.size() == 1 ? "step " : "steps ") + text;
-}
-
 void check_options(const IdentifyOptions& o) {
   static constexpr Index most = 1'000'000;
   const auto check_count = [](const char* name, Index value) {
@@ -69,11 +51,9 @@ void check_options(const IdentifyOptions& o) {
 void check_magnitudes(const Ensemble& e) {
   constexpr double largest = 1e60, smallest = 1e-60;
   for (Index c = 0; c < e.channels(); ++c) {
-    double magnitude = 0.0;
-    for (Index k = 0; k < e.steps(); ++k)
-      for (const double value : e.samples().col(k * e.channels() + c))
-        if (!std::isnan(value)) magnitude = std::max(magnitude, std::abs(value));
-    if (magnitude != 0 && (magnitude > largest || magnitude < smallest))
+    const ChannelSummary s = channel_summary(e, c);
+    const double magnitude = std::max(std::abs(s.min), std::abs(s.max));
+    if (magnitude > largest || (magnitude > 0 && magnitude < smallest))
       throw std::invalid_argument(
           fmt::format("{}: values up to {:.3g} found, {:.0e} to {:.0e} can be handled: choose another unit",
                       c < e.inputs() ? "input " + e.names.input(c) : "output " + e.names.output(c - e.inputs()),
@@ -96,7 +76,7 @@ void warn_of_constant_inputs(const Ensemble& e, std::vector<std::string>& warnin
     const auto warn = [&](const char* what, const std::vector<Index>& steps) {
       if (steps.empty()) return;
       warnings.push_back(fmt::format("input {} is {} in every experiment at {}: its effect there can't be identified",
-                                     e.names.input(i), what, step_list(steps)));
+                                     e.names.input(i), what, words::step_list(steps)));
     };
     warn("zero", zero);
     warn("constant", constant);
@@ -107,12 +87,9 @@ void warn_of_constant_inputs(const Ensemble& e, std::vector<std::string>& warnin
 Vector channel_sizes(const Ensemble& e, Index first, Index count) {
   Vector sizes(count);
   for (Index c = 0; c < count; ++c) {
-    double sum = 0.0;
-    Index samples = 0;
-    for (Index k = 0; k < e.steps(); ++k)
-      for (const double value : e.samples().col(k * e.channels() + first + c))
-        if (!std::isnan(value)) sum += value * value, ++samples;
-    sizes(c) = sum > 0 ? std::sqrt(sum / double(samples)) : 1.0;
+    const ChannelSummary s = channel_summary(e, first + c);
+    const double square = s.mean * s.mean + s.std * s.std;
+    sizes(c) = square > 0 ? std::sqrt(square) : 1.0;
   }
   return sizes;
 }
@@ -411,17 +388,17 @@ void Pipeline::warn_of_regressions() {
   result_.noisy = residual > arithmetic * arithmetic * square;
   if (!ill.empty())
     warn(fmt::format("ill-conditioned windows (condition above {:.0e}) at {}: expect few digits there", ill_conditioned,
-                     step_list(ill)));
+                     words::step_list(ill)));
   if (!starved.empty())
     warn(
         fmt::format("missing samples leave fewer experiments than the {} unknowns at {}: the solution of smallest "
                     "norm stands in there",
-                    data_.inputs() + result_.lags * data_.channels(), step_list(starved)));
+                    data_.inputs() + result_.lags * data_.channels(), words::step_list(starved)));
   if (!unexcited.empty())
     warn(fmt::format(
         "the inputs of neighbouring steps and channels are linearly dependent over the experiments at {}: their "
         "effects there can't be told apart",
-        step_list(unexcited)));
+        words::step_list(unexcited)));
   const Index unknowns = minimum_experiments(data_.inputs(), data_.outputs(), result_.lags);
   if (freedom == 0)
     warn(fmt::format(

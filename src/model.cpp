@@ -247,6 +247,22 @@ class Observer {
 
 }  // namespace
 
+std::vector<std::string> differences(const Model& model, const Ensemble& data) {
+  std::vector<std::string> result;
+  // Sample times that went through single precision or decimal text are still the same.
+  if (std::abs(model.dt - data.dt) > 1e-6 * model.dt)
+    result.push_back(fmt::format("the data's dt = {} s differs from the model's dt = {} s", data.dt, model.dt));
+  const auto compare = [&result](const char* what, const std::vector<std::string>& found,
+                                 const std::vector<std::string>& known) {
+    if (!found.empty() && !known.empty() && found != known)
+      result.push_back(fmt::format("the data's {} are named {}, the model's {}", what, fmt::join(found, ", "),
+                                   fmt::join(known, ", ")));
+  };
+  compare("inputs", data.names.input_names, model.names.input_names);
+  if (data.outputs() > 0) compare("outputs", data.names.output_names, model.names.output_names);
+  return result;
+}
+
 bool starts_from_zero(const Model& model, InitialState initial) {
   return model.steps() > 0 && (model.state_dim.front() == 0 || (initial == InitialState::zero && model.k_begin == 0));
 }

@@ -193,7 +193,8 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
       }
   }
   result.whiteness_p = nan;
-  if (innovation > arithmetic * arithmetic * output) {
+  result.noisy = innovation > arithmetic * arithmetic * output;
+  if (result.noisy) {
     result.whiteness = whiteness(prediction.innovations, options.whiteness_lags);
     result.whiteness_p = result.whiteness.p;
   }

@@ -226,8 +226,8 @@ TEST(Identify, ConstantInputsAreNamedWithTheirSteps) {
   Ensemble data = simulate(oscillator(40), inputs);
   data.names = inputs.names;
   const Identification result = identify(data, {.states = 4, .lags = 2});
-  EXPECT_TRUE(mentions(result.warnings, "input valve is zero in every experiment at steps 0-9"));
-  EXPECT_TRUE(mentions(result.warnings, "input torque is constant in every experiment at steps 30-39"));
+  EXPECT_TRUE(mentions(result.warnings, "input valve is zero in every experiment at steps 0–9"));
+  EXPECT_TRUE(mentions(result.warnings, "input torque is constant in every experiment at steps 30–39"));
   for (const auto* list : {&result.model.A, &result.model.B, &result.model.C, &result.model.D, &result.model.G})
     for (const Matrix& a : *list) EXPECT_TRUE(a.allFinite());
 }
@@ -308,7 +308,7 @@ TEST(Identify, MissingSamplesAndUnequalLengthsCostOnlyTheRowsTheyTouch) {
   // Where too few experiments are left, the tool says at which steps.
   for (Index n = 5; n < 60; ++n) e.y(n, 20, 0) = nan;
   EXPECT_TRUE(mentions(identify(e, {.states = 4, .lags = 2}).warnings,
-                       "fewer experiments than the 10 unknowns at steps 20-22"));
+                       "fewer experiments than the 10 unknowns at steps 20–22"));
 }
 
 TEST(Identify, FramesAreAppliedAndNamed) {
@@ -448,7 +448,7 @@ TEST(Identify, DependentInputsAreNamed) {
   Ensemble e = experiments(oscillator(40), {.experiments = 30});
   for (Index k = 0; k < 40; ++k) e.input(k).col(1) = 2 * e.input(k).col(0);
   e = simulate(oscillator(40), e);
-  EXPECT_TRUE(mentions(identify(e, {.lags = 2}).warnings, "linearly dependent over the experiments at steps 2-39"));
+  EXPECT_TRUE(mentions(identify(e, {.lags = 2}).warnings, "linearly dependent over the experiments at steps 2–39"));
 }
 
 TEST(Identify, FreeResponsesOfAMovingRigAreDepartures) {

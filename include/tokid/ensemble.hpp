@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -92,6 +93,16 @@ class Ensemble {
   Index steps_ = 0, inputs_ = 0, outputs_ = 0;
   Matrix samples_;
 };
+
+// The samples of one channel, inputs first, within the length of each experiment; NaN where there are none.
+struct ChannelSummary {
+  Index samples = 0, missing = 0;
+  double mean = std::numeric_limits<double>::quiet_NaN();
+  double std = std::numeric_limits<double>::quiet_NaN();  // about the mean, over all samples
+  double min = std::numeric_limits<double>::quiet_NaN();
+  double max = std::numeric_limits<double>::quiet_NaN();
+};
+ChannelSummary channel_summary(const Ensemble& ensemble, Index channel);
 
 // The experiments held out are spread evenly over the ensemble, so that both parts represent an ordered campaign.
 struct Split {

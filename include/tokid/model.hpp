@@ -68,6 +68,9 @@ struct Model {
 // number of inputs or a wrong shape of x0
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0 = {});
 
+// Differences in sample time and names that are no error, but may be a mistake, in words; empty where there are none.
+std::vector<std::string> differences(const Model& model, const Ensemble& data);
+
 // Is the state at the first step of the model known to be zero? A model that begins later than the experiments can't
 // know.
 bool starts_from_zero(const Model& model, InitialState initial);

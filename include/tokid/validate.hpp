@@ -37,6 +37,7 @@ Whiteness whiteness(const std::vector<Matrix>& innovations, Index lags);
 
 struct Validation {
   Fit simulation, one_step, horizon;
+  bool noisy = false;  // innovations beyond rounding errors
   // Probability of innovations as correlated as these if they were white; NaN where the innovations are at rounding
   // level or fewer than m + 3 experiments are there.
   double whiteness_p = 0.0;

@@ -10,6 +10,7 @@
 
 #include "report/assets.hpp"
 #include "report/page.hpp"
+#include "words.hpp"
 
 namespace tokid::report {
 
@@ -60,13 +61,6 @@ Scale scale(const Axis& axis, Range range, double from, double to) {
   return s;
 }
 
-std::string superscript(int exponent) {
-  static constexpr const char* digits[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
-  std::string text = exponent < 0 ? "⁻" : "";
-  for (const char digit : std::to_string(std::abs(exponent))) text += digits[digit - '0'];
-  return text;
-}
-
 struct Tick {
   double position;
   std::string label;
@@ -77,7 +71,9 @@ std::vector<Tick> ticks(const Scale& s, int count) {
   const auto at = [&](double value) { return s.from + (s.to - s.from) * (value - s.least) / (s.most - s.least); };
   if (s.log) {
     for (const int exponent : decade_ticks(std::pow(10.0, s.least), std::pow(10.0, s.most), count))
-      result.push_back({at(exponent), exponent == 0 ? "1" : exponent == 1 ? "10" : "10" + superscript(exponent)});
+      result.push_back({at(exponent), exponent == 0   ? "1"
+                                      : exponent == 1 ? "10"
+                                                      : "10" + words::superscript(exponent)});
   } else {
     for (const double value : linear_ticks(s.least, s.most, count))
       result.push_back({at(value), fmt::format("{:.6g}", value == 0 ? 0.0 : value)});

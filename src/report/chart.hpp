@@ -19,7 +19,7 @@ struct Series {
 
 struct Axis {
   std::string label;
-  bool log = false;  // values that are not positive lie below the axis and are not drawn
+  bool log = false;                // values that are not positive lie below the axis and are not drawn
   std::vector<double> cover = {};  // values within the axis, drawn or not: figures to be compared share their scale
 };
 

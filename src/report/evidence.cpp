@@ -15,7 +15,6 @@ namespace tokid::report {
 namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-constexpr double arithmetic = 1e-9;  // innovations below this share of the outputs are rounding errors
 
 // Spread of each output about the nominal trajectory, or about its mean: what errors are compared with.
 Vector output_spread(const Model& model, const Ensemble& data) {
@@ -92,35 +91,6 @@ std::vector<WeakInput> weak_inputs(const Ensemble& data) {
   return result;
 }
 
-bool is_noisy(const Prediction& prediction, const Model& model, const Ensemble& data) {
-  double innovation = 0.0, output = 0.0;
-  for (Index k = 0; k < data.steps(); ++k)
-    for (Index j = 0; j < data.outputs(); ++j)
-      for (Index n = 0; n < data.experiments(); ++n) {
-        const double e = prediction.innovations[size_t(k)](n, j);
-        if (std::isnan(e)) continue;
-        const double y = data.y(n, k, j) - (k < model.y_nominal.rows() ? model.y_nominal(k, j) : 0.0);
-        innovation += e * e;
-        output += y * y;
-      }
-  return innovation > arithmetic * arithmetic * output;
-}
-
-std::vector<std::string> differences(const Model& model, const Ensemble& data) {
-  std::vector<std::string> result;
-  if (std::abs(model.dt - data.dt) > 1e-6 * model.dt)
-    result.push_back(fmt::format("The sample time of the data is {} s, that of the model {} s.", data.dt, model.dt));
-  const auto compare = [&result](const char* what, const std::vector<std::string>& found,
-                                 const std::vector<std::string>& known) {
-    if (!found.empty() && !known.empty() && found != known)
-      result.push_back(fmt::format("The {} are named {} in the data, {} in the model.", what, fmt::join(found, ", "),
-                                   fmt::join(known, ", ")));
-  };
-  compare("inputs", data.names.input_names, model.names.input_names);
-  compare("outputs", data.names.output_names, model.names.output_names);
-  return result;
-}
-
 void judge_regressions(const Model& model, Evidence& found) {
   found.condition_median = median(model.condition);
   for (const double c : model.condition) found.condition_max = std::max(found.condition_max, c);
@@ -179,7 +149,7 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
   Index expected = data.samples().size();
   for (const Index length : data.length) expected -= (data.steps() - length) * data.channels();
   found.missing_share = expected > 0 ? double(found.missing) / double(expected) : 0.0;
-  found.noisy = is_noisy(found.prediction, model, data);
+  found.noisy = found.validation.noisy;
   if (!model.lags.empty()) {
     found.lags = model.max_lags();
     found.unknowns = minimum_experiments(model.inputs, model.outputs, found.lags);
@@ -208,86 +178,6 @@ double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
-}
-
-std::string step_list(const std::vector<Index>& steps) {
-  constexpr size_t most_ranges = 6;
-  std::vector<std::string> ranges;
-  for (size_t i = 0; i < steps.size();) {
-    size_t j = i;
-    while (j + 1 < steps.size() && steps[j + 1] == steps[j] + 1) ++j;
-    ranges.push_back(i == j ? fmt::format("{}", steps[i]) : fmt::format("{}–{}", steps[i], steps[j]));
-    i = j + 1;
-  }
-  std::string text = steps.size() == 1 ? "step " : "steps ";
-  if (ranges.size() > most_ranges) {
-    ranges.resize(most_ranges);
-    return text + fmt::format("{} and more ({} in all)", fmt::join(ranges, ", "), steps.size());
-  }
-  if (ranges.size() == 1) return text + ranges.front();
-  const std::string last = ranges.empty() ? "" : ranges.back();
-  if (!ranges.empty()) ranges.pop_back();
-  return text + fmt::format("{} and {}", fmt::join(ranges, ", "), last);
-}
-
-namespace {
-
-// The figure alone, cut rather than rounded up: 99.97 is not 100.
-std::string percent_figure(double fit, int least_digits) {
-  if (!std::isfinite(fit)) return "–";
-  if (fit < -999) return "below −999";
-  const double gap = 100 - fit;
-  if (gap < 1e-6) return "100";
-  const int digits = std::max(least_digits, gap >= 2 ? 0 : std::clamp(int(std::ceil(-std::log10(gap))), 1, 6));
-  const double scale = std::pow(10.0, digits);
-  const double cut = std::floor(fit * scale) / scale;
-  return cut < 0 ? fmt::format("−{:.{}f}", -cut, digits) : fmt::format("{:.{}f}", cut, digits);
-}
-
-}  // namespace
-
-std::string percent(double fit, int digits) { return percent_figure(fit, digits) + (std::isfinite(fit) ? " %" : ""); }
-
-std::string figure(double value, int digits) {
-  if (std::isnan(value)) return "–";
-  if (std::isinf(value)) return value > 0 ? "∞" : "−∞";
-  const double size = std::abs(value);
-  if (size == 0 || (size >= 1e-4 && size < 1e5)) {
-    // No exponent in this range: a few digits of something large are as many as it has.
-    const int integers = size >= 1 ? static_cast<int>(std::log10(size)) + 1 : 1;
-    const std::string text = fmt::format("{:.{}g}", size, std::max(digits, integers));
-    return value < 0 ? "−" + text : text;
-  }
-  const std::string text = fmt::format("{:.{}e}", size, digits - 1);
-  const size_t e = text.find('e');
-  std::string mantissa = text.substr(0, e);
-  while (mantissa.find('.') != std::string::npos && (mantissa.back() == '0' || mantissa.back() == '.')) {
-    const bool point = mantissa.back() == '.';
-    mantissa.pop_back();
-    if (point) break;
-  }
-  static constexpr const char* raised[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
-  const int exponent = std::stoi(text.substr(e + 1));
-  std::string power = exponent < 0 ? "⁻" : "";
-  for (const char digit : std::to_string(std::abs(exponent))) power += raised[digit - '0'];
-  return fmt::format("{}{}·10{}", value < 0 ? "−" : "", mantissa, power);
-}
-
-std::string probability(double p) { return p < 1e-4 ? "p < 0.0001" : fmt::format("p = {:.2g}", p); }
-
-std::string percent_range(const Vector& fits) {
-  double least = std::numeric_limits<double>::infinity(), most = -least;
-  for (const double fit : fits)
-    if (std::isfinite(fit)) least = std::min(least, fit), most = std::max(most, fit);
-  if (least > most) return "–";
-  const std::string a = percent_figure(least, 0), b = percent_figure(most, 0);
-  if (a == b) return a + " %";
-  // A dash after a minus sign is hard to read.
-  return fmt::format("{}{}{} %", a, least < 0 ? " to " : "–", b);
-}
-
-std::string plural(Index count, std::string_view noun) {
-  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
 }  // namespace tokid::report

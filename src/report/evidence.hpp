@@ -7,8 +7,11 @@
 
 #include "tokid/report.hpp"
 #include "tokid/validate.hpp"
+#include "words.hpp"
 
 namespace tokid::report {
+
+using words::figure, words::percent, words::percent_range, words::plural, words::probability, words::step_list;
 
 // Bounds that the verdict and the tables use; the page states them.
 namespace bounds {
@@ -61,15 +64,5 @@ Verdict verdict_of(const Model& model, const Evidence& found, const ReportOption
 
 // The median of what is finite; NaN for none.
 double median(std::vector<double> values);
-// "steps 3, 5-9 and 12", a few ranges at most
-std::string step_list(const std::vector<Index>& steps);
-// "93 %", cut rather than rounded, with at least so many digits, and as many as tell it from 100 %
-std::string percent(double fit, int digits = 0);
-// "93-97 %" with an en dash; "-" where there is none
-std::string percent_range(const Vector& fits);
-// "0.0123", "1.4·10⁵"; a dash for NaN
-std::string figure(double value, int digits = 4);
-std::string probability(double p);  // "p = 0.02", "p < 0.0001"
-std::string plural(Index count, std::string_view noun);
 
 }  // namespace tokid::report

@@ -52,7 +52,7 @@ def test_dead_input(tokid, identify, tmp_path, value, word, states):
     u[:, :, 1] = value
     found, model = identify("--lags", 2, "--nominal", "none", u=u, y=y, initial_state="zero",
                             input_names=["torque", "brake"])
-    warning_with(found, "brake", word, "0-19")
+    warning_with(found, "brake", word, "0–19")
     assert not any("torque" in text for text in found["warnings"])
     # Step 0 has no lags: a constant is a regressor there like any other.
     assert found["rank_deficient_steps"] == (20 if value == 0 else 19)
@@ -70,14 +70,14 @@ def test_input_that_rests_for_some_steps(identify):
     u[:, 5:8, 0] = 0.0
     u[:, 11, 0] = 0.0
     found, _ = identify("--lags", 2, u=u, y=simulate(random_system(1, 20, 3, 2, 2), u), initial_state="zero")
-    warning_with(found, "u1", "zero", "5-7, 11")
+    warning_with(found, "u1", "zero", "5–7 and 11")
     assert min(found["simulation_fit"]) > 99.9999
 
 
 def test_all_inputs_dead(identify):
     y = np.random.default_rng(1).standard_normal((40, 10, 1))
     found, _ = identify("--lags", 1, u=np.zeros((40, 10, 1)), y=y, initial_state="zero")
-    warning_with(found, "u1", "zero", "0-9")
+    warning_with(found, "u1", "zero", "0–9")
 
 
 # Initial states
@@ -265,7 +265,7 @@ def test_steps_with_too_few_complete_experiments_are_told(identify):
     u, y = experiments(random_system(14, 25, 4, 2, 2), 20, 16)
     y[:15, 12, 0] = np.nan
     found, _ = identify("--lags", 2, u=u, y=y, initial_state="zero")
-    warning_with(found, "missing samples", "12-14")
+    warning_with(found, "missing samples", "12–14")
 
 
 # Hold-out

@@ -1,0 +1,25 @@
+// Numbers and lists for people: in warnings, verdicts and pages.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tokid/linalg.hpp"
+
+namespace tokid::words {
+
+// "steps 3, 5–9 and 12", a few ranges at most
+std::string step_list(const std::vector<Index>& steps);
+// "83 %", "97.1 %", cut rather than rounded, with at least so many digits, and as many as tell it from 100 %
+std::string percent(double fit, int digits = 0);
+// "83–97.1 %"; a dash where there is none
+std::string percent_range(const Vector& fits);
+// "0.0123", "1.4·10⁵"; a dash for NaN
+std::string figure(double value, int digits = 4);
+std::string probability(double p);  // "p = 0.02", "p < 0.0001"
+std::string plural(Index count, std::string_view noun);
+std::string superscript(int exponent);  // "⁻¹²"
+
+}  // namespace tokid::words
