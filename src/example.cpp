@@ -130,6 +130,9 @@ Ensemble experiments(const Model& system, const ExperimentOptions& options) {
 
 Model with_noise(Model system, const ExperimentOptions& options) {
   check_noise(options);
+  system.check();
+  system.Q.clear();
+  system.R.clear();
   const auto white = [](Index size, double deviation) -> Matrix {
     return deviation * deviation * Matrix::Identity(size, size);
   };
@@ -145,6 +148,10 @@ Model with_noise(Model system, const ExperimentOptions& options) {
 }
 
 Ensemble expected_moments(const Model& system) {
+  system.check();
+  if (system.steps() == 0 || system.k_begin != 0)
+    throw std::invalid_argument(fmt::format("system: {} steps from step {} found, at least one from step 0 needed",
+                                            system.steps(), system.k_begin));
   if (static_cast<Index>(system.Q.size()) != system.steps() || static_cast<Index>(system.R.size()) != system.steps())
     throw std::invalid_argument(fmt::format("Q and R: {} and {} matrices found, {} of each (one for each step) needed",
                                             system.Q.size(), system.R.size(), system.steps()));

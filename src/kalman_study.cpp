@@ -17,6 +17,14 @@ void check(const KalmanStudyOptions& o) {
   if (!(0 <= o.begin && o.begin < o.end && o.end <= o.steps))
     throw std::invalid_argument(
         fmt::format("steps judged: {} to {} found, 0 <= begin < end <= {} needed", o.begin, o.end, o.steps));
+  if (!(o.process_noise > 0 && o.measurement_noise > 0))
+    throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, positive ones needed",
+                                            o.process_noise, o.measurement_noise));
+  for (const Index p : o.lags)
+    if (p < 1 || p >= o.steps)
+      throw std::invalid_argument(fmt::format("lags: {} found, 1 to {} needed", p, o.steps - 1));
+  for (const Index count : o.experiments)
+    if (count < 0) throw std::invalid_argument(fmt::format("experiments: {} found, at least 0 needed", count));
   if (o.fresh < 1) throw std::invalid_argument(fmt::format("fresh experiments: {} found, at least 1 needed", o.fresh));
 }
 
@@ -59,10 +67,12 @@ KalmanStudy kalman_study(const KalmanStudyOptions& options) {
   study.options = options;
   study.kalman_error = rms_error(predict(filter, fresh), options);
   experiment_options.seed = options.seed;
+  double done = 0.0;
   for (const Index count : options.experiments) {
     experiment_options.experiments = count;
     const Ensemble data = count > 0 ? experiments(filter, experiment_options) : expected_moments(filter);
     for (const Index p : options.lags) {
+      if (count > 0 && count <= minimum_experiments(filter.inputs, filter.outputs, p)) continue;
       IdentifyOptions identify_options;
       identify_options.states = filter.states();
       identify_options.lags = p;
@@ -73,8 +83,8 @@ KalmanStudy kalman_study(const KalmanStudyOptions& options) {
       study.cells.push_back({p, count, rms_error(predict(model, fresh), options) / study.kalman_error,
                              gain_difference(model, filter, options)});
     }
-    if (options.execution.progress)
-      options.execution.progress(double(study.cells.size()) / double(options.lags.size() * options.experiments.size()));
+    done += 1.0 / double(options.experiments.size());
+    if (options.execution.progress) options.execution.progress(std::min(1.0, done));
   }
   return study;
 }

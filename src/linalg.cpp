@@ -97,8 +97,11 @@ std::optional<Matrix> covariance_factor(const ConstMatrixRef& s) {
   if ((correlation - correlation.transpose()).cwiseAbs().maxCoeff() > rounding ||
       decomposition.eigenvalues().minCoeff() < -rounding)
     return std::nullopt;
+  // What rounding has made of zero must not become its root, 1e-8: a direction without variance has none.
+  const Vector& values = decomposition.eigenvalues();
+  const double zero = 4 * epsilon * double(s.rows()) * values(values.size() - 1);
   return size.asDiagonal() * decomposition.eigenvectors() *
-         decomposition.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+         (values.array() > zero).select(values, 0.0).cwiseSqrt().asDiagonal();
 }
 
 Matrix procrustes(const ConstMatrixRef& a, const ConstMatrixRef& b) {

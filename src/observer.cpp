@@ -11,7 +11,7 @@ namespace tokid {
 namespace {
 
 // Directions of the innovations below this share of the largest carry nothing but rounding errors.
-constexpr double singular = 1e-14;
+constexpr double singular = 1e-12;
 
 }  // namespace
 
@@ -131,6 +131,8 @@ Matrix square(const Matrix& factor) {
 }  // namespace
 
 KalmanFilter kalman_filter(const Model& model) {
+  model.check();
+  if (model.steps() == 0) throw std::invalid_argument("model: no step found, at least one needed");
   const auto given = [&](const std::vector<Matrix>& list, const char* name) {
     if (static_cast<Index>(list.size()) != model.steps())
       throw std::invalid_argument(

@@ -76,6 +76,19 @@ TEST(Chart, PointsLieWhereTheirValuesAre) {
   EXPECT_LT(y[1], y[0] - 30);  // upwards
 }
 
+TEST(Chart, FiguresToBeComparedShareTheirScale) {
+  const auto labels = [](const Series& series, std::vector<double> cover) {
+    const std::string drawn = svg(one_series(series, {"y", true, std::move(cover)}), Setting::page);
+    std::vector<std::string> found;
+    const std::regex label("<text class=\"y\"[^>]*>([^<]*)<");
+    for (std::sregex_iterator l(drawn.begin(), drawn.end(), label), end; l != end; ++l) found.push_back((*l)[1]);
+    return found;
+  };
+  const Series small{"", {0, 1}, {1e-9, 1e-8}}, large{"", {0, 1}, {1e-3, 1e-2}};
+  EXPECT_NE(labels(small, {}), labels(large, {}));
+  EXPECT_EQ(labels(small, {1e-3, 1e-2}), labels(large, {1e-9, 1e-8}));
+}
+
 TEST(Chart, TheUnitCircleIsRoundAndPolesLieOnIt) {
   Figure figure = one_series({"poles", {1, 0, -1, 0, 5}, {0, 1, 0, -1, 0}, Mark::dot});
   figure.panels[0].complex_plane = true;

@@ -68,5 +68,16 @@ TEST(Example, RefusesNonsense) {
   EXPECT_THROW(experiments(oscillator(5), {.measurement_noise = -1}), std::invalid_argument);
 }
 
+TEST(Example, NoiseReplacesNoiseThatWasThere) {
+  const Model once = with_noise(oscillator(10), {.process_noise = 0.1, .measurement_noise = 0.2});
+  const Model again = with_noise(once, {.process_noise = 0.3, .measurement_noise = 0.4});
+  ASSERT_EQ(again.Q.size(), 10u);
+  EXPECT_DOUBLE_EQ(again.Q[3](0, 0), 0.09);
+  EXPECT_DOUBLE_EQ(again.R[3](1, 1), 0.16);
+  EXPECT_THROW(with_noise(oscillator(10), {.process_noise = -1}), std::invalid_argument);
+  EXPECT_THROW(expected_moments(Model{}), std::invalid_argument);
+  EXPECT_THROW(expected_moments(from_step(once, 2)), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace tokid::testing

@@ -209,6 +209,52 @@ TEST(Kalman, DoesNotDependOnTheUnitsOfTheOutputs) {
   for (size_t s = 0; s < 20; ++s) EXPECT_LE((a.K[s] - b.K[s] * unit.asDiagonal()).norm(), 1e-10 * a.K[s].norm()) << s;
 }
 
+// Where the innovations are singular, the gain of smallest norm, and not the rounding errors of their null space.
+TEST(Kalman, SingularNoiseGetsTheGainOfSmallestNorm) {
+  Random random(110);
+  for (int trial = 0; trial < 100; ++trial) {
+    // Each output twice, with the same noise: the gain of one copy, in equal parts.
+    const Model once = random_noise(random_system({4, 2, 1}, 12, 1.0, 200 + std::uint64_t(trial)),
+                                    300 + std::uint64_t(trial), 0.3, 0.5);
+    Model twice = once;
+    twice.outputs = 4;
+    for (size_t s = 0; s < 12; ++s) {
+      twice.C[s] = once.C[s].replicate(2, 1);
+      twice.D[s] = once.D[s].replicate(2, 1);
+      twice.R[s] = once.R[s].replicate(2, 2);
+      twice.G[s] = Matrix::Zero(4, 4);
+    }
+    const KalmanFilter a = kalman_filter(once), b = kalman_filter(twice);
+    for (size_t s = 0; s < 12; ++s) {
+      EXPECT_LE((b.K[s] - 0.5 * a.K[s].replicate(1, 2)).norm(), 1e-9 * (1 + a.K[s].norm())) << trial << " " << s;
+      EXPECT_LE((b.P[s] - a.P[s]).norm(), 1e-10 * a.P[s].norm()) << trial << " " << s;
+    }
+    // Noise in one direction of the outputs only.
+    Model line = random_noise(random_system({1, 3, 1}, 8, 1.0, 400 + std::uint64_t(trial)), 500, 0.3, 0.5);
+    for (Matrix& R : line.R) {
+      const Matrix g = random.matrix(3, 1);
+      R = g * g.transpose();
+    }
+    for (const Matrix& K : kalman_filter(line).K) EXPECT_LE(K.norm(), 1e4) << trial;
+  }
+}
+
+TEST(Kalman, FollowsVaryingStateDimensions) {
+  Model model = random_system({3, 2, 1}, 10, 1.0, 111);
+  model.state_dim.front() = 0;  // rest: no state at all to begin with
+  model.A[0].resize(3, 0);
+  model.C[0].resize(2, 0);
+  model = random_noise(model, 112, 0.3, 0.5);
+  const KalmanFilter filter = kalman_filter(model);
+  EXPECT_EQ(filter.P[0].size(), 0);
+  EXPECT_EQ(filter.K[0].rows(), 0);
+  EXPECT_LE((filter.P[1] - model.Q[0]).norm(), 1e-14 * model.Q[0].norm());
+  for (const Index k : {1, 2, 6}) {
+    const Conditional exact = conditional(model, k);
+    EXPECT_LE((filter.P[size_t(k)] - exact.P).norm(), 1e-10 * exact.P.norm()) << k;
+  }
+}
+
 TEST(Kalman, WithoutAnyNoiseTheStateIsKnownAndNothingIsDivided) {
   const Model model = with_noise(oscillator(20), {});
   for (const Matrix& G : model.G) EXPECT_EQ(G, Matrix::Zero(4, 2));
@@ -223,6 +269,7 @@ TEST(Kalman, WhatIsNoCovarianceIsRefused) {
   const Model good = random_noise(random_system({3, 2, 1}, 5, 1.0, 107), 108, 1, 1);
   const auto refused = [](Model model) { EXPECT_THROW(kalman_filter(model), std::invalid_argument); };
   refused(random_system({3, 2, 1}, 5, 1.0, 107));  // no noise given
+  refused(Model{});
   Model bad = good;
   bad.Q.pop_back();
   refused(bad);

@@ -250,7 +250,8 @@ TEST(Verdict, ComparesTimeAndNames) {
   data.names.input_names = {"b", "a"};
   const Verdict v = verdict(model, data);
   EXPECT_EQ(v.trust, Trust::look_closer);
-  EXPECT_TRUE(contains(all_reasons(v), "The data's dt = 0.1 s differs from the model's dt = 0.05 s.")) << all_reasons(v);
+  EXPECT_TRUE(contains(all_reasons(v), "The data's dt = 0.1 s differs from the model's dt = 0.05 s."))
+      << all_reasons(v);
   EXPECT_TRUE(contains(all_reasons(v), "The data's inputs are named b, a, the model's a, b.")) << all_reasons(v);
 }
 

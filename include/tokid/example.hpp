@@ -36,7 +36,8 @@ Model with_noise(Model system, const ExperimentOptions& options);
 // An ensemble whose second moments are those that infinitely many experiments on the system tend to, with white inputs
 // of covariance I and the noise Q, R, x0_cov of the system: one experiment for each independent source, which alone is
 // not zero in it. Regressions on it have the coefficients of the limit N → ∞, and its residual covariances.
-// \throws std::invalid_argument where Q or R is missing or one of the three is no covariance
+// \throws std::invalid_argument where Q or R is missing, one of the three is no covariance, or the system does not
+// begin at step 0
 Ensemble expected_moments(const Model& system);
 
 }  // namespace tokid

@@ -53,8 +53,10 @@ Matrix pseudo_inverse(const ConstMatrixRef& a, double tolerance = -1.0);
 Matrix whitener(const ConstMatrixRef& s);
 
 // Some F (n × n) with F·Fᵀ = S for a symmetric positive semidefinite S; nothing for any other. Asymmetries and negative
-// eigenvalues up to 1e-10 of the diagonal count as rounding errors.
+// eigenvalues up to 1e-10 of the diagonal count as rounding errors, and so do eigenvalues below 4·n·ε of the
+// largest correlation.
 std::optional<Matrix> covariance_factor(const ConstMatrixRef& s);
+
 // Eigenvalues of a square matrix, in no order of meaning; conjugate pairs stand together.
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a);
 

@@ -1,4 +1,4 @@
-// The numerical example of the paper (section VI), Appendix B and section V, recomputed from experiments alone.
+// The numerical example of the paper (section VI), Appendix B and section V, recomputed.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,8 +12,8 @@
 
 namespace tokid {
 
-// Both cases use p = p_min = 2, four states, zero-state experiments with unit Gaussian inputs, and free responses for
-// the state from step 0 on.
+// Fixed by the paper: p = p_min = 2, four states, zero-state experiments with unit Gaussian inputs, free responses for
+// the state from step 0 on, and the reference frame of step 0 with 3 block rows.
 struct PaperOptions {
   Index steps = 80;               // T, at least 50: the printed numbers belong to steps 34 to 37
   Index minimum = 10, more = 50;  // N of case 1, at least N_min = 10, and of case 2
@@ -67,7 +67,7 @@ struct KalmanStudyOptions {
   double process_noise = 0.05, measurement_noise = 0.05;  // standard deviations on each state and output
   Index steps = 60;                                       // T
   Index begin = 10, end = 50;                             // steps that are judged, away from both ends
-  std::vector<Index> lags = {2, 3, 5, 8, 10};             // p
+  std::vector<Index> lags = {2, 3, 5, 8, 10, 15, 20};     // p
   std::vector<Index> experiments = {50, 200, 2000, 0};    // N; 0: infinitely many, by their second moments
   Index fresh = 500;                                      // experiments that the observers are judged by
   std::uint64_t seed = 1;
@@ -82,10 +82,11 @@ struct KalmanStudyCell {
 
 struct KalmanStudy {
   KalmanStudyOptions options;
-  double kalman_error = 0.0;           // RMS one-step error of the Kalman filter
-  std::vector<KalmanStudyCell> cells;  // experiments by experiments, lag orders ascending within
+  double kalman_error = 0.0;  // RMS one-step error of the Kalman filter
+  // Experiments by experiments, lag orders within; without those for which N experiments leave no degree of freedom.
+  std::vector<KalmanStudyCell> cells;
 };
-// \throws std::invalid_argument for an N without enough experiments for a p, or a range outside the steps
+// \throws std::invalid_argument for p < 1, N < 0, noise that is not positive, or a range outside the steps
 KalmanStudy kalman_study(const KalmanStudyOptions& options = {});
 
 }  // namespace tokid

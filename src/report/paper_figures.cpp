@@ -27,35 +27,42 @@ double largest(const Matrix& a) {
   return value;
 }
 
-// Steps before have no two full windows behind them: the data do not determine their gains.
-Index first_unique(const Paper& paper) { return paper.framed.begin + 2 * paper.lags; }
+// The step from which on every product of p closed-loop matrices vanishes. The windows of earlier steps reach back to
+// the start from rest, where there is no state to be seen: their data do not determine the gain.
+Index first_deadbeat(const Paper& paper) {
+  constexpr double rounding = 1e-9;  // beside closed loops of norm ten
+  size_t first = paper.products.size();
+  while (first > 0 && paper.products[first - 1] < rounding) --first;
+  return paper.framed.begin + static_cast<Index>(first);
+}
 
 Figure poles(const Paper& paper) {
-  const size_t first = size_t(first_unique(paper) - paper.framed.begin);
+  const Index begin = first_deadbeat(paper);
   Series open{"open loop A′", {}, {}, Mark::dot, 0}, closed{"closed loop A′ + G′C′", {}, {}, Mark::cross, 1};
-  double largest_closed = 0, largest_zero = 0;
+  double least_open = std::numeric_limits<double>::infinity(), most_open = 0, most_closed = 0, most_zero = 0;
   const auto add = [](const std::vector<std::complex<double>>& values, Series& series) {
     for (const auto value : values) {
       series.x.push_back(value.real());
       series.y.push_back(value.imag());
     }
   };
-  for (size_t i = first; i < paper.open.size(); ++i) {
+  for (size_t i = size_t(begin - paper.framed.begin); i < paper.open.size(); ++i) {
     add(paper.open[i], open);
     add(paper.closed[i], closed);
-    largest_closed = std::max(largest_closed, std::abs(paper.closed[i][0]));
-    largest_zero = std::max(largest_zero, std::abs(paper.closed[i][2]));
+    least_open = std::min(least_open, std::abs(paper.open[i].back()));
+    most_open = std::max(most_open, std::abs(paper.open[i].front()));
+    most_closed = std::max(most_closed, std::abs(paper.closed[i][0]));
+    most_zero = std::max(most_zero, std::abs(paper.closed[i][2]));
   }
   return {
       "figure-1",
       "Case 1: poles of the plant and of the observer",
-      fmt::format(
-          "Eigenvalues of A′ and of A′ + G′C′ at the steps k = {} … {}, in the reference frame of step 0, with the "
-          "unit "
-          "circle. The plant oscillates: its poles lie about the circle. Of the observer's four poles two are zero at "
-          "every step (at most {:.0e}); the other two move along the real axis, up to {:.2f} in modulus, and yet every "
-          "error vanishes after p = {} steps: poles of single steps do not decide on a time varying system.",
-          first_unique(paper), paper.framed.end - 2, largest_zero, largest_closed, paper.lags),
+      fmt::format("Eigenvalues of A′ and of A′ + G′C′ at the steps k = {} … {}, in the reference frame of step 0, with "
+                  "the unit circle. The plant's poles have moduli from {:.2f} to {:.2f}. Of the observer's four, two "
+                  "are zero at every step (at most {:.0e}); the other two move along the real axis, up to {:.2f} in "
+                  "modulus, and yet every error vanishes after p = {} steps: poles of single steps do not decide on "
+                  "a time varying system.",
+                  begin, paper.framed.end - 2, least_open, most_open, most_zero, most_closed, paper.lags),
       {{{"real part"}, {"imaginary part"}, {std::move(open), std::move(closed)}, true}}};
 }
 
@@ -69,14 +76,14 @@ Figure markov_error(const Paper& paper, const PaperCase& one, int number) {
       fmt::format("figure-{}", number),
       fmt::format("Case {}: error of the system Markov parameters, N = {}", number - 1, one.experiments),
       fmt::format("Largest Frobenius norm of the error of h(k, k-γ) at each step. Up to γ = p = {} steps apart they "
-                  "follow from the regression of the step and its neighbours, exact but for rounding ({:.1e} at most); "
-                  "further apart they come by recursion over the steps, and collect the errors of all of them ({:.1e} "
-                  "at most). The windows have condition numbers up to {:.2g}: {}.",
+                  "follow from the regression of the step and its neighbours ({:.1e} at most); further apart they come "
+                  "by recursion over the steps, and collect the errors of all of them ({:.1e} at most). Without noise "
+                  "these are rounding errors times the condition of the windows, here up to {:.2g}: {}.",
                   paper.lags, largest(one.direct_error), largest(one.recursive_error), one.condition_max,
                   number == 2 ? "as many experiments as unknowns just suffice"
                               : "more experiments than the minimum are better conditioned, and more exact"),
       {{time_axis,
-        {"error", true},
+        std::move(error),
         {history(fmt::format("direct, γ ≤ {}", paper.lags), one.direct_error, 0, dt, 0),
          history(fmt::format("by recursion, γ > {}", paper.lags), one.recursive_error, 0, dt, 1)}}}};
 }
@@ -90,8 +97,9 @@ Figure output_error(const Paper& paper, const PaperCase& one, int number) {
       fmt::format("figure-{}", number),
       fmt::format("Case {}: output error for test inputs, N = {}", number - 3, one.experiments),
       fmt::format("Response of the identified less that of the true system to u₁ = sin 3t and u₂ = cos 7t, which no "
-                  "experiment held. At most {:.1e}, the size of the errors of the Markov parameters.",
-                  largest(one.output_error)),
+                  "experiment held. At most {:.1e}: an output sums up many Markov parameters, whose errors reach "
+                  "{:.1e} each.",
+                  largest(one.output_error), std::max(largest(one.direct_error), largest(one.recursive_error))),
       {std::move(panel)}};
 }
 
@@ -107,21 +115,19 @@ Figure state_error(const Paper& paper) {
         history(i == 0 ? "all, observer" : "", paper.closed_error.row(i), begin, dt, 7, Mark::dashed));
   // What is smaller than any rounding error is drawn as that.
   constexpr double floor = 1e-18;
+  const Index deadbeat = first_deadbeat(paper), gone = std::min(deadbeat + paper.lags, paper.framed.end - 1);
   norms.series = {history("open loop", paper.open_error.colwise().norm(), begin, dt, 0),
                   history("observer", paper.closed_error.colwise().norm().cwiseMax(floor), begin, dt, 7, Mark::dashed)};
-  return {
-      "figure-6",
-      "Case 1: state error from an initial condition",
-      fmt::format(
-          "The same initial error in the plant alone and with the observer in the loop. The first {} steps have no "
-          "full "
-          "windows of data behind them, and their gains are not unique; at most {} steps later the error is gone "
-          "({:.0e} of its initial norm at step {}), while that of the open loop goes on oscillating. Norms below "
-          "{:.0e} "
-          "are drawn as that.",
-          2 * paper.lags, paper.lags, paper.closed_error.col(3 * paper.lags).norm() / paper.closed_error.col(0).norm(),
-          begin + 3 * paper.lags, floor),
-      {std::move(components), std::move(norms)}};
+  return {"figure-6",
+          "Case 1: state error from an initial condition",
+          fmt::format(
+              "The same initial error in the plant alone and with the observer in the loop. The windows of the first "
+              "{} steps reach back to the start from rest, and do not determine their gains; p = {} steps later, at "
+              "step {}, the error is gone but for rounding ({:.0e} of its initial norm), while that of the open loop "
+              "goes on. Norms below {:.0e} are drawn as that.",
+              deadbeat - begin, paper.lags, gone,
+              paper.closed_error.col(gone - begin).norm() / paper.closed_error.col(0).norm(), floor),
+          {std::move(components), std::move(norms)}};
 }
 
 Figure gains(const Paper& paper) {
@@ -135,13 +141,12 @@ Figure gains(const Paper& paper) {
       panel.series.push_back(history(fmt::format("G′{}{}", i + 1, j + 1), y, begin, model.dt, int(i),
                                      j % 2 == 0 ? Mark::line : Mark::dashed));
     }
-  return {
-      "figure-7",
-      "Case 1: gain history",
-      "Entries of the observer gain G′ (row: state, column: output) in the reference frame of step 0, the same "
-      "coordinates at every step. They follow the period of the plant's stiffness, 0.63 s, but for the first steps, "
-      "whose gains the data do not determine.",
-      {std::move(panel)}};
+  return {"figure-7",
+          "Case 1: gain history",
+          "Entries of the observer gain G′ (row: state, column: output) in the reference frame of step 0, where the "
+          "state of every step is measured by the same combination of the outputs that follow it. They repeat with "
+          "the plant's stiffness, every 0.63 s, but for the first steps, whose gains the data do not determine.",
+          {std::move(panel)}};
 }
 
 }  // namespace
@@ -162,35 +167,32 @@ std::string experiments_name(Index experiments) {
 
 std::vector<Figure> kalman_figures(const KalmanStudy& study) {
   // One curve for each number of experiments, over the lag orders.
-  const auto panel = [&](double KalmanStudyCell::*figure, const char* label, double less) {
+  const auto panel = [&](double KalmanStudyCell::*field, const char* label, double less) {
     Panel result{{"lag order p"}, {label, true}, {}};
     for (const Index count : study.options.experiments) {
       Series s{experiments_name(count), {}, {}, count > 0 ? Mark::line : Mark::dashed, int(result.series.size())};
       for (const KalmanStudyCell& cell : study.cells)
         if (cell.experiments == count) {
           s.x.push_back(double(cell.lags));
-          s.y.push_back(cell.*figure - less);
+          s.y.push_back(cell.*field - less);
         }
       result.series.push_back(std::move(s));
     }
     return result;
   };
-  return {
-      {"kalman-error",
-       "Prediction error in excess of the Kalman filter's",
-       "Root mean square one-step error of the identified observer on fresh experiments, over that of the Kalman "
-       "filter "
-       "of the true system, less one. A short window misses what older samples tell; a long one has more unknowns, "
-       "which "
-       "few experiments pay for with noise. With enough experiments every further lag helps.",
-       {panel(&KalmanStudyCell::error, "excess error", 1.0)}},
-      {"kalman-gain",
-       "The gain tends to that of the Kalman filter",
-       "Root mean square over the steps of ‖G + A K‖ over that of ‖A K‖, with the identified gain G in the coordinates "
-       "of the true system and the Kalman gain K of the true system. The deadbeat gain of p = 2 is far from it; with "
-       "growing p it vanishes, at a rate that the memory of the Kalman filter sets, and for N → ∞ nothing else is in "
-       "its way.",
-       {panel(&KalmanStudyCell::gain, "relative difference of the gains", 0.0)}}};
+  return {{"kalman-error",
+           "Prediction error in excess of the Kalman filter's",
+           "Root mean square one-step error of the identified observer on fresh experiments, over that of the Kalman "
+           "filter of the true system, less one. A short window misses what older samples tell; a long one has more "
+           "unknowns, which few experiments pay for with noise. With enough experiments every further lag helps.",
+           {panel(&KalmanStudyCell::error, "excess error", 1.0)}},
+          {"kalman-gain",
+           "The gain tends to that of the Kalman filter",
+           "Root mean square over the steps of ‖G + A K‖ over that of ‖A K‖, with the identified gain G in the "
+           "coordinates of the true system and the Kalman gain K of the true system. The deadbeat gain of p = 2 is far "
+           "from it. The difference falls with p, at a rate that the memory of the Kalman filter sets; with few "
+           "experiments, noise stops it.",
+           {panel(&KalmanStudyCell::gain, "relative difference of the gains", 0.0)}}};
 }
 
 }  // namespace tokid::report

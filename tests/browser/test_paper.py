@@ -65,7 +65,7 @@ def test_everything_is_there_without_scripts_and_on_paper(visit, paper, screensh
     with visit(paper / "paper.html", java_script_enabled=False) as page:
         assert page.locator("svg").count() >= len(FIGURES)
         assert page.locator("#appendix-b tbody tr").count() == 98
-        assert page.locator("#kalman tbody tr").count() == 5
+        assert page.locator("#kalman tbody tr").count() == 7
         assert page.locator("noscript").count() == 0
         (screenshots / "paper.pdf").write_bytes(page.pdf(format="A4"))
 
