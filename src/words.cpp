@@ -9,6 +9,42 @@
 
 namespace tokid::words {
 
+std::string quoted(std::string_view name) {
+  constexpr Index most = 80;
+  // U+061C, U+200E, U+200F, U+202A … U+202E, U+2066 … U+2069 in UTF-8
+  const auto turns = [](std::string_view c) {
+    if (c == "\xD8\x9C") return true;
+    if (c.size() != 3 || c[0] != '\xE2') return false;
+    const unsigned char second = static_cast<unsigned char>(c[1]), third = static_cast<unsigned char>(c[2]);
+    return (second == 0x80 && (third == 0x8E || third == 0x8F || (third >= 0xAA && third <= 0xAE))) ||
+           (second == 0x81 && third >= 0xA6 && third <= 0xA9);
+  };
+  // Hebrew, Arabic and their neighbours, U+0590 … U+08FF, and their presentation forms.
+  const auto right_to_left = [](std::string_view c) {
+    const unsigned char first = static_cast<unsigned char>(c[0]);
+    const unsigned char second = c.size() > 1 ? static_cast<unsigned char>(c[1]) : 0;
+    return (c.size() == 2 && first >= 0xD6 && first <= 0xDF) || (c.size() == 3 && first == 0xE0 && second <= 0xA3) ||
+           (c.size() == 3 && first == 0xEF && second >= 0xAC && second <= 0xBB);
+  };
+  std::string text;
+  bool isolate = false;
+  Index letters = 0;
+  while (!name.empty()) {
+    size_t length = 1;
+    while (length < name.size() && length < 4 && (name[length] & 0xC0) == 0x80 && (name[0] & 0x80) != 0) ++length;
+    const std::string_view character = name.substr(0, length);
+    name.remove_prefix(length);
+    if (turns(character)) continue;
+    if (letters++ == most) {
+      text += "…";
+      break;
+    }
+    isolate = isolate || right_to_left(character);
+    text += character;
+  }
+  return isolate ? "\u2068" + text + "\u2069" : text;
+}
+
 std::string superscript(int exponent) {
   static constexpr const char* digits[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
   std::string text = exponent < 0 ? "⁻" : "";
@@ -61,7 +97,8 @@ std::string figure(double value, int digits) {
   if (size == 0 || (size >= 1e-4 && size < 1e5)) {
     // No exponent in this range: a few digits of something large are as many as it has.
     const int integers = size >= 1 ? static_cast<int>(std::log10(size)) + 1 : 1;
-    const std::string text = fmt::format("{:.{}g}", size, std::max(digits, integers));
+    std::string text = fmt::format("{:.{}g}", size, std::max(digits, integers));
+    if (text.find('e') != std::string::npos) text = fmt::format("{:.0f}", std::stod(text));  // rounded up to 1000…
     return value < 0 ? "−" + text : text;
   }
   const std::string text = fmt::format("{:.{}e}", size, digits - 1);

@@ -20,6 +20,9 @@ std::string percent_range(const Vector& fits);
 std::string figure(double value, int digits = 4);
 std::string probability(double p);  // "p = 0.02", "p < 0.0001"
 std::string plural(Index count, std::string_view noun);
+// A name from a file amid other text: cut to 80 characters, without marks that turn the direction of the text around
+// it, and where it runs from right to left isolated from its neighbours.
+std::string quoted(std::string_view name);
 std::string superscript(int exponent);  // "⁻¹²"
 
 }  // namespace tokid::words

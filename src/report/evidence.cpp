@@ -15,6 +15,7 @@ namespace tokid::report {
 namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr double arithmetic = 1e-9;  // innovations below this share of the outputs are rounding errors
 
 // Spread of each output about the nominal trajectory, or about its mean: what errors are compared with.
 Vector output_spread(const Model& model, const Ensemble& data) {
@@ -62,38 +63,107 @@ Errors relative_errors(const Ensemble& data, const Ensemble& computed, const Vec
   return {step, experiment};
 }
 
+// The spread over the experiments of each step; NaN where fewer than three samples are there.
+std::vector<double> spreads(const Ensemble& data, Index input) {
+  std::vector<double> spread(size_t(data.steps()), nan);
+  for (Index k = 0; k < data.steps(); ++k) {
+    double sum = 0.0, squares = 0.0;
+    Index count = 0;
+    for (const double u : data.input(k).col(input))
+      if (!std::isnan(u)) sum += u, ++count;
+    if (count < 3) continue;
+    const double mean = sum / double(count);
+    for (const double u : data.input(k).col(input))
+      if (!std::isnan(u)) squares += (u - mean) * (u - mean);
+    const double deviation = std::sqrt(squares / double(count - 1));
+    spread[size_t(k)] = deviation > 1e-12 * std::abs(mean) ? deviation : 0.0;  // but for rounding errors
+  }
+  return spread;
+}
+
+// How often two experiments agree in an input by chance: half of the time for a binary one.
+double chance_agreement(const Ensemble& data, Index input, double distance) {
+  Index pairs = 0, close = 0;
+  for (Index k = 0; k < data.steps(); ++k)
+    for (Index n = 1; n < data.experiments(); ++n) {
+      const double difference = std::abs(data.u(n, k, input) - data.u(n - 1, k, input));
+      if (std::isnan(difference)) continue;
+      ++pairs;
+      if (difference <= distance) ++close;
+    }
+  return pairs > 0 ? double(close) / double(pairs) : 1.0;
+}
+
 std::vector<WeakInput> weak_inputs(const Ensemble& data) {
   std::vector<WeakInput> result;
   if (data.experiments() < 3) return result;  // no spread to speak of
   for (Index i = 0; i < data.inputs(); ++i) {
-    std::vector<double> spread(size_t(data.steps()), nan);
-    for (Index k = 0; k < data.steps(); ++k) {
-      double sum = 0.0, squares = 0.0;
-      Index count = 0;
-      for (const double u : data.input(k).col(i))
-        if (!std::isnan(u)) sum += u, ++count;
-      if (count < 3) continue;
-      const double mean = sum / double(count);
-      for (const double u : data.input(k).col(i))
-        if (!std::isnan(u)) squares += (u - mean) * (u - mean);
-      spread[size_t(k)] = std::sqrt(squares / double(count - 1));
-    }
-    const double usual = median(spread);
-    if (!(usual > 0)) continue;  // at rest most of the time: no usual spread
+    const std::vector<double> spread = spreads(data, i);
+    std::vector<double> moving;
+    for (const double s : spread)
+      if (s > 0) moving.push_back(s);
     WeakInput weak{i, {}, 1.0};
+    const double usual = median(moving);  // of the steps at which it moves at all
+    if (std::isnan(usual)) {
+      weak.always = std::any_of(spread.begin(), spread.end(), [](double s) { return s == 0; });
+      weak.spread = 0.0;
+      if (weak.always) result.push_back(weak);
+      continue;
+    }
     for (Index k = 0; k < data.steps(); ++k)
       if (spread[size_t(k)] < bounds::weak_input * usual) {
         weak.steps.push_back(k);
         weak.spread = std::min(weak.spread, spread[size_t(k)] / usual);
       }
-    if (!weak.steps.empty()) result.push_back(weak);
+    if (weak.steps.empty()) continue;
+    // Few experiments agree now and then by chance, above all where inputs have few values.
+    const double agreement = chance_agreement(data, i, 3 * bounds::weak_input * usual);
+    const double expected = double(data.steps() * data.inputs()) * std::pow(agreement, double(data.experiments() - 1));
+    if (expected < bounds::chance) result.push_back(weak);
   }
   return result;
 }
 
+// What a pooled figure hides: outputs that rest, steps and experiments that stand out, steps without a comparison.
+void judge_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
+  for (Index j = 0; j < data.outputs(); ++j) {
+    const ChannelSummary s = channel_summary(data, data.inputs() + j);
+    if (s.samples > 1 && !(s.max - s.min > 1e-12 * std::max(std::abs(s.max), std::abs(s.min))))
+      found.at_rest.push_back(j);
+  }
+
+  const double usual = median(found.step_error);
+  const Index freedom = found.identified_from - found.unknowns;
+  for (Index k = model.k_begin; k < model.k_end(); ++k) {
+    const double error = k < data.steps() ? found.step_error[size_t(k)] : nan;
+    if (std::isnan(error)) {
+      found.untested.push_back(k);
+      continue;
+    }
+    if (error > bounds::error_floor && error > bounds::error_peak * usual) found.error_peaks.push_back(k);
+    // Covariances of few degrees of freedom are themselves too uncertain.
+    if (model.innovation_cov.empty() || freedom < 10) continue;
+    double sum = 0.0;
+    Index count = 0;
+    for (Index j = 0; j < data.outputs(); ++j) {
+      const double variance = model.innovation_cov[model.at(k)](j, j);
+      if (!(std::sqrt(variance) > arithmetic * spread(j))) continue;
+      for (const double e : found.prediction.innovations[size_t(k)].col(j))
+        if (!std::isnan(e)) sum += e * e / variance, ++count;
+    }
+    if (count > 0 && std::sqrt(sum / double(count)) > bounds::beyond_noise) found.beyond_noise.push_back(k);
+  }
+
+  const double typical = median(found.experiment_error);
+  for (size_t n = 0; n < found.experiment_error.size(); ++n)
+    if (found.experiment_error[n] > std::max(bounds::error_floor, bounds::outlier * typical))
+      found.outliers.push_back(Index(n));
+}
+
 void judge_regressions(const Model& model, Evidence& found) {
   found.condition_median = median(model.condition);
-  for (const double c : model.condition) found.condition_max = std::max(found.condition_max, c);
+  found.condition_max = nan;
+  for (const double c : model.condition) found.condition_max = std::fmax(found.condition_max, c);
   for (size_t s = 0; s < model.condition.size(); ++s) {
     const double c = model.condition[s];
     const bool stands_out =
@@ -143,6 +213,9 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
   complete(found.names.output_names, data.names.output_names);
   complete(found.names.input_units, data.names.input_units);
   complete(found.names.output_units, data.names.output_units);
+  for (auto* list :
+       {&found.names.input_names, &found.names.output_names, &found.names.input_units, &found.names.output_units})
+    for (std::string& name : *list) name = words::quoted(name);
   found.experiments = data.experiments();
   found.missing = data.missing();
   for (const Index length : data.length) found.missing -= (data.steps() - length) * data.channels();
@@ -162,13 +235,10 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
 
   const Vector spread = output_spread(model, data);
   found.step_error = relative_errors(data, found.prediction.y, spread).step;
-  const double usual = median(found.step_error);
-  for (size_t k = 0; k < found.step_error.size(); ++k)
-    if (found.step_error[k] > bounds::error_floor && found.step_error[k] > bounds::error_peak * usual)
-      found.error_peaks.push_back(Index(k));
   found.experiment_error = relative_errors(data, found.simulated, spread).experiment;
   if (!std::isfinite(median(found.experiment_error)))
     found.experiment_error = relative_errors(data, found.prediction.y, spread).experiment;
+  judge_errors(model, data, spread, found);
   return found;
 }
 

@@ -17,22 +17,27 @@ using words::figure, words::percent, words::percent_range, words::plural, words:
 namespace bounds {
 inline constexpr double good_fit = 80.0, poor_fit = 50.0;  // [%]
 inline constexpr double whiteness = 0.01;                  // p below it counts as correlated …
-inline constexpr double correlation = 0.1;                 // … and matters where a correlation is larger than this
+inline constexpr double correlation = 0.2;                 // … and matters where a correlation is larger than this
 inline constexpr double ill_conditioned = 1e8;             // always
 inline constexpr double worse_than_usual = 30.0;           // with noise: so many times the median condition …
 inline constexpr double worth_a_word = 1e3;                // … and larger than this
 inline constexpr double weak_input = 0.02;                 // spread of an input over its median spread
 inline constexpr double error_peak = 5.0;                  // one-step error of a step over the median of the steps
 inline constexpr double error_floor = 0.05;                // … and over the spread of the output
+inline constexpr double beyond_noise = 5.0;                // one-step error over what the identification left there
+inline constexpr double outlier = 10.0;                    // error of an experiment over the median of all
+inline constexpr double coverage = 0.9;                    // share of the model's steps that the data test
+inline constexpr double chance = 0.01;                     // of weak inputs that are none
 inline constexpr double many_missing = 0.1;                // of all samples
 inline constexpr Index few_tested = 3;                     // experiments
 }  // namespace bounds
 
-// An input that hardly differs between the experiments at some steps.
+// An input that hardly differs between the experiments at some steps, or nowhere.
 struct WeakInput {
   Index input = 0;
   std::vector<Index> steps;
   double spread = 0.0;  // the smallest over those steps, relative to the input's median spread
+  bool always = false;  // the same in all experiments at every step
 };
 
 struct Evidence {
@@ -49,8 +54,12 @@ struct Evidence {
   double condition_median = 0.0, condition_max = 0.0;
   std::vector<Index> ill, deficient;  // steps k: ill-conditioned; rank below the number of unknowns
   std::vector<WeakInput> weak_inputs;
-  std::vector<Index> error_peaks;  // steps whose one-step error stands out
-  std::vector<double> step_error;  // (T) RMS one-step error over outputs, relative to their spread; NaN where none
+  std::vector<Index> error_peaks;   // steps whose one-step error stands out from the others
+  std::vector<Index> beyond_noise;  // steps whose one-step error stands out from the model's own innovations there
+  std::vector<Index> outliers;      // experiments whose error stands out
+  std::vector<Index> at_rest;       // outputs that do not move in the data: their fits say nothing
+  std::vector<Index> untested;      // steps of the model without a comparison
+  std::vector<double> step_error;   // (T) RMS one-step error over outputs, relative to their spread; NaN where none
   std::vector<double> experiment_error;  // (N) the same of the simulation, or of the prediction where there is none
   bool correlated = false;               // innovations, by the test or by a mean correlation well beyond its bound
   double correlation = 0.0;              // the largest of the mean correlations in size

@@ -9,7 +9,7 @@
 
 namespace tokid::report {
 
-bool identified_from(const Model& model, const Ensemble& data) {
+bool recognised(const Model& model, const Ensemble& data) {
   if (model.lags.empty() || model.innovation_cov.empty()) return false;
   if (data.inputs() != model.inputs || data.outputs() != model.outputs || model.inputs == 0) return false;
   // A step in the middle: nothing there depends on how the ends are treated.
@@ -55,11 +55,11 @@ double held_out_share(const Model& model) {
 Tested tested(const Model& model, const Ensemble& data, const ReportOptions& options) {
   Tested result{data, options};
   if (options.evaluation != Evaluation::automatic) return result;
-  result.options.evaluation = identified_from(model, data) ? Evaluation::training : Evaluation::given;
+  result.options.evaluation = recognised(model, data) ? Evaluation::training : Evaluation::given;
   if (const double share = held_out_share(model); share > 0 && share < 1) {
     try {
       Split parts = split(data, share);
-      if (identified_from(model, parts.training)) {
+      if (recognised(model, parts.training)) {
         result.data = std::move(parts.held_out);
         result.options.evaluation = Evaluation::held_out;
       }

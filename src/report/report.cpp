@@ -114,7 +114,7 @@ class Report {
       case Evaluation::training:
         return count + ", the same that the model was identified from";
       default:
-        return count + ", not the ones that the model was identified from";
+        return count + ", not recognised as those of the identification";
     }
   }
 
@@ -147,17 +147,21 @@ class Report {
                     "not use, or on at least three times as many of its own as there are unknowns per output and step; "
                     "and none of the following.",
                     bounds::good_fit),
-        fmt::format("Look closer: a simulation fit from {:.0f} to {:.0f} %, or from 0 % beside one-step predictions of "
-                    "{:.0f} % or more; one-step errors of a step above {:.0f} times the median and {:.0f} % of the "
-                    "spread of the outputs; noise, and fewer than two experiments per unknown; fewer than {} "
-                    "experiments tested; more than {:.0f} % of the samples missing; condition numbers above {}, or "
-                    "with noise above {} and {:.0f} times their median; an input whose spread over the experiments "
-                    "falls below {:.0f} % of its median; innovations that are correlated beyond chance and by more "
-                    "than {:.1f}; another sample time or other names than the model's.",
-                    bounds::poor_fit, bounds::good_fit, bounds::good_fit, bounds::error_peak, 100 * bounds::error_floor,
-                    bounds::few_tested, 100 * bounds::many_missing, figure(bounds::ill_conditioned),
-                    figure(bounds::worth_a_word), bounds::worse_than_usual, 100 * bounds::weak_input,
-                    bounds::correlation),
+        fmt::format(
+            "Look closer: a simulation fit from {:.0f} to {:.0f} %, or from 0 % beside one-step predictions of "
+            "{:.0f} % or more; one-step errors of a step above {:.0f} times the median and {:.0f} % of the "
+            "spread of the outputs, or above {:.0f} times those of the identification there; errors of an "
+            "experiment above {:.0f} times the median; outputs that rest; fewer than {:.0f} % of the model's steps "
+            "tested; nothing simulated; training data whose number is not known; regressions of noisy data "
+            "without full rank; noise, and fewer than two experiments per unknown; fewer than {} "
+            "experiments tested; more than {:.0f} % of the samples missing; condition numbers above {}, or "
+            "with noise above {} and {:.0f} times their median; an input whose spread over the experiments "
+            "falls below {:.0f} % of its median, beyond chance, or that never varies; innovations that are correlated beyond chance and by more "
+            "than {:.1f}; another sample time or other names than the model's.",
+            bounds::poor_fit, bounds::good_fit, bounds::good_fit, bounds::error_peak, 100 * bounds::error_floor,
+            bounds::beyond_noise, bounds::outlier, 100 * bounds::coverage, bounds::few_tested,
+            100 * bounds::many_missing, figure(bounds::ill_conditioned), figure(bounds::worth_a_word),
+            bounds::worse_than_usual, 100 * bounds::weak_input, bounds::correlation),
         fmt::format(
             "Don’t trust: predictions below {:.0f} %, a simulation below that without good predictions or worse "
             "than none, an overflow, or nothing tested.",

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 
 #include "evidence.hpp"
@@ -24,22 +25,33 @@ double least(const Vector& fits) {
   return result;
 }
 
+// A list of step numbers as one of experiments.
+std::string experiment_list(const std::vector<Index>& experiments) {
+  return fmt::format("experiment{}", step_list(experiments).substr(4));
+}
+
+std::string capital(std::string text) {
+  text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+  return text;
+}
+
 // Reasons in the order of their gravity; each pulls the status down as far as it must.
 class Judge {
  public:
   Judge(const Model& model, const Evidence& found, const ReportOptions& options)
-      : model_(model), found_(found), options_(options) {}
+      : model_(model), found_(found), options_(options) {
+    simulation_ = found.validation.simulation.fit;
+    one_step_ = found.validation.one_step.fit;
+    for (const Index j : found.at_rest) simulation_(j) = one_step_(j) = std::numeric_limits<double>::quiet_NaN();
+  }
 
   Verdict judge() {
     verdict_.trust = Trust::good;
     if (!fits()) return std::move(verdict_);
     test_data();
     regressions();
+    for (const std::string& text : found_.differences) against(Trust::look_closer, capital(text) + ".");
     whiteness();
-    for (std::string text : found_.differences) {
-      text[0] = 'T';  // "the data's …"
-      against(Trust::look_closer, text + ".");
-    }
     std::stable_sort(reasons_.begin(), reasons_.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     for (auto& [trust, text] : reasons_) verdict_.reasons.push_back(std::move(text));
     verdict_.summary = summary();
@@ -68,10 +80,10 @@ class Judge {
     const Validation& v = found_.validation;
     std::string text;
     if (v.simulation.samples > 0)
-      text = fmt::format("Simulation fit {} on {}", percent_range(v.simulation.fit), tested());
+      text = fmt::format("Simulation fit {} on {}", percent_range(simulation_), tested());
     else
       text = fmt::format("No simulation could be compared on {}", tested());
-    if (v.one_step.samples > 0) text += fmt::format("; one-step prediction fit {}", percent_range(v.one_step.fit));
+    if (v.one_step.samples > 0) text += fmt::format("; one-step prediction fit {}", percent_range(one_step_));
     text += ".";
     if (!remark_.empty()) text += " " + remark_;
     return text;
@@ -86,7 +98,21 @@ class Judge {
       verdict_.reasons = {"No output sample has both a measured and a computed value."};
       return false;
     }
-    const double simulation = least(v.simulation.fit), one_step = least(v.one_step.fit);
+    if (Index(found_.at_rest.size()) == model_.outputs) {
+      verdict_.trust = Trust::distrust;
+      verdict_.summary = fmt::format("Nothing was tested: no output moves in {}.", tested());
+      verdict_.reasons = {"Outputs that rest say nothing about the model, however well it reproduces them."};
+      return false;
+    }
+    for (const Index j : found_.at_rest)
+      against(
+          Trust::look_closer,
+          fmt::format(
+              "Output {} rests in these data, and its fit says nothing: RMS error {} in the one-step "
+              "predictions{}.",
+              found_.names.output(j), figure(v.one_step.rmse(j), 3),
+              v.simulation.samples > 0 ? fmt::format(", {} in the simulation", figure(v.simulation.rmse(j), 3)) : ""));
+    const double simulation = least(simulation_), one_step = least(one_step_);
     const auto name = [&](const Vector& fits) {
       Index worst = 0;
       for (Index j = 1; j < fits.size(); ++j)
@@ -97,33 +123,47 @@ class Judge {
       against(Trust::distrust, "The predictions overflow: the observer does not follow these data.");
     else if (v.one_step.samples > 0 && one_step < bounds::poor_fit)
       against(Trust::distrust,
-              fmt::format("One-step predictions fit output {} to {} only.", name(v.one_step.fit), percent(one_step)));
+              fmt::format("One-step predictions fit output {} to {} only.", name(one_step_), percent(one_step)));
     if (v.simulation.samples == 0)
       against(Trust::look_closer, "Nothing was simulated: no initial state could be found for it.");
     else if (!v.simulation.rmse.allFinite())
       against(Trust::distrust, "The simulation overflows: the model is unstable over its steps.");
     else if (simulation < 0)
       against(Trust::distrust, fmt::format("The simulation of output {} is worse than none at all (fit {}){}.",
-                                           name(v.simulation.fit), percent(simulation),
+                                           name(simulation_), percent(simulation),
                                            one_step >= bounds::good_fit
                                                ? fmt::format("; predictions with the observer in the loop are not ({})",
-                                                             percent_range(v.one_step.fit))
+                                                             percent_range(one_step_))
                                                : ""));
     else if (simulation < bounds::poor_fit && one_step >= bounds::good_fit)
       against(
           Trust::look_closer,
           fmt::format("Simulated outputs leave the measured ones (output {}: {}), one-step predictions don't ({}): use "
                       "the model with its observer in the loop, not alone.",
-                      name(v.simulation.fit), percent(simulation), percent_range(v.one_step.fit)));
+                      name(simulation_), percent(simulation), percent_range(one_step_)));
     else if (simulation < bounds::poor_fit)
       against(Trust::distrust,
-              fmt::format("The simulation fits output {} to {} only.", name(v.simulation.fit), percent(simulation)));
+              fmt::format("The simulation fits output {} to {} only.", name(simulation_), percent(simulation)));
     else if (simulation < bounds::good_fit)
       against(Trust::look_closer, fmt::format("The simulation fits output {} to {}; {:.0f} % or more would be good.",
-                                              name(v.simulation.fit), percent(simulation), bounds::good_fit));
+                                              name(simulation_), percent(simulation), bounds::good_fit));
     if (!found_.error_peaks.empty())
       against(Trust::look_closer, fmt::format("One-step errors at {} are more than {:.0f} times the median.",
                                               step_list(found_.error_peaks), bounds::error_peak));
+    if (!found_.beyond_noise.empty())
+      against(Trust::look_closer,
+              fmt::format("One-step errors at {} are more than {:.0f} times those that the identification left there.",
+                          step_list(found_.beyond_noise), bounds::beyond_noise));
+    if (!found_.outliers.empty())
+      against(Trust::look_closer,
+              fmt::format("Errors of {} are more than {:.0f} times the median of all experiments: other conditions, a "
+                          "failed sensor, or a model that does not carry that far.",
+                          experiment_list(found_.outliers), bounds::outlier));
+    const double share = 1 - double(found_.untested.size()) / double(std::max<Index>(1, model_.steps()));
+    if (share < bounds::coverage)
+      against(Trust::look_closer, fmt::format("The data test {} of the model's {} only; nothing is said about {}.",
+                                              model_.steps() - Index(found_.untested.size()),
+                                              plural(model_.steps(), "step"), step_list(found_.untested)));
     return true;
   }
 
@@ -151,21 +191,14 @@ class Judge {
               fmt::format("Only {} tested.", found_.experiments == 1 ? "one experiment was" : "two experiments were"));
   }
 
-  // Inputs that rest where the windows of the given steps reach.
-  std::vector<const WeakInput*> causes(const std::vector<Index>& steps) const {
-    std::vector<const WeakInput*> result;
-    if (options_.evaluation == Evaluation::given) return result;  // other data explain nothing
-    for (const WeakInput& weak : found_.weak_inputs) {
-      const bool reached = std::any_of(steps.begin(), steps.end(), [&](Index k) {
-        const auto first = std::lower_bound(weak.steps.begin(), weak.steps.end(), k - found_.lags);
-        return first != weak.steps.end() && *first <= k;
-      });
-      if (reached) result.push_back(&weak);
-    }
-    return result;
+  // Does the window of step k reach a step at which the input rests?
+  bool explains(const WeakInput& weak, Index k) const {
+    const auto first = std::lower_bound(weak.steps.begin(), weak.steps.end(), k - found_.lags);
+    return weak.always || (first != weak.steps.end() && *first <= k);
   }
 
   std::string rests(const WeakInput& weak) const {
+    if (weak.always) return fmt::format("input {} is the same in all experiments", found_.names.input(weak.input));
     return fmt::format("input {} is nearly constant at {}", found_.names.input(weak.input), step_list(weak.steps));
   }
   std::string spread(const WeakInput& weak) const {
@@ -173,35 +206,55 @@ class Judge {
   }
 
   void regressions() {
-    const std::vector<const WeakInput*> explained = causes(found_.ill);
-    if (!found_.ill.empty()) {
+    // Other data explain nothing about the regressions of the identification.
+    const bool own = options_.evaluation != Evaluation::given;
+    std::vector<Index> explained, unexplained;
+    std::vector<const WeakInput*> causes;
+    for (const Index k : found_.ill) {
+      bool any = false;
+      for (const WeakInput& weak : found_.weak_inputs)
+        if (own && explains(weak, k)) {
+          any = true;
+          if (std::find(causes.begin(), causes.end(), &weak) == causes.end()) causes.push_back(&weak);
+        }
+      (any ? explained : unexplained).push_back(k);
+    }
+    const auto ill = [](const std::vector<Index>& steps) {
+      return fmt::format("{} {} ill-conditioned", capital(step_list(steps)), steps.size() == 1 ? "is" : "are");
+    };
+    const auto against_steps = [&](const std::vector<Index>& steps, const std::string& why) {
+      against(Trust::look_closer,
+              fmt::format("Condition numbers reach {} at {}, against a median of {}: {}. Expect few correct digits of "
+                          "the matrices there.",
+                          figure(found_.condition_max, 2), step_list(steps), figure(found_.condition_median, 2), why));
+    };
+    if (!explained.empty()) {
       std::vector<std::string> briefly, fully;
-      for (const WeakInput* weak : explained) {
+      for (const WeakInput* weak : causes) {
         briefly.push_back(rests(*weak));
-        fully.push_back(fmt::format("{} ({})", rests(*weak), spread(*weak)));
+        fully.push_back(weak->always ? rests(*weak) : fmt::format("{} ({})", rests(*weak), spread(*weak)));
       }
-      std::string steps = step_list(found_.ill);
-      steps[0] = 'S';
-      remark_ = fmt::format("{} {} ill-conditioned{}{}.", steps, found_.ill.size() == 1 ? "is" : "are",
-                            briefly.empty() ? "" : ": ", fmt::join(briefly, ", "));
-      std::string why = fmt::format("{}", fmt::join(fully, "; "));
-      if (why.empty() && found_.identified_from > 0 && found_.identified_from < 2 * found_.unknowns)
-        why = fmt::format("{} are few for {} unknowns", plural(found_.identified_from, "experiment"), found_.unknowns);
-      if (why.empty()) why = "some inputs or outputs of neighbouring steps are almost dependent over the experiments";
-      against(
-          Trust::look_closer,
-          fmt::format("Condition numbers reach {} at {}, against a median of {}: {}. Expect few correct digits of "
-                      "the matrices there.",
-                      figure(found_.condition_max, 2), step_list(found_.ill), figure(found_.condition_median, 2), why));
+      remark_ = fmt::format("{}: {}.", ill(explained), fmt::join(briefly, ", "));
+      against_steps(explained, fmt::format("{}", fmt::join(fully, "; ")));
+    }
+    if (!unexplained.empty()) {
+      remark_ = fmt::format("{}{}{}.", remark_, remark_.empty() ? "" : " ", ill(unexplained));
+      against_steps(
+          unexplained,
+          found_.identified_from > 0 && found_.identified_from < 2 * found_.unknowns
+              ? fmt::format("{} are few for {} unknowns", plural(found_.identified_from, "experiment"), found_.unknowns)
+              : "some inputs or outputs of neighbouring steps are almost dependent over the experiments");
     }
     for (const WeakInput& weak : found_.weak_inputs) {
-      if (std::find(explained.begin(), explained.end(), &weak) != explained.end()) continue;
-      std::string text = rests(weak);
-      text[0] = 'I';
+      if (std::find(causes.begin(), causes.end(), &weak) != causes.end()) continue;
+      const std::string text = capital(rests(weak));
       if (remark_.empty()) remark_ = text + ".";
-      const bool given = options_.evaluation == Evaluation::given;
-      against(Trust::look_closer, fmt::format("{} ({}): its effect there is hardly tested{}.", text, spread(weak),
-                                              given ? "" : ", nor well identified from such data"));
+      const char* effect = options_.evaluation == Evaluation::training ? "its effect there can hardly be identified"
+                                                                       : "its effect there is hardly tested";
+      if (weak.always)
+        against(Trust::look_closer, fmt::format("{}: nothing is known of its effect.", text));
+      else
+        against(Trust::look_closer, fmt::format("{} ({}): {}.", text, spread(weak), effect));
     }
     if (found_.noisy && !found_.deficient.empty() && Index(found_.deficient.size()) > found_.lags)
       against(Trust::look_closer, fmt::format("The regressions of {} lack rank: part of their effects can't be told "
@@ -209,17 +262,21 @@ class Judge {
                                               step_list(found_.deficient)));
   }
 
+  // What correlations mean is clear only where nothing graver is wrong.
   void whiteness() {
     if (!found_.correlated || found_.correlation < bounds::correlation) return;
     against(Trust::look_closer,
-            fmt::format("The innovations are correlated in time ({}, up to {:.2f} at lag {}): the model leaves "
-                        "something unexplained that more lags or states might take up.",
-                        probability(found_.validation.whiteness_p), found_.correlation, found_.correlation_lag));
+            fmt::format("The innovations are correlated in time ({}, up to {:.2f} at lag {}){}",
+                        probability(found_.validation.whiteness_p), found_.correlation, found_.correlation_lag,
+                        reasons_.empty() ? ": the model leaves something unexplained that more lags or states might "
+                                           "take up."
+                                         : "."));
   }
 
   const Model& model_;
   const Evidence& found_;
   const ReportOptions& options_;
+  Vector simulation_, one_step_;  // fits of the outputs that move
   Verdict verdict_;
   std::vector<std::pair<Trust, std::string>> reasons_;
   std::string remark_;  // on single steps, for the summary
