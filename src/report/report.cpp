@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "assets.hpp"
@@ -267,7 +268,8 @@ class Report {
         paragraph(
             "Measured against simulated and predicted outputs, and what is left over. Drag across a plot to zoom into "
             "all "
-            "plots over time, double-click or use the button to see everything again.",
+            "plots over time, double-click or use the button to see everything again. With the keyboard on a plot: "
+            "arrows read the values, + and − zoom, Escape shows everything.",
             "note scripted-only") +
         controls(
             "<div class=\"pair grow\"><label>Experiment<select id=\"experiment\"></select></label>"
@@ -361,26 +363,34 @@ class Report {
 
   // The steps that deserve a look, without a plot.
   std::string worst_steps() const {
+    const bool condition = !model_.condition.empty(), lags = !model_.lags.empty(), rank = !model_.rank.empty();
+    const auto unknowns = [&](Index k) {
+      return lags ? model_.inputs + model_.lags[model_.at(k)] * (model_.inputs + model_.outputs) : 0;
+    };
+    // How bad a step is: its condition; without one, what its rank lacks. What is not known comes last.
+    const auto badness = [&](Index k) {
+      const double value = condition ? model_.condition[model_.at(k)] : double(unknowns(k) - model_.rank[model_.at(k)]);
+      return std::isnan(value) ? -std::numeric_limits<double>::infinity() : value;
+    };
     std::vector<Index> order;
     for (Index k = model_.k_begin; k < model_.k_end(); ++k) order.push_back(k);
-    const auto value = [&](Index k) { return model_.condition.empty() ? 0.0 : model_.condition[model_.at(k)]; };
     const size_t count = std::min<size_t>(10, order.size());
     std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(count), order.end(),
-                      [&](Index a, Index b) { return value(a) != value(b) ? value(a) > value(b) : a < b; });
+                      [&](Index a, Index b) { return std::pair(-badness(a), a) < std::pair(-badness(b), b); });
     Table table(
         {{"Step"}, {"Time [s]"}, {"Condition"}, {"Rank"}, {"Unknowns"}, {"Lag order"}, {"States"}, {"One-step error"}},
-        fmt::format("The {} worst conditioned steps", count));
+        fmt::format("{} of {}, {}", count, plural(model_.steps(), "step"),
+                    condition ? "the worst conditioned first"
+                    : lags    ? "those first whose rank lacks most"
+                              : "those of lowest rank first"));
     for (size_t i = 0; i < count; ++i) {
       const Index k = order[i];
       const size_t s = model_.at(k);
-      const bool lags = !model_.lags.empty(), rank = !model_.rank.empty();
-      const Index unknowns = lags ? model_.inputs + model_.lags[s] * (model_.inputs + model_.outputs) : 0;
-      table.row(
-          {fmt::format("{}", k), figure(double(k) * model_.dt),
-           model_.condition.empty() ? "–" : figure(model_.condition[s]), rank ? fmt::format("{}", model_.rank[s]) : "–",
-           lags ? fmt::format("{}", unknowns) : "–", lags ? fmt::format("{}", model_.lags[s]) : "–",
-           fmt::format("{}", model_.n(k)), k < data_.steps() ? figure(found_.step_error[size_t(k)]) : "–"},
-          std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
+      table.row({fmt::format("{}", k), figure(double(k) * model_.dt), condition ? figure(model_.condition[s]) : "–",
+                 rank ? fmt::format("{}", model_.rank[s]) : "–", lags ? fmt::format("{}", unknowns(k)) : "–",
+                 lags ? fmt::format("{}", model_.lags[s]) : "–", fmt::format("{}", model_.n(k)),
+                 k < data_.steps() ? figure(found_.step_error[size_t(k)]) : "–"},
+                std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
     }
     return table.html();
   }
@@ -398,6 +408,11 @@ class Report {
   }
 
   std::string pole_section() const {
+    if (plots_.radius.empty())
+      return section("poles", "Eigenvalues",
+                     paragraph(model_.states() == 0 ? "The model has no states, and so no eigenvalues."
+                                                    : "No step has as many states before as after it: there are no "
+                                                      "eigenvalues."));
     std::string body =
         paragraph(fmt::format("Eigenvalues of A (open loop) and of A + GC (with the observer), {}. Those of one step "
                               "say what that step does to "
@@ -419,26 +434,24 @@ class Report {
   }
 
   std::string pole_table() const {
-    const Model& m = plots_.frame.model;
-    std::vector<std::pair<double, Index>> radius;
+    const auto& radius = plots_.radius;
+    const auto [least, most] = std::minmax_element(radius.begin(), radius.end(),
+                                                   [](const Radius& a, const Radius& b) { return a.open < b.open; });
     double closed = 0.0;
-    for (Index k = std::max(m.k_begin, plots_.frame.begin); k < std::min(m.k_end(), plots_.frame.end); ++k) {
-      if (m.n(k) != m.n(k + 1) || m.n(k) == 0) continue;
-      radius.emplace_back(linalg::eigenvalues(m.A[m.at(k)]).cwiseAbs().maxCoeff(), k);
-      closed = std::max(closed, linalg::eigenvalues(m.closed_loop(k)).cwiseAbs().maxCoeff());
-    }
+    for (const Radius& r : radius) closed = std::max(closed, r.closed);
+    const Index outside = std::count_if(radius.begin(), radius.end(), [](const Radius& r) { return r.open > 1; });
     Facts facts;
-    if (radius.empty()) return paragraph("No step has as many states before as after it: there are no eigenvalues.");
-    const auto [least, most] = std::minmax_element(radius.begin(), radius.end());
-    const Index outside = std::count_if(radius.begin(), radius.end(), [](const auto& r) { return r.first > 1; });
-    facts.row("Largest of A", fmt::format("{:.4g} (step {}) to {:.4g} (step {})", least->first, least->second,
-                                          most->first, most->second));
+    facts.row("Largest of A",
+              fmt::format("{:.4g} (step {}) to {:.4g} (step {})", least->open, least->k, most->open, most->k));
     facts.row("A outside the circle", fmt::format("at {} of {}", outside, plural(Index(radius.size()), "step")));
     facts.row("Largest of A + GC", figure(closed));
     return facts.html();
   }
 
   std::string matrix_section() const {
+    if (model_.states() == 0)
+      return section("matrices", "Gain history and A",
+                     paragraph("The model has no states: neither gains nor A, the outputs follow the inputs at once."));
     return section(
         "matrices", "Gain history and A",
         paragraph(fmt::format("The gains {}; the entries of A in the smooth frame. A system that varies smoothly "

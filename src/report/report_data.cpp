@@ -10,6 +10,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <set>
 #include <stdexcept>
 
 namespace tokid::report {
@@ -158,7 +159,7 @@ namespace {
 class Collector {
  public:
   Collector(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options)
-      : model_(model), data_(data), found_(found), options_(options), plots_{{}, {}, pole_frame(model)} {}
+      : model_(model), data_(data), found_(found), options_(options), plots_{{}, {}, pole_frame(model), {}} {}
 
   Plots collect() {
     json_["dt"] = rounded(data_.dt);
@@ -188,7 +189,8 @@ class Collector {
 
   // Points for each of `curves` curves that share `budget` numbers.
   Index points_for(Index curves, Index budget) const {
-    return std::clamp(budget / std::max<Index>(1, curves), fewest_points, std::max<Index>(2, options_.points));
+    const Index fair = std::max(fewest_points, budget / std::max<Index>(1, curves));
+    return std::min(fair, std::max<Index>(2, options_.points));  // fewer than the fewest, where that was asked for
   }
 
   template <class Value>
@@ -260,24 +262,41 @@ class Collector {
       omit("Of {} singular values of every step the largest {} are drawn.", rows, most_heat_rows);
     rows = std::min(rows, most_heat_rows);
     const Index stride = (model_.steps() + most_heat_columns - 1) / most_heat_columns;
-    if (stride > 1) omit("Singular values are drawn at one step in {}.", stride);
+    if (stride > 1) omit("Of every {} steps the largest singular values and the largest order are drawn.", stride);
+    // Where nothing moves, all singular values are rounding errors of D, which is a Markov parameter as they are.
     double largest = 0.0;
     for (const Vector& s : model_.singular_values)
       if (s.size() > 0 && std::isfinite(s(0))) largest = std::max(largest, s(0));
+    double scale = largest;
+    for (const Matrix& d : model_.D)
+      if (d.size() > 0 && d.allFinite()) scale = std::max(scale, d.cwiseAbs().maxCoeff());
     Json columns = Json::array(), order = Json::array();
     for (Index k = 0; k < model_.steps(); k += stride) {
-      Json column = Json::array();
-      const Vector& s = model_.singular_values[size_t(k)];
-      for (Index i = 0; i < std::min(rows, s.size()); ++i) {
-        // What lies sixteen decades below the largest is zero in double precision.
-        const double floor = largest * 1e-17;
-        column.push_back(std::lround(100 * std::log10(std::max({s(i), floor, std::numeric_limits<double>::min()}))));
+      std::vector<double> most;  // of the steps that share the column
+      Index states = 0;
+      for (Index i = k; i < std::min(model_.steps(), k + stride); ++i) {
+        const Vector& s = model_.singular_values[size_t(i)];
+        for (Index j = 0; j < std::min(rows, s.size()); ++j)
+          if (size_t(j) < most.size())
+            most[size_t(j)] = std::max(most[size_t(j)], s(j));
+          else
+            most.push_back(s(j));
+        states = std::max(states, model_.state_dim[size_t(i)]);
       }
+      Json column = Json::array();
+      for (const double value : most) column.push_back(hundredths(std::max(value, scale * 1e-17)));
       columns.push_back(std::move(column));
-      order.push_back(model_.state_dim[size_t(k)]);
+      order.push_back(states);
     }
     json_["sigma"] = {
-        {"begin", model_.k_begin}, {"stride", stride}, {"rows", rows}, {"log", columns}, {"order", order}};
+        {"begin", model_.k_begin}, {"stride", stride}, {"rows", rows}, {"rounding", hundredths(scale * 1e-12)},
+        {"log", columns},          {"order", order}};
+  }
+
+  // What lies seventeen decades below the scale is zero in double precision; null where all is zero.
+  static Json hundredths(double value) {
+    if (!(value >= std::numeric_limits<double>::min())) return {};
+    return std::lround(100 * std::log10(value));
   }
 
   void steps() {
@@ -319,10 +338,24 @@ class Collector {
     if (mixed > 0 && model.states() > 0)
       omit("Eigenvalues are not shown at {}: the state dimension changes there, or the {} frame does not reach them.",
            mixed == 1 ? "one step" : fmt::format("{} steps", mixed), frame.name);
+    std::vector<Eigen::VectorXcd> open, closed;
+    for (const Index k : square) {
+      open.push_back(linalg::eigenvalues(model.A[model.at(k)]));
+      closed.push_back(linalg::eigenvalues(model.closed_loop(k)));
+      plots_.radius.push_back({k, open.back().cwiseAbs().maxCoeff(), closed.back().cwiseAbs().maxCoeff()});
+    }
+
+    // Of too many steps, those of every stretch that go farthest, once for A and once for A + GC.
+    const Index count = Index(square.size());
     const Index most = std::max<Index>(2, most_poles / std::max<Index>(1, 4 * model.states()));
-    const Index stride = std::max<Index>(1, (Index(square.size()) + most - 1) / most);
-    if (stride > 1) omit("Eigenvalues are shown at one step in {}.", stride);
-    Json k_list = Json::array(), open = Json::array(), closed = Json::array();
+    const Index stride = count <= most ? 1 : (2 * count + most - 1) / most;
+    if (stride > 1)
+      omit("Of every {} steps the eigenvalues of those two are drawn at which A and A + GC have their largest.",
+           stride);
+    const auto farther = [](double Radius::*size) {
+      return [size](const Radius& a, const Radius& b) { return a.*size < b.*size; };
+    };
+    Json k_list = Json::array(), open_list = Json::array(), closed_list = Json::array();
     const auto list = [](const Eigen::VectorXcd& values) {
       Json numbers = Json::array();
       for (const auto& value : values) {
@@ -331,13 +364,19 @@ class Collector {
       }
       return numbers;
     };
-    for (size_t i = 0; i < square.size(); i += size_t(stride)) {
-      const Index k = square[i];
-      k_list.push_back(k);
-      open.push_back(list(linalg::eigenvalues(model.A[model.at(k)])));
-      closed.push_back(list(linalg::eigenvalues(model.closed_loop(k))));
+    for (Index i = 0; i < count; i += stride) {
+      const auto begin = plots_.radius.begin(), from = begin + i, to = begin + std::min(count, i + stride);
+      std::set<Index> shown;
+      for (const auto size : {&Radius::open, &Radius::closed})
+        shown.insert(std::max_element(from, to, farther(size)) - begin);
+      for (const Index at : shown) {
+        k_list.push_back(square[size_t(at)]);
+        open_list.push_back(list(open[size_t(at)]));
+        closed_list.push_back(list(closed[size_t(at)]));
+      }
     }
-    json_["poles"] = {{"frame", frame.name}, {"k", k_list}, {"open", open}, {"closed", closed}};
+    json_["poles"] = {
+        {"frame", frame.name}, {"stride", stride}, {"k", k_list}, {"open", open_list}, {"closed", closed_list}};
   }
 
   // Entries of A_k or G_k over k, NaN where the entry does not exist.

@@ -37,10 +37,17 @@ struct Shown {
 };
 Shown shown_experiments(const Evidence& found, Index most);
 
+// The largest magnitudes of the eigenvalues of A_k and of A_k + G_k C_k.
+struct Radius {
+  Index k = 0;
+  double open = 0.0, closed = 0.0;
+};
+
 struct Plots {
   std::string json;
   std::vector<std::string> omitted;  // what the page does not show, in words
   Framed frame;
+  std::vector<Radius> radius;  // of all steps in the frame with as many states before as after them
 };
 Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options);
 
