@@ -422,7 +422,7 @@ class Report {
                               frame_text()));
     body += controls(
         "<label class=\"grow\"><span id=\"pole-label\">Step</span><input type=\"range\" id=\"pole-step\" min=\"0\" "
-        "max=\"0\" value=\"0\" aria-labelledby=\"pole-label\"></label>"
+        "max=\"0\" value=\"0\" aria-label=\"Step of the eigenvalues\"></label>"
         "<button type=\"button\" id=\"pole-play\">Play</button>");
     body += "<div class=\"two\"><div>" + legend("legend-poles") +
             "<div class=\"plot square\" id=\"plot-poles\" role=\"img\" aria-label=\"Eigenvalues in the complex plane "

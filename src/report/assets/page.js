@@ -40,6 +40,18 @@
   printing = paper.matches;
   apply();
 
+  // Tables take the keyboard's focus where they scroll, and only there.
+  const scrolls = [...document.querySelectorAll(".scroll")];
+  const reachable = () => {
+    for (const scroll of scrolls)
+      scroll.scrollWidth > scroll.clientWidth ? scroll.setAttribute("tabindex", "0") : scroll.removeAttribute("tabindex");
+  };
+  if ("ResizeObserver" in window) {
+    const sizes = new ResizeObserver(reachable);
+    for (const scroll of scrolls) sizes.observe(scroll);
+  }
+  reachable();
+
   // The section on the screen is marked in the navigation.
   const links = new Map([...document.querySelectorAll("nav a")].map(a => [a.hash.slice(1), a]));
   if (links.size && "IntersectionObserver" in window) {

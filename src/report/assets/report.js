@@ -107,8 +107,9 @@
     else if (plot.shared) {
       // Thinned curves: each shows the least or the largest value of a stretch, wherever in it that lies.
       if (plot.stretch > 1) {
-        const begin = plot.x[k - k % 2], end = Math.min(begin + plot.stretch - 1, last_step);
-        plot.where.textContent = `least or largest of steps ${begin}–${end}`;
+        const begin = plot.step_of ? plot.step_of(k) : plot.x[k - k % 2];
+        const end = Math.min(begin + plot.stretch - 1, last_step);
+        plot.where.textContent = `${plot.step_of ? "largest" : "least or largest"} of steps ${begin}–${end}`;
         return;
       }
       const step = plot.step_of ? plot.step_of(k) : plot.x[k];
@@ -117,31 +118,112 @@
     else plot.where.textContent = `lag ${plot.x[k]}`;
   }
 
-  // With a finger: across is zoom, down is the page's.
+  // With a finger: across is zoom, down is the page's, two taps on one place show everything again.
   function touch(u) {
-    let start = null, last = 0;
-    const over = u.over;
+    const over = u.over, fingers = new Set();
+    let start = null, tap = null;  // where the only finger went down; the last tap
     const left = event => Math.min(over.clientWidth, Math.max(0, event.clientX - over.getBoundingClientRect().left));
+    const between = (a, b) => Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
+    const unselect = () => u.setSelect({left: 0, width: 0, top: 0, height: 0}, false);
     over.addEventListener("pointerdown", event => {
       if (event.pointerType === "mouse") return;
-      if (event.timeStamp - last < 300) set_view(null);
-      last = event.timeStamp;
-      start = left(event);
+      fingers.add(event.pointerId);
+      const alone = fingers.size === 1;
+      if (!alone) unselect(), tap = null;  // what several fingers do is the browser's
+      start = alone ? {left: left(event), clientX: event.clientX, clientY: event.clientY} : null;
     });
     over.addEventListener("pointermove", event => {
       if (start === null) return;
       const now = left(event);
-      u.setSelect({left: Math.min(start, now), width: Math.abs(now - start), top: 0, height: over.clientHeight}, false);
+      u.setSelect({left: Math.min(start.left, now), width: Math.abs(now - start.left), top: 0, height: over.clientHeight}, false);
     });
     const end = event => {
+      fingers.delete(event.pointerId);
       if (start === null) return;
-      const now = left(event), from = Math.min(start, now), to = Math.max(start, now);
+      const begun = start, now = left(event), from = Math.min(begun.left, now), to = Math.max(begun.left, now);
       start = null;
-      u.setSelect({left: 0, width: 0, top: 0, height: 0}, false);
-      if (event.type === "pointerup" && to - from > 12) set_view([u.posToVal(from, "x"), u.posToVal(to, "x")]);
+      unselect();
+      const tapped = event.type === "pointerup" && between(begun, event) < 10;
+      const again = tapped && tap && event.timeStamp - tap.timeStamp < 350 && between(tap, event) < 30;
+      tap = tapped && !again ? event : null;
+      if (again) set_view(null);
+      else if (event.type === "pointerup" && to - from > 12) set_view([u.posToVal(from, "x"), u.posToVal(to, "x")]);
     };
     over.addEventListener("pointerup", end);
     over.addEventListener("pointercancel", end);
+  }
+
+  // With the keyboard: arrows read the values, + and − zoom about the cursor, Escape undoes it.
+  const spoken = make("div", undefined, document.body);
+  spoken.className = "unseen";
+  spoken.setAttribute("role", "status");
+
+  const nearest = (sorted, value) => {
+    let best = 0;
+    sorted.forEach((x, i) => { if (Math.abs(x - value) < Math.abs(sorted[best] - value)) best = i; });
+    return best;
+  };
+
+  function move_to(plot, wanted) {
+    const stops = plot.stops || plot.x, u = plot.u, {min, max} = u.scales.x;
+    const x = stops[Math.min(stops.length - 1, Math.max(0, wanted))], margin = (max - min) / 20;
+    const beyond = x < min ? x - min - margin : x > max ? x - max + margin : 0;
+    if (beyond && plot.shared) set_view([min + beyond, max + beyond]);
+    queueMicrotask(() => {  // after the plots have taken the new range
+      u.setCursor({left: u.valToPos(x, "x"), top: u.over.clientHeight / 2}, true, true);
+      spoken.textContent = [plot.where.textContent, ...plot.values.map(([value, curve]) => `${curve.label} ${value.textContent}`)].join("; ");
+    });
+  }
+
+  function zoom_by(plot, factor) {
+    const u = plot.u, {min, max} = u.scales.x, all = full();
+    const centre = u.cursor.left >= 0 ? u.posToVal(u.cursor.left, "x") : (min + max) / 2;
+    if ((max - min) * factor >= all[1] - all[0]) set_view(null);
+    else if ((max - min) * factor >= 3) set_view([centre - (centre - min) * factor, centre + (max - centre) * factor]);
+  }
+
+  const leave = plot => plot.u.setCursor({left: -10, top: -10}, true, true);
+
+  function press(plot, event) {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const u = plot.u, stops = plot.stops || plot.x;
+    const here = u.cursor.left >= 0 ? nearest(stops, u.posToVal(u.cursor.left, "x")) : null;
+    const visible = [stops.findIndex(x => x >= u.scales.x.min), stops.findLastIndex(x => x <= u.scales.x.max)];
+    const pace = event.shiftKey ? 10 : 1;
+    const act = {
+      ArrowRight: () => move_to(plot, here === null ? visible[0] : here + pace),
+      ArrowLeft: () => move_to(plot, here === null ? visible[1] : here - pace),
+      Home: () => move_to(plot, 0), End: () => move_to(plot, stops.length - 1),
+      ...(plot.shared ? {"+": () => zoom_by(plot, 0.5), "=": () => zoom_by(plot, 0.5), "-": () => zoom_by(plot, 2)} : {}),
+      Escape: () => plot.shared && view ? set_view(null) : leave(plot)
+    }[event.key];
+    if (!act) return;
+    event.preventDefault();
+    act();
+  }
+
+  function listen(plot, place) {
+    if (place.tabIndex === 0) return;  // another curve in the same place
+    place.tabIndex = 0;
+    place.setAttribute("role", "application");  // else a screen reader keeps the arrows to itself
+    place.setAttribute("aria-roledescription", "plot");
+    place.setAttribute("aria-keyshortcuts", "ArrowLeft ArrowRight Home End" + (plot.shared ? " Plus Minus" : "") + " Escape");
+    place.addEventListener("keydown", event => press(plots.get(plot.name), event));
+    place.addEventListener("blur", () => leave(plots.get(plot.name)));
+  }
+
+  // What a plot does not show is said beneath it.
+  function remark(place, text) {
+    let note = at(`${place}-remark`);
+    if (!note && !text) return;
+    if (!note) {
+      note = document.createElement("p");
+      note.id = `${place}-remark`;
+      note.className = "note remark";
+      at(place).after(note);
+    }
+    note.textContent = text;
+    note.hidden = !text;
   }
 
   function build(plot) {
@@ -199,6 +281,7 @@
     };
     plot.u = new uPlot(options, [plot.x, ...plot.curves.map(curve => curve.values)], place);
     if (plot.shared) touch(plot.u);
+    listen(plot, place);
     legend_of(plot);
     if (plot.after) plot.after(plot.u);
   }
@@ -249,6 +332,7 @@
     at("previous").disabled = experiment.selectedIndex === 0;
     at("next").disabled = experiment.selectedIndex === experiment.options.length - 1;
     const place = at("plot-outputs");
+    if (!few) remark("plot-outputs", `Of every ${traces.stretch} steps the least and the largest value are drawn.`);
     place.setAttribute("aria-label", `${e.label}, output ${named(data.outputs[j])}: measured, simulated and predicted over the steps`);
   }
   // Samples are marked where there is room for it.
@@ -286,11 +370,10 @@
   function draw_order() {
     const sigma = data.sigma;
     if (!sigma || !sigma.log.length) return;
-    // Twelve decades below the largest there is no more than rounding: grey, so that the colours are left to the rest.
-    let least = Infinity, most = -Infinity, zeros = false;
-    for (const column of sigma.log) for (const value of column) most = Math.max(most, value);
-    const rounding = most - 1200;
-    for (const column of sigma.log) for (const value of column) value < rounding ? zeros = true : least = Math.min(least, value);
+    // What is no more than rounding errors is grey, so that the colours are left to the rest.
+    const rounding = value => value === null || sigma.rounding === null || value < sigma.rounding;
+    const all = sigma.log.flat(), sizes = all.filter(value => !rounding(value));
+    let most = sizes.reduce((a, b) => Math.max(a, b), -Infinity), least = sizes.reduce((a, b) => Math.min(a, b), Infinity);
     least = Math.min(100 * Math.floor(least / 100), most - 100);
     most = 100 * Math.ceil(most / 100);
     const grey = [140, 148, 158];
@@ -299,7 +382,7 @@
     picture.height = sigma.rows;
     const context = picture.getContext("2d"), pixels = context.createImageData(picture.width, picture.height);
     sigma.log.forEach((column, x) => column.forEach((value, y) => {
-      const [r, g, b] = value < rounding ? grey : shade((value - least) / (most - least));
+      const [r, g, b] = rounding(value) ? grey : shade((value - least) / (most - least));
       pixels.data.set([r, g, b, 255], 4 * (y * picture.width + x));
     }));
     context.putImageData(pixels, 0, 0);
@@ -313,10 +396,11 @@
       curves: [{label: "", silent: true, colour: "--surface", values: order, stepped: true, width: 5},
                {label: "Number of states", colour: "--c-orange", values: order, shown: sigma.order, stepped: true, width: 2.4}],
       label: "Singular value",
-      step_of: s => sigma.begin + s * sigma.stride,
+      step_of: s => sigma.begin + s * sigma.stride, stretch: sigma.stride,
+      stops: sigma.order.map((_, s) => sigma.begin + (s + 0.5) * sigma.stride - 0.5),
       pick: u => {
         if (u.cursor.left < 0) return null;
-        const s = Math.round((u.posToVal(u.cursor.left, "x") - sigma.begin) / sigma.stride);
+        const s = Math.floor((u.posToVal(u.cursor.left, "x") - sigma.begin + 0.5) / sigma.stride);
         return s >= 0 && s < sigma.order.length ? s : null;
       },
       scale: {range: [0.5, sigma.rows + 0.5], dir: -1}, incrs: [1, 2, 5, 10],
@@ -334,22 +418,27 @@
         c.restore();
       },
       bar: place => {
-        const item = make("span", undefined, place);
-        item.className = "bar";
-        make("span", raised(least / 100), item);
-        const strip = make("canvas", undefined, item);
-        strip.width = 64;
-        strip.height = 1;
-        const c = strip.getContext("2d");
-        for (let i = 0; i < 64; ++i) { c.fillStyle = `rgb(${shade(i / 63).join()})`; c.fillRect(i, 0, 1, 1); }
-        make("span", raised(most / 100), item);
-        if (!zeros) return;
+        if (sizes.length) scale_of(place);
+        if (sizes.length === all.length) return;
         const none = make("span", undefined, place), chip = make("i", undefined, none);
         chip.className = "chip";
         chip.style.background = `rgb(${grey.join()})`;
         make("span", "rounding errors", none);
       }
     });
+    if (sigma.stride > 1) remark("plot-order", `Of every ${sigma.stride} steps the largest values are drawn.`);
+
+    function scale_of(place) {
+      const item = make("span", undefined, place);
+      item.className = "bar";
+      make("span", raised(least / 100), item);
+      const strip = make("canvas", undefined, item);
+      strip.width = 64;
+      strip.height = 1;
+      const c = strip.getContext("2d");
+      for (let i = 0; i < 64; ++i) { c.fillStyle = `rgb(${shade(i / 63).join()})`; c.fillRect(i, 0, 1, 1); }
+      make("span", raised(most / 100), item);
+    }
   }
 
   // What each step's regression was like
@@ -379,7 +468,7 @@
   // Entries of matrices
 
   function draw_entries(name, symbol, table, select) {
-    if (!table.values.length || !table.x.length) return;
+    if (!select || !table.values.length || !table.x.length) return;
     const chosen = select.value === "all" ? null : Number(select.value), curves = [];
     for (let i = 0; i < table.rows; ++i) {
       if (chosen !== null && i !== chosen) continue;
@@ -393,6 +482,7 @@
   }
 
   function setup_entries(name, symbol, table, select) {
+    if (!select) return;  // no states
     const all = table.rows * table.cols <= 8;
     if (all || table.rows === 0) make("option", "all", select).value = "all";
     for (let i = 0; i < table.rows; ++i) make("option", `row ${i + 1}`, select).value = String(i);
@@ -404,7 +494,7 @@
   // Eigenvalues
 
   const poles = data.poles;
-  let pole = 0, timer = null, faint = null;
+  let pole = 0, timer = null, faint = null, pole_at = null;
   const pole_colours = {open: "--c-orange", closed: "--c-blue"};
   const extent = (() => {
     const sizes = [];
@@ -425,6 +515,24 @@
     for (let i = 0; i + 1 < values.length; i += 2) if (values[i] !== null) use(values[i], values[i + 1]);
   }
 
+  const in_square = (re, im) => Math.abs(re) <= extent && Math.abs(im) <= extent;
+
+  function pole_remarks() {
+    const texts = [];
+    if (poles.stride > 1)
+      texts.push(`Of every ${poles.stride} steps those two are drawn at which A and A + GC have their largest eigenvalues.`);
+    let count = 0, outside = 0, most = 0;
+    for (const list of [poles.open, poles.closed])
+      for (const k of poles.k.keys())
+        each(list, k, (re, im) => {
+          ++count;
+          if (!in_square(re, im)) ++outside, most = Math.max(most, Math.hypot(re, im));
+        });
+    if (outside)
+      texts.push(`${outside} of ${count} eigenvalues ${outside === 1 ? "lies" : "lie"} outside this square, up to ${short(most)} in magnitude; those of the chosen step stand at its edge, small.`);
+    remark("plot-poles", texts.join(" "));
+  }
+
   function pole_canvas(size) {
     const canvas = document.createElement("canvas"), ratio = window.devicePixelRatio || 1;
     canvas.width = canvas.height = Math.round(size * ratio);
@@ -435,35 +543,43 @@
 
   function draw_poles(anew) {
     const place = at("plot-poles");
-    if (!poles.k.length) return;
-    const size = Math.min(width_of(place), 540), middle = size / 2, unit = (size / 2 - 26) / extent;
-    const px = re => middle + re * unit, py = im => middle - im * unit;
+    if (!place || !poles.k.length) return;
+    const size = Math.min(width_of(place), 540), gap = extent > 2 ? 1 : 0.5;
+    const marks = [];
+    for (let v = -Math.floor(extent / gap) * gap; v <= extent; v += gap) marks.push(v);
+    // Room for the widest label at the left, for one line below, and for half a label at the right.
+    const ruler = document.createElement("canvas").getContext("2d");
+    ruler.font = font(12);
+    const label_width = Math.max(...marks.map(v => ruler.measureText(tick(v)).width));
+    const left = Math.ceil(label_width) + 8, bottom = 24, rest = 8;
+    const unit = Math.min(size - left - rest, size - bottom - rest) / (2 * extent);
+    const px = re => left + (re + extent) * unit, py = im => rest + (extent - im) * unit;
+    pole_at = (re, im) => [px(re), py(im)];
     if (anew || !faint) {
       const [canvas, c] = pole_canvas(size);
       faint = canvas;
       c.font = font(12);
       c.strokeStyle = colour("--grid");
       c.fillStyle = colour("--muted");
-      const gap = extent > 2 ? 1 : 0.5;
-      for (let v = -Math.floor(extent / gap) * gap; v <= extent; v += gap) {
+      for (const v of marks) {
         c.beginPath();
         c.moveTo(px(v), py(-extent)); c.lineTo(px(v), py(extent));
         c.moveTo(px(-extent), py(v)); c.lineTo(px(extent), py(v));
         c.stroke();
         c.textAlign = "center";
-        c.fillText(tick(v), px(v), size - 6);
+        c.fillText(tick(v), px(v), py(-extent) + 17);
         c.textAlign = "right";
-        if (v !== 0) c.fillText(tick(v), 22, py(v) + 4);
+        if (v !== 0) c.fillText(tick(v), left - 5, py(v) + 4);
       }
       c.strokeStyle = colour("--c-faint");
       c.beginPath();
-      c.moveTo(px(-extent), middle); c.lineTo(px(extent), middle);
-      c.moveTo(middle, py(-extent)); c.lineTo(middle, py(extent));
+      c.moveTo(px(-extent), py(0)); c.lineTo(px(extent), py(0));
+      c.moveTo(px(0), py(-extent)); c.lineTo(px(0), py(extent));
       c.stroke();
       c.lineWidth = 1.6;
       c.strokeStyle = colour("--muted");
       c.beginPath();
-      c.arc(middle, middle, unit, 0, 2 * Math.PI);
+      c.arc(px(0), py(0), unit, 0, 2 * Math.PI);
       c.stroke();
       c.save();
       c.beginPath();
@@ -487,7 +603,7 @@
       c.fillStyle = colour("--surface");
       c.lineWidth = 2.6;
       each(poles[kind], pole, (re, im) => {
-        const inside = Math.abs(re) <= extent && Math.abs(im) <= extent;
+        const inside = in_square(re, im);
         const clamp = v => Math.max(-extent, Math.min(extent, v));
         mark(c, kind, px(clamp(re)), py(clamp(im)), inside ? 6.5 : 3.5);
         c.fill();
@@ -495,7 +611,9 @@
       });
     }
     place.replaceChildren(canvas);
-    at("pole-label").textContent = `Step ${poles.k[pole]}, ${short(poles.k[pole] * data.dt)} s`;
+    const step = `Step ${poles.k[pole]}, ${short(poles.k[pole] * data.dt)} s`;
+    at("pole-label").textContent = step;
+    at("pole-step").setAttribute("aria-valuetext", step);
     const text = kind => short(largest(poles[kind][pole]));
     const legend = at("legend-poles");
     legend.replaceChildren();
@@ -533,12 +651,13 @@
 
   function setup_poles() {
     const slider = at("pole-step"), button = at("pole-play");
-    if (!poles.k.length) { slider.disabled = button.disabled = true; return; }
+    if (!slider || !poles.k.length) return;  // no step has eigenvalues
     slider.max = String(poles.k.length - 1);
     slider.disabled = button.disabled = poles.k.length < 2;
     slider.addEventListener("input", () => { pole = Number(slider.value); draw_poles(false); });
     button.addEventListener("click", () => play(timer === null));
     draw_poles(true);
+    pole_remarks();
     draw_radius();
   }
 
@@ -591,9 +710,12 @@
   window.tokid = {
     plots: () => [...plots.values()].map(plot => ({
       name: plot.name, shared: plot.shared, from: plot.u.scales.x.min, to: plot.u.scales.x.max,
-      curves: plot.curves.map(curve => ({label: curve.label, values: curve.values}))
+      place: plot.place, x: plot.x, area: plot.u.bbox,
+      curves: plot.curves.map(curve => ({label: curve.label, values: curve.values, colour: colour(curve.colour)}))
     })),
+    plot: name => plots.get(name).u,
     poles: () => ({step: poles.k[pole], open: poles.open[pole], closed: poles.closed[pole]}),
+    pole_at: (re, im) => pole_at(re, im),
     zoom: (from, to) => set_view(from === undefined ? null : [from, to])
   };
 })();
