@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The report page: drawn, quiet, readable on every screen and on paper, and what its controls do."""
 
+import base64
+import json
+import re
+import zlib
+
 import numpy as np
 import pytest
 from playwright.sync_api import expect
@@ -62,6 +67,75 @@ def colours(page):
     }))""")
 
 
+# The picture of a plot, as rows of red, green, blue.
+PIXELS = """place => {
+  const canvas = document.querySelector(`#${place} canvas`), copy = document.createElement("canvas");
+  copy.width = canvas.width;
+  copy.height = canvas.height;
+  const context = copy.getContext("2d", {willReadFrequently: true});
+  context.drawImage(canvas, 0, 0);
+  const bytes = context.getImageData(0, 0, copy.width, copy.height).data;
+  let text = "";
+  for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
+  return [copy.width, copy.height, btoa(text)];
+}"""
+
+
+def picture(page, place):
+    width, height, text = page.evaluate(PIXELS, place)
+    return np.frombuffer(base64.b64decode(text), np.uint8).reshape(height, width, 4)[..., :3].astype(int)
+
+
+def rgb(colour):
+    """Red, green, blue of #rrggbb."""
+    return np.array([int(colour[i:i + 2], 16) for i in (1, 3, 5)])
+
+
+def of_colour(pixels, colour):
+    """Which pixels have it, but for rounding."""
+    return np.abs(pixels - rgb(colour)).max(axis=-1) <= 2
+
+
+def within(plot, pixels):
+    """The part of the picture between the axes."""
+    left, top, width, height = (round(plot["area"][key]) for key in ("left", "top", "width", "height"))
+    return pixels[top:top + height, left:left + width]
+
+
+def undrawn(page):
+    """Curves with values of which nothing is seen: fewer pixels of their colour than a tenth of the plot's width."""
+    missing = []
+    for plot in page.evaluate("tokid.plots()"):
+        inside = within(plot, picture(page, plot["place"]))
+        missing += [(plot["name"], curve["label"]) for curve in plot["curves"]
+                    if any(v is not None for v in curve["values"])
+                    and of_colour(inside, curve["colour"]).sum() < 0.1 * inside.shape[1]]
+    return missing
+
+
+def variable(page, name):
+    return page.evaluate("name => getComputedStyle(document.documentElement).getPropertyValue(name).trim()", name)
+
+
+def report_data(page):
+    return json.loads(page.locator("#report-data").text_content())
+
+
+def coloured(pixels):
+    """Which pixels are of a colour: text, grid and ground are nearly grey."""
+    return pixels.max(axis=-1) - pixels.min(axis=-1) > 32
+
+
+def positions(page, x, y, plot=None):
+    """Columns and rows of the pixels at values of a plot, or at complex numbers in the plane of the eigenvalues."""
+    where = page.evaluate("""([name, x, y]) => x.map((_, i) => {
+      if (!name) return tokid.pole_at(x[i], y[i]).map(p => p * devicePixelRatio);
+      const u = tokid.plot(name);
+      return [u.valToPos(x[i], "x", true), u.valToPos(y[i], "y", true)];
+    })""", [plot, [float(v) for v in x], [float(v) for v in y]])
+    return np.floor(where).astype(int).T
+
+
 def clipped(page):
     """Is anything wider than the window?"""
     return page.evaluate("document.documentElement.scrollWidth > document.documentElement.clientWidth")
@@ -73,12 +147,76 @@ def test_every_plot_is_drawn(visit, typical, screenshots, width, scheme):
     with visit(typical, width, color_scheme=scheme) as page:
         assert page.evaluate("document.documentElement.dataset.theme") == scheme
         assert not clipped(page)
-        found = colours(page)
-        assert len(found) == len(TIME_PLOTS) + 2  # and the complex plane, and the whiteness
-        # Text, grid and curves, with their smooth edges: many colours. An empty canvas has one.
-        assert {name: count for name, count in found.items() if count < 10} == {}
+        assert len(colours(page)) == len(TIME_PLOTS) + 2  # and the complex plane, and the whiteness
         assert set(ranges(page)) == TIME_PLOTS
         page.screenshot(path=screenshots / f"report-{width}-{scheme}.png", full_page=True)
+    # Twice as many pixels, so that thin lines have some of their own colour, not only of their edges.
+    with visit(typical, width, color_scheme=scheme, device_scale_factor=2) as page:
+        assert undrawn(page) == []
+
+
+def test_a_curve_that_is_not_drawn_is_noticed(visit, typical):
+    """What the test above relies on."""
+    with visit(typical, device_scale_factor=2) as page:
+        plots = page.evaluate("tokid.plots()")
+        every = {(plot["name"], curve["label"]) for plot in plots for curve in plot["curves"]}
+        for plot in plots:
+            for i in range(len(plot["curves"])):
+                page.evaluate("([name, i]) => tokid.plot(name).setSeries(i + 1, {show: false})", [plot["name"], i])
+        assert set(undrawn(page)) == every
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_eigenvalues_are_drawn_where_they_lie(visit, typical, scheme):
+    with visit(typical, color_scheme=scheme, device_scale_factor=2) as page:
+        poles, pixels = report_data(page)["poles"], picture(page, "plot-poles")
+        for kind, name in (("open", "--c-orange"), ("closed", "--c-blue")):
+            x, y = positions(page, *np.array(poles[kind]).reshape(-1, 2).T)
+            inside = (x > 0) & (y > 0) & (x < pixels.shape[1]) & (y < pixels.shape[0])
+            assert inside.mean() > 0.9
+            assert coloured(pixels[y[inside], x[inside]]).mean() > 0.9, kind
+            # The chosen step has rings, 6.5 to each side, in the colour itself.
+            for x, y in zip(*positions(page, *np.array(page.evaluate("tokid.poles()")[kind]).reshape(-1, 2).T)):
+                assert of_colour(pixels[y - 16:y + 17, x - 16:x + 17], variable(page, name)).sum() > 20, kind
+        # The labels are whole: there is nothing but ground at the edges.
+        for edge in (pixels[:, :2], pixels[:, -2:], pixels[:2], pixels[-2:]):
+            assert np.ptp(edge.reshape(-1, 3), axis=0).max() == 0
+
+
+def test_samples_and_correlations_have_marks(visit, typical):
+    with visit(typical, device_scale_factor=2) as page:
+        plots = {plot["name"]: plot for plot in page.evaluate("tokid.plots()")}
+        pixels = picture(page, "plot-whiteness")
+        for curve in plots["whiteness"]["curves"][2:]:
+            x, y = positions(page, range(1, len(curve["values"]) + 1), curve["values"], "whiteness")
+            # Well within the mark, well beyond the line, above or below it: other curves may lie upon it.
+            beside = of_colour(pixels[y - 5, x], curve["colour"]) | of_colour(pixels[y + 5, x], curve["colour"])
+            assert beside.mean() > 0.7
+        page.evaluate("tokid.zoom(20, 40)")
+        page.wait_for_function("tokid.plots()[0].from === 20")
+        pixels, curve = picture(page, "plot-outputs"), plots["outputs"]["curves"][0]
+        x, y = positions(page, range(21, 40), curve["values"][21:40], "outputs")
+        beside = of_colour(pixels[y - 3, x], curve["colour"]) | of_colour(pixels[y + 3, x], curve["colour"])
+        assert beside.mean() > 0.5
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_heat_map_has_the_colours_of_its_scale(visit, typical, scheme):
+    with visit(typical, color_scheme=scheme, device_scale_factor=2) as page:
+        sigma, pixels = report_data(page)["sigma"], picture(page, "plot-order")
+        strip = picture(page, "legend-order")[0]
+        least, most = (float(text[2:].translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))) for text in
+                       page.locator("#legend-order .bar > span").all_text_contents())
+        k, i, log = np.array([(sigma["begin"] + k, i + 1, value) for k, column in enumerate(sigma["log"])
+                              for i, value in enumerate(column) if value >= sigma["rounding"]]).T
+        share = (log / 100 - least) / (most - least)
+        assert share.min() >= 0 and share.max() <= 1
+        x, y = positions(page, k, i, "order")
+        found, expected = pixels[y, x], strip[np.round(share * (len(strip) - 1)).astype(int)]
+        # The strip has 64 colours: half a step of it, at most 6 of 255.
+        right = np.abs(found - expected).max(axis=-1) <= 6
+        assert right.mean() > 0.95
+        assert len(np.unique(found[right], axis=0)) > 20
 
 
 def test_the_verdict_comes_first_and_in_words(visit, typical):
@@ -187,6 +325,121 @@ def test_zoom_with_a_finger(visit, typical):
         assert ranges(page) == whole
 
 
+def test_taps_undo_the_zoom_on_one_place_and_with_one_finger_only(visit, typical):
+    """The events of a touch screen, with their times left to the page: two taps are quick here."""
+    tap = """points => {
+      const over = document.querySelector("#plot-outputs .u-over"), box = over.getBoundingClientRect();
+      for (const [type, finger, share] of points)
+        over.dispatchEvent(new PointerEvent(type, {pointerId: finger, pointerType: "touch", bubbles: true,
+          clientX: box.left + share * box.width, clientY: box.top + box.height / 2}));
+    }"""
+    down, up = "pointerdown", "pointerup"
+    with visit(typical, 375, has_touch=True) as page:
+        def zoomed_after(*points):
+            page.evaluate("tokid.zoom(20, 60)")
+            page.wait_for_function("tokid.plots()[0].from === 20")
+            page.evaluate(tap, points)
+            page.evaluate("new Promise(done => setTimeout(done))")
+            left = ranges(page)["outputs"] == (20, 60)
+            page.evaluate("new Promise(done => setTimeout(done, 400))")  # taps of the next trial are others
+            return left
+        assert zoomed_after((down, 1, .2), (up, 1, .2), (down, 2, .8), (up, 2, .8))     # two places
+        assert zoomed_after((down, 1, .5), (down, 2, .52), (up, 2, .52), (up, 1, .5))   # two fingers
+        assert zoomed_after((down, 1, .5), (up, 1, .5))                                 # one tap
+        assert not zoomed_after((down, 1, .5), (up, 1, .5), (down, 2, .51), (up, 2, .51))
+
+
+def test_plots_with_the_keyboard(visit, typical):
+    with visit(typical) as page:
+        whole = ranges(page)
+        page.focus("#plot-outputs")
+        measured, order = values(page, "outputs", "Measured"), report_data(page)["sigma"]["order"]
+        legend, spoken = page.locator("#legend-outputs"), page.locator("div.unseen[role=status]")
+        for key, step in [("ArrowRight", 0), ("ArrowRight", 1), ("End", 79), ("ArrowRight", 79), ("ArrowLeft", 78),
+                          ("Shift+ArrowLeft", 68), ("Home", 0), ("Shift+ArrowRight", 10)]:
+            page.keyboard.press(key)
+            expect(legend).to_contain_text(f"step {step},")
+            shown = legend.locator("b").first.inner_text().replace("−", "-")
+            assert float(shown) == pytest.approx(measured[step], rel=1e-3)
+            expect(spoken).to_contain_text(f"Measured {legend.locator('b').first.inner_text()}")
+        expect(page.locator("#legend-order")).to_contain_text("step 10,")  # the others follow
+        for _ in range(2):
+            page.keyboard.press("+")
+        expect(page.locator("#reset")).to_be_enabled()
+        begin, end = ranges(page)["gain"]
+        assert end - begin == pytest.approx((whole["gain"][1] - whole["gain"][0]) / 4)
+        assert begin < 10 < end
+        for _ in range(20):
+            page.keyboard.press("ArrowRight")
+        expect(legend).to_contain_text("step 30,")
+        begin, end = ranges(page)["errors"]
+        assert begin < 30 < end  # the view went along
+        page.keyboard.press("-")
+        assert np.ptp(ranges(page)["errors"]) == pytest.approx(2 * (end - begin))
+        page.keyboard.press("End")
+        page.wait_for_function("tokid.plots()[0].to > 79")
+        assert np.ptp(ranges(page)["errors"]) == pytest.approx(2 * (end - begin))
+        page.keyboard.press("Escape")
+        assert ranges(page) == whole
+        page.keyboard.press("Escape")
+        expect(legend).not_to_contain_text(re.compile(r"step \d"))
+        page.focus("#plot-order")
+        for _ in range(80):
+            page.keyboard.press("ArrowRight")
+        expect(page.locator("#legend-order")).to_contain_text(f"{order[79]}step 79,")
+        page.focus("#plot-whiteness")
+        expect(page.locator("#legend-order")).not_to_contain_text("step")
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("+")  # lags are not steps
+        expect(page.locator("#legend-whiteness")).to_contain_text("lag 1")
+        assert ranges(page) == whole
+
+
+def test_tables_take_the_focus_where_they_scroll(visit, typical):
+    focus = "[...document.querySelectorAll('.scroll')].filter(s => s.offsetWidth).map(s => [s.tabIndex, s.scrollWidth > s.clientWidth])"
+    with visit(typical, 1400) as page:
+        assert all(index == -1 and not scrolls for index, scrolls in page.evaluate(focus))
+        page.set_viewport_size({"width": 320, "height": 700})
+        page.wait_for_function("document.querySelector('.scroll[tabindex]')")
+        found = page.evaluate(focus)
+        assert any(scrolls for _, scrolls in found)
+        assert all((index == 0) == scrolls for index, scrolls in found)
+
+
+def luminance(colour):
+    parts = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in colour / 255]
+    return np.dot([0.2126, 0.7152, 0.0722], parts)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_curves_and_controls_stand_out_from_their_ground(visit, typical, scheme):
+    with visit(typical, color_scheme=scheme) as page:
+        colour = lambda name: rgb(variable(page, name))
+        def contrast(a, b):
+            low, high = sorted([luminance(a), luminance(b)])
+            return (high + 0.05) / (low + 0.05)
+        names = ["measured", "blue", "orange", "green", "purple", "pink", "sky", "yellow", "faint"]
+        assert min(contrast(colour(f"--c-{name}"), colour("--surface")) for name in names) >= 3
+        for ground in ("--surface", "--ground"):
+            assert contrast(colour("--control"), colour(ground)) >= 3
+            assert contrast(colour("--muted"), colour(ground)) >= 4.5
+        border = lambda element: page.evaluate("e => getComputedStyle(document.querySelector(e)).borderTopColor", element)
+        for element in ("#theme", "#experiment", "#next", "#pole-play"):
+            np.testing.assert_array_equal([int(v) for v in re.findall(r"\d+", border(element))], colour("--control"))
+
+
+@pytest.mark.parametrize("width, rows", [(375, [2, 2, 1]), (768, [3, 2]), (1400, [5])])
+def test_no_tile_of_the_verdict_stands_alone(visit, typical, width, rows):
+    with visit(typical, width) as page:
+        boxes = [tile.bounding_box() for tile in page.locator(".tile").all()]
+        tops = [round(box["y"]) for box in boxes]
+        assert [tops.count(top) for top in sorted(set(tops))] == rows
+        for top in set(tops):  # a row is as wide as the others
+            row = [box for box in boxes if round(box["y"]) == top]
+            assert max(box["x"] + box["width"] for box in row) == pytest.approx(boxes[rows[0] - 1]["x"] + boxes[rows[0] - 1]["width"], abs=1)
+            assert row[0]["x"] == pytest.approx(boxes[0]["x"], abs=1)
+
+
 def test_slider_moves_the_eigenvalues(visit, typical):
     picture = "document.querySelector('#plot-poles canvas').toDataURL()"
     with visit(typical) as page:
@@ -198,6 +451,7 @@ def test_slider_moves_the_eigenvalues(visit, typical):
         assert after["open"] != before["open"] and after["closed"] != before["closed"]
         assert page.evaluate(picture) != drawn
         assert f"Step {after['step']}," in page.locator("#pole-label").inner_text()
+        assert page.get_attribute("#pole-step", "aria-valuetext") == page.locator("#pole-label").inner_text()
         page.keyboard.press("End")
         last = page.locator("#pole-label").inner_text()
         page.click("#pole-play")
@@ -243,19 +497,91 @@ def test_readable_without_javascript(visit, typical, screenshots):
 def test_on_paper(visit, typical, screenshots):
     with visit(typical, 1400, color_scheme="dark") as page:
         pdf = page.pdf(path=screenshots / "report.pdf", format="A4")
-        assert pdf.startswith(b"%PDF") and b"/Type /Page" in pdf
-    with visit(typical, 700, color_scheme="dark") as page:  # about as wide as the text on A4
+    assert pdf.startswith(b"%PDF") and len(re.findall(rb"/Type /Page\b", pdf)) > 2
+    # What is set in type, and the lines of the plots in the colours of the light theme.
+    streams = [zlib.decompress(body) for head, body in
+               re.findall(rb"<<([^>]*?/FlateDecode[^>]*)>>\s*stream\r?\n(.*?)\r?\nendstream", pdf, re.S)
+               if b"/Image" not in head]
+    assert sum(len(re.findall(rb"\bT[jJ]\b", body)) for body in streams) > 300
+    lines = {}  # stroke colour → segments
+    for body in streams:
+        colour = None
+        for new, _ in re.findall(rb"^([\d. ]+) RG\b|( l)$", body, re.M):
+            if new:
+                colour = "#" + "".join(f"{round(255 * float(c)):02x}" for c in new.split())
+            else:
+                lines[colour] = lines.get(colour, 0) + 1
+    assert lines["#0072b2"] > 4 * 79 and lines["#d05a00"] > 4 * 79  # curves of 80 steps
+    with visit(typical, 700, color_scheme="dark", device_scale_factor=2) as page:  # about as wide as the text on A4
         page.emulate_media(media="print")
         expect(page.locator("html")).to_have_attribute("data-theme", "light")
         assert not page.locator("nav").is_visible() and not page.locator("#experiment").is_visible()
-        assert page.locator("#fit table").is_visible()
+        assert variable(page, "--c-blue") == "#0072b2"
+        assert page.locator("#fit table").is_visible() and page.locator("#regressions tbody tr").last.is_visible()
+        assert "held-out experiments" in page.locator(".summary").inner_text()
         widths = page.evaluate("[...document.querySelectorAll('.plot canvas')].map(c => c.getBoundingClientRect().width)")
         assert len(widths) == len(TIME_PLOTS) + 2 and max(widths) <= 660
         assert not clipped(page)
-        assert min(colours(page).values()) >= 10
+        assert undrawn(page) == []
         page.screenshot(path=screenshots / "report-print.png", full_page=True)
         page.emulate_media(media="screen")
         expect(page.locator("html")).to_have_attribute("data-theme", "dark")
+
+
+def test_without_states_nothing_is_empty_or_bright(visit, tokid, folder, screenshots):
+    """Outputs that follow the inputs at once: the Hankel matrices hold rounding errors, or nothing at all."""
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal((30, 12, 2))
+    for name, D in (("static", rng.standard_normal((12, 2, 2))), ("zero", np.zeros((12, 2, 2)))):
+        data, model, page_file = (folder / f"{name}{end}" for end in (".npz", "-model.npz", ".html"))
+        np.savez(data, u=u, y=np.einsum("kij,nkj->nki", D, u), initial_state="zero")
+        tokid("identify", data, "-o", model, "--report", page_file)
+        with visit(page_file, 375, device_scale_factor=2) as page:
+            assert report_data(page)["poles"]["k"] == []
+            for heading in page.locator("h3").all_text_contents():
+                assert not re.search("gain|smooth frame|magnitude", heading)
+            assert page.locator("#poles .plot, #matrices .plot, #poles select, #matrices select").count() == 0
+            assert page.get_by_text("has no states").first.is_visible()
+            legend = page.locator("#legend-order")
+            assert "rounding errors" in legend.inner_text() and legend.locator("canvas").count() == 0
+            plot = next(p for p in page.evaluate("tokid.plots()") if p["name"] == "order")
+            pixels = within(plot, picture(page, "plot-order"))
+            grey = of_colour(pixels, "#8c949e")
+            assert grey.mean() > 0.7
+            assert not (coloured(pixels) & (pixels[..., 1] > pixels[..., 0])).any()  # no green of the scale
+            page.screenshot(path=screenshots / f"report-{name}-375.png", full_page=True)
+
+
+def test_what_is_left_out_is_said_beside_the_plot(visit, tokid, folder, typical, screenshots):
+    """A long system that measures its states, and one step of it that is like no other."""
+    steps, event = 8000, 4777
+    A = np.tile(np.diag([0.5, -0.4]), (steps, 1, 1))
+    A[event] = [[7.1, 0], [0, -6]]
+    rng = np.random.default_rng(4)
+    sigma = np.tile([1.0, 0.5, 1e-9], (steps, 1))
+    sigma[event, 2] = 0.25
+    np.savez(folder / "long-model.npz", A=A, B=np.ones((steps, 2, 1)), C=np.tile(np.eye(2), (steps, 1, 1)),
+             D=np.zeros((steps, 2, 1)), G=np.zeros((steps, 2, 2)), k_begin=0, dt=0.1, frame="raw",
+             singular_values=sigma, state_dim=np.full(steps + 1, 2), initial_state="zero")
+    u = rng.standard_normal((3, steps, 1))
+    np.savez(folder / "long.npz", u=u, y=np.repeat(u, 2, axis=2), initial_state="zero", dt=0.1)
+    tokid("report", folder / "long-model.npz", folder / "long.npz", "-o", folder / "long.html")
+    with visit(folder / "long.html") as page:
+        data = report_data(page)
+        stretch, stride = data["traces"]["stretch"], data["sigma"]["stride"]
+        assert stretch > 1 and stride > 1
+        expect(page.locator("#plot-outputs + p")).to_contain_text(f"Of every {stretch} steps the least and the largest")
+        expect(page.locator("#plot-order + p")).to_contain_text(f"Of every {stride} steps the largest")
+        assert data["sigma"]["log"][event // stride][2] == round(100 * np.log10(0.25))
+        assert data["poles"]["stride"] > 1 and event in data["poles"]["k"]
+        assert len(data["poles"]["k"]) * 2 <= 12500
+        outside = page.locator("#plot-poles + p").inner_text()
+        assert f"Of every {data['poles']['stride']} steps those two" in outside
+        count = 4 * len(data["poles"]["k"])  # of A and of A + GC
+        assert f"4 of {count} eigenvalues lie outside this square, up to 7.1 in magnitude" in outside
+        page.screenshot(path=screenshots / "report-long-1400.png", full_page=True)
+    with visit(typical) as page:
+        assert page.locator("#plot-outputs + p, #plot-order + p").count() == 0
 
 
 @pytest.mark.parametrize("case", ["one experiment", "one output", "gaps", "known system", "many channels"])

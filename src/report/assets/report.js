@@ -52,10 +52,10 @@
 
   function set_view(range) {
     if (range) {
-      const all = full();
-      const from = Math.max(all[0], range[0]), to = Math.min(all[1], range[1]);
-      if (!(to - from >= 1)) return;
-      range = [from, to];
+      const all = full(), width = Math.min(range[1] - range[0], all[1] - all[0]);
+      if (!(width >= 1)) return;
+      const from = Math.min(Math.max(all[0], range[0]), all[1] - width);
+      range = [from, from + width];
     }
     view = range;
     const [min, max] = view || full();
