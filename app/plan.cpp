@@ -35,6 +35,12 @@ std::string describe(const Extreme& e) {
   return fmt::format("median {}, largest {} at step {}", number(e.median), number(e.value), e.step);
 }
 
+// Of expected values three digits are plenty.
+std::string share(double value) {
+  if (std::isnan(value)) return "-";
+  return value < 10 ? fmt::format("{:.3g} %", 100 * value) : fmt::format("{:.0f} times", value);
+}
+
 std::string report(const Call& call, const PlanOptions& sizes, const Plan& plan) {
   const Ensemble& u = plan.inputs;
   Page page;
@@ -64,14 +70,16 @@ std::string report(const Call& call, const PlanOptions& sizes, const Plan& plan)
       peaks += fmt::format("{}{} {}", j > 0 ? ", " : "", output_label(sizes.names, j), number(plan.output_peak(j)));
     page.row("Outputs", fmt::format("largest on the model: {}", peaks));
   }
-  if (std::isfinite(plan.excess))
+  if (sizes.noise && sizes.noise->input == 0 && sizes.noise->output == 0)
+    page.row("Noise", "none: every number of experiments from the minimum on gives the same coefficients");
+  else if (std::isfinite(plan.excess))
     page.row("Noise", fmt::format("estimated coefficients add {} to the mean square of the best one-step error",
-                                  percent(100 * plan.excess)));
+                                  share(plan.excess)));
   else
     page.row("Noise", "no degree of freedom left to average it");
   if (!std::isnan(plan.noise_floor))
-    page.row("", fmt::format("best one-step error: {} of the outputs; Markov parameters: {}",
-                             percent(100 * plan.noise_floor), percent(100 * plan.markov_error)));
+    page.row("", fmt::format("best one-step error: {} of the outputs; Markov parameters: {}", share(plan.noise_floor),
+                             share(plan.markov_error)));
   page.row("Written", call.output.string());
   return page.text();
 }
@@ -94,13 +102,14 @@ Json json(const PlanOptions& sizes, const Plan& plan) {
   j["reasons"] = plan.reasons;
   j["kind"] = to_string(plan.kind);
   j["seed"] = sizes.seed;
-  j["initial_state"] = to_string(sizes.initial_state);
+  j["initial_state"] = to_string(*plan.inputs.initial_state);
   j["first_step"] = plan.first_step;
   j["peak"] = numbers(plan.peak);
   j["rms"] = numbers(plan.rms);
   j["excess"] = plan.excess;
   j["input_condition"] = summary(plan.input_condition);
   if (!plan.condition.empty()) {
+    j["first_forecast"] = plan.first_forecast;
     j["condition"] = summary(plan.condition);
     j["start_condition"] = plan.start_condition;
     j["rank"] = plan.rank;
@@ -115,19 +124,24 @@ Json json(const PlanOptions& sizes, const Plan& plan) {
 void run(const Call& call) {
   check_output(call.output, Content::ensemble);
   PlanOptions options = call.options;
-  Plan result;
+  std::optional<Model> model;
   if (call.model.empty()) {
     for (const auto& [name, value] : {std::pair{"--states", options.states}, std::pair{"--inputs", options.inputs},
                                       std::pair{"--outputs", options.outputs}, std::pair{"--steps", options.steps}})
       if (value == 0) throw std::invalid_argument(fmt::format("{}: needed unless --model tells it", name));
-    result = plan(options);
   } else {
-    const Model model = load_model(call.model);
-    result = plan(model, options);
-    options.states = model.states();
-    options.inputs = model.inputs;
-    options.outputs = model.outputs;
-    options.names = model.names;
+    model = load_model(call.model);
+  }
+  const Plan result = [&] {
+    ProgressBar bar(true);
+    options.execution.progress = bar.callback();
+    return model ? plan(*model, options) : plan(options);
+  }();
+  if (model) {
+    options.states = model->states();
+    options.inputs = model->inputs;
+    options.outputs = model->outputs;
+    options.names = model->names;
   }
   save_ensemble(result.inputs, call.output);
   if (call.json)
@@ -199,8 +213,8 @@ void add_plan(CLI::App& tool) {
   add_noise_option(command, o.noise);
   command->add_option("--model", call->model, "Preliminary model: .npz, .h5 or .mat")->type_name("FILE");
   add_choice(command, "--initial-state", o.initial_state,
-             Choices<InitialState>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
-             "States at step 0 (default zero)");
+             Choices<std::optional<InitialState>>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
+             "States at step 0 (default zero; with --model: as it says)");
   command->add_flag("--nominal", o.nominal,
                     "The experiments depart from a mean motion, which is removed from the data");
   add_number(command, "--dt", o.dt, "SECONDS", "Sample time (default 1; with --model: its own)",

@@ -34,6 +34,19 @@ const char* to_string(InputKind kind) {
 namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+// Squares and ratios of amplitudes and noise must stay within the range of double precision.
+constexpr double smallest_size = 1e-60, largest_size = 1e60;
+
+// What a plan takes: memory, and operations, of which a thread does some 1e10 in a second.
+struct Effort {
+  double bytes = 0.0, operations = 0.0;
+  bool within(const Effort& limit) const { return bytes <= limit.bytes && operations <= limit.operations; }
+  std::string text() const { return fmt::format("{:.2g} GB of memory and {:.2g} s", bytes / 1e9, operations / 1e10); }
+};
+constexpr Effort most{8e9, 5e12};     // of any plan
+constexpr Effort unasked{1e9, 1e11};  // of one with as many experiments as the noise alone asks for
+constexpr double window_work = 1e11;  // operations that the condition numbers of the inputs may take
+constexpr double optimised = 0.8;     // progress when the descent has ended
 
 class Planner {
  public:
@@ -44,7 +57,8 @@ class Planner {
     check();
     count();
     draw();
-    forecast();
+    forecast_inputs();
+    if (model_ != nullptr) forecast_windows();
     judge();
     return std::move(plan_);
   }
@@ -64,7 +78,10 @@ class Planner {
     if (options_.steps > model_->k_end())
       throw std::invalid_argument(
           fmt::format("steps: {} found, the model ends after {}", options_.steps, model_->k_end()));
-    options_.dt = model_->dt;
+    if (options_.dt == 0) options_.dt = model_->dt;
+    if (!(std::abs(options_.dt - model_->dt) <= 1e-9 * model_->dt))
+      throw std::invalid_argument(fmt::format("dt: {} s found, the model has {} s", options_.dt, model_->dt));
+    if (!options_.initial_state) options_.initial_state = model_->initial_state;
     options_.names = model_->names;
     if (model_->u_nominal.size() > 0)
       warn("the inputs are departures: add the nominal trajectory of the model to them");
@@ -81,28 +98,37 @@ class Planner {
       throw std::invalid_argument(
           fmt::format("lags: {} found, at least {} needed: {} outputs times p must reach {} states", o.lags, smallest,
                       o.outputs, o.states));
-    first_ = o.initial_state == InitialState::zero ? 0 : o.lags;
-    if (model_ != nullptr && model_->k_begin > 0) first_ = model_->k_begin + o.lags;
-    if (o.steps <= std::max(o.lags, first_))
-      throw std::invalid_argument(fmt::format("steps: {} found, at least {} needed for lag order {}", o.steps,
-                                              std::max(o.lags, first_) + 1, o.lags));
+    unknown_ = o.initial_state.value_or(InitialState::zero) == InitialState::unknown;
+    first_ = forecast_ = unknown_ ? o.lags : 0;
+    full_ = o.lags;
+    if (model_ != nullptr && model_->k_begin > 0) forecast_ = full_ = model_->k_begin + o.lags;
+    if (o.steps <= full_)
+      throw std::invalid_argument(
+          fmt::format("steps: {} found, at least {} needed for lag order {}{}", o.steps, full_ + 1, o.lags,
+                      full_ > o.lags ? fmt::format(" of a model that begins at step {}", model_->k_begin) : ""));
     if (o.experiments < 0) throw std::invalid_argument(fmt::format("experiments: {} found", o.experiments));
     for (const double a : o.amplitude)
-      if (!(a > 0) || !std::isfinite(a))
-        throw std::invalid_argument(fmt::format("amplitude: {} found, a positive number needed", a));
+      if (!(a >= smallest_size && a <= largest_size))
+        throw std::invalid_argument(
+            fmt::format("amplitude: {} found, {:.0e} to {:.0e} needed", a, smallest_size, largest_size));
     if (o.amplitude.size() == 1) o.amplitude.resize(size_t(o.inputs), o.amplitude.front());
     if (static_cast<Index>(o.amplitude.size()) != o.inputs)
       throw std::invalid_argument(fmt::format("amplitude: {} limits found, one or {} (one for each input) needed",
                                               o.amplitude.size(), o.inputs));
     amplitude_ = Eigen::Map<const Vector>(o.amplitude.data(), o.inputs);
-    if (o.noise && !(o.noise->input >= 0 && o.noise->output >= 0 && std::isfinite(o.noise->input + o.noise->output)))
-      throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, none may be negative",
-                                              o.noise->input, o.noise->output));
+    if (o.noise)
+      for (const double sd : {o.noise->input, o.noise->output})
+        if (!(sd == 0 || (sd >= smallest_size && sd <= largest_size)))
+          throw std::invalid_argument(
+              fmt::format("noise: a standard deviation of {} found, 0 or {:.0e} to {:.0e} needed", sd, smallest_size,
+                          largest_size));
     if (!(o.excess > 0 && o.markov_error > 0 && o.white_condition > 1))
       throw std::invalid_argument(
           fmt::format("excess, markov_error, white_condition: {}, {}, {} found, above 0, 0 and 1 needed", o.excess,
                       o.markov_error, o.white_condition));
-    if (!(o.dt > 0)) throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", o.dt));
+    if (o.dt == 0) o.dt = 1.0;
+    if (!(o.dt > 0 && std::isfinite(o.dt)))
+      throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", o.dt));
     if (o.hold < 0 || o.iterations < 0)
       throw std::invalid_argument(fmt::format("hold, iterations: {}, {} found", o.hold, o.iterations));
     plan_.kind = o.kind.value_or(model_ != nullptr ? InputKind::optimised : InputKind::orthogonal);
@@ -125,49 +151,117 @@ class Planner {
         plan_.minimum, r, p, r + m, L, p, p * m < o.states + m ? "the smallest" : "one", p * m, o.states,
         o.nominal ? "; one more for the mean motion" : ""));
 
+    if (o.experiments > 0 && o.experiments < plan_.minimum)
+      throw std::invalid_argument(
+          fmt::format("experiments: {} found, at least {} needed (r + p(r+m){} at lag order {})", o.experiments,
+                      plan_.minimum, o.nominal ? " + 1 for the mean motion" : "", p));
+    const Index least = o.experiments > 0 ? o.experiments : plan_.minimum;
+    if (const Effort needed = effort(least); !needed.within(most))
+      throw std::invalid_argument(
+          fmt::format("sizes: {} experiments of {} steps with {} inputs and {} unknowns for every output and step need "
+                      "about {}; plans end at {}",
+                      least, o.steps, r, L, needed.text(), most.text()));
+
     const double c = o.white_condition, ratio = (c + 1) / (c - 1);
-    const auto whole = [&](double freedom) {  // experiments with so many degrees of freedom
-      const double number = double(L + mean) + std::ceil(freedom - 1e-9);
-      if (number > 1e9) throw std::invalid_argument("noise: more than a thousand million experiments would be needed");
-      return static_cast<Index>(number);
-    };
-    const Index white = whole(double(L) * (ratio * ratio - 1)), accurate = whole(1 + double(L) / o.excess);
+    const Index white = with_freedom(double(L) * (ratio * ratio - 1)),
+                accurate = with_freedom(1 + double(L) / o.excess);
     plan_.recommended = white;
-    if (!noisy()) {
-      plan_.reasons.push_back(
-          fmt::format("recommended {}: windows of N = {:.3g} L random rows have a condition number near (√N + √L) / "
-                      "(√N - √L) = {:.3g}, and seldom a much larger one; square ones have no bound",
-                      white, ratio * ratio, c));
-      if (!o.noise)
-        plan_.reasons.push_back(
-            fmt::format("with noise {}: estimated coefficients add the share L / (N - L - 1) to the mean square of the "
-                        "best one-step error, here {:.3g} %",
-                        accurate, 100 * o.excess));
-      return;
-    }
-    plan_.recommended = std::max(white, accurate);
     std::string reason = fmt::format(
-        "recommended {}: estimated coefficients add the share L / (N - L - 1) to the mean square of the best one-step "
-        "error, here {:.3g} %",
-        plan_.recommended, 100 * o.excess);
-    if (model_ != nullptr) {
+        "windows of N = {:.3g} L white rows have a condition number near (√N + √L) / (√N - √L) = {:.3g}, square ones "
+        "have no bound; here the inputs are white, and what the states add depends on the system",
+        ratio * ratio, c);
+    if (noisy()) {
+      plan_.recommended = std::max(white, accurate);
+      reason = share_of_noise();
+    }
+    if (noisy() && model_ != nullptr) {
       // A draw that is not optimised will do: only the second moments of the windows matter.
       const Matrix u = kind_inputs(plan_.kind == InputKind::optimised ? InputKind::orthogonal : plan_.kind, accurate);
       const design::NoisyRegression noise =
-          design::noisy_regression(*model_, design::response(*model_, u), p, first_full(), *o.noise);
+          design::noisy_regression(*model_, design::response(*model_, u), p, full_, *o.noise);
       const double share = noise.markov_error / o.markov_error;
-      if (const Index exact = whole(1 + share * share); exact > plan_.recommended) {
+      if (const Index exact = with_freedom(1 + share * share); exact > plan_.recommended) {
         plan_.recommended = exact;
         reason = fmt::format(
-            "recommended {}: the expected error of the first Markov parameters falls with 1/√(N - L - 1), here to "
-            "{:.3g} % of them",
-            exact, 100 * o.markov_error);
+            "the expected error of the first Markov parameters falls with 1/√(N - L - 1), here to {:.3g} % of them",
+            100 * o.markov_error);
+        if (const Effort needed = effort(exact); o.experiments == 0 && !needed.within(unasked))
+          throw std::invalid_argument(
+              fmt::format("experiments: {} recommended, which would take about {}: {}; state how many shall be drawn "
+                          "instead (--experiments), {} at least",
+                          exact, needed.text(), reason, plan_.minimum));
       }
     }
-    plan_.reasons.push_back(reason);
+    plan_.reasons.push_back(fmt::format("recommended {}: {}", plan_.recommended, reason));
+    if (!o.noise) plan_.reasons.push_back(fmt::format("with noise {}: {}", accurate, share_of_noise()));
   }
 
-  Index first_full() const { return std::max(first_, options_.lags + (model_ != nullptr ? model_->k_begin : 0)); }
+  std::string share_of_noise() const {
+    return fmt::format(
+        "estimated coefficients add the share L / (N - L - 1) to the mean square of the best one-step error, here "
+        "{:.3g} %",
+        100 * options_.excess);
+  }
+
+  // Experiments with so many degrees of freedom; beyond all that can be done, a number that is still exact in double
+  // precision.
+  Index with_freedom(double freedom) const {
+    constexpr double countable = 1e15;
+    const double number = double(plan_.minimum) + std::ceil(freedom - 1e-9);
+    return static_cast<Index>(number < countable ? number : countable);
+  }
+
+  // Columns of the inputs in a window.
+  Index window_inputs() const { return options_.inputs * (options_.lags + 1); }
+
+  // Operations for the condition number of the inputs in a window: a triangular factor, and a Jacobi method, which
+  // finds little to do where columns are orthogonal.
+  double window_effort(double N) const {
+    const auto q = double(window_inputs());
+    return q * q * (2 * N + (plan_.kind == InputKind::orthogonal ? 4 : 100) * q);
+  }
+
+  Index descents(double N) const {
+    // About ten seconds of work: large plans have little to gain.
+    const auto L = double(plan_.unknowns);
+    return static_cast<Index>(
+        std::min(double(options_.iterations), 1 + 5e9 / (20 * double(options_.steps) * N * L * L)));
+  }
+
+  // Of a plan with N experiments, to a factor of two or so.
+  Effort effort(Index experiments) const {
+    const auto N = double(experiments), T = double(options_.steps), r = double(options_.inputs),
+               m = double(options_.outputs), L = double(plan_.unknowns), q = double(window_inputs());
+    Effort e{5 * N * T * r, std::max(window_effort(N), std::min(window_work, T * window_effort(N)))};
+    switch (plan_.kind) {
+      case InputKind::gaussian:
+        break;
+      case InputKind::binary:
+        e.operations += 30 * T * r * N * std::min(N, 2 * q);
+        break;
+      case InputKind::multisine: {
+        const double lines = std::min(512.0, T);
+        e.bytes += N * r * (2 * T + lines);
+        e.operations += 2 * lines * N * r * T;
+        break;
+      }
+      case InputKind::orthogonal:
+      case InputKind::optimised:
+        e.bytes += 2 * N * std::min(N, std::max(256.0, 2 * L));
+        e.operations += 70 * N * std::min(N, std::max(256.0, 2 * L));
+    }
+    if (model_ != nullptr) {
+      e.bytes += 4 * N * T * (r + m);
+      e.operations += 3 * T * L * L * (2 * N + 6 * L);
+      if (noisy()) e.operations += 2 * T * L * L * (12 * L + N);
+      if (plan_.kind == InputKind::optimised) {
+        e.bytes += N * T * (30 * r + L);
+        e.operations += T * L * L * (20 * N * double(descents(N)) + 300 * L);
+      }
+    }
+    e.bytes *= 8;
+    return e;
+  }
 
   Matrix kind_inputs(InputKind kind, Index experiments) const {
     const PlanOptions& o = options_;
@@ -195,20 +289,13 @@ class Planner {
   void draw() {
     const PlanOptions& o = options_;
     const Index N = o.experiments > 0 ? o.experiments : plan_.recommended;
-    if (N < plan_.minimum)
-      throw std::invalid_argument(
-          fmt::format("experiments: {} found, at least {} needed (r + p(r+m){} at lag order {})", N, plan_.minimum,
-                      o.nominal ? " + 1 for the mean motion" : "", o.lags));
     inputs_ = kind_inputs(plan_.kind, N);
     if (model_ != nullptr && !design::response(*model_, inputs_).samples().allFinite())
       throw std::invalid_argument(
           fmt::format("steps: {} found, on which the outputs of the model grow beyond all numbers", o.steps));
     if (plan_.kind == InputKind::optimised) {
-      // About ten seconds of work: large plans have little to gain.
-      const double work = 20 * double(o.steps) * double(N) * double(plan_.unknowns) * double(plan_.unknowns);
-      const Index iterations = std::min(o.iterations, Index(1 + 5e9 / work));
-      Matrix better =
-          design::optimise(*model_, inputs_, amplitude_, {o.lags, first_, o.nominal}, iterations, o.execution);
+      Matrix better = design::optimise(*model_, inputs_, amplitude_, {o.lags, forecast_, o.nominal},
+                                       descents(double(N)), {o.execution.threads, part(0.0, optimised)});
       const double start = worst(conditions(inputs_));
       if (worst(conditions(better)) < start) inputs_ = std::move(better);
       plan_.start_condition = start;
@@ -220,9 +307,8 @@ class Planner {
   GtvArx conditions(const Matrix& inputs) const {
     GtvArxOptions options;
     options.lags = {options_.lags};
-    options.initial_state = options_.initial_state;
-    options.execution = options_.execution;
-    options.execution.progress = {};
+    options.initial_state = unknown_ ? InitialState::unknown : InitialState::zero;
+    options.execution = {options_.execution.threads, {}};
     Ensemble e = design::response(*model_, inputs);
     if (options_.nominal) {
       const Nominal mean = nominal_trajectory(e);
@@ -232,13 +318,20 @@ class Planner {
   }
 
   double worst(const GtvArx& arx) const {
-    double largest = 0.0;
-    for (Index k = first_; k < arx.steps(); ++k) largest = std::max(largest, arx.step[size_t(k)].condition);
-    return largest;
+    double condition = 0.0;
+    for (Index k = forecast_; k < arx.steps(); ++k) condition = std::max(condition, arx.step[size_t(k)].condition);
+    return condition;
   }
 
-  // What the inputs promise by themselves, and what the preliminary model expects of them.
-  void forecast() {
+  // Progress of a part of the work.
+  Progress part(double begin, double end) const {
+    if (!options_.execution.progress) return {};
+    return
+        [progress = options_.execution.progress, begin, end](double share) { progress(begin + (end - begin) * share); };
+  }
+
+  // What the inputs promise by themselves.
+  void forecast_inputs() {
     const PlanOptions& o = options_;
     const Index N = inputs_.rows(), r = o.inputs, steps = o.steps;
     Ensemble& e = plan_.inputs;
@@ -246,7 +339,7 @@ class Planner {
     for (Index k = 0; k < steps; ++k) e.input(k) = inputs_.middleCols(k * r, r);
     e.names.input_names = o.names.input_names;
     e.names.input_units = o.names.input_units;
-    e.initial_state = o.initial_state;
+    e.initial_state = unknown_ ? InitialState::unknown : InitialState::zero;
 
     plan_.peak.resize(r);
     plan_.rms.resize(r);
@@ -259,10 +352,17 @@ class Planner {
     const Index freedom = N - plan_.minimum;
     plan_.excess = freedom > 1 ? double(plan_.unknowns) / double(freedom - 1) : std::numeric_limits<double>::infinity();
 
+    // Of all windows, or, where that would take too long, of some that are evenly spread, the last among them.
+    const Index windows = steps - first_;
+    const Index judged = std::clamp<Index>(static_cast<Index>(window_work / window_effort(double(N))), 1, windows);
+    if (judged < windows)
+      warn(fmt::format("windows of {} inputs are large: the condition of the inputs is that of {} windows of {}",
+                       window_inputs(), judged, windows));
     plan_.input_condition.assign(size_t(steps), nan);
-    parallel_for(first_, steps, {o.execution.threads, {}}, [&](Index begin, Index end) {
-      for (Index k = begin; k < end; ++k) {
-        const Index p = std::min(o.lags, k);
+    const double ready = plan_.kind == InputKind::optimised ? optimised : 0.0;
+    parallel_for(0, judged, {o.execution.threads, part(ready, 1.0)}, [&](Index begin, Index end) {
+      for (Index j = begin; j < end; ++j) {
+        const Index k = first_ + (j + 1) * windows / judged - 1, p = std::min(o.lags, k);
         Matrix w = inputs_.middleCols((k - p) * r, (p + 1) * r);
         if (o.nominal) w.rowwise() -= w.colwise().mean().eval();
         for (auto column : w.colwise())
@@ -271,35 +371,64 @@ class Planner {
         plan_.input_condition[size_t(k)] = s(0) / s(s.size() - 1);
       }
     });
+  }
 
-    if (model_ == nullptr) return;
+  // What the preliminary model expects of them.
+  void forecast_windows() {
+    const PlanOptions& o = options_;
     const GtvArx arx = conditions(inputs_);
-    plan_.condition.assign(size_t(steps), nan);
-    plan_.rank.assign(size_t(steps), 0);
-    for (Index k = first_; k < steps; ++k) {
+    plan_.first_forecast = forecast_;
+    plan_.condition.assign(size_t(o.steps), nan);
+    plan_.rank.assign(size_t(o.steps), 0);
+    for (Index k = forecast_; k < o.steps; ++k) {
       plan_.condition[size_t(k)] = arx.step[size_t(k)].condition;
       plan_.rank[size_t(k)] = arx.step[size_t(k)].rank;
     }
     const Ensemble known = design::response(*model_, inputs_);
     plan_.output_peak = Vector::Zero(o.outputs);
-    for (Index k = 0; k < steps; ++k)
+    for (Index k = 0; k < o.steps; ++k)
       plan_.output_peak = plan_.output_peak.cwiseMax(known.output(k).cwiseAbs().colwise().maxCoeff().transpose());
+    if (model_->k_begin > 0)
+      warn(
+          fmt::format("the model begins at step {}: the windows before step {} are neither forecast nor optimised, the "
+                      "others are as if every experiment came to step {} at rest",
+                      model_->k_begin, forecast_, model_->k_begin));
+    else if (unknown_)
+      warn("unknown initial states: the forecasts leave aside what they contribute, and begin at rest");
+    judge_model(known);
     if (!noisy()) return;
-    const design::NoisyRegression noise = design::noisy_regression(*model_, known, o.lags, first_full(), *o.noise);
+    const design::NoisyRegression noise = design::noisy_regression(*model_, known, o.lags, full_, *o.noise);
+    const Index freedom = inputs_.rows() - plan_.minimum;
     plan_.noise_floor = noise.floor;
     plan_.markov_error = freedom > 1 ? noise.markov_error / std::sqrt(double(freedom - 1)) : nan;
+  }
+
+  // Is it worth optimising on? The bound is one of experience, see docs/math.md.
+  void judge_model(const Ensemble& known) {
+    constexpr double noise = 0.025;
+    if (plan_.kind != InputKind::optimised || model_->innovation_cov.empty()) return;
+    double innovations = 0.0, outputs = 0.0;
+    for (Index k = forecast_; k < known.steps(); ++k) {
+      innovations += model_->innovation_cov[model_->at(k)].trace();
+      outputs += known.output(k).squaredNorm() / double(known.experiments());
+    }
+    if (const double share = std::sqrt(innovations / outputs); share > noise)
+      warn(
+          fmt::format("the innovations of the preliminary model are {:.3g} % of the outputs that it forecasts: above "
+                      "{:.3g} % inputs optimised on it may well be worse than those of the kind orthogonal",
+                      100 * share, 100 * noise));
   }
 
   void judge() {
     const PlanOptions& o = options_;
     const Index N = inputs_.rows(), p = o.lags;
-    if (o.initial_state == InitialState::unknown)
-      plan_.reasons.push_back(fmt::format(
-          "unknown initial states: steps 0 to {} serve as lags only, the model begins at step {}", p - 1, p));
+    if (unknown_)
+      plan_.reasons.push_back(
+          fmt::format("unknown initial states: steps 0 to {} serve as lags only, a model of the data begins at step {}",
+                      first_ - 1, first_));
     else
       plan_.reasons.push_back(fmt::format(
-          "zero initial states: {} inputs move all of {} states from step {} on; the windows before step {} have a "
-          "lower "
+          "zero initial states: {} inputs move all of {} states from step {} on; windows before step {} have a lower "
           "rank, which is as it must be",
           o.inputs, o.states, (o.states + o.inputs - 1) / o.inputs, p + (o.states + o.inputs - 1) / o.inputs));
     if (N == plan_.minimum)
@@ -340,8 +469,11 @@ class Planner {
   PlanOptions options_;
   const Model* model_;
   Vector amplitude_;
-  Index first_ = 0;  // step with a regression
-  Matrix inputs_;    // (N × T·r)
+  bool unknown_ = false;  // initial states
+  Index first_ = 0;       // step with a regression,
+  Index forecast_ = 0;    // with one that the model forecasts,
+  Index full_ = 0;        // and with one of p lags in the model
+  Matrix inputs_;         // (N × T·r)
   Plan plan_;
 };
 

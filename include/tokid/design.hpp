@@ -30,14 +30,14 @@ struct NoiseLevel {
 };
 
 struct PlanOptions {
-  Index states = 0, inputs = 0, outputs = 0;  // n, r, m
-  Index steps = 0;                            // T
-  Index lags = 0;                             // p with p·m ≥ n; 0: ⌈n/m⌉
-  Index experiments = 0;                      // N; 0: as many as recommended
-  std::optional<InputKind> kind = {};         // empty: optimised with a model, else orthogonal
-  std::vector<double> amplitude = {1.0};      // a: |u| ≤ a for each input, or one for all
-  std::optional<NoiseLevel> noise = {};       // empty: not known
-  InitialState initial_state = InitialState::zero;
+  Index states = 0, inputs = 0, outputs = 0;       // n, r, m
+  Index steps = 0;                                 // T
+  Index lags = 0;                                  // p with p·m ≥ n; 0: ⌈n/m⌉
+  Index experiments = 0;                           // N; 0: as many as recommended
+  std::optional<InputKind> kind = {};              // empty: optimised with a model, else orthogonal
+  std::vector<double> amplitude = {1.0};           // a: |u| ≤ a for each input, or one for all; 1e-60 to 1e60
+  std::optional<NoiseLevel> noise = {};            // empty: not known
+  std::optional<InitialState> initial_state = {};  // empty: as the model says, else zero
   bool nominal = false;  // a mean motion will be removed: one experiment more, inputs of mean zero over the experiments
   // Shares that set the recommended number: of the one-step mean square error that the estimated coefficients add to
   // the noise, and the relative error of the Markov parameters.
@@ -47,7 +47,7 @@ struct PlanOptions {
   double white_condition = 10.0;
   Index hold = 0;          // orthogonal: steps between exchanges of resting directions; 0: by a rule, see docs/math.md
   Index iterations = 120;  // optimised: at each of three stages, fewer for large plans
-  double dt = 1.0;         // [s]
+  double dt = 0.0;         // [s]; 0: the model's, else 1
   Channels names = {};     // of the inputs
   std::uint64_t seed = 1;
   Execution execution = {};
@@ -66,10 +66,13 @@ struct Plan {
   // Expected share of the one-step mean square error of new data that N experiments add to that of the best
   // coefficients, L / (N - L - 1); infinite without degrees of freedom.
   double excess = 0.0;
-  std::vector<double> input_condition;  // (T) of [u_{k-p} … u_k], columns of norm 1; NaN without a regression
+  // (T) of [u_{k-p} … u_k], columns of norm 1; NaN without a regression, and, with a warning, at most of the steps
+  // where windows are very large
+  std::vector<double> input_condition;
 
-  // With a preliminary model only; else empty or NaN.
-  std::vector<double> condition;  // (T) of W_k as GtvArxStep::condition measures it; NaN without a regression
+  // With a preliminary model only; else empty, zero or NaN. Forecasts begin at rest where the model begins.
+  Index first_forecast = 0;       // first step whose window is forecast: first_step, or p after a model begins later
+  std::vector<double> condition;  // (T) of W_k as GtvArxStep::condition measures it; NaN without a forecast
   std::vector<Index> rank;        // (T)
   double start_condition = std::numeric_limits<double>::quiet_NaN();  // worst condition before the descent
   Vector output_peak;  // (m) largest |y| over experiments and steps, without noise
@@ -83,11 +86,12 @@ struct Plan {
 };
 
 // The number of experiments and inputs for them. \throws std::invalid_argument that names the option, what was found
-// and what is needed: sizes, p·m < n, too few experiments or steps
+// and what is needed: sizes, p·m < n, too few experiments or steps, more of them than can be handled
 Plan plan(const PlanOptions& options);
 
-// The same on a preliminary model, which must have the stated sizes (those that are zero are taken from it, as are dt
-// and names) and steps up to T.
+// The same on a preliminary model, which must have the stated sizes and dt (those that are zero are taken from it, as
+// are the names) and steps up to T. \throws also where the noise asks for so many experiments that they should be
+// asked for
 Plan plan(const Model& preliminary, const PlanOptions& options = {});
 
 }  // namespace tokid

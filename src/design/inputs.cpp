@@ -120,12 +120,13 @@ Matrix directions(const InputSizes& sizes, bool zero_mean, RandomNumbers& random
   const Index enough = std::max<Index>(256, 2 * minimum_experiments(sizes.inputs, sizes.outputs, sizes.lags));
   Matrix basis(size, std::min(size - first, enough));
   const std::vector<Index> rows = random.permutation(size);
+  Vector values(size);  // all that the transform has
+  for (Index i = 0; i < size; ++i) {
+    const double angle = 2 * std::numbers::pi * double(i) / double(size);
+    values(i) = std::cos(angle) + std::sin(angle);
+  }
   for (Index j = 0; j < basis.cols(); ++j)
-    for (Index i = 0; i < size; ++i) {
-      const Index turns = (rows[size_t(i)] * (j + first)) % size;
-      const double angle = 2 * std::numbers::pi * double(turns) / double(size);
-      basis(i, j) = std::cos(angle) + std::sin(angle);
-    }
+    for (Index i = 0; i < size; ++i) basis(i, j) = values((rows[size_t(i)] * (j + first)) % size);
   if (zero_mean) return basis;
 
   // Signs of the rows with which no column has more of a mean than its share: none shall look like a mean motion.

@@ -2,6 +2,7 @@
 #include "design/optimise.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <deque>
 
@@ -124,7 +125,7 @@ class WindowConditions {
 
 // Limited-memory BFGS with a backtracking line search, over all entries of a matrix.
 template <class Function>
-Matrix descend(Matrix x, Index iterations, Function&& function) {
+Matrix descend(Matrix x, Index iterations, const Progress& progress, Function&& function) {
   constexpr size_t memory = 10;
   struct Pair {
     Matrix step, change;
@@ -152,6 +153,7 @@ Matrix descend(Matrix x, Index iterations, Function&& function) {
 
     const double slope = dot(gradient, direction);
     if (!(slope < 0)) break;
+    if (progress) progress(double(i) / double(iterations));
     double length = 1.0, next = 0.0;
     Matrix moved;
     bool lower = false;
@@ -187,10 +189,15 @@ Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude
   // 0.95: at the limit itself the sine is flat.
   Matrix angle = (0.95 * start.array() / limit.array()).asin();
 
-  WindowConditions conditions(model, amplitude, windows, execution);
-  for (const double q : {0.5, 2.0, 8.0}) {
+  WindowConditions conditions(model, amplitude, windows, {execution.threads, {}});
+  constexpr std::array stages{0.5, 2.0, 8.0};
+  for (size_t stage = 0; stage < stages.size(); ++stage) {
+    const double q = stages[stage];
     conditions.rescale(inputs(angle));
-    angle = descend(angle, iterations, [&](const Matrix& x, Matrix& gradient) {
+    Progress progress;
+    if (execution.progress)
+      progress = [&](double share) { execution.progress((double(stage) + share) / double(stages.size())); };
+    angle = descend(angle, iterations, progress, [&](const Matrix& x, Matrix& gradient) {
       const double value = conditions(inputs(x), q, gradient);
       gradient.array() *= limit.array() * x.array().cos();
       return value;
