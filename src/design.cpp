@@ -12,6 +12,7 @@
 #include "design/forecast.hpp"
 #include "design/inputs.hpp"
 #include "design/optimise.hpp"
+#include "words.hpp"
 
 namespace tokid {
 
@@ -43,8 +44,8 @@ struct Effort {
   bool within(const Effort& limit) const { return bytes <= limit.bytes && operations <= limit.operations; }
   std::string text() const { return fmt::format("{:.2g} GB of memory and {:.2g} s", bytes / 1e9, operations / 1e10); }
 };
-constexpr Effort most{8e9, 5e12};     // of any plan
-constexpr Effort unasked{1e9, 1e11};  // of one with as many experiments as the noise alone asks for
+constexpr Effort most{8e9, 1e12};     // of any plan
+constexpr Effort unasked{4e8, 1e11};  // of one with as many experiments as the noise alone asks for
 constexpr double window_work = 1e11;  // operations that the condition numbers of the inputs may take
 constexpr double optimised = 0.8;     // progress when the descent has ended
 
@@ -168,7 +169,7 @@ class Planner {
     plan_.recommended = white;
     std::string reason = fmt::format(
         "windows of N = {:.3g} L white rows have a condition number near (√N + √L) / (√N - √L) = {:.3g}, square ones "
-        "have no bound; here the inputs are white, and what the states add depends on the system",
+        "have no bound; the inputs of a window are about as good, what the states add depends on the system",
         ratio * ratio, c);
     if (noisy()) {
       plan_.recommended = std::max(white, accurate);
@@ -255,8 +256,8 @@ class Planner {
       e.operations += 3 * T * L * L * (2 * N + 6 * L);
       if (noisy()) e.operations += 2 * T * L * L * (12 * L + N);
       if (plan_.kind == InputKind::optimised) {
-        e.bytes += N * T * (30 * r + L);
-        e.operations += T * L * L * (20 * N * double(descents(N)) + 300 * L);
+        e.bytes += N * T * ((8 + 2 * std::min(10.0, double(descents(N)))) * r + L);
+        e.operations += T * L * L * (160 * N * double(descents(N)) + 300 * L);
       }
     }
     e.bytes *= 8;
@@ -356,8 +357,8 @@ class Planner {
     const Index windows = steps - first_;
     const Index judged = std::clamp<Index>(static_cast<Index>(window_work / window_effort(double(N))), 1, windows);
     if (judged < windows)
-      warn(fmt::format("windows of {} inputs are large: the condition of the inputs is that of {} windows of {}",
-                       window_inputs(), judged, windows));
+      warn(fmt::format("a window has {} inputs: their condition is told of {} of {} windows only", window_inputs(),
+                       judged, windows));
     plan_.input_condition.assign(size_t(steps), nan);
     const double ready = plan_.kind == InputKind::optimised ? optimised : 0.0;
     parallel_for(0, judged, {o.execution.threads, part(ready, 1.0)}, [&](Index begin, Index end) {
@@ -427,10 +428,12 @@ class Planner {
           fmt::format("unknown initial states: steps 0 to {} serve as lags only, a model of the data begins at step {}",
                       first_ - 1, first_));
     else
-      plan_.reasons.push_back(fmt::format(
-          "zero initial states: {} inputs move all of {} states from step {} on; windows before step {} have a lower "
-          "rank, which is as it must be",
-          o.inputs, o.states, (o.states + o.inputs - 1) / o.inputs, p + (o.states + o.inputs - 1) / o.inputs));
+      plan_.reasons.push_back(
+          fmt::format("zero initial states: {} can have moved {} from step {} on; windows before step {} have a lower "
+                      "rank, which is "
+                      "as it must be",
+                      words::plural(o.inputs, "input"), words::plural(o.states, "state"),
+                      (o.states + o.inputs - 1) / o.inputs, p + (o.states + o.inputs - 1) / o.inputs));
     if (N == plan_.minimum)
       warn(
           fmt::format("{} experiments leave no degree of freedom: the regressions will fit any data exactly, and "

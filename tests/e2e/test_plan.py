@@ -84,7 +84,7 @@ def test_a_preliminary_model_is_made_use_of(tokid, tmp_path, oscillator):
 
 def test_numbers_for_people(tokid, tmp_path, oscillator):
     shown = tokid("plan", *SIZES, "--steps", 80, "--noise", "0:0.1", "-o", tmp_path / "inputs.npz").stdout
-    for text in ("minimum 10, recommended 111", "2 + 2·4 = 10", "10 %", "nothing but the sizes is assumed",
+    for text in ("minimum 10, recommended 111", "2 + 2·4 = 10", "coefficients add 10 % to the mean square", "nothing but the sizes is assumed",
                  str(tmp_path / "inputs.npz")):
         assert text in shown
     shown = tokid("plan", "--model", oscillator / "model.npz", "--noise", "0.01:0.1", "--experiments", 60, "-o",
@@ -92,6 +92,42 @@ def test_numbers_for_people(tokid, tmp_path, oscillator):
     assert re.search(r"best one-step error: \d.* % of the outputs; Markov parameters: \d.* %", shown)
     result = tokid("plan", *SIZES, "--steps", 80, "--experiments", 10, "-o", tmp_path / "inputs.npz")
     assert "no degree of freedom" in result.stderr
+    shown = tokid("plan", *SIZES, "--steps", 80, "--noise", "0:0", "-o", tmp_path / "inputs.npz").stdout
+    assert re.search(r"\nNoise +none", shown)
+    assert "recommended 15" in shown
+    assert "estimated coefficients" not in shown
+
+
+def test_noise_beyond_reach(tokid, tmp_path, oscillator):
+    """A stated number of experiments is drawn whatever the noise asks for; an automatic one has its limits."""
+    arguments = ["plan", "--model", oscillator / "model.npz", "--noise", "0:1e6", "-o", tmp_path / "inputs.npz"]
+    result = tokid(*arguments, status=2)
+    needed = re.fullmatch(r"tokid: experiments: (\d+) recommended, which would take .*\(--experiments\), 10 at least\n",
+                          result.stderr)
+    assert needed
+    assert list(tmp_path.iterdir()) == []
+    drawn = tokid.json(*arguments, "--experiments", 100)
+    assert (drawn["experiments"], drawn["recommended"]) == (100, int(needed.group(1)))
+    assert any(f"{drawn['recommended']} recommended" in text for text in drawn["warnings"])
+
+
+def test_initial_states_are_those_of_the_model(tokid, tmp_path):
+    """A model from unknown initial states begins late, and plans experiments from unknown states."""
+    tokid("example", "oscillator", "--steps", 40, "--initial-state", "unknown", "-o", tmp_path / "data.npz")
+    tokid("identify", tmp_path / "data.npz", "--lags", 2, "--states", 4, "--initial-state", "unknown",
+          "-o", tmp_path / "model.npz")
+    begin = int(load(tmp_path / "model.npz")["k_begin"])
+    assert begin >= 2
+    arguments = ["plan", "--model", tmp_path / "model.npz", "--experiments", 12, "-o", tmp_path / "inputs.npz"]
+    result = tokid.json(*arguments)
+    assert result["initial_state"] == "unknown"
+    assert (result["first_step"], result["first_forecast"]) == (2, begin + 2)
+    assert [c is None for c in result["condition"]["per_step"]] == [k < begin + 2 for k in range(40)]
+    assert [c is None for c in result["input_condition"]["per_step"]] == [k < 2 for k in range(40)]
+    assert any(f"begins at step {begin}: the windows before step {begin + 2}" in text for text in result["warnings"])
+    assert str(load(tmp_path / "inputs.npz")["initial_state"]) == "unknown"
+    assert tokid.json(*arguments, "--initial-state", "zero")["initial_state"] == "zero"
+    assert str(load(tmp_path / "inputs.npz")["initial_state"]) == "zero"
 
 
 def test_json_keeps_its_promise(tokid, tmp_path):
@@ -115,6 +151,10 @@ def test_json_keeps_its_promise(tokid, tmp_path):
     ([*SIZES, "--steps", 80, "--kind", "optimised"], ["model"]),
     ([*SIZES, "--steps", 80, "--amplitude", "1,0"], ["--amplitude", "'1,0'"]),
     ([*SIZES, "--steps", 80, "--amplitude", "1,2,3"], ["amplitude: 3"]),
+    ([*SIZES, "--steps", 80, "--amplitude", "1e300"], ["amplitude: 1e+300", "1e+60"]),
+    ([*SIZES, "--steps", 80, "--noise", "0:1e300"], ["noise", "1e+60"]),
+    (["--states", 4, "--inputs", 1000, "--outputs", 2, "--steps", 80], ["sizes: 3004 experiments", "GB"]),
+    (["--model", "MODEL", "--dt", 3], ["dt: 3 s found", "0.05"]),
     ([*SIZES, "--steps", 80, "--noise", "0.1"], ["--noise", "'0.1'", "0.01:0.1"]),
     ([*SIZES, "--steps", 80, "--noise", "-1:0"], ["--noise", "'-1:0'"]),
     ([*SIZES, "--steps", 80, "--noise", "nan:1"], ["--noise"]),
