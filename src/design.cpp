@@ -42,7 +42,7 @@ constexpr double smallest_size = 1e-60, largest_size = 1e60;
 struct Effort {
   double bytes = 0.0, operations = 0.0;
   bool within(const Effort& limit) const { return bytes <= limit.bytes && operations <= limit.operations; }
-  std::string text() const { return fmt::format("{:.2g} GB of memory and {:.2g} s", bytes / 1e9, operations / 1e10); }
+  std::string text() const { return fmt::format("{:.3g} GB of memory and {:.3g} s", bytes / 1e9, operations / 1e10); }
 };
 constexpr Effort most{8e9, 1e12};     // of any plan
 constexpr Effort unasked{4e8, 1e11};  // of one with as many experiments as the noise alone asks for
@@ -430,8 +430,7 @@ class Planner {
     else
       plan_.reasons.push_back(
           fmt::format("zero initial states: {} can have moved {} from step {} on; windows before step {} have a lower "
-                      "rank, which is "
-                      "as it must be",
+                      "rank, as they must",
                       words::plural(o.inputs, "input"), words::plural(o.states, "state"),
                       (o.states + o.inputs - 1) / o.inputs, p + (o.states + o.inputs - 1) / o.inputs));
     if (N == plan_.minimum)
