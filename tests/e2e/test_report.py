@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from support import load, predict
 
 
 def data_of(page):
@@ -53,6 +54,146 @@ def test_same_call_same_page(tokid, oscillator, tmp_path):
     for name in ("a.html", "b.html"):
         tokid("report", oscillator / "model.npz", oscillator / "fresh.npz", "-o", tmp_path / name)
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def plotted(tokid, tmp_path_factory):
+    """Noisy experiments, the arrays of a model of theirs, and the page's data on others."""
+    folder = tmp_path_factory.mktemp("plotted")
+    noise = ["--steps", 30, "--process-noise", 0.05, "--measurement-noise", 0.1]
+    tokid("example", "oscillator", "-o", folder / "data.npz", "--experiments", 60, *noise)
+    tokid("example", "oscillator", "-o", folder / "fresh.npz", "--experiments", 25, "--seed", 2, *noise)
+    tokid("identify", folder / "data.npz", "-o", folder / "model.npz")
+    tokid("report", folder / "model.npz", folder / "fresh.npz", "-o", folder / "page.html")
+    return load(folder / "model.npz"), load(folder / "fresh.npz"), data_of(folder / "page.html")
+
+
+def number(values):
+    return np.array(values, float)  # null becomes NaN
+
+
+six_digits = {"rtol": 5.1e-6, "atol": 1e-12}
+
+
+def test_plotted_singular_values_are_those_of_the_model(plotted):
+    model, _, page = plotted
+    sigma = page["sigma"]
+    assert sigma["begin"] == model["k_begin"] and sigma["stride"] == 1
+    assert sigma["order"] == model["state_dim"][:-1].tolist()
+    largest = max(np.nanmax(model["singular_values"]), np.abs(model["D"]).max())
+    assert sigma["rounding"] == pytest.approx(100 * np.log10(largest * 1e-12), abs=0.5)
+    assert len(sigma["log"]) == len(model["singular_values"])
+    for column, values in zip(sigma["log"], model["singular_values"]):
+        values = values[~np.isnan(values)]
+        np.testing.assert_allclose(column, 100 * np.log10(np.maximum(values, largest * 1e-17)), atol=0.5 + 1e-9)
+
+
+def test_plotted_steps_are_those_of_the_model(plotted):
+    model, _, page = plotted
+    steps = page["per_step"]
+    assert steps["x"] == list(range(30)) and steps["stretch"] == 1
+    np.testing.assert_allclose(number(steps["condition"]), model["condition"], **six_digits)
+    assert steps["rank"] == model["rank"].tolist()
+    assert steps["lags"] == model["lags"].tolist()
+    assert steps["states"] == model["state_dim"][:-1].tolist()
+    assert steps["unknowns"] == (2 + 4 * model["lags"]).tolist()  # r + p (r + m)
+
+
+def test_plotted_whiteness_is_that_of_the_innovations(plotted):
+    model, data, page = plotted
+    innovations = data["y"] - predict(model, data["u"], data["y"])
+    experiments, steps, outputs = innovations.shape
+    found = page["whiteness"]
+    lags = len(found["bound"])
+    assert lags >= 5 and len(found["correlation"]) == outputs
+    centred = innovations - innovations.mean(axis=0)
+    centred /= np.linalg.norm(centred, axis=0)
+    for lag in range(1, lags + 1):
+        mean = (centred[:, lag:] * centred[:, :-lag]).sum(axis=0).mean(axis=0)
+        np.testing.assert_allclose([found["correlation"][j][lag - 1] for j in range(outputs)], mean, rtol=1e-5, atol=1e-9)
+        assert found["bound"][lag - 1] == pytest.approx(2.5758293 / np.sqrt((experiments - 1) * (steps - lag)), rel=1e-5)
+
+
+def reference_frame(model):
+    """S_k of x' = S x with S_k = O_s⁺ O_k, s the first step of full dimension; steps that reach the end have none."""
+    n = model["state_dim"]
+    m = model["C"].shape[1]
+    begin, rows = int(np.argmax(n)), max(model["lags"].max(), -(-n.max() // m))
+
+    def observability(k):
+        block, product = [], np.eye(model["A"].shape[1])
+        for i in range(k, k + rows):
+            block.append(model["C"][i] @ product)
+            product = model["A"][i] @ product
+        return np.concatenate(block)
+    inverse = np.linalg.pinv(observability(begin))
+    return {k: inverse @ observability(k) for k in range(begin, len(n) - rows) if n[k] == n[begin]}
+
+
+def test_plotted_gains_and_eigenvalues_are_those_in_the_reference_frame(plotted):
+    model, _, page = plotted
+    assert page["poles"]["frame"] == page["gain"]["frame"] == "reference"
+    S = reference_frame(model)
+    steps = [k for k in S if k + 1 in S]
+    assert len(steps) > 15
+    gain = number(page["gain"]["values"]).reshape(page["gain"]["rows"], page["gain"]["cols"], -1)
+    assert page["gain"]["x"] == page["poles"]["k"] == steps and page["poles"]["stride"] == 1
+    for i, k in enumerate(steps):
+        G = S[k + 1] @ model["G"][k]
+        np.testing.assert_allclose(gain[..., i], G, rtol=5.1e-6, atol=1e-8 * np.abs(G).max())
+        inverse = np.linalg.inv(S[k])
+        for name, matrix in (("open", model["A"][k]), ("closed", model["A"][k] + model["G"][k] @ model["C"][k])):
+            found = number(page["poles"][name][i]).reshape(-1, 2) @ [1, 1j]
+            expected = np.linalg.eigvals(S[k + 1] @ matrix @ inverse)
+            for value in expected:  # each has its own among those found, whatever their order
+                nearest = np.argmin(abs(found - value))
+                assert abs(found[nearest] - value) < 1e-5 * abs(expected).max()
+                found = np.delete(found, nearest)
+            assert found.size == 0
+
+
+def test_plotted_A_is_that_of_the_model_turned_to_vary_slowly(plotted):
+    model, _, page = plotted
+    n = model["state_dim"]
+    A = number(page["A"]["values"]).reshape(page["A"]["rows"], page["A"]["cols"], -1)
+    assert page["A"]["x"] == list(range(30)) and A.shape[:2] == (n.max(), n.max())
+    size, smooth, raw = np.abs(model["A"]).max(), [], []
+    for k in range(30):
+        assert np.isnan(A[n[k + 1]:, :, k]).all() and np.isnan(A[:, n[k]:, k]).all()
+        found, given = A[:n[k + 1], :n[k], k], model["A"][k][:n[k + 1], :n[k]]
+        # Rotations of the states before and after a step, which belong to the next and the last step as well.
+        for before in ([], [k - 1]) if k else ([],):
+            for i in before:
+                found, given = found @ A[:n[k], :n[i], i], given @ model["A"][i][:n[k], :n[i]]
+            if found.size:
+                np.testing.assert_allclose(np.linalg.svd(found, compute_uv=False),
+                                           np.linalg.svd(given, compute_uv=False), atol=1e-5 * size)
+        if k and n[k - 1] == n[k] == n[k + 1] == n.max():
+            smooth.append(np.linalg.norm(A[..., k] - A[..., k - 1]))
+            raw.append(np.linalg.norm(model["A"][k] - model["A"][k - 1]))
+    assert np.median(smooth) < 0.5 * np.median(raw)
+
+
+@pytest.mark.parametrize("known, first, caption", [
+    (("condition", "rank", "lags"), [17, 9], "the worst conditioned first"),
+    (("rank", "lags"), [21, 12], "those first whose rank lacks most"),
+    (("rank",), [0, 1], "those of lowest rank first")])
+def test_table_of_steps_says_how_it_was_chosen(tokid, oscillator, tmp_path, known, first, caption):
+    model, page = load(oscillator / "model.npz"), tmp_path / "page.html"
+    unknowns = 2 + 4 * model["lags"]
+    model["rank"] = unknowns.copy()
+    model["rank"][[12, 21]] -= [1, 3]
+    model["condition"] = np.linspace(1, 2, 40)
+    model["condition"][[9, 17]] = 1e5, 1e6
+    model["condition"][[3, 30]] = np.nan
+    for name in {"condition", "rank", "lags"} - set(known):
+        del model[name]
+    np.savez(tmp_path / "model.npz", **model)
+    tokid("report", tmp_path / "model.npz", oscillator / "fresh.npz", "-o", page)
+    table = re.search(f"<caption>10 of 40 steps, {caption}</caption>(.*?)</table>", page.read_text(), re.S).group(1)
+    steps = [int(k) for k in re.findall(r'<th scope="row" class="n">(\d+)</th>', table)]
+    assert len(steps) == 10 and steps[:2] == first
+    assert not {3, 30} & set(steps) or "condition" not in known
 
 
 @pytest.mark.parametrize("output, complaint", [
