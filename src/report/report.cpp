@@ -61,7 +61,8 @@ std::string status(Trust trust) {
 }
 
 std::string tile(std::string_view value, std::string_view label) {
-  return fmt::format("<div class=\"tile\"><b>{}</b><span>{}</span></div>\n", escape(value), escape(label));
+  return fmt::format("<div class=\"tile\"><b>{}</b><span>{}</span></div>\n", keep_together(escape(value)),
+                     escape(label));
 }
 
 std::string controls(std::string_view inner) { return fmt::format("<div class=\"controls\">{}</div>\n", inner); }
@@ -125,8 +126,10 @@ class Report {
     std::string tiles = tile(percent_range(v.simulation.fit), "simulation fit") +
                         tile(percent_range(v.one_step.fit), "one-step prediction fit");
     if (!std::isnan(v.whiteness_p))
-      tiles += tile(probability(v.whiteness_p),
-                    found_.correlated ? "innovations correlated in time" : "innovations without correlation");
+      tiles +=
+          tile(probability(v.whiteness_p),
+               found_.correlated ? fmt::format("innovations correlated in time, by at most {:.2f}", found_.correlation)
+                                 : std::string("innovations without correlation"));
     else
       tiles += tile("–", found_.noisy ? "whiteness: too few experiments" : "innovations at rounding level");
     if (!model_.condition.empty())
