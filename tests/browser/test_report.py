@@ -463,13 +463,13 @@ def test_slider_moves_the_eigenvalues(visit, typical):
 
 def test_light_and_dark_by_button(visit, typical):
     background = "getComputedStyle(document.body).backgroundColor"
-    with visit(typical, color_scheme="light") as page:
-        light, drawn = page.evaluate(background), colours(page)
+    with visit(typical, color_scheme="light", device_scale_factor=2) as page:
+        light = page.evaluate(background)
         page.focus("#theme")
         page.keyboard.press("Enter")
         assert page.evaluate(background) != light
         assert page.locator("#theme").inner_text() == "Light"
-        assert colours(page).keys() == drawn.keys() and min(colours(page).values()) >= 10
+        assert undrawn(page) == []  # in the colours that the theme has now
 
 
 def test_names_stay_text(visit, nasty, screenshots):
@@ -614,10 +614,10 @@ def test_unusual_models(visit, tokid, folder, case):
             arrays[key] = arrays[key][:1]
         np.savez(data, **arrays)
     tokid("report", model, data, "-o", page_file)
-    with visit(page_file, 375) as page:
+    with visit(page_file, 375, device_scale_factor=2) as page:
         assert not clipped(page)
-        found = colours(page)
-        assert found["plot-outputs"] >= 10 and found["plot-inputs"] >= 10
+        # Where a model is nearly right, the last curve covers those before it.
+        assert not {("outputs", "One-step prediction"), ("inputs", "Measured"), ("a", "A(1,1)")} & set(undrawn(page))
         if case == "gaps":
             assert None in page.evaluate("tokid.plots().find(p => p.name === 'outputs').curves[1].values")
             page.select_option("#experiment", label=page.evaluate(
