@@ -450,11 +450,11 @@
       add({name: "condition", place: "plot-condition", legend: "legend-condition", shared: true, tall: 200, x, stretch: p.stretch,
         curves: [{label: "Condition number", colour: "--c-blue", values: p.condition.map(v => v > 0 ? v : null), points: undefined_points}],
         scale: {distr: 3}, tick: v => v === null ? "" : v >= 1e4 ? raised(Math.round(Math.log10(v))) : tick(v),
-        // Decades alone, unless there is but one.
+        // Decades alone; within a single one 1, 2 and 5.
         filter: (u, ticks) => {
           const decades = ticks.map(v => Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-6 ? v : null);
           const count = decades.filter(v => v !== null).length, stride = Math.ceil(count / 6);
-          return count < 2 ? ticks : decades.map(v => v !== null && Math.round(Math.log10(v)) % stride === 0 ? v : null);
+          return count < 3 ? ticks.map(v => [1, 2, 5].includes(Math.round(v / 10 ** Math.floor(Math.log10(v) + 1e-9))) ? v : null) : decades.map(v => v !== null && Math.round(Math.log10(v)) % stride === 0 ? v : null);
         }});
     const counts = [["unknowns", "Unknowns", "--c-faint", 4], ["rank", "Rank", "--c-blue", 1.8], ["lags", "Lag order", "--c-orange", 1.8], ["states", "States", "--c-green", 1.8]]
       .filter(([key]) => some(p[key])).map(([key, label, name, width], i) => ({label, colour: name, values: p[key], stepped: true, width, dash: i > 2 ? [5, 3] : []}));
