@@ -93,7 +93,7 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
       const Index dim = (image.s.array() > move).count();
       if (dim > 0) survivors.push_back({image.u.leftCols(dim), stage->age + 1});
     }
-    result.G.push_back(-a * lift);
+    result.G.emplace_back(-a * lift);
 
     for (auto survivor = survivors.rbegin(); survivor != survivors.rend(); ++survivor) {
       if (survivor->basis.cols() == following.back().basis.cols())
@@ -160,7 +160,7 @@ KalmanFilter kalman_filter(const Model& model) {
     Vector scale = f.colwise().norm();  // outputs in any units
     scale = (scale.array() > 0).select(scale.cwiseInverse(), 1.0);
     const linalg::MinimumNorm gain = linalg::minimum_norm(f * scale.asDiagonal(), rest, singular);
-    filter.K.push_back(gain.x.transpose() * scale.asDiagonal());
+    filter.K.emplace_back(gain.x.transpose() * scale.asDiagonal());
     rest -= f * filter.K.back().transpose();
 
     Matrix stacked(m + q + next, next);

@@ -88,12 +88,7 @@ std::string kalman_table(const KalmanStudy& study) {
 
 std::string paragraph(std::string_view text) { return element("p", text, "note"); }
 
-}  // namespace
-
-}  // namespace report
-
-std::string paper_page(const Paper& paper, const KalmanStudy& study) {
-  using namespace report;
+std::string page(const Paper& paper, const KalmanStudy& study) {
   const std::vector<Figure> figures = paper_figures(paper), kalman = kalman_figures(study);
   const size_t wrong = disagreements(paper);
   const auto count = [&](auto&& what) { return std::count_if(paper.printed.begin(), paper.printed.end(), what); };
@@ -164,6 +159,12 @@ std::string paper_page(const Paper& paper, const KalmanStudy& study) {
                    .style = std::string(assets::chart_css()),
                    .scripts = ""});
 }
+
+}  // namespace
+
+}  // namespace report
+
+std::string paper_page(const Paper& paper, const KalmanStudy& study) { return report::page(paper, study); }
 
 std::vector<PaperFile> paper_figure_files(const Paper& paper, const KalmanStudy& study) {
   std::vector<PaperFile> files;
