@@ -9,6 +9,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "judged.hpp"
 #include "statistics.hpp"
 
 namespace tokid {
@@ -163,18 +164,18 @@ Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<I
   return unknown;
 }
 
-Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& options) {
   if (std::min(model.k_end(), data.steps()) <= model.k_begin)
     throw std::invalid_argument(
         fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
-  Validation result;
   PredictOptions one_step{1, options.initial_state}, ahead{options.horizon, options.initial_state};
-
-  const Prediction prediction = predict(model, data, one_step);
+  Judged judged{{}, predict(model, data, one_step), simulate_data(model, data, options.initial_state)};
+  Validation& result = judged.validation;
+  const Prediction& prediction = judged.prediction;
   result.one_step = fit(data, prediction.y, model.y_nominal);
   result.horizon = options.horizon == 1 ? result.one_step : fit(data, predict(model, data, ahead).y, model.y_nominal);
 
-  result.simulation = fit(data, simulate_data(model, data, options.initial_state), model.y_nominal);
+  result.simulation = fit(data, judged.simulated, model.y_nominal);
 
   double innovation = 0.0, output = 0.0;
   bool any = false;
@@ -207,7 +208,11 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
     result.warnings.push_back(fmt::format("no step could be predicted {} steps ahead", options.horizon));
   if (!result.simulation.rmse.allFinite() && result.simulation.samples > 0)
     result.warnings.push_back("the simulation overflows: the model is unstable over its steps");
-  return result;
+  return judged;
+}
+
+Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  return judge(model, data, options).validation;
 }
 
 }  // namespace tokid

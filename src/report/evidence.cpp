@@ -8,6 +8,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "judged.hpp"
 #include "tokid/gtv_arx.hpp"
 
 namespace tokid::report {
@@ -202,9 +203,10 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
   validate_options.horizon = found.horizon;
   validate_options.initial_state = options.initial_state;
   validate_options.whiteness_lags = 10;
-  found.validation = validate(model, data, validate_options);
-  found.prediction = predict(model, data, {1, options.initial_state});
-  found.simulated = simulate_data(model, data, options.initial_state);
+  Judged judged = judge(model, data, validate_options);
+  found.validation = std::move(judged.validation);
+  found.prediction = std::move(judged.prediction);
+  found.simulated = std::move(judged.simulated);
   found.names = model.names;
   const auto complete = [](std::vector<std::string>& names, const std::vector<std::string>& others) {
     if (names.empty()) names = others;
