@@ -1,7 +1,7 @@
 # Everything from a bare Debian 12 machine on: what is missing is installed with apt-get, as root or through sudo.
 
 build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev libcsv-dev \
-                  libcli11-dev libfmt-dev nlohmann-json3-dev
+                  libcli11-dev libfmt-dev libxxhash-dev nlohmann-json3-dev
 test_packages  := $(build_packages) libgtest-dev \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
                   python3-venv chromium fonts-dejavu-core
@@ -67,11 +67,11 @@ asan tsan:
 tidy:
 	$(call install,$(tidy_packages))
 	@$(configure) dev -B build-tidy >/dev/null
-	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|examples|tests)/'
+	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|bench|examples|tests)/'
 
 format:
 	$(call install,clang-format)
-	@find include src app examples tests -name '*.[ch]pp' -exec clang-format -i {} +
+	@find include src app bench examples tests -name '*.[ch]pp' -exec clang-format -i {} +
 
 clean:
 	rm -rf build build-asan build-tsan build-tidy build-dev

@@ -70,9 +70,10 @@ void check_output(const fs::path& path, Content content) {
   if (content == Content::page) known = {".html", ".htm"};
   if (std::find(known.begin(), known.end(), extension) == known.end())
     refuse(fmt::format("extension '{}' found, one of {} needed to write {}", extension, fmt::join(known, ", "),
-                       content == Content::page    ? "a page"
-                       : content == Content::model ? "a model"
-                                                   : "an ensemble"));
+                       content == Content::page     ? "a page"
+                       : content == Content::model  ? "a model"
+                       : content == Content::bounds ? "bounds"
+                                                    : "an ensemble"));
 
   std::error_code error;
   if (fs::is_directory(path, error)) refuse("a directory found, the name of a file needed");
@@ -110,8 +111,8 @@ Index missing_samples(const Ensemble& ensemble) {
 
 Index rank_deficient_steps(const Model& model) {
   Index count = 0;
-  for (size_t s = 0; s < std::min(model.rank.size(), model.lags.size()); ++s)
-    if (model.rank[s] < minimum_experiments(model.inputs, model.outputs, model.lags[s])) ++count;
+  for (size_t s = 0; s < model.rank.size(); ++s)
+    if (model.rank[s] < unknowns(model, model.k_begin + Index(s))) ++count;
   return count;
 }
 

@@ -28,12 +28,14 @@ using Json = nlohmann::ordered_json;  // keys stay in the order in which they we
 // One function per subcommand, in a file of its own; the work is done when the command line has been parsed.
 void add_identify(CLI::App& tool);
 void add_validate(CLI::App& tool);
+void add_confidence(CLI::App& tool);
 void add_simulate(CLI::App& tool);
 void add_predict(CLI::App& tool);
 void add_info(CLI::App& tool);
 void add_plan(CLI::App& tool);
 void add_example(CLI::App& tool);
 void add_convert(CLI::App& tool);
+void add_refine(CLI::App& tool);
 void add_report(CLI::App& tool);
 void add_paper(CLI::App& tool);
 
@@ -58,8 +60,8 @@ std::optional<T> parse_number(const std::string& text, T smallest, T largest) {
 }
 
 template <class T>
-void add_number(CLI::App* command, const char* name, T& target, const char* type, const char* description, T smallest,
-                T largest = std::numeric_limits<T>::max()) {
+CLI::Option* add_number(CLI::App* command, const char* name, T& target, const char* type, const char* description,
+                        T smallest, T largest = std::numeric_limits<T>::max()) {
   const auto set = [=, &target](const std::string& text) {
     const std::optional<T> value = parse_number(text, smallest, largest);
     if (!value)
@@ -70,7 +72,7 @@ void add_number(CLI::App* command, const char* name, T& target, const char* type
                                                                : fmt::format("from {} to {}", smallest, largest)));
     target = *value;
   };
-  command->add_option_function<std::string>(name, set, description)->type_name(type);
+  return command->add_option_function<std::string>(name, set, description)->type_name(type);
 }
 
 template <class T>
@@ -97,7 +99,7 @@ CLI::Option* add_choice(CLI::App* command, const std::string& name, T& target, c
 
 std::string extension_of(const fs::path& path);  // in lower case, with its dot
 
-enum class Content { ensemble, model, page };
+enum class Content { ensemble, model, bounds, page };
 // Before long work: will the file be writable under this name? \throws IoError
 void check_output(const fs::path& path, Content content);
 

@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
+#include <set>
 
 #include "common.hpp"
 
@@ -13,7 +16,6 @@ struct Call {
   fs::path data, model, page;
   ReadOptions read;
   IdentifyOptions options;
-  std::string method = "tvera";
   bool json = false, quiet = false;
 };
 
@@ -43,6 +45,12 @@ std::vector<double> relative(std::vector<double> logs) {
 // Errors of twice the size of the outputs, or a googol of it, say the same: useless.
 std::string share(double error) { return error < 1.999 ? fmt::format("{:.3g} %", 100 * error) : "> 200 %"; }
 
+std::string penalty(double smoothing) {
+  return std::isinf(smoothing) ? std::string("infinity") : fmt::format("{:.3g}", smoothing);
+}
+
+Json json_penalty(double smoothing) { return std::isinf(smoothing) ? Json("infinity") : Json(smoothing); }
+
 // Candidates with the errors that decided between them.
 struct Trial {
   std::string symbol;
@@ -62,7 +70,9 @@ Trial state_trial(const Identification& result) {
   const OrderScores& found = result.order_scores;
   return {"n",
           found.states,
-          {{"one-step error", relative(found.one_step)}, {"simulation error", relative(found.simulation)}},
+          {{"one-step error", relative(found.one_step)},
+           {fmt::format("{}-step error", OrderScores::horizon), relative(found.ahead)},
+           {"simulation error", relative(found.simulation)}},
           found.best};
 }
 
@@ -91,6 +101,15 @@ Json json(const Trial& trial) {
   return j;
 }
 
+// null where none was tried. Errors are geometric means over one step, many steps and simulation.
+Json json(const RefinementChoice& choice) {
+  if (choice.trials.empty()) return {};
+  Json j{{"smoothing", choice.smoothing}, {"iterations", choice.iterations}, {"trials", Json::array()}};
+  for (const RefinementTrial& t : choice.trials)
+    j["trials"].push_back({{"smoothing", t.smoothing}, {"iterations", t.iterations}, {"error", std::exp(t.error)}});
+  return j;
+}
+
 std::string missing_text(const Ensemble& data) {
   std::string text =
       missing_samples(data) == 0 ? "no missing samples" : plural(missing_samples(data), "missing sample");
@@ -114,34 +133,88 @@ Index largest_lags(const Ensemble& data, const Identification& result) {
   return largest_lag_order(result.experiments - spent, data.inputs(), data.outputs());
 }
 
+std::string smoothing_text(const Call& call, const Identification& result) {
+  const Index period = result.variation.period;
+  if (period == 1)
+    return call.options.period == 1 ? "one model for all steps, as asked"
+                                    : "one model for all steps: the experiments show no variation in time";
+  const char* why = call.options.smoothing >= 0 ? "as asked" : "by errors on experiments left out";
+  return fmt::format("{}lambda = {} over time, {}",
+                     period > 1 ? fmt::format("steps k and k + {} share a model; ", period) : std::string(),
+                     penalty(result.variation.smoothing), why);
+}
+
+// The errors of one lag order by rows, those of one lambda by columns.
+void add_smoothing_trials(const SmoothingChoice& choice, Page& page) {
+  std::map<Index, std::map<double, double>> errors;
+  std::set<double> weights;
+  for (const SmoothingTrial& t : choice.trials) {
+    errors[t.lags][t.smoothing] = t.error;
+    weights.insert(t.smoothing);
+  }
+  std::vector<std::vector<std::string>> rows{{"p \\ lambda"}};
+  for (const double w : weights) rows.front().push_back(penalty(w));
+  for (const auto& [lags, row] : errors) {
+    rows.push_back({fmt::format("{}", lags)});
+    for (const double w : weights) rows.back().push_back(row.count(w) ? share(row.at(w)) : std::string("."));
+  }
+  page.table(rows);
+}
+
 void add_lag_order(const Call& call, const Ensemble& data, const Identification& result, Page& page) {
   const bool tried = result.lag_order_errors.mean.size() > 0;
   const char* why = call.options.lags > 0 ? "as asked" : tried ? "by leave-one-out error" : "the smallest possible";
+  const SmoothingChoice& together = result.smoothing_choice;
+  if (!together.trials.empty()) {
+    page.row("Lag order", fmt::format("p = {}, {}", result.lags,
+                                      call.options.lags > 0 ? "as asked" : "by errors on experiments left out"));
+    page.row("Smoothing", smoothing_text(call, result));
+    add_smoothing_trials(together, page);
+    return;
+  }
   page.row("Lag order",
            fmt::format("p = {}, {}; {} carry lag orders up to p = {}, this one needs {}", result.lags, why,
                        plural(result.experiments, "experiment"), largest_lags(data, result), result.min_experiments));
   add_trial(lag_trial(result), page);
 }
 
+void add_refinement(const Identification& result, Page& page) {
+  const RefinementChoice& choice = result.refinement;
+  if (choice.trials.empty()) return;
+  const double before = std::exp(choice.trials.front().error), after = std::exp(choice.error);
+  page.row(
+      "Refinement",
+      choice.iterations > 0
+          ? fmt::format("{} of EM with lambda = {}: mean error on experiments left out {} instead of {}",
+                        plural(choice.iterations, "iteration"), penalty(choice.smoothing), share(after), share(before))
+          : "none: EM did not lower the errors on experiments left out");
+}
+
 void add_states(const Call& call, const Identification& result, Page& page) {
   const Model& model = result.model;
   const bool tried = !result.order_scores.states.empty();
-  const char* why = call.options.states > 0 ? "as asked"
-                    : tried                 ? "by prediction and simulation errors"
-                                            : "the rank of the Hankel matrices";
+  const char* why = call.options.states > 0                        ? "as asked"
+                    : tried && result.order_scores.cross_validated ? "by errors on experiments left out"
+                    : tried                                        ? "by prediction and simulation errors"
+                                                                   : "the rank of the Hankel matrices";
   const double gap = singular_value_gap(model);
   page.row("States",
            fmt::format("n = {}, {}{}", model.states(), why,
                        std::isfinite(gap) ? fmt::format("; singular values fall by {:.3g} behind it", gap) : ""));
   add_trial(state_trial(result), page);
+  add_refinement(result, page);
   page.row("Model",
            fmt::format("{}, {} frame, steps {} to {}, all {} from {} to {}", model.method, model.frame, model.k_begin,
                        model.k_end() - 1, plural(model.states(), "state"), model.full_begin(), model.full_end() - 1));
 }
 
-void add_fit(const Model& model, const Identification& result, Index held_out, Page& page) {
-  page.row("Fit", result.held_out ? fmt::format("on {} held out", plural(held_out, "experiment"))
-                                  : "on the training data; --hold-out gives an honest figure");
+void add_fit(const Ensemble& data, const Identification& result, Page& page) {
+  const Model& model = result.model;
+  const Index held_out = data.experiments() - result.experiments;
+  page.row("Fit", !result.held_out ? "on the training data; --hold-out gives an honest figure"
+                  : held_out > 0
+                      ? fmt::format("on {} held out", plural(held_out, "experiment"))
+                      : fmt::format("on the last {}, held out", plural(data.steps() - result.steps, "step")));
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
   for (Index j = 0; j < model.outputs; ++j)
     rows.push_back({output_label(model.names, j), percent(result.validation.simulation.fit(j)),
@@ -159,9 +232,10 @@ std::string report(const Call& call, const Ensemble& data, const Identification&
   page.row("Nominal", nominal_text(call, result));
   add_lag_order(call, data, result, page);
   add_states(call, result, page);
-  page.row("Regressions", fmt::format("condition up to {:.3g}, {} of {} rank deficient", result.condition_max,
-                                      result.rank_deficient_steps, plural(result.steps, "step")));
-  add_fit(model, result, data.experiments() - result.experiments, page);
+  if (result.smoothing_choice.trials.empty())
+    page.row("Regressions", fmt::format("condition up to {:.3g}, {} of {} rank deficient", result.condition_max,
+                                        result.rank_deficient_steps, plural(result.steps, "step")));
+  add_fit(data, result, page);
   page.row("Written", fmt::format("{} in {:.2f} s", call.model.string(), result.seconds));
   if (!call.page.empty()) page.row("", call.page.string());
   return page.text();
@@ -187,7 +261,14 @@ Json json(const Call& call, const Ensemble& data, const Identification& result) 
   j["lags"] = result.lags;
   j["largest_lag_order"] = largest_lags(data, result);
   j["min_experiments"] = result.min_experiments;
+  j["smoothing"] = json_penalty(result.variation.smoothing);
+  j["state_smoothing"] = json_penalty(result.state_smoothing);
+  j["period"] = result.variation.period;
   j["lag_order_errors"] = json(lag_trial(result));
+  j["smoothing_trials"] = Json::array();
+  for (const SmoothingTrial& t : result.smoothing_choice.trials)
+    j["smoothing_trials"].push_back({{"lags", t.lags}, {"smoothing", json_penalty(t.smoothing)}, {"error", t.error}});
+  j["refinement"] = json(result.refinement);
   j["order_scores"] = json(state_trial(result));
   j["initial_state"] = to_string(model.initial_state);
   const InitialStateTest& initial = result.initial_state_test;
@@ -229,7 +310,7 @@ void save_page(const Call& call, const Ensemble& data, const Identification& res
   options.identified_from = result.experiments;
   options.warnings = result.warnings;
   options.initial_state = result.model.initial_state;
-  const Ensemble tested = result.held_out ? split(data, call.options.hold_out).held_out : data;
+  const Ensemble tested = result.held_out ? split(data, call.options.hold_out, call.options.period).held_out : data;
   save_text(report_page(result.model, tested, options).html, call.page);
 }
 
@@ -254,6 +335,23 @@ void run(const Call& call) {
   warn(result.warnings);
 }
 
+void add_smoothing(CLI::App* command, double& smoothing) {
+  const auto set = [&smoothing](const std::string& text) {
+    const auto value = text == "auto"       ? -1.0
+                       : text == "infinity" ? std::numeric_limits<double>::infinity()
+                                            : parse_number<double>(text, 0.0, std::numeric_limits<double>::max());
+    if (!value)
+      throw CLI::ValidationError("--smoothing",
+                                 fmt::format("'{}' found, a number from 0 on, infinity or auto needed", text));
+    smoothing = *value;
+  };
+  command
+      ->add_option_function<std::string>(
+          "--smoothing", set,
+          "Penalty lambda on variation in time: 0 none, infinity one model (auto: by errors on experiments left out)")
+      ->type_name("L|auto");
+}
+
 }  // namespace
 
 void add_identify(CLI::App& tool) {
@@ -267,7 +365,27 @@ void add_identify(CLI::App& tool) {
   add_count_or_auto(command, "--states", o.states,
                     "State dimension n (auto: the rank of the Hankel matrices, or by errors where the data are noisy)");
   add_count_or_auto(command, "--lags", o.lags, "Lag order p (auto: the smallest leave-one-out error)");
-  add_choice(command, "--method", call->method, Choices<std::string>{{"tvera", "tvera"}}, "Method of realisation");
+  add_choice(command, "--method", o.method,
+             Choices<Method>{{"auto", Method::automatic}, {"tvera", Method::tvera}, {"subspace", Method::subspace}},
+             "Realisation (auto: tvera without noise from zero initial states, else subspace)");
+  add_smoothing(command, o.smoothing);
+  auto* invariant = command->add_flag_callback(
+      "--time-invariant", [&o] { o.period = 1; }, "One model for all steps; a single record is enough");
+  add_number<Index>(command, "--period", o.period, "P", "Steps k, k+P, ... share one model", 1, 1'000'000)
+      ->excludes(invariant);
+  auto* refine = command->add_flag_callback(
+      "--refine", [&o] { o.refine = true; },
+      "Maximum likelihood by EM, as far as it lowers errors on experiments left out (default for noisy data)");
+  command
+      ->add_flag_callback(
+          "--no-refine", [&o] { o.refine = false; }, "No EM")
+      ->excludes(refine);
+  add_choice(command, "--weighting", o.weighting,
+             Choices<std::optional<Weighting>>{{"auto", std::nullopt},
+                                               {"one-step", Weighting::one_step},
+                                               {"many-steps", Weighting::many_steps},
+                                               {"projection", Weighting::projection}},
+             "What the states must explain (auto: by errors on experiments left out); projection: PO-MOESP");
   add_choice(command, "--initial-state", o.initial_state,
              Choices<std::optional<InitialState>>{
                  {"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},

@@ -52,8 +52,10 @@ int run(int argc, char** argv) {
   tool.footer("Example:\n  tokid example oscillator -o data.npz && tokid identify data.npz -o model.npz");
   add_identify(tool);
   add_validate(tool);
+  add_refine(tool);
   add_report(tool);
   add_paper(tool);
+  add_confidence(tool);
   add_simulate(tool);
   add_predict(tool);
   add_info(tool);

@@ -1,6 +1,7 @@
-// tokid simulate: outputs of a model for new inputs, from the zero state.
+// tokid simulate: outputs of a model for new inputs, from the zero state, the mean initial one or an estimate.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "common.hpp"
+#include "tokid/validate.hpp"
 
 namespace tokid::app {
 
@@ -8,6 +9,7 @@ namespace {
 
 struct Call {
   fs::path model, inputs, output;
+  bool estimate = false;
   ReadOptions read{{}, {}, false};
 };
 
@@ -15,22 +17,28 @@ void run(const Call& call) {
   check_output(call.output, Content::ensemble);
   const Model model = load_model(call.model);
   const Ensemble inputs = load_ensemble(call.inputs, call.read);
-  const Ensemble result = about(call.inputs, [&] { return simulate(model, inputs); });
+  const Ensemble result =
+      about(call.inputs, [&] { return call.estimate ? simulate_data(model, inputs) : simulate(model, inputs); });
   save_ensemble(result, call.output);
 
   std::vector<std::string> warnings = differences(model, inputs);
   Page page;
   page.row("Model", describe(model));
-  page.row("Simulated",
-           fmt::format("{}, {}, from the zero state at step {}", plural(result.experiments(), "experiment"),
-                       plural(result.steps(), "step"), model.k_begin));
+  const InitialState initial = inputs.initial_state.value_or(model.initial_state);
+  const bool estimated = call.estimate && !starts_from_zero(model, initial);
+  const char* start = estimated                              ? "state that the first samples tell"
+                      : has_initial_estimate(model, initial) ? "mean initial state"
+                                                             : "zero state";
+  page.row("Simulated", fmt::format("{}, {}, from the {} at step {}", plural(result.experiments(), "experiment"),
+                                    plural(result.steps(), "step"), start, model.k_begin));
   page.row("", coverage(result, warnings));
   page.row("Written", call.output.string());
   print(page.text());
-  if (!starts_from_zero(model, inputs.initial_state.value_or(model.initial_state)))
+  if (!starts_from_zero(model, initial) && !estimated)
     warnings.push_back(
-        fmt::format("the initial states are unknown: simulated from the zero state at step {}, where the model begins",
-                    model.k_begin));
+        fmt::format("the initial states are unknown: simulated from the {} at step {}, where the model "
+                    "begins",
+                    start, model.k_begin));
   warn(warnings);
 }
 
@@ -41,10 +49,12 @@ void add_simulate(CLI::App& tool) {
   CLI::App* command = add_command(tool, "simulate", "Outputs of a model for new inputs",
                                   "tokid simulate model.npz inputs.npz -o simulated.npz");
   command->add_option("MODEL", call->model, "Model: .npz, .h5 or .mat")->required()->type_name("");
-  command->add_option("INPUTS", call->inputs, "Ensemble with the inputs; its outputs are not used")
+  command
+      ->add_option("INPUTS", call->inputs, "Ensemble with the inputs; its outputs are used by --estimate-state alone")
       ->required()
       ->type_name("");
   add_output_option(command, call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
+  command->add_flag("--estimate-state", call->estimate, "Unknown initial states by the outputs of the first steps");
   add_column_options(command, call->read);
   command->callback([call] { run(*call); });
 }

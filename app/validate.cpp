@@ -1,6 +1,8 @@
 // tokid validate: how good is a model on data?
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "common.hpp"
 
@@ -12,8 +14,12 @@ struct Call {
   fs::path model, data;
   ReadOptions read;
   ValidateOptions options;
+  Index folds = 0;  // 0: no cross-validation
   bool json = false;
 };
+
+// Probabilities below it speak against a model.
+constexpr double unlikely = 0.01;
 
 // One row per output; the horizon has a column of its own where it is not one step.
 void add_table(const Call& call, const Model& model, const Validation& v, Vector Fit::*figure,
@@ -28,7 +34,90 @@ void add_table(const Call& call, const Model& model, const Validation& v, Vector
   page.table(rows);
 }
 
-std::string report(const Call& call, const Model& model, const Ensemble& data, const Validation& v) {
+std::string probability(double p) { return p < 1e-4 ? "p < 0.0001" : fmt::format("p = {:.3g}", p); }
+
+std::string over(Pooling pooling) {
+  return pooling == Pooling::time ? ", over all steps together, experiments being few" : "";
+}
+
+std::string untested(const Validation& v) {
+  return v.noisy ? "not tested, samples being too few" : "not tested, the innovations being at rounding level";
+}
+
+// How far the covariance of the innovations is from what the model says it is.
+std::string squares_text(const Validation& v) {
+  const NormalisedSquares& s = v.squares;
+  if (!v.noisy) return untested(v);
+  if (std::isnan(s.ratio)) return "not tested, the model stating no covariance";
+  // Much data make any difference certain, however small.
+  constexpr double little = 1.2;
+  const char* meaning = s.p >= unlikely        ? "no sign of another size than the model says"
+                        : s.ratio > little     ? "larger than the model says: it is overconfident"
+                        : s.ratio < 1 / little ? "smaller than the model says: it is too careful"
+                        : s.ratio > 1          ? "a little larger than the model says"
+                                               : "a little smaller than the model says";
+  return fmt::format("{:.3g} times the stated covariance ({}): {}", s.ratio, probability(s.p), meaning);
+}
+
+std::string whiteness_text(const Validation& v) {
+  if (std::isnan(v.whiteness.p)) return untested(v);
+  return fmt::format("{}: {}{}", probability(v.whiteness.p),
+                     v.whiteness.p < unlikely ? "the innovations are correlated in time"
+                                              : "no sign of correlation between innovations",
+                     over(v.whiteness.over));
+}
+
+std::string independence_text(const Validation& v) {
+  if (std::isnan(v.independence.p)) return untested(v);
+  return fmt::format(
+      "{}: {}{}", probability(v.independence.p),
+      v.independence.p < unlikely ? "the inputs explain part of the innovations" : "the inputs explain nothing more",
+      over(v.independence.over));
+}
+
+std::string feedback_text(const Validation& v) {
+  if (std::isnan(v.feedback.p)) return untested(v);
+  return fmt::format("{}: {}{}", probability(v.feedback.p),
+                     v.feedback.p < unlikely ? "later inputs answer to the outputs, which is no fault of the model"
+                                             : "no sign that inputs answer to outputs",
+                     over(v.feedback.over));
+}
+
+// "4 in all folds", "4 in 3 folds, 5 in 2"
+std::string counts(const CrossValidation& cross, Index Fold::*number) {
+  std::map<Index, int> folds;
+  for (const Fold& fold : cross.folds) ++folds[fold.*number];
+  if (folds.size() == 1) return fmt::format("{} in all folds", folds.begin()->first);
+  std::string text;
+  for (const auto& [value, count] : folds)
+    text += fmt::format("{}{} in {}", text.empty() ? "" : ", ", value,
+                        text.empty() ? plural(count, "fold") : std::to_string(count));
+  return text;
+}
+
+std::string with_spread(double fit, double spread) {
+  if (std::isnan(fit)) return "-";
+  return std::isnan(spread) ? percent(fit) : fmt::format("{:.2f} ± {:.2f} %", fit, spread);
+}
+
+void add_cross_validation(const Call& call, const Model& model, const CrossValidation& cross, Page& page) {
+  page.row("Folds",
+           fmt::format("K = {}, each judged by a model of the other experiments, identified with the same options",
+                       cross.folds.size()));
+  page.row("", fmt::format("n = {}; p = {}", counts(cross, &Fold::states), counts(cross, &Fold::lags)));
+  std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
+  const Index horizon = call.options.horizon;
+  if (horizon > 1) rows.front().push_back(plural(horizon, "step"));
+  for (Index j = 0; j < model.outputs; ++j) {
+    rows.push_back({output_label(model.names, j), with_spread(cross.simulation.fit(j), cross.simulation_spread(j)),
+                    with_spread(cross.one_step.fit(j), cross.one_step_spread(j))});
+    if (horizon > 1) rows.back().push_back(with_spread(cross.horizon.fit(j), cross.horizon_spread(j)));
+  }
+  page.table(rows);
+}
+
+std::string report(const Call& call, const Model& model, const Ensemble& data, const Validation& v,
+                   const std::optional<CrossValidation>& cross) {
   Page page;
   page.row("Model", call.model.string());
   page.row("", describe(model));
@@ -38,15 +127,47 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   add_table(call, model, v, &Fit::fit, percent, page);
   page.row("RMS error", "");
   add_table(call, model, v, &Fit::rmse, number, page);
-  page.row("Whiteness", std::isnan(v.whiteness_p)
-                            ? "innovations at rounding level, or too few experiments to test them"
-                            : fmt::format("p = {:.3g}: {}", v.whiteness_p,
-                                          v.whiteness_p < 0.01 ? "the innovations are correlated in time"
-                                                               : "no sign of correlation between innovations"));
+  page.row("Innovations", squares_text(v));
+  page.row("Whiteness", whiteness_text(v));
+  page.row("Inputs", independence_text(v));
+  page.row("Feedback", feedback_text(v));
+  if (cross) add_cross_validation(call, model, *cross, page);
   return page.text();
 }
 
-Json json(const Call& call, const Model& model, const Ensemble& data, const Validation& v) {
+const char* name(Pooling over) {
+  return over == Pooling::experiments ? "experiments" : over == Pooling::time ? "time" : "nothing";
+}
+
+Json json(const Fold& fold) {
+  return {{"experiments", fold.experiments},
+          {"states", fold.states},
+          {"lags", fold.lags},
+          {"simulation_fit", numbers(fold.simulation.fit)},
+          {"one_step_fit", numbers(fold.one_step.fit)},
+          {"horizon_fit", numbers(fold.horizon.fit)},
+          {"warnings", fold.warnings}};
+}
+
+Json json(const CrossValidation& cross) {
+  Json j;
+  j["folds"] = cross.folds.size();
+  j["simulation_fit"] = numbers(cross.simulation.fit);
+  j["one_step_fit"] = numbers(cross.one_step.fit);
+  j["horizon_fit"] = numbers(cross.horizon.fit);
+  j["simulation_fit_spread"] = numbers(cross.simulation_spread);
+  j["one_step_fit_spread"] = numbers(cross.one_step_spread);
+  j["horizon_fit_spread"] = numbers(cross.horizon_spread);
+  j["simulation_rmse"] = numbers(cross.simulation.rmse);
+  j["one_step_rmse"] = numbers(cross.one_step.rmse);
+  j["horizon_rmse"] = numbers(cross.horizon.rmse);
+  j["per_fold"] = Json::array();
+  for (const Fold& fold : cross.folds) j["per_fold"].push_back(json(fold));
+  return j;
+}
+
+Json json(const Call& call, const Model& model, const Ensemble& data, const Validation& v,
+          const std::optional<CrossValidation>& cross) {
   Json j;
   j["model"] = call.model.string();
   j["data"] = call.data.string();
@@ -64,9 +185,42 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
   j["samples"] = {
       {"simulation", v.simulation.samples}, {"one_step", v.one_step.samples}, {"horizon", v.horizon.samples}};
   j["first_predicted"] = v.first_predicted;
+  j["nis"] = v.squares.ratio;
+  j["nis_p"] = v.squares.p;
+  j["nis_presumes_normal"] = std::isnan(v.squares.p) ? Json() : Json(v.squares.normal);
   j["whiteness_p"] = v.whiteness_p;
+  j["independence_p"] = v.independence.p;
+  j["feedback_p"] = v.feedback.p;
+  j["tested_over"] = name(v.whiteness.over);
+  j["cross_validation"] = cross ? json(*cross) : Json();
   j["warnings"] = v.warnings;
   return j;
+}
+
+// Warnings of the folds, each of them once.
+void add_warnings(const CrossValidation& cross, std::vector<std::string>& warnings) {
+  std::vector<std::pair<std::string, int>> seen;
+  for (const Fold& fold : cross.folds)
+    for (const std::string& text : fold.warnings) {
+      const auto same = [&text](const auto& entry) { return entry.first == text; };
+      const auto found = std::find_if(seen.begin(), seen.end(), same);
+      if (found == seen.end())
+        seen.emplace_back(text, 1);
+      else
+        ++found->second;
+    }
+  for (const auto& [text, count] : seen)
+    warnings.push_back(fmt::format("cross-validation, {} of {} folds: {}", count, cross.folds.size(), text));
+}
+
+CrossValidation cross_validation(const Call& call, const Model& model, const Ensemble& data) {
+  IdentifyOptions identify = about(call.model, [&] { return identify_options(model); });
+  CrossValidateOptions options;
+  options.folds = call.folds;
+  options.horizon = call.options.horizon;
+  ProgressBar bar(true);
+  identify.execution.progress = bar.callback();
+  return about(call.data, [&] { return cross_validate(data, identify, options); });
 }
 
 void run(const Call& call) {
@@ -75,10 +229,15 @@ void run(const Call& call) {
   Validation result = about(call.data, [&] { return validate(model, data, call.options); });
   const std::vector<std::string> remarks = differences(model, data);
   result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());
+  std::optional<CrossValidation> cross;
+  if (call.folds > 0) {
+    cross = cross_validation(call, model, data);
+    add_warnings(*cross, result.warnings);
+  }
   if (call.json)
-    print(json(call, model, data, result));
+    print(json(call, model, data, result, cross));
   else
-    print(report(call, model, data, result));
+    print(report(call, model, data, result, cross));
   warn(result.warnings);
 }
 
@@ -86,12 +245,16 @@ void run(const Call& call) {
 
 void add_validate(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  CLI::App* command = add_command(tool, "validate", "Fit and whiteness of a model on data",
+  CLI::App* command = add_command(tool, "validate", "How good a model is on data: fits, and tests of its innovations",
                                   "tokid validate model.npz fresh.npz --horizon 10");
   command->add_option("MODEL", call->model, "Model: .npz, .h5 or .mat")->required()->type_name("");
   command->add_option("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv")->required()->type_name("");
   add_column_options(command, call->read);
   add_horizon_option(command, call->options.horizon);
+  add_number<Index>(command, "--cross-validate", call->folds, "K",
+                    "Also identify anew, with the options of the model, from all but one of K parts of DATA at a time, "
+                    "and judge by the part left out",
+                    2, 1'000'000);
   command->add_flag("--json", call->json, "Print one JSON object");
   command->callback([call] { run(*call); });
 }

@@ -5,9 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
 
 #include "statistics.hpp"
 
@@ -146,10 +150,49 @@ ChannelSummary channel_summary(const Ensemble& e, Index channel) {
   return s;
 }
 
-Split split(const Ensemble& ensemble, double fraction) {
+std::string fingerprint(const Ensemble& ensemble) {
+  XXH3_state_t state;
+  XXH3_64bits_reset(&state);
+  const auto add = [&](const auto* values, Index count) {
+    XXH3_64bits_update(&state, values, size_t(count) * sizeof(*values));
+  };
+  const std::int64_t shape[] = {ensemble.experiments(), ensemble.steps(), ensemble.inputs(), ensemble.outputs()};
+  add(shape, 4);
+  Vector column;
+  for (Index c = 0; c < ensemble.samples().cols(); ++c) {
+    // One bit pattern for every missing sample, and for both zeros.
+    column = ensemble.samples().col(c).array() + 0.0;
+    for (double& value : column)
+      if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
+    add(column.data(), column.size());
+  }
+  return fmt::format("{:016x}", XXH3_64bits_digest(&state));
+}
+
+void share_phases(Nominal& nominal, Index period) {
+  for (Matrix* motion : {&nominal.u, &nominal.y})
+    for (Index phase = 0; phase < std::min(period, motion->rows()); ++phase)
+      for (Index c = 0; c < motion->cols(); ++c) {
+        double sum = 0.0;
+        Index count = 0;
+        for (Index k = phase; k < motion->rows(); k += period)
+          if (!std::isnan((*motion)(k, c))) sum += (*motion)(k, c), ++count;
+        for (Index k = phase; k < motion->rows(); k += period) (*motion)(k, c) = count > 0 ? sum / double(count) : 0.0;
+      }
+}
+
+Split split(const Ensemble& ensemble, double fraction, Index period) {
   const Index total = ensemble.experiments();
   if (!(fraction > 0 && fraction < 1))
     throw std::invalid_argument(fmt::format("hold-out fraction: {} found, between 0 and 1 needed", fraction));
+  if (total == 1 && period > 0) {
+    const Index steps = ensemble.steps(), kept = Index(std::ceil(double(steps) * (1 - fraction)));
+    const Index begin = kept / period * period;
+    if (begin < 1 || begin >= steps)
+      throw std::invalid_argument(
+          fmt::format("hold-out fraction: {} of {} steps leaves {} to identify with", fraction, steps, begin));
+    return {stretch(ensemble, 0, begin), stretch(ensemble, begin, steps)};
+  }
   const Index held = static_cast<Index>(std::llround(fraction * double(total)));
   if (held < 1 || held >= total)
     throw std::invalid_argument(
@@ -181,6 +224,36 @@ Moments moments(const Eigen::Ref<const Vector>& x) {
 }
 
 }  // namespace
+
+Ensemble stretch(const Ensemble& e, Index begin, Index end) {
+  if (begin < 0 || begin >= end || end > e.steps())
+    throw std::invalid_argument(
+        fmt::format("stretch: steps {} to {} asked for, the ensemble has {}", begin, end - 1, e.steps()));
+  Ensemble part(e.experiments(), end - begin, e.inputs(), e.outputs(), e.dt);
+  for (Index k = begin; k < end; ++k) {
+    part.input(k - begin) = e.input(k);
+    part.output(k - begin) = e.output(k);
+  }
+  part.names = e.names;
+  part.initial_state = begin == 0 ? e.initial_state : InitialState::unknown;
+  for (const Index length : e.length) part.length.push_back(std::clamp<Index>(length - begin, 0, end - begin));
+  return part;
+}
+
+Ensemble cut(const Ensemble& e, Index length) {
+  if (length < 1 || length > e.steps())
+    throw std::invalid_argument(fmt::format("cut: length {} found, 1 to {} needed", length, e.steps()));
+  const Index pieces = e.steps() / length;
+  Ensemble all(pieces * e.experiments(), length, e.inputs(), e.outputs(), e.dt);
+  for (Index piece = 0; piece < pieces; ++piece)
+    for (Index k = 0; k < length; ++k) {
+      all.input(k).middleRows(piece * e.experiments(), e.experiments()) = e.input(piece * length + k);
+      all.output(k).middleRows(piece * e.experiments(), e.experiments()) = e.output(piece * length + k);
+    }
+  all.names = e.names;
+  all.initial_state = InitialState::unknown;
+  return all;
+}
 
 Nominal nominal_trajectory(const Ensemble& e) {
   Nominal nominal{Matrix(e.steps(), e.inputs()), Matrix(e.steps(), e.outputs())};

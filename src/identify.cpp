@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <numeric>
 #include <stdexcept>
 
+#include "folds.hpp"
 #include "statistics.hpp"
 #include "tokid/markov.hpp"
+#include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
 #include "tokid/version.hpp"
 #include "words.hpp"
@@ -27,7 +29,13 @@ constexpr double ill_conditioned = 1e8;
 constexpr Index most_lags = 16;
 // Orders that a choice for noisy data looks at, and the experiments that it judges them by.
 constexpr Index most_states = 16;
+// Coefficients per output and step that a choice for noisy data looks at: its time grows with their cube.
+constexpr Index most_regressors = 160;
 constexpr Index most_judged = 64;
+// Growth of the one-step error that a refined model is not allowed.
+constexpr double spoilt = 1.1;
+// Steps that the choices for noisy data look at.
+constexpr Index most_judged_steps = 256;
 // Block columns of H_k for noisy data: twice as many gained nothing in any system tried, half as many lost.
 constexpr Index noisy_columns = 48;
 
@@ -43,6 +51,9 @@ void check_options(const IdentifyOptions& o) {
   check_count("lags", o.lags);
   check_count("rows", o.rows);
   check_count("cols", o.cols);
+  if (std::isnan(o.smoothing))
+    throw std::invalid_argument(
+        "smoothing: nan found, a number from 0 on, infinity or a negative one (automatic) needed");
   if (!(o.hold_out >= 0 && o.hold_out < 1))
     throw std::invalid_argument(fmt::format("hold-out fraction: {} found, 0 <= fraction < 1 needed", o.hold_out));
 }
@@ -119,11 +130,21 @@ class Pipeline {
  private:
   void hold_out();
   void remove_nominal();
+  void check_method() const;
+  bool regress_each_step();
+  bool windows_are_scarce(const Ensemble& e) const;
+  void regress_together();
   void choose_lags();
   void check_size() const;
+  std::vector<Index> lag_candidates(Index steps, InitialState initial, Index period) const;
+  const Ensemble& judged() const;
   void decide_initial_state();
   Model model_of(const Markov& parameters, const HankelFactors& factors, TveraOptions o, Index states) const;
   Index choose_states(const Markov& parameters, const HankelFactors& factors, const TveraOptions& o);
+  Model tvera_model();
+  std::vector<Weighting> weightings(const Ensemble& measure) const;
+  Folds folds() const;
+  Model subspace_model();
   void realise_model();
   void warn_of_regressions();
   void warn_of_states();
@@ -134,17 +155,20 @@ class Pipeline {
   Index experiments_for(Index lags) const {
     return minimum_experiments(data_.inputs(), data_.outputs(), lags) + (nominal_ ? 1 : 0);
   }
+  // Has a mean motion been removed that every experiment had its part in?
+  bool centred() const { return nominal_ && options_.period == 0; }
   // Experiments less the one that the mean motion costs.
   Index effective_experiments() const { return data_.experiments() - (nominal_ ? 1 : 0); }
   Index step_count() const { return static_cast<Index>(arx_.step.size()); }
   const GtvArxStep& step(Index k) const { return arx_.step[size_t(k)]; }
   void warn(std::string text) { result_.warnings.push_back(std::move(text)); }
   Execution share(double from, double to) const;
-  std::string options_json() const;
 
   const IdentifyOptions& options_;
   Ensemble data_, held_out_;
+  mutable std::optional<Ensemble> judged_;
   std::optional<Nominal> nominal_;
+  bool together_ = false;  // all steps in one regression
   InitialState initial_ = InitialState::zero;
   GtvArx arx_;
   Identification result_;
@@ -162,7 +186,7 @@ Execution Pipeline::share(double from, double to) const {
 
 void Pipeline::hold_out() {
   if (options_.hold_out == 0) return;
-  Split parts = split(data_, options_.hold_out);
+  Split parts = split(data_, options_.hold_out, options_.period);
   data_ = std::move(parts.training);
   held_out_ = std::move(parts.held_out);
   result_.held_out = true;
@@ -171,12 +195,14 @@ void Pipeline::hold_out() {
 void Pipeline::remove_nominal() {
   if (options_.nominal == NominalChoice::none) return;
   if (options_.nominal == NominalChoice::automatic) {
-    result_.nominal_test = test_nominal(data_);
+    result_.nominal_test = test_nominal(options_.period > 0 ? judged() : data_);
+    judged_.reset();
     if (!result_.nominal_test.significant) return;
   }
-  if (data_.experiments() < 2)
+  if (data_.experiments() < 2 && options_.period == 0)
     throw std::invalid_argument("nominal: one experiment has no mean motion to depart from, at least 2 needed");
   nominal_ = nominal_trajectory(data_);
+  if (options_.period > 0) share_phases(*nominal_, options_.period);
   data_ = departures(std::move(data_), *nominal_);
   // Free responses share a nominal motion of their own; its departures are free responses too.
   FreeResponse& free = data_.free;
@@ -187,6 +213,167 @@ void Pipeline::remove_nominal() {
     free = complete(free);
     free.y.rowwise() -= Eigen::RowVectorXd(free.y.colwise().mean());
   }
+}
+
+// What orders and weights are judged by: the experiments, of long ones a stretch in the middle; or, where they are too
+// few and their steps share a model, stretches of them.
+const Ensemble& Pipeline::judged() const {
+  const Index period = options_.period, pieces = ceil_div(5, data_.experiments()), steps = data_.steps();
+  if (!judged_ && period == 0 && steps > 2 * most_judged_steps)
+    judged_ = stretch(data_, (steps - most_judged_steps) / 2, (steps + most_judged_steps) / 2);
+  if (!judged_ && period > 0 && pieces > 1 && steps / pieces >= 2 * period)
+    judged_ = cut(data_, steps / pieces / period * period);
+  return judged_ ? *judged_ : data_;
+}
+
+void Pipeline::check_method() const {
+  const bool tvera = options_.method == Method::tvera;
+  if (tvera && options_.period > 0)
+    throw std::invalid_argument("method: tvera found, subspace needed to pool the steps of a period");
+  if (tvera && options_.smoothing > 0)
+    throw std::invalid_argument("method: tvera found, subspace needed for regularisation over time");
+  if (options_.weighting == Weighting::projection && options_.period == 0)
+    throw std::invalid_argument("weighting: projection found, needs --time-invariant or --period P to pool steps");
+  if (!tvera && options_.period == 0 && options_.smoothing < 0 && data_.experiments() < 2)
+    throw std::invalid_argument(
+        "experiments: 1 found, at least 2 needed to see how a system varies in time (one record is enough where it is "
+        "time-invariant or periodic, if that is stated)");
+}
+
+// A regression for each step alone, where the experiments suffice: the paper's, and all that data without noise need.
+bool Pipeline::regress_each_step() {
+  const Index needed = options_.lags > 0     ? options_.lags
+                       : options_.states > 0 ? ceil_div(options_.states, data_.outputs())
+                                             : 1;
+  const bool together = options_.period > 0 || options_.smoothing > 0;
+  if (options_.method != Method::tvera && (together || data_.experiments() < experiments_for(needed))) return false;
+  const size_t warnings = result_.warnings.size();
+  choose_lags();
+  check_size();
+  GtvArxOptions arx_options;
+  arx_options.lags = {result_.lags};
+  arx_options.spent = nominal_ ? 1 : 0;
+  arx_options.execution = share(0.1, 0.4);
+  arx_ = gtv_arx(data_, arx_options);
+  decide_initial_state();
+  if (initial_ == InitialState::unknown) {
+    // The regressions of the steps k ≥ p hold whatever the initial state is; the others are of no use.
+    arx_.k_begin = result_.lags;
+    std::fill_n(arx_.step.begin(), arx_.k_begin, GtvArxStep{});
+  }
+  warn_of_regressions();
+  // Regressions that fit any data exactly are no sign of data without noise, unless somebody chose their order.
+  Index freedom = 0;
+  for (const GtvArxStep& s : arx_.step) freedom += s.freedom;
+  const bool judged = freedom > 0 || options_.lags > 0 || options_.states > 0;
+  if (options_.method == Method::tvera || (!result_.noisy && judged)) return true;
+  if (options_.smoothing == 0 && options_.lags > 0) return true;
+  // With noise, steps that share what they know do better: what these regressions lack is of no consequence.
+  result_.warnings.resize(warnings);
+  if (freedom == 0) arx_ = {};  // what fits any data says nothing of initial states either
+  return false;
+}
+
+// What the steps leave to be judged, from unknown initial states on, must be half of them.
+std::vector<Index> Pipeline::lag_candidates(Index steps, InitialState initial, Index period) const {
+  if (options_.lags > 0) return {options_.lags};
+  const Index needed = options_.states > 0 ? ceil_div(options_.states, data_.outputs()) : 1;
+  const Index first = first_judged(initial, 1, period);
+  std::vector<Index> candidates;
+  for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
+    if (p >= needed && 2 * std::max<Index>(1, first) * p < steps &&
+        (candidates.empty() || minimum_experiments(data_.inputs(), data_.outputs(), p) <= most_regressors))
+      candidates.push_back(p);
+  if (candidates.empty()) candidates.push_back(needed);
+  return candidates;
+}
+
+bool Pipeline::windows_are_scarce(const Ensemble& e) const {
+  constexpr double enough = 0.5;
+  if (e.missing() == 0) return false;
+  Index whole = 0;
+  for (Index k = result_.lags; k < e.steps(); ++k) whole += Index(e.complete_rows(k, result_.lags).size());
+  return double(whole) < enough * double(e.experiments() * (e.steps() - result_.lags));
+}
+
+// All steps in one regression, coupled over time; p and λ by errors on experiments left out.
+void Pipeline::regress_together() {
+  together_ = true;
+  const Ensemble& measure = judged();
+  const bool decided = options_.initial_state || data_.initial_state || !arx_.step.empty();
+  if (arx_.step.empty() && decided) decide_initial_state();
+  SmoothingOptions o;
+  o.period = options_.period;
+  o.initial_state = decided && &measure == &data_ ? initial_ : InitialState::unknown;
+  o.lags = lag_candidates(measure.steps(), o.initial_state, o.period);
+  o.smoothing = options_.smoothing;
+  o.centred = centred();
+  o.execution = share(0.4, 0.6);
+  const Index regressors = minimum_experiments(data_.inputs(), data_.outputs(), o.lags.back());
+  o.folds = regressors > 100 ? 3 : fold_count(measure.experiments());
+  o.steps = std::clamp<Index>(256 * 60 * 60 / (regressors * regressors), 64, 256);
+  if (o.lags.back() >= measure.steps())
+    throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", measure.steps(),
+                                            o.lags.back(), o.lags.back() + 1));
+  if (options_.choices) {
+    result_.lags = o.lags.front();
+    result_.variation = options_.choices->variation;
+  } else if (measure.experiments() > 1) {
+    result_.smoothing_choice = choose_smoothing(measure, o);
+    result_.lags = result_.smoothing_choice.lags;
+    result_.variation.smoothing = result_.smoothing_choice.smoothing;
+  } else {
+    result_.lags = o.lags.front();
+    result_.variation.smoothing = options_.smoothing;
+  }
+  // A few windows without a gap are too few to see variation by; EM, which sees every sample, looks for λ itself.
+  if (options_.smoothing < 0 && !options_.choices && std::isinf(result_.variation.smoothing) &&
+      windows_are_scarce(measure)) {
+    result_.variation.smoothing = 1e3;
+    warn(
+        "missing samples leave few windows to see variation in time by: lambda = 1000 was taken, and is chosen anew for "
+        "EM");
+  }
+  if (!options_.choices) result_.variation.period = options_.period;
+  if (std::isinf(result_.variation.smoothing) || options_.period == 1) {
+    if (options_.period == 0 && options_.smoothing < 0)
+      warn("the experiments show no variation in time: one model serves all steps");
+    result_.variation = {0.0, 1};
+    // All steps together bear more lags than each of them does.
+    if (options_.period == 0 && measure.experiments() > 1) {
+      o.period = 1;
+      o.lags = lag_candidates(measure.steps(), o.initial_state, o.period);
+      SmoothingChoice constant = choose_smoothing(measure, o);
+      result_.lags = constant.lags;
+      for (SmoothingTrial& trial : constant.trials) {
+        trial.smoothing = std::numeric_limits<double>::infinity();
+        result_.smoothing_choice.trials.push_back(trial);
+      }
+    }
+  }
+  result_.min_experiments = experiments_for(result_.lags);
+
+  SmoothArxOptions arx_options;
+  arx_options.lags = result_.lags;
+  arx_options.variation = result_.variation;
+  arx_options.execution = share(0.6, 0.7);
+  if (!decided && result_.variation.period > 0) {
+    // Steps share their residuals, so that none tells of the start.
+    initial_ = result_.initial_state_test.decision = InitialState::unknown;
+    result_.initial_state_test.reason = "not stated with the data";
+  } else if (!decided) {
+    arx_ = smooth_arx(data_, arx_options);
+    for (GtvArxStep& s : arx_.step) s.freedom = s.rows;
+    decide_initial_state();
+  }
+  arx_options.initial_state = initial_;
+  arx_ = smooth_arx(data_, arx_options);
+  double residual = 0.0, square = 0.0;
+  for (Index k = arx_.k_begin; k < step_count(); ++k) {
+    residual += step(k).residual_cov.trace();
+    square += step(k).output_rms.squaredNorm();
+  }
+  result_.noisy = residual > arithmetic * arithmetic * square;
 }
 
 void Pipeline::choose_lags() {
@@ -213,9 +400,6 @@ void Pipeline::choose_lags() {
       warn(fmt::format("{} experiments leave no degree of freedom to judge lag order {} by: it fits any data exactly",
                        data_.experiments(), needed));
     }
-  } else if (options_.lags < needed) {
-    warn(fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", options_.lags, m,
-                     options_.lags * m, options_.states));
   }
   result_.min_experiments = experiments_for(result_.lags);
 }
@@ -312,39 +496,21 @@ Index Pipeline::choose_states(const Markov& parameters, const HankelFactors& fac
     for (Index n = 0; n < most_judged; ++n) rows.push_back(n * data_.experiments() / most_judged);
     judged = data_.subset(rows);
   }
-  ValidateOptions validate_options;
-  validate_options.initial_state = initial_;
-  validate_options.whiteness_lags = 0;
-  const Matrix zero = Matrix::Zero(data_.steps(), data_.outputs());  // errors are compared with the departures
+  // The training errors of an order are too small by about its share of coefficients in the samples.
+  scores.price = 2.0 / 3 * double(data_.channels()) / double(data_.outputs() * data_.experiments());
   const Index most = std::min({result_.lags * data_.outputs(), o.cols * data_.inputs(), most_states});
   for (Index n = 1; n <= most; ++n) {
     Model model = model_of(parameters, factors, o, n);
-    model.y_nominal = zero;
-    model.u_nominal = Matrix::Zero(data_.steps(), data_.inputs());
     if (model.steps() == 0 || model.states() < n) break;
-    const Validation v = validate(model, judged, validate_options);
-    // A simulation that is worse than none says no more than that.
-    const auto score = [](const Vector& fit) {
-      return (1 - fit.array() / 100).isFinite().select((1 - fit.array() / 100).max(1e-12), 1e12).log().mean();
-    };
-    scores.states.push_back(n);
-    scores.one_step.push_back(score(v.one_step.fit));
-    scores.simulation.push_back(std::min(score(v.simulation.fit), std::log(2.0)));
+    const Errors e =
+        errors_of(computed_by(std::move(model), judged, initial_, first_judged(initial_, result_.lags, 0)), judged);
+    scores.add(n, e.one_step, e.ahead, e.simulation);
   }
-  // The training errors of an order are too small by about its share of coefficients in the samples: n (r+m) against N
-  // m.
-  const double price = double(data_.channels()) / double(data_.outputs() * data_.experiments());
-  const auto total = [&](size_t i) {
-    return scores.one_step[i] + scores.simulation[i] + 2 * price * double(scores.states[i]);
-  };
-  double smallest = std::numeric_limits<double>::infinity();
-  for (size_t i = 0; i < scores.states.size(); ++i) smallest = std::min(smallest, total(i));
-  for (size_t i = scores.states.size(); i-- > 0;)
-    if (total(i) <= smallest + std::log(1.02)) scores.best = scores.states[i];
+  scores.choose();
   return scores.best;
 }
 
-void Pipeline::realise_model() {
+Model Pipeline::tvera_model() {
   const Index m = data_.outputs(), r = data_.inputs(), n = options_.states, p = result_.lags;
   TveraOptions o;
   o.rows = options_.rows > 0 ? options_.rows : std::max(p + 1, ceil_div(n, m) + 1);
@@ -358,8 +524,89 @@ void Pipeline::realise_model() {
   const Markov parameters = markov(arx_, o.rows + o.cols - 1, share(0.6, 0.7));
   const HankelFactors factors = hankel_factors(parameters, data_.free, o);
   o.execution.progress = {};
+  return model_of(parameters, factors, o, n == 0 && result_.noisy ? choose_states(parameters, factors, o) : n);
+}
+
+// What to choose from: projections need as many windows of twice the length as these have samples.
+std::vector<Weighting> Pipeline::weightings(const Ensemble& measure) const {
+  if (options_.weighting) return {*options_.weighting};
+  std::vector<Weighting> result = {Weighting::one_step};
+  const Index period = result_.variation.period, p = result_.lags;
+  if (period == 0) return result;
+  result.push_back(Weighting::many_steps);
+  const Index windows = measure.steps() - 2 * p - period + 1;
+  if (windows > 0 && measure.experiments() * windows / period > 2 * p * measure.channels())
+    result.push_back(Weighting::projection);
+  return result;
+}
+
+Folds Pipeline::folds() const {
+  const Ensemble& measure = judged();
+  return Folds(measure, {.lags = result_.lags,
+                         .initial_state = judged_ ? InitialState::unknown : initial_,
+                         .variation = result_.variation,
+                         .weightings = weightings(measure),
+                         .centred = centred(),
+                         .threads = options_.execution.threads});
+}
+
+// Subspace realisation, and EM as far as it does good.
+Model Pipeline::subspace_model() {
+  SubspaceOptions o;
+  o.states = options_.states;
+  o.variation = result_.variation;
+  o.noisy = result_.noisy;
+  o.weighting = options_.weighting.value_or(Weighting::one_step);
+  o.execution = share(0.7, 0.8);
+  RefineOptions refine_options;
+  refine_options.period = result_.variation.period;
+  refine_options.initial_state = initial_;
+  refine_options.execution.threads = options_.execution.threads;
+  const auto make = [&] { return tokid::subspace_model(data_, arx_, predictor_factors(data_, arx_, o), o, initial_); };
+  if (options_.choices && together_) {
+    const NoisyChoices& held = *options_.choices;
+    o.weighting = held.weighting;
+    o.state_smoothing = held.refinement_iterations > 0 ? held.refinement_smoothing : held.state_smoothing;
+    result_.refinement.smoothing = held.refinement_smoothing;
+    result_.refinement.iterations = held.refinement_iterations;
+    result_.choices = held;
+    return refined(make(), data_, result_.refinement, refine_options);
+  }
+  if (!result_.noisy || !together_ || judged().experiments() < 2) return make();
+  const Folds parts = folds();
+  result_.order_scores = parts.choose_states(o.states, std::min(result_.lags * data_.outputs(), most_states));
+  o.state_smoothing = result_.state_smoothing = result_.order_scores.smoothing;
+  o.weighting = result_.order_scores.weighting;
+  if (o.states == 0) o.states = result_.order_scores.best;
+  Model model = make();
+  o.execution.progress = {};
+  if (!options_.refine.value_or(true) || model.states() == 0 || model.states() < o.states) return model;
+  result_.refinement = parts.choose_refinement(o.states, result_.order_scores);
+  if (result_.refinement.iterations == 0) return model;
+  o.state_smoothing = result_.refinement.smoothing;
+  Model likelier = refined(make(), data_, result_.refinement, refine_options);
+  const Index first = first_judged(initial_, result_.lags, result_.variation.period);
+  const Computed start = computed_by(model, data_, initial_, first);
+  const Errors after = errors_of(computed_by(likelier, data_, initial_, first), data_, &start);
+  const Errors before = errors_of(start, data_);
+  // What EM does with all experiments need not be what it did with those of the folds: then it predicts them worse than
+  // the models of the folds predicted experiments that they had not seen. And it sees one step only: a model of many
+  // samples for each coefficient must not lose over more steps what it wins there.
+  const double allowed = std::log(spoilt);
+  const bool one_step = after.one_step <= result_.refinement.one_step + allowed;
+  const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
+  if (one_step && (longer || result_.variation.period == 0)) return likelier;
+  result_.refinement.iterations = 0;
+  warn(fmt::format("the refinement by EM was left out: with all experiments it made the {} worse",
+                   one_step ? "simulations" : "predictions"));
+  return model;
+}
+
+void Pipeline::realise_model() {
+  const bool exact = !result_.noisy && initial_ == InitialState::zero && !together_;
+  const bool tvera = options_.method == Method::tvera || (options_.method == Method::automatic && exact);
   Model& model = result_.model;
-  model = model_of(parameters, factors, o, n == 0 && result_.noisy ? choose_states(parameters, factors, o) : n);
+  model = tvera ? tvera_model() : subspace_model();
   if (model.states() == 0)
     warn("no state was found: the outputs answer to the inputs of the same step alone, or not at all");
   if (nominal_) {
@@ -421,7 +668,7 @@ void Pipeline::warn_of_states() {
   if (data_.free.experiments > 0 && model.states() > 0 && model.full_begin() > arx_.k_begin)
     warn(fmt::format("the {} free responses don't show all {} states from step {} on, but only from step {}",
                      data_.free.experiments, model.states(), arx_.k_begin, model.full_begin()));
-  if (initial_ == InitialState::unknown && model.states() > 0)
+  if (initial_ == InitialState::unknown && model.states() > 0 && model.k_begin > 0)
     warn(fmt::format("initial states are unknown: the model begins at step {}, the first with the full state dimension",
                      model.k_begin));
 }
@@ -464,24 +711,6 @@ void Pipeline::evaluate() {
   for (const std::string& text : result_.validation.warnings) warn(text);
 }
 
-std::string Pipeline::options_json() const {
-  static constexpr const char* nominal[] = {"auto", "none", "mean"};
-  static constexpr const char* frame[] = {"raw", "reference", "smooth"};
-  const auto number = [](Index value) { return value > 0 ? nlohmann::json(value) : nlohmann::json("auto"); };
-  return nlohmann::json{{"states", number(options_.states)},
-                        {"lags", number(options_.lags)},
-                        {"initial_state", options_.initial_state ? to_string(*options_.initial_state) : "auto"},
-                        {"nominal", nominal[static_cast<size_t>(options_.nominal)]},
-                        {"frame", frame[static_cast<size_t>(options_.frame)]},
-                        {"reference_step", options_.reference_step >= 0 ? nlohmann::json(options_.reference_step)
-                                                                        : nlohmann::json("auto")},
-                        {"hold_out", options_.hold_out},
-                        {"experiments", result_.experiments},
-                        {"rows", number(options_.rows)},
-                        {"cols", number(options_.cols)}}
-      .dump();
-}
-
 Identification Pipeline::run() {
   const auto begin = std::chrono::steady_clock::now();
   check_options(options_);
@@ -491,31 +720,30 @@ Identification Pipeline::run() {
                                             data_.inputs(), data_.outputs()));
   check_magnitudes(data_);
   hold_out();
+  const std::string fingerprint = tokid::fingerprint(data_);
   result_.experiments = data_.experiments();
   result_.steps = data_.steps();
-  warn_of_constant_inputs(data_, result_.warnings);
+  if (options_.period == 0) warn_of_constant_inputs(data_, result_.warnings);
   remove_nominal();
-  choose_lags();
-  check_size();
-
-  GtvArxOptions arx_options;
-  arx_options.lags = {result_.lags};
-  arx_options.spent = nominal_ ? 1 : 0;
-  arx_options.execution = share(0.1, 0.6);
-  arx_ = gtv_arx(data_, arx_options);
-  decide_initial_state();
-  if (initial_ == InitialState::unknown) {
-    // The regressions of the steps k ≥ p hold whatever the initial state is; the others are of no use.
-    arx_.k_begin = result_.lags;
-    std::fill_n(arx_.step.begin(), arx_.k_begin, GtvArxStep{});
-  }
-  warn_of_regressions();
+  check_method();
+  if (options_.lags > 0 && options_.lags * data_.outputs() < options_.states)
+    warn(fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", options_.lags,
+                     data_.outputs(), options_.lags * data_.outputs(), options_.states));
+  if (!regress_each_step()) regress_together();
   realise_model();
   warn_of_states();
   choose_frame();
   check_finite();
   result_.model.version = version;
-  result_.model.options = options_json();
+  result_.model.options = to_json(options_, result_.experiments);
+  note_data(result_.model, fingerprint);
+  if (together_ && result_.noisy && !options_.choices)
+    result_.choices = {result_.variation, result_.state_smoothing,
+                       options_.weighting.value_or(result_.order_scores.weighting), result_.refinement.smoothing,
+                       result_.refinement.iterations};
+  if (result_.choices) note_choices(result_.model, *result_.choices);
+  if (result_.refinement.iterations > 0)
+    note_refinement(result_.model, result_.refinement.smoothing, result_.refinement.iterations);
   evaluate();
   if (options_.execution.progress) options_.execution.progress(1.0);
   result_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

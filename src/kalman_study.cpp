@@ -74,6 +74,7 @@ KalmanStudy kalman_study(const KalmanStudyOptions& options) {
     for (const Index p : options.lags) {
       if (count > 0 && count <= minimum_experiments(filter.inputs, filter.outputs, p)) continue;
       IdentifyOptions identify_options;
+      identify_options.method = Method::tvera;  // the paper's
       identify_options.states = filter.states();
       identify_options.lags = p;
       identify_options.initial_state = InitialState::zero;

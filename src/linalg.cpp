@@ -36,6 +36,30 @@ Matrix triangular_factor(Matrix& a) {
   return a.topRows(size).triangularView<Eigen::Upper>();
 }
 
+Matrix stacked(const ConstMatrixRef& above, const ConstMatrixRef& below) {
+  Matrix both(above.rows() + below.rows(), std::max(above.cols(), below.cols()));
+  if (above.rows() > 0) both.topRows(above.rows()) = above;
+  if (below.rows() > 0) both.bottomRows(below.rows()) = below;
+  return both;
+}
+
+void RowStack::add(const ConstMatrixRef& block) {
+  const Index cols = rows_.cols(), room = 4 * cols;
+  if (used_ > 0 && used_ + block.rows() > room) factor();
+  const Index needed = used_ + block.rows();
+  if (needed > rows_.rows()) rows_.conservativeResize(std::max(needed, std::min(room, 2 * needed)), cols);
+  rows_.middleRows(used_, block.rows()) = block;
+  used_ = needed;
+}
+
+Matrix RowStack::factor() {
+  Matrix all = rows_.topRows(used_);
+  Matrix result = triangular_factor(all);
+  used_ = result.rows();
+  rows_.topRows(used_) = result;
+  return result;
+}
+
 Matrix orthonormal_factor(Matrix a) {
   const Index rows = a.rows(), cols = a.cols();
   const Eigen::HouseholderQR<Eigen::Ref<Matrix>> in_place(a);

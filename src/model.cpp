@@ -9,6 +9,8 @@
 #include <map>
 #include <stdexcept>
 
+#include "em/smoother.hpp"
+
 namespace tokid {
 
 namespace {
@@ -98,6 +100,7 @@ void Model::check() const {
   const Index s_end = steps();
   if (inputs < 0 || outputs < 1 || k_begin < 0)
     throw std::invalid_argument(fmt::format("model: {} inputs, {} outputs, first step {}", inputs, outputs, k_begin));
+  if (period < 0) throw std::invalid_argument(fmt::format("model: period {} found, 0 or more needed", period));
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument(fmt::format("model: dt = {} found, a positive time in seconds needed", dt));
   check_length("B", B, s_end, false);
@@ -136,7 +139,17 @@ void Model::check() const {
     throw std::invalid_argument("model: u_nominal, y_nominal, x0_mean or x0_cov has a value that is not finite");
 }
 
+namespace {
+
+// Has a periodic model fewer steps than the data need?
+bool ends_early(const Model& model, Index steps) {
+  return model.period > 0 && model.steps() >= model.period && model.k_end() < steps;
+}
+
+}  // namespace
+
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) {
+  if (ends_early(model, inputs.steps())) return simulate(continued(model, inputs.steps()), inputs, x0);
   check_channels(model, inputs, false);
   const Index experiments = inputs.experiments(), end = std::min(model.k_end(), inputs.steps());
   Ensemble result = outputs_for(model, inputs);
@@ -145,7 +158,11 @@ Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) 
   if (x0.size() > 0 && (x0.rows() != n0 || x0.cols() != experiments))
     throw std::invalid_argument(
         fmt::format("x0: {} x {} found, {} states x {} experiments needed", x0.rows(), x0.cols(), n0, experiments));
-  Matrix x = x0.size() > 0 ? Matrix(x0.transpose()) : Matrix(Matrix::Zero(experiments, n0));
+  Matrix x = Matrix::Zero(experiments, n0);
+  if (x0.size() > 0)
+    x = x0.transpose();
+  else if (has_initial_estimate(model, inputs.initial_state.value_or(model.initial_state)))
+    x.rowwise() += model.x0_mean.transpose();
   for (Index k = model.k_begin; k < end; ++k) {
     const Matrix u = input_departure(model, inputs, k);
     store_output(model, k, output(model, k, x, u), result);
@@ -164,26 +181,25 @@ namespace {
 // its predictions are NaN until the last samples, as many as the observer remembers, tell the state again.
 class Observer {
  public:
-  Observer(const Model& model, const Ensemble& data, Index k, bool known)
+  // From step k on, where x is the state of all experiments, if it is known.
+  Observer(const Model& model, const Ensemble& data, Index k, const std::optional<Vector>& x)
       : model_(model),
         data_(data),
         window_(estimation_window(model)),
         k_(k),
         x_(Matrix::Zero(data.experiments(), model.n(k))),
-        since_(size_t(data.experiments()), known ? sees : k) {}
+        since_(size_t(data.experiments()), x ? sees : k) {
+    if (x) x_.rowwise() += x->transpose();
+  }
 
   Index k() const { return k_; }
 
-  // Predictions of output(k), computed from `horizon` - 1 steps without correction. Rows of NaN where the state is not
-  // known.
-  Matrix predicted(Index horizon) const {
-    const Index last = k_ + horizon - 1;
+  // x̂_k, rows of NaN where the state is not known.
+  Matrix state() const {
     Matrix x = x_;
-    for (Index k = k_; k < last; ++k) x = next_state(model_, k, x, input_departure(model_, data_, k));
-    Matrix y = output(model_, last, x, input_departure(model_, data_, last));
     for (size_t n = 0; n < since_.size(); ++n)
-      if (since_[n] != sees) y.row(Index(n)).setConstant(nan);
-    return y;
+      if (since_[n] != sees) x.row(Index(n)).setConstant(nan);
+    return x;
   }
 
   void advance() {
@@ -263,11 +279,50 @@ std::vector<std::string> differences(const Model& model, const Ensemble& data) {
   return result;
 }
 
+Index unknowns(const Model& model, Index k) {
+  if (model.lags.empty()) return 0;
+  return model.inputs +
+         (model.method == "tvera" ? model.lags[model.at(k)] * (model.inputs + model.outputs) : model.n(k));
+}
+
 bool starts_from_zero(const Model& model, InitialState initial) {
   return model.steps() > 0 && (model.state_dim.front() == 0 || (initial == InitialState::zero && model.k_begin == 0));
 }
 
+bool has_initial_estimate(const Model& model, InitialState initial) {
+  const Index n = model.steps() > 0 ? model.state_dim.front() : 0;
+  return n > 0 && initial == InitialState::unknown && model.initial_state == InitialState::unknown &&
+         model.x0_mean.size() == n && model.x0_cov.rows() == n && model.x0_cov.cols() == n;
+}
+
+namespace {
+
+// Outputs of the steps after the state x (N × n_k) at step k, without correction: those of step k + ahead - 1.
+Matrix outputs_ahead(const Model& model, const Ensemble& data, Index k, Matrix x, Index ahead) {
+  for (const Index last = k + ahead - 1; k < last; ++k) x = next_state(model, k, x, input_departure(model, data, k));
+  return output(model, k, x, input_departure(model, data, k));
+}
+
+bool knows_noise(const Model& model) {
+  return Index(model.Q.size()) == model.steps() && Index(model.R.size()) == model.steps();
+}
+
+bool samples_missing(const Ensemble& data, Index begin, Index end) {
+  return end > begin && data.samples().middleCols(begin * data.channels(), (end - begin) * data.channels()).hasNaN();
+}
+
+// E[x_k | samples before k] (N × n_k) at the steps from the model's first on, around what is missing.
+std::vector<Matrix> filtered_states(Model model, const Ensemble& data, bool from_zero) {
+  if (from_zero) model.x0_mean.resize(0), model.x0_cov.resize(0, 0);
+  std::vector<Matrix> states = em::predicted_states(model, em::samples_of(model, data, em::Tail::keep));
+  for (Matrix& x : states) x = x.transpose().eval();
+  return states;
+}
+
+}  // namespace
+
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options) {
+  if (ends_early(model, data.steps())) return predict(continued(model, data.steps()), data, options);
   check_channels(model, data, true);
   const Index horizon = options.horizon;
   if (horizon < 1) throw std::invalid_argument(fmt::format("horizon: {} found, at least 1 needed", horizon));
@@ -278,17 +333,29 @@ Prediction predict(const Model& model, const Ensemble& data, const PredictOption
   result.innovations.assign(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
   if (model.steps() == 0) return result;
 
-  const bool known = starts_from_zero(model, initial);
-  Observer observer(model, data, known ? model.k_begin : model.full_begin(), known);
+  std::optional<Vector> start;
+  const bool from_zero = starts_from_zero(model, initial);
+  if (from_zero)
+    start = Vector::Zero(model.state_dim.front());
+  else if (options.initial_estimate && has_initial_estimate(model, initial))
+    start = model.x0_mean;
   // Before the horizon has passed, a known initial state is the latest information.
-  if (known)
+  if (start) {
+    const Matrix x = start->transpose().replicate(data.experiments(), 1);
     for (Index ahead = 1; ahead < horizon && model.k_begin + ahead - 1 < end; ++ahead)
-      store_output(model, model.k_begin + ahead - 1, observer.predicted(ahead), result.y);
-  for (; observer.k() < end; observer.advance()) {
-    const Index k = observer.k();
-    result.innovations[size_t(k)] = output_departure(model, data, k) - observer.predicted(1);
-    if (horizon <= end - k) store_output(model, k + horizon - 1, observer.predicted(horizon), result.y);
+      store_output(model, model.k_begin + ahead - 1, outputs_ahead(model, data, model.k_begin, x, ahead), result.y);
   }
+  const auto store = [&](Index k, const Matrix& x) {
+    result.innovations[size_t(k)] = output_departure(model, data, k) - outputs_ahead(model, data, k, x, 1);
+    if (horizon <= end - k) store_output(model, k + horizon - 1, outputs_ahead(model, data, k, x, horizon), result.y);
+  };
+  if (start && knows_noise(model) && samples_missing(data, model.k_begin, end)) {
+    const std::vector<Matrix> states = filtered_states(model, data, from_zero);
+    for (Index k = model.k_begin; k < end; ++k) store(k, states[model.at(k)]);
+    return result;
+  }
+  Observer observer(model, data, start ? model.k_begin : model.full_begin(), start);
+  for (; observer.k() < end; observer.advance()) store(observer.k(), observer.state());
   return result;
 }
 
@@ -337,6 +404,8 @@ Matrix estimate_alike(const Model& model, const Ensemble& data, Index k, Index w
 }  // namespace
 
 Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index window) {
+  if (ends_early(model, std::min(k + window, data.steps())))
+    return estimate_state(continued(model, data.steps()), data, k, window);
   check_channels(model, data, true);
   if (k < model.k_begin || window < 1 || k + window > std::min(model.k_end(), data.steps()))
     throw std::invalid_argument(fmt::format("estimate_state: steps {} to {} asked for, {} to {} have model and data", k,
@@ -387,6 +456,31 @@ Matrix observability(const Model& model, Index k, Index rows) {
     transition = model.A[s] * transition;
   }
   return o;
+}
+
+Model continued(Model model, Index end) {
+  if (model.period <= 0 || model.steps() < model.period) return model;
+  const size_t period = size_t(model.period);
+  for (Index k = model.k_end(); k < end; ++k) {
+    const auto repeat = [period](auto& list) {
+      if (list.size() >= period) list.push_back(decltype(list.back())(list[list.size() - period]));
+    };
+    for (auto* list :
+         {&model.A, &model.B, &model.C, &model.D, &model.G, &model.innovation_cov, &model.Q, &model.R, &model.K})
+      repeat(*list);
+    repeat(model.state_dim);
+    repeat(model.singular_values);
+    repeat(model.condition);
+    repeat(model.rank);
+    repeat(model.lags);
+  }
+  for (Matrix* nominal : {&model.u_nominal, &model.y_nominal}) {
+    const Index known = nominal->rows();
+    if (known < model.period || known >= end) continue;
+    nominal->conservativeResize(end, Eigen::NoChange);
+    for (Index k = known; k < end; ++k) nominal->row(k) = Eigen::RowVectorXd(nominal->row(k - model.period));
+  }
+  return model;
 }
 
 Model from_step(const Model& model, Index k) {

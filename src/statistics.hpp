@@ -7,7 +7,29 @@ namespace tokid::statistics {
 // q with P(F ≤ q) = probability for F distributed with (a, b) degrees of freedom
 double f_quantile(double probability, double a, double b);
 
-// P(Z > z) of the standard normal distribution
-double normal_tail(double z);
+// Twice the smaller of P(X ≤ x) and P(X ≥ x) for χ² with the given degrees of freedom
+double chi_square_two_sided(double x, double freedom);
+
+// P(|T| ≥ |t|) for Student's t
+double student_two_sided(double t, double freedom);
+
+// Mean, variance and third central moment, which add up over independent terms.
+struct Cumulants {
+  double mean = 0.0, variance = 0.0, third = 0.0;
+
+  Cumulants& operator+=(const Cumulants& other) {
+    mean += other.mean, variance += other.variance, third += other.third;
+    return *this;
+  }
+};
+
+// P(X ≥ x) of the gamma distribution, shifted and where need be reflected, that has these cumulants (Pearson's type
+// III); NaN without variance.
+double upper_tail(const Cumulants& cumulants, double x);
+
+// Of tr(P M) where P projects ℝ^size onto a uniformly random subspace of dimension `rank`, and M is symmetric with
+// traces t1, t2, t3 of M, M², M³. If M is a projection too, this is Pillai's trace of two sets of variables, one of
+// which at least is normal. Needs 1 ≤ rank ≤ size and size ≥ 3.
+Cumulants projected_trace(double rank, double size, double t1, double t2, double t3);
 
 }  // namespace tokid::statistics

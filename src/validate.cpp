@@ -5,12 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <stdexcept>
 
+#include "em/smoother.hpp"
 #include "judged.hpp"
-#include "statistics.hpp"
 
 namespace tokid {
 
@@ -61,101 +60,17 @@ Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nomi
   return result;
 }
 
-namespace {
-
-// The innovations of one step over the given experiments, less their mean: columns of norm 1, and an orthonormal basis
-// of what they span.
-struct Centred {
-  Matrix columns, basis;
-};
-
-Centred centred(const Matrix& innovations, const std::vector<Index>& rows) {
-  Centred c;
-  c.columns = innovations(rows, Eigen::all);
-  c.columns.rowwise() -= Eigen::RowVectorXd(c.columns.colwise().mean());
-  const linalg::Svd d = linalg::svd(c.columns);
-  c.basis = d.u.leftCols((d.s.array() > 1e-12 * d.s(0)).count());
-  for (auto column : c.columns.colwise())
-    if (const double norm = column.norm(); norm > 0) column /= norm;
-  return c;
-}
-
-// The innovations of one step over the experiments that have all of them.
-struct StepInnovations {
-  std::vector<Index> rows;
-  Centred over;
-};
-
-StepInnovations step_innovations(const Matrix& innovations) {
-  StepInnovations step;
-  for (Index n = 0; n < innovations.rows(); ++n)
-    if (innovations.row(n).allFinite()) step.rows.push_back(n);
-  if (static_cast<Index>(step.rows.size()) > innovations.cols() + 2) step.over = centred(innovations, step.rows);
-  return step;
-}
-
-// Sums over the steps for one lag.
-struct LagSum {
-  double excess = 0.0, variance = 0.0;  // Pillai's traces less their means, and their variances
-  Vector correlation;                   // (m)
-  double correlation_variance = 0.0;
-  Index steps = 0;
-
-  void add(const Centred& now, const Centred& before) {
-    const double p = double(now.basis.cols()), q = double(before.basis.cols()), nu = double(now.columns.rows()) - 1;
-    excess += (now.basis.transpose() * before.basis).squaredNorm() - p * q / nu;
-    variance += 2 * p * q * (nu - p) * (nu - q) / (nu * nu * (nu - 1) * (nu + 2));
-    correlation += now.columns.cwiseProduct(before.columns).colwise().sum().transpose();
-    correlation_variance += 1 / nu;
-    ++steps;
-  }
-};
-
-}  // namespace
-
-Whiteness whiteness(const std::vector<Matrix>& innovations, Index lags) {
-  std::vector<StepInnovations> step;
-  step.reserve(innovations.size());
-  for (const Matrix& e : innovations) step.push_back(step_innovations(e));
-  const Index m = innovations.empty() ? 0 : innovations.front().cols();
-
-  std::vector<LagSum> sums(size_t(lags), LagSum{0.0, 0.0, Vector::Zero(m), 0.0, 0});
-  for (size_t k = 1; k < step.size(); ++k)
-    for (size_t j = 1; j <= std::min(size_t(lags), k); ++j) {
-      const StepInnovations &now = step[k], &before = step[k - j];
-      if (now.over.basis.cols() == 0 || before.over.basis.cols() == 0) continue;
-      if (now.rows == before.rows) {
-        sums[j - 1].add(now.over, before.over);
-        continue;
-      }
-      std::vector<Index> both;
-      std::set_intersection(now.rows.begin(), now.rows.end(), before.rows.begin(), before.rows.end(),
-                            std::back_inserter(both));
-      if (static_cast<Index>(both.size()) > innovations[k].cols() + 2)
-        sums[j - 1].add(centred(innovations[k], both), centred(innovations[k - j], both));
-    }
-
-  constexpr double two_sided_99 = 2.5758293035489;  // quantile of the normal distribution
-  Whiteness result{nan, Vector::Constant(lags, nan), Matrix::Constant(lags, m, nan), Vector::Constant(lags, nan)};
-  double excess = 0.0, variance = 0.0;
-  for (Index j = 0; j < lags; ++j) {
-    const LagSum& sum = sums[size_t(j)];
-    excess += sum.excess;
-    variance += sum.variance;
-    if (sum.variance > 0) result.z(j) = sum.excess / std::sqrt(sum.variance);
-    if (sum.steps == 0) continue;
-    result.correlation.row(j) = sum.correlation.transpose() / double(sum.steps);
-    result.bound(j) = two_sided_99 * std::sqrt(sum.correlation_variance) / double(sum.steps);
-  }
-  if (variance > 0) result.p = statistics::normal_tail(excess / std::sqrt(variance));
-  return result;
-}
-
-double whiteness_p(const std::vector<Matrix>& innovations, Index lags) { return whiteness(innovations, lags).p; }
-
 Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
+  if (const Model longer = continued(model, data.steps()); longer.steps() > model.steps())
+    return simulate_data(longer, data, initial_state);
   const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
-  if (starts_from_zero(model, initial)) return simulate(model, data);
+  if (starts_from_zero(model, initial))
+    return simulate(model, data, Matrix::Zero(model.state_dim.front(), data.experiments()));
+  if (has_initial_estimate(model, initial) && Index(model.Q.size()) == model.steps() &&
+      Index(model.R.size()) == model.steps())
+    return simulate(
+        model, data,
+        em::smoothed_first_states(model, em::samples_of(model, data, em::Tail::drop, estimation_window(model))));
   const Index start = model.full_begin(), window = estimation_window(model);
   if (start + window <= std::min(model.k_end(), data.steps()))
     return simulate(from_step(model, start), data, estimate_state(model, data, start, window));
@@ -164,7 +79,25 @@ Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<I
   return unknown;
 }
 
+namespace {
+
+// Divided by their standard deviations, so that those of different steps may be pooled; tests over the experiments are
+// blind to it.
+Innovations standardised(const Model& model, Innovations innovations) {
+  for (size_t s = 0; s < model.innovation_cov.size(); ++s) {
+    const size_t k = size_t(model.k_begin) + s;
+    const Vector variance = model.innovation_cov[s].diagonal();
+    if (k < innovations.size() && variance.minCoeff() > 0)
+      innovations[k] *= variance.cwiseSqrt().cwiseInverse().asDiagonal();
+  }
+  return innovations;
+}
+
+}  // namespace
+
 Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  if (const Model longer = continued(model, data.steps()); longer.steps() > model.steps())
+    return judge(longer, data, options);
   if (std::min(model.k_end(), data.steps()) <= model.k_begin)
     throw std::invalid_argument(
         fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
@@ -193,12 +126,16 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
         output += y * y;
       }
   }
-  result.whiteness_p = nan;
   result.noisy = innovation > arithmetic * arithmetic * output;
-  if (result.noisy) {
-    result.whiteness = whiteness(prediction.innovations, options.whiteness_lags);
-    result.whiteness_p = result.whiteness.p;
+  if (result.noisy && options.whiteness_lags > 0) {
+    const Innovations e = model_innovations(model, data, options.initial_state);
+    const Innovations scaled = standardised(model, e);
+    result.whiteness = whiteness(scaled, options.whiteness_lags);
+    result.independence = independence(scaled, data, 0, options.whiteness_lags);
+    result.feedback = independence(scaled, data, -options.whiteness_lags, -1);
+    result.squares = normalised_squares(model, e);
   }
+  result.whiteness_p = result.whiteness.p;
   if (!any)
     result.warnings.push_back(
         fmt::format("no step could be predicted: the model covers steps {} to {}, and {} steps are "

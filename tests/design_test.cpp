@@ -152,6 +152,7 @@ TEST(Design, AModelThatIsMostlyNoiseIsNotTrusted) {
     IdentifyOptions options;
     options.states = 4;
     options.lags = 2;
+    options.method = Method::tvera;
     options.nominal = NominalChoice::none;
     return identify(experiments(oscillator(80), {.experiments = 50, .measurement_noise = noise}), options).model;
   };

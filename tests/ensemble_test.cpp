@@ -65,6 +65,37 @@ TEST(Ensemble, SubsetAndSplitKeepWholeExperiments) {
   for (const double bad : {0.0, 1.0, -0.1, 0.01, 0.99, nan}) EXPECT_THROW(split(e, bad), std::invalid_argument) << bad;
 }
 
+TEST(Ensemble, EndOfASingleRecordIsHeldOutFromAStepOfTheFirstPhaseOn) {
+  const Split parts = split(numbered(1, 100, 1, 1), 0.25, 4);
+  EXPECT_EQ(parts.training.steps(), 72);
+  EXPECT_EQ(parts.held_out.steps(), 28);
+  EXPECT_EQ(parts.held_out.u(0, 0, 0), 7200);
+  EXPECT_EQ(message([] { split(numbered(1, 10, 1, 1), 0.5, 7); }),
+            "hold-out fraction: 0.5 of 10 steps leaves 0 to identify with");
+  EXPECT_EQ(split(numbered(4, 100, 1, 1), 0.25, 4).training.steps(), 100);
+}
+
+TEST(Ensemble, FingerprintsAreOfTheSamplesAlone) {
+  Ensemble e = numbered(3, 5, 2, 1);
+  const std::string own = fingerprint(e);
+  EXPECT_EQ(own.size(), 16u);
+  e.names.input_names = {"a", "b"};
+  e.dt = 2.0;
+  e.u(0, 0, 0) = -0.0;  // was 0
+  EXPECT_EQ(fingerprint(e), own);
+  Ensemble other = e;
+  other.u(2, 4, 1) += 1e-9;
+  EXPECT_NE(fingerprint(other), own);
+  EXPECT_NE(fingerprint(e.subset({0, 2, 1})), own);
+  EXPECT_NE(fingerprint(numbered(3, 5, 1, 2)), own);  // the same numbers as other channels
+  // A sample is missing, whatever its bits are.
+  e.y(1, 1, 0) = nan;
+  other = e;
+  other.y(1, 1, 0) = -nan;
+  EXPECT_EQ(fingerprint(other), fingerprint(e));
+  EXPECT_NE(fingerprint(e), own);
+}
+
 TEST(Ensemble, ChecksNameChannelExperimentAndStep) {
   Ensemble e = numbered(3, 4, 1, 2);
   e.names.output_names = {"angle", "rate"};

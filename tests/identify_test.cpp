@@ -87,7 +87,7 @@ TEST_P(Recovery, PredictionsFromUnknownInitialStates) {
     const Identification result = identify(e, {.lags = p});
     EXPECT_EQ(result.initial_state_test.decision, InitialState::unknown) << result.initial_state_test.reason;
     const Index begin = result.model.k_begin;
-    EXPECT_LE(begin, p + (system.states() + system.inputs - 1) / system.inputs);
+    EXPECT_EQ(begin, p);
     EXPECT_TRUE(mentions(result.warnings, "the model begins at step " + std::to_string(begin)));
     const Ensemble fresh = random_experiments(system, 20, 4, 30.0);
     const Prediction prediction = predict(result.model, fresh);
@@ -151,7 +151,7 @@ TEST(Identify, InitialStatesAreToldApartWithAndWithoutNoise) {
                                                   .measurement_noise = noise,
                                                   .initial_state = truth});
         e.initial_state.reset();
-        const InitialStateTest test = identify(e, {.states = 4, .lags = 3}).initial_state_test;
+        const InitialStateTest test = identify(e, {.states = 4, .lags = 3, .method = Method::tvera}).initial_state_test;
         EXPECT_EQ(test.decision, truth) << "noise " << noise << " seed " << seed << ": " << test.reason;
       }
 }
@@ -161,7 +161,7 @@ TEST(Identify, WhatTheDataOrTheCallerSayOfInitialStatesIsTaken) {
   EXPECT_EQ(identify(e).initial_state_test.reason, "as the data say");
   const Identification result = identify(e, {.initial_state = InitialState::unknown});
   EXPECT_EQ(result.initial_state_test.reason, "as asked");
-  EXPECT_EQ(result.model.k_begin, 4);
+  EXPECT_EQ(result.model.k_begin, 2);  // as soon as the samples tell all of the state
   EXPECT_EQ(result.model.initial_state, InitialState::unknown);
 }
 
@@ -197,11 +197,11 @@ TEST(Identify, NominalTrajectoriesAreFoundRemovedAndAddedBack) {
 TEST(Identify, TooFewExperimentsAreCountedAndTheOrderThatWouldDoIsNamed) {
   const Ensemble e = experiments(oscillator(40), {.experiments = 9});
   EXPECT_EQ(
-      message([&] { identify(e, {.lags = 2}); }),
+      message([&] { identify(e, {.lags = 2, .method = Method::tvera}); }),
       "experiments: 9 found, lag order 2 with 2 inputs and 2 outputs needs at least 10 (r + p(r+m)); 9 would do for "
       "lag orders up to 1");
   EXPECT_NE(message([&] {
-              identify(experiments(oscillator(40), {.experiments = 3}), {.lags = 1});
+              identify(experiments(oscillator(40), {.experiments = 3}), {.lags = 1, .method = Method::tvera});
             }).find("no lag order will do, 6 are needed for lag order 1"),
             std::string::npos);
   EXPECT_NE(message([&] {
@@ -234,7 +234,7 @@ TEST(Identify, ConstantInputsAreNamedWithTheirSteps) {
 
 TEST(Identify, HeldOutExperimentsJudgeTheModel) {
   const Ensemble e = experiments(oscillator(40), {.experiments = 40, .process_noise = 0.01, .measurement_noise = 0.03});
-  const Identification result = identify(e, {.states = 4, .lags = 3, .hold_out = 0.25});
+  const Identification result = identify(e, {.states = 4, .lags = 3, .refine = false, .hold_out = 0.25});
   EXPECT_TRUE(result.held_out);
   EXPECT_EQ(result.experiments, 30);
   EXPECT_EQ(result.validation.one_step.samples, 10 * 40);
@@ -243,15 +243,17 @@ TEST(Identify, HeldOutExperimentsJudgeTheModel) {
 
 TEST(Identify, NoiseIsSurvivedByEveryOrderChosenAutomatically) {
   // The fits that a usable model reaches on fresh data here; a wrong order gives large negative ones.
-  for (const Index count : {30, 100, 400}) {
-    const Model system = oscillator(60);
-    const Identification result =
-        identify(experiments(system, {.experiments = count, .process_noise = 0.01, .measurement_noise = 0.03}));
-    const Ensemble fresh =
-        experiments(system, {.experiments = 100, .seed = 77, .process_noise = 0.01, .measurement_noise = 0.03});
+  const Model system = oscillator(60);
+  ExperimentOptions options{.experiments = 100, .seed = 77, .process_noise = 0.01, .measurement_noise = 0.03};
+  const Ensemble fresh = experiments(system, options);
+  options.seed = 1;
+  for (const auto& [method, count] :
+       {std::pair{Method::tvera, 30}, {Method::tvera, 100}, {Method::tvera, 400}, {Method::automatic, 30}}) {
+    options.experiments = count;
+    const Identification result = identify(experiments(system, options), {.method = method});
     const Validation v = validate(result.model, fresh);
     EXPECT_GT(v.one_step.fit.minCoeff(), 99) << count;
-    EXPECT_GT(v.simulation.fit.minCoeff(), count < 100 ? 85 : 97) << count;
+    EXPECT_GT(v.simulation.fit.minCoeff(), method == Method::tvera && count < 100 ? 85 : 97) << count;
     EXPECT_GE(result.model.states(), 4);
     EXPECT_EQ(result.order_scores.best, result.model.states());
   }
@@ -271,6 +273,7 @@ TEST(Identify, StatesOfSlowSystemsStandOutFromTheNoise) {
     IdentifyOptions identify_options;
     identify_options.states = n;
     identify_options.lags = 8;
+    identify_options.method = Method::tvera;
     const Vector found = validate(identify(data, identify_options).model, fresh).one_step.rmse;
     // √(1 + L/N) is 1.09 for the tube and 1.16 for the oscillator, and as much again is granted to the realisation.
     EXPECT_LE(found.cwiseQuotient(best).maxCoeff(), 1.35) << n;
@@ -279,10 +282,11 @@ TEST(Identify, StatesOfSlowSystemsStandOutFromTheNoise) {
 
 TEST(Identify, FewExperimentsForManyUnknownsAreSaid) {
   const Ensemble e = experiments(oscillator(40), {.experiments = 15, .measurement_noise = 0.1});
-  EXPECT_TRUE(mentions(identify(e, {.lags = 3}).warnings, "15 experiments are few for the 14 unknowns"));
+  EXPECT_TRUE(mentions(identify(e, {.lags = 3, .method = Method::tvera}).warnings,
+                       "15 experiments are few for the 14 unknowns"));
   EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10}), {.states = 4}).warnings,
                        "leave no degree of freedom to judge lag order 2"));
-  EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10})).warnings,
+  EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10}), {.method = Method::tvera}).warnings,
                        "lag order 1 is the largest that 10 experiments can judge"));
 }
 
@@ -291,7 +295,8 @@ TEST(Identify, AskingForMoreStatesThanThereAreIsAnswered) {
   const Identification result = identify(e, {.states = 6, .lags = 3});
   EXPECT_EQ(result.model.states(), 4);
   EXPECT_TRUE(mentions(result.warnings, "6 states asked for, but the Hankel matrices have at most rank 4"));
-  EXPECT_TRUE(mentions(identify(e, {.states = 4, .lags = 1}).warnings, "lag order 1 with 2 outputs carries at most 2"));
+  EXPECT_TRUE(mentions(identify(e, {.states = 4, .lags = 1, .method = Method::tvera}).warnings,
+                       "lag order 1 with 2 outputs carries at most 2"));
 }
 
 TEST(Identify, MissingSamplesAndUnequalLengthsCostOnlyTheRowsTheyTouch) {
@@ -327,7 +332,7 @@ TEST(Identify, FramesAreAppliedAndNamed) {
 }
 
 TEST(Identify, SameBitsForAnyNumberOfThreadsAndFromRunToRun) {
-  const Ensemble e = experiments(oscillator(60), {.experiments = 30, .process_noise = 0.1, .measurement_noise = 0.1});
+  const Ensemble e = experiments(oscillator(24), {.experiments = 12, .process_noise = 0.1, .measurement_noise = 0.1});
   const Identification reference = identify(e);
   for (const int threads : {1, 2, 3, 8}) {
     IdentifyOptions options;
@@ -390,7 +395,9 @@ TEST(Identify, EveryChannelMayHaveItsOwnUnit) {
       noisy.output(k).col(j) += 0.02 * noisy.output(k).col(j).norm() / std::sqrt(80.0) * random.matrix(80, 1);
   Ensemble small = noisy;
   for (Index k = 0; k < 40; ++k) small.output(k).col(1) *= 1e-6, small.input(k).col(0) *= 1e3;
-  const Identification a = identify(noisy), b = identify(small);
+  // EM turns rounding errors into hundredths of a percent; what it starts from does not.
+  const IdentifyOptions options{.refine = false};
+  const Identification a = identify(noisy, options), b = identify(small, options);
   EXPECT_EQ(a.lags, b.lags);
   EXPECT_EQ(a.model.states(), b.model.states());
   // Scaling by powers of ten rounds, and the choices above are the same: equal fits to many digits.
@@ -441,7 +448,8 @@ TEST(Identify, ExactFitsForLackOfFreedomAreNotPraised) {
   Ensemble e = experiments(
       oscillator(40),
       {.experiments = 10, .process_noise = 0.1, .measurement_noise = 0.3, .initial_state = InitialState::unknown});
-  EXPECT_TRUE(mentions(identify(e, {.lags = 2}).warnings, "leave no degree of freedom at lag order 2"));
+  EXPECT_TRUE(mentions(identify(e, {.lags = 2, .method = Method::tvera}).warnings,
+                       "leave no degree of freedom at lag order 2"));
 }
 
 TEST(Identify, DependentInputsAreNamed) {

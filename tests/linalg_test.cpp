@@ -53,6 +53,16 @@ TEST_P(Factorisations, InverseFactorCarriesTheInverseGramMatrix) {
             100 * tolerance * solution.condition * solution.condition * gram_inverse.norm());
 }
 
+TEST_P(Factorisations, RowStackHasTheGramMatrixOfAllItsBlocks) {
+  linalg::RowStack stack(cols);
+  EXPECT_EQ(stack.factor().rows(), 0);
+  for (Index row = 0; row < rows; ++row) stack.add(a.row(row));
+  for (int block = 0; block < 9; ++block) stack.add(a);
+  const Matrix r = stack.factor();
+  ASSERT_LE(r.rows(), cols);
+  EXPECT_LE((r.transpose() * r - 10 * a.transpose() * a).norm(), 10 * tolerance * a.norm());
+}
+
 INSTANTIATE_TEST_SUITE_P(Shapes, Factorisations,
                          ::testing::Values(Shape{1, 1}, Shape{5, 1}, Shape{1, 5}, Shape{7, 7}, Shape{50, 12},
                                            Shape{12, 30}, Shape{40, 40}),

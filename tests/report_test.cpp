@@ -164,10 +164,19 @@ TEST(Verdict, TrustsAModelThatPredictsFreshData) {
   EXPECT_TRUE(contains(v.summary, "on 20 experiments given")) << v.summary;
 }
 
+TEST(Verdict, KnowsTheDataOfTheIdentificationByAnyMethod) {
+  const Ensemble data = noisy(60, 3);
+  for (const bool refine : {false, true}) {
+    const Model model = identify(data, {.states = 4, .lags = 4, .refine = refine}).model;
+    EXPECT_TRUE(has_seen(model, data));
+  }
+}
+
 TEST(Verdict, KnowsTheDataOfTheIdentification) {
   const Ensemble data = noisy(60, 3), fresh = noisy(60, 4);
   IdentifyOptions options;
   options.states = 4;
+  options.method = Method::tvera;
   for (const double hold_out : {0.0, 0.25}) {
     options.hold_out = hold_out;
     const Model model = identify(data, options).model;
@@ -185,12 +194,12 @@ TEST(Verdict, KnowsTheDataOfTheIdentification) {
   exact.seed = 9;
   const Ensemble other = experiments(oscillator(40), exact);
   const Model model = identify(clean).model;
-  EXPECT_TRUE(report::recognised(model, clean));
-  EXPECT_FALSE(report::recognised(model, other));
+  EXPECT_TRUE(has_seen(model, clean));
+  EXPECT_FALSE(has_seen(model, other));
   for (Index k = 0; k < clean.steps(); ++k) clean.input(k).array() += 3.0;
   clean = simulate(oscillator(40), clean);
   const Model moved = identify(clean, {.nominal = NominalChoice::mean}).model;
-  EXPECT_TRUE(report::recognised(moved, clean));
+  EXPECT_TRUE(has_seen(moved, clean));
 }
 
 TEST(Verdict, DoesNotTrustFewTrainingExperiments) {
@@ -210,6 +219,31 @@ TEST(Verdict, DoesNotTrustAWrongModel) {
   EXPECT_TRUE(contains(all_reasons(v), "worse than none")) << all_reasons(v);
 }
 
+// Both models predict well all the same.
+TEST(Verdict, ReadsTheInnovations) {
+  const ExperimentOptions options{.experiments = 40, .seed = 8, .process_noise = 0.02, .measurement_noise = 0.05};
+  const Model truth = with_noise(oscillator(40), options);
+  const Ensemble data = experiments(truth, options);
+  EXPECT_EQ(verdict(truth, data).trust, Trust::good) << all_reasons(verdict(truth, data));
+  Model overconfident = truth;
+  for (Matrix& s : overconfident.innovation_cov) s *= 0.4;
+  Verdict v = verdict(overconfident, data);
+  EXPECT_EQ(v.trust, Trust::look_closer);
+  EXPECT_TRUE(contains(all_reasons(v), "overconfident: the squares of its innovations are 2.5 times"))
+      << all_reasons(v);
+  Model wrong = truth;
+  for (Matrix& d : wrong.D) d(0, 0) += 0.05;
+  v = verdict(wrong, data);
+  EXPECT_EQ(v.trust, Trust::look_closer);
+  EXPECT_TRUE(contains(all_reasons(v), "The inputs explain part of the innovations (p < 0.0001, correlation 0."))
+      << all_reasons(v);
+  EXPECT_TRUE(contains(all_reasons(v), "at lag 0)")) << all_reasons(v);
+  const std::string page = report_page(wrong, data).html;
+  EXPECT_TRUE(contains(page, "squared innovations over their stated covariance"));
+  EXPECT_TRUE(contains(page, "they explain part of the innovations"));
+  EXPECT_TRUE(contains(page, "no sign of feedback"));
+}
+
 TEST(Verdict, SaysWhereAnInputRests) {
   Random random(6);
   Model system = constant_system({4, 2, 2}, 60, 0.9, 6);
@@ -224,7 +258,10 @@ TEST(Verdict, SaysWhereAnInputRests) {
   data.names.input_names = {"elevator", "throttle"};
   const Ensemble clean = simulate(system, data);
   for (Index k = 0; k < data.steps(); ++k) data.output(k) = clean.output(k) + 0.02 * random.matrix(60, 2);
-  const Model model = identify(data, {.states = 4, .lags = 3, .nominal = NominalChoice::none, .hold_out = 0.25}).model;
+  const Model model =
+      identify(data,
+               {.states = 4, .lags = 3, .method = Method::tvera, .nominal = NominalChoice::none, .hold_out = 0.25})
+          .model;
   const Verdict v = verdict(model, data);
   EXPECT_NE(v.trust, Trust::good);
   // Windows with two or more resting steps: 42 and on, as far as they reach back.

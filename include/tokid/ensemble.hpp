@@ -108,8 +108,21 @@ ChannelSummary channel_summary(const Ensemble& ensemble, Index channel);
 struct Split {
   Ensemble training, held_out;
 };
-// \throws std::invalid_argument unless 0 < fraction < 1 and both parts get at least one experiment
-Split split(const Ensemble& ensemble, double fraction);
+// Of a single record of a system with a period of so many steps its end is held out, from a step of the first phase on.
+// \throws std::invalid_argument unless 0 < fraction < 1 and both parts get at least one experiment, or step
+Split split(const Ensemble& ensemble, double fraction, Index period = 0);
+
+// 16 hexadecimal digits (XXH3, 64 bits) that tell the samples u and y of one ensemble from those of any other, whatever
+// file they came from.
+std::string fingerprint(const Ensemble& ensemble);
+
+// The steps begin … end-1 of every experiment as an ensemble of its own, whose initial states are unknown unless it
+// begins with the experiments. Free responses stay behind. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T
+Ensemble stretch(const Ensemble& ensemble, Index begin, Index end);
+
+// Consecutive stretches of the given length as experiments of their own, unfinished ones left out: what a system that
+// does not change with time makes of one long record. \throws std::invalid_argument unless 1 ≤ length ≤ T
+Ensemble cut(const Ensemble& ensemble, Index length);
 
 // Mean motion over the experiments at each step, from the samples that are there.
 struct Nominal {
@@ -118,6 +131,9 @@ struct Nominal {
 };
 Nominal nominal_trajectory(const Ensemble& ensemble);
 Ensemble departures(Ensemble ensemble, const Nominal& nominal);
+
+// Gives the steps k, k+P, k+2P … the mean of their motions: steps that share a model depart from one motion.
+void share_phases(Nominal& nominal, Index period);
 
 // Is the mean motion significantly different from zero? The mean over channels and steps of t² = N·mean²/variance, held
 // against the quantile of Student's t² that only one run in a thousand exceeds when the true mean is zero. The bound

@@ -2,23 +2,46 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "tokid/gtv_arx.hpp"
 #include "tokid/model.hpp"
+#include "tokid/subspace.hpp"
 #include "tokid/validate.hpp"
 
 namespace tokid {
 
 enum class NominalChoice { automatic, none, mean };
 enum class Frame { raw, reference, smooth };
+// automatic: TVERA for data without noise from zero initial states, else the subspace realisation
+enum class Method { automatic, tvera, subspace };
+
+// What an identification from noisy data has chosen beside p and n.
+struct NoisyChoices {
+  TimeVariation variation;
+  double state_smoothing = 0.0;  // λ of the regressions on states
+  Weighting weighting = Weighting::one_step;
+  double refinement_smoothing = 0.0;  // λ of EM
+  Index refinement_iterations = 0;    // 0: no refinement
+};
 
 struct IdentifyOptions {
   // n; 0: the rank of each H_k where the data are free of noise, else the order that predicts and simulates best
   Index states = 0;
-  Index lags = 0;  // p; 0: the smallest leave-one-out error among the orders that the experiments can carry
+  Index lags = 0;  // p; 0: the smallest error on experiments left out, together with λ where the data are noisy
+  Method method = Method::automatic;
+  // λ of the penalty on variation in time; negative: by cross-validation where the data are noisy or too few for a
+  // regression at each step; infinity: one model for all steps. TVERA has none.
+  double smoothing = -1.0;
+  Index period = 0;  // P: the steps k, k+P, … share one model; 1: time-invariant; 0: every step has its own
+  // Of the subspace realisation; empty: by errors on experiments left out where steps share a model, else one_step.
+  std::optional<Weighting> weighting = {};
+  // Maximum likelihood by EM, as far as it helps on experiments left out; empty: where the data are noisy and the
+  // realisation is the subspace one.
+  std::optional<bool> refine = {};
   std::optional<InitialState> initial_state =
       {};  // empty: as the data say, else by test on the residuals of the first steps
   NominalChoice nominal = NominalChoice::automatic;
@@ -26,6 +49,8 @@ struct IdentifyOptions {
   Index reference_step = -1;  // s of the reference frame; -1: the first step of full dimension
   double hold_out = 0.0;      // share of the experiments kept for validation, 0 ≤ share < 1
   Index rows = 0, cols = 0;   // blocks of H_k; 0: max(p, ⌈n/m⌉)+1 and max(p, n), or with noise max(p, 48)
+  // Of an earlier identification of the same kind, to be followed with its `lags` and `states`; empty: made anew.
+  std::optional<NoisyChoices> choices = {};
   Execution execution = {};
 };
 
@@ -37,26 +62,57 @@ struct InitialStateTest {
   std::string reason;
 };
 
-// What each order made of the training data; filled where the order was chosen from noisy data.
+// What each order made of the data; filled where the order was chosen from noisy data.
 struct OrderScores {
+  static constexpr Index horizon = 10;  // H of `ahead`
   std::vector<Index> states;
-  std::vector<double> one_step, simulation;  // RMS error over that of the departures, mean of the logs over outputs
-  Index best = 0;  // the smallest order within 2 % of the smallest sum of both and of n (r+m) / (N m) for each
+  std::vector<double> one_step, ahead, simulation;  // RMS error over that of the departures, mean logs over outputs
+  bool cross_validated = false;  // on experiments left out (subspace), else on the training data (TVERA)
+  double smoothing = 0.0;        // λ of the regressions on states at which they were found
+  Weighting weighting = Weighting::one_step;
+  double price = 0.0;                                         // of a state: 2/3 (r+m) / (N m) on the training data
+  double smallest = std::numeric_limits<double>::infinity();  // mean
+  // Of the difference from the order of the smallest mean, over the folds; empty on training data.
+  std::vector<double> uncertainty;
+  Index best = 0;  // the smallest order whose mean is within that uncertainty, and 0.5 to 2 %, of the smallest
+
+  void add(Index n, double one_step_error, double ahead_error, double simulation_error);
+  double mean(size_t i) const;  // of the three logs, one_step thrice, and the price of the states
+  void choose();
+};
+
+// How far EM brought the models of experiments forward on others; filled where that was tried.
+struct RefinementTrial {
+  double smoothing = 0.0;  // λ of EM
+  Index iterations = 0;    // 0: the subspace model as it was
+  double error = 0.0;      // mean log as of OrderScores
+};
+struct RefinementChoice {
+  std::vector<RefinementTrial> trials;
+  double smoothing = 0.0;
+  Index iterations = 0;  // 0: no refinement
+  double error = 0.0;
+  double one_step = 0.0;  // the log of the one-step error alone, where there are iterations
 };
 
 struct Identification {
   Model model;
   Index experiments = 0, steps = 0;  // used for identification
   Index lags = 0;                    // p
+  TimeVariation variation;           // λ and P
+  double state_smoothing = 0.0;      // λ of the regressions on states
   Index min_experiments = 0;         // N_min at this p, one more where a nominal trajectory is estimated
   Index rank_deficient_steps = 0;
   double condition_max = 0.0;
   NominalTest nominal_test;  // filled where the choice was automatic
   InitialStateTest initial_state_test;
-  LagOrderErrors lag_order_errors;  // filled where p was chosen
+  LagOrderErrors lag_order_errors;   // filled where p was chosen step by step
+  SmoothingChoice smoothing_choice;  // filled where p and λ were chosen together
   OrderScores order_scores;
-  bool noisy = false;     // residuals beyond rounding errors
-  bool held_out = false;  // else `validation` is on the training data
+  RefinementChoice refinement;
+  std::optional<NoisyChoices> choices;  // where all steps were regressed together
+  bool noisy = false;                   // residuals beyond rounding errors
+  bool held_out = false;                // else `validation` is on the training data
   Validation validation;
   std::vector<std::string> warnings;
   double seconds = 0.0;
@@ -64,5 +120,22 @@ struct Identification {
 
 // \throws std::invalid_argument that names what the data lack: experiments (and which p would do), steps, excitation
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options = {});
+
+// What Model::options holds: every option but the execution, "auto" where the choice was left to the identification,
+// and the number of experiments that were used.
+std::string to_json(const IdentifyOptions& options, Index experiments);
+
+// The options that a model was identified with; those that its text does not name have their defaults.
+// \throws std::invalid_argument where the model holds none, or one that is not known or has another kind of value
+IdentifyOptions identify_options(const Model& model);
+
+// Beside the options Model::options remembers which data the model comes from, by their fingerprints, what was chosen,
+// and the λ and the iterations of its last refinement.
+void note_data(Model& model, const std::string& fingerprint);
+bool has_seen(const Model& model, const Ensemble& data);
+void note_refinement(Model& model, double smoothing, Index iterations);
+void note_choices(Model& model, const NoisyChoices& choices);
+std::optional<NoisyChoices> noted_choices(const Model& model);
+std::optional<double> refinement_smoothing(const Model& model);
 
 }  // namespace tokid

@@ -31,6 +31,21 @@ Vector singular_values(const ConstMatrixRef& a);
 // rows < cols upper trapezoidal, factor (min(rows, cols) × cols). The lower part of `a` is left undefined.
 Matrix triangular_factor(Matrix& a);
 
+// [above; below], whose columns agree in number; either may be empty.
+Matrix stacked(const ConstMatrixRef& above, const ConstMatrixRef& below);
+
+// The triangular factor of rows that come block by block, in memory that does not grow with their number.
+class RowStack {
+ public:
+  explicit RowStack(Index cols) : rows_(0, cols) {}
+  void add(const ConstMatrixRef& block);
+  Matrix factor();  // (min(rows, cols) × cols)
+
+ private:
+  Matrix rows_;  // the first used_ of them count
+  Index used_ = 0;
+};
+
 // Orthonormal factor (rows × cols) of a full QR factorisation; needs rows ≥ cols.
 Matrix orthonormal_factor(Matrix a);
 

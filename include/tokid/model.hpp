@@ -23,15 +23,19 @@ struct Model {
   std::vector<Matrix> innovation_cov;  // (S) m × m
   std::vector<Index> state_dim;        // (S+1) n_k
 
+  // P: the matrices of the steps k and k+P are the same, and go on so behind the last step; 1: time-invariant; 0: the
+  // model ends with its last step.
+  Index period = 0;
+
   std::string frame = "raw";  // raw, reference, smooth
-  std::string method;         // tvera, known
+  std::string method;         // tvera, subspace, known
   InitialState initial_state = InitialState::zero;
   Channels names;
 
   // Diagnostics of the identification, per step; empty where the model was not identified.
   std::vector<Vector> singular_values;  // (S) of H_k
-  std::vector<double> condition;        // (S) of the scaled W_k
-  std::vector<Index> rank;              // (S) of W_k
+  std::vector<double> condition;        // (S) of the scaled W_k with TVERA, else of [x_k u_k]
+  std::vector<Index> rank;              // (S) of the same
   std::vector<Index> lags;              // (S) p_k
 
   // The nominal trajectory that was removed before identification, T × r and T × m; empty where none was.
@@ -63,17 +67,26 @@ struct Model {
 };
 
 // Outputs y_k (N × m each) on the time grid of the inputs, as an ensemble; NaN where the model has no step.
-// x0 (n × N) holds the state of every experiment at k_begin, default zero. The nominal trajectory is added back. A
-// missing input leaves the outputs of its experiment unknown from there on. \throws std::invalid_argument for a wrong
+// x0 (n × N) holds the state of every experiment at k_begin; default zero, or x0_mean where has_initial_estimate() for
+// what the inputs say, or else the model. The nominal trajectory is added back. A missing input leaves the outputs of
+// its experiment unknown from there on. \throws std::invalid_argument for a wrong
 // number of inputs or a wrong shape of x0
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0 = {});
 
 // Differences in sample time and names that are no error, but may be a mistake, in words; empty where there are none.
 std::vector<std::string> differences(const Model& model, const Ensemble& data);
 
+// Unknowns of each output in the regression of step k, whose rank and condition the model holds: the coefficients of
+// the window with TVERA, else those of states and inputs; 0 where the model does not come from regressions.
+Index unknowns(const Model& model, Index k);
+
 // Is the state at the first step of the model known to be zero? A model that begins later than the experiments can't
 // know.
 bool starts_from_zero(const Model& model, InitialState initial);
+
+// Does the model know the mean and the covariance of unknown states at its first step? Those of the experiments that it
+// was identified from.
+bool has_initial_estimate(const Model& model, InitialState initial);
 
 // Steps whose samples tell a state: the largest lag order, and at least ⌈n/m⌉.
 Index estimation_window(const Model& model);
@@ -82,6 +95,9 @@ struct PredictOptions {
   Index horizon = 1;  // H: ŷ_k from the outputs up to k-H and the inputs up to k
   // Empty: as the data say, or, where they don't, as the model was identified.
   std::optional<InitialState> initial_state = {};
+  // Unknown initial states are distributed as x0_mean and x0_cov have it, where the model has them; false: they come
+  // from elsewhere, and must be estimated.
+  bool initial_estimate = true;
 };
 
 struct Prediction {
@@ -89,10 +105,13 @@ struct Prediction {
   std::vector<Matrix> innovations;  // (T) of (N × m): y_k - ŷ_{k|k-1}; NaN where either is missing
 };
 
-// The observer in the loop, x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) (9). Where the state is not known, at the
-// start with unknown initial states and after a missing input, it is estimated from the samples that follow;
-// predictions are NaN until estimation_window(model) of them, or as many more as it takes, tell all of the state. A
-// missing output corrects nothing. \throws std::invalid_argument for wrong channel numbers or horizon < 1
+// The observer in the loop, x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) (9), from zero or from x0_mean on. Where
+// the state is not known, at the start with unknown initial states of which the model has no estimate and after a
+// missing input, it is estimated from the samples that follow; predictions are NaN until estimation_window(model) of
+// them, or as many more as it takes, tell all of the state. A missing output corrects nothing. Where samples are
+// missing and the model has Q, R and a start, the Kalman filter of the samples that are there takes the place of the
+// observer; a missing input then counts as a random one of its channel's mean square. \throws std::invalid_argument for
+// wrong channel numbers or horizon < 1
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options = {});
 
 // States (n × N) at step k of the experiments, by least squares over the samples k … k+window-1 through the observer:
@@ -106,6 +125,10 @@ Matrix gain_pulse_response(const Model& model, Index k, Index i);
 
 // O_k = [C_k; C_{k+1} A_k; …] with the given number of block rows (fewer at the end of the model): (rows·m × n_k)
 Matrix observability(const Model& model, Index k, Index rows);
+
+// A periodic model with steps up to `end` at least; any other is returned as it is. Its nominal trajectory goes on with
+// the same period.
+Model continued(Model model, Index end);
 
 // The model from step k on, with everything that belongs to those steps. \throws std::invalid_argument for k outside it
 Model from_step(const Model& model, Index k);

@@ -2,11 +2,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "tokid/cross_validate.hpp"
 #include "tokid/design.hpp"
+#include "tokid/em.hpp"
 #include "tokid/ensemble.hpp"
 #include "tokid/example.hpp"
 #include "tokid/gtv_arx.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/innovations.hpp"
 #include "tokid/io.hpp"
 #include "tokid/linalg.hpp"
 #include "tokid/markov.hpp"
@@ -14,7 +17,11 @@
 #include "tokid/observer.hpp"
 #include "tokid/paper.hpp"
 #include "tokid/parallel.hpp"
+#include "tokid/random_walk.hpp"
 #include "tokid/report.hpp"
+#include "tokid/smooth_arx.hpp"
+#include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
+#include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
 #include "tokid/version.hpp"

@@ -83,7 +83,7 @@ void write(const io::Arrays& arrays, const fs::path& path, Format format, const 
     case Format::mat:
       return options.mat73 ? io::write_mat73(arrays, path) : io::write_mat(arrays, path);
     default:
-      fail("models don't fit into .csv; .npz, .h5 or .mat needed");
+      fail("models and bounds don't fit into .csv; .npz, .h5 or .mat needed");
   }
 }
 
@@ -139,14 +139,27 @@ void save_ensemble(const Ensemble& ensemble, const fs::path& path, const WriteOp
   });
 }
 
-void save_model(const Model& model, const fs::path& path, const WriteOptions& options) {
-  model.check();
+namespace {
+
+template <class Subject>
+void save_arrays(const Subject& subject, const fs::path& path, const WriteOptions& options) {
   naming(path, [&] {
     const Format format = format_of(path);
     io::AtomicFile file(path);
-    write(io::arrays_of(model, layout_of(format)), file.path(), format, options);
+    write(io::arrays_of(subject, layout_of(format)), file.path(), format, options);
     file.commit();
   });
+}
+
+}  // namespace
+
+void save_model(const Model& model, const fs::path& path, const WriteOptions& options) {
+  model.check();
+  save_arrays(model, path, options);
+}
+
+void save_confidence(const Confidence& confidence, const fs::path& path, const WriteOptions& options) {
+  save_arrays(confidence, path, options);
 }
 
 void save_text(std::string_view text, const fs::path& path) {

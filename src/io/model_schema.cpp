@@ -182,8 +182,8 @@ void read_nominal(const Fields& fields, Model& model) {
 
 const Names& model_names() {
   static const Names names = [] {
-    Names all{"state_dim", "k_begin", "dt",          "initial_state", "singular_values", "condition",
-              "x0_mean",   "x0_cov",  "input_names", "output_names",  "input_units",     "output_units"};
+    Names all{"state_dim", "k_begin", "dt",          "period",       "initial_state", "singular_values", "condition",
+              "x0_mean",   "x0_cov",  "input_names", "output_names", "input_units",   "output_units"};
     for (const auto& stack : stacks) all.emplace_back(stack.name);
     for (const auto& field : text_fields) all.emplace_back(field.name);
     for (const auto& field : count_fields) all.emplace_back(field.name);
@@ -202,6 +202,7 @@ Arrays arrays_of(const Model& model, Layout layout) {
   arrays.emplace_back("initial_state", scalar(std::string(to_string(model.initial_state))));
   arrays.emplace_back("k_begin", scalar(model.k_begin));
   arrays.emplace_back("dt", scalar(model.dt));
+  if (model.period > 0) arrays.emplace_back("period", scalar(model.period));
   add_channels(model.names, arrays);
   add_diagnostics(model, arrays);
   for (const auto& [name, trajectory, channels] : nominal_fields)
@@ -227,6 +228,7 @@ Model model_of(const Fields& fields) {
   model.state_dim = fields.integers("state_dim", steps + 1, 0, states);
   if (fields.has("k_begin")) model.k_begin = fields.integer("k_begin");
   if (fields.has("dt")) model.dt = fields.number("dt");
+  if (fields.has("period")) model.period = fields.integer("period");
   if (fields.has("initial_state")) model.initial_state = initial_state_from(fields.text("initial_state"));
   for (const auto& [name, field] : text_fields)
     if (fields.has(name)) model.*field = fields.text(name);

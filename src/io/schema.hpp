@@ -3,6 +3,7 @@
 #pragma once
 
 #include "fields.hpp"
+#include "tokid/uncertainty.hpp"
 
 namespace tokid::io {
 
@@ -15,6 +16,7 @@ bool is_model(const Names& found);
 // What is required comes last, so that a file which lost its end is never taken for a complete one.
 Arrays arrays_of(const Ensemble& ensemble, Layout layout);
 Arrays arrays_of(const Model& model, Layout layout);
+Arrays arrays_of(const Confidence& confidence, Layout layout);
 
 // Lists of the ensemble that don't go with its sizes; they would make a file that can't be read. \throws IoError
 void check_sizes(const Ensemble& ensemble);

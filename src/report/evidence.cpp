@@ -134,7 +134,7 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
   }
 
   const double usual = median(found.step_error);
-  const Index freedom = found.identified_from - found.unknowns;
+  const Index freedom = found.samples - found.unknowns;
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
     const double error = k < data.steps() ? found.step_error[size_t(k)] : nan;
     if (std::isnan(error)) {
@@ -171,12 +171,13 @@ void judge_regressions(const Model& model, Evidence& found) {
         found.noisy && c > bounds::worth_a_word && c > bounds::worse_than_usual * found.condition_median;
     if (c > bounds::ill_conditioned || stands_out) found.ill.push_back(model.k_begin + Index(s));
   }
-  for (size_t s = 0; s < std::min(model.rank.size(), model.lags.size()); ++s)
-    if (model.rank[s] < minimum_experiments(model.inputs, model.outputs, model.lags[s]))
-      found.deficient.push_back(model.k_begin + Index(s));
+  for (size_t s = 0; s < model.rank.size(); ++s) {
+    const Index k = model.k_begin + Index(s);
+    if (model.rank[s] < unknowns(model, k)) found.deficient.push_back(k);
+  }
 }
 
-void judge_whiteness(Evidence& found) {
+void judge_innovations(Evidence& found) {
   const Whiteness& white = found.validation.whiteness;
   found.correlated = found.validation.whiteness_p < bounds::whiteness;
   for (Index j = 0; j < white.correlation.rows(); ++j)
@@ -184,6 +185,10 @@ void judge_whiteness(Evidence& found) {
       found.correlated = found.correlated || std::abs(c) > 1.5 * white.bound(j);
       if (std::abs(c) > found.correlation) found.correlation = std::abs(c), found.correlation_lag = j + 1;
     }
+  const Independence& inputs = found.validation.independence;
+  for (Index j = 0; j < inputs.correlation.size(); ++j)
+    if (inputs.correlation(j) > found.input_correlation)
+      found.input_correlation = inputs.correlation(j), found.input_lag = inputs.first + j;
 }
 
 // Experiments of the identification, where the model has kept their number.
@@ -227,11 +232,12 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
   found.noisy = found.validation.noisy;
   if (!model.lags.empty()) {
     found.lags = model.max_lags();
-    found.unknowns = minimum_experiments(model.inputs, model.outputs, found.lags);
+    for (Index k = model.k_begin; k < model.k_end(); ++k) found.unknowns = std::max(found.unknowns, unknowns(model, k));
   }
   found.identified_from = identified_from(model, options);
+  found.samples = found.identified_from * (model.period > 0 ? std::max<Index>(1, data.steps() / model.period) : 1);
   judge_regressions(model, found);
-  judge_whiteness(found);
+  judge_innovations(found);
   found.weak_inputs = weak_inputs(data);
   found.differences = differences(model, data);
 

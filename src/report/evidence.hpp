@@ -18,6 +18,7 @@ namespace bounds {
 inline constexpr double good_fit = 80.0, poor_fit = 50.0;  // [%]
 inline constexpr double whiteness = 0.01;                  // p below it counts as correlated …
 inline constexpr double correlation = 0.2;                 // … and matters where a correlation is larger than this
+inline constexpr double overconfident = 2.0;               // normalised innovations squared, over their number
 inline constexpr double ill_conditioned = 1e8;             // always
 inline constexpr double worse_than_usual = 30.0;           // with noise: so many times the median condition …
 inline constexpr double worth_a_word = 1e3;                // … and larger than this
@@ -49,8 +50,9 @@ struct Evidence {
   Index experiments = 0, missing = 0;  // tested; missing samples within the lengths
   double missing_share = 0.0;          // of the samples within the lengths
   bool noisy = false;                  // innovations beyond rounding errors
-  Index lags = 0, unknowns = 0;        // p, and r + p (r + m); 0 where the model tells no lag order
+  Index lags = 0, unknowns = 0;        // p, and the largest of unknowns(); 0 where the model tells no lag order
   Index identified_from = 0;           // experiments; 0: not known
+  Index samples = 0;                   // of the identification for each unknown: its experiments, over all periods
   double condition_median = 0.0, condition_max = 0.0;
   std::vector<Index> ill, deficient;  // steps k: ill-conditioned; rank below the number of unknowns
   std::vector<WeakInput> weak_inputs;
@@ -64,6 +66,8 @@ struct Evidence {
   bool correlated = false;               // innovations, by the test or by a mean correlation well beyond its bound
   double correlation = 0.0;              // the largest of the mean correlations in size
   Index correlation_lag = 0;
+  double input_correlation = 0.0;  // the largest of the innovations with past and present inputs, beyond chance
+  Index input_lag = 0;
   std::vector<std::string> differences;  // between the data's and the model's sample time and names
 };
 // \throws as report_page

@@ -6,10 +6,6 @@
 
 namespace tokid::report {
 
-// Is this the ensemble that the model was identified from? One regression done anew tells: it gives the same D_k and
-// the same residual covariance only from the same experiments.
-bool recognised(const Model& model, const Ensemble& data);
-
 // What is tested, and what it is to the model, with Evaluation::automatic resolved: where the data are those of an
 // identification that held some back, these alone are tested.
 struct Tested {

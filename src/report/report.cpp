@@ -131,7 +131,9 @@ class Report {
                found_.correlated ? fmt::format("innovations correlated in time, by at most {:.2f}", found_.correlation)
                                  : std::string("innovations without correlation"));
     else
-      tiles += tile("–", found_.noisy ? "whiteness: too few experiments" : "innovations at rounding level");
+      tiles += tile("–", found_.noisy ? "whiteness: too few samples" : "innovations at rounding level");
+    if (!std::isnan(v.squares.ratio))
+      tiles += tile(figure(v.squares.ratio, 3), "squared innovations over their stated covariance; 1 is right");
     if (!model_.condition.empty())
       tiles += tile(figure(found_.condition_max, 3), "worst condition, median " + figure(found_.condition_median, 3));
     tiles += tile(fmt::format("{}", model_.states()), model_.states() == 1 ? "state" : "states");
@@ -160,12 +162,13 @@ class Report {
             "without full rank; noise, and fewer than two experiments per unknown; fewer than {} "
             "experiments tested; more than {:.0f} % of the samples missing; condition numbers above {}, or "
             "with noise above {} and {:.0f} times their median; an input whose spread over the experiments "
-            "falls below {:.0f} % of its median, beyond chance, or that never varies; innovations that are correlated beyond chance and by more "
-            "than {:.1f}; another sample time or other names than the model's.",
+            "falls below {:.0f} % of its median, beyond chance, or that never varies; innovations that are correlated beyond chance, in "
+            "time or with the inputs, and by more than {:.1f}, or whose squares are beyond chance and more than {:.0f} "
+            "times what the model states; another sample time or other names than the model's.",
             bounds::poor_fit, bounds::good_fit, bounds::good_fit, bounds::error_peak, 100 * bounds::error_floor,
             bounds::beyond_noise, bounds::outlier, 100 * bounds::coverage, bounds::few_tested,
             100 * bounds::many_missing, figure(bounds::ill_conditioned), figure(bounds::worth_a_word),
-            bounds::worse_than_usual, 100 * bounds::weak_input, bounds::correlation),
+            bounds::worse_than_usual, 100 * bounds::weak_input, bounds::correlation, bounds::overconfident),
         fmt::format(
             "Don’t trust: predictions below {:.0f} %, a simulation below that without good predictions or worse "
             "than none, an overflow, or nothing tested.",
@@ -367,12 +370,10 @@ class Report {
   // The steps that deserve a look, without a plot.
   std::string worst_steps() const {
     const bool condition = !model_.condition.empty(), lags = !model_.lags.empty(), rank = !model_.rank.empty();
-    const auto unknowns = [&](Index k) {
-      return lags ? model_.inputs + model_.lags[model_.at(k)] * (model_.inputs + model_.outputs) : 0;
-    };
     // How bad a step is: its condition; without one, what its rank lacks. What is not known comes last.
     const auto badness = [&](Index k) {
-      const double value = condition ? model_.condition[model_.at(k)] : double(unknowns(k) - model_.rank[model_.at(k)]);
+      const double value =
+          condition ? model_.condition[model_.at(k)] : double(unknowns(model_, k) - model_.rank[model_.at(k)]);
       return std::isnan(value) ? -std::numeric_limits<double>::infinity() : value;
     };
     std::vector<Index> order;
@@ -390,7 +391,7 @@ class Report {
       const Index k = order[i];
       const size_t s = model_.at(k);
       table.row({fmt::format("{}", k), figure(double(k) * model_.dt), condition ? figure(model_.condition[s]) : "–",
-                 rank ? fmt::format("{}", model_.rank[s]) : "–", lags ? fmt::format("{}", unknowns(k)) : "–",
+                 rank ? fmt::format("{}", model_.rank[s]) : "–", lags ? fmt::format("{}", unknowns(model_, k)) : "–",
                  lags ? fmt::format("{}", model_.lags[s]) : "–", fmt::format("{}", model_.n(k)),
                  k < data_.steps() ? figure(found_.step_error[size_t(k)]) : "–"},
                 std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
@@ -482,6 +483,37 @@ class Report {
                        size);
   }
 
+  // Probability and words; p alone says nothing of the size.
+  std::string squares_text() const {
+    const NormalisedSquares& s = found_.validation.squares;
+    if (std::isnan(s.ratio)) return "Size: not tested, the model states no covariance of its innovations.";
+    return fmt::format(
+        "Size: {} times the covariance that the model states ({}), {}. {}", figure(s.ratio, 3), probability(s.p),
+        s.p >= bounds::whiteness ? "as it should be"
+        : s.ratio > 1            ? "more than it should be: the model is overconfident"
+                                 : "less than it should be: the model is too careful",
+        s.normal ? "The test presumes normal noise." : "The test presumes nothing but independent experiments.");
+  }
+
+  std::string inputs_text() const {
+    const Independence& inputs = found_.validation.independence;
+    if (std::isnan(inputs.p)) return "Past and present inputs: not tested, the experiments being too few for them.";
+    if (inputs.p >= bounds::whiteness)
+      return fmt::format("Past and present inputs: {}, they explain nothing that the model does not.",
+                         probability(inputs.p));
+    return fmt::format(
+        "Past and present inputs: {}, they explain part of the innovations (correlation {:.3f} at lag {}).",
+        probability(inputs.p), found_.input_correlation, found_.input_lag);
+  }
+
+  std::string feedback_text() const {
+    const double p = found_.validation.feedback.p;
+    if (std::isnan(p)) return "Later inputs: not tested, the experiments being too few for them.";
+    return fmt::format("Later inputs: {}, {}", probability(p),
+                       p >= bounds::whiteness ? "no sign of feedback."
+                                              : "they answer to the outputs. Such feedback is no fault of the model.");
+  }
+
   std::string whiteness_section() const {
     const Validation& v = found_.validation;
     const std::string about =
@@ -489,7 +521,7 @@ class Report {
         "output's innovations with those some steps before, over the experiments, averaged over the steps.";
     if (std::isnan(v.whiteness_p))
       return section("whiteness", "Whiteness of the innovations",
-                     paragraph(about) + paragraph(found_.noisy ? "Not tested: too few experiments."
+                     paragraph(about) + paragraph(found_.noisy ? "Not tested: too few samples."
                                                                : "Not tested: the innovations are at rounding level.",
                                                   "lead"));
     std::vector<Table::Column> columns{{"Lag"}, {"99 % bound"}};
@@ -505,7 +537,8 @@ class Report {
       table.row(cells);
     }
     return section("whiteness", "Whiteness of the innovations",
-                   paragraph(about) + paragraph(whiteness_text(), "lead") + legend("legend-whiteness") +
+                   paragraph(about) + paragraph(whiteness_text(), "lead") +
+                       list({squares_text(), inputs_text(), feedback_text()}, "plain") + legend("legend-whiteness") +
                        plot_place("plot-whiteness", "Correlation of the innovations over the lag, with its bounds") +
                        fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
   }
@@ -528,8 +561,11 @@ class Report {
          "Condition: of the regressors of a step with columns scaled to norm 1, in Frobenius norms, of the part of "
          "full rank.",
          "Whiteness p: the chance of innovations as correlated over ten lags if they were white (Pillai's traces over "
-         "the "
-         "experiments). Steps count from 0."},
+         "the experiments, or where these are too few over all steps together). The same with inputs for those. Steps "
+         "count from 0.",
+         "Size of the innovations: the mean of εᵀS⁻¹ε over its number of outputs, S being the covariance that the "
+         "model states. After missing outputs and unknown initial states, ε is what the best observer of this model "
+         "leaves."},
         "plain");
     return section("notes", "Warnings and notes", body);
   }

@@ -305,18 +305,14 @@ class Collector {
       if (values.empty()) return nullptr;
       return curve(grid, [&](Index k) { return double(values[model_.at(k)]); });
     };
-    Json unknowns = nullptr;
-    if (!model_.lags.empty())
-      unknowns = curve(grid, [&](Index k) {
-        return double(model_.inputs + model_.lags[model_.at(k)] * (model_.inputs + model_.outputs));
-      });
-    json_["per_step"] = {{"x", grid.x},
-                         {"stretch", grid.stretch},
-                         {"condition", list(model_.condition)},
-                         {"rank", list(model_.rank)},
-                         {"unknowns", unknowns},
-                         {"lags", list(model_.lags)},
-                         {"states", curve(grid, [&](Index k) { return double(model_.n(k)); })}};
+    json_["per_step"] = {
+        {"x", grid.x},
+        {"stretch", grid.stretch},
+        {"condition", list(model_.condition)},
+        {"rank", list(model_.rank)},
+        {"unknowns", model_.lags.empty() ? Json() : curve(grid, [&](Index k) { return double(unknowns(model_, k)); })},
+        {"lags", list(model_.lags)},
+        {"states", curve(grid, [&](Index k) { return double(model_.n(k)); })}};
     const Grid whole = make_grid(0, data_.steps(), options_.points);
     json_["step_error"] = {{"x", whole.x},
                            {"stretch", whole.stretch},

@@ -51,7 +51,7 @@ class Judge {
     test_data();
     regressions();
     for (const std::string& text : found_.differences) against(Trust::look_closer, capital(text) + ".");
-    whiteness();
+    innovations();
     std::stable_sort(reasons_.begin(), reasons_.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     for (auto& [trust, text] : reasons_) verdict_.reasons.push_back(std::move(text));
     verdict_.summary = summary();
@@ -168,13 +168,13 @@ class Judge {
   }
 
   void test_data() {
-    const Index from = found_.identified_from, unknowns = found_.unknowns;
+    const Index from = found_.samples, unknowns = found_.unknowns;
     if (options_.evaluation == Evaluation::training) {
       if (from > 0 && from < 3 * unknowns)
         against(Trust::look_closer,
                 fmt::format("Tested on training data alone, {} for {} unknowns per output and step: such a fit proves "
                             "little. Hold experiments back, or measure new ones.",
-                            plural(from, "experiment"), unknowns));
+                            plural(found_.identified_from, "experiment"), unknowns));
       else if (from == 0)
         against(Trust::look_closer, "Tested on training data alone, and the number of experiments is not known.");
     } else {
@@ -182,7 +182,7 @@ class Judge {
         against(Trust::look_closer,
                 fmt::format("Identified from {} for {} unknowns per output and step: noise enters the model almost "
                             "undamped; {} or more would be better.",
-                            plural(from, "experiment"), unknowns, 3 * unknowns));
+                            plural(found_.identified_from, "experiment"), unknowns, 3 * unknowns));
     }
     if (found_.missing_share > bounds::many_missing)
       against(Trust::look_closer, fmt::format("{:.0f} % of the samples are missing.", 100 * found_.missing_share));
@@ -241,7 +241,7 @@ class Judge {
       remark_ = fmt::format("{}{}{}.", remark_, remark_.empty() ? "" : " ", ill(unexplained));
       against_steps(
           unexplained,
-          found_.identified_from > 0 && found_.identified_from < 2 * found_.unknowns
+          found_.samples > 0 && found_.samples < 2 * found_.unknowns
               ? fmt::format("{} are few for {} unknowns", plural(found_.identified_from, "experiment"), found_.unknowns)
               : "some inputs or outputs of neighbouring steps are almost dependent over the experiments");
     }
@@ -263,14 +263,25 @@ class Judge {
   }
 
   // What correlations mean is clear only where nothing graver is wrong.
-  void whiteness() {
-    if (!found_.correlated || found_.correlation < bounds::correlation) return;
-    against(Trust::look_closer,
-            fmt::format("The innovations are correlated in time ({}, up to {:.2f} at lag {}){}",
-                        probability(found_.validation.whiteness_p), found_.correlation, found_.correlation_lag,
-                        reasons_.empty() ? ": the model leaves something unexplained that more lags or states might "
-                                           "take up."
-                                         : "."));
+  void innovations() {
+    const Validation& v = found_.validation;
+    const bool alone = reasons_.empty();
+    if (found_.correlated && found_.correlation >= bounds::correlation)
+      against(Trust::look_closer,
+              fmt::format(
+                  "The innovations are correlated in time ({}, up to {:.2f} at lag {}){}", probability(v.whiteness_p),
+                  found_.correlation, found_.correlation_lag,
+                  alone ? ": the model leaves something unexplained that more lags or states might take up." : "."));
+    if (v.independence.p < bounds::whiteness && found_.input_correlation >= bounds::correlation)
+      against(Trust::look_closer,
+              fmt::format("The inputs explain part of the innovations ({}, correlation {:.2f} at lag {}){}",
+                          probability(v.independence.p), found_.input_correlation, found_.input_lag,
+                          alone ? ": the model answers to them too little, too much or too late." : "."));
+    if (v.squares.p < bounds::whiteness && v.squares.ratio > bounds::overconfident)
+      against(Trust::look_closer,
+              fmt::format("The model is overconfident: the squares of its innovations are {} times those that its own "
+                          "covariance promises. Don't rely on its error bounds.",
+                          figure(v.squares.ratio, 2)));
   }
 
   const Model& model_;

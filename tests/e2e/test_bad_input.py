@@ -218,17 +218,21 @@ def test_infinite_value_for_a_model(tokid, tmp_path, oscillator, npz, command):
 
 def test_too_few_experiments_for_the_lag_order(identify_refused, npz):
     # N_min = r + p (r + m) = 22
-    identify_refused(npz(**arrays(experiments=10)), "--lags", 5,
+    identify_refused(npz(**arrays(experiments=10)), "--lags", 5, "--method", "tvera",
                      words=["10 found", "at least 22", "lag orders up to 2"])
 
 
 def test_too_few_experiments_for_any_lag_order(identify_refused, npz):
-    identify_refused(npz(**arrays(experiments=5)), words=["5 found", "6"])
+    identify_refused(npz(**arrays(experiments=5)), "--method", "tvera", words=["5 found", "6"])
+
+
+def test_one_experiment_does_not_show_how_a_system_varies(identify_refused, npz):
+    identify_refused(npz(**arrays(experiments=1)), words=["1 found", "at least 2", "time-invariant or periodic"])
 
 
 def test_too_few_experiments_for_the_states(identify_refused, npz):
     # Six states behind two outputs need p = 3, which needs 14 experiments.
-    identify_refused(npz(**arrays(experiments=12)), "--states", 6, words=["12 found", "14"])
+    identify_refused(npz(**arrays(experiments=12)), "--states", 6, "--method", "tvera", words=["12 found", "14"])
 
 
 def test_too_few_steps(identify_refused, npz):
@@ -250,6 +254,22 @@ def test_model_and_data_that_disagree(tokid, tmp_path, oscillator, npz):
     data = npz(**one_output)
     refused(tokid, tmp_path, "validate", model, data, words=[data, "outputs", "1 found", "2"])
     refused(tokid, tmp_path, "predict", model, data, "-o", tmp_path / "out.npz", words=[data, "outputs"])
+
+
+def test_folds_that_the_data_do_not_have(tokid, tmp_path, oscillator, npz):
+    model = oscillator / "model.npz"
+    refused(tokid, tmp_path, "validate", model, oscillator / "fresh.npz", "--cross-validate", 8,
+            words=[oscillator / "fresh.npz", "folds", "8 found", "2 to 7"])
+    tokid("identify", oscillator / "data.npz", "-o", tmp_path / "tvera.npz", "--method", "tvera")
+    refused(tokid, tmp_path, "validate", tmp_path / "tvera.npz", oscillator / "fresh.npz", "--cross-validate", 3,
+            words=[oscillator / "fresh.npz", "fold 1 of 3", "other 4 experiments"])
+    with np.load(model) as file:
+        values = {name: file[name] for name in file.files}
+    for options, words in ((None, ["none found"]), ('{"wisdom": 1}', ["wisdom", "not known"]), ("{", ["JSON"])):
+        values.pop("options", None)
+        np.savez(tmp_path / "other.npz", **values, **({"options": options} if options else {}))
+        refused(tokid, tmp_path, "validate", tmp_path / "other.npz", oscillator / "data.npz", "--cross-validate", 2,
+                words=[tmp_path / "other.npz", "options of the model", *words])
 
 
 def test_outputs_are_needed_to_validate(tokid, tmp_path, oscillator, npz):
@@ -293,7 +313,16 @@ def test_columns_are_for_csv_only(identify_refused, npz):
     (["--states", "many"], ["--states", "'many'", "auto"]),
     (["--lags", "2.5"], ["--lags", "'2.5'"]),
     (["--lags", "-1"], ["--lags", "-1"]),
-    (["--method", "subspace"], ["--method", "'subspace'", "tvera"]),
+    (["--method", "era"], ["--method", "'era'", "auto", "tvera", "subspace"]),
+    (["--method", "tvera", "--period", "3"], ["tvera", "period"]),
+    (["--method", "tvera", "--smoothing", "1"], ["tvera", "regularisation"]),
+    (["--smoothing", "bad"], ["--smoothing", "'bad'", "infinity", "auto"]),
+    (["--smoothing", "-1"], ["--smoothing", "'-1'", "infinity", "auto"]),
+    (["--smoothing", "nan"], ["--smoothing", "'nan'"]),
+    (["--period", "0"], ["--period", "'0'"]),
+    (["--period", "2.5"], ["--period", "'2.5'"]),
+    (["--period", "3", "--time-invariant"], ["--period", "--time-invariant"]),
+    (["--refine", "--no-refine"], ["--refine", "--no-refine"]),
     (["--frame", "tilted"], ["--frame", "'tilted'", "raw", "reference", "smooth"]),
     (["--nominal", "median"], ["--nominal", "'median'", "auto", "none", "mean"]),
     (["--initial-state", "one"], ["--initial-state", "'one'", "auto", "zero", "unknown"]),
@@ -318,6 +347,7 @@ def test_wrong_options(tokid, tmp_path, npz, options, words):
     (["identify", "data.npz"], ["--output"]),
     (["validate", "model.npz"], ["DATA"]),
     (["validate", "model.npz", "data.npz", "--horizon", "0"], ["--horizon", "'0'"]),
+    (["validate", "model.npz", "data.npz", "--cross-validate", "1"], ["--cross-validate", "'1'", "from 2"]),
     (["simulate", "model.npz"], ["INPUTS"]),
     (["example", "pendulum", "-o", "data.npz"], ["pendulum", "oscillator", "rotating-tube"]),
     (["example", "oscillator", "-o", "data.npz", "--steps", "0"], ["--steps", "'0'"]),
@@ -375,6 +405,6 @@ def test_pseudo_file_system(tokid, tmp_path, npz):
 def test_a_failure_leaves_the_old_file_alone(tokid, tmp_path, oscillator, npz):
     model = tmp_path / "model.npz"
     shutil.copy(oscillator / "model.npz", model)
-    refused(tokid, tmp_path, "identify", npz(**arrays(experiments=4)), "-o", model)
+    refused(tokid, tmp_path, "identify", npz(**arrays(experiments=1)), "-o", model)
     refused(tokid, tmp_path, "simulate", model, npz(u=None), "-o", model)
     assert load(model).keys() == load(oscillator / "model.npz").keys()

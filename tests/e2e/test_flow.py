@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+import scipy.stats
 from support import assert_close, fit, load, predict, rmse, simulate
 
 # Forty steps of a recursion over four states, summed in another order than here, stay within a few hundred units of
@@ -133,6 +134,45 @@ def test_validation_figures(tokid, noisy):
         np.testing.assert_allclose(result[f"{key}_fit"], fit(fresh["y"], computed), rtol=0, atol=1e-8)
         np.testing.assert_allclose(result[f"{key}_rmse"], rmse(fresh["y"], computed), rtol=1e-10)
     assert 0 <= result["whiteness_p"] <= 1
+    assert 0 <= result["independence_p"] <= 1
+    assert 0 <= result["feedback_p"] <= 1
+    assert result["tested_over"] == "experiments"
+
+
+def test_normalised_innovations_squared(tokid, noisy):
+    model, fresh = load(noisy / "model.npz"), load(noisy / "fresh.npz")
+    result = tokid.json("validate", noisy / "model.npz", noisy / "fresh.npz")
+    innovations = fresh["y"] - predict(model, fresh["u"], fresh["y"])
+    squares = np.einsum("nki,kij,nkj->nk", innovations, np.linalg.inv(model["innovation_cov"]), innovations)
+    outputs = innovations.shape[2]
+    assert result["nis"] == pytest.approx(squares.mean() / outputs, rel=1e-9)
+    experiments = len(squares)
+    assert result["nis_presumes_normal"] is (experiments < 20)
+    if experiments < 20:
+        chi2 = scipy.stats.chi2(squares.size * outputs)
+        p = 2 * min(chi2.cdf(squares.sum()), chi2.sf(squares.sum()))
+    else:
+        p = scipy.stats.ttest_1samp(squares.sum(axis=1), squares.shape[1] * outputs).pvalue
+    assert result["nis_p"] == pytest.approx(p, rel=1e-6)
+
+
+def test_cross_validation_figures(tokid, tmp_path, noisy):
+    """Every fold is what identify and validate say of its experiments."""
+    orders = ["--lags", 3, "--states", 4, "--nominal", "none"]
+    tokid("identify", noisy / "data.npz", "-o", tmp_path / "model.npz", *orders, "--hold-out", 0.2)
+    found = tokid.json("validate", tmp_path / "model.npz", noisy / "data.npz", "--cross-validate", 3, "--horizon", 4)
+    data = load(noisy / "data.npz")
+    count = len(data["u"])
+    for i, fold in enumerate(found["cross_validation"]["per_fold"]):
+        kept = np.arange(count) % 3 == i
+        for name, rows in (("others", ~kept), ("kept", kept)):
+            np.savez(tmp_path / f"{name}.npz", **{**data, "u": data["u"][rows], "y": data["y"][rows]})
+        tokid("identify", tmp_path / "others.npz", "-o", tmp_path / "fold.npz", *orders)
+        expected = tokid.json("validate", tmp_path / "fold.npz", tmp_path / "kept.npz", "--horizon", 4)
+        for key in ("simulation_fit", "one_step_fit", "horizon_fit"):
+            np.testing.assert_allclose(fold[key], expected[key], rtol=1e-9)
+    shown = tokid("validate", tmp_path / "model.npz", noisy / "data.npz", "--cross-validate", 3).stdout
+    assert "K = 3," in shown and "n = 4 in all folds; p = 3 in all folds" in shown and "±" in shown
 
 
 def test_identify_reports_what_validate_finds(tokid, tmp_path, noisy):

@@ -25,6 +25,10 @@ def count(value):
     return isinstance(value, int) and not isinstance(value, bool) and value >= 0
 
 
+def probability(value):
+    return value is None or 0 <= value <= 1
+
+
 def one_of(*words):
     return lambda value: value in words
 
@@ -86,24 +90,42 @@ def test_given_orders_are_not_tested(tokid, tmp_path, oscillator):
     assert found["nominal_test"] is None
 
 
-def test_states_of_noisy_data_are_tried(tokid, tmp_path):
+@pytest.mark.parametrize("options,why", [([], "by errors on experiments left out"),
+                                         (["--method", "tvera"], "by prediction and simulation errors")])
+def test_states_of_noisy_data_are_tried(tokid, tmp_path, options, why):
     tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--steps", 30, "--measurement-noise", 0.2,
           "--experiments", 100)
-    found = tokid.json("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz")
+    found = tokid.json("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", *options)
     scores = found["order_scores"]
     assert scores["best"] == found["states"] in scores["candidates"]
     assert len(scores["one_step_error"]) == len(scores["simulation_error"]) == len(scores["candidates"])
     assert all(error is None or error > 0 for error in scores["one_step_error"] + scores["simulation_error"])
-    shown = tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz").stdout
-    assert "by prediction and simulation errors" in shown
+    shown = tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", *options).stdout
+    assert f"n = {found['states']}, {why}" in shown
 
 
 def test_validate(tokid, oscillator):
     found = tokid.json("validate", oscillator / "model.npz", oscillator / "fresh.npz", "--horizon", 3)
     check(found, {"simulation_fit": per_output, "one_step_fit": per_output, "horizon_fit": per_output,
                   "simulation_rmse": per_output, "one_step_rmse": per_output, "horizon_rmse": per_output,
-                  "whiteness_p": lambda v: v is None or 0 <= v <= 1, "horizon": lambda v: v == 3, "warnings": texts,
+                  "whiteness_p": probability, "independence_p": probability, "feedback_p": probability,
+                  "nis_p": probability, "nis": lambda v: v is None or v > 0, "tested_over": one_of("nothing"),
+                  "nis_presumes_normal": lambda v: v is None, "cross_validation": lambda v: v is None, "horizon": lambda v: v == 3, "warnings": texts,
                   "first_predicted": lambda v: v == 0, "output_names": lambda v: v == ["y1", "y2"]})
+
+
+def test_cross_validation(tokid, oscillator):
+    found = tokid.json("validate", oscillator / "model.npz", oscillator / "data.npz", "--cross-validate", 4)
+    cross = found["cross_validation"]
+    check(cross, {"folds": lambda v: v == 4, "simulation_fit": per_output, "one_step_fit": per_output,
+                  "horizon_fit": per_output, "simulation_fit_spread": per_output, "one_step_fit_spread": per_output,
+                  "horizon_fit_spread": per_output, "simulation_rmse": per_output, "one_step_rmse": per_output,
+                  "horizon_rmse": per_output})
+    assert min(cross["simulation_fit"]) > 99.9999  # no noise
+    assert [fold["experiments"] for fold in cross["per_fold"]] == [list(range(i, 60, 4)) for i in range(4)]
+    for fold in cross["per_fold"]:
+        check(fold, {"states": lambda v: v == 4, "lags": lambda v: v == 2, "simulation_fit": per_output,
+                     "one_step_fit": per_output, "horizon_fit": per_output, "warnings": texts})
 
 
 def test_horizon_of_one_is_the_one_step_prediction(tokid, oscillator):

@@ -63,7 +63,7 @@ def plotted(tokid, tmp_path_factory):
     noise = ["--steps", 30, "--process-noise", 0.05, "--measurement-noise", 0.1]
     tokid("example", "oscillator", "-o", folder / "data.npz", "--experiments", 60, *noise)
     tokid("example", "oscillator", "-o", folder / "fresh.npz", "--experiments", 25, "--seed", 2, *noise)
-    tokid("identify", folder / "data.npz", "-o", folder / "model.npz")
+    tokid("identify", folder / "data.npz", "-o", folder / "model.npz", "--method", "tvera")
     tokid("report", folder / "model.npz", folder / "fresh.npz", "-o", folder / "page.html")
     return load(folder / "model.npz"), load(folder / "fresh.npz"), data_of(folder / "page.html")
 

@@ -41,7 +41,7 @@ def test_every_option_of_the_contract_is_in_the_help(tokid):
     for command, options in {
             "identify": "--states --lags --method --initial-state --frame --nominal --hold-out --threads --json --inputs "
                         "--outputs --reference-step --quiet --output",
-            "validate": "--horizon --json --inputs --outputs",
+            "validate": "--horizon --cross-validate --json --inputs --outputs",
             "plan": "--states --inputs --outputs --steps --lags --experiments --kind --amplitude --noise --model "
                     "--initial-state --nominal --dt --seed --threads --output --json",
             "simulate": "--output --inputs",

@@ -606,7 +606,9 @@
         const inside = in_square(re, im);
         const clamp = v => Math.max(-extent, Math.min(extent, v));
         mark(c, kind, px(clamp(re)), py(clamp(im)), inside ? 6.5 : 3.5);
+        c.globalAlpha = 0.4;  // the other steps shine through
         c.fill();
+        c.globalAlpha = 1;
         c.stroke();
       });
     }

@@ -1,0 +1,224 @@
+// tokid confidence: how far the parameters, outputs and eigenvalues of a model may lie from the truth.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+
+#include "common.hpp"
+
+namespace tokid::app {
+
+namespace {
+
+struct Call {
+  fs::path model, data, output;
+  ReadOptions read;
+  ConfidenceOptions options;
+  bool json = false;
+};
+
+// Half widths of the intervals of each output, as shares of the estimates: root mean squares at every step.
+struct Widths {
+  std::vector<std::vector<double>> share;  // (m) of (T); NaN where there is nothing to compare
+
+  double typical(Index j) const { return median(share[size_t(j)]); }
+  // The steps with the widest intervals, the worst first.
+  std::vector<Index> worst(Index j, size_t most) const {
+    const std::vector<double>& values = share[size_t(j)];
+    std::vector<Index> steps;
+    for (size_t k = 0; k < values.size(); ++k)
+      if (!std::isnan(values[k])) steps.push_back(Index(k));
+    std::stable_sort(steps.begin(), steps.end(),
+                     [&](Index a, Index b) { return values[size_t(a)] > values[size_t(b)]; });
+    steps.resize(std::min(steps.size(), most));
+    return steps;
+  }
+};
+
+// `entries(k, j)` gives the estimates and the half widths of output j at step k.
+template <class Entries>
+Widths widths(size_t steps, Index outputs, Entries&& entries) {
+  Widths result;
+  for (Index j = 0; j < outputs; ++j) {
+    std::vector<double>& share = result.share.emplace_back();
+    for (size_t k = 0; k < steps; ++k) {
+      const auto [size, width] = entries(k, j);
+      double size_square = 0.0, width_square = 0.0;
+      for (Index i = 0; i < size.size(); ++i)
+        if (!std::isnan(width(i))) size_square += size(i) * size(i), width_square += width(i) * width(i);
+      share.push_back(std::sqrt(width_square / size_square));
+    }
+  }
+  return result;
+}
+
+Widths markov_widths(const Confidence& c) {
+  return widths(c.markov.step.size(), c.markov.outputs, [&](size_t k, Index j) {
+    const Interval& step = c.markov.step[k];
+    return std::pair<Vector, Vector>(step.estimate.row(j).transpose(),
+                                     (step.upper.row(j) - step.lower.row(j)).transpose() / 2);
+  });
+}
+
+// Outputs as departures from the mean motion, where there is one.
+Widths output_widths(const OutputBounds& bounds, const Model& model) {
+  return widths(bounds.step.size(), bounds.step.empty() ? 0 : model.outputs, [&](size_t k, Index j) {
+    const Interval& step = bounds.step[k];
+    Vector size = step.estimate.col(j);
+    if (Index(k) < model.y_nominal.rows()) size.array() -= model.y_nominal(Index(k), j);
+    return std::pair<Vector, Vector>(size, (step.upper.col(j) - step.lower.col(j)) / 2);
+  });
+}
+
+struct Eigenvalues {
+  Index total = 0, bounded = 0;
+  Index fixed = 0;                                          // zeros that no noise moves, of the bounded ones
+  double width = std::numeric_limits<double>::quiet_NaN();  // median half width of the real parts of the others
+};
+Eigenvalues eigenvalues(const SpectrumBounds& spectrum) {
+  Eigenvalues result;
+  std::vector<double> half;
+  for (const SpectrumBounds::Step& step : spectrum.step)
+    for (Index e = 0; e < step.eigenvalues.size(); ++e) {
+      ++result.total;
+      if (!step.simple(e)) continue;
+      ++result.bounded;
+      const double width = (step.real.upper(e) - step.real.lower(e)) / 2;
+      if (width < 1e-6 && std::abs(step.eigenvalues(e)) < 1e-6)
+        ++result.fixed;
+      else
+        half.push_back(width);
+    }
+  result.width = median(half);
+  return result;
+}
+
+std::string share(double value) {
+  if (std::isnan(value)) return "-";
+  if (std::isinf(value)) return "infinite";
+  return value < 10 ? fmt::format("{:.3g} %", 100 * value) : fmt::format("{:.0f} times", value);
+}
+
+std::string share_at_worst(const Widths& widths, Index j) {
+  const std::vector<Index> steps = widths.worst(j, 1);
+  return steps.empty() ? "-" : fmt::format("{} at {}", share(widths.share[size_t(j)][size_t(steps[0])]), steps[0]);
+}
+
+std::string report(const Call& call, const Model& model, const Ensemble& data, const Confidence& c) {
+  Page page;
+  page.row("Model", call.model.string());
+  page.row("", describe(model));
+  page.row("Data", call.data.string());
+  page.row("", describe(data));
+  page.row("Bounds",
+           fmt::format("{:.4g} % for each value by itself, from {} experiments", 100 * c.level, c.experiments));
+  page.row("", c.method == BoundsMethod::factors
+                   ? fmt::format("by the factors of the regressions, lag order {}; {:.0f} degrees of freedom", c.lags,
+                                 c.freedom)
+                   : fmt::format("by {} over experiments; {:.0f} degrees of freedom",
+                                 plural(c.replicates, "bootstrap replicate"), c.freedom));
+  page.row("Half widths", "over the size of the estimates: median over the steps, and largest");
+  const Widths markov = markov_widths(c), simulated = output_widths(c.simulated, model),
+               predicted = output_widths(c.predicted, model);
+  std::vector<std::vector<std::string>> rows{{"output", "Markov", "largest at step", "simulation", "largest at step"}};
+  if (!predicted.share.empty()) rows.front().emplace_back("new one-step");
+  for (Index j = 0; j < model.outputs; ++j) {
+    rows.push_back({output_label(model.names, j), share(markov.typical(j)), share_at_worst(markov, j),
+                    share(simulated.typical(j)), share_at_worst(simulated, j)});
+    if (!predicted.share.empty()) rows.back().push_back(share(predicted.typical(j)));
+  }
+  page.table(rows);
+  const Eigenvalues e = eigenvalues(c.spectrum);
+  page.row("Eigenvalues",
+           e.total == 0 ? "of the closed loop: no bounds"
+                        : fmt::format("of the closed loop, steps {} to {}: {} of {} are clearly simple and have bounds",
+                                      c.spectrum.begin, c.spectrum.begin + Index(c.spectrum.step.size()) - 1, e.bounded,
+                                      e.total));
+  if (e.fixed > 0) page.row("", fmt::format("{} of them are zero, as of every deadbeat observer", e.fixed));
+  if (!std::isnan(e.width)) page.row("", fmt::format("half width of real parts: median {}", number(e.width)));
+  page.row("Written", call.output.string());
+  return page.text();
+}
+
+Json json(const Call& call, const Model& model, const Confidence& c) {
+  const auto summary = [&](const Widths& widths) {
+    Json list = Json::array();
+    for (Index j = 0; j < Index(widths.share.size()); ++j)
+      list.push_back(
+          {{"median", widths.typical(j)}, {"worst_steps", widths.worst(j, 5)}, {"per_step", widths.share[size_t(j)]}});
+    return list;
+  };
+  Json j;
+  j["model"] = call.model.string();
+  j["data"] = call.data.string();
+  j["method"] = to_string(c.method);
+  j["level"] = c.level;
+  j["experiments"] = c.experiments;
+  j["lags"] = c.lags;
+  j["freedom"] = c.freedom;
+  if (c.method == BoundsMethod::bootstrap) j["replicates"] = c.replicates;
+  j["band"] = c.markov.band;
+  j["k_begin"] = c.markov.k_begin;
+  j["output_names"] = Json::array();
+  for (Index i = 0; i < model.outputs; ++i) j["output_names"].push_back(model.names.output(i));
+  j["markov_half_width"] = summary(markov_widths(c));
+  j["simulation_half_width"] = summary(output_widths(c.simulated, model));
+  j["prediction_half_width"] = summary(output_widths(c.predicted, model));
+  const Eigenvalues e = eigenvalues(c.spectrum);
+  j["eigenvalues"] = {{"total", e.total}, {"bounded", e.bounded}, {"zero", e.fixed}, {"half_width", e.width}};
+  j["warnings"] = c.warnings;
+  return j;
+}
+
+void run(const Call& call) {
+  check_output(call.output, Content::bounds);
+  const Model model = load_model(call.model);
+  const Ensemble data = load_ensemble(call.data, call.read);
+  Confidence result = [&] {
+    ProgressBar bar(true);
+    ConfidenceOptions options = call.options;
+    options.execution.progress = bar.callback();
+    return about(call.data, [&] { return confidence(model, data, options); });
+  }();
+  const std::vector<std::string> remarks = differences(model, data);
+  result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());
+  save_confidence(result, call.output);
+  if (call.json)
+    print(json(call, model, result));
+  else
+    print(report(call, model, data, result));
+  warn(result.warnings);
+}
+
+}  // namespace
+
+void add_confidence(CLI::App& tool) {
+  const auto call = std::make_shared<Call>();
+  ConfidenceOptions& o = call->options;
+  CLI::App* command = add_command(tool, "confidence", "Confidence bounds of a model, its outputs and eigenvalues",
+                                  "tokid confidence model.npz data.npz -o bounds.npz --level 0.99");
+  command->add_option("MODEL", call->model, "Model that tokid identified: .npz, .h5 or .mat")
+      ->required()
+      ->type_name("");
+  command->add_option("DATA", call->data, "The ensemble of its identification, whole: .npz, .h5, .mat or .csv")
+      ->required()
+      ->type_name("");
+  add_output_option(command, call->output, "Bounds to write: .npz, .h5 or .mat");
+  add_column_options(command, call->read);
+  add_number<double>(command, "--level", o.level, "P", "Probability that an interval holds the truth (default 0.95)",
+                     1e-6, 1 - 1e-9);
+  add_choice(command, "--method", o.method,
+             Choices<BoundsMethod>{{"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
+             "From the factors of the regressions, or by identifying anew (default factors)");
+  add_number<Index>(command, "--replicates", o.replicates, "B", "Replicates of the bootstrap (default 200)", 2,
+                    1'000'000);
+  add_count_or_auto(command, "--band", o.band,
+                    "Markov parameters up to so many steps apart (auto: twice as many as tell a state)");
+  add_number<Index>(command, "--reference-step", o.reference_step, "s",
+                    "Step of the frame of the eigenvalues (default: the first with all states)", 0, 1'000'000);
+  add_number<std::uint64_t>(command, "--seed", o.seed, "S", "Seed of the bootstrap (default 1)", 0);
+  add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
+  command->add_flag("--json", call->json, "Print one JSON object");
+  command->callback([call] { run(*call); });
+}
+
+}  // namespace tokid::app

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/cross_validate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+#include "random.hpp"
+
+namespace tokid {
+
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+std::vector<std::vector<Index>> fold_members(Index experiments, const CrossValidateOptions& options) {
+  if (options.folds < 2 || options.folds > experiments)
+    throw std::invalid_argument(fmt::format("folds: {} found, 2 to {} (one for each experiment) needed", options.folds,
+                                            std::max<Index>(2, experiments)));
+  std::vector<Index> order(size_t(experiments), 0);
+  std::iota(order.begin(), order.end(), Index{0});
+  if (options.seed) order = RandomNumbers(*options.seed).permutation(experiments);
+  std::vector<std::vector<Index>> members(size_t(options.folds));
+  for (Index n = 0; n < experiments; ++n) members[size_t(n % options.folds)].push_back(order[size_t(n)]);
+  for (std::vector<Index>& fold : members) std::sort(fold.begin(), fold.end());
+  return members;
+}
+
+std::vector<Index> others(Index experiments, const std::vector<Index>& members) {
+  std::vector<Index> rest;
+  for (Index n = 0; n < experiments; ++n)
+    if (!std::binary_search(members.begin(), members.end(), n)) rest.push_back(n);
+  return rest;
+}
+
+// The part of the progress that one fold takes.
+Execution share(const Execution& whole, size_t fold, size_t folds) {
+  Execution part{whole.threads, {}};
+  if (whole.progress)
+    part.progress = [&report = whole.progress, fold, folds](double done) {
+      report((double(fold) + done) / double(folds));
+    };
+  return part;
+}
+
+// Outputs of the whole ensemble, put together from those of the folds.
+class Pooled {
+ public:
+  explicit Pooled(const Ensemble& data) : outputs_(data) {
+    for (Index k = 0; k < data.steps(); ++k) outputs_.output(k).setConstant(nan);
+  }
+  void add(const std::vector<Index>& experiments, const Ensemble& computed) {
+    for (Index k = 0; k < computed.steps(); ++k)
+      for (size_t i = 0; i < experiments.size(); ++i)
+        outputs_.output(k).row(experiments[i]) = computed.output(k).row(Index(i));
+  }
+  const Ensemble& outputs() const { return outputs_; }
+
+ private:
+  Ensemble outputs_;
+};
+
+Vector spread(const std::vector<Fold>& folds, Fit Fold::*fit) {
+  const Index m = (folds.front().*fit).fit.size();
+  Vector result = Vector::Constant(m, nan);
+  for (Index j = 0; j < m; ++j) {
+    double sum = 0.0, squares = 0.0;
+    Index count = 0;
+    for (const Fold& fold : folds)
+      if (const double f = (fold.*fit).fit(j); std::isfinite(f)) sum += f, ++count;
+    if (count < 2) continue;
+    for (const Fold& fold : folds)
+      if (const double f = (fold.*fit).fit(j); std::isfinite(f))
+        squares += (f - sum / double(count)) * (f - sum / double(count));
+    result(j) = std::sqrt(squares / double(count - 1));
+  }
+  return result;
+}
+
+Identification identify_without(const Ensemble& training, const IdentifyOptions& options, size_t fold, size_t folds) {
+  try {
+    return identify(training, options);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(fmt::format("fold {} of {}, identified from the other {} experiments: {}", fold + 1,
+                                            folds, training.experiments(), error.what()));
+  }
+}
+
+}  // namespace
+
+CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& identify_options,
+                               const CrossValidateOptions& options) {
+  if (options.horizon < 1)
+    throw std::invalid_argument(fmt::format("horizon: {} found, at least 1 needed", options.horizon));
+  const auto members = fold_members(ensemble.experiments(), options);
+  Pooled simulation(ensemble), one_step(ensemble), horizon(ensemble);
+  bool nominal = false;
+  CrossValidation result;
+  for (size_t i = 0; i < members.size(); ++i) {
+    IdentifyOptions fold_options = identify_options;
+    fold_options.hold_out = 0.0;
+    fold_options.frame = Frame::raw;  // the outputs are the same in any
+    fold_options.execution = share(identify_options.execution, i, members.size());
+    Identification found =
+        identify_without(ensemble.subset(others(ensemble.experiments(), members[i])), fold_options, i, members.size());
+    const Model& model = found.model;
+    const Ensemble kept = ensemble.subset(members[i]);
+    nominal = nominal || model.y_nominal.size() > 0;
+
+    Fold fold{members[i], model.states(), found.lags, {}, {}, {}, std::move(found.warnings)};
+    const auto judge = [&](const Ensemble& computed, Pooled& pooled) {
+      pooled.add(members[i], computed);
+      return fit(kept, computed, model.y_nominal);
+    };
+    const Ensemble next = predict(model, kept, {1, model.initial_state}).y;
+    fold.simulation = judge(simulate_data(model, kept, model.initial_state), simulation);
+    fold.one_step = judge(next, one_step);
+    fold.horizon =
+        judge(options.horizon == 1 ? next : predict(model, kept, {options.horizon, model.initial_state}).y, horizon);
+    result.folds.push_back(std::move(fold));
+  }
+  Nominal mean = nominal ? nominal_trajectory(ensemble) : Nominal{};
+  if (nominal && identify_options.period > 0) share_phases(mean, identify_options.period);
+  const Matrix& reference = mean.y;
+  result.simulation = fit(ensemble, simulation.outputs(), reference);
+  result.one_step = fit(ensemble, one_step.outputs(), reference);
+  result.horizon = fit(ensemble, horizon.outputs(), reference);
+  result.simulation_spread = spread(result.folds, &Fold::simulation);
+  result.one_step_spread = spread(result.folds, &Fold::one_step);
+  result.horizon_spread = spread(result.folds, &Fold::horizon);
+  return result;
+}
+
+}  // namespace tokid

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/random_walk.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <stdexcept>
+
+namespace tokid {
+
+namespace {
+
+// Pivots below this share of the largest say nothing about a coefficient.
+constexpr double unseen = 1.5e-14;
+
+void check(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness) {
+  if (stiffness.size() != regressors || !(stiffness.array() >= 0).all())
+    throw std::invalid_argument(
+        fmt::format("stiffness: {} entries found, {} that are not negative needed", stiffness.size(), regressors));
+  for (const Matrix& block : rows)
+    if (block.cols() != rows.front().cols() || block.cols() < regressors)
+      throw std::invalid_argument(fmt::format("rows: {} columns found, {} needed in every step, {} or more",
+                                              block.cols(), rows.front().cols(), regressors));
+}
+
+Matrix solve(const ConstMatrixRef& rows, Index regressors) {
+  return linalg::minimum_norm(rows.leftCols(regressors), rows.rightCols(rows.cols() - regressors),
+                              unseen * std::sqrt(double(std::max<Index>(1, regressors))))
+      .x;
+}
+
+// What the elimination of X_g leaves for the way back: U X_g = w - V X_{g+1}, U upper and V lower triangular.
+struct Eliminated {
+  Matrix triangles;   // (L × L): U on and above the diagonal, V below
+  Vector v_diagonal;  // (L)
+  Matrix w;           // (L × q)
+};
+
+// Rows [R z] that tell X_g from the data up to step g become rows that tell X_{g+1}, by a QR factorisation of
+//   [  R   0  z ]      [ U  V   w  ]
+//   [ -S   S  0 ]  =  Q[ 0  R'  z' ]          S = diag(stiffness)
+// whose zeros are kept: reflection j involves row j above and the rows 0 … j below.
+class Eliminator {
+ public:
+  Eliminator(const Vector& stiffness, Index right)
+      : stiffness_(stiffness), above_(stiffness.size(), 2 * stiffness.size() + right), below_(above_) {}
+
+  Eliminated run(const Matrix& triangle, Matrix& next) {
+    const Index l = stiffness_.size(), right = above_.cols() - 2 * l;
+    above_.setZero();
+    above_.topLeftCorner(triangle.rows(), l) = triangle.leftCols(l);
+    above_.topRightCorner(triangle.rows(), right) = triangle.rightCols(right);
+    below_.setZero();
+    below_.leftCols(l).diagonal() = -stiffness_;
+    below_.middleCols(l, l).diagonal() = stiffness_;
+    for (Index j = 0; j < l; ++j) {
+      auto tail = below_.col(j).head(j + 1);
+      Vector::RealScalar beta = 0.0;
+      const double pivot = above_(j, j), norm = tail.squaredNorm();
+      if (norm == 0) continue;
+      beta = -std::copysign(std::sqrt(pivot * pivot + norm), pivot);
+      tail /= pivot - beta;
+      const double tau = (beta - pivot) / beta;
+      above_(j, j) = beta;
+      reflect(j, j + 1, l - j - 1, tau);
+      reflect(j, l, j + 1, tau);
+      reflect(j, 2 * l, right, tau);
+    }
+    next = below_.rightCols(l + right);
+    Eliminated e{above_.leftCols(l).triangularView<Eigen::Upper>(), above_.middleCols(l, l).diagonal(),
+                 above_.rightCols(right)};
+    e.triangles += above_.middleCols(l, l).triangularView<Eigen::StrictlyLower>();
+    return e;
+  }
+
+ private:
+  void reflect(Index j, Index first, Index count, double tau) {
+    if (count == 0) return;
+    const auto v = below_.col(j).head(j + 1);
+    auto upper = above_.row(j).segment(first, count);
+    auto lower = below_.block(0, first, j + 1, count);
+    auto product = product_.head(count);
+    product.noalias() = lower.transpose() * v;
+    product = tau * (product + upper.transpose());
+    upper -= product.transpose();
+    lower.noalias() -= v * product.transpose();
+  }
+
+  const Vector& stiffness_;
+  Matrix above_, below_;
+  Vector product_ = Vector(above_.cols());
+};
+
+}  // namespace
+
+std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness) {
+  check(rows, regressors, stiffness);
+  const size_t steps = rows.size();
+  std::vector<Matrix> x(steps);
+  if (steps == 0) return x;
+  if ((stiffness.array() == 0).all()) {
+    for (size_t g = 0; g < steps; ++g) x[g] = solve(rows[g], regressors);
+    return x;
+  }
+  const auto triangular = [](Matrix both) { return linalg::triangular_factor(both); };
+  if (!stiffness.allFinite()) {
+    Matrix all = triangular(rows[0]);
+    for (size_t g = 1; g < steps; ++g)
+      if (rows[g].rows() > 0) all = triangular(linalg::stacked(all, rows[g]));
+    x.assign(steps, solve(all, regressors));
+    return x;
+  }
+
+  std::vector<Eliminated> eliminated(steps - 1);
+  Eliminator eliminator(stiffness, rows[0].cols() - regressors);
+  Matrix known = triangular(rows[0]);
+  for (size_t g = 0; g + 1 < steps; ++g) {
+    Matrix next;
+    eliminated[g] = eliminator.run(known.topRows(std::min(known.rows(), regressors)), next);
+    known = triangular(linalg::stacked(next, rows[g + 1]));
+  }
+  x[steps - 1] = solve(known.topRows(std::min(known.rows(), regressors)), regressors);
+  for (size_t g = steps - 1; g-- > 0;) {
+    const Eliminated& e = eliminated[g];
+    x[g] = e.w - e.v_diagonal.asDiagonal() * x[g + 1];
+    x[g] -= e.triangles.triangularView<Eigen::StrictlyLower>() * x[g + 1];
+    e.triangles.triangularView<Eigen::Upper>().solveInPlace(x[g]);
+  }
+  return x;
+}
+
+}  // namespace tokid

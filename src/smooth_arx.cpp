@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/smooth_arx.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <stdexcept>
+
+#include "tokid/random_walk.hpp"
+
+namespace tokid {
+
+namespace {
+
+constexpr double inf = std::numeric_limits<double>::infinity();
+
+// 1 / rms of each channel over the ensemble, as the scales of [W_k Y_k] (1 for the outputs of step k).
+Vector window_scales(const Ensemble& e, Index lags) {
+  const Index d = e.channels(), r = e.inputs();
+  Vector channel(d);
+  for (Index c = 0; c < d; ++c) {
+    const ChannelSummary s = channel_summary(e, c);
+    const double square = s.mean * s.mean + s.std * s.std;
+    channel(c) = square > 0 ? 1 / std::sqrt(square) : 1.0;
+  }
+  Vector scales = Vector::Ones((lags + 1) * d);
+  for (Index j = 0; j < lags; ++j) scales.segment(j * d, d) = channel;
+  scales.segment(lags * d, r) = channel.head(r);
+  return scales;
+}
+
+// The regressions of the steps begin … end-1 as triangular factors, one for each group of steps that share their model.
+struct WindowFactors {
+  Index regressors = 0;
+  std::vector<Matrix> factor;  // (groups) of [W Y], scaled: (≤ L+m) × (L+m)
+  std::vector<Index> rows;     // (T) experiments of each step
+  double mean_rows = 0.0;      // of the groups that have any
+};
+
+WindowFactors window_factors(const Ensemble& e, const SmoothArxOptions& o, const Vector& scales, Index begin,
+                             Index end) {
+  const Index p = o.lags, d = e.channels(), width = (p + 1) * d, groups = o.variation.groups(end - begin);
+  const bool every_row = e.missing() == 0;
+  WindowFactors w;
+  w.regressors = width - e.outputs();
+  w.factor.resize(size_t(groups));
+  w.rows.assign(size_t(e.steps()), 0);
+  const Index first = o.initial_state == InitialState::zero ? begin : std::max(begin, p);
+  parallel_for(0, groups, {o.execution.threads, {}}, [&](Index from, Index to) {
+    Matrix block;
+    for (Index g = from; g < to; ++g) {
+      linalg::RowStack stack(width);
+      for (Index k = begin; k < end; ++k) {
+        if (k < first || o.variation.group(k - begin) != g) continue;
+        const Index lags = std::min(p, k);
+        const auto window = e.window_and_output(k, lags);
+        const std::vector<Index> rows = every_row ? std::vector<Index>{} : e.complete_rows(k, lags);
+        block.setZero(every_row ? e.experiments() : Index(rows.size()), width);
+        if (every_row)
+          block.rightCols(window.cols()) = window;
+        else
+          block.rightCols(window.cols()) = window(rows, Eigen::all);
+        block *= scales.asDiagonal();
+        w.rows[size_t(k)] = block.rows();
+        stack.add(block);
+      }
+      w.factor[size_t(g)] = stack.factor();
+    }
+  });
+  double sum = 0.0;
+  for (const Index rows : w.rows) sum += double(rows);
+  w.mean_rows = sum / double(groups);
+  return w;
+}
+
+Vector stiffness(const WindowFactors& w, double smoothing) {
+  return Vector::Constant(w.regressors, std::isinf(smoothing) ? inf : std::sqrt(smoothing * w.mean_rows));
+}
+
+// Residual sums of squares and products of rows [R Z] under the solution X.
+Matrix residual_square(const Matrix& rows, const Matrix& x) {
+  const Matrix e = rows.rightCols(x.cols()) - rows.leftCols(x.rows()) * x;
+  return e.transpose() * e;
+}
+
+void check(const Ensemble& e, Index lags, const TimeVariation& v) {
+  if (lags < 1 || lags >= e.steps())
+    throw std::invalid_argument(fmt::format("lags: {} found, 1 to {} needed", lags, e.steps() - 1));
+  if (!(v.smoothing >= 0))
+    throw std::invalid_argument(fmt::format("smoothing: {} found, 0 or more needed", v.smoothing));
+  if (v.period < 0) throw std::invalid_argument(fmt::format("period: {} found, 1 or more needed", v.period));
+}
+
+}  // namespace
+
+GtvArx smooth_arx(const Ensemble& e, const SmoothArxOptions& options) {
+  check(e, options.lags, options.variation);
+  const Index p = options.lags, d = e.channels(), m = e.outputs(), steps = e.steps();
+  const Vector scales = window_scales(e, p);
+  const WindowFactors w = window_factors(e, options, scales, 0, steps);
+  const std::vector<Matrix> x =
+      random_walk_regression(w.factor, w.regressors, stiffness(w, options.variation.smoothing));
+  GtvArx arx;
+  arx.inputs = e.inputs();
+  arx.outputs = m;
+  arx.k_begin = options.initial_state == InitialState::zero ? 0 : p;
+  arx.step.resize(size_t(steps));
+
+  // Rows of each group, for the residual covariance that its steps share.
+  std::vector<Index> rows(w.factor.size(), 0);
+  for (Index k = 0; k < steps; ++k) rows[size_t(options.variation.group(k))] += w.rows[size_t(k)];
+  for (Index k = arx.k_begin; k < steps; ++k) {
+    const size_t g = size_t(options.variation.group(k));
+    GtvArxStep& step = arx.step[size_t(k)];
+    step.lags = std::min(p, k);
+    step.rows = w.rows[size_t(k)];
+    const Matrix coefficients = (scales.head(w.regressors).asDiagonal() * x[g]).transpose();
+    step.coefficients = coefficients.rightCols(step.lags * d + e.inputs());
+    const double count = double(std::max<Index>(1, rows[g]));
+    step.residual_cov = residual_square(w.factor[g], x[g]) / count;
+    step.output_rms = (w.factor[g].rightCols(m).colwise().squaredNorm() / count).cwiseSqrt().transpose();
+  }
+  return arx;
+}
+
+Index fold_count(Index experiments) { return experiments <= 10 ? experiments : 5; }
+
+Split fold(const Ensemble& ensemble, Index f, Index folds, bool centred) {
+  std::vector<Index> training, held_out;
+  for (Index n = 0; n < ensemble.experiments(); ++n) (n % folds == f ? held_out : training).push_back(n);
+  Split parts{ensemble.subset(training), ensemble.subset(held_out)};
+  if (centred) {
+    const Nominal nominal = nominal_trajectory(parts.training);
+    parts.training = departures(std::move(parts.training), nominal);
+    parts.held_out = departures(std::move(parts.held_out), nominal);
+  }
+  return parts;
+}
+
+namespace {
+
+// Cross-validated errors of (p, λ), with the factors of each p kept for all λ.
+class Judge {
+ public:
+  Judge(const Ensemble& e, const SmoothingOptions& o) : options_(o), folds_(std::min(o.folds, e.experiments())) {
+    for (Index f = 0; f < folds_; ++f) parts_.push_back(fold(e, f, folds_, o.centred));
+    stretches_ = {{0, e.steps()}};
+    if (o.period == 0 && e.steps() > o.steps) {
+      const Index length = std::max<Index>(o.steps / 4, 2 * o.lags.back());
+      stretches_.clear();
+      for (Index s = 0; s < 4; ++s) {
+        const Index begin = s * (e.steps() - length) / 3;
+        stretches_.emplace_back(begin, begin + length);
+      }
+    }
+  }
+
+  double error(Index lags, double smoothing) {
+    const auto key = std::make_pair(lags, smoothing);
+    if (const auto known = errors_.find(key); known != errors_.end()) return known->second;
+    const std::vector<Piece>& pieces = factors(lags);
+    const Index m = parts_[0].training.outputs();
+    std::vector<Matrix> sums(pieces.size(), Matrix::Zero(m, 2));  // squared errors, squared outputs
+    parallel_for(0, Index(pieces.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) {
+        const Piece& piece = pieces[size_t(i)];
+        const auto x = random_walk_regression(piece.training.factor, piece.training.regressors,
+                                              stiffness(piece.training, smoothing));
+        for (size_t g = 0; g < x.size(); ++g) {
+          const Matrix& judged = piece.held_out.factor[g];
+          sums[size_t(i)].col(0) += residual_square(judged, x[g]).diagonal();
+          sums[size_t(i)].col(1) += judged.rightCols(m).colwise().squaredNorm().transpose();
+        }
+      }
+    });
+    Matrix sum = Matrix::Zero(m, 2);
+    for (const Matrix& s : sums) sum += s;
+    double log_error = 0.0;
+    double trained = 0.0, judged = 0.0;
+    for (const Piece& piece : pieces) {
+      for (const Index rows : piece.training.rows) trained += double(rows) / double(pieces.size());
+      for (const Index rows : piece.held_out.rows) judged += double(rows);
+    }
+    // Missing samples may leave too few windows of so many lags to say anything.
+    if (judged == 0 || trained < 2 * double(pieces.front().training.regressors)) log_error = inf;
+    for (Index j = 0; j < m; ++j)
+      log_error += sum(j, 1) > 0 ? 0.5 * std::log(std::max(sum(j, 0) / sum(j, 1), 1e-300)) : 0.0;
+    const double error = std::isfinite(log_error) ? std::exp(log_error / double(m)) : inf;
+    errors_[key] = error;
+    trials.push_back({lags, smoothing, error});
+    return error;
+  }
+
+  std::vector<SmoothingTrial> trials;
+
+ private:
+  struct Piece {
+    WindowFactors training, held_out;
+  };
+
+  const std::vector<Piece>& factors(Index lags) {
+    std::vector<Piece>& pieces = factors_[lags];
+    if (!pieces.empty()) return pieces;
+    SmoothArxOptions o;
+    o.lags = lags;
+    o.initial_state = options_.initial_state;
+    o.variation.period = options_.period;
+    o.execution.threads = options_.execution.threads;
+    for (const Split& part : parts_) {
+      const Vector scales = window_scales(part.training, lags);
+      for (const auto& [begin, end] : stretches_)
+        pieces.push_back({window_factors(part.training, o, scales, begin, end),
+                          window_factors(part.held_out, o, scales, begin, end)});
+    }
+    return pieces;
+  }
+
+  const SmoothingOptions& options_;
+  Index folds_;
+  std::vector<Split> parts_;
+  std::vector<std::pair<Index, Index>> stretches_;
+  std::map<Index, std::vector<Piece>> factors_;
+  std::map<std::pair<Index, double>, double> errors_;
+};
+
+// The smallest value of f over the indices 0 … count-1, climbing down from `start`.
+template <class Function>
+Index descend(Index start, Index count, Function&& f) {
+  double least = f(start);
+  for (const Index direction : {1, -1}) {
+    bool moved = false;
+    for (Index i = start + direction; i >= 0 && i < count; i += direction) {
+      const double value = f(i);
+      if (!(value < least)) break;
+      least = value;
+      start = i;
+      moved = true;
+    }
+    if (moved) break;
+  }
+  return start;
+}
+
+}  // namespace
+
+SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOptions& options) {
+  if (ensemble.experiments() < 2)
+    throw std::invalid_argument(
+        fmt::format("experiments: {} found, at least 2 needed to choose the smoothing", ensemble.experiments()));
+  if (options.lags.empty()) throw std::invalid_argument("lags: no lag order to choose from");
+  for (const Index p : options.lags) check(ensemble, p, {std::max(0.0, options.smoothing), options.period});
+
+  std::vector<double> weights{options.smoothing};
+  Index weight = 0;
+  if (options.smoothing < 0) {
+    weights = {0.0};
+    for (int half = -5; half <= 6; ++half) weights.push_back(std::pow(10.0, 0.5 * half));
+    weights.push_back(inf);
+    weight = 6;  // λ = 1
+  }
+  if (options.period == 1) weights = {0.0}, weight = 0;
+
+  Judge judge(ensemble, options);
+  const auto error = [&](Index p, Index w) { return judge.error(options.lags[size_t(p)], weights[size_t(w)]); };
+  Index lag = Index(options.lags.size()) / 2;
+  for (bool moved = true; moved;) {
+    const Index weight_before = weight, lag_before = lag;
+    weight = descend(weight, Index(weights.size()), [&](Index w) { return error(lag, w); });
+    lag = descend(lag, Index(options.lags.size()), [&](Index p) { return error(p, weight); });
+    moved = weight != weight_before || lag != lag_before;
+  }
+  SmoothingChoice choice{std::move(judge.trials), options.lags[size_t(lag)], weights[size_t(weight)], 0.0};
+  for (const SmoothingTrial& t : choice.trials)
+    if (t.lags == choice.lags && t.smoothing == choice.smoothing) choice.error = t.error;
+  return choice;
+}
+
+}  // namespace tokid

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+
+#include "interval.hpp"
+#include "random.hpp"
+#include "tokid/uncertainty.hpp"
+
+namespace tokid {
+
+namespace {
+
+constexpr Index batch = 64;  // replicates held in memory at a time
+
+void check_options(const BootstrapOptions& o) {
+  uncertainty::check_level(o.level);
+  if (o.replicates < 2)
+    throw std::invalid_argument(fmt::format("replicates: {} found, at least 2 needed", o.replicates));
+  if (!(o.spread > 0 && o.spread < 1))
+    throw std::invalid_argument(fmt::format("spread: {} found, 0 < spread < 1 needed", o.spread));
+  if (o.unknowns < 0) throw std::invalid_argument(fmt::format("unknowns: {} found, none may be negative", o.unknowns));
+}
+
+// 1 ± spread, as many of each sign as can be, so that the weights have mean one.
+Vector draw_weights(Index experiments, double spread, std::uint64_t seed) {
+  RandomNumbers random(seed);
+  const std::vector<Index> order = random.permutation(experiments);
+  Vector weights(experiments);
+  for (Index n = 0; n < experiments; ++n) weights(order[size_t(n)]) = n % 2 == 0 ? 1 + spread : 1 - spread;
+  if (experiments % 2 == 1) weights(order.back()) = 1.0;
+  return weights;
+}
+
+// The mean motion of experiments that count as often as their weights say.
+Nominal weighted_nominal(const Ensemble& data, const Vector& weights) {
+  Nominal nominal{Matrix(data.steps(), data.inputs()), Matrix(data.steps(), data.outputs())};
+  const auto mean = [&](const auto& samples) {
+    double sum = 0.0, total = 0.0;
+    for (Index n = 0; n < samples.size(); ++n)
+      if (!std::isnan(samples(n))) sum += weights(n) * samples(n), total += weights(n);
+    return total > 0 ? sum / total : 0.0;
+  };
+  for (Index k = 0; k < data.steps(); ++k) {
+    for (Index i = 0; i < data.inputs(); ++i) nominal.u(k, i) = mean(data.input(k).col(i));
+    for (Index j = 0; j < data.outputs(); ++j) nominal.y(k, j) = mean(data.output(k).col(j));
+  }
+  return nominal;
+}
+
+Model identified(const Ensemble& data, const Vector& weights, const Identifier& f, const BootstrapOptions& o) {
+  if (!o.nominal) return f(weighted(data, weights));
+  Nominal nominal = weighted_nominal(data, weights);
+  if (o.period > 0) share_phases(nominal, o.period);
+  Ensemble free_too = departures(data, nominal);
+  if (free_too.free.experiments > 1) {
+    free_too.free = complete(free_too.free);
+    free_too.free.y.rowwise() -= Eigen::RowVectorXd(free_too.free.y.colwise().mean());
+  }
+  Model model = f(weighted(std::move(free_too), weights));
+  model.u_nominal = nominal.u;
+  model.y_nominal = nominal.y;
+  return model;
+}
+
+Index median_unknowns(const Model& model) {
+  std::vector<Index> rank = model.rank;
+  if (rank.empty() || model.method != "tvera")
+    return minimum_experiments(model.inputs, model.outputs, model.max_lags());
+  const auto middle = rank.begin() + static_cast<std::ptrdiff_t>(rank.size() / 2);
+  std::nth_element(rank.begin(), middle, rank.end());
+  return *middle;
+}
+
+// Deviations from the original, summed in the order of the replicates.
+struct Moments {
+  explicit Moments(Index size) : count(Vector::Zero(size)), first(count), second(count), mixed(count) {}
+  void add(const Vector& deviation) {
+    for (Index i = 0; i < deviation.size(); ++i) {
+      const double d = deviation(i);
+      if (!std::isfinite(d)) continue;
+      count(i) += 1;
+      first(i) += d;
+      second(i) += d * d;
+      if (i + 1 < deviation.size() && std::isfinite(deviation(i + 1))) mixed(i) += d * deviation(i + 1);
+    }
+  }
+  Vector count, first, second, mixed;
+};
+
+}  // namespace
+
+Ensemble weighted(Ensemble data, const Vector& weights) {
+  if (weights.size() != data.experiments() || !(weights.array() >= 0).all())
+    throw std::invalid_argument(
+        fmt::format("weights: {} found, {} needed, none of them negative", weights.size(), data.experiments()));
+  const Vector roots = weights.cwiseSqrt();
+  for (Index k = 0; k < data.steps(); ++k) {
+    data.input(k) = roots.asDiagonal() * data.input(k);
+    data.output(k) = roots.asDiagonal() * data.output(k);
+  }
+  if (data.free.experiments > 0 && weights.size() > 0) data.free.y *= std::sqrt(weights.mean());
+  return data;
+}
+
+Eigen::VectorXcd matched(const Eigen::VectorXcd& found, const Eigen::VectorXcd& reference) {
+  struct Pair {
+    double distance;
+    Index place, from;
+  };
+  std::vector<Pair> pairs;
+  for (Index i = 0; i < reference.size(); ++i)
+    for (Index j = 0; j < found.size(); ++j) pairs.push_back({std::abs(found(j) - reference(i)), i, j});
+  std::stable_sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) { return a.distance < b.distance; });
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  Eigen::VectorXcd result = Eigen::VectorXcd::Constant(reference.size(), std::complex<double>(nan, nan));
+  std::vector<bool> placed(size_t(reference.size())), taken(size_t(found.size()));
+  for (const Pair& pair : pairs) {
+    if (placed[size_t(pair.place)] || taken[size_t(pair.from)]) continue;
+    placed[size_t(pair.place)] = taken[size_t(pair.from)] = true;
+    result(pair.place) = found(pair.from);
+  }
+  return result;
+}
+
+Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional& functional,
+                    const BootstrapOptions& options) {
+  check_options(options);
+  const Index experiments = data.experiments();
+  const Model original = identified(data, Vector::Ones(experiments), f, options);
+  const Index mean = options.nominal ? 1 : 0;
+  Index unknowns = (options.unknowns > 0 ? options.unknowns : median_unknowns(original)) + mean;
+  // Where plain regressions would fit any data exactly, other methods are regularised: what they are left with is at
+  // least a regression of the outputs on states and inputs.
+  if (options.unknowns == 0 && experiments <= unknowns && original.method != "tvera")
+    unknowns = original.states() + original.inputs + mean;
+  // Where steps share a model, each experiment brings as many rows as there are periods.
+  if (options.unknowns == 0 && original.period > 0 && data.steps() > 0)
+    unknowns = (unknowns * std::min(original.period, data.steps()) + data.steps() - 1) / data.steps();
+  if (experiments <= unknowns)
+    throw std::invalid_argument(
+        fmt::format("experiments: {} found, a bootstrap of regressions on {} unknowns needs more than these",
+                    experiments, unknowns));
+  const Vector estimate = functional(original);
+
+  Moments moments(estimate.size());
+  Bootstrap result;
+  result.unknowns = unknowns;
+  for (Index first = 0; first < options.replicates; first += batch) {
+    const Index end = std::min(options.replicates, first + batch);
+    std::vector<std::optional<Vector>> found(size_t(end - first));
+    Execution execution{options.execution.threads, {}};
+    if (options.execution.progress)
+      execution.progress = [&](double done) {
+        options.execution.progress((double(first) + done * double(end - first)) / double(options.replicates));
+      };
+    parallel_for(first, end, execution, [&](Index begin, Index last) {
+      for (Index b = begin; b < last; ++b) {
+        const Vector weights = draw_weights(experiments, options.spread, options.seed * 1'000'003 + std::uint64_t(b));
+        try {
+          found[size_t(b - first)] = functional(identified(data, weights, f, options)) - estimate;
+        } catch (const std::exception&) {
+          // Counted below: a few that fail are no reason to do without the others.
+        }
+      }
+    });
+    for (const std::optional<Vector>& deviation : found)
+      if (deviation) {
+        moments.add(*deviation);
+        ++result.replicates;
+      }
+  }
+  if (2 * result.replicates < options.replicates)
+    throw std::runtime_error(
+        fmt::format("bootstrap: only {} of {} replicates could be identified", result.replicates, options.replicates));
+
+  const double n = double(experiments), left = double(experiments - unknowns);
+  const double scale = (n + 2) / left / (options.spread * options.spread);
+  // One degree for each experiment that is left, and the replicates tell the variance no better than B - 1 of them.
+  result.freedom = 1 / (1 / left + 1 / double(std::max<Index>(1, result.replicates - 1)));
+  uncertainty::Variance variance(estimate.size(), 1);
+  result.covariance.setZero(estimate.size(), 1);
+  for (Index i = 0; i < estimate.size(); ++i) {
+    const double count = moments.count(i);
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    if (2 * count < double(result.replicates)) {
+      variance.sum(i) = variance.spread(i) = nan;
+      continue;
+    }
+    const double v =
+        scale * std::max(0.0, moments.second(i) - moments.first(i) * moments.first(i) / count) / (count - 1);
+    variance.sum(i) = v;
+    variance.spread(i) = v * v / result.freedom;
+    if (i + 1 < estimate.size())
+      result.covariance(i) = scale * (moments.mixed(i) - moments.first(i) * moments.first(i + 1) / count) / (count - 1);
+  }
+  result.interval = uncertainty::interval(estimate, variance, uncertainty::StudentT(options.level));
+  return result;
+}
+
+}  // namespace tokid

@@ -1,0 +1,340 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+
+#include "interval.hpp"
+#include "tokid/identify.hpp"
+#include "tokid/uncertainty.hpp"
+#include "tokid/validate.hpp"
+#include "words.hpp"
+
+namespace tokid {
+
+const char* to_string(BoundsMethod method) { return method == BoundsMethod::factors ? "factors" : "bootstrap"; }
+
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+// Block columns of H_k where identify() chooses them for noisy data.
+constexpr Index noisy_columns = 48;
+// Models that differ by less are the same up to rounding and what it does to noisy Hankel matrices.
+constexpr double same = 1e-6;
+
+Index recorded_experiments(const Model& model) {
+  const auto json = nlohmann::json::parse(model.options, nullptr, false);
+  return json.is_object() && json.contains("experiments") && json["experiments"].is_number_integer()
+             ? json["experiments"].get<Index>()
+             : 0;
+}
+
+// The experiments of the identification, as they were measured.
+Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyOptions& identification) {
+  if (model.inputs != data.inputs() || model.outputs != data.outputs())
+    throw std::invalid_argument(fmt::format("channels: {} inputs and {} outputs found, the model has {} and {}",
+                                            data.inputs(), data.outputs(), model.inputs, model.outputs));
+  Ensemble training =
+      identification.hold_out > 0 ? split(data, identification.hold_out, identification.period).training : data;
+  const Index recorded = recorded_experiments(model);
+  if (recorded > 0 && recorded != training.experiments())
+    throw std::invalid_argument(
+        fmt::format("experiments: {} found{}, the model was identified from {}: bounds need the ensemble of the "
+                    "identification",
+                    training.experiments(), identification.hold_out > 0 ? " without those held out" : "", recorded));
+  if (training.steps() != model.k_end())
+    throw std::invalid_argument(
+        fmt::format("steps: {} found, the model ends with step {}: bounds need the ensemble of the identification",
+                    training.steps(), model.k_end() - 1));
+  return training;
+}
+
+// The options of the identification with what it chose, for departures from the nominal trajectory.
+IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
+  options.states = model.states();
+  options.lags = model.max_lags();
+  options.initial_state = model.initial_state;
+  options.nominal = NominalChoice::none;
+  options.frame = Frame::raw;
+  options.hold_out = 0.0;
+  options.choices = noted_choices(model);
+  options.execution = {};
+  return options;
+}
+
+// Root mean squares of `count` channels from `first` on; 1 for those that rest.
+Vector channel_sizes(const Ensemble& e, Index first, Index count) {
+  Vector sizes(count);
+  for (Index c = 0; c < count; ++c) {
+    const ChannelSummary s = channel_summary(e, first + c);
+    const double size = std::hypot(s.mean, s.std);
+    sizes(c) = size > 0 ? size : 1.0;
+  }
+  return sizes;
+}
+
+// The blocks and units with which identify() realises.
+TveraOptions realisation(const Model& model, const Ensemble& departing, const IdentifyOptions& o) {
+  const Index p = model.max_lags(), n = model.states(), m = model.outputs;
+  TveraOptions result;
+  result.states = n;
+  result.rows = o.rows > 0 ? o.rows : std::max(p, (n + m - 1) / m) + 1;
+  result.cols = o.cols > 0 ? o.cols : std::max(p, noisy_columns);
+  result.output_size = channel_sizes(departing, departing.inputs(), m);
+  result.input_size = channel_sizes(departing, 0, departing.inputs());
+  return result;
+}
+
+bool differ(const Vector& a, const Vector& b) {
+  double largest = 0.0, difference = 0.0;
+  for (Index i = 0; i < a.size(); ++i) {
+    if (std::isnan(a(i)) && std::isnan(b(i))) continue;
+    if (!std::isfinite(a(i) - b(i))) return true;
+    largest = std::max(largest, std::abs(a(i)));
+    difference = std::max(difference, std::abs(a(i) - b(i)));
+  }
+  return difference > same * largest;
+}
+
+void add_nominal(const Model& model, OutputBounds& bounds) {
+  for (size_t k = 0; k < bounds.step.size() && Index(k) < model.y_nominal.rows(); ++k)
+    for (Matrix* part : {&bounds.step[k].estimate, &bounds.step[k].lower, &bounds.step[k].upper})
+      part->rowwise() += model.y_nominal.row(Index(k));
+}
+
+class Bounds {
+ public:
+  Bounds(const Model& model, const Ensemble& data, const ConfidenceOptions& options)
+      : model_(model), options_(options), identification_(identify_options(model)) {
+    uncertainty::check_level(options.level);
+    if (options.band < 0)
+      throw std::invalid_argument(fmt::format("band: {} found, at least 1 (or automatic) needed", options.band));
+    data_ = training_part(model, data, identification_);
+    departing_ = data_;
+    if (model.y_nominal.rows() > 0) departing_ = departures(data_, {model.u_nominal, model.y_nominal});
+    band_ = std::clamp<Index>(options.band > 0 ? options.band : 2 * estimation_window(model), 1,
+                              std::max<Index>(1, data_.steps() - 1));
+    loop_ = {options.level, options.reference_step, 0, {options.execution.threads, {}}};
+    result_.method = options.method;
+    result_.level = options.level;
+    result_.dt = model.dt;
+    result_.names = model.names;
+    result_.experiments = data_.experiments();
+    result_.lags = model.max_lags();
+  }
+
+  Confidence run() {
+    if (!has_seen(model_, data_))
+      warn("the model was not identified from these data: bounds need the ensemble of its identification");
+    if (options_.method == BoundsMethod::factors)
+      from_factors();
+    else
+      by_bootstrap();
+    return std::move(result_);
+  }
+
+ private:
+  bool with_nominal() const { return model_.y_nominal.rows() > 0; }
+  void warn(std::string text) { result_.warnings.push_back(std::move(text)); }
+
+  Execution share(double from, double to) const {
+    Execution execution{options_.execution.threads, {}};
+    if (options_.execution.progress)
+      execution.progress = [report = options_.execution.progress, from, to](double done) {
+        report(from + (to - from) * done);
+      };
+    return execution;
+  }
+
+  void from_factors() {
+    GtvArxOptions o;
+    o.lags.assign(size_t(departing_.steps()), model_.max_lags());
+    for (size_t s = 0; s < model_.lags.size(); ++s)
+      if (model_.lags[s] > 0) o.lags[size_t(model_.k_begin) + s] = model_.lags[s];
+    o.initial_state = model_.initial_state;
+    o.spent = with_nominal() ? 1 : 0;
+    o.execution = share(0.0, 0.1);
+    const GtvArx arx = gtv_arx(departing_, o);
+    summarise(arx);
+    result_.markov = markov_bounds(arx, band_, {options_.level, share(0.1, 0.2)});
+    result_.simulated = simulation_bounds(arx, departing_, {options_.level, false, share(0.2, 0.8)});
+    result_.predicted = prediction_bounds(arx, departing_, {options_.level, share(0.8, 0.9)});
+    add_nominal(model_, result_.simulated);
+    add_nominal(model_, result_.predicted);
+    if (model_.method != "tvera")
+      return warn(
+          fmt::format("the bounds are those of the regressions, which a model of method {} does not follow "
+                      "from alone; those of its own parameters and eigenvalues take the bootstrap",
+                      model_.method));
+    if (data_.free.experiments > 0)
+      return warn("the factors say nothing of free responses: bounds of the eigenvalues take the bootstrap");
+    with_frame([&] {
+      loop_.execution = share(0.9, 1.0);
+      result_.spectrum = closed_loop_bounds(arx, model_, realisation(model_, departing_, identification_), loop_);
+    });
+  }
+
+  // Bounds of eigenvalues need a frame that the model may not have.
+  template <class Work>
+  void with_frame(Work&& work) {
+    try {
+      if (model_.states() == 0) return;
+      work();
+    } catch (const std::invalid_argument& error) {
+      if (options_.reference_step >= 0) throw;
+      warn(fmt::format("no bounds of eigenvalues: {}", error.what()));
+    }
+  }
+
+  void summarise(const GtvArx& arx) {
+    std::vector<Index> freedom, none;
+    for (Index k = arx.k_begin; k < arx.steps(); ++k) {
+      freedom.push_back(arx.step[size_t(k)].freedom);
+      if (freedom.back() == 0) none.push_back(k);
+    }
+    const auto middle = freedom.begin() + static_cast<std::ptrdiff_t>(freedom.size() / 2);
+    std::nth_element(freedom.begin(), middle, freedom.end());
+    result_.freedom = double(*middle);
+    if (!none.empty())
+      warn(fmt::format("no degree of freedom is left at {}: what depends on these steps has infinite bounds",
+                       words::step_list(none)));
+  }
+
+  void by_bootstrap() {
+    const IdentifyOptions held = held_options(model_, identification_);
+    const Identifier f = [&held](const Ensemble& e) { return identify(e, held).model; };
+
+    std::optional<Spectrum> spectrum;
+    with_frame([&] { spectrum = closed_loop_spectrum(model_, loop_); });
+    const Functional functional = [&](const Model& model) { return everything(model, spectrum); };
+    BootstrapOptions o;
+    o.level = options_.level;
+    o.replicates = options_.replicates;
+    o.seed = options_.seed;
+    o.nominal = with_nominal();
+    o.period = model_.period;
+    o.execution = options_.execution;
+    const Bootstrap found = bootstrap(data_, f, functional, o);
+    result_.replicates = found.replicates;
+    result_.freedom = found.freedom;
+    if (found.replicates < options_.replicates)
+      warn(fmt::format("{} of {} replicates could not be identified", options_.replicates - found.replicates,
+                       options_.replicates));
+    if (differ(functional(model_), found.interval.estimate.col(0)))
+      warn(
+          "its options don't lead from these data to the model itself: the bounds are those of the model that they "
+          "lead to");
+    const Index regressors = minimum_experiments(model_.inputs, model_.outputs, model_.max_lags());
+    if (data_.experiments() <= regressors)
+      warn(
+          fmt::format("{} experiments are no more than the {} regressors: the model stands by its regularisation, "
+                      "whose bias the bounds leave out",
+                      data_.experiments(), regressors));
+    scatter(found, spectrum);
+  }
+
+  // Markov parameters, outputs, real and imaginary parts of eigenvalues in one list.
+  Vector everything(const Model& model, const std::optional<Spectrum>& spectrum) const {
+    const Index r = model_.inputs, m = model_.outputs, steps = data_.steps();
+    std::vector<double> all;
+    for (Index k = 0; k < steps; ++k) {
+      Matrix row = Matrix::Constant(m, (band_ + 1) * r, nan);
+      if (k >= model.k_begin && k < model.k_end()) {
+        row.leftCols(r) = model.D[model.at(k)];
+        Matrix back = model.C[model.at(k)];  // C_k A_{k-1} … A_{i+1}
+        for (Index i = k - 1; i >= std::max(model.k_begin, k - band_); --i) {
+          row.middleCols((k - i) * r, r) = back * model.B[model.at(i)];
+          back = back * model.A[model.at(i)];
+        }
+      }
+      all.insert(all.end(), row.data(), row.data() + row.size());
+    }
+    const Ensemble outputs = simulate_data(model, data_, model_.initial_state);
+    for (Index k = 0; k < steps; ++k) {
+      const Matrix y = outputs.output(k);
+      all.insert(all.end(), y.data(), y.data() + y.size());
+    }
+    if (spectrum) add_spectrum(model, *spectrum, all);
+    return Eigen::Map<const Vector>(all.data(), Index(all.size()));
+  }
+
+  void add_spectrum(const Model& model, const Spectrum& spectrum, std::vector<double>& all) const {
+    std::optional<Spectrum> found;
+    try {
+      ClosedLoopOptions o = loop_;  // the frame of the original
+      o.reference_step = loop_.reference_step >= 0 ? loop_.reference_step : model_.full_begin();
+      o.rows = estimation_window(model_);
+      found = closed_loop_spectrum(model, o);
+    } catch (const std::invalid_argument&) {
+      // This replicate has no such frame.
+    }
+    for (size_t i = 0; i < spectrum.eigenvalues.size(); ++i) {
+      const Index at = found ? spectrum.begin + Index(i) - found->begin : -1;
+      const bool there = at >= 0 && at < Index(found->eigenvalues.size());
+      const Eigen::VectorXcd values =
+          there ? matched(found->eigenvalues[size_t(at)], spectrum.eigenvalues[i])
+                : Eigen::VectorXcd::Constant(spectrum.eigenvalues[i].size(), std::complex<double>(nan, nan));
+      for (const std::complex<double>& value : values) {
+        all.push_back(value.real());
+        all.push_back(value.imag());
+      }
+    }
+  }
+
+  // The list, back in its places.
+  void scatter(const Bootstrap& found, const std::optional<Spectrum>& spectrum) {
+    const Index r = model_.inputs, m = model_.outputs, steps = data_.steps(), experiments = data_.experiments();
+    Index at = 0;
+    const auto take = [&](Index rows, Index cols, Index stride = 1) {
+      Interval interval;
+      const auto part = [&](const Matrix& from) {
+        Matrix result(rows, cols);
+        for (Index i = 0; i < result.size(); ++i) result.reshaped()(i) = from(at + i * stride);
+        return result;
+      };
+      interval = {part(found.interval.estimate), part(found.interval.deviation), part(found.interval.lower),
+                  part(found.interval.upper)};
+      return interval;
+    };
+    result_.markov = {r, m, band_, model_.k_begin, {}};
+    for (Index k = 0; k < steps; ++k, at += m * (band_ + 1) * r)
+      result_.markov.step.push_back(take(m, (band_ + 1) * r));
+    for (Index k = 0; k < steps; ++k, at += experiments * m) result_.simulated.step.push_back(take(experiments, m));
+    if (!spectrum) return;
+    result_.spectrum.begin = spectrum->begin;
+    for (size_t i = 0; i < spectrum->eigenvalues.size(); ++i) {
+      const Index n = spectrum->eigenvalues[i].size();
+      SpectrumBounds::Step step;
+      step.real = take(n, 1, 2);
+      step.covariance.resize(n);
+      for (Index e = 0; e < n; ++e) step.covariance(e) = found.covariance(at + 2 * e);
+      ++at;
+      step.imaginary = take(n, 1, 2);
+      at += 2 * n - 1;
+      step.eigenvalues = step.real.estimate.cast<std::complex<double>>() +
+                         std::complex<double>(0, 1) * step.imaginary.estimate.cast<std::complex<double>>();
+      uncertainty::judge(step, model_.closed_loop(spectrum->begin + Index(i)).norm());
+      result_.spectrum.step.push_back(std::move(step));
+    }
+  }
+
+  const Model& model_;
+  const ConfidenceOptions& options_;
+  IdentifyOptions identification_;
+  Ensemble data_, departing_;
+  Index band_ = 1;
+  ClosedLoopOptions loop_;
+  Confidence result_;
+};
+
+}  // namespace
+
+Confidence confidence(const Model& model, const Ensemble& data, const ConfidenceOptions& options) {
+  return Bounds(model, data, options).run();
+}
+
+}  // namespace tokid

@@ -1,0 +1,46 @@
+// The recursion of a GTV-ARX model (17), forwards on samples and backwards on what weighs its outputs.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "tokid/gtv_arx.hpp"
+
+namespace tokid::uncertainty {
+
+Index largest_lag_order(const GtvArx& arx);
+
+// Covariance of the innovation of a step (m × m), no smaller than what rounding does to the outputs. Not known where
+// the step has no degree of freedom left.
+Matrix innovation_cov(const GtvArxStep& step);
+
+// Rows of samples laid out as in an ensemble, from step `origin` on.
+struct Rows {
+  Rows(const GtvArx& arx, Index count, Index first, Index steps)
+      : origin(first), samples(Matrix::Zero(count, steps * (arx.inputs + arx.outputs))) {}
+  Index origin;
+  Matrix samples;
+};
+// The window of step k (rows × L_k), and u_k, y_k within the samples.
+inline auto window(const GtvArx& arx, const Rows& rows, Index k) {
+  const Index d = arx.inputs + arx.outputs, lags = arx.step[size_t(k)].lags;
+  return rows.samples.middleCols((k - lags - rows.origin) * d, lags * d + arx.inputs);
+}
+inline auto input(const GtvArx& arx, Rows& rows, Index k) {
+  return rows.samples.middleCols((k - rows.origin) * (arx.inputs + arx.outputs), arx.inputs);
+}
+inline auto output(const GtvArx& arx, Rows& rows, Index k) {
+  return rows.samples.middleCols((k - rows.origin) * (arx.inputs + arx.outputs) + arx.inputs, arx.outputs);
+}
+
+// Outputs of the steps begin … end-1.
+void run(const GtvArx& arx, Index begin, Index end, Rows& rows);
+
+// φᵀ X Xᵀ φ for each row φ of `windows`: the variance of M φ for innovations of variance one.
+Vector leverages(const GtvArxStep& step, const ConstMatrixRef& windows);
+
+// Σ_{k ≥ s} W_{k,s}ᵀ ℓ_k for s = begin … end-1, from ℓ_k in the same places (m × any each): backwards through the
+// recursion.
+void run_backwards(const GtvArx& arx, Index begin, Index end, std::vector<Matrix>& weights);
+
+}  // namespace tokid::uncertainty

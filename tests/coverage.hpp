@@ -1,0 +1,107 @@
+// How often intervals hold the truth, over simulated ensembles whose truth is known.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "testing.hpp"
+#include "tokid/markov.hpp"
+#include "tokid/observer.hpp"
+#include "tokid/tvera.hpp"
+#include "tokid/uncertainty.hpp"
+
+namespace tokid::testing {
+
+// A system that turns and changes slowly, with the gains of its deadbeat observer.
+inline Model turning_system(const SystemSize& size, Index steps, std::uint64_t seed) {
+  Random random(seed);
+  Model model = constant_system(size, steps, 1.0, seed);
+  const Matrix a = model.A[0], turn = 0.4 * random.orthogonal(size.n);
+  for (Index k = 0; k < steps; ++k) {
+    const double phase = 0.15 * double(k);
+    model.A[size_t(k)] = 0.85 * (a * std::cos(phase) + turn * std::sin(phase));
+    model.C[size_t(k)] *= 1 + 0.2 * std::sin(phase);
+  }
+  model.G = deadbeat_gain(model).G;
+  return model;
+}
+
+// Experiments whose one-step predictions by the model's own observer err by white noise. Deadbeat gains make the
+// GTV-ARX model of their order exact, so that nothing but scatter stands between estimate and truth.
+inline Ensemble innovation_experiments(const Model& model, Index experiments, double noise, Random& random,
+                                       double initial = 0.0) {
+  Ensemble e(experiments, model.steps(), model.inputs, model.outputs, model.dt);
+  Matrix x = initial * random.matrix(experiments, model.state_dim.front());
+  for (Index k = 0; k < model.steps(); ++k) {
+    const size_t s = size_t(k);
+    const Matrix u = random.matrix(experiments, model.inputs);
+    const Matrix innovation = noise * random.matrix(experiments, model.outputs);
+    e.input(k) = u;
+    e.output(k) = x * model.C[s].transpose() + u * model.D[s].transpose() + innovation;
+    x = (x * model.A[s].transpose() + u * model.B[s].transpose() - innovation * model.G[s].transpose()).eval();
+  }
+  return e;
+}
+
+inline GtvArx regressions(const Ensemble& e, Index lags, InitialState initial = InitialState::zero, Index spent = 0) {
+  GtvArxOptions options;
+  options.lags = {lags};
+  options.initial_state = initial;
+  options.spent = spent;
+  return gtv_arx(e, options);
+}
+
+inline TveraOptions blocks(Index rows, Index cols, Index states) {
+  TveraOptions o;
+  o.rows = rows;
+  o.cols = cols;
+  o.states = states;
+  return o;
+}
+
+inline Model realised(const GtvArx& arx, const TveraOptions& o) {
+  return tvera(markov(arx, o.rows + o.cols - 1), {}, o);
+}
+
+// Each entry that has bounds is counted; entries without an estimate, or known to rounding, say nothing.
+struct Coverage {
+  static constexpr double exact = 1e-6;  // widths, of quantities of size one
+  double held = 0, judged = 0, unbounded = 0;
+
+  void add(double truth, double lower, double upper) {
+    if (std::isnan(lower) || std::isnan(truth) || upper - lower <= exact) return;
+    if (std::isinf(lower)) {
+      ++unbounded;
+      return;
+    }
+    ++judged;
+    held += lower <= truth && truth <= upper;
+  }
+  void add(const Matrix& truth, const Interval& interval) {
+    for (Index i = 0; i < truth.size(); ++i)
+      add(truth.reshaped()(i), interval.lower.reshaped()(i), interval.upper.reshaped()(i));
+  }
+  double percent() const { return 100 * held / judged; }
+};
+
+// [h_{k,k} h_{k,k-1} … h_{k,k-band}], the layout of MarkovBounds; NaN before the model begins.
+inline Matrix pulse_row(const Model& model, Index k, Index band) {
+  const Index r = model.inputs;
+  Matrix row = Matrix::Constant(model.outputs, (band + 1) * r, std::numeric_limits<double>::quiet_NaN());
+  if (k < model.k_begin) return row;
+  row.leftCols(r) = model.D[model.at(k)];
+  for (Index i = std::max(model.k_begin, k - band); i < k; ++i)
+    row.middleCols((k - i) * r, r) = pulse_response(model, k, i);
+  return row;
+}
+
+inline void add_spectrum(const Spectrum& truth, const SpectrumBounds& bounds, Coverage& coverage) {
+  for (size_t i = 0; i < bounds.step.size(); ++i) {
+    const Index at = bounds.begin + Index(i) - truth.begin;
+    if (at < 0 || at >= Index(truth.eigenvalues.size())) continue;
+    const auto& step = bounds.step[i];
+    const Eigen::VectorXcd right = matched(truth.eigenvalues[size_t(at)], step.eigenvalues);
+    coverage.add(right.real(), step.real);
+    coverage.add(right.imag(), step.imaginary);
+  }
+}
+
+}  // namespace tokid::testing

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/random_walk.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "testing.hpp"
+
+namespace tokid::testing {
+
+namespace {
+
+constexpr double inf = std::numeric_limits<double>::infinity();
+
+// The same problem as one dense least-squares problem in all coefficients.
+std::vector<Matrix> dense(const std::vector<Matrix>& rows, Index l, const Vector& stiffness) {
+  const Index steps = Index(rows.size()), q = rows[0].cols() - l;
+  Index count = (steps - 1) * l;
+  for (const Matrix& block : rows) count += block.rows();
+  Matrix a = Matrix::Zero(count, steps * l), b = Matrix::Zero(count, q);
+  Index at = 0;
+  for (Index g = 0; g < steps; ++g) {
+    const Matrix& block = rows[size_t(g)];
+    a.block(at, g * l, block.rows(), l) = block.leftCols(l);
+    b.middleRows(at, block.rows()) = block.rightCols(q);
+    at += block.rows();
+  }
+  for (Index g = 0; g + 1 < steps; ++g, at += l) {
+    a.block(at, g * l, l, l).diagonal() = -stiffness;
+    a.block(at, (g + 1) * l, l, l).diagonal() = stiffness;
+  }
+  const Matrix x = linalg::minimum_norm(a, b, 1e-14).x;
+  std::vector<Matrix> result;
+  for (Index g = 0; g < steps; ++g) result.push_back(x.middleRows(g * l, l));
+  return result;
+}
+
+std::vector<Matrix> random_rows(Random& random, const std::vector<Index>& counts, Index columns) {
+  std::vector<Matrix> rows;
+  for (const Index count : counts) rows.push_back(random.matrix(count, columns));
+  return rows;
+}
+
+double difference(const std::vector<Matrix>& a, const std::vector<Matrix>& b) {
+  double largest = 0;
+  for (size_t g = 0; g < a.size(); ++g) largest = std::max(largest, (a[g] - b[g]).norm());
+  return largest;
+}
+
+}  // namespace
+TEST(RandomWalk, solves_the_dense_problem) {
+  // Steps with more rows than coefficients, fewer, and none, in one chain.
+  for (const Index l : {1, 3, 8})
+    for (const Index q : {1, 2})
+      for (const double weight : {1e-3, 1.0, 1e3}) {
+        Random random(std::uint64_t(100 * l + q));
+        const auto rows = random_rows(random, {2 * l, l, 0, 1, 3 * l, 0, 0, l + 2}, l + q);
+        const Vector stiffness = weight * (Vector::Ones(l) + random.matrix(l, 1).cwiseAbs());
+        const auto expected = dense(rows, l, stiffness);
+        // Rounding errors of two orthogonal solutions, times the condition number (stiffness against rows).
+        EXPECT_LT(difference(random_walk_regression(rows, l, stiffness), expected),
+                  1e4 * epsilon * std::max(weight, 1 / weight) * double(rows.size() * size_t(l)))
+            << l << " " << q << " " << weight;
+      }
+}
+
+TEST(RandomWalk, without_stiffness_each_step_stands_alone) {
+  Random random(1);
+  const auto rows = random_rows(random, {9, 9, 4}, 7);
+  const auto x = random_walk_regression(rows, 5, Vector::Zero(5));
+  for (size_t g = 0; g < 2; ++g) {
+    const Matrix r = rows[g].leftCols(5), residual = rows[g].rightCols(2) - r * x[g];
+    EXPECT_LT((r.transpose() * residual).norm(), 100 * epsilon * rows[g].squaredNorm());
+  }
+  EXPECT_LT((rows[2].leftCols(5) * x[2] - rows[2].rightCols(2)).norm(), 1e3 * epsilon * rows[2].norm());
+}
+
+TEST(RandomWalk, infinite_stiffness_is_the_limit_of_large_stiffness) {
+  Random random(2);
+  const auto rows = random_rows(random, {6, 2, 0, 7, 5}, 6);
+  const auto one = random_walk_regression(rows, 4, Vector::Constant(4, inf));
+  const auto nearly = random_walk_regression(rows, 4, Vector::Constant(4, 1e6));
+  for (size_t g = 0; g < rows.size(); ++g) {
+    EXPECT_EQ(one[g], one[0]);
+    EXPECT_LT((one[g] - nearly[g]).norm(), 1e-9);  // the limit is reached as 1/stiffness²
+  }
+}
+
+TEST(RandomWalk, a_coefficient_without_data_is_zero) {
+  Random random(3);
+  auto rows = random_rows(random, {6, 7, 8}, 5);
+  for (Matrix& block : rows) block.col(1).setZero();
+  for (const auto& x : random_walk_regression(rows, 4, Vector::Constant(4, 2.0)))
+    EXPECT_LT(std::abs(x(1, 0)), 100 * epsilon);
+}
+
+TEST(RandomWalk, refuses_what_does_not_fit) {
+  Random random(4);
+  const auto rows = random_rows(random, {6, 6}, 5);
+  EXPECT_THROW(random_walk_regression(rows, 4, Vector::Ones(3)), std::invalid_argument);
+  EXPECT_THROW(random_walk_regression(rows, 4, Vector::Constant(4, -1.0)), std::invalid_argument);
+  EXPECT_THROW(random_walk_regression(rows, 6, Vector::Ones(6)), std::invalid_argument);
+  EXPECT_THROW(random_walk_regression(std::vector<Matrix>{rows[0], random.matrix(3, 4)}, 4, Vector::Ones(4)),
+               std::invalid_argument);
+  EXPECT_TRUE(random_walk_regression(std::vector<Matrix>{}, 4, Vector::Ones(4)).empty());
+}
+
+}  // namespace tokid::testing

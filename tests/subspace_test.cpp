@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/subspace.hpp"
+
+#include <gtest/gtest.h>
+
+#include "noisy.hpp"
+#include "tokid/observer.hpp"
+#include "tokid/validate.hpp"
+
+namespace tokid::testing {
+namespace {
+
+SubspaceOptions noise_free(TimeVariation variation = {}) {
+  SubspaceOptions o;
+  o.noisy = false;
+  o.variation = variation;
+  return o;
+}
+
+GtvArx regressions(const Ensemble& e, Index lags, InitialState initial, TimeVariation variation = {}) {
+  SmoothArxOptions o;
+  o.lags = lags;
+  o.initial_state = initial;
+  o.variation = variation;
+  return smooth_arx(e, o);
+}
+
+// Noise-free recovery on random systems, whose matrices are independent from step to step.
+struct Case {
+  SystemSize size;
+  double growth;  // largest singular value of A_k: the origin is stable below 1, unstable above about 1.2
+};
+
+class SubspaceRecovery : public ::testing::TestWithParam<Case> {
+ protected:
+  template <class Check>
+  void for_each_lag_order(double initial, Check&& check) {
+    const SystemSize size = GetParam().size;
+    for (const Index extra : {0, 1, 4}) {
+      const Index p = smallest_lag_order(size) + extra, steps = std::max<Index>(24, 3 * p + size.n);
+      SCOPED_TRACE("p = " + std::to_string(p));
+      const Model system =
+          random_system(size, steps, GetParam().growth, std::uint64_t(size.n + 10 * size.m + 100 * size.r));
+      const Index count = minimum_experiments(size.r, size.m, p) + 5;
+      check(system, p, random_experiments(system, count, 1, initial), random_experiments(system, 20, 2, initial));
+    }
+  }
+};
+
+TEST_P(SubspaceRecovery, FromUnknownInitialStatesTheStateIsFullAsSoonAsTheSamplesTellIt) {
+  for_each_lag_order(30.0, [](const Model& system, Index p, const Ensemble& e, const Ensemble& fresh) {
+    Model model = subspace(e, regressions(e, p, InitialState::unknown), noise_free());
+    model.initial_state = InitialState::unknown;
+    model.check();
+    const Index n = system.states(), seen = smallest_lag_order({n, system.outputs, system.inputs});
+    EXPECT_EQ(model.k_begin, p);
+    for (Index k = p; k <= system.steps() - seen; ++k) EXPECT_EQ(model.n(k), n) << k;
+    const Prediction prediction = predict(model, fresh);
+    for (Index k = 2 * p; k < system.steps(); ++k) EXPECT_TRUE(prediction.y.output(k).allFinite()) << k;
+    EXPECT_LE(output_error(fresh, prediction.y), 1e-9);
+    // Where the regressions are unique, their observer has forgotten an error of the state after p steps (76); else the
+    // solutions of smallest norm have one that at least forgets (measured: 0.56 at most).
+    for (const double product : deadbeat_products(model, p)) EXPECT_LE(product, p * system.outputs == n ? 1e-8 : 0.8);
+    EXPECT_LE(kinematically_similar(model, from_step(system, p)).max_difference, 1e-9);
+  });
+}
+
+TEST_P(SubspaceRecovery, FromRestEveryStepHasAModel) {
+  for_each_lag_order(0.0, [](const Model& system, Index p, const Ensemble& e, const Ensemble& fresh) {
+    const Model model = subspace(e, regressions(e, p, InitialState::zero), noise_free());
+    model.check();
+    EXPECT_EQ(model.k_begin, 0);
+    EXPECT_EQ(model.states(), system.states());
+    EXPECT_LE(kinematically_similar(model, system).max_difference, 1e-9);
+    EXPECT_LE(output_error(fresh, simulate(model, fresh)), 1e-9);
+    EXPECT_LE(output_error(fresh, predict(model, fresh).y), 1e-9);
+  });
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Grid, SubspaceRecovery,
+    ::testing::Values(Case{{1, 1, 1}, 0.9}, Case{{1, 1, 1}, 1.3}, Case{{2, 1, 1}, 0.9}, Case{{2, 1, 1}, 1.3},
+                      Case{{3, 1, 1}, 1.0}, Case{{4, 2, 2}, 0.9}, Case{{4, 2, 2}, 1.3}, Case{{3, 2, 1}, 1.3},
+                      Case{{2, 3, 1}, 0.9}, Case{{2, 3, 1}, 1.3}, Case{{2, 1, 4}, 0.9}, Case{{2, 1, 4}, 1.3},
+                      Case{{5, 2, 3}, 1.0}, Case{{4, 1, 2}, 1.3}, Case{{4, 3, 1}, 1.0}, Case{{6, 1, 1}, 1.0},
+                      Case{{12, 3, 2}, 0.9}, Case{{12, 4, 4}, 0.9}, Case{{12, 4, 4}, 1.3}, Case{{12, 2, 1}, 0.9},
+                      Case{{12, 2, 1}, 1.3}, Case{{12, 1, 1}, 0.9}, Case{{12, 1, 2}, 1.0}),
+    [](const auto& test) { return name(test.param.size) + "growth" + std::to_string(int(10 * test.param.growth)); });
+
+TEST(Subspace, OneRecordOfATimeInvariantSystemIsEnough) {
+  for (const InitialState initial : {InitialState::zero, InitialState::unknown}) {
+    const double size = initial == InitialState::zero ? 0.0 : 5.0;
+    const Model system = constant_system({4, 2, 1}, 200, 0.95, 20);
+    const TimeVariation invariant{0.0, 1};
+    const Ensemble record = random_experiments(system, 1, 21, size), first = stretch(record, 0, 120);
+    Model model = subspace(first, regressions(first, 3, initial, invariant), noise_free(invariant));
+    model.check();
+    model.initial_state = initial;
+    EXPECT_EQ(model.period, 1);
+    EXPECT_EQ(model.states(), 4);
+    for (const Matrix& a : model.A) EXPECT_EQ(a, model.A.front());
+    // It goes on behind the data that it was identified from.
+    EXPECT_LE(output_error(record, predict(continued(model, 200), record).y), 1e-9);
+    EXPECT_LE(kinematically_similar(model, constant_system({4, 2, 1}, 120, 0.95, 20)).max_difference, 1e-9);
+  }
+}
+
+TEST(Subspace, OneRecordOfAPeriodicSystemIsEnough) {
+  const Model system = periodic_system({4, 2, 1}, 260, 3, 0.95, 22);
+  const TimeVariation periodic{0.0, 3};
+  const Ensemble record = random_experiments(system, 1, 23), first = stretch(record, 0, 200);
+  const Model model = subspace(first, regressions(first, 3, InitialState::zero, periodic), noise_free(periodic));
+  model.check();
+  EXPECT_EQ(model.period, 3);
+  EXPECT_EQ(model.states(), 4);
+  for (size_t k = 3; k < model.A.size(); ++k) EXPECT_EQ(model.A[k], model.A[k - 3]);
+  EXPECT_LE(output_error(record, simulate(continued(model, 260), record)), 1e-9);
+}
+
+// PO-MOESP
+TEST(Subspace, ProjectionsAreExactWithoutNoise) {
+  for (const Index period : {1, 3})
+    for (const InitialState initial : {InitialState::zero, InitialState::unknown}) {
+      SCOPED_TRACE(period);
+      const Model system = periodic_system({4, 2, 1}, 400, period, 0.95, 22);
+      SubspaceOptions o = noise_free({0.0, period});
+      o.weighting = Weighting::projection;
+      Ensemble record = random_experiments(system, 2, 23, initial == InitialState::zero ? 0.0 : 5.0);
+      // A missing input ends a stretch that is simulated, a missing output is left out.
+      Ensemble first = stretch(record, 0, 300);
+      first.u(0, 120, 0) = first.y(1, 50, 1) = std::numeric_limits<double>::quiet_NaN();
+      Model model = subspace(first, regressions(first, 3, initial, o.variation), o);
+      model.check();
+      model.initial_state = initial;
+      EXPECT_EQ(model.period, period);
+      EXPECT_EQ(model.states(), 4);
+      for (size_t k = size_t(period); k < model.A.size(); ++k) EXPECT_EQ(model.A[k], model.A[k - size_t(period)]);
+      EXPECT_LE(output_error(record, predict(continued(model, 400), record).y), 1e-9);
+      EXPECT_LE(output_error(record, simulate_data(continued(model, 400), record)), 1e-9);
+    }
+}
+
+// What the projections are for: simulation where the noise has a memory that the lags of the ARX model don't cover.
+TEST(Subspace, ProjectionsSimulateBetterInColouredNoise) {
+  for (const std::uint64_t seed : {1, 2, 3, 4}) {
+    const Model system = constant_system({3, 1, 1}, 2000, 0.9, 40 + seed);
+    Ensemble record = random_experiments(system, 1, 50 + seed);
+    const Ensemble fresh = random_experiments(system, 1, 60 + seed);
+    Random random(70 + seed);
+    double noise = 0.0;
+    for (Index k = 0; k < record.steps(); ++k) {
+      noise = 0.98 * noise + 0.2 * random.normal();
+      record.y(0, k, 0) += noise;
+    }
+    const TimeVariation invariant{0.0, 1};
+    const GtvArx arx = regressions(record, 6, InitialState::zero, invariant);
+    const auto error = [&](Weighting weighting) {
+      SubspaceOptions o;
+      o.states = 3;
+      o.variation = invariant;
+      o.weighting = weighting;
+      const Model model = subspace(record, arx, o);
+      EXPECT_LT(linalg::eigenvalues(model.closed_loop(100)).cwiseAbs().maxCoeff(), 1.0);
+      return output_error(fresh, simulate(model, fresh));
+    };
+    // Measured: 0.16 to 0.73.
+    EXPECT_LT(error(Weighting::projection), 0.8 * error(Weighting::one_step)) << seed;
+  }
+}
+
+TEST(Subspace, StatesAskedForAreAnUpperBound) {
+  const Model system = random_system({4, 2, 2}, 30, 0.9, 24);
+  const Ensemble e = random_experiments(system, 40, 25, 5.0);
+  SubspaceOptions o = noise_free();
+  for (const Index states : {1, 2, 3, 4, 9}) {
+    o.states = states;
+    const Model model = subspace(e, regressions(e, 4, InitialState::unknown), o);
+    model.check();
+    EXPECT_EQ(model.states(), std::min<Index>(states, 4));
+  }
+}
+
+TEST(Subspace, SameBitsForAnyNumberOfThreads) {
+  const Ensemble e = noisy_experiments(oscillator(30), 40, 26);
+  for (const TimeVariation& variation : {TimeVariation{0.0, 0}, {1.0, 0}, {0.0, 1}, {0.0, 4}}) {
+    const GtvArx arx = regressions(e, 4, InitialState::zero, variation);
+    SubspaceOptions o;
+    o.variation = variation;
+    o.states = 4;
+    const Model reference = subspace(e, arx, o);
+    for (const int threads : {2, 3, 8}) {
+      o.execution.threads = threads;
+      const Model model = subspace(e, arx, o);
+      ASSERT_EQ(model.steps(), reference.steps());
+      for (size_t k = 0; k < model.A.size(); ++k) {
+        EXPECT_EQ(model.A[k], reference.A[k]);
+        EXPECT_EQ(model.B[k], reference.B[k]);
+        EXPECT_EQ(model.C[k], reference.C[k]);
+        EXPECT_EQ(model.D[k], reference.D[k]);
+        EXPECT_EQ(model.G[k], reference.G[k]);
+      }
+    }
+  }
+}
+
+TEST(Subspace, SmoothModelsHaveAllStatesAtAllSteps) {
+  const Ensemble e = noisy_experiments(oscillator(30), 20, 27);
+  SubspaceOptions o;
+  o.variation.smoothing = 1.0;
+  o.states = 4;
+  const Model model = subspace(e, regressions(e, 4, InitialState::zero, o.variation), o);
+  model.check();
+  EXPECT_EQ(model.frame, "smooth");
+  for (Index k = 0; k <= 30; ++k) EXPECT_EQ(model.n(k), 4);
+}
+
+// Noisy data of three systems: slow, at times unstable, and one that does not vary.
+struct NoisyCase {
+  const char* name;
+  Model system;
+  TimeVariation variation;
+  double bound;  // of the one-step error over that of the Kalman filter
+};
+
+std::vector<NoisyCase> noisy_cases() {
+  return {{"oscillator", oscillator(60), {1.0, 0}, 1.22},
+          {"tube", rotating_tube(60), {1.0, 0}, 1.10},
+          {"constant", constant_system({3, 2, 1}, 60, 0.95, 28), {0.0, 1}, 1.02}};
+}
+
+TEST(Subspace, NoisyModelsPredictNearlyAsWellAsTheKalmanFilter) {
+  for (const NoisyCase& c : noisy_cases())
+    for (const std::uint64_t seed : {1, 2, 3}) {
+      const Ensemble e = noisy_experiments(c.system, 100, seed);
+      SubspaceOptions o;
+      o.variation = c.variation;
+      o.states = c.system.states();
+      const Model model = subspace(e, regressions(e, 8, InitialState::zero, c.variation), o);
+      EXPECT_LE(ratio_to_kalman(model, c.system, seed + 100), c.bound) << c.name << " " << seed;
+    }
+}
+
+TEST(Subspace, ObserversAreStableHoweverNoisyTheData) {
+  for (const NoisyCase& c : noisy_cases())
+    for (const Index experiments : {8, 100}) {
+      const Ensemble e = noisy_experiments(c.system, experiments, 29);
+      SubspaceOptions o;
+      o.variation = c.variation;
+      o.states = c.system.states();
+      const Model model = subspace(e, regressions(e, 8, InitialState::zero, c.variation), o);
+      Matrix product = Matrix::Identity(o.states, o.states);
+      for (Index k = 0; k < 60; ++k) product = model.closed_loop(k) * product;
+      EXPECT_LT(product.norm(), 1e-2) << c.name << " " << experiments;
+    }
+}
+
+TEST(Subspace, FactorsSplitThePredictor) {
+  const Ensemble e = noisy_experiments(oscillator(30), 60, 30);
+  const GtvArx arx = regressions(e, 4, InitialState::zero);
+  SubspaceOptions o;
+  o.future = 3;
+  for (const Weighting weighting : {Weighting::one_step, Weighting::many_steps}) {
+    o.weighting = weighting;
+    const PredictorFactors factors = predictor_factors(e, arx, o);
+    EXPECT_EQ(factors.lags, 4);
+    EXPECT_EQ(factors.future, 3);
+    ASSERT_EQ(factors.group.size(), 30u);
+    // The first block row weighs the regression itself: the same map of the past, and the same with both weightings.
+    const PredictorFactor& f = factors.group[12];
+    const Matrix expected = linalg::whitener(arx.step[12].residual_cov) * arx.step[12].coefficients.leftCols(4 * 4);
+    EXPECT_LE((f.observability.topRows(2) * f.state - expected).norm(), 1e-10 * expected.norm());
+    // State samples have the covariance diag(σ).
+    Matrix z(60, 16);
+    z = e.samples().middleCols(8 * 4, 16);
+    const Matrix x = z * f.state.transpose(), covariance = x.transpose() * x / 60.0;
+    EXPECT_LE((covariance - Matrix(f.singular_values.head(x.cols()).asDiagonal())).norm(), 1e-9 * f.singular_values(0));
+  }
+}
+
+TEST(Subspace, MistakesAreNamed) {
+  const Ensemble e = noisy_experiments(oscillator(20), 20, 31), shorter = stretch(e, 0, 15);
+  EXPECT_THROW(subspace(shorter, regressions(e, 2, InitialState::zero)), std::invalid_argument);
+  SubspaceOptions o;
+  o.variation.period = 19;  // p + P samples are needed to see x after every phase
+  const TimeVariation long_period{0.0, 19};
+  try {
+    subspace(e, regressions(e, 2, InitialState::zero, long_period), o);
+    FAIL() << "accepted";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(), "steps: 20 found, at least 21 needed (lag order and period)");
+  }
+  o.weighting = Weighting::projection;
+  try {
+    subspace(e, regressions(e, 2, InitialState::zero, long_period), o);
+    FAIL() << "accepted";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(), "steps: 20 found, at least 22 needed (twice the lag order, and the period)");
+  }
+  o.variation = {};
+  EXPECT_THROW(subspace(e, regressions(e, 2, InitialState::zero), o), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace tokid::testing
