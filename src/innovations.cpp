@@ -16,6 +16,8 @@ namespace tokid {
 
 namespace {
 
+constexpr double smallest_variance = 1e-140;
+
 using statistics::Cumulants;
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
@@ -416,8 +418,8 @@ NormalisedSquares normalised_squares(const Model& model, const Innovations& inno
   Squares total(N);
   for (Index k = model.k_begin; k < std::min(T, model.k_end()); ++k) {
     const Matrix& covariance = model.innovation_cov[model.at(k)];
-    // A step without a variance makes no statement that could be tested.
-    if (!covariance.allFinite() || !(covariance.diagonal().minCoeff() > 0)) continue;
+    // A step without a variance, or with one whose squares overflow, makes no statement that could be tested.
+    if (!covariance.allFinite() || !(covariance.diagonal().minCoeff() > smallest_variance)) continue;
     const Matrix whitener = linalg::whitener(covariance);
     Squares step(N);
     for (Index n = 0; n < N; ++n) {
