@@ -9,6 +9,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "channel_sizes.hpp"
 #include "folds.hpp"
 #include "statistics.hpp"
 #include "tokid/markov.hpp"
@@ -92,17 +93,6 @@ void warn_of_constant_inputs(const Ensemble& e, std::vector<std::string>& warnin
     warn("zero", zero);
     warn("constant", constant);
   }
-}
-
-// Root mean squares of `count` channels from channel `first` on; 1 for those that rest.
-Vector channel_sizes(const Ensemble& e, Index first, Index count) {
-  Vector sizes(count);
-  for (Index c = 0; c < count; ++c) {
-    const ChannelSummary s = channel_summary(e, first + c);
-    const double square = s.mean * s.mean + s.std * s.std;
-    sizes(c) = square > 0 ? std::sqrt(square) : 1.0;
-  }
-  return sizes;
 }
 
 // Are the inputs of the steps k-p … k linearly dependent over the experiments, channels at rest left aside?

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "channel_sizes.hpp"
 #include "riccati.hpp"
 
 namespace tokid {
@@ -16,17 +17,6 @@ namespace {
 constexpr double negligible = 1e-12;
 // Singular values of noise-free data below this share of the largest are rounding errors.
 constexpr double arithmetic = 1e-9;
-
-// The root mean squares of the outputs, 1 for those that rest.
-Vector output_sizes(const Ensemble& e) {
-  Vector sizes(e.outputs());
-  for (Index j = 0; j < e.outputs(); ++j) {
-    const ChannelSummary s = channel_summary(e, e.inputs() + j);
-    const double square = s.mean * s.mean + s.std * s.std;
-    sizes(j) = square > 0 ? std::sqrt(square) : 1.0;
-  }
-  return sizes;
-}
 
 // Of a state that is simulated without a new start.
 constexpr double most_growth = 100.0;
@@ -43,7 +33,7 @@ class Moesp {
         lags_(factors.lags),
         from_rest_(arx.k_begin == 0),
         noisy_(o.noisy),
-        sizes_(output_sizes(e)) {
+        sizes_(channel_sizes(e, e.inputs(), e.outputs())) {
     n_ = o.states > 0 ? o.states : factors.future * m_;
     for (const PredictorFactor& f : factors.group) {
       n_ = std::min(n_, f.observability.cols());
@@ -204,7 +194,7 @@ PredictorFactors projection_factors(const Ensemble& e, const GtvArx& arx, const 
   if (e.steps() < lags + f + groups - 1)
     throw std::invalid_argument(fmt::format("steps: {} found, at least {} needed (twice the lag order, and the period)",
                                             e.steps(), lags + f + groups - 1));
-  const Vector sizes = output_sizes(e);
+  const Vector sizes = channel_sizes(e, e.inputs(), e.outputs());
   const bool every_row = e.missing() == 0;
   PredictorFactors result;
   result.lags = lags;

@@ -9,6 +9,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "channel_sizes.hpp"
 #include "tokid/random_walk.hpp"
 
 namespace tokid {
@@ -20,12 +21,7 @@ constexpr double inf = std::numeric_limits<double>::infinity();
 // 1 / rms of each channel over the ensemble, as the scales of [W_k Y_k] (1 for the outputs of step k).
 Vector window_scales(const Ensemble& e, Index lags) {
   const Index d = e.channels(), r = e.inputs();
-  Vector channel(d);
-  for (Index c = 0; c < d; ++c) {
-    const ChannelSummary s = channel_summary(e, c);
-    const double square = s.mean * s.mean + s.std * s.std;
-    channel(c) = square > 0 ? 1 / std::sqrt(square) : 1.0;
-  }
+  const Vector channel = channel_sizes(e, 0, d).cwiseInverse();
   Vector scales = Vector::Ones((lags + 1) * d);
   for (Index j = 0; j < lags; ++j) scales.segment(j * d, d) = channel;
   scales.segment(lags * d, r) = channel.head(r);

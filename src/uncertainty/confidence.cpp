@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "channel_sizes.hpp"
 #include "interval.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
@@ -64,17 +65,6 @@ IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
   options.choices = noted_choices(model);
   options.execution = {};
   return options;
-}
-
-// Root mean squares of `count` channels from `first` on; 1 for those that rest.
-Vector channel_sizes(const Ensemble& e, Index first, Index count) {
-  Vector sizes(count);
-  for (Index c = 0; c < count; ++c) {
-    const ChannelSummary s = channel_summary(e, first + c);
-    const double size = std::hypot(s.mean, s.std);
-    sizes(c) = size > 0 ? size : 1.0;
-  }
-  return sizes;
 }
 
 // The blocks and units with which identify() realises.
