@@ -13,6 +13,7 @@ struct Call {
   fs::path model, data, output;
   ReadOptions read;
   ConfidenceOptions options;
+  Index replicates = 0;  // of the bootstrap; 0: as many as usual
   bool json = false;
 };
 
@@ -170,15 +171,19 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
 }
 
 void run(const Call& call) {
-  check_output(call.output, Content::bounds);
+  check_output(call.output, Content::bounds, {call.model, call.data});
   const Model model = load_model(call.model);
   const Ensemble data = load_ensemble(call.data, call.read);
   Confidence result = [&] {
     ProgressBar bar(true);
     ConfidenceOptions options = call.options;
     options.execution.progress = bar.callback();
+    if (call.replicates > 0) options.replicates = call.replicates;
     return about(call.data, [&] { return confidence(model, data, options); });
   }();
+  if (call.replicates > 0 && result.method != BoundsMethod::bootstrap)
+    result.warnings.emplace_back(
+        "--replicates says nothing to the bounds from the factors: --method bootstrap has some");
   const std::vector<std::string> remarks = differences(model, data);
   result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());
   save_confidence(result, call.output);
@@ -207,9 +212,10 @@ void add_confidence(CLI::App& tool) {
   add_number<double>(command, "--level", o.level, "P", "Probability that an interval holds the truth (default 0.95)",
                      1e-6, 1 - 1e-9);
   add_choice(command, "--method", o.method,
-             Choices<BoundsMethod>{{"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
-             "From the factors of the regressions, or by identifying anew (default factors)");
-  add_number<Index>(command, "--replicates", o.replicates, "B", "Replicates of the bootstrap (default 200)", 2,
+             Choices<std::optional<BoundsMethod>>{
+                 {"auto", std::nullopt}, {"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
+             "From the factors of the regressions, or by identifying anew (auto: where steps share a model)");
+  add_number<Index>(command, "--replicates", call->replicates, "B", "Replicates of the bootstrap (default 200)", 2,
                     1'000'000);
   add_count_or_auto(command, "--band", o.band,
                     "Markov parameters up to so many steps apart (auto: twice as many as tell a state)");

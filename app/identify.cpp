@@ -104,9 +104,13 @@ Json json(const Trial& trial) {
 // null where none was tried. Errors are geometric means over one step, many steps and simulation.
 Json json(const RefinementChoice& choice) {
   if (choice.trials.empty()) return {};
-  Json j{{"smoothing", choice.smoothing}, {"iterations", choice.iterations}, {"trials", Json::array()}};
+  Json j{{"states", choice.states},
+         {"smoothing", choice.smoothing},
+         {"iterations", choice.iterations},
+         {"trials", Json::array()}};
   for (const RefinementTrial& t : choice.trials)
-    j["trials"].push_back({{"smoothing", t.smoothing}, {"iterations", t.iterations}, {"error", std::exp(t.error)}});
+    j["trials"].push_back(
+        {{"states", t.states}, {"smoothing", t.smoothing}, {"iterations", t.iterations}, {"error", std::exp(t.error)}});
   return j;
 }
 
@@ -193,7 +197,9 @@ void add_refinement(const Identification& result, Page& page) {
 void add_states(const Call& call, const Identification& result, Page& page) {
   const Model& model = result.model;
   const bool tried = !result.order_scores.states.empty();
-  const char* why = call.options.states > 0                        ? "as asked"
+  const bool more = result.refinement.states > result.order_scores.best && tried;
+  const char* why = call.options.states > 0 && model.states() == call.options.states ? "as asked"
+                    : more                                         ? "by errors on experiments left out, after EM"
                     : tried && result.order_scores.cross_validated ? "by errors on experiments left out"
                     : tried                                        ? "by prediction and simulation errors"
                                                                    : "the rank of the Hankel matrices";
@@ -288,8 +294,9 @@ Json json(const Call& call, const Ensemble& data, const Identification& result) 
   j["full_begin"] = model.full_begin();
   j["full_end"] = model.full_end();
   j["singular_value_gap"] = singular_value_gap(model);
-  j["condition_max"] = result.condition_max;
-  j["rank_deficient_steps"] = result.rank_deficient_steps;
+  const bool each_step = result.condition_max > 0;  // regressions step by step
+  j["condition_max"] = each_step ? Json(result.condition_max) : Json();
+  j["rank_deficient_steps"] = each_step ? Json(result.rank_deficient_steps) : Json();
   j["evaluated_on"] = result.held_out ? "held_out" : "training";
   j["output_names"] = Json::array();
   for (Index i = 0; i < model.outputs; ++i) j["output_names"].push_back(model.names.output(i));
@@ -315,7 +322,7 @@ void save_page(const Call& call, const Ensemble& data, const Identification& res
 }
 
 void run(const Call& call) {
-  check_output(call.model, Content::model);
+  check_output(call.model, Content::model, {call.data});
   if (!call.page.empty()) check_output(call.page, Content::page);
   if (call.options.reference_step >= 0 && call.options.frame != Frame::reference)
     throw std::invalid_argument("--reference-step: needs --frame reference");

@@ -26,12 +26,18 @@ std::string penalty(double smoothing) {
 
 Json json_number(double value) { return std::isinf(value) ? Json("infinity") : Json(value); }
 
+// Of one model.
+struct Figures {
+  Fit simulation, one_step;
+  double whiteness_p = 0.0;
+};
+
 struct Outcome {
   double smoothing = 0.0;
   std::string reason;
   LikelihoodChoice choice;  // filled where λ was chosen
   Refinement refinement;
-  Validation before, after;
+  Figures before, after;
 };
 
 // The one model starts all folds: it has seen the experiments that are left out, but the climb from it has not.
@@ -54,6 +60,28 @@ void choose(const Call& call, const Model& model, const Ensemble& data, Outcome&
   }
 }
 
+// Both models on the samples that both can compute.
+void compare(const Model& model, const Ensemble& data, std::optional<InitialState> initial, Outcome& outcome) {
+  const Model& refined = outcome.refinement.model;
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto fits = [&](Ensemble own, Ensemble other, Fit Figures::*target) {
+    for (Index k = 0; k < data.steps(); ++k) {
+      const auto neither = (own.output(k).array().isNaN() || other.output(k).array().isNaN()).eval();
+      own.output(k) = neither.select(nan, own.output(k)).eval();
+      other.output(k) = neither.select(nan, other.output(k)).eval();
+    }
+    outcome.before.*target = fit(data, own, model.y_nominal);
+    outcome.after.*target = fit(data, other, refined.y_nominal);
+  };
+  const PredictOptions one_step{1, initial};
+  fits(predict(model, data, one_step).y, predict(refined, data, one_step).y, &Figures::one_step);
+  fits(simulate_data(model, data, initial), simulate_data(refined, data, initial), &Figures::simulation);
+  ValidateOptions validation;
+  validation.initial_state = initial;
+  outcome.before.whiteness_p = validate(model, data, validation).whiteness_p;
+  outcome.after.whiteness_p = validate(refined, data, validation).whiteness_p;
+}
+
 Outcome outcome_of(const Call& call, const Model& model, const Ensemble& data) {
   Outcome outcome;
   ProgressBar bar(true);
@@ -70,10 +98,7 @@ Outcome outcome_of(const Call& call, const Model& model, const Ensemble& data) {
   note_data(refined, fingerprint(data));
   note_refinement(refined, outcome.smoothing, outcome.refinement.iterations);
   refined.version = version;
-  ValidateOptions validation;
-  validation.initial_state = call.options.initial_state;
-  outcome.before = validate(model, data, validation);
-  outcome.after = validate(refined, data, validation);
+  compare(model, data, call.options.initial_state, outcome);
   return outcome;
 }
 
@@ -102,7 +127,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
                                      plural(result.iterations, "iteration"), result.converged ? ", converged" : ""));
   if (result.noise_segments > 1)
     page.row("Noise", fmt::format("its size varies: {} have one each", plural(result.noise_segments, "segment")));
-  page.row("Fit", "on the same data, before and after");
+  page.row("Fit", "on the same data, before and after, where both models have outputs");
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "refined", "one step", "refined"}};
   for (Index j = 0; j < model.outputs; ++j)
     rows.push_back({output_label(model.names, j), percent(outcome.before.simulation.fit(j)),
@@ -113,10 +138,10 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   return page.text();
 }
 
-Json fit_json(const Validation& v) {
-  return {{"simulation_fit", numbers(v.simulation.fit)},
-          {"one_step_fit", numbers(v.one_step.fit)},
-          {"whiteness_p", v.whiteness_p}};
+Json fit_json(const Figures& f) {
+  return {{"simulation_fit", numbers(f.simulation.fit)},
+          {"one_step_fit", numbers(f.one_step.fit)},
+          {"whiteness_p", f.whiteness_p}};
 }
 
 Json json(const Call& call, const Ensemble& data, const Outcome& outcome, const std::vector<std::string>& warnings) {
@@ -151,7 +176,7 @@ Json json(const Call& call, const Ensemble& data, const Outcome& outcome, const 
 }
 
 void run(const Call& call) {
-  check_output(call.output, Content::model);
+  check_output(call.output, Content::model, {call.data});
   const Model model = load_model(call.model);
   const Ensemble data = load_ensemble(call.data, call.read);
   const Outcome outcome = about(call.data, [&] { return outcome_of(call, model, data); });

@@ -14,7 +14,7 @@ struct Call {
 };
 
 void run(const Call& call) {
-  check_output(call.output, Content::ensemble);
+  check_output(call.output, Content::ensemble, {call.model, call.inputs});
   const Model model = load_model(call.model);
   const Ensemble inputs = load_ensemble(call.inputs, call.read);
   const Ensemble result =

@@ -123,7 +123,10 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   page.row("", describe(model));
   page.row("Data", call.data.string());
   page.row("", describe(data));
-  page.row("Fit", fmt::format("predictions from step {} on", v.first_predicted));
+  page.row("Fit", v.first_simulated == v.first_predicted
+                      ? fmt::format("from step {} on", v.first_predicted)
+                      : fmt::format("simulations from step {} on, predictions from step {} on", v.first_simulated,
+                                    v.first_predicted));
   add_table(call, model, v, &Fit::fit, percent, page);
   page.row("RMS error", "");
   add_table(call, model, v, &Fit::rmse, number, page);
@@ -185,6 +188,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
   j["samples"] = {
       {"simulation", v.simulation.samples}, {"one_step", v.one_step.samples}, {"horizon", v.horizon.samples}};
   j["first_predicted"] = v.first_predicted;
+  j["first_simulated"] = v.first_simulated;
   j["nis"] = v.squares.ratio;
   j["nis_p"] = v.squares.p;
   j["nis_presumes_normal"] = std::isnan(v.squares.p) ? Json() : Json(v.squares.normal);

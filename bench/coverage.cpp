@@ -172,12 +172,48 @@ void oscillator_study(Index lags, Index experiments_count, int runs, Index repli
       markov_boot_true.percent(), output_boot.percent(), loop_boot.percent());
 }
 
+// Steps that share one model, in the whole way from the ensemble on: identify() with all its choices, confidence() by
+// the bootstrap. The truth itself, with process and measurement noise.
+void pooled_study(const SystemSize& size, Index states, Index experiments_count, int runs, Index replicates) {
+  const Index band = 8, steps = 60;
+  ExperimentOptions eo;
+  eo.process_noise = 0.1;
+  eo.measurement_noise = 0.3;
+  eo.experiments = experiments_count;
+  const Model system = with_noise(constant_system(size, steps, 0.9, 5), eo);
+  IdentifyOptions o;
+  o.period = 1;
+  o.states = states;
+  ConfidenceOptions co;
+  co.method = BoundsMethod::bootstrap;
+  co.replicates = replicates;
+  co.band = band;
+  Coverage markov, outputs;
+  double found = 0.0;
+  for (int run = 0; run < runs; ++run) {
+    eo.seed = std::uint64_t(run) + 1;
+    const Ensemble data = experiments(system, eo);
+    const Model model = identify(data, o).model;
+    found += double(model.states()) / double(runs);
+    const Confidence c = confidence(model, data, co);
+    const Ensemble truth = simulate(system, data);
+    markov.add(pulse_row(system, steps / 2, band), c.markov.step[size_t(steps / 2)]);
+    for (Index k = 0; k < steps; ++k) outputs.add(truth.output(k), c.simulated.step[size_t(k)]);
+  }
+  fmt::print("one model for all steps, n={} m={} r={} N={:<3} n {} {:.2f} | Markov {:5.2f} outputs {:5.2f}\n", size.n,
+             size.m, size.r, experiments_count, states > 0 ? "given" : "found", found, markov.percent(),
+             outputs.percent());
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const int runs = argc > 1 ? std::atoi(argv[1]) : 200;
   const Index replicates = argc > 2 ? std::atoi(argv[2]) : 100;
   const double spread = argc > 3 ? std::atof(argv[3]) : 0.3;
+  for (const SystemSize& size : {SystemSize{2, 1, 1}, SystemSize{3, 2, 2}})
+    for (const Index N : {10, 20, 50})
+      for (const Index states : {size.n, Index{0}}) pooled_study(size, states, N, runs / 2, replicates);
   for (const Index p : {2, 4, 8})
     for (const Index N : {100, 400, 1600}) oscillator_study(p, N, runs / 4, replicates);
   for (const Case& c : {Case{"n2m1r1p2", {2, 1, 1}, 2, 3, 0.1}, Case{"n4m2r2p2", {4, 2, 2}, 2, 3, 0.1},

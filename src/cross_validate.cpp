@@ -19,9 +19,12 @@ namespace {
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 std::vector<std::vector<Index>> fold_members(Index experiments, const CrossValidateOptions& options) {
+  if (experiments < 2)
+    throw std::invalid_argument(
+        fmt::format("experiments: {} found, at least 2 needed to judge by those left out", experiments));
   if (options.folds < 2 || options.folds > experiments)
-    throw std::invalid_argument(fmt::format("folds: {} found, 2 to {} (one for each experiment) needed", options.folds,
-                                            std::max<Index>(2, experiments)));
+    throw std::invalid_argument(
+        fmt::format("folds: {} found, 2 to {} (one for each experiment) needed", options.folds, experiments));
   std::vector<Index> order(size_t(experiments), 0);
   std::iota(order.begin(), order.end(), Index{0});
   if (options.seed) order = RandomNumbers(*options.seed).permutation(experiments);

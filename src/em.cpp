@@ -132,7 +132,7 @@ Model with_constant_states(const Model& model, Index steps) {
 
 namespace {
 
-void check(const RefineOptions& o) {
+void check(const RefineOptions& o, Index steps) {
   if (!(o.smoothing >= 0))
     throw std::invalid_argument(fmt::format("smoothing: {} found, 0 or more (or infinity) needed", o.smoothing));
   if (o.period.value_or(0) < 0)
@@ -141,6 +141,9 @@ void check(const RefineOptions& o) {
     throw std::invalid_argument(fmt::format("iterations: {} found, 0 or more needed", o.iterations));
   if (!(o.tolerance >= 0))
     throw std::invalid_argument(fmt::format("tolerance: {} found, 0 or more needed", o.tolerance));
+  if (o.period.value_or(0) > 1 && *o.period >= steps)
+    throw std::invalid_argument(
+        fmt::format("period: {} found, less than the {} steps of the data needed", *o.period, steps));
 }
 
 // Coordinates in which the states of the steps k and k+P can share their matrices: those of the steps in the middle.
@@ -318,6 +321,13 @@ void Climb::warn(const Point& now, Refinement& result) const {
         fmt::format("{} are few for the {} unknowns of a row of A and B, or C and D, at every step: smoothing above "
                     "zero would hold them together",
                     words::plural(samples_.experiments, "experiment"), unknowns));
+  else if (estimator_.phases() == samples_.steps && samples_.steps > 1 && std::isfinite(options_.smoothing) &&
+           samples_.experiments < unknowns)
+    add(fmt::format(
+        "{} less than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on "
+        "variation stands in for what the data don't show, and the fit on them says little",
+        samples_.experiments == 1 ? "1 experiment is" : fmt::format("{} experiments are", samples_.experiments),
+        unknowns));
 }
 
 Refinement Climb::run() {
@@ -372,9 +382,9 @@ Refinement Climb::run() {
 }  // namespace
 
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options) {
-  check(options);
-  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
   if (data.steps() < 1) throw std::invalid_argument("data: no step found, at least one needed");
+  check(options, data.steps());
+  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
   em::samples_of(model, data, em::Tail::drop, 0);  // checks the channels
   Model start = starting_model(model, data, options, initial);
   const double likelihood = log_likelihoods(start, data, {options.execution.threads, {}}).sum();
@@ -398,6 +408,13 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
     result.model.x0_mean.resize(0);
     result.model.x0_cov.resize(0, 0);
   }
+  if (result.model.period == 0 && data.steps() != model.k_end())
+    result.warnings.push_back(
+        data.steps() > model.k_end()
+            ? fmt::format("the data have {} steps, the model ends with step {}: those beyond began as its last",
+                          data.steps(), model.k_end() - 1)
+            : fmt::format("the data have {} steps, the model reached to step {}: it ends with the data now",
+                          data.steps(), model.k_end() - 1));
   if (options.execution.progress) options.execution.progress(1.0);
   return result;
 }

@@ -11,8 +11,8 @@ namespace tokid {
 
 namespace {
 
-// Orders behind the best one that are tried.
-constexpr Index patience = 4;
+// Orders behind the best one that are tried, with EM and without.
+constexpr Index patience = 4, refined_patience = 2;
 // Folds that EM is judged on: it takes longer than all other choices.
 constexpr size_t most_refined = 3;
 // Iterations of EM between two looks at its errors. With a penalty the first ones are the best at times; steps that
@@ -22,12 +22,10 @@ std::span<const Index> refinement_stages(Index period) {
   if (period > 0) return pooled_stages;
   return varying_stages;
 }
-// Fall of the errors that is worth a refinement.
-constexpr double worth_it = 1.005;
+// Fall of the errors that is worth a refinement or a state, and the one that is worth it however uncertain.
+constexpr double worth_it = 1.005, most_uncertain = 1.02;
 // Share of the ARX model's λ that the search for that of EM begins with.
 constexpr double refined_share = 0.1;
-// Share of the ARX model's λ that the search for that of the states begins with.
-constexpr double state_share = 1.0 / 30;
 
 Errors mean_of(const std::vector<Errors>& folds) {
   Errors mean;
@@ -64,7 +62,7 @@ double OrderScores::mean(size_t i) const {
 void OrderScores::choose() {
   for (size_t i = states.size(); i-- > 0;) {
     const double uncertain = i < uncertainty.size() ? uncertainty[i] : 0.0;
-    if (mean(i) <= smallest + std::clamp(uncertain, std::log(1.005), std::log(1.02))) best = states[i];
+    if (mean(i) <= smallest + std::clamp(uncertain, std::log(worth_it), std::log(most_uncertain))) best = states[i];
   }
 }
 
@@ -183,7 +181,8 @@ OrderScores Folds::choose_states(Index states, Index most) const {
   const auto among = [&](Weighting weighting, double smoothing, Index least, Index largest) {
     return states > 0 ? scores(weighting, smoothing, states, states) : scores(weighting, smoothing, least, largest);
   };
-  OrderScores all = among(options_.weightings.front(), state_share * options_.variation.smoothing, 1, most);
+  OrderScores all =
+      among(options_.weightings.front(), SubspaceOptions::state_share * options_.variation.smoothing, 1, most);
   for (size_t i = 1; i < options_.weightings.size(); ++i) {
     OrderScores other = among(options_.weightings[i], all.smoothing, 1, most);
     if (other.smallest < all.smallest) all = std::move(other);
@@ -207,7 +206,8 @@ OrderScores Folds::choose_states(Index states, Index most) const {
   return all;
 }
 
-RefinementChoice Folds::choose_refinement(Index states, const OrderScores& scores) const {
+RefinementChoice Folds::choose_refinement(Index states, const OrderScores& scores,
+                                          std::optional<double> smoothing_given) const {
   const size_t count = std::min(folds_.size(), most_refined);
   std::vector<Computed> like;
   const auto judge = [&](const std::vector<Model>& models) {
@@ -223,6 +223,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
   };
 
   RefinementChoice choice;
+  choice.states = states;
   std::vector<Model> models(count);
   for_each_fold([&](size_t f) { models[f] = start(f, states, scores.weighting, scores.smoothing); });
   choice.error = judge(models).mean();
@@ -230,7 +231,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
   like.resize(count);
   for_each_fold(
       [&](size_t f) { like[f] = computed_by(models[f], folds_[f].data.held_out, options_.initial_state, first_); });
-  choice.trials.push_back({0.0, 0, choice.error});
+  choice.trials.push_back({states, 0.0, 0, choice.error});
 
   // The smallest error on the way of EM with one λ, from the subspace models that are as smooth.
   const auto climb = [&](double smoothing) {
@@ -247,7 +248,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
       done += stage;
       const Errors judged = judge(models);
       const double error = judged.mean();
-      choice.trials.push_back({smoothing, done, error});
+      choice.trials.push_back({states, smoothing, done, error});
       if (error < choice.error - (choice.iterations > 0 ? 0.0 : std::log(worth_it))) {
         choice.error = error;
         choice.one_step = judged.one_step;
@@ -259,8 +260,9 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
     }
     return least;
   };
-  if (options_.variation.period == 1) {
-    climb(0.0);
+  if (options_.variation.period == 1) smoothing_given = 0.0;
+  if (smoothing_given) {
+    climb(*smoothing_given);
     return choice;
   }
   const double first = std::clamp(refined_share * options_.variation.smoothing, 1e-2, 1e2);
@@ -275,6 +277,23 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
     }
     if (smoothing != first * factor) break;
   }
+  return choice;
+}
+
+RefinementChoice Folds::choose_more_states(RefinementChoice choice, const OrderScores& scores, Index most) const {
+  const Index first = choice.states;
+  const auto try_order = [&](Index n, std::optional<double> smoothing, double fall) {
+    RefinementChoice other = choose_refinement(n, scores, smoothing);
+    other.trials.insert(other.trials.begin(), choice.trials.begin(), choice.trials.end());
+    if (other.iterations > 0 && other.error < choice.error - std::log(fall))
+      choice = std::move(other);
+    else
+      choice.trials = std::move(other.trials);
+  };
+  for (Index n = first + 1; n <= std::min(choice.states + refined_patience, most); ++n)
+    try_order(n, choice.smoothing, most_uncertain);
+  // What is smooth with too few states need not be so with enough.
+  if (choice.states > first && options_.variation.period != 1) try_order(choice.states, std::nullopt, 1.0);
   return choice;
 }
 

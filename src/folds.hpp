@@ -54,9 +54,13 @@ class Folds {
 
   // n, the weighting and the λ of the regressions on states; `states`: n where it is given, else 0.
   OrderScores choose_states(Index states, Index most) const;
-  // How far to go with EM, and with which λ, from the subspace models of so many states and the weighting and λ of the
-  // scores.
-  RefinementChoice choose_refinement(Index states, const OrderScores& scores) const;
+  // How far to go with EM, and with which λ, unless it is given, from the subspace models of so many states and the
+  // weighting and λ of the scores.
+  RefinementChoice choose_refinement(Index states, const OrderScores& scores,
+                                     std::optional<double> smoothing = std::nullopt) const;
+  // Goes on from that to as many states as EM finds worth it: it sees the samples beside the missing ones, which no
+  // window without a gap holds.
+  RefinementChoice choose_more_states(RefinementChoice choice, const OrderScores& scores, Index most) const;
 
  private:
   struct Fold {

@@ -122,7 +122,9 @@ class Pipeline {
   void remove_nominal();
   void check_method() const;
   bool regress_each_step();
+  Index whole_windows(const Ensemble& e) const;
   bool windows_are_scarce(const Ensemble& e) const;
+  void check_windows() const;
   void regress_together();
   void choose_lags();
   void check_size() const;
@@ -222,6 +224,20 @@ void Pipeline::check_method() const {
     throw std::invalid_argument("method: tvera found, subspace needed to pool the steps of a period");
   if (tvera && options_.smoothing > 0)
     throw std::invalid_argument("method: tvera found, subspace needed for regularisation over time");
+  if (tvera && options_.weighting) throw std::invalid_argument("method: tvera found, subspace needed for a weighting");
+  if (tvera && options_.refine.value_or(false))
+    throw std::invalid_argument(
+        "method: tvera found, subspace needed for a refinement as far as it helps; refine() goes on from any model");
+  if (options_.period == 1 && options_.smoothing >= 0 && !std::isinf(options_.smoothing))
+    throw std::invalid_argument(
+        fmt::format("smoothing: {} found, none needed where one model serves all steps", options_.smoothing));
+  if (options_.period > 1 && options_.period >= data_.steps())
+    throw std::invalid_argument(
+        fmt::format("period: {} found, less than the {} steps of the data needed", options_.period, data_.steps()));
+  const Index most = std::max<Index>(1, data_.steps() - 1) * data_.outputs();
+  if (options_.states > most)
+    throw std::invalid_argument(fmt::format("states: {} found, {} steps of {} show at most {}", options_.states,
+                                            data_.steps(), words::plural(data_.outputs(), "output"), most));
   if (options_.weighting == Weighting::projection && options_.period == 0)
     throw std::invalid_argument("weighting: projection found, needs --time-invariant or --period P to pool steps");
   if (!tvera && options_.period == 0 && options_.smoothing < 0 && data_.experiments() < 2)
@@ -257,7 +273,6 @@ bool Pipeline::regress_each_step() {
   for (const GtvArxStep& s : arx_.step) freedom += s.freedom;
   const bool judged = freedom > 0 || options_.lags > 0 || options_.states > 0;
   if (options_.method == Method::tvera || (!result_.noisy && judged)) return true;
-  if (options_.smoothing == 0 && options_.lags > 0) return true;
   // With noise, steps that share what they know do better: what these regressions lack is of no consequence.
   result_.warnings.resize(warnings);
   if (freedom == 0) arx_ = {};  // what fits any data says nothing of initial states either
@@ -271,19 +286,34 @@ std::vector<Index> Pipeline::lag_candidates(Index steps, InitialState initial, I
   const Index first = first_judged(initial, 1, period);
   std::vector<Index> candidates;
   for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
-    if (p >= needed && 2 * std::max<Index>(1, first) * p < steps &&
+    if (p >= needed && 2 * std::max<Index>(1, first) * p < steps && p + period <= steps &&
         (candidates.empty() || minimum_experiments(data_.inputs(), data_.outputs(), p) <= most_regressors))
       candidates.push_back(p);
   if (candidates.empty()) candidates.push_back(needed);
   return candidates;
 }
 
-bool Pipeline::windows_are_scarce(const Ensemble& e) const {
-  constexpr double enough = 0.5;
-  if (e.missing() == 0) return false;
+// Windows of p+1 steps without a gap.
+Index Pipeline::whole_windows(const Ensemble& e) const {
   Index whole = 0;
   for (Index k = result_.lags; k < e.steps(); ++k) whole += Index(e.complete_rows(k, result_.lags).size());
-  return double(whole) < enough * double(e.experiments() * (e.steps() - result_.lags));
+  return whole;
+}
+
+bool Pipeline::windows_are_scarce(const Ensemble& e) const {
+  constexpr double enough = 0.5;
+  return e.missing() > 0 && double(whole_windows(e)) < enough * double(e.experiments() * (e.steps() - result_.lags));
+}
+
+void Pipeline::check_windows() const {
+  const Index needed = minimum_experiments(data_.inputs(), data_.outputs(), result_.lags);
+  if (data_.missing() == 0) return;
+  const Index whole = whole_windows(data_);
+  if (whole >= needed) return;
+  throw std::invalid_argument(fmt::format(
+      "missing samples: {} of {} successive steps are without a gap, at least {} needed; from a model of other data, "
+      "refine() goes on with every sample there is",
+      words::plural(whole, "window"), result_.lags + 1, needed));
 }
 
 // All steps in one regression, coupled over time; p and λ by errors on experiments left out.
@@ -341,6 +371,7 @@ void Pipeline::regress_together() {
       }
     }
   }
+  check_windows();
   result_.min_experiments = experiments_for(result_.lags);
 
   SmoothArxOptions arx_options;
@@ -564,7 +595,8 @@ Model Pipeline::subspace_model() {
   }
   if (!result_.noisy || !together_ || judged().experiments() < 2) return make();
   const Folds parts = folds();
-  result_.order_scores = parts.choose_states(o.states, std::min(result_.lags * data_.outputs(), most_states));
+  const Index most = std::min(result_.lags * data_.outputs(), most_states);
+  result_.order_scores = parts.choose_states(o.states, most);
   o.state_smoothing = result_.state_smoothing = result_.order_scores.smoothing;
   o.weighting = result_.order_scores.weighting;
   if (o.states == 0) o.states = result_.order_scores.best;
@@ -573,19 +605,41 @@ Model Pipeline::subspace_model() {
   if (!options_.refine.value_or(true) || model.states() == 0 || model.states() < o.states) return model;
   result_.refinement = parts.choose_refinement(o.states, result_.order_scores);
   if (result_.refinement.iterations == 0) return model;
-  o.state_smoothing = result_.refinement.smoothing;
-  Model likelier = refined(make(), data_, result_.refinement, refine_options);
+  if (options_.states == 0 && windows_are_scarce(judged())) {
+    result_.refinement = parts.choose_more_states(std::move(result_.refinement), result_.order_scores, most);
+    if (result_.refinement.states > o.states) {
+      o.states = result_.refinement.states;
+      model = make();
+    }
+  }
   const Index first = first_judged(initial_, result_.lags, result_.variation.period);
   const Computed start = computed_by(model, data_, initial_, first);
-  const Errors after = errors_of(computed_by(likelier, data_, initial_, first), data_, &start);
   const Errors before = errors_of(start, data_);
-  // What EM does with all experiments need not be what it did with those of the folds: then it predicts them worse than
-  // the models of the folds predicted experiments that they had not seen. And it sees one step only: a model of many
-  // samples for each coefficient must not lose over more steps what it wins there.
   const double allowed = std::log(spoilt);
-  const bool one_step = after.one_step <= result_.refinement.one_step + allowed;
-  const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
-  if (one_step && (longer || result_.variation.period == 0)) return likelier;
+  bool one_step = true;
+  Errors best = before;
+  std::optional<Model> fallback;
+  // From the subspace model that is as smooth as those of the folds were; if that leads astray, from this one.
+  for (const double smoothing : {result_.refinement.smoothing, result_.state_smoothing}) {
+    o.state_smoothing = smoothing;
+    Model likelier = refined(make(), data_, result_.refinement, refine_options);
+    const Errors after = errors_of(computed_by(likelier, data_, initial_, first), data_, &start);
+    // What EM does with all experiments need not be what it did with those of the folds: then it predicts them worse
+    // than the models of the folds predicted experiments that they had not seen. And it sees one step only: a model of
+    // many samples for each coefficient must not lose over more steps what it wins there.
+    one_step = after.one_step <= result_.refinement.one_step + allowed;
+    const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
+    if (one_step && (longer || result_.variation.period == 0)) return likelier;
+    if (after.one_step < best.one_step && after.mean() < best.mean() - allowed) {
+      best = after;
+      fallback = std::move(likelier);
+    }
+  }
+  if (fallback) {
+    warn(
+        "the refinement by EM predicts all experiments worse than it predicted those left out: it may have led astray");
+    return *std::move(fallback);
+  }
   result_.refinement.iterations = 0;
   warn(fmt::format("the refinement by EM was left out: with all experiments it made the {} worse",
                    one_step ? "simulations" : "predictions"));
@@ -597,6 +651,10 @@ void Pipeline::realise_model() {
   const bool tvera = options_.method == Method::tvera || (options_.method == Method::automatic && exact);
   Model& model = result_.model;
   model = tvera ? tvera_model() : subspace_model();
+  if (!tvera && data_.free.experiments > 0)
+    warn(fmt::format("{} left aside: the subspace realisation needs none; --method tvera takes them",
+                     data_.free.experiments == 1 ? "the free response was"
+                                                 : fmt::format("the {} free responses were", data_.free.experiments)));
   if (model.states() == 0)
     warn("no state was found: the outputs answer to the inputs of the same step alone, or not at all");
   if (nominal_) {

@@ -407,6 +407,17 @@ class Squares {
 
 }  // namespace
 
+namespace {
+
+// Directions in which a covariance of positive variances states some: outputs that repeat each other have fewer.
+Index stated_directions(const Matrix& covariance) {
+  const Vector scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Vector sigma = linalg::singular_values(scale.asDiagonal() * covariance * scale.asDiagonal());
+  return (sigma.array() > 1e-12 * sigma(0)).count();
+}
+
+}  // namespace
+
 NormalisedSquares normalised_squares(const Model& model, const Innovations& innovations) {
   const Index T = static_cast<Index>(innovations.size()), N = T > 0 ? innovations.front().rows() : 0;
   if (T > 0 && innovations.front().cols() != model.outputs)
@@ -418,20 +429,24 @@ NormalisedSquares normalised_squares(const Model& model, const Innovations& inno
   Squares total(N);
   for (Index k = model.k_begin; k < std::min(T, model.k_end()); ++k) {
     const Matrix& covariance = model.innovation_cov[model.at(k)];
-    // A step without a variance, or with one whose squares overflow, makes no statement that could be tested.
-    if (!covariance.allFinite() || !(covariance.diagonal().minCoeff() > smallest_variance)) continue;
-    const Matrix whitener = linalg::whitener(covariance);
+    if (!covariance.allFinite()) continue;
     Squares step(N);
+    std::vector<Index> seen, whitened;  // outputs
+    Matrix whitener;
+    Index directions = 0;
     for (Index n = 0; n < N; ++n) {
       const Vector e = innovations[size_t(k)].row(n);
-      std::vector<Index> seen;
+      seen.clear();
+      // An output without a variance, or with one whose squares overflow, makes no statement that could be tested.
       for (Index j = 0; j < e.size(); ++j)
-        if (std::isfinite(e(j))) seen.push_back(j);
-      const Index count = static_cast<Index>(seen.size());
-      if (count == e.size())
-        step.add(n, (whitener * e).squaredNorm(), count);
-      else if (count > 0)
-        step.add(n, (linalg::whitener(covariance(seen, seen)) * e(seen)).squaredNorm(), count);
+        if (std::isfinite(e(j)) && covariance(j, j) > smallest_variance) seen.push_back(j);
+      if (seen.empty()) continue;
+      if (seen != whitened) {
+        whitened = seen;
+        whitener = linalg::whitener(covariance(seen, seen));
+        directions = stated_directions(covariance(seen, seen));
+      }
+      step.add(n, (whitener * e(seen)).squaredNorm(), directions);
     }
     result.step(k) = step.ratio();
     result.step_p(k) = step.p();

@@ -22,8 +22,6 @@ constexpr Index most_shown = 24;
 constexpr double arithmetic = 1e-9;
 // Singular values of regressors below this share of the largest count as zero.
 constexpr double negligible = 1e-12;
-// Share of the ARX model's smoothing that the regressions on states get by default.
-constexpr double state_share = 1.0 / 30;
 // Rows per column from which on a sample covariance is left alone.
 constexpr double enough_rows = 5.0;
 
@@ -45,7 +43,7 @@ class Steps {
   }
 
   Index groups() const { return variation.groups(data.steps()); }
-  Index group(Index k) const { return variation.period > 0 ? variation.group(k) : k; }
+  Index group(Index k) const { return variation.group(k); }
   Index next(Index g) const { return variation.period > 0 ? (g + 1) % groups() : g + 1; }
   bool varying() const { return variation.period == 0; }
   // Coefficients that vary slowly go on beyond both ends of the experiments: all steps can have all states.
@@ -303,7 +301,7 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
     }
   });
   const double smoothing = !steps.smooth()         ? 0.0
-                           : o.state_smoothing < 0 ? state_share * o.variation.smoothing
+                           : o.state_smoothing < 0 ? SubspaceOptions::state_share * o.variation.smoothing
                                                    : o.state_smoothing;
   const auto solve = [&](size_t begin, size_t end) {
     const Index l = regressors[begin];

@@ -109,6 +109,9 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
   result.horizon = options.horizon == 1 ? result.one_step : fit(data, predict(model, data, ahead).y, model.y_nominal);
 
   result.simulation = fit(data, judged.simulated, model.y_nominal);
+  while (result.first_simulated + 1 < data.steps() &&
+         judged.simulated.output(result.first_simulated).array().isNaN().all())
+    ++result.first_simulated;
 
   double innovation = 0.0, output = 0.0;
   bool any = false;

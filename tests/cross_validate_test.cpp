@@ -11,16 +11,6 @@ namespace {
 
 const ExperimentOptions noisy{.experiments = 41, .seed = 7, .process_noise = 0.05, .measurement_noise = 0.1};
 
-template <class Call>
-std::string message(Call&& call) {
-  try {
-    call();
-  } catch (const std::invalid_argument& error) {
-    return error.what();
-  }
-  return "no exception";
-}
-
 TEST(CrossValidate, EveryExperimentIsJudgedOnceByAModelThatHasNotSeenIt) {
   const Ensemble data = experiments(oscillator(30), noisy);
   for (const std::optional<std::uint64_t> seed : {std::optional<std::uint64_t>(), std::optional<std::uint64_t>(3)}) {

@@ -21,16 +21,6 @@ Ensemble numbered(Index experiments, Index steps, Index inputs, Index outputs) {
   return e;
 }
 
-template <class Call>
-std::string message(Call&& call) {
-  try {
-    call();
-  } catch (const std::invalid_argument& error) {
-    return error.what();
-  }
-  return "no exception";
-}
-
 TEST(Ensemble, WindowHoldsTheOldestLagFirstAndTheInputOfTheStepLast) {
   const Ensemble e = numbered(3, 6, 2, 1);
   const Matrix w = e.window(4, 2);

@@ -20,16 +20,6 @@ bool mentions(const std::vector<std::string>& texts, const std::string& part) {
                      [&](const std::string& text) { return text.find(part) != std::string::npos; });
 }
 
-template <class Call>
-std::string message(Call&& call) {
-  try {
-    call();
-  } catch (const std::invalid_argument& error) {
-    return error.what();
-  }
-  return "no exception";
-}
-
 // The published example: N = 10 zero-state experiments, p = 2, free responses. paper_test.cpp holds its numbers.
 TEST(Identify, PublishedExampleFromStepZeroToTheLast) {
   for (const std::uint64_t seed : {1, 2, 3, 4, 5, 6, 7, 8}) {

@@ -292,6 +292,27 @@ TEST(NormalisedSquares, NeedACovariance) {
   EXPECT_THROW(normalised_squares(model, Innovations(3, Matrix::Ones(4, 1))), std::invalid_argument);
 }
 
+// Outputs that repeat each other count once, and one without a variance not at all.
+TEST(NormalisedSquares, CountTheDirectionsThatHaveAVariance) {
+  Model model = random_system({2, 3, 1}, 20, 0.5, 1);
+  Matrix covariance = Matrix::Zero(3, 3);
+  covariance.topLeftCorner(2, 2).setConstant(4.0);
+  model.innovation_cov.assign(20, covariance);
+  Random random(2);
+  Innovations e;
+  for (Index k = 0; k < 20; ++k) {
+    Matrix step = Matrix::Zero(50, 3);
+    step.col(0) = 2 * random.matrix(50, 1);
+    step.col(1) = step.col(0);
+    e.push_back(step);
+  }
+  const NormalisedSquares squares = normalised_squares(model, e);
+  EXPECT_NEAR(squares.ratio, 1.0, 4 * std::sqrt(2.0 / 1000));  // four standard errors of 1000 squares
+  EXPECT_GT(squares.p, 1e-4);
+  for (Matrix& step : e) step.col(1) *= -1;  // which the model says is impossible
+  EXPECT_GT(normalised_squares(model, e).ratio, 1e6);
+}
+
 TEST(ModelInnovations, AreThoseOfThePredictionWhereNothingIsMissing) {
   const ExperimentOptions options{.experiments = 9, .process_noise = 0.1, .measurement_noise = 0.3};
   const Model model = with_noise(oscillator(20), options);

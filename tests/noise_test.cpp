@@ -15,16 +15,6 @@ namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-template <class Call>
-std::string message(Call&& call) {
-  try {
-    call();
-  } catch (const std::invalid_argument& error) {
-    return error.what();
-  }
-  return "no exception";
-}
-
 // One-step errors over those of the exact Kalman filter, from many experiments to fewer than there are unknowns.
 struct Size {
   Index experiments;
@@ -251,6 +241,18 @@ TEST(Noise, OptionsThatContradictEachOtherOrTheDataAreRefused) {
             "method: tvera found, subspace needed to pool the steps of a period");
   EXPECT_EQ(message([&] { identify(many, {.method = Method::tvera, .smoothing = 1.0}); }),
             "method: tvera found, subspace needed for regularisation over time");
+  EXPECT_NE(message([&] { identify(many, {.method = Method::tvera, .refine = true}); }).find("subspace needed"),
+            std::string::npos);
+  EXPECT_NE(
+      message([&] { identify(many, {.method = Method::tvera, .weighting = Weighting::one_step}); }).find("subspace"),
+      std::string::npos);
+  EXPECT_EQ(message([&] { identify(many, {.smoothing = 1.0, .period = 1}); }),
+            "smoothing: 1 found, none needed where one model serves all steps");
+  EXPECT_EQ(message([&] { identify(many, {.period = 40}); }),
+            "period: 40 found, less than the 40 steps of the data needed");
+  EXPECT_EQ(message([&] { identify(many, {.states = 1000}); }),
+            "states: 1000 found, 40 steps of 2 outputs show at most 78");
+  EXPECT_EQ(identify(many, {.period = 39, .refine = false}).lags, 1);
   EXPECT_NE(message([&] { identify(many, {.period = -2}); }).find("period: -2 found"), std::string::npos);
   EXPECT_NE(message([&] { identify(many, {.smoothing = nan}); }).find("smoothing: nan found"), std::string::npos);
 }
@@ -280,6 +282,52 @@ TEST(Noise, RefinementKeepsThePeriodOfTheModel) {
   const Model varying = refine(start, data, {.smoothing = 1.0, .period = 0, .iterations = 5}).model;
   EXPECT_EQ(varying.period, 0);
   EXPECT_NE(varying.A[3], varying.A[0]);
+}
+
+// Where every window has a gap, nothing can be regressed. It gave a model without states, and a reason that was none.
+TEST(Noise, GapsInEveryWindowAreRefusedInWords) {
+  Ensemble e = noisy_experiments(oscillator(40), 50, 73);
+  for (Index k = 1; k < 40; k += 2) e.output(k).setConstant(nan);
+  const std::string found = message([&] { identify(e); });
+  EXPECT_EQ(found.find("missing samples: 0 windows of "), 0U) << found;
+  // EM needs no window: a model of other experiments comes closer to these.
+  const Model start =
+      identify(noisy_experiments(oscillator(40), 30, 74), {.states = 4, .lags = 4, .refine = false}).model;
+  const Refinement refined = refine(start, e, {.smoothing = 1.0, .iterations = 15});
+  EXPECT_GT(refined.log_likelihood.back(), refined.start_log_likelihood);
+}
+
+// Whole windows are few with 30 % of the outputs missing, and short: they showed two or three of the four states.
+TEST(Noise, StatesThatMissingSamplesHideAreFoundByEm) {
+  const Model system = oscillator(40);
+  for (const std::uint64_t seed : {31, 32}) {
+    Ensemble e = noisy_experiments(system, 60, seed);
+    Random random(seed);
+    for (Index k = 0; k < 40; ++k)
+      for (double& y : e.output(k).reshaped())
+        if (random.uniform(0, 1) < 0.3) y = nan;
+    const Identification result = identify(e, {.execution = {2, {}}});
+    EXPECT_GE(result.model.states(), 4) << seed;
+    EXPECT_LE(result.model.states(), 6) << seed;
+    EXPECT_LE(ratio_to_kalman(result.model, system, seed + 1000), 1.15) << seed;
+  }
+}
+
+// What the penalty fills in is no evidence.
+TEST(Noise, RefinementOfAVaryingModelOnOneRecordWarns) {
+  const Model system = oscillator(40);
+  const Model start = identify(noisy_experiments(system, 40, 75), {.states = 4, .lags = 4, .refine = false}).model;
+  const RefineOptions o{.smoothing = 1.0, .iterations = 2};
+  const auto says = [](const Refinement& r, const char* text) {
+    return std::any_of(r.warnings.begin(), r.warnings.end(),
+                       [&](const std::string& w) { return w.find(text) != std::string::npos; });
+  };
+  EXPECT_TRUE(says(refine(start, noisy_experiments(system, 1, 76), o), "1 experiment is less than the 6 unknowns"));
+  EXPECT_FALSE(says(refine(start, noisy_experiments(system, 8, 76), o), "less than the"));
+  EXPECT_TRUE(says(refine(start, noisy_experiments(oscillator(50), 8, 76), o), "those beyond began as its last"));
+  EXPECT_TRUE(says(refine(start, noisy_experiments(oscillator(30), 8, 76), o), "it ends with the data now"));
+  EXPECT_EQ(message([&] { refine(start, noisy_experiments(system, 8, 76), {.period = 40}); }),
+            "period: 40 found, less than the 40 steps of the data needed");
 }
 
 // The zero states of a model say nothing of those of other data.

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 #include <random>
+#include <stdexcept>
 #include <string>
 
 #include "tokid/ensemble.hpp"
@@ -16,6 +17,17 @@
 namespace tokid::testing {
 
 inline constexpr double epsilon = std::numeric_limits<double>::epsilon();
+
+// What a refused call says of it.
+template <class Call>
+std::string message(Call&& call) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "no exception";
+}
 
 class Random {
  public:

@@ -83,12 +83,14 @@ struct OrderScores {
 
 // How far EM brought the models of experiments forward on others; filled where that was tried.
 struct RefinementTrial {
+  Index states = 0;        // n
   double smoothing = 0.0;  // λ of EM
   Index iterations = 0;    // 0: the subspace model as it was
   double error = 0.0;      // mean log as of OrderScores
 };
 struct RefinementChoice {
   std::vector<RefinementTrial> trials;
+  Index states = 0;  // more than OrderScores::best where EM shows that missing samples hid some
   double smoothing = 0.0;
   Index iterations = 0;  // 0: no refinement
   double error = 0.0;

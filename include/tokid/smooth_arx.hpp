@@ -15,7 +15,6 @@ struct TimeVariation {
 
   Index groups(Index steps) const { return period > 0 && period < steps ? period : steps; }
   Index group(Index k) const { return period > 0 ? k % period : k; }  // of step k: the steps that share its model
-  bool invariant() const { return period == 1; }
 };
 
 struct SmoothArxOptions {

@@ -24,8 +24,9 @@ struct SubspaceOptions {
   Weighting weighting = Weighting::one_step;
   TimeVariation variation = {};  // of the ARX model
   // λ of the regressions that give the matrices. The states of neighbouring steps share a frame and are smooth already:
-  // a weaker penalty does. Negative: a thirtieth of the ARX model's.
+  // a weaker penalty does. Negative: state_share of the ARX model's.
   double state_smoothing = -1.0;
+  static constexpr double state_share = 1.0 / 30;
   // Without noise the residuals say nothing: outputs are weighed by their size, and the observer is the ARX model's
   // own.
   bool noisy = true;

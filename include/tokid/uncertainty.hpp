@@ -6,6 +6,7 @@
 #include <complex>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -146,10 +147,11 @@ const char* to_string(BoundsMethod method);
 
 struct ConfidenceOptions {
   double level = 0.95;
-  BoundsMethod method = BoundsMethod::factors;
+  // empty: the factors, but the bootstrap where steps share a model, which the regressions of single steps don't
+  std::optional<BoundsMethod> method = {};
   Index replicates = 200;  // B of the bootstrap
   std::uint64_t seed = 1;
-  Index band = 0;             // γ = 0 … band; 0: twice the steps whose samples tell a state
+  Index band = 0;             // γ = 0 … band < T; 0: twice the steps whose samples tell a state
   Index reference_step = -1;  // of the eigenvalues, as in ClosedLoopOptions
   Execution execution = {};
 };
@@ -171,7 +173,7 @@ struct Confidence {
 // From the factors, the estimates are those of the regressions, which the model approximates. By the bootstrap they are
 // those of the model: each replicate is identified with its options, all orders held. `data` must be the ensemble that
 // the model was identified from; of one of which a part was held out, that part is left aside.
-// 	hrows std::invalid_argument for options out of range, another number of experiments than in the identification,
+// \throws std::invalid_argument for options out of range, another number of experiments than in the identification,
 // or a model that was not identified
 Confidence confidence(const Model& model, const Ensemble& data, const ConfidenceOptions& options = {});
 

@@ -35,6 +35,7 @@ struct Validation {
   Independence feedback;      // of later inputs, lags -whiteness_lags … -1: a small p is no fault of the model
   NormalisedSquares squares;
   Index first_predicted = 0;  // first step with a prediction
+  Index first_simulated = 0;  // and with a simulation
   std::vector<std::string> warnings;
 };
 // \throws std::invalid_argument where channels disagree or no step of the data has a model

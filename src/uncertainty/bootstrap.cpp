@@ -143,8 +143,8 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
     unknowns = (unknowns * std::min(original.period, data.steps()) + data.steps() - 1) / data.steps();
   if (experiments <= unknowns)
     throw std::invalid_argument(
-        fmt::format("experiments: {} found, a bootstrap of regressions on {} unknowns needs more than these",
-                    experiments, unknowns));
+        fmt::format("experiments: {} found, at least {} needed for a bootstrap of regressions on {} unknowns",
+                    experiments, unknowns + 1, unknowns));
   const Vector estimate = functional(original);
 
   Moments moments(estimate.size());

@@ -101,15 +101,16 @@ class Bounds {
   Bounds(const Model& model, const Ensemble& data, const ConfidenceOptions& options)
       : model_(model), options_(options), identification_(identify_options(model)) {
     uncertainty::check_level(options.level);
-    if (options.band < 0)
-      throw std::invalid_argument(fmt::format("band: {} found, at least 1 (or automatic) needed", options.band));
     data_ = training_part(model, data, identification_);
+    if (options.band < 0 || options.band >= data_.steps())
+      throw std::invalid_argument(
+          fmt::format("band: {} found, 1 to {} (or automatic) needed", options.band, data_.steps() - 1));
     departing_ = data_;
     if (model.y_nominal.rows() > 0) departing_ = departures(data_, {model.u_nominal, model.y_nominal});
     band_ = std::clamp<Index>(options.band > 0 ? options.band : 2 * estimation_window(model), 1,
                               std::max<Index>(1, data_.steps() - 1));
     loop_ = {options.level, options.reference_step, 0, {options.execution.threads, {}}};
-    result_.method = options.method;
+    result_.method = options.method.value_or(model.period > 0 ? BoundsMethod::bootstrap : BoundsMethod::factors);
     result_.level = options.level;
     result_.dt = model.dt;
     result_.names = model.names;
@@ -120,7 +121,7 @@ class Bounds {
   Confidence run() {
     if (!has_seen(model_, data_))
       warn("the model was not identified from these data: bounds need the ensemble of its identification");
-    if (options_.method == BoundsMethod::factors)
+    if (result_.method == BoundsMethod::factors)
       from_factors();
     else
       by_bootstrap();

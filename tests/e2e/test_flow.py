@@ -240,14 +240,20 @@ def test_columns_of_a_csv_by_name(tokid, tmp_path, oscillator):
     np.testing.assert_array_equal(found["A"], load(oscillator / "model.npz")["A"])
 
 
-def test_output_may_replace_its_input(tokid, tmp_path, oscillator):
+def test_data_are_not_overwritten_but_a_model_may_be_refined_in_place(tokid, tmp_path, oscillator):
     for name in ("data", "model"):
         (tmp_path / f"{name}.npz").write_bytes((oscillator / f"{name}.npz").read_bytes())
-    tokid("simulate", tmp_path / "model.npz", tmp_path / "data.npz", "-o", tmp_path / "data.npz")
-    expected = simulate(load(oscillator / "model.npz"), load(oscillator / "data.npz")["u"])
-    assert_close(load(tmp_path / "data.npz")["y"], expected, ROUNDING)
-    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "data.npz")
-    assert "A" in load(tmp_path / "data.npz")
+    model, data, alias = tmp_path / "model.npz", tmp_path / "data.npz", tmp_path / "alias.npz"
+    alias.symlink_to(data)
+    before = data.read_bytes()
+    for output in (data, alias):
+        for call in (("identify", data), ("refine", model, data), ("simulate", model, data), ("predict", model, data),
+                     ("confidence", model, data)):
+            run = tokid(*call, "-o", output, status=2)
+            assert f"{output.name}: the data themselves found, another name needed to keep them" in run.stderr
+    assert data.read_bytes() == before
+    tokid("refine", model, data, "-o", model, "--iterations", 2)
+    assert load(model)["method"] == "em"
 
 
 @pytest.mark.parametrize("frame", ["reference", "smooth"])
