@@ -66,6 +66,10 @@ Trial lag_trial(const Identification& result) {
   return trial;
 }
 
+bool decided_after_em(const Identification& result) {
+  return result.refinement.iterations > 0 && result.refinement.states != result.order_scores.best;
+}
+
 Trial state_trial(const Identification& result) {
   const OrderScores& found = result.order_scores;
   return {"n",
@@ -197,9 +201,9 @@ void add_refinement(const Identification& result, Page& page) {
 void add_states(const Call& call, const Identification& result, Page& page) {
   const Model& model = result.model;
   const bool tried = !result.order_scores.states.empty();
-  const bool more = result.refinement.states > result.order_scores.best && tried;
+  const bool after_em = decided_after_em(result);
   const char* why = call.options.states > 0 && model.states() == call.options.states ? "as asked"
-                    : more                                         ? "by errors on experiments left out, after EM"
+                    : after_em                                     ? "by errors on experiments left out, after EM"
                     : tried && result.order_scores.cross_validated ? "by errors on experiments left out"
                     : tried                                        ? "by prediction and simulation errors"
                                                                    : "the rank of the Hankel matrices";
@@ -207,7 +211,9 @@ void add_states(const Call& call, const Identification& result, Page& page) {
   page.row("States",
            fmt::format("n = {}, {}{}", model.states(), why,
                        std::isfinite(gap) ? fmt::format("; singular values fall by {:.3g} behind it", gap) : ""));
-  add_trial(state_trial(result), page);
+  Trial trial = state_trial(result);
+  if (decided_after_em(result)) trial.best = result.refinement.states;
+  add_trial(trial, page);
   add_refinement(result, page);
   page.row("Model",
            fmt::format("{}, {} frame, steps {} to {}, all {} from {} to {}", model.method, model.frame, model.k_begin,

@@ -280,20 +280,24 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
   return choice;
 }
 
-RefinementChoice Folds::choose_more_states(RefinementChoice choice, const OrderScores& scores, Index most) const {
+RefinementChoice Folds::reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most) const {
   const Index first = choice.states;
-  const auto try_order = [&](Index n, std::optional<double> smoothing, double fall) {
+  double least = choice.error;
+  const auto try_order = [&](Index n, std::optional<double> smoothing, double limit) {
     RefinementChoice other = choose_refinement(n, scores, smoothing);
     other.trials.insert(other.trials.begin(), choice.trials.begin(), choice.trials.end());
-    if (other.iterations > 0 && other.error < choice.error - std::log(fall))
+    least = std::min(least, other.error);
+    if (other.iterations > 0 && other.error < limit)
       choice = std::move(other);
     else
       choice.trials = std::move(other.trials);
   };
   for (Index n = first + 1; n <= std::min(choice.states + refined_patience, most); ++n)
-    try_order(n, choice.smoothing, most_uncertain);
-  // What is smooth with too few states need not be so with enough.
-  if (choice.states > first && options_.variation.period != 1) try_order(choice.states, std::nullopt, 1.0);
+    try_order(n, choice.smoothing, choice.error - std::log(most_uncertain));
+  for (Index n = first - 1; choice.states <= first && n >= std::max<Index>(1, choice.states - refined_patience); --n)
+    try_order(n, choice.smoothing, least + std::log(worth_it));
+  // What is smooth with other states need not be so with these.
+  if (choice.states != first && options_.variation.period != 1) try_order(choice.states, std::nullopt, choice.error);
   return choice;
 }
 

@@ -58,9 +58,9 @@ class Folds {
   // weighting and λ of the scores.
   RefinementChoice choose_refinement(Index states, const OrderScores& scores,
                                      std::optional<double> smoothing = std::nullopt) const;
-  // Goes on from that to as many states as EM finds worth it: it sees the samples beside the missing ones, which no
-  // window without a gap holds.
-  RefinementChoice choose_more_states(RefinementChoice choice, const OrderScores& scores, Index most) const;
+  // Goes on from that to as few states as do as well after EM: subspace models need some to make up for what their lags
+  // leave out. Or to more, up to `most`, where EM finds them worth it.
+  RefinementChoice reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most) const;
 
  private:
   struct Fold {

@@ -605,9 +605,11 @@ Model Pipeline::subspace_model() {
   if (!options_.refine.value_or(true) || model.states() == 0 || model.states() < o.states) return model;
   result_.refinement = parts.choose_refinement(o.states, result_.order_scores);
   if (result_.refinement.iterations == 0) return model;
-  if (options_.states == 0 && windows_are_scarce(judged())) {
-    result_.refinement = parts.choose_more_states(std::move(result_.refinement), result_.order_scores, most);
-    if (result_.refinement.states > o.states) {
+  if (options_.states == 0) {
+    // Windows without a gap may be too few to show all states; EM sees every sample.
+    const Index more = windows_are_scarce(judged()) ? most : o.states;
+    result_.refinement = parts.reconsider_states(std::move(result_.refinement), result_.order_scores, more);
+    if (result_.refinement.states != o.states) {
       o.states = result_.refinement.states;
       model = make();
     }

@@ -90,7 +90,7 @@ struct RefinementTrial {
 };
 struct RefinementChoice {
   std::vector<RefinementTrial> trials;
-  Index states = 0;  // more than OrderScores::best where EM shows that missing samples hid some
+  Index states = 0;  // n: OrderScores::best, unless fewer do as well after EM, or missing samples hid some from it
   double smoothing = 0.0;
   Index iterations = 0;  // 0: no refinement
   double error = 0.0;
