@@ -631,7 +631,8 @@ Model Pipeline::subspace_model() {
     // many samples for each coefficient must not lose over more steps what it wins there.
     one_step = after.one_step <= result_.refinement.one_step + allowed;
     const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
-    if (one_step && (longer || result_.variation.period == 0)) return likelier;
+    if (!longer && result_.variation.period > 0) continue;
+    if (one_step) return likelier;
     if (after.one_step < best.one_step && after.mean() < best.mean() - allowed) {
       best = after;
       fallback = std::move(likelier);
