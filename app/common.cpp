@@ -62,7 +62,7 @@ std::string extension_of(const fs::path& path) {
   return extension;
 }
 
-void check_output(const fs::path& path, Content content, const std::vector<fs::path>& measured) {
+void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept) {
   const auto refuse = [&path](const std::string& why) { throw IoError(fmt::format("{}: {}", path.string(), why)); };
   const std::string extension = extension_of(path);
   std::vector<std::string> known{".npz", ".h5", ".hdf5", ".mat"};
@@ -76,8 +76,8 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
                                                     : "an ensemble"));
 
   std::error_code error;
-  for (const fs::path& data : measured)
-    if (fs::equivalent(path, data, error)) refuse("the data themselves found, another name needed to keep them");
+  for (const fs::path& other : kept)
+    if (fs::equivalent(path, other, error)) refuse("found among the files to read, another name needed to keep it");
   if (fs::is_directory(path, error)) refuse("a directory found, the name of a file needed");
   const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");
   if (!fs::is_directory(directory, error)) refuse(fmt::format("directory '{}' does not exist", directory.string()));

@@ -100,9 +100,9 @@ CLI::Option* add_choice(CLI::App* command, const std::string& name, T& target, c
 std::string extension_of(const fs::path& path);  // in lower case, with its dot
 
 enum class Content { ensemble, model, bounds, page };
-// Before long work: will the file be writable under this name, and is it not one of those that are measured and would
-// be lost? \throws IoError
-void check_output(const fs::path& path, Content content, const std::vector<fs::path>& measured = {});
+// Before long work: will the file be writable under this name, and is it none of those that are to be kept?
+// \throws IoError
+void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept = {});
 
 // The library's complaints about an argument can't know the file that it came from.
 template <class Work>

@@ -13,7 +13,8 @@ struct Call {
   fs::path model, data, output;
   ReadOptions read;
   ConfidenceOptions options;
-  Index replicates = 0;  // of the bootstrap; 0: as many as usual
+  Index replicates = 0;    // of the bootstrap; 0: as many as usual
+  std::uint64_t seed = 0;  // of the bootstrap; 0: the usual one
   bool json = false;
 };
 
@@ -179,11 +180,12 @@ void run(const Call& call) {
     ConfidenceOptions options = call.options;
     options.execution.progress = bar.callback();
     if (call.replicates > 0) options.replicates = call.replicates;
+    if (call.seed > 0) options.seed = call.seed;
     return about(call.data, [&] { return confidence(model, data, options); });
   }();
-  if (call.replicates > 0 && result.method != BoundsMethod::bootstrap)
-    result.warnings.emplace_back(
-        "--replicates says nothing to the bounds from the factors: --method bootstrap has some");
+  if ((call.replicates > 0 || call.seed > 0) && result.method != BoundsMethod::bootstrap)
+    result.warnings.push_back(
+        fmt::format("{} has no effect on bounds from the factors", call.replicates > 0 ? "--replicates" : "--seed"));
   const std::vector<std::string> remarks = differences(model, data);
   result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());
   save_confidence(result, call.output);
@@ -221,7 +223,7 @@ void add_confidence(CLI::App& tool) {
                     "Markov parameters up to so many steps apart (auto: twice as many as tell a state)");
   add_number<Index>(command, "--reference-step", o.reference_step, "s",
                     "Step of the frame of the eigenvalues (default: the first with all states)", 0, 1'000'000);
-  add_number<std::uint64_t>(command, "--seed", o.seed, "S", "Seed of the bootstrap (default 1)", 0);
+  add_number<std::uint64_t>(command, "--seed", call->seed, "S", "Seed of the bootstrap (default 1)", 1);
   add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
   command->add_flag("--json", call->json, "Print one JSON object");
   command->callback([call] { run(*call); });

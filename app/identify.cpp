@@ -190,12 +190,16 @@ void add_refinement(const Identification& result, Page& page) {
   const RefinementChoice& choice = result.refinement;
   if (choice.trials.empty()) return;
   const double before = std::exp(choice.trials.front().error), after = std::exp(choice.error);
+  const bool lowered = std::any_of(choice.trials.begin(), choice.trials.end(), [&](const RefinementTrial& t) {
+    return t.error < choice.trials.front().error - std::log(RefinementChoice::worth_it);
+  });
   page.row(
       "Refinement",
       choice.iterations > 0
           ? fmt::format("{} of EM with lambda = {}: mean error on experiments left out {} instead of {}",
                         plural(choice.iterations, "iteration"), penalty(choice.smoothing), share(after), share(before))
-          : "none: EM did not lower the errors on experiments left out");
+      : lowered ? "none: EM lowered the errors on experiments left out, but not with all of them"
+                : "none: EM did not lower the errors on experiments left out");
 }
 
 void add_states(const Call& call, const Identification& result, Page& page) {

@@ -122,7 +122,7 @@ Json json(const PlanOptions& sizes, const Plan& plan) {
 }
 
 void run(const Call& call) {
-  check_output(call.output, Content::ensemble);
+  check_output(call.output, Content::ensemble, {call.model});
   PlanOptions options = call.options;
   std::optional<Model> model;
   if (call.model.empty()) {

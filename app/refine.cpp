@@ -42,7 +42,9 @@ struct Outcome {
 
 // The one model starts all folds: it has seen the experiments that are left out, but the climb from it has not.
 void choose(const Call& call, const Model& model, const Ensemble& data, Outcome& outcome) {
-  if (call.smoothing) {
+  if (!call.smoothing && call.options.period.value_or(model.period) == 1) {
+    outcome.reason = "one model serving all steps";
+  } else if (call.smoothing) {
     outcome.smoothing = *call.smoothing;
     outcome.reason = "as asked";
   } else if (const std::optional<double> known = refinement_smoothing(model)) {

@@ -384,6 +384,9 @@ Refinement Climb::run() {
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options) {
   if (data.steps() < 1) throw std::invalid_argument("data: no step found, at least one needed");
   check(options, data.steps());
+  if (period_of(model, options) == 1 && options.smoothing > 0 && std::isfinite(options.smoothing))
+    throw std::invalid_argument(
+        fmt::format("smoothing: {} found, none needed where one model serves all steps", options.smoothing));
   const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
   em::samples_of(model, data, em::Tail::drop, 0);  // checks the channels
   Model start = starting_model(model, data, options, initial);
@@ -399,6 +402,11 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
     start = kalman_observer(Climb(start, data, o, initial).run().model);
   }
   Refinement result = Climb(start, data, options, initial).run();
+  for (size_t k = 0; k < result.model.R.size(); ++k)
+    if (!linalg::covariance_factor(result.model.R[k]) || !linalg::covariance_factor(result.model.Q[k]))
+      throw std::runtime_error(
+          "the covariances of the noise left the range of double precision: the model does not fit "
+          "the data at all");
   result.start_log_likelihood = likelihood;
   result.model = kalman_observer(std::move(result.model));
   result.model.method = "em";
@@ -411,10 +419,10 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
   if (result.model.period == 0 && data.steps() != model.k_end())
     result.warnings.push_back(
         data.steps() > model.k_end()
-            ? fmt::format("the data have {} steps, the model ends with step {}: those beyond began as its last",
-                          data.steps(), model.k_end() - 1)
-            : fmt::format("the data have {} steps, the model reached to step {}: it ends with the data now",
-                          data.steps(), model.k_end() - 1));
+            ? fmt::format("the data have {}, the model ends with step {}: those beyond began as its last",
+                          words::plural(data.steps(), "step"), model.k_end() - 1)
+            : fmt::format("the data have {}, the model reached to step {}: it ends with the data now",
+                          words::plural(data.steps(), "step"), model.k_end() - 1));
   if (options.execution.progress) options.execution.progress(1.0);
   return result;
 }

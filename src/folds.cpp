@@ -23,7 +23,7 @@ std::span<const Index> refinement_stages(Index period) {
   return varying_stages;
 }
 // Fall of the errors that is worth a refinement or a state, and the one that is worth it however uncertain.
-constexpr double worth_it = 1.005, most_uncertain = 1.02;
+constexpr double worth_it = RefinementChoice::worth_it, most_uncertain = 1.02;
 // Share of the ARX model's λ that the search for that of EM begins with.
 constexpr double refined_share = 0.1;
 
@@ -79,12 +79,20 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
 
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) {
   const Matrix none = Matrix::Zero(data.steps(), data.outputs());  // errors are compared with the departures
+  std::vector<Index> moving;                                       // the others are no evidence
+  for (Index j = 0; j < data.outputs(); ++j)
+    for (Index k = 0; k < data.steps(); ++k)
+      if ((data.output(k).col(j).array().abs() > 0).any()) {  // neither zero nor NaN
+        moving.push_back(j);
+        break;
+      }
   const auto score = [&](Ensemble Computed::*outputs) {
     Ensemble& own = computed.*outputs;
     if (like)
       for (Index k = 0; k < data.steps(); ++k)
         own.output(k) += 0.0 * (like->*outputs).output(k);  // NaN where there is none
-    const Vector left = 1 - fit(data, own, none).fit.array() / 100;
+    if (moving.empty()) return 0.0;
+    const Vector left = 1 - fit(data, own, none).fit(moving).array() / 100;
     return left.array().isFinite().select(left.array().max(1e-12), 1e12).log().mean();
   };
   return {score(&Computed::one_step), std::min(score(&Computed::ahead), 0.0),
@@ -244,7 +252,13 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
       o.period = options_.variation.period;
       o.iterations = stage;
       o.initial_state = options_.initial_state;
-      for_each_fold([&](size_t f) { models[f] = refine(models[f], folds_[f].data.training, o).model; });
+      for_each_fold([&](size_t f) {
+        try {
+          if (models[f].steps() > 0) models[f] = refine(models[f], folds_[f].data.training, o).model;
+        } catch (const std::runtime_error&) {
+          models[f] = {};  // hopeless: the λ is out of the question
+        }
+      });
       done += stage;
       const Errors judged = judge(models);
       const double error = judged.mean();
@@ -280,7 +294,8 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
   return choice;
 }
 
-RefinementChoice Folds::reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most) const {
+RefinementChoice Folds::reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most,
+                                          std::optional<double> smoothing_given) const {
   const Index first = choice.states;
   double least = choice.error;
   const auto try_order = [&](Index n, std::optional<double> smoothing, double limit) {
@@ -297,7 +312,8 @@ RefinementChoice Folds::reconsider_states(RefinementChoice choice, const OrderSc
   for (Index n = first - 1; choice.states <= first && n >= std::max<Index>(1, choice.states - refined_patience); --n)
     try_order(n, choice.smoothing, least + std::log(worth_it));
   // What is smooth with other states need not be so with these.
-  if (choice.states != first && options_.variation.period != 1) try_order(choice.states, std::nullopt, choice.error);
+  if (choice.states != first && options_.variation.period != 1 && !smoothing_given)
+    try_order(choice.states, std::nullopt, choice.error);
   return choice;
 }
 

@@ -60,7 +60,8 @@ class Folds {
                                      std::optional<double> smoothing = std::nullopt) const;
   // Goes on from that to as few states as do as well after EM: subspace models need some to make up for what their lags
   // leave out. Or to more, up to `most`, where EM finds them worth it.
-  RefinementChoice reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most) const;
+  RefinementChoice reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most,
+                                     std::optional<double> smoothing = std::nullopt) const;
 
  private:
   struct Fold {

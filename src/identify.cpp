@@ -95,6 +95,13 @@ void warn_of_constant_inputs(const Ensemble& e, std::vector<std::string>& warnin
   }
 }
 
+// Outputs that are the same in every experiment at every step.
+void warn_of_resting_outputs(const Ensemble& e, std::vector<std::string>& warnings) {
+  for (Index j = 0; j < e.outputs(); ++j)
+    if (const ChannelSummary s = channel_summary(e, e.inputs() + j); s.min == s.max)
+      warnings.push_back(fmt::format("output {} never moves: nothing can be identified of it", e.names.output(j)));
+}
+
 // Are the inputs of the steps k-p … k linearly dependent over the experiments, channels at rest left aside?
 bool inputs_dependent(const Ensemble& e, Index k, Index p) {
   const std::vector<Index> rows = e.complete_rows(k, p);
@@ -110,6 +117,14 @@ bool inputs_dependent(const Ensemble& e, Index k, Index p) {
   return linalg::minimum_norm(inputs.leftCols(used), zero, 1e-12).rank < used;
 }
 
+// Windows of p+1 steps without a gap.
+Index whole_windows(const Ensemble& e, Index lags) {
+  if (e.missing() == 0) return e.experiments() * std::max<Index>(0, e.steps() - lags);
+  Index whole = 0;
+  for (Index k = lags; k < e.steps(); ++k) whole += Index(e.complete_rows(k, lags).size());
+  return whole;
+}
+
 // The pipeline with its intermediate results.
 class Pipeline {
  public:
@@ -122,13 +137,12 @@ class Pipeline {
   void remove_nominal();
   void check_method() const;
   bool regress_each_step();
-  Index whole_windows(const Ensemble& e) const;
   bool windows_are_scarce(const Ensemble& e) const;
-  void check_windows() const;
+  void check_windows();
   void regress_together();
   void choose_lags();
   void check_size() const;
-  std::vector<Index> lag_candidates(Index steps, InitialState initial, Index period) const;
+  std::vector<Index> lag_candidates(const Ensemble& e, InitialState initial, Index period) const;
   const Ensemble& judged() const;
   void decide_initial_state();
   Model model_of(const Markov& parameters, const HankelFactors& factors, TveraOptions o, Index states) const;
@@ -137,6 +151,9 @@ class Pipeline {
   std::vector<Weighting> weightings(const Ensemble& measure) const;
   Folds folds() const;
   Model subspace_model();
+  template <class Make>
+  Model refined_as_chosen(Model plain, SubspaceOptions& o, Make&& make);
+  RefineOptions refine_options() const;
   void realise_model();
   void warn_of_regressions();
   void warn_of_states();
@@ -213,7 +230,7 @@ const Ensemble& Pipeline::judged() const {
   const Index period = options_.period, pieces = ceil_div(5, data_.experiments()), steps = data_.steps();
   if (!judged_ && period == 0 && steps > 2 * most_judged_steps)
     judged_ = stretch(data_, (steps - most_judged_steps) / 2, (steps + most_judged_steps) / 2);
-  if (!judged_ && period > 0 && pieces > 1 && steps / pieces >= 2 * period)
+  if (!judged_ && period > 0 && pieces > 1 && steps / pieces >= 2 * std::max(period, options_.lags))
     judged_ = cut(data_, steps / pieces / period * period);
   return judged_ ? *judged_ : data_;
 }
@@ -271,7 +288,7 @@ bool Pipeline::regress_each_step() {
   // Regressions that fit any data exactly are no sign of data without noise, unless somebody chose their order.
   Index freedom = 0;
   for (const GtvArxStep& s : arx_.step) freedom += s.freedom;
-  const bool judged = freedom > 0 || options_.lags > 0 || options_.states > 0;
+  const bool judged = freedom > 0 || (data_.missing() == 0 && (options_.lags > 0 || options_.states > 0));
   if (options_.method == Method::tvera || (!result_.noisy && judged)) return true;
   // With noise, steps that share what they know do better: what these regressions lack is of no consequence.
   result_.warnings.resize(warnings);
@@ -279,41 +296,43 @@ bool Pipeline::regress_each_step() {
   return false;
 }
 
-// What the steps leave to be judged, from unknown initial states on, must be half of them.
-std::vector<Index> Pipeline::lag_candidates(Index steps, InitialState initial, Index period) const {
+// What the steps leave to be judged, from unknown initial states on, must be half of them, and the windows without a
+// gap twice as many as the unknowns.
+std::vector<Index> Pipeline::lag_candidates(const Ensemble& e, InitialState initial, Index period) const {
   if (options_.lags > 0) return {options_.lags};
   const Index needed = options_.states > 0 ? ceil_div(options_.states, data_.outputs()) : 1;
   const Index first = first_judged(initial, 1, period);
   std::vector<Index> candidates;
   for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
-    if (p >= needed && 2 * std::max<Index>(1, first) * p < steps && p + period <= steps &&
-        (candidates.empty() || minimum_experiments(data_.inputs(), data_.outputs(), p) <= most_regressors))
+    if (const Index unknowns = minimum_experiments(data_.inputs(), data_.outputs(), p);
+        p >= needed && 2 * std::max<Index>(1, first) * p < e.steps() && p + period <= e.steps() &&
+        (candidates.empty() || unknowns <= most_regressors) && whole_windows(e, p) >= 2 * unknowns)
       candidates.push_back(p);
   if (candidates.empty()) candidates.push_back(needed);
   return candidates;
 }
 
-// Windows of p+1 steps without a gap.
-Index Pipeline::whole_windows(const Ensemble& e) const {
-  Index whole = 0;
-  for (Index k = result_.lags; k < e.steps(); ++k) whole += Index(e.complete_rows(k, result_.lags).size());
-  return whole;
-}
-
 bool Pipeline::windows_are_scarce(const Ensemble& e) const {
   constexpr double enough = 0.5;
-  return e.missing() > 0 && double(whole_windows(e)) < enough * double(e.experiments() * (e.steps() - result_.lags));
+  return e.missing() > 0 &&
+         double(whole_windows(e, result_.lags)) < enough * double(e.experiments() * (e.steps() - result_.lags));
 }
 
-void Pipeline::check_windows() const {
+// Without as many windows as unknowns any model fits.
+void Pipeline::check_windows() {
   const Index needed = minimum_experiments(data_.inputs(), data_.outputs(), result_.lags);
-  if (data_.missing() == 0) return;
-  const Index whole = whole_windows(data_);
-  if (whole >= needed) return;
-  throw std::invalid_argument(fmt::format(
-      "missing samples: {} of {} successive steps are without a gap, at least {} needed; from a model of other data, "
-      "refine() goes on with every sample there is",
-      words::plural(whole, "window"), result_.lags + 1, needed));
+  const Index whole = whole_windows(data_, result_.lags);
+  const std::string found = fmt::format("{} of {} successive steps {}", words::plural(whole, "window"),
+                                        result_.lags + 1, data_.missing() > 0 ? "without a gap found" : "found");
+  if (whole < needed)
+    throw std::invalid_argument(
+        fmt::format("{}: {}, at least {} needed at lag order {}{}", data_.missing() > 0 ? "missing samples" : "steps",
+                    found, needed, result_.lags,
+                    result_.lags > 1 ? "; a smaller one takes fewer"
+                                     : "; EM from a model of other data (refine) needs no windows"));
+  if (whole < 2 * needed)
+    warn(fmt::format("{}, which are few for the {} unknowns per output at lag order {}: judge the model by other data",
+                     found, needed, result_.lags));
 }
 
 // All steps in one regression, coupled over time; p and λ by errors on experiments left out.
@@ -325,7 +344,7 @@ void Pipeline::regress_together() {
   SmoothingOptions o;
   o.period = options_.period;
   o.initial_state = decided && &measure == &data_ ? initial_ : InitialState::unknown;
-  o.lags = lag_candidates(measure.steps(), o.initial_state, o.period);
+  o.lags = lag_candidates(measure, o.initial_state, o.period);
   o.smoothing = options_.smoothing;
   o.centred = centred();
   o.execution = share(0.4, 0.6);
@@ -344,7 +363,9 @@ void Pipeline::regress_together() {
     result_.variation.smoothing = result_.smoothing_choice.smoothing;
   } else {
     result_.lags = o.lags.front();
-    result_.variation.smoothing = options_.smoothing;
+    result_.variation.smoothing = options_.smoothing >= 0 ? options_.smoothing : options_.period > 1 ? 1.0 : 0.0;
+    if (options_.smoothing < 0 && options_.period > 1)
+      warn("the record is too short to choose lambda by: 1 was taken");
   }
   // A few windows without a gap are too few to see variation by; EM, which sees every sample, looks for λ itself.
   if (options_.smoothing < 0 && !options_.choices && std::isinf(result_.variation.smoothing) &&
@@ -362,7 +383,7 @@ void Pipeline::regress_together() {
     // All steps together bear more lags than each of them does.
     if (options_.period == 0 && measure.experiments() > 1) {
       o.period = 1;
-      o.lags = lag_candidates(measure.steps(), o.initial_state, o.period);
+      o.lags = lag_candidates(measure, o.initial_state, o.period);
       SmoothingChoice constant = choose_smoothing(measure, o);
       result_.lags = constant.lags;
       for (SmoothingTrial& trial : constant.trials) {
@@ -394,7 +415,11 @@ void Pipeline::regress_together() {
     residual += step(k).residual_cov.trace();
     square += step(k).output_rms.squaredNorm();
   }
-  result_.noisy = residual > arithmetic * arithmetic * square;
+  // As many unknowns as windows leave no residual of any noise.
+  const Index models = result_.variation.smoothing > 0 ? 1 : result_.variation.groups(data_.steps());
+  result_.noisy = residual > arithmetic * arithmetic * square ||
+                  whole_windows(data_, result_.lags) <=
+                      models * (minimum_experiments(data_.inputs(), data_.outputs(), result_.lags) + data_.outputs());
 }
 
 void Pipeline::choose_lags() {
@@ -571,6 +596,14 @@ Folds Pipeline::folds() const {
                          .threads = options_.execution.threads});
 }
 
+RefineOptions Pipeline::refine_options() const {
+  RefineOptions o;
+  o.period = result_.variation.period;
+  o.initial_state = initial_;
+  o.execution.threads = options_.execution.threads;
+  return o;
+}
+
 // Subspace realisation, and EM as far as it does good.
 Model Pipeline::subspace_model() {
   SubspaceOptions o;
@@ -579,19 +612,15 @@ Model Pipeline::subspace_model() {
   o.noisy = result_.noisy;
   o.weighting = options_.weighting.value_or(Weighting::one_step);
   o.execution = share(0.7, 0.8);
-  RefineOptions refine_options;
-  refine_options.period = result_.variation.period;
-  refine_options.initial_state = initial_;
-  refine_options.execution.threads = options_.execution.threads;
   const auto make = [&] { return tokid::subspace_model(data_, arx_, predictor_factors(data_, arx_, o), o, initial_); };
   if (options_.choices && together_) {
     const NoisyChoices& held = *options_.choices;
     o.weighting = held.weighting;
-    o.state_smoothing = held.refinement_iterations > 0 ? held.refinement_smoothing : held.state_smoothing;
+    o.state_smoothing = held.state_smoothing;
     result_.refinement.smoothing = held.refinement_smoothing;
     result_.refinement.iterations = held.refinement_iterations;
     result_.choices = held;
-    return refined(make(), data_, result_.refinement, refine_options);
+    return refined(make(), data_, result_.refinement, refine_options());
   }
   if (!result_.noisy || !together_ || judged().experiments() < 2) return make();
   const Folds parts = folds();
@@ -600,53 +629,72 @@ Model Pipeline::subspace_model() {
   o.state_smoothing = result_.state_smoothing = result_.order_scores.smoothing;
   o.weighting = result_.order_scores.weighting;
   if (o.states == 0) o.states = result_.order_scores.best;
-  Model model = make();
+  Model plain = make();
   o.execution.progress = {};
-  if (!options_.refine.value_or(true) || model.states() == 0 || model.states() < o.states) return model;
-  result_.refinement = parts.choose_refinement(o.states, result_.order_scores);
-  if (result_.refinement.iterations == 0) return model;
-  if (options_.states == 0) {
-    // Windows without a gap may be too few to show all states; EM sees every sample.
-    const Index more = windows_are_scarce(judged()) ? most : o.states;
-    result_.refinement = parts.reconsider_states(std::move(result_.refinement), result_.order_scores, more);
-    if (result_.refinement.states != o.states) {
-      o.states = result_.refinement.states;
-      model = make();
-    }
-  }
+  if (!options_.refine.value_or(true) || plain.states() == 0 || plain.states() < o.states) return plain;
+  // A penalty of the ARX model is not one of EM, but none is none.
+  const std::optional<double> stated = options_.smoothing == 0 ? std::optional(0.0) : std::nullopt;
+  RefinementChoice& choice = result_.refinement;
+  choice = parts.choose_refinement(o.states, result_.order_scores, stated);
+  if (choice.iterations == 0) return plain;
+  // Windows without a gap may be too few to show all states; EM sees every sample.
+  if (options_.states == 0)
+    choice = parts.reconsider_states(std::move(choice), result_.order_scores,
+                                     windows_are_scarce(judged()) ? most : o.states, stated);
+  o.states = choice.states;
+  return refined_as_chosen(std::move(plain), o, make);
+}
+
+// What EM does with all experiments need not be what it did with those of the folds: then it predicts them worse than
+// the models of the folds predicted experiments that they had not seen. And it sees one step only: a model of many
+// samples for each coefficient must not lose over more steps what it wins there.
+template <class Make>
+Model Pipeline::refined_as_chosen(Model plain, SubspaceOptions& o, Make&& make) {
   const Index first = first_judged(initial_, result_.lags, result_.variation.period);
-  const Computed start = computed_by(model, data_, initial_, first);
-  const Errors before = errors_of(start, data_);
   const double allowed = std::log(spoilt);
+  const Computed start = computed_by(plain, data_, initial_, first);
+  const Errors before = errors_of(start, data_);
+  RefinementChoice& choice = result_.refinement;
+  // From the subspace model that is as smooth as those of the folds were; if that leads astray, from the plain one.
+  std::vector<double> starts{choice.smoothing};
+  if (result_.state_smoothing != choice.smoothing) starts.push_back(result_.state_smoothing);
   bool one_step = true;
   Errors best = before;
   std::optional<Model> fallback;
-  // From the subspace model that is as smooth as those of the folds were; if that leads astray, from this one.
-  for (const double smoothing : {result_.refinement.smoothing, result_.state_smoothing}) {
+  double fallback_smoothing = 0.0;
+  for (const double smoothing : starts) {
     o.state_smoothing = smoothing;
-    Model likelier = refined(make(), data_, result_.refinement, refine_options);
+    Model likelier;
+    try {
+      likelier = refined(make(), data_, choice, refine_options());
+    } catch (const std::runtime_error&) {
+      continue;  // hopeless from there
+    }
     const Errors after = errors_of(computed_by(likelier, data_, initial_, first), data_, &start);
-    // What EM does with all experiments need not be what it did with those of the folds: then it predicts them worse
-    // than the models of the folds predicted experiments that they had not seen. And it sees one step only: a model of
-    // many samples for each coefficient must not lose over more steps what it wins there.
-    one_step = after.one_step <= result_.refinement.one_step + allowed;
     const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
+    one_step = after.one_step <= choice.one_step + allowed;
     if (!longer && result_.variation.period > 0) continue;
-    if (one_step) return likelier;
+    if (one_step) {
+      result_.state_smoothing = smoothing;
+      return likelier;
+    }
     if (after.one_step < best.one_step && after.mean() < best.mean() - allowed) {
       best = after;
       fallback = std::move(likelier);
+      fallback_smoothing = smoothing;
     }
   }
   if (fallback) {
-    warn(
-        "the refinement by EM predicts all experiments worse than it predicted those left out: it may have led astray");
+    warn("EM predicts all experiments worse than it predicted those left out: it may have gone astray");
+    result_.state_smoothing = fallback_smoothing;
     return *std::move(fallback);
   }
-  result_.refinement.iterations = 0;
   warn(fmt::format("the refinement by EM was left out: with all experiments it made the {} worse",
                    one_step ? "simulations" : "predictions"));
-  return model;
+  choice.iterations = 0;
+  choice.states = result_.order_scores.best;
+  choice.error = choice.trials.front().error;
+  return plain;
 }
 
 void Pipeline::realise_model() {
@@ -713,6 +761,12 @@ void Pipeline::warn_of_regressions() {
 
 void Pipeline::warn_of_states() {
   const Model& model = result_.model;
+  const Index unknowns = model.states() + model.inputs;
+  if (together_ && result_.variation.period == 0 && data_.experiments() < unknowns)
+    warn(
+        fmt::format("{} are fewer than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on "
+                    "variation stands in for what they don't show; judge the model by other data",
+                    words::plural(data_.experiments(), "experiment"), unknowns));
   if (options_.states > 0 && model.states() < options_.states)
     warn(fmt::format("{} states asked for, but the Hankel matrices have at most rank {}", options_.states,
                      model.states()));
@@ -760,6 +814,13 @@ void Pipeline::evaluate() {
     result_.validation = validate(result_.model, measured, o);
   }
   for (const std::string& text : result_.validation.warnings) warn(text);
+  // Noise alone can be predicted a little on the data of the identification.
+  constexpr double next_to_nothing = 5.0;
+  const Vector& fit = result_.validation.one_step.fit;
+  for (Index j = 0; j < fit.size(); ++j)
+    if (fit(j) < next_to_nothing)
+      warn(fmt::format("output {} is predicted no better than by its mean: {:.3g} % fit over one step",
+                       data_.names.output(j), fit(j)));
 }
 
 Identification Pipeline::run() {
@@ -775,6 +836,7 @@ Identification Pipeline::run() {
   result_.experiments = data_.experiments();
   result_.steps = data_.steps();
   if (options_.period == 0) warn_of_constant_inputs(data_, result_.warnings);
+  warn_of_resting_outputs(data_, result_.warnings);
   remove_nominal();
   check_method();
   if (options_.lags > 0 && options_.lags * data_.outputs() < options_.states)

@@ -411,9 +411,10 @@ namespace {
 
 // Directions in which a covariance of positive variances states some: outputs that repeat each other have fewer.
 Index stated_directions(const Matrix& covariance) {
+  constexpr double negligible = 1e-8;  // EM leaves a variance of 1e-12 of the signals
   const Vector scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
   const Vector sigma = linalg::singular_values(scale.asDiagonal() * covariance * scale.asDiagonal());
-  return (sigma.array() > 1e-12 * sigma(0)).count();
+  return (sigma.array() > negligible * sigma(0)).count();
 }
 
 }  // namespace

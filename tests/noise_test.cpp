@@ -289,7 +289,10 @@ TEST(Noise, GapsInEveryWindowAreRefusedInWords) {
   Ensemble e = noisy_experiments(oscillator(40), 50, 73);
   for (Index k = 1; k < 40; k += 2) e.output(k).setConstant(nan);
   const std::string found = message([&] { identify(e); });
-  EXPECT_EQ(found.find("missing samples: 0 windows of "), 0U) << found;
+  EXPECT_EQ(
+      found,
+      "missing samples: 0 windows of 2 successive steps without a gap found, at least 6 needed at lag order 1; EM from "
+      "a model of other data (refine) needs no windows");
   // EM needs no window: a model of other experiments comes closer to these.
   const Model start =
       identify(noisy_experiments(oscillator(40), 30, 74), {.states = 4, .lags = 4, .refine = false}).model;
@@ -297,15 +300,99 @@ TEST(Noise, GapsInEveryWindowAreRefusedInWords) {
   EXPECT_GT(refined.log_likelihood.back(), refined.start_log_likelihood);
 }
 
+void remove_samples(Ensemble& e, double share, std::uint64_t seed) {
+  Random random(seed);
+  for (Index k = 0; k < e.steps(); ++k)
+    for (double& y : e.output(k).reshaped())
+      if (random.uniform(0, 1) < share) y = nan;
+}
+
+// Steps that gaps leave no degree of freedom have no residual, which was taken for data without noise.
+TEST(Noise, AStatedOrderIsNoWorseWithGaps) {
+  Ensemble e = noisy_experiments(oscillator(30), 25, 83);
+  remove_samples(e, 0.3, 83);
+  const Ensemble fresh = noisy_experiments(oscillator(30), 100, 84);
+  for (const IdentifyOptions& o : {IdentifyOptions{.lags = 2}, IdentifyOptions{.states = 4}})
+    EXPECT_GE(validate(identify(e, o).model, fresh).one_step.fit.minCoeff(), 80.0);
+}
+
+// As many windows as unknowns fit anything: that is no sign of data without noise, and fewer lags leave more windows.
+TEST(Noise, AsManyWindowsAsUnknownsAreNotTakenForDataWithoutNoise) {
+  const Model system = constant_system({2, 1, 1}, 60, 0.9, 85);
+  Ensemble gaps = noisy_experiments(system, 1, 86);
+  remove_samples(gaps, 0.3, 86);
+  const Identification found = identify(gaps, {.period = 1});
+  EXPECT_LE(found.lags, 2);
+  EXPECT_TRUE(found.noisy);
+  const Ensemble record = stretch(noisy_experiments(system, 1, 87), 0, 12);
+  EXPECT_EQ(
+      message([&] { identify(record, {.lags = 6, .period = 1}); }),
+      "steps: 6 windows of 7 successive steps found, at least 13 needed at lag order 6; a smaller one takes fewer");
+  const Identification few = identify(record, {.lags = 3, .period = 1});
+  EXPECT_TRUE(few.noisy);
+  EXPECT_TRUE(std::any_of(few.warnings.begin(), few.warnings.end(), [](const std::string& w) {
+    return w.find("9 windows of 4 successive steps found, which are few for the 7 unknowns") == 0;
+  }));
+}
+
+// The second of two outputs that are the same says nothing new, and one that rests nothing at all.
+TEST(Noise, OutputsThatRepeatEachOtherOrRestAreNoEvidence) {
+  const Ensemble e = noisy_experiments(oscillator(40), 40, 88);
+  Ensemble same = e, rests = e;
+  for (Index k = 0; k < 40; ++k) {
+    same.output(k).col(1) = e.output(k).col(0);
+    rests.output(k).col(1).setZero();
+  }
+  EXPECT_NEAR(validate(identify(same).model, same).squares.ratio, 1.0, 0.15);
+  const Identification found = identify(rests);
+  Ensemble alone(e.experiments(), e.steps(), e.inputs(), 1);
+  for (Index k = 0; k < 40; ++k) {
+    alone.input(k) = e.input(k);
+    alone.output(k) = e.output(k).col(0);
+  }
+  alone.initial_state = e.initial_state;
+  EXPECT_NEAR(found.validation.one_step.fit(0), identify(alone).validation.one_step.fit(0), 1.0);
+  EXPECT_TRUE(std::any_of(found.warnings.begin(), found.warnings.end(), [](const std::string& w) {
+    return w == "output y2 never moves: nothing can be identified of it";
+  }));
+}
+
+TEST(Noise, WhatIsOfNoUseIsSaid) {
+  const Model system = oscillator(30);
+  ExperimentOptions o{.experiments = 30, .seed = 89, .process_noise = 0.1, .measurement_noise = 0.3};
+  o.free_responses = 6;
+  const auto says = [](const Identification& r, const char* text) {
+    return std::any_of(r.warnings.begin(), r.warnings.end(),
+                       [&](const std::string& w) { return w.find(text) != std::string::npos; });
+  };
+  EXPECT_TRUE(
+      says(identify(experiments(system, o), {.lags = 4, .refine = false}), "the 6 free responses were left aside"));
+  EXPECT_TRUE(
+      says(identify(noisy_experiments(system, 3, 90), {.states = 4, .lags = 4, .smoothing = 1, .refine = false}),
+           "3 experiments are fewer than the 6 unknowns"));
+  Random random(91);
+  Ensemble noise = noisy_experiments(system, 30, 91);
+  for (Index k = 0; k < 30; ++k) noise.output(k) = random.matrix(30, 2);
+  EXPECT_TRUE(
+      says(identify(noise, {.lags = 2, .refine = false, .hold_out = 0.5}), "is predicted no better than by its mean"));
+  // A record of one experiment that is too short to be cut has nothing to choose lambda by.
+  EXPECT_TRUE(says(identify(noisy_experiments(periodic_system({2, 1, 1}, 90, 40, 0.9, 92), 1, 93), {.period = 40}),
+                   "the record is too short to choose lambda by"));
+}
+
+TEST(Noise, FirstStepsThatAreJudgedAreTold) {
+  const Ensemble e = noisy_experiments(oscillator(40), 40, 94, InitialState::unknown);
+  const Identification found = identify(e, {.states = 4, .lags = 4, .refine = false});
+  EXPECT_EQ(found.validation.first_simulated, found.model.full_begin());
+  EXPECT_TRUE(simulate_data(found.model, e).output(found.validation.first_simulated).allFinite());
+}
+
 // Whole windows are few with 30 % of the outputs missing, and short: they showed two or three of the four states.
 TEST(Noise, StatesThatMissingSamplesHideAreFoundByEm) {
   const Model system = oscillator(40);
   for (const std::uint64_t seed : {31, 32}) {
     Ensemble e = noisy_experiments(system, 60, seed);
-    Random random(seed);
-    for (Index k = 0; k < 40; ++k)
-      for (double& y : e.output(k).reshaped())
-        if (random.uniform(0, 1) < 0.3) y = nan;
+    remove_samples(e, 0.3, seed);
     const Identification result = identify(e, {.execution = {2, {}}});
     EXPECT_GE(result.model.states(), 4) << seed;
     EXPECT_LE(result.model.states(), 6) << seed;

@@ -89,6 +89,7 @@ struct RefinementTrial {
   double error = 0.0;      // mean log as of OrderScores
 };
 struct RefinementChoice {
+  static constexpr double worth_it = 1.005;  // fall of the errors
   std::vector<RefinementTrial> trials;
   Index states = 0;  // n: OrderScores::best, unless fewer do as well after EM, or missing samples hid some from it
   double smoothing = 0.0;

@@ -10,6 +10,7 @@
 #include "interval.hpp"
 #include "random.hpp"
 #include "tokid/uncertainty.hpp"
+#include "words.hpp"
 
 namespace tokid {
 
@@ -143,8 +144,8 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
     unknowns = (unknowns * std::min(original.period, data.steps()) + data.steps() - 1) / data.steps();
   if (experiments <= unknowns)
     throw std::invalid_argument(
-        fmt::format("experiments: {} found, at least {} needed for a bootstrap of regressions on {} unknowns",
-                    experiments, unknowns + 1, unknowns));
+        fmt::format("experiments: {} found, at least {} needed for a bootstrap over experiments with {}", experiments,
+                    unknowns + 1, words::plural(unknowns, "unknown")));
   const Vector estimate = functional(original);
 
   Moments moments(estimate.size());

@@ -250,7 +250,7 @@ def test_data_are_not_overwritten_but_a_model_may_be_refined_in_place(tokid, tmp
         for call in (("identify", data), ("refine", model, data), ("simulate", model, data), ("predict", model, data),
                      ("confidence", model, data)):
             run = tokid(*call, "-o", output, status=2)
-            assert f"{output.name}: the data themselves found, another name needed to keep them" in run.stderr
+            assert f"{output.name}: found among the files to read, another name needed to keep it" in run.stderr
     assert data.read_bytes() == before
     tokid("refine", model, data, "-o", model, "--iterations", 2)
     assert load(model)["method"] == "em"

@@ -37,9 +37,13 @@ def test_what_was_chosen_is_told(noisy, default):
     assert (least["lags"], least["smoothing"]) == (default["lags"], default["smoothing"])
     assert len({trial["lags"] for trial in trials}) > 1 and len({trial["smoothing"] for trial in trials}) > 1
     scores = default["order_scores"]
-    assert scores["best"] == default["states"] and scores["candidates"][0] == 1
+    assert scores["best"] in scores["candidates"] and scores["candidates"][0] == 1
     refinement = default["refinement"]
-    best = min(refinement["trials"], key=lambda trial: trial["error"])
+    assert default["states"] == refinement["states"] <= scores["best"]
+    of_these = [trial for trial in refinement["trials"] if trial["states"] == refinement["states"]]
+    best = min(of_these, key=lambda trial: trial["error"])
+    # Fewer states may cost half a percent.
+    assert best["error"] <= 1.005 * min(trial["error"] for trial in refinement["trials"])
     assert (best["smoothing"], best["iterations"]) == (refinement["smoothing"], refinement["iterations"])
     assert refinement["trials"][0]["iterations"] == 0
     model = load(noisy / "model.npz")
