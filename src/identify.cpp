@@ -364,8 +364,7 @@ void Pipeline::regress_together() {
   } else {
     result_.lags = o.lags.front();
     result_.variation.smoothing = options_.smoothing >= 0 ? options_.smoothing : options_.period > 1 ? 1.0 : 0.0;
-    if (options_.smoothing < 0 && options_.period > 1)
-      warn("the record is too short to choose lambda by: 1 was taken");
+    if (options_.smoothing < 0 && options_.period > 1) warn("the record is too short to choose lambda by: 1 was taken");
   }
   // A few windows without a gap are too few to see variation by; EM, which sees every sample, looks for λ itself.
   if (options_.smoothing < 0 && !options_.choices && std::isinf(result_.variation.smoothing) &&
