@@ -79,7 +79,8 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
 
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) {
   const Matrix none = Matrix::Zero(data.steps(), data.outputs());  // errors are compared with the departures
-  std::vector<Index> moving;                                       // the others are no evidence
+  // Outputs that rest are no evidence.
+  std::vector<Index> moving;
   for (Index j = 0; j < data.outputs(); ++j)
     for (Index k = 0; k < data.steps(); ++k)
       if ((data.output(k).col(j).array().abs() > 0).any()) {  // neither zero nor NaN
