@@ -29,7 +29,29 @@ Vector leverages(const Matrix& w, const ConstMatrixRef& r_ww, Index rank) {
   return (linalg::orthonormal_factor(w) * range).rowwise().squaredNorm();
 }
 
-// One step: the least-squares problem Y_k = W_k M_kᵀ over the experiments in `rows` (19).
+// The least-squares problem Y_k = W_k M_kᵀ (19) from its triangular factor, columns of W_k divided by 1 / `scales`.
+void solve(const ConstMatrixRef& r, const Vector& scales, Index outputs, const GtvArxOptions& options,
+           GtvArxStep& step) {
+  // r = [R_WW R_Wy; 0 R_yy]
+  const Index regressors = scales.size(), lead = std::min(r.rows(), regressors);
+  const auto r_ww = r.topLeftCorner(lead, regressors);
+  const auto r_wy = r.topRightCorner(lead, outputs);
+  const auto r_yy = r.bottomRightCorner(r.rows() - lead, outputs);
+  const linalg::MinimumNorm solution =
+      linalg::triangular_minimum_norm(r_ww, r_wy, options.tolerance * std::sqrt(double(regressors)));
+  step.rank = solution.rank;
+  step.condition = solution.condition;
+  step.coefficients = (scales.asDiagonal() * solution.x).transpose();
+  step.noise_shape = scales.asDiagonal() * solution.inverse_t;
+
+  step.freedom = std::max<Index>(0, step.rows - step.rank - options.spent);
+  step.residual_cov.setZero(outputs, outputs);
+  if (step.freedom == 0) return;
+  const Matrix unexplained = r_wy - r_ww * solution.x;  // beyond the numerical rank
+  step.residual_cov = (r_yy.transpose() * r_yy + unexplained.transpose() * unexplained) / double(step.freedom);
+}
+
+// One step by itself, over the experiments without a gap.
 GtvArxStep regress(const Ensemble& ensemble, Index k, Index lags, bool every_row, const GtvArxOptions& options,
                    Matrix& workspace) {
   GtvArxStep step;
@@ -51,28 +73,62 @@ GtvArxStep regress(const Ensemble& ensemble, Index k, Index lags, bool every_row
   step.output_rms = (workspace.rightCols(outputs).colwise().squaredNorm() / double(std::max<Index>(1, step.rows)))
                         .cwiseSqrt()
                         .transpose();
-
-  const Matrix r = linalg::triangular_factor(workspace);  // [R_WW R_Wy; 0 R_yy]
-  const Index lead = std::min(r.rows(), regressors);
-  const auto r_ww = r.topLeftCorner(lead, regressors);
-  const auto r_wy = r.topRightCorner(lead, outputs);
-  const auto r_yy = r.bottomRightCorner(r.rows() - lead, outputs);
-
-  const linalg::MinimumNorm solution =
-      linalg::minimum_norm(r_ww, r_wy, options.tolerance * std::sqrt(double(regressors)));
-  step.rank = solution.rank;
-  step.condition = solution.condition;
-  step.coefficients = (scales.asDiagonal() * solution.x).transpose();
-  step.noise_shape = scales.asDiagonal() * solution.inverse_t;
-
-  step.freedom = std::max<Index>(0, step.rows - step.rank - options.spent);
-  step.residual_cov.setZero(outputs, outputs);
-  if (step.freedom > 0) {
-    const Matrix unexplained = r_wy - r_ww * solution.x;  // beyond the numerical rank
-    step.residual_cov = (r_yy.transpose() * r_yy + unexplained.transpose() * unexplained) / double(step.freedom);
-  }
-  if (options.leverages) step.leverages = leverages(scaled, r_ww, step.rank);
+  const Matrix r = linalg::triangular_factor(workspace);
+  solve(r, scales, outputs, options, step);
+  if (options.leverages)
+    step.leverages = leverages(scaled, r.topLeftCorner(std::min(r.rows(), regressors), regressors), step.rank);
   return step;
+}
+
+// The steps begin … end-1 from one factorisation of all their samples. A step has the oldest samples of its window
+// before all others but those of the steps before it; once these are dropped, their rows of the triangular factor are
+// absorbed by the rest of it.
+void regress_block(const Ensemble& ensemble, Index begin, Index end, Index lags, const GtvArxOptions& options,
+                   std::vector<GtvArxStep>& steps) {
+  const Index d = ensemble.channels(), m = ensemble.outputs(), r = ensemble.inputs(), rows = ensemble.experiments();
+  Index oldest = std::max<Index>(0, begin - lags);
+  Matrix window = ensemble.samples().middleCols(oldest * d, (end - oldest) * d);
+  const Vector norms = window.colwise().norm(), scales = column_scales(window);
+  window *= scales.asDiagonal();
+  const Index width = window.cols(), origin = oldest * d;
+  Matrix factor = Matrix::Zero(width, width);
+  {
+    const Matrix top = linalg::triangular_factor(window);
+    factor.topRows(top.rows()) = top;
+  }
+  Matrix dropped;
+  for (Index k = begin; k < end; ++k) {
+    for (; oldest < k - lags; ++oldest) {
+      const Index from = oldest * d - origin, rest = width - from - d;
+      dropped = factor.block(from, from + d, d, rest);
+      linalg::absorb_rows(factor.bottomRightCorner(rest, rest), dropped);
+    }
+    const Index from = oldest * d - origin, size = (k + 1 - oldest) * d;
+    GtvArxStep& step = steps[size_t(k)];
+    step.lags = k - oldest;
+    step.rows = rows;
+    step.output_rms = norms.segment(from + size - m, m) / std::sqrt(double(rows));
+    Matrix own = factor.block(from, from, size, size);
+    // Outputs in their own units.
+    for (Index j = 0; j < m; ++j) own.col(size - m + j) /= scales(from + size - m + j);
+    solve(own, scales.segment(from, step.lags * d + r), m, options, step);
+  }
+}
+
+// b with the fewest operations per step: the factorisation of p+b steps, shared by b of them, and what it takes to drop
+// samples, whose operations are slower by about the factor `slow`.
+Index best_block(Index experiments, Index channels, Index lags) {
+  constexpr double slow = 4.0, worth_it = 0.8;
+  const auto cost = [&](Index b) {
+    const double n = double(experiments), width = double((lags + b) * channels), k = std::min(n, width);
+    const double factorisation = 2 * k * k * (std::max(n, width) - k / 3) / double(b);
+    const double rest = (double(lags) + double(b) / 2) * double(channels);
+    return factorisation + (b > 1 ? slow * 2 * double(channels) * rest * rest : 0.0);
+  };
+  Index best = 1;
+  for (Index b = 2; b <= 2 * lags; ++b)
+    if (cost(b) < cost(best)) best = b;
+  return cost(best) < worth_it * cost(1) ? best : 1;
 }
 
 void check_ensemble(const Ensemble& ensemble) {
@@ -108,6 +164,22 @@ GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
       }
   }
   const bool every_row = ensemble.missing() == 0;
+  if (options.block < 0)
+    throw std::invalid_argument(fmt::format("block: {} found, 0 (automatic) or more needed", options.block));
+  const bool shared = every_row && !options.leverages && options.lags.size() == 1 && options.block != 1;
+  if (const Index block = !shared             ? 1
+                          : options.block > 0 ? options.block
+                                              : best_block(ensemble.experiments(), ensemble.channels(), lag_order(0));
+      block > 1) {
+    const Index blocks = (steps - arx.k_begin + block - 1) / block;
+    parallel_for(0, blocks, options.execution, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) {
+        const Index from = arx.k_begin + i * block;
+        regress_block(ensemble, from, std::min(steps, from + block), lag_order(0), options, arx.step);
+      }
+    });
+    return arx;
+  }
   parallel_for(arx.k_begin, steps, options.execution, [&](Index begin, Index end) {
     Matrix workspace;
     for (Index k = begin; k < end; ++k)

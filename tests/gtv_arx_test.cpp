@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <tuple>
+
 #include "testing.hpp"
 
 namespace tokid::testing {
@@ -166,6 +168,91 @@ TEST(GtvArx, CoefficientCovarianceIsThatOfRepeatedNoise) {
     sum += ((s.coefficients - truth.coefficients).transpose().array().square() / variance.array()).matrix();
   }
   for (const double mean : sum / double(runs)) EXPECT_NEAR(mean, 1.0, 5 * std::sqrt(2.0 / double(runs)));
+}
+
+Ensemble random_samples(Index experiments, Index steps, Index r, Index m, std::uint64_t seed) {
+  Random random(seed);
+  Ensemble e(experiments, steps, r, m);
+  for (Index k = 0; k < steps; ++k) {
+    e.input(k) = random.matrix(experiments, r);
+    e.output(k) = 1e3 * random.matrix(experiments, m);
+  }
+  return e;
+}
+
+struct SharedCase {
+  Index experiments, lags, block;
+};
+
+TEST(GtvArx, StepsThatShareAFactorisationHaveTheRegressionsThatTheyHaveAlone) {
+  constexpr Index steps = 23, r = 2, m = 3;
+  for (const SharedCase c :
+       {SharedCase{60, 3, 2}, {60, 3, 5}, {60, 5, 40}, {25, 3, 6}, {17, 3, 4}, {9, 3, 3}, {2, 1, 7}})
+    for (const InitialState initial : {InitialState::zero, InitialState::unknown}) {
+      const Ensemble e = random_samples(c.experiments, steps, r, m, 5);
+      GtvArxOptions o;
+      o.lags = {c.lags};
+      o.initial_state = initial;
+      o.block = c.block;
+      const GtvArx shared = gtv_arx(e, o);
+      o.block = 1;
+      const GtvArx alone = gtv_arx(e, o);
+      ASSERT_EQ(shared.k_begin, alone.k_begin);
+      for (Index k = alone.k_begin; k < steps; ++k) {
+        const GtvArxStep &a = shared.step[size_t(k)], &b = alone.step[size_t(k)];
+        ASSERT_EQ(std::tuple(a.lags, a.rows, a.freedom, a.rank), std::tuple(b.lags, b.rows, b.freedom, b.rank));
+        // Rounding errors of two backward stable factorisations, in units of the condition.
+        const double tolerance = 1e2 * epsilon * double(b.coefficients.cols()) * b.condition;
+        EXPECT_NEAR(a.condition / b.condition, 1.0, tolerance);
+        EXPECT_LE((a.coefficients - b.coefficients).norm(), tolerance * b.coefficients.norm());
+        EXPECT_LE((a.residual_cov - b.residual_cov).norm(), tolerance * 1e6);
+        EXPECT_LE((a.output_rms - b.output_rms).norm(), tolerance * b.output_rms.norm());
+        const Matrix x = a.noise_shape * a.noise_shape.transpose(), y = b.noise_shape * b.noise_shape.transpose();
+        EXPECT_LE((x - y).norm(), tolerance * b.condition * y.norm());
+      }
+    }
+}
+
+// Residuals and their orthogonality to the regressors do not suffer from the condition, nor from dropping old samples.
+TEST(GtvArx, SharedFactorisationsAreBackwardStable) {
+  constexpr Index steps = 30, r = 2, m = 1, experiments = 80;
+  for (const double apart : {1e-3, 1e-9, 1e-12}) {
+    Ensemble e = random_samples(experiments, steps, r, m, 6);
+    for (Index k = 0; k < steps; ++k) e.input(k).col(1) = e.input(k).col(0) + apart * e.input(k).col(1);
+    GtvArxOptions o;
+    o.lags = {4};
+    for (const Index block : {1, 4, 30}) {
+      o.block = block;
+      const GtvArx arx = gtv_arx(e, o);
+      for (Index k = 0; k < steps; ++k) {
+        const Matrix w = e.window(k, std::min<Index>(4, k)), y = e.output(k);
+        const Matrix& coefficients = arx.step[size_t(k)].coefficients;
+        const double size = w.norm() * coefficients.norm() + y.norm(), unit = epsilon * double(steps * (r + m));
+        const Matrix residual = y - w * coefficients.transpose();
+        EXPECT_LE((w.transpose() * residual).norm(), 10 * unit * w.norm() * size) << apart << " " << block << " " << k;
+        const Matrix best = y - w * linalg::minimum_norm(w, y, 1e-15).x;
+        EXPECT_LE(residual.norm(), best.norm() + 10 * unit * size) << apart << " " << block << " " << k;
+      }
+    }
+  }
+}
+
+TEST(GtvArx, SharedFactorisationsHaveTheSameBitsForAnyNumberOfThreads) {
+  const Ensemble e = random_samples(50, 40, 2, 2, 7);
+  GtvArxOptions o;
+  o.lags = {4};
+  o.block = 3;
+  const GtvArx one = gtv_arx(e, o);
+  for (const int threads : {2, 3, 8}) {
+    o.execution.threads = threads;
+    const GtvArx more = gtv_arx(e, o);
+    for (size_t k = 0; k < 40; ++k) {
+      EXPECT_EQ(more.step[k].coefficients, one.step[k].coefficients);
+      EXPECT_EQ(more.step[k].residual_cov, one.step[k].residual_cov);
+    }
+  }
+  o.block = -1;
+  EXPECT_THROW(gtv_arx(e, o), std::invalid_argument);
 }
 
 TEST(GtvArx, RefusesLagOrdersThatMakeNoSense) {

@@ -51,11 +51,15 @@ struct GtvArxOptions {
   // coordinates is taken.
   double tolerance = 1.5e-14;
   bool leverages = false;
+  // b: successive steps with a common lag order whose samples are factorised at once, where none is missing; 1: each
+  // step by itself, 0: as many as cost least
+  Index block = 0;
   Index spent = 0;  // degrees of freedom of the experiments that the data have lost before: 1 for a mean motion
   Execution execution = {};
 };
 
-// One orthogonal factorisation [W_k Y_k] = Q [R_WW R_Wy; 0 R_yy] per step; M_kᵀ = R_WW⁺ R_Wy              (19)
+// Orthogonal factorisations [W_k Y_k] = Q [R_WW R_Wy; 0 R_yy]; M_kᵀ = R_WW⁺ R_Wy                          (19)
+// Successive steps share most of their window: that of p+b steps, factorised once, holds the factors of b steps.
 // Steps with fewer complete experiments than regressors get the minimum-norm solution; see `rank` and `rows`.
 // \throws std::invalid_argument for lag orders below 1 or of the wrong number, or an ensemble without steps, inputs or
 // outputs
