@@ -142,6 +142,10 @@ std::string percent(double value) {
   return std::abs(value) < 1e4 ? fmt::format("{:.4f} %", value) : fmt::format("{:.3g} %", value);
 }
 
+std::string penalty(double smoothing) {
+  return std::isinf(smoothing) ? std::string("infinity") : fmt::format("{:.3g}", smoothing);
+}
+
 std::string plural(Index count, const char* noun) { return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s"); }
 
 std::string describe(const Ensemble& e) {
@@ -199,6 +203,7 @@ void Page::table(const std::vector<std::vector<std::string>>& rows) {
 
 // Output
 
+Json json_penalty(double smoothing) { return std::isinf(smoothing) ? Json("infinity") : Json(smoothing); }
 Json numbers(const Vector& values) { return Json(std::vector<double>(values.begin(), values.end())); }
 
 void print(const std::string& text) {

@@ -128,6 +128,7 @@ double median(std::vector<double> values);  // NaN for none
 std::string one_line(std::string_view text);  // without control characters
 std::string number(double value);             // four digits, "-" for NaN
 std::string percent(double value);
+std::string penalty(double smoothing);  // lambda, or "infinity"
 std::string plural(Index count, const char* noun);
 std::string describe(const Ensemble& ensemble);
 std::string describe(const Model& model);
@@ -150,6 +151,7 @@ class Page {
 // Output
 
 Json numbers(const Vector& values);
+Json json_penalty(double smoothing);  // lambda, or "infinity", which JSON has no number for
 void print(const std::string& text);  // on stdout. \throws std::system_error, but not where the reader has gone
 void print(const Json& json);
 void message(std::string_view text);                  // one line on stderr

@@ -45,12 +45,6 @@ std::vector<double> relative(std::vector<double> logs) {
 // Errors of twice the size of the outputs, or a googol of it, say the same: useless.
 std::string share(double error) { return error < 1.999 ? fmt::format("{:.3g} %", 100 * error) : "> 200 %"; }
 
-std::string penalty(double smoothing) {
-  return std::isinf(smoothing) ? std::string("infinity") : fmt::format("{:.3g}", smoothing);
-}
-
-Json json_penalty(double smoothing) { return std::isinf(smoothing) ? Json("infinity") : Json(smoothing); }
-
 // Candidates with the errors that decided between them.
 struct Trial {
   std::string symbol;

@@ -20,12 +20,6 @@ struct Call {
 // Of the folds that choose the smoothing, where the model does not tell it.
 constexpr Index folds = 3;
 
-std::string penalty(double smoothing) {
-  return std::isinf(smoothing) ? std::string("infinity") : fmt::format("{:.3g}", smoothing);
-}
-
-Json json_number(double value) { return std::isinf(value) ? Json("infinity") : Json(value); }
-
 // Of one model.
 struct Figures {
   Fit simulation, one_step;
@@ -156,11 +150,11 @@ Json json(const Call& call, const Ensemble& data, const Outcome& outcome, const 
   j["steps"] = data.steps();
   j["states"] = result.model.states();
   j["initial_state"] = to_string(result.model.initial_state);
-  j["smoothing"] = json_number(outcome.smoothing);
+  j["smoothing"] = json_penalty(outcome.smoothing);
   j["smoothing_choice"] = nullptr;
   if (!outcome.choice.smoothing.empty()) {
     Json candidates = Json::array();
-    for (const double value : outcome.choice.smoothing) candidates.push_back(json_number(value));
+    for (const double value : outcome.choice.smoothing) candidates.push_back(json_penalty(value));
     j["smoothing_choice"] = {
         {"candidates", candidates}, {"log_likelihood", outcome.choice.log_likelihood}, {"error", outcome.choice.error}};
   }
