@@ -1,7 +1,7 @@
 # Everything from a bare Debian 12 machine on: what is missing is installed with apt-get, as root or through sudo.
 
 build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev libcsv-dev \
-                  libcli11-dev libfmt-dev libxxhash-dev nlohmann-json3-dev
+                  libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
 test_packages  := $(build_packages) libgtest-dev \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
                   python3-venv chromium fonts-dejavu-core

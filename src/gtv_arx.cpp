@@ -9,7 +9,36 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "linalg/lane_regression.hpp"
+#include "linalg/row_absorption.hpp"
+
 namespace tokid {
+
+void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments) {
+  inputs = r;
+  outputs = m;
+  k_begin = 0;
+  step.assign(size_t(T), GtvArxStep{});
+  slot_ = lags_max * (r + m) + r;
+  shape_rows_ = noise_shape ? slot_ : 0;
+  coefficients_.setZero(m, T * slot_);
+  residual_cov_.setZero(m, T * m);
+  noise_shape_.setZero(shape_rows_, T * shape_rows_);
+  output_rms_.setZero(m, T);
+  leverages_.setZero(experiments, T);
+}
+
+void GtvArx::begin_at(Index k) {
+  k_begin = k;
+  std::fill_n(step.begin(), k, GtvArxStep{});
+  residual_cov_.leftCols(k * outputs).setZero();
+  output_rms_.leftCols(k).setZero();
+}
+
+void GtvArx::require_noise_shape() const {
+  if (!has_noise_shape())
+    throw std::invalid_argument("noise_shape: not stored with the regressions, needed for variances");
+}
 
 namespace {
 
@@ -20,110 +49,215 @@ Vector column_scales(const ConstMatrixRef& a) {
   return scales;
 }
 
-// Diagonal of W W⁺ for W with scaled columns and triangular factor `r_ww`.
-Vector leverages(const Matrix& w, const ConstMatrixRef& r_ww, Index rank) {
+// Diagonal of W W⁺ for W with scaled columns.
+Vector leverages(const Matrix& w, Index rank) {
   if (rank >= w.rows()) return Vector::Ones(w.rows());
   if (rank == w.cols()) return linalg::orthonormal_factor(w).rowwise().squaredNorm();
-  if (w.rows() < w.cols()) return linalg::svd(w).u.leftCols(rank).rowwise().squaredNorm();
-  const Matrix range = linalg::svd(r_ww).u.leftCols(rank);
-  return (linalg::orthonormal_factor(w) * range).rowwise().squaredNorm();
+  return linalg::svd(w).u.leftCols(rank).rowwise().squaredNorm();
 }
 
-// The least-squares problem Y_k = W_k M_kᵀ (19) from its triangular factor, columns of W_k divided by 1 / `scales`.
-void solve(const ConstMatrixRef& r, const Vector& scales, Index outputs, const GtvArxOptions& options,
-           GtvArxStep& step) {
-  // r = [R_WW R_Wy; 0 R_yy]
-  const Index regressors = scales.size(), lead = std::min(r.rows(), regressors);
-  const auto r_ww = r.topLeftCorner(lead, regressors);
-  const auto r_wy = r.topRightCorner(lead, outputs);
-  const auto r_yy = r.bottomRightCorner(r.rows() - lead, outputs);
-  const linalg::MinimumNorm solution =
-      linalg::triangular_minimum_norm(r_ww, r_wy, options.tolerance * std::sqrt(double(regressors)));
-  step.rank = solution.rank;
-  step.condition = solution.condition;
-  step.coefficients = (scales.asDiagonal() * solution.x).transpose();
-  step.noise_shape = scales.asDiagonal() * solution.inverse_t;
+// The regression of one step from the triangular factor of its window.
+class StepRegression {
+ public:
+  StepRegression(Index inputs, Index outputs, const GtvArxOptions& options, GtvArx& arx)
+      : inputs_(inputs), outputs_(outputs), options_(options), arx_(arx) {}
 
-  step.freedom = std::max<Index>(0, step.rows - step.rank - options.spent);
-  step.residual_cov.setZero(outputs, outputs);
-  if (step.freedom == 0) return;
-  const Matrix unexplained = r_wy - r_ww * solution.x;  // beyond the numerical rank
-  step.residual_cov = (r_yy.transpose() * r_yy + unexplained.transpose() * unexplained) / double(step.freedom);
-}
+  // R (w × w, upper) of step k with these lags, from factor(i, j), i ≤ j; rows beyond `rows`, the number of
+  // experiments, are zero.
+  template <class Factor>
+  void run(Index k, Index lags, Index rows, Factor&& factor) {
+    const Index left = lags * (inputs_ + outputs_) + inputs_;
+    GtvArxStep& step = arx_.step[size_t(k)];
+    step.lags = lags;
+    step.rows = rows;
+    // r = [R_WW R_Wy; 0 R_yy]
+    r_.setZero(left, linalg::whole_vectors(left));
+    r_y_.setZero(left, linalg::whole_vectors(outputs_));
+    r_yy_.setZero(outputs_, outputs_);
+    for (Index i = 0; i < std::min(left, rows); ++i) {
+      for (Index j = i; j < left; ++j) r_(i, j) = factor(i, j);
+      for (Index j = 0; j < outputs_; ++j) r_y_(i, j) = factor(i, left + j);
+    }
+    for (Index i = 0; i < std::min(outputs_, rows - left); ++i)
+      for (Index j = i; j < outputs_; ++j) r_yy_(i, j) = factor(left + i, left + j);
+    arx_.output_rms(k) = ((r_y_.leftCols(outputs_).colwise().squaredNorm() + r_yy_.colwise().squaredNorm()) /
+                          double(std::max<Index>(1, rows)))
+                             .cwiseSqrt()
+                             .transpose();
+    solve(k);
+  }
 
-// One step by itself, over the experiments without a gap.
-GtvArxStep regress(const Ensemble& ensemble, Index k, Index lags, bool every_row, const GtvArxOptions& options,
-                   Matrix& workspace) {
-  GtvArxStep step;
-  step.lags = lags;
-  const Index outputs = ensemble.outputs();
-  const Index regressors = lags * ensemble.channels() + ensemble.inputs();
-  const auto block = ensemble.window_and_output(k, lags);
-  if (every_row)
-    workspace = block;
-  else
-    workspace = block(ensemble.complete_rows(k, lags), Eigen::all);
-  step.rows = workspace.rows();
+ private:
+  // The least-squares problem Y_k = W_k M_kᵀ (19). Columns of norm 1: the rank and the smallest norm then do not depend
+  // on the units of the channels.
+  void solve(Index k) {
+    // Condition numbers up to here leave no doubt about the rank, whatever pivots a rank revealing factorisation has.
+    constexpr double clear = 1e10;
+    const Index left = r_.rows();
+    GtvArxStep& step = arx_.step[size_t(k)];
+    scales_ = r_.leftCols(left).colwise().norm().transpose();
+    for (double& scale : scales_) scale = scale > 0 ? 1 / scale : 1.0;
+    r_.leftCols(left) *= scales_.asDiagonal();
+    Matrix unexplained;  // beyond the numerical rank
+    const double size = r_.norm(), least = r_.diagonal().cwiseAbs().minCoeff();
+    bool is_clear = least * clear > size;
+    if (is_clear) {
+      inverse_.setIdentity(left, r_.cols());
+      linalg::back_substitute(r_, inverse_, true);
+      step.condition = size * inverse_.norm();
+      is_clear = step.condition < clear;
+    }
+    if (is_clear) {
+      step.rank = left;
+      x_ = r_y_;
+      linalg::back_substitute(r_, x_, false);
+      arx_.coefficients(k) = (scales_.asDiagonal() * x_.leftCols(outputs_)).transpose();
+      if (options_.noise_shape) arx_.noise_shape(k) = scales_.asDiagonal() * inverse_.leftCols(left);
+    } else {
+      const Matrix a = r_.leftCols(left), b = r_y_.leftCols(outputs_);
+      const linalg::MinimumNorm solution = linalg::minimum_norm(a, b, options_.tolerance * std::sqrt(double(left)));
+      step.rank = solution.rank;
+      step.condition = solution.condition;
+      arx_.coefficients(k) = (scales_.asDiagonal() * solution.x).transpose();
+      if (options_.noise_shape) arx_.noise_shape(k) = scales_.asDiagonal() * solution.inverse_t;
+      unexplained = b - a * solution.x;
+    }
+    step.freedom = std::max<Index>(0, step.rows - step.rank - options_.spent);
+    if (step.freedom == 0) return;
+    auto covariance = arx_.residual_cov(k);
+    covariance.noalias() = r_yy_.transpose() * r_yy_;
+    if (unexplained.size() > 0) covariance += unexplained.transpose() * unexplained;
+    covariance /= double(step.freedom);
+  }
 
-  // Columns of norm 1: the rank and the smallest norm then do not depend on the units of the channels.
-  const Vector scales = column_scales(workspace.leftCols(regressors));
-  workspace.leftCols(regressors) *= scales.asDiagonal();
-  Matrix scaled;
-  if (options.leverages) scaled = workspace.leftCols(regressors);
-  step.output_rms = (workspace.rightCols(outputs).colwise().squaredNorm() / double(std::max<Index>(1, step.rows)))
-                        .cwiseSqrt()
-                        .transpose();
-  const Matrix r = linalg::triangular_factor(workspace);
-  solve(r, scales, outputs, options, step);
-  if (options.leverages)
-    step.leverages = leverages(scaled, r.topLeftCorner(std::min(r.rows(), regressors), regressors), step.rank);
-  return step;
-}
+  const Index inputs_, outputs_;
+  const GtvArxOptions& options_;
+  GtvArx& arx_;
+  linalg::RowMatrix r_, r_y_, r_yy_, inverse_, x_;
+  Vector scales_;
+};
+
+// Steps by themselves, over their experiments without a gap.
+class AloneRoute {
+ public:
+  AloneRoute(const Windows& windows, const GtvArxOptions& options, GtvArx& arx)
+      : windows_(windows), options_(options), arx_(arx), step_(windows.inputs(), windows.outputs(), options, arx) {}
+
+  void run(Index k, Index lags) {
+    windows_.rows(k, lags, rows_);
+    factor_.reset(rows_.cols());
+    factor_.absorb(rows_);
+    step_.run(k, lags, windows_.count(k, lags), factor_);
+    if (!options_.leverages) return;
+    Matrix scaled = rows_.leftCols(arx_.regressors(k));
+    scaled *= column_scales(scaled).asDiagonal();
+    arx_.leverages(k) = leverages(scaled, arx_.step[size_t(k)].rank);
+  }
+
+ private:
+  const Windows& windows_;
+  const GtvArxOptions& options_;
+  GtvArx& arx_;
+  StepRegression step_;
+  linalg::RowAbsorption factor_;
+  Matrix rows_;
+};
 
 // The steps begin … end-1 from one factorisation of all their samples. A step has the oldest samples of its window
 // before all others but those of the steps before it; once these are dropped, their rows of the triangular factor are
 // absorbed by the rest of it.
-void regress_block(const Ensemble& ensemble, Index begin, Index end, Index lags, const GtvArxOptions& options,
-                   std::vector<GtvArxStep>& steps) {
-  const Index d = ensemble.channels(), m = ensemble.outputs(), r = ensemble.inputs(), rows = ensemble.experiments();
-  Index oldest = std::max<Index>(0, begin - lags);
-  Matrix window = ensemble.samples().middleCols(oldest * d, (end - oldest) * d);
-  const Vector norms = window.colwise().norm(), scales = column_scales(window);
-  window *= scales.asDiagonal();
-  const Index width = window.cols(), origin = oldest * d;
-  Matrix factor = Matrix::Zero(width, width);
-  {
-    const Matrix top = linalg::triangular_factor(window);
-    factor.topRows(top.rows()) = top;
-  }
-  Matrix dropped;
-  for (Index k = begin; k < end; ++k) {
-    for (; oldest < k - lags; ++oldest) {
-      const Index from = oldest * d - origin, rest = width - from - d;
-      dropped = factor.block(from, from + d, d, rest);
-      linalg::absorb_rows(factor.bottomRightCorner(rest, rest), dropped);
+class SharedRoute {
+ public:
+  SharedRoute(const Ensemble& ensemble, const GtvArxOptions& options, GtvArx& arx)
+      : ensemble_(ensemble), step_(ensemble.inputs(), ensemble.outputs(), options, arx) {}
+
+  void run(Index begin, Index end, Index lags) {
+    const Index d = ensemble_.channels(), first = std::max<Index>(0, begin - lags);
+    const auto window = ensemble_.samples().middleCols(first * d, (end - first) * d);
+    factor_.reset(window.cols());
+    factor_.absorb(window);
+    Index oldest = first;
+    for (Index k = begin; k < end; ++k) {
+      for (; oldest < k - lags; ++oldest) factor_.drop((oldest - first) * d, d);
+      const Index from = (oldest - first) * d;
+      step_.run(k, k - oldest, ensemble_.experiments(), [&](Index i, Index j) { return factor_(from + i, from + j); });
     }
-    const Index from = oldest * d - origin, size = (k + 1 - oldest) * d;
-    GtvArxStep& step = steps[size_t(k)];
-    step.lags = k - oldest;
-    step.rows = rows;
-    step.output_rms = norms.segment(from + size - m, m) / std::sqrt(double(rows));
-    Matrix own = factor.block(from, from, size, size);
-    // Outputs in their own units.
-    for (Index j = 0; j < m; ++j) own.col(size - m + j) /= scales(from + size - m + j);
-    solve(own, scales.segment(from, step.lags * d + r), m, options, step);
   }
-}
+
+ private:
+  const Ensemble& ensemble_;
+  StepRegression step_;
+  linalg::RowAbsorption factor_;
+};
+
+// As many successive steps of full lag order at once as a vector has lanes.
+class LaneRoute {
+ public:
+  LaneRoute(const Ensemble& ensemble, Index lags, const GtvArxOptions& options, GtvArx& arx)
+      : ensemble_(ensemble),
+        options_(options),
+        arx_(arx),
+        lags_(lags),
+        left_(lags * ensemble.channels() + ensemble.inputs()),
+        batch_(ensemble.experiments(), left_, ensemble.outputs()),
+        alone_(ensemble.inputs(), ensemble.outputs(), options, arx) {}
+
+  // The steps k … k+lanes-1, of which those from `first` on are kept.
+  void run(Index k, Index first) {
+    const Index rows = ensemble_.experiments(), offset = rows * ensemble_.channels();
+    batch_.run(ensemble_.samples().data() + (k - lags_) * offset, rows, offset);
+    for (Index l = first - k; l < batch_.lanes(); ++l) take(k + l, l);
+  }
+
+ private:
+  void take(Index k, Index l) {
+    constexpr double clear = 1e10;
+    const auto factor = [&](Index i, Index j) { return batch_.factor(l, i, j); };
+    const Index rows = ensemble_.experiments(), m = ensemble_.outputs();
+    GtvArxStep& step = arx_.step[size_t(k)];
+    step.condition = batch_.condition(l);
+    if (!(step.condition < clear)) return alone_.run(k, lags_, rows, factor);
+    step.lags = lags_;
+    step.rows = rows;
+    step.rank = left_;
+    step.freedom = std::max<Index>(0, rows - left_ - options_.spent);
+    auto coefficients = arx_.coefficients(k);
+    auto covariance = arx_.residual_cov(k);
+    auto rms = arx_.output_rms(k);
+    for (Index j = 0; j < left_; ++j)
+      for (Index i = 0; i < m; ++i) coefficients(i, j) = batch_.x(l, j, i);
+    for (Index j = 0; j < m; ++j) {
+      double square = 0.0;
+      for (Index i = 0; i <= left_ + j; ++i) square += factor(i, left_ + j) * factor(i, left_ + j);
+      rms(j) = std::sqrt(square / double(rows));
+      for (Index i = 0; i <= j && step.freedom > 0; ++i) {
+        double product = 0.0;
+        for (Index h = 0; h <= i; ++h) product += factor(left_ + h, left_ + i) * factor(left_ + h, left_ + j);
+        covariance(i, j) = covariance(j, i) = product / double(step.freedom);
+      }
+    }
+    if (!options_.noise_shape) return;
+    auto shape = arx_.noise_shape(k);
+    for (Index j = 0; j < left_; ++j)
+      for (Index i = 0; i <= j; ++i) shape(i, j) = batch_.inverse(l, i, j);
+  }
+
+  const Ensemble& ensemble_;
+  const GtvArxOptions& options_;
+  GtvArx& arx_;
+  const Index lags_, left_;
+  linalg::LaneRegression batch_;
+  StepRegression alone_;
+};
 
 // b with the fewest operations per step: the factorisation of p+b steps, shared by b of them, and what it takes to drop
 // samples, whose operations are slower by about the factor `slow`.
 Index best_block(Index experiments, Index channels, Index lags) {
-  constexpr double slow = 4.0, worth_it = 0.8;
+  constexpr double slow = 2.5, worth_it = 0.8;
   const auto cost = [&](Index b) {
-    const double n = double(experiments), width = double((lags + b) * channels), k = std::min(n, width);
-    const double factorisation = 2 * k * k * (std::max(n, width) - k / 3) / double(b);
+    const double n = double(experiments), width = double((lags + b) * channels);
     const double rest = (double(lags) + double(b) / 2) * double(channels);
-    return factorisation + (b > 1 ? slow * 2 * double(channels) * rest * rest : 0.0);
+    return 2 * n * width * width / double(b) + (b > 1 ? slow * 2 * double(channels) * rest * rest : 0.0);
   };
   Index best = 1;
   for (Index b = 2; b <= 2 * lags; ++b)
@@ -131,59 +265,78 @@ Index best_block(Index experiments, Index channels, Index lags) {
   return cost(best) < worth_it * cost(1) ? best : 1;
 }
 
-void check_ensemble(const Ensemble& ensemble) {
-  if (ensemble.experiments() == 0 || ensemble.steps() == 0 || ensemble.inputs() == 0 || ensemble.outputs() == 0)
-    throw std::invalid_argument(fmt::format(
-        "ensemble: {} experiments of {} steps with {} inputs and {} outputs found, at least one of each needed",
-        ensemble.experiments(), ensemble.steps(), ensemble.inputs(), ensemble.outputs()));
+void check(const Windows& w) {
+  if (w.experiments() == 0 || w.steps() == 0 || w.inputs() == 0 || w.outputs() == 0)
+    throw std::invalid_argument(
+        fmt::format("ensemble: {} experiments of {} steps with {} inputs and {} outputs found, at least one of each "
+                    "needed",
+                    w.experiments(), w.steps(), w.inputs(), w.outputs()));
 }
 
-}  // namespace
-
-GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
-  check_ensemble(ensemble);
-  const Index steps = ensemble.steps();
+// An ARX model with room for all regressions, and their first step.
+GtvArx prepared(const Windows& windows, const GtvArxOptions& options) {
+  check(windows);
+  const Index steps = windows.steps();
   if (options.lags.size() != 1 && static_cast<Index>(options.lags.size()) != steps)
     throw std::invalid_argument(
         fmt::format("lags: {} lag orders found, one or {} (one for each step) needed", options.lags.size(), steps));
   for (const Index p : options.lags)
     if (p < 1) throw std::invalid_argument(fmt::format("lags: lag order {} found, at least 1 needed", p));
-  const auto lag_order = [&](Index k) { return options.lags[options.lags.size() == 1 ? 0 : static_cast<size_t>(k)]; };
-
-  GtvArx arx;
-  arx.inputs = ensemble.inputs();
-  arx.outputs = ensemble.outputs();
-  arx.step.resize(static_cast<size_t>(steps));
-  const bool zero = options.initial_state == InitialState::zero;
-  if (!zero) {
-    // The regressions begin where every later step has its lags within the data.
-    for (Index k = steps; k-- > 0;)
-      if (lag_order(k) > k) {
-        arx.k_begin = k + 1;
-        break;
-      }
-  }
-  const bool every_row = ensemble.missing() == 0;
   if (options.block < 0)
     throw std::invalid_argument(fmt::format("block: {} found, 0 (automatic) or more needed", options.block));
-  const bool shared = every_row && !options.leverages && options.lags.size() == 1 && options.block != 1;
-  if (const Index block = !shared             ? 1
-                          : options.block > 0 ? options.block
-                                              : best_block(ensemble.experiments(), ensemble.channels(), lag_order(0));
-      block > 1) {
-    const Index blocks = (steps - arx.k_begin + block - 1) / block;
-    parallel_for(0, blocks, options.execution, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i) {
-        const Index from = arx.k_begin + i * block;
-        regress_block(ensemble, from, std::min(steps, from + block), lag_order(0), options, arx.step);
-      }
+
+  GtvArx arx;
+  Index lags_max = 0;
+  for (Index k = 0; k < steps; ++k) lags_max = std::max(lags_max, std::min(options.lags_of(k), k));
+  arx.resize(steps, windows.inputs(), windows.outputs(), lags_max, options.noise_shape,
+             options.leverages ? windows.experiments() : 0);
+  if (options.initial_state == InitialState::zero) return arx;
+  // The regressions begin where every later step has its lags within the data.
+  for (arx.k_begin = steps; arx.k_begin > 0 && options.lags_of(arx.k_begin - 1) < arx.k_begin;) --arx.k_begin;
+  return arx;
+}
+
+void regress_alone(const Windows& windows, Index begin, Index end, const Execution& execution,
+                   const GtvArxOptions& options, GtvArx& arx) {
+  parallel_for(begin, end, execution, [&](Index from, Index to) {
+    AloneRoute route(windows, options, arx);
+    for (Index k = from; k < to; ++k) route.run(k, std::min(options.lags_of(k), k));
+  });
+}
+
+}  // namespace
+
+GtvArx gtv_arx(const Windows& windows, const GtvArxOptions& options) {
+  GtvArx arx = prepared(windows, options);
+  regress_alone(windows, arx.k_begin, arx.steps(), options.execution, options, arx);
+  return arx;
+}
+
+GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
+  const Windows windows(ensemble);
+  const bool alike = options.lags.size() == 1 && !options.leverages && ensemble.missing() == 0;
+  if (!alike || options.block == 1) return gtv_arx(windows, options);
+
+  GtvArx arx = prepared(windows, options);
+  const Index steps = arx.steps(), p = options.lags.front(), first = std::max(p, arx.k_begin);
+  const Index lanes = linalg::LaneRegression::lanes();
+  if (options.block == 0 && (p + 1) * ensemble.channels() <= linalg::LaneRegression::most_columns() &&
+      ensemble.experiments() > minimum_experiments(ensemble.inputs(), ensemble.outputs(), p) &&
+      steps - first >= lanes) {
+    regress_alone(windows, arx.k_begin, first, {options.execution.threads, {}}, options, arx);
+    parallel_for(0, (steps - first + lanes - 1) / lanes, options.execution, [&](Index begin, Index end) {
+      LaneRoute route(ensemble, p, options, arx);
+      for (Index i = begin; i < end; ++i) route.run(std::min(first + i * lanes, steps - lanes), first + i * lanes);
     });
     return arx;
   }
-  parallel_for(arx.k_begin, steps, options.execution, [&](Index begin, Index end) {
-    Matrix workspace;
-    for (Index k = begin; k < end; ++k)
-      arx.step[static_cast<size_t>(k)] = regress(ensemble, k, std::min(lag_order(k), k), every_row, options, workspace);
+  const Index block = options.block > 0 ? options.block : best_block(ensemble.experiments(), ensemble.channels(), p);
+  parallel_for(0, (steps - arx.k_begin + block - 1) / block, options.execution, [&](Index begin, Index end) {
+    SharedRoute route(ensemble, options, arx);
+    for (Index i = begin; i < end; ++i) {
+      const Index from = arx.k_begin + i * block;
+      route.run(from, std::min(steps, from + block), p);
+    }
   });
   return arx;
 }
@@ -242,7 +395,7 @@ Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact)
 }  // namespace
 
 LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions& options) {
-  check_ensemble(ensemble);
+  check(ensemble);
   const Index p_max = std::min(options.p_max, ensemble.steps() - 1);
   LagOrderErrors result;
   result.best = std::max<Index>(1, options.p_min);

@@ -32,27 +32,9 @@ Vector singular_values(const ConstMatrixRef& a) {
 Matrix triangular_factor(Matrix& a) {
   const Index size = std::min(a.rows(), a.cols());
   if (size == 0) return Matrix(0, a.cols());
+  // Rows of very different size keep their digits where the large ones come first.
   Eigen::HouseholderQR<Eigen::Ref<Matrix>> in_place(a);
   return a.topRows(size).triangularView<Eigen::Upper>();
-}
-
-// Householder reflections of [r_ii; column i of the rows]: the zeros below the diagonal of r stay.
-void absorb_rows(Eigen::Ref<Matrix> r, Eigen::Ref<Matrix> rows) {
-  const Index n = r.cols();
-  for (Index i = 0; i < n; ++i) {
-    auto v = rows.col(i);
-    const double size = std::hypot(r(i, i), v.stableNorm());
-    if (!(size > std::abs(r(i, i)))) continue;  // nothing to absorb
-    const double alpha = r(i, i) > 0 ? -size : size;
-    v /= r(i, i) - alpha;  // the reflection is I - tau [1; v] [1; v]ᵀ
-    const double tau = 2 / (1 + v.squaredNorm());
-    r(i, i) = alpha;
-    for (Index j = i + 1; j < n; ++j) {
-      const double w = tau * (r(i, j) + v.dot(rows.col(j)));
-      r(i, j) -= w;
-      rows.col(j) -= w * v;
-    }
-  }
 }
 
 Matrix stacked(const ConstMatrixRef& above, const ConstMatrixRef& below) {
@@ -102,22 +84,6 @@ MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, doubl
   padded.topRows(rank) = t_inverse;
   if (rank < a.cols()) padded = cod.matrixZ().adjoint() * padded;  // at full rank Z is not formed
   result.inverse_t = cod.colsPermutation() * padded;
-  return result;
-}
-
-MinimumNorm triangular_minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, double tolerance) {
-  // Condition numbers up to here leave no doubt about the rank, whatever the pivots of a rank revealing factorisation.
-  constexpr double clear = 1e10;
-  const Index n = a.cols();
-  if (n == 0 || a.rows() != n || !(a.diagonal().cwiseAbs().minCoeff() * clear > a.norm()))
-    return minimum_norm(a, b, tolerance);
-  MinimumNorm result;
-  const auto t = a.triangularView<Eigen::Upper>();
-  result.inverse_t = t.solve(Matrix::Identity(n, n));
-  result.condition = a.norm() * result.inverse_t.norm();
-  if (!(result.condition < clear)) return minimum_norm(a, b, tolerance);
-  result.rank = n;
-  result.x = t.solve(b);
   return result;
 }
 

@@ -9,7 +9,6 @@
 #include <map>
 #include <stdexcept>
 
-#include "channel_sizes.hpp"
 #include "tokid/random_walk.hpp"
 
 namespace tokid {
@@ -19,9 +18,9 @@ namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
 
 // 1 / rms of each channel over the ensemble, as the scales of [W_k Y_k] (1 for the outputs of step k).
-Vector window_scales(const Ensemble& e, Index lags) {
+Vector window_scales(const Windows& e, Index lags) {
   const Index d = e.channels(), r = e.inputs();
-  const Vector channel = channel_sizes(e, 0, d).cwiseInverse();
+  const Vector channel = e.channel_sizes().cwiseInverse();
   Vector scales = Vector::Ones((lags + 1) * d);
   for (Index j = 0; j < lags; ++j) scales.segment(j * d, d) = channel;
   scales.segment(lags * d, r) = channel.head(r);
@@ -29,39 +28,27 @@ Vector window_scales(const Ensemble& e, Index lags) {
 }
 
 // The regressions of the steps begin … end-1 as triangular factors, one for each group of steps that share their model.
-struct WindowFactors {
+struct GroupFactors {
   Index regressors = 0;
   std::vector<Matrix> factor;  // (groups) of [W Y], scaled: (≤ L+m) × (L+m)
   std::vector<Index> rows;     // (T) experiments of each step
   double mean_rows = 0.0;      // of the groups that have any
 };
 
-WindowFactors window_factors(const Ensemble& e, const SmoothArxOptions& o, const Vector& scales, Index begin,
-                             Index end) {
+GroupFactors group_factors(const Windows& e, const SmoothArxOptions& o, const Vector& scales, Index begin, Index end) {
   const Index p = o.lags, d = e.channels(), width = (p + 1) * d, groups = o.variation.groups(end - begin);
-  const bool every_row = e.missing() == 0;
-  WindowFactors w;
+  GroupFactors w;
   w.regressors = width - e.outputs();
   w.factor.resize(size_t(groups));
   w.rows.assign(size_t(e.steps()), 0);
   const Index first = o.initial_state == InitialState::zero ? begin : std::max(begin, p);
   parallel_for(0, groups, {o.execution.threads, {}}, [&](Index from, Index to) {
-    Matrix block;
     for (Index g = from; g < to; ++g) {
       linalg::RowStack stack(width);
       for (Index k = begin; k < end; ++k) {
         if (k < first || o.variation.group(k - begin) != g) continue;
-        const Index lags = std::min(p, k);
-        const auto window = e.window_and_output(k, lags);
-        const std::vector<Index> rows = every_row ? std::vector<Index>{} : e.complete_rows(k, lags);
-        block.setZero(every_row ? e.experiments() : Index(rows.size()), width);
-        if (every_row)
-          block.rightCols(window.cols()) = window;
-        else
-          block.rightCols(window.cols()) = window(rows, Eigen::all);
-        block *= scales.asDiagonal();
-        w.rows[size_t(k)] = block.rows();
-        stack.add(block);
+        w.rows[size_t(k)] = e.count(k, p);
+        stack.add(e.rows(k, p) * scales.asDiagonal());
       }
       w.factor[size_t(g)] = stack.factor();
     }
@@ -72,7 +59,7 @@ WindowFactors window_factors(const Ensemble& e, const SmoothArxOptions& o, const
   return w;
 }
 
-Vector stiffness(const WindowFactors& w, double smoothing) {
+Vector stiffness(const GroupFactors& w, double smoothing) {
   return Vector::Constant(w.regressors, std::isinf(smoothing) ? inf : std::sqrt(smoothing * w.mean_rows));
 }
 
@@ -82,7 +69,7 @@ Matrix residual_square(const Matrix& rows, const Matrix& x) {
   return e.transpose() * e;
 }
 
-void check(const Ensemble& e, Index lags, const TimeVariation& v) {
+void check(const Windows& e, Index lags, const TimeVariation& v) {
   if (lags < 1 || lags >= e.steps())
     throw std::invalid_argument(fmt::format("lags: {} found, 1 to {} needed", lags, e.steps() - 1));
   if (!(v.smoothing >= 0))
@@ -92,18 +79,16 @@ void check(const Ensemble& e, Index lags, const TimeVariation& v) {
 
 }  // namespace
 
-GtvArx smooth_arx(const Ensemble& e, const SmoothArxOptions& options) {
+GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
   check(e, options.lags, options.variation);
-  const Index p = options.lags, d = e.channels(), m = e.outputs(), steps = e.steps();
+  const Index p = options.lags, m = e.outputs(), steps = e.steps();
   const Vector scales = window_scales(e, p);
-  const WindowFactors w = window_factors(e, options, scales, 0, steps);
+  const GroupFactors w = group_factors(e, options, scales, 0, steps);
   const std::vector<Matrix> x =
       random_walk_regression(w.factor, w.regressors, stiffness(w, options.variation.smoothing));
   GtvArx arx;
-  arx.inputs = e.inputs();
-  arx.outputs = m;
+  arx.resize(steps, e.inputs(), m, p, false);
   arx.k_begin = options.initial_state == InitialState::zero ? 0 : p;
-  arx.step.resize(size_t(steps));
 
   // Rows of each group, for the residual covariance that its steps share.
   std::vector<Index> rows(w.factor.size(), 0);
@@ -113,11 +98,11 @@ GtvArx smooth_arx(const Ensemble& e, const SmoothArxOptions& options) {
     GtvArxStep& step = arx.step[size_t(k)];
     step.lags = std::min(p, k);
     step.rows = w.rows[size_t(k)];
-    const Matrix coefficients = (scales.head(w.regressors).asDiagonal() * x[g]).transpose();
-    step.coefficients = coefficients.rightCols(step.lags * d + e.inputs());
+    const Index own = arx.regressors(k);  // the last of the rows of x
+    arx.coefficients(k) = (scales.segment(w.regressors - own, own).asDiagonal() * x[g].bottomRows(own)).transpose();
     const double count = double(std::max<Index>(1, rows[g]));
-    step.residual_cov = residual_square(w.factor[g], x[g]) / count;
-    step.output_rms = (w.factor[g].rightCols(m).colwise().squaredNorm() / count).cwiseSqrt().transpose();
+    arx.residual_cov(k) = residual_square(w.factor[g], x[g]) / count;
+    arx.output_rms(k) = (w.factor[g].rightCols(m).colwise().squaredNorm() / count).cwiseSqrt().transpose();
   }
   return arx;
 }
@@ -194,7 +179,7 @@ class Judge {
 
  private:
   struct Piece {
-    WindowFactors training, held_out;
+    GroupFactors training, held_out;
   };
 
   const std::vector<Piece>& factors(Index lags) {
@@ -208,8 +193,8 @@ class Judge {
     for (const Split& part : parts_) {
       const Vector scales = window_scales(part.training, lags);
       for (const auto& [begin, end] : stretches_)
-        pieces.push_back({window_factors(part.training, o, scales, begin, end),
-                          window_factors(part.held_out, o, scales, begin, end)});
+        pieces.push_back(
+            {group_factors(part.training, o, scales, begin, end), group_factors(part.held_out, o, scales, begin, end)});
     }
     return pieces;
   }

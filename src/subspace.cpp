@@ -30,7 +30,7 @@ Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 // The steps of the data, in groups that share their model, and the samples that belong to them.
 class Steps {
  public:
-  Steps(const Ensemble& e, const GtvArx& arx, const SubspaceOptions& o)
+  Steps(const Windows& e, const GtvArx& arx, const SubspaceOptions& o)
       : data(e), variation(o.variation), lags(largest_lags(arx)), begin(arx.k_begin) {
     if (e.inputs() != arx.inputs || e.outputs() != arx.outputs || e.steps() != arx.steps())
       throw std::invalid_argument(fmt::format("ARX model: {} steps, {} inputs, {} outputs found, {}, {}, {} needed",
@@ -39,7 +39,6 @@ class Steps {
     if (variation.period > 0 && e.steps() < lags + std::min(variation.period, e.steps()))
       throw std::invalid_argument(fmt::format("steps: {} found, at least {} needed (lag order and period)", e.steps(),
                                               lags + variation.period));
-    every_row_ = e.missing() == 0;
   }
 
   Index groups() const { return variation.groups(data.steps()); }
@@ -68,24 +67,11 @@ class Steps {
 
   Index width() const { return lags * data.channels(); }  // of the past samples
 
-  std::vector<Index> rows(Index k) const {
-    if (!every_row_) return data.complete_rows(k, std::min(k, lags));
-    std::vector<Index> all(size_t(data.experiments()));
-    for (Index n = 0; n < data.experiments(); ++n) all[size_t(n)] = n;
-    return all;
-  }
-  // z (rows × p·d) before step k, zeros before the experiment.
-  Matrix past(Index k, const std::vector<Index>& rows) const {
-    const Index d = data.channels(), known = std::min(k, lags) * d;
-    Matrix z = Matrix::Zero(Index(rows.size()), lags * d);
-    if (every_row_ && Index(rows.size()) == data.experiments())
-      z.rightCols(known) = data.samples().middleCols(k * d - known, known);
-    else
-      z.rightCols(known) = data.samples().middleCols(k * d - known, known)(rows, Eigen::all);
-    return z;
-  }
+  // [z_k u_k y_k] and how many experiments it stands for.
+  Matrix window(Index k) const { return data.rows(k, lags); }
+  double count(Index k) const { return double(data.count(k, lags)); }
 
-  const Ensemble& data;
+  const Windows& data;
   TimeVariation variation;
   Index lags, begin;
 
@@ -95,7 +81,6 @@ class Steps {
     for (const GtvArxStep& s : arx.step) p = std::max(p, s.lags);
     return p;
   }
-  bool every_row_;
 };
 
 // What weighs the errors of the outputs against each other: the innovations, pooled where the model is smooth.
@@ -105,8 +90,7 @@ std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
   const bool pooled = o.variation.smoothing > 0 || o.variation.period > 0 || !o.noisy;
   Matrix covariance = Matrix::Zero(m, m);
   for (Index k = arx.k_begin; k < arx.steps(); ++k) {
-    const GtvArxStep& s = arx.step[size_t(k)];
-    const Matrix own = o.noisy ? s.residual_cov : Matrix(s.output_rms.cwiseAbs2().asDiagonal());
+    const Matrix own = o.noisy ? Matrix(arx.residual_cov(k)) : Matrix(arx.output_rms(k).cwiseAbs2().asDiagonal());
     if (pooled)
       covariance += own / double(arx.steps());
     else
@@ -126,7 +110,7 @@ Matrix predictor(const Steps& steps, const GtvArx& arx, const std::vector<Matrix
     const GtvArxStep& s = arx.step[size_t(k)];
     auto row = result.middleRows(a * m, m);
     const Index lags = s.lags - a;  // those that reach back beyond the a samples since
-    if (lags > 0) row.middleCols((p - lags) * d, lags * d) = s.coefficients.leftCols(lags * d);
+    if (lags > 0) row.middleCols((p - lags) * d, lags * d) = arx.coefficients(k).leftCols(lags * d);
     if (weighting == Weighting::many_steps)
       for (Index j = 1; j <= std::min(a, s.lags); ++j)
         row += arx.output_block(k, j) * result.middleRows((a - j) * m, m);
@@ -155,8 +139,7 @@ std::vector<Past> pasts(const Steps& steps, const SubspaceOptions& o) {
   parallel_for(0, steps.groups(), {o.execution.threads, {}}, [&](Index from, Index to) {
     for (Index g = from; g < to; ++g)
       for (const Index k : steps.of(g)) {
-        const Matrix z = steps.past(k, steps.rows(k));
-        own[size_t(g)].add(z, double(z.rows()), 1.0);
+        own[size_t(g)].add(steps.window(k).leftCols(steps.width()), steps.count(k), 1.0);
       }
   });
   // Few experiments don't show how so many samples vary together: neighbouring steps lend theirs, with weights that
@@ -184,11 +167,17 @@ std::vector<Past> pasts(const Steps& steps, const SubspaceOptions& o) {
   return all;
 }
 
+const Ensemble& ensemble_of(const Windows& windows) {
+  if (!windows.ensemble())
+    throw std::invalid_argument("weighting: projection found, which needs the experiments and not only their factors");
+  return *windows.ensemble();
+}
+
 }  // namespace
 
-PredictorFactors predictor_factors(const Ensemble& ensemble, const GtvArx& arx, const SubspaceOptions& o) {
-  if (o.weighting == Weighting::projection) return projection_factors(ensemble, arx, o);
-  const Steps steps(ensemble, arx, o);
+PredictorFactors predictor_factors(const Windows& windows, const GtvArx& arx, const SubspaceOptions& o) {
+  if (o.weighting == Weighting::projection) return projection_factors(ensemble_of(windows), arx, o);
+  const Steps steps(windows, arx, o);
   PredictorFactors result;
   result.lags = steps.lags;
   result.k_begin = steps.begin;
@@ -294,7 +283,7 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
       for (const Index k : steps.of(g)) {
         const Matrix block = rows_of(k);
         if (block.cols() == 0) continue;
-        result[size_t(g)].rows += double(block.rows());
+        result[size_t(g)].rows += steps.count(k);
         Matrix both = linalg::stacked(r, block);
         r = linalg::triangular_factor(both);
       }
@@ -337,8 +326,8 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
 
 }  // namespace
 
-Model realise(const Ensemble& e, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o) {
-  if (o.weighting == Weighting::projection) return moesp(e, arx, factors, o);
+Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o) {
+  if (o.weighting == Weighting::projection) return moesp(ensemble_of(e), arx, factors, o);
   const Steps steps(e, arx, o);
   const Index r = e.inputs(), m = e.outputs(), d = e.channels();
   const StateMaps maps = state_maps(steps, factors, o);
@@ -348,14 +337,14 @@ Model realise(const Ensemble& e, const GtvArx& arx, const PredictorFactors& fact
   // y on [x; u]
   std::vector<Index> regressors;
   for (Index g = 0; g < steps.groups(); ++g) regressors.push_back(n_of(g) + r);
-  const auto outputs_on_states = [&](Index k) {
-    const std::vector<Index> rows = steps.rows(k);
-    const Matrix x = states(steps.past(k, rows), steps.group(k));
+  const auto outputs_on_states = [&](const Matrix& window, Index k) {
+    const Matrix x = states(window.leftCols(steps.width()), steps.group(k));
     Matrix block(x.rows(), x.cols() + d);
-    block << x, e.input(k)(rows, Eigen::all), e.output(k)(rows, Eigen::all);
+    block << x, window.rightCols(d);
     return block;
   };
-  const std::vector<Fitted> outputs = regress(steps, o, regressors, outputs_on_states);
+  const std::vector<Fitted> outputs =
+      regress(steps, o, regressors, [&](Index k) { return outputs_on_states(steps.window(k), k); });
 
   // x⁺ on [x; u; ε]; without noise there is no ε, and the observer is read off the map of the next state.
   const Index errors = o.noisy ? m : 0;
@@ -363,8 +352,8 @@ Model realise(const Ensemble& e, const GtvArx& arx, const PredictorFactors& fact
   const auto next_on_states = [&](Index k) {
     if (k + 1 >= e.steps() && !steps.smooth()) return Matrix();
     const Index g = steps.group(k), known = n_of(g) + r;
-    const Matrix block = outputs_on_states(k);
-    const Matrix next = states(steps.past(k + 1, steps.rows(k)), steps.next(g));
+    const Matrix window = steps.window(k), block = outputs_on_states(window, k);
+    const Matrix next = states(window.rightCols(steps.width()), steps.next(g));
     Matrix both(block.rows(), known + errors + next.cols());
     both.leftCols(known) = block.leftCols(known);
     if (o.noisy)
@@ -432,8 +421,8 @@ Model realise(const Ensemble& e, const GtvArx& arx, const PredictorFactors& fact
   return model;
 }
 
-Model subspace(const Ensemble& ensemble, const GtvArx& arx, const SubspaceOptions& options) {
-  return realise(ensemble, arx, predictor_factors(ensemble, arx, options), options);
+Model subspace(const Windows& windows, const GtvArx& arx, const SubspaceOptions& options) {
+  return realise(windows, arx, predictor_factors(windows, arx, options), options);
 }
 
 }  // namespace tokid

@@ -37,15 +37,6 @@ TEST_P(Factorisations, TriangularFactorHasTheGramMatrix) {
     for (Index j = 0; j < i; ++j) EXPECT_EQ(r(i, j), 0.0);
 }
 
-TEST_P(Factorisations, AbsorbedRowsAreInTheTriangularFactor) {
-  Matrix r = Random(7).matrix(cols, cols).triangularView<Eigen::Upper>(), rows_ = a;
-  if (cols > 2) r.col(1).setZero(), rows_.col(1).setZero();
-  const Matrix gram = r.transpose() * r + rows_.transpose() * rows_;
-  linalg::absorb_rows(r, rows_);
-  EXPECT_LE((r.transpose() * r - gram).norm(), 10 * tolerance * std::sqrt(gram.norm()) * double(cols));
-  EXPECT_TRUE(r.isUpperTriangular(0.0));
-}
-
 TEST_P(Factorisations, MinimumNormSolutionSolvesTheNormalEquationsAndHasNoNullPart) {
   const Matrix b = Random(5).matrix(rows, 2);
   const linalg::MinimumNorm solution = linalg::minimum_norm(a, b, 1e-13);
@@ -112,28 +103,6 @@ TEST(MinimumNorm, ConditionIsWithinTheDimensionOfTheTrueOne) {
     EXPECT_GE(condition, 0.99 / smallest);
     EXPECT_LE(condition, 6.1 / smallest);
   }
-}
-
-// Both sides of the condition from which on the triangular one leaves the work to the other.
-TEST(MinimumNorm, OfTriangularMatricesIsTheSame) {
-  Random random(6);
-  for (const double smallest : {1.0, 1e-4, 1e-8, 1e-9, 1e-11, 1e-13, 0.0})
-    for (const auto& [rows, cols] : {std::pair<Index, Index>{9, 9}, {30, 30}, {5, 9}}) {
-      Vector s = Vector::Ones(cols);
-      s(cols / 2) = smallest;
-      Matrix a = random.orthogonal(cols) * s.asDiagonal() * random.orthogonal(cols);
-      a = a.topRows(rows).eval();
-      const Matrix r = linalg::triangular_factor(a), b = random.matrix(rows, 2);
-      const linalg::MinimumNorm fast = linalg::triangular_minimum_norm(r, b, 1e-12),
-                                safe = linalg::minimum_norm(r, b, 1e-12);
-      ASSERT_EQ(fast.rank, safe.rank) << smallest << " " << rows;
-      EXPECT_NEAR(fast.condition / safe.condition, 1.0, 1e2 * epsilon * double(cols) * safe.condition);
-      EXPECT_LE((r * fast.x - b).norm(), (r * safe.x - b).norm() + 1e2 * epsilon * double(cols) * fast.x.norm());
-      EXPECT_LE((fast.x - safe.x).norm(), 1e2 * epsilon * double(cols) * safe.condition * safe.x.norm());
-      const Matrix x = fast.inverse_t, y = safe.inverse_t;
-      EXPECT_LE((x * x.transpose() - y * y.transpose()).norm(),
-                1e2 * epsilon * double(cols) * safe.condition * (y * y.transpose()).norm());
-    }
 }
 
 TEST(MinimumNorm, ZeroMatrixHasRankZeroAndSolutionZero) {

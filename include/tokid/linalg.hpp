@@ -31,10 +31,6 @@ Vector singular_values(const ConstMatrixRef& a);
 // rows < cols upper trapezoidal, factor (min(rows, cols) × cols). The lower part of `a` is left undefined.
 Matrix triangular_factor(Matrix& a);
 
-// Overwrites the upper triangular r (n × n) by the triangular factor of [r; rows], in O(n²) operations for each of the
-// rows (any number × n), which are left undefined.
-void absorb_rows(Eigen::Ref<Matrix> r, Eigen::Ref<Matrix> rows);
-
 // [above; below], whose columns agree in number; either may be empty.
 Matrix stacked(const ConstMatrixRef& above, const ConstMatrixRef& below);
 
@@ -62,8 +58,6 @@ struct MinimumNorm {
   Matrix inverse_t;        // (cols of a × rank): X with X·Xᵀ = (aᵀa)⁺, which carries the covariance of x
 };
 MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, double tolerance);
-// The same for an upper triangular or trapezoidal a, at a fraction of the cost where it is well conditioned.
-MinimumNorm triangular_minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, double tolerance);
 
 // Moore-Penrose inverse (cols × rows); singular values below tolerance·s_max count as zero. The default is
 // 8·ε·max(rows, cols).

@@ -1,4 +1,4 @@
-// Ensemble → GTV-ARX model of all steps at once, its coefficients coupled over time: for noise and few experiments.
+// Windows → GTV-ARX model of all steps at once, its coefficients coupled over time: for noise and few experiments.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -26,8 +26,9 @@ struct SmoothArxOptions {
 
 // min Σ_k ‖Y_k - W_k M_kᵀ‖² + penalty. Steps that no experiment has whole take their coefficients from their
 // neighbours. Of the result's steps `lags`, `rows`, `coefficients`, `output_rms` and `residual_cov` (EᵀE / rows) are
-// filled. \throws std::invalid_argument for a lag order below 1 or beyond the data, a negative smoothing or period
-GtvArx smooth_arx(const Ensemble& ensemble, const SmoothArxOptions& options = {});
+// filled, and noise shapes not stored. \throws std::invalid_argument for a lag order below 1 or beyond the data, a
+// negative smoothing or period
+GtvArx smooth_arx(const Windows& windows, const SmoothArxOptions& options = {});
 
 // p and λ by cross-validation over the experiments: one-step errors on experiments left out.
 struct SmoothingTrial {

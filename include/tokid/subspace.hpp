@@ -47,16 +47,17 @@ struct PredictorFactors {
   Index k_begin = 0;                   // of the first step with a state
   std::vector<PredictorFactor> group;  // of each group of steps that share their model (T where they vary)
 };
-// \throws std::invalid_argument where the ARX model and the data disagree, or the data are shorter than p + P
-PredictorFactors predictor_factors(const Ensemble& ensemble, const GtvArx& arx, const SubspaceOptions& options);
+// \throws std::invalid_argument where the ARX model and the data disagree, the data are shorter than p + P, or
+// projections are to be made without an ensemble
+PredictorFactors predictor_factors(const Windows& windows, const GtvArx& arx, const SubspaceOptions& options);
 
 // Two regressions per step: y_k on [x_k; u_k] → C_k, D_k and the innovations ε_k; x_{k+1} on [x_k; u_k; ε_k] → A_k,
 // B_k, -G_k. Exact without noise for every p ≥ p_min and for any initial states. The state dimension is the smallest of
 // `states`, the rank, what the samples before k can tell and what those from k on can show.
-Model realise(const Ensemble& ensemble, const GtvArx& arx, const PredictorFactors& factors,
+Model realise(const Windows& windows, const GtvArx& arx, const PredictorFactors& factors,
               const SubspaceOptions& options);
 
 // Both in one call.
-Model subspace(const Ensemble& ensemble, const GtvArx& arx, const SubspaceOptions& options = {});
+Model subspace(const Windows& windows, const GtvArx& arx, const SubspaceOptions& options = {});
 
 }  // namespace tokid

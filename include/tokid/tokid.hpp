@@ -25,3 +25,4 @@
 #include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
 #include "tokid/version.hpp"
+#include "tokid/windows.hpp"

@@ -1,0 +1,81 @@
+// Ensemble → triangular factors of the windows of all steps: all that regressions need of the experiments. Those that
+// come later are merged into them, and the old ones are not needed again.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "tokid/ensemble.hpp"
+#include "tokid/parallel.hpp"
+
+namespace tokid {
+
+// R_k with R_kᵀR_k = [1 V_k]ᵀ[1 V_k] for the windows V_k = [v_{k-p} … v_k] (N_k × w, w = (p+1)·d) of the experiments
+// that have them without a gap; samples before the experiments are zero.
+struct WindowFactors {
+  Index inputs = 0, outputs = 0, lags = 0;          // r, m, p
+  InitialState initial_state = InitialState::zero;  // zero: from step 0 on, unknown: from step p on
+  double dt = 1.0;                                  // [s]
+  Channels names;
+  Index experiments = 0;    // N
+  std::vector<Index> rows;  // (T) N_k, 0 before the first step
+  Matrix factor;            // (w+1 × T·(w+1)) R_0 R_1 …, upper triangular
+  // Sums over the experiments that have the sample, and their number, columns k·d … as in Ensemble.
+  Vector sum, count;  // (T·d)
+
+  Index channels() const { return inputs + outputs; }
+  Index steps() const { return Index(rows.size()); }
+  Index width() const { return (lags + 1) * channels(); }
+  Index begin() const { return initial_state == InitialState::zero ? 0 : lags; }
+  auto of(Index k) const { return factor.middleCols(k * (width() + 1), width() + 1); }
+  auto of(Index k) { return factor.middleCols(k * (width() + 1), width() + 1); }
+  // The mean motion over the experiments, as nominal_trajectory() has it.
+  Nominal nominal() const;
+};
+
+// Successive steps share a factorisation as in gtv_arx(). \throws std::invalid_argument unless 1 ≤ lags < T
+WindowFactors window_factors(const Ensemble& ensemble, Index lags, InitialState initial_state,
+                             const Execution& execution = {});
+
+// The factors of the experiments of both. \throws std::invalid_argument that names what differs, where they are not of
+// one kind
+void merge(WindowFactors& factors, const WindowFactors& others, const Execution& execution = {});
+
+// What regressions take of experiments: the windows of an ensemble, or fewer rows with the same products.
+class Windows {
+ public:
+  Windows(const Ensemble& ensemble);  // NOLINT(google-explicit-constructor): an ensemble has windows; refers to it
+  // Departures from a mean motion, where one is given. Refers to the factors.
+  explicit Windows(const WindowFactors& factors, const Nominal* nominal = nullptr);
+
+  Index experiments() const { return experiments_; }
+  Index steps() const { return steps_; }
+  Index inputs() const { return inputs_; }
+  Index outputs() const { return outputs_; }
+  Index channels() const { return inputs_ + outputs_; }
+
+  Index count(Index k, Index lags) const;  // N_k
+  // [v_{k-p} … v_k] (any number of rows × (p+1)·d). \throws std::invalid_argument for more lags than the factors have
+  void rows(Index k, Index lags, Matrix& rows) const;
+  Matrix rows(Index k, Index lags) const {
+    Matrix result;
+    rows(k, lags, result);
+    return result;
+  }
+  // Root mean squares of the channels over all experiments and steps, 1 for channels that are zero.
+  Vector channel_sizes() const;                           // (d)
+  const Ensemble* ensemble() const { return ensemble_; }  // null: there are factors only
+
+  double dt = 1.0;
+  Channels names;
+
+ private:
+  Index experiments_ = 0, steps_ = 0, inputs_ = 0, outputs_ = 0;
+  const Ensemble* ensemble_ = nullptr;
+  const WindowFactors* factors_ = nullptr;
+  Vector mean_;  // (T·d); empty: none
+  bool every_row_ = true;
+};
+
+}  // namespace tokid

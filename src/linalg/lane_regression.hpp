@@ -1,0 +1,41 @@
+// The regressions of many steps at once, one in each lane of the vector instructions: for windows so small that a
+// factorisation of one alone would spend its time on overhead.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "tokid/linalg.hpp"
+
+namespace tokid::linalg {
+
+// Least-squares problems of one shape, right = left · x, by Householder reflections. Problem l of a batch has its
+// samples `offset`·l entries behind those of problem 0, columns of `rows` entries `stride` apart, the left ones first.
+class LaneRegression {
+ public:
+  LaneRegression(Index rows, Index left, Index right);
+
+  static Index lanes();         // problems of a batch
+  static Index most_columns();  // left and right together
+
+  void run(const double* samples, Index stride, Index offset);
+
+  // Entries of problem l of the last batch.
+  // R = [R_ll R_lr; 0 R_rr], i ≤ j
+  double factor(Index l, Index i, Index j) const { return value(r_, packed(i, j), l); }
+  // R_ll⁻¹, i ≤ j; the columns of the left side have norm 1 in `condition`, ‖R_ll‖_F ‖R_ll⁻¹‖_F. Rank-deficient
+  // problems have none that is finite.
+  double inverse(Index l, Index i, Index j) const { return value(inverse_, packed(i, j), l); }
+  double condition(Index l) const { return value(condition_, 0, l); }
+  double x(Index l, Index i, Index j) const { return value(x_, j * left_ + i, l); }
+
+ private:
+  static Index packed(Index i, Index j) { return j * (j + 1) / 2 + i; }
+  double value(const double* list, Index entry, Index l) const { return list[entry * lanes_ + l]; }
+
+  Index rows_, left_, right_, lanes_, piece_;
+  std::vector<double> memory_;
+  double *work_, *r_, *inverse_, *condition_, *x_;
+};
+
+}  // namespace tokid::linalg
