@@ -309,6 +309,7 @@ class Planner {
     GtvArxOptions options;
     options.lags = {options_.lags};
     options.initial_state = unknown_ ? InitialState::unknown : InitialState::zero;
+    options.noise_shape = false;
     options.execution = {options_.execution.threads, {}};
     Ensemble e = design::response(*model_, inputs);
     if (options_.nominal) {

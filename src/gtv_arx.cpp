@@ -11,6 +11,32 @@
 
 namespace tokid {
 
+void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments) {
+  inputs = r;
+  outputs = m;
+  k_begin = 0;
+  step.assign(size_t(T), GtvArxStep{});
+  slot_ = lags_max * (r + m) + r;
+  shape_rows_ = noise_shape ? slot_ : 0;
+  coefficients_.setZero(m, T * slot_);
+  residual_cov_.setZero(m, T * m);
+  noise_shape_.setZero(shape_rows_, T * shape_rows_);
+  output_rms_.setZero(m, T);
+  leverages_.setZero(experiments, T);
+}
+
+void GtvArx::begin_at(Index k) {
+  k_begin = k;
+  std::fill_n(step.begin(), k, GtvArxStep{});
+  residual_cov_.leftCols(k * outputs).setZero();
+  output_rms_.leftCols(k).setZero();
+}
+
+void GtvArx::require_noise_shape() const {
+  if (!has_noise_shape())
+    throw std::invalid_argument("noise_shape: not stored with the regressions, needed for variances");
+}
+
 namespace {
 
 // Inverse norms of the columns; 1 for columns of zeros, which stay zero.
@@ -30,10 +56,10 @@ Vector leverages(const Matrix& w, const ConstMatrixRef& r_ww, Index rank) {
 }
 
 // The least-squares problem Y_k = W_k M_kᵀ (19) from its triangular factor, columns of W_k divided by 1 / `scales`.
-void solve(const ConstMatrixRef& r, const Vector& scales, Index outputs, const GtvArxOptions& options,
-           GtvArxStep& step) {
+void solve(const ConstMatrixRef& r, const Vector& scales, const GtvArxOptions& options, Index k, GtvArx& arx) {
   // r = [R_WW R_Wy; 0 R_yy]
-  const Index regressors = scales.size(), lead = std::min(r.rows(), regressors);
+  GtvArxStep& step = arx.step[size_t(k)];
+  const Index outputs = arx.outputs, regressors = scales.size(), lead = std::min(r.rows(), regressors);
   const auto r_ww = r.topLeftCorner(lead, regressors);
   const auto r_wy = r.topRightCorner(lead, outputs);
   const auto r_yy = r.bottomRightCorner(r.rows() - lead, outputs);
@@ -41,20 +67,19 @@ void solve(const ConstMatrixRef& r, const Vector& scales, Index outputs, const G
       linalg::triangular_minimum_norm(r_ww, r_wy, options.tolerance * std::sqrt(double(regressors)));
   step.rank = solution.rank;
   step.condition = solution.condition;
-  step.coefficients = (scales.asDiagonal() * solution.x).transpose();
-  step.noise_shape = scales.asDiagonal() * solution.inverse_t;
+  arx.coefficients(k) = (scales.asDiagonal() * solution.x).transpose();
+  if (options.noise_shape) arx.noise_shape(k) = scales.asDiagonal() * solution.inverse_t;
 
   step.freedom = std::max<Index>(0, step.rows - step.rank - options.spent);
-  step.residual_cov.setZero(outputs, outputs);
   if (step.freedom == 0) return;
   const Matrix unexplained = r_wy - r_ww * solution.x;  // beyond the numerical rank
-  step.residual_cov = (r_yy.transpose() * r_yy + unexplained.transpose() * unexplained) / double(step.freedom);
+  arx.residual_cov(k) = (r_yy.transpose() * r_yy + unexplained.transpose() * unexplained) / double(step.freedom);
 }
 
 // One step by itself, over the experiments without a gap.
-GtvArxStep regress(const Ensemble& ensemble, Index k, Index lags, bool every_row, const GtvArxOptions& options,
-                   Matrix& workspace) {
-  GtvArxStep step;
+void regress(const Ensemble& ensemble, Index k, Index lags, bool every_row, const GtvArxOptions& options,
+             Matrix& workspace, GtvArx& arx) {
+  GtvArxStep& step = arx.step[size_t(k)];
   step.lags = lags;
   const Index outputs = ensemble.outputs();
   const Index regressors = lags * ensemble.channels() + ensemble.inputs();
@@ -70,21 +95,20 @@ GtvArxStep regress(const Ensemble& ensemble, Index k, Index lags, bool every_row
   workspace.leftCols(regressors) *= scales.asDiagonal();
   Matrix scaled;
   if (options.leverages) scaled = workspace.leftCols(regressors);
-  step.output_rms = (workspace.rightCols(outputs).colwise().squaredNorm() / double(std::max<Index>(1, step.rows)))
-                        .cwiseSqrt()
-                        .transpose();
+  arx.output_rms(k) = (workspace.rightCols(outputs).colwise().squaredNorm() / double(std::max<Index>(1, step.rows)))
+                          .cwiseSqrt()
+                          .transpose();
   const Matrix r = linalg::triangular_factor(workspace);
-  solve(r, scales, outputs, options, step);
+  solve(r, scales, options, k, arx);
   if (options.leverages)
-    step.leverages = leverages(scaled, r.topLeftCorner(std::min(r.rows(), regressors), regressors), step.rank);
-  return step;
+    arx.leverages(k) = leverages(scaled, r.topLeftCorner(std::min(r.rows(), regressors), regressors), step.rank);
 }
 
 // The steps begin … end-1 from one factorisation of all their samples. A step has the oldest samples of its window
 // before all others but those of the steps before it; once these are dropped, their rows of the triangular factor are
 // absorbed by the rest of it.
 void regress_block(const Ensemble& ensemble, Index begin, Index end, Index lags, const GtvArxOptions& options,
-                   std::vector<GtvArxStep>& steps) {
+                   GtvArx& arx) {
   const Index d = ensemble.channels(), m = ensemble.outputs(), r = ensemble.inputs(), rows = ensemble.experiments();
   Index oldest = std::max<Index>(0, begin - lags);
   Matrix window = ensemble.samples().middleCols(oldest * d, (end - oldest) * d);
@@ -104,14 +128,14 @@ void regress_block(const Ensemble& ensemble, Index begin, Index end, Index lags,
       linalg::absorb_rows(factor.bottomRightCorner(rest, rest), dropped);
     }
     const Index from = oldest * d - origin, size = (k + 1 - oldest) * d;
-    GtvArxStep& step = steps[size_t(k)];
+    GtvArxStep& step = arx.step[size_t(k)];
     step.lags = k - oldest;
     step.rows = rows;
-    step.output_rms = norms.segment(from + size - m, m) / std::sqrt(double(rows));
+    arx.output_rms(k) = norms.segment(from + size - m, m) / std::sqrt(double(rows));
     Matrix own = factor.block(from, from, size, size);
     // Outputs in their own units.
     for (Index j = 0; j < m; ++j) own.col(size - m + j) /= scales(from + size - m + j);
-    solve(own, scales.segment(from, step.lags * d + r), m, options, step);
+    solve(own, scales.segment(from, step.lags * d + r), options, k, arx);
   }
 }
 
@@ -151,9 +175,10 @@ GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
   const auto lag_order = [&](Index k) { return options.lags[options.lags.size() == 1 ? 0 : static_cast<size_t>(k)]; };
 
   GtvArx arx;
-  arx.inputs = ensemble.inputs();
-  arx.outputs = ensemble.outputs();
-  arx.step.resize(static_cast<size_t>(steps));
+  Index lags_max = 0;
+  for (Index k = 0; k < steps; ++k) lags_max = std::max(lags_max, std::min(lag_order(k), k));
+  arx.resize(steps, ensemble.inputs(), ensemble.outputs(), lags_max, options.noise_shape,
+             options.leverages ? ensemble.experiments() : 0);
   const bool zero = options.initial_state == InitialState::zero;
   if (!zero) {
     // The regressions begin where every later step has its lags within the data.
@@ -175,7 +200,7 @@ GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
     parallel_for(0, blocks, options.execution, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
         const Index from = arx.k_begin + i * block;
-        regress_block(ensemble, from, std::min(steps, from + block), lag_order(0), options, arx.step);
+        regress_block(ensemble, from, std::min(steps, from + block), lag_order(0), options, arx);
       }
     });
     return arx;
@@ -183,7 +208,7 @@ GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
   parallel_for(arx.k_begin, steps, options.execution, [&](Index begin, Index end) {
     Matrix workspace;
     for (Index k = begin; k < end; ++k)
-      arx.step[static_cast<size_t>(k)] = regress(ensemble, k, std::min(lag_order(k), k), every_row, options, workspace);
+      regress(ensemble, k, std::min(lag_order(k), k), every_row, options, workspace, arx);
   });
   return arx;
 }

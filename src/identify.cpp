@@ -281,8 +281,7 @@ bool Pipeline::regress_each_step() {
   decide_initial_state();
   if (initial_ == InitialState::unknown) {
     // The regressions of the steps k ≥ p hold whatever the initial state is; the others are of no use.
-    arx_.k_begin = result_.lags;
-    std::fill_n(arx_.step.begin(), arx_.k_begin, GtvArxStep{});
+    arx_.begin_at(result_.lags);
   }
   warn_of_regressions();
   // Regressions that fit any data exactly are no sign of data without noise, unless somebody chose their order.
@@ -411,8 +410,8 @@ void Pipeline::regress_together() {
   arx_ = smooth_arx(data_, arx_options);
   double residual = 0.0, square = 0.0;
   for (Index k = arx_.k_begin; k < step_count(); ++k) {
-    residual += step(k).residual_cov.trace();
-    square += step(k).output_rms.squaredNorm();
+    residual += arx_.residual_cov(k).trace();
+    square += arx_.output_rms(k).squaredNorm();
   }
   // As many unknowns as windows leave no residual of any noise.
   const Index models = result_.variation.smoothing > 0 ? 1 : result_.variation.groups(data_.steps());
@@ -479,9 +478,9 @@ void Pipeline::decide_initial_state() {
   Index freedom = 0;
   for (Index k = p; k < std::min(last, p + std::max<Index>(10, 3 * p)); ++k) {
     freedom += step(k).freedom;
-    later += double(step(k).freedom) * step(k).residual_cov.diagonal();
+    later += double(step(k).freedom) * arx_.residual_cov(k).diagonal();
   }
-  for (Index k = 0; k < last; ++k) square = square.cwiseMax(step(k).output_rms.cwiseAbs2());
+  for (Index k = 0; k < last; ++k) square = square.cwiseMax(arx_.output_rms(k).cwiseAbs2());
   if (freedom > 0) later /= double(freedom);
   later = later.cwiseMax(arithmetic * arithmetic * square);
 
@@ -491,7 +490,7 @@ void Pipeline::decide_initial_state() {
     if (own <= 0) continue;
     for (Index j = 0; j < m; ++j) {
       if (!(later(j) > 0)) continue;
-      const double ratio = step(k).residual_cov(j, j) / later(j);
+      const double ratio = arx_.residual_cov(k)(j, j) / later(j);
       const double threshold =
           freedom > 0 ? statistics::f_quantile(1 - 0.001 / double(p * m), double(own), double(freedom)) : 1.0;
       // The pair that comes closest to, or goes furthest beyond, its threshold speaks for all.
@@ -522,7 +521,7 @@ Model Pipeline::model_of(const Markov& parameters, const HankelFactors& factors,
   model.names = data_.names;
   model.initial_state = initial_;
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
-    model.innovation_cov.push_back(step(k).residual_cov);
+    model.innovation_cov.push_back(arx_.residual_cov(k));
     model.condition.push_back(step(k).condition);
     model.rank.push_back(step(k).rank);
     model.lags.push_back(step(k).lags);
@@ -718,7 +717,7 @@ void Pipeline::warn_of_regressions() {
   double residual = 0.0, square = 0.0;
   Index freedom = 0;
   for (Index k = arx_.k_begin; k < step_count(); ++k) {
-    const Index regressors = step(k).coefficients.cols();
+    const Index regressors = arx_.regressors(k);
     result_.condition_max = std::max(result_.condition_max, step(k).condition);
     if (step(k).rank < regressors) ++result_.rank_deficient_steps;
     if (step(k).condition > ill_conditioned) ill.push_back(k);
@@ -727,8 +726,8 @@ void Pipeline::warn_of_regressions() {
     else if (step(k).rank < regressors && k >= result_.lags && inputs_dependent(data_, k, step(k).lags))
       unexcited.push_back(k);
     freedom += step(k).freedom;
-    residual += step(k).residual_cov.trace();
-    square += step(k).output_rms.squaredNorm();
+    residual += arx_.residual_cov(k).trace();
+    square += arx_.output_rms(k).squaredNorm();
   }
   result_.noisy = residual > arithmetic * arithmetic * square;
   if (!ill.empty())

@@ -15,8 +15,8 @@ namespace {
 constexpr double rounding = 8 * std::numeric_limits<double>::epsilon();
 
 // Variance of the innovation of each output (m).
-Vector innovation_variance(const GtvArxStep& step) {
-  return step.residual_cov.diagonal().cwiseMax((rounding * step.output_rms).cwiseAbs2());
+Vector innovation_variance(const GtvArx& arx, Index k) {
+  return arx.residual_cov(k).diagonal().cwiseMax((rounding * arx.output_rms(k)).cwiseAbs2());
 }
 
 // The column of Markov parameters that starts at step i: the answer of the ARX recursion to a pulse at i.
@@ -63,12 +63,11 @@ class PulseColumn {
   // h_{k,i} = M_k ω with ω the window that the pulse leaves behind, so to first order its variance is
   // Σ_e ωᵀ(W_kᵀW_k)⁺ω, on top of what the earlier parameters hand on.
   Matrix own_noise(Index k, Index i) {
-    const GtvArxStep& s = arx_.step[size_t(k)];
-    const Index r = arx_.inputs, m = arx_.outputs, d = r + m, gap = k - i;
-    auto omega = regressors_.topRows(s.lags * d + r);
+    const Index lags = arx_.step[size_t(k)].lags, r = arx_.inputs, m = arx_.outputs, d = r + m, gap = k - i;
+    auto omega = regressors_.topRows(lags * d + r);
     omega.setZero();
-    for (Index j = 1; j <= std::min(gap, s.lags); ++j) {
-      auto v = omega.middleRows((s.lags - j) * d, d);
+    for (Index j = 1; j <= std::min(gap, lags); ++j) {
+      auto v = omega.middleRows((lags - j) * d, d);
       if (j < gap) {
         v.bottomRows(m) = markov_.h(k - j, i);
       } else {
@@ -76,15 +75,16 @@ class PulseColumn {
         v.bottomRows(m) = arx_.D(i);
       }
     }
-    auto projected = projected_.topRows(s.noise_shape.cols());
-    projected.noalias() = s.noise_shape.transpose() * omega;
-    return innovation_variance(s) * projected.colwise().squaredNorm();
+    const GtvArx::View x = arx_.noise_shape(k);
+    auto projected = projected_.topRows(x.cols());
+    projected.noalias() = x.transpose() * omega;
+    return innovation_variance(arx_, k) * projected.colwise().squaredNorm();
   }
 
   // Variances of the entries of D_i (m × r).
   Matrix feedthrough_noise(Index i) const {
-    const GtvArxStep& s = arx_.step[size_t(i)];
-    return innovation_variance(s) * s.noise_shape.bottomRows(arx_.inputs).rowwise().squaredNorm().transpose();
+    return innovation_variance(arx_, i) *
+           arx_.noise_shape(i).bottomRows(arx_.inputs).rowwise().squaredNorm().transpose();
   }
 
   const GtvArx& arx_;
@@ -96,6 +96,7 @@ class PulseColumn {
 
 Markov markov(const GtvArx& arx, Index band, const Execution& execution) {
   if (band < 1) throw std::invalid_argument(fmt::format("band: {} found, at least 1 needed", band));
+  arx.require_noise_shape();
   const Index steps = arx.steps(), r = arx.inputs, m = arx.outputs;
   Markov result;
   result.inputs = r;

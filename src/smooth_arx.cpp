@@ -94,16 +94,14 @@ void check(const Ensemble& e, Index lags, const TimeVariation& v) {
 
 GtvArx smooth_arx(const Ensemble& e, const SmoothArxOptions& options) {
   check(e, options.lags, options.variation);
-  const Index p = options.lags, d = e.channels(), m = e.outputs(), steps = e.steps();
+  const Index p = options.lags, m = e.outputs(), steps = e.steps();
   const Vector scales = window_scales(e, p);
   const WindowFactors w = window_factors(e, options, scales, 0, steps);
   const std::vector<Matrix> x =
       random_walk_regression(w.factor, w.regressors, stiffness(w, options.variation.smoothing));
   GtvArx arx;
-  arx.inputs = e.inputs();
-  arx.outputs = m;
+  arx.resize(steps, e.inputs(), m, p, false);
   arx.k_begin = options.initial_state == InitialState::zero ? 0 : p;
-  arx.step.resize(size_t(steps));
 
   // Rows of each group, for the residual covariance that its steps share.
   std::vector<Index> rows(w.factor.size(), 0);
@@ -113,11 +111,11 @@ GtvArx smooth_arx(const Ensemble& e, const SmoothArxOptions& options) {
     GtvArxStep& step = arx.step[size_t(k)];
     step.lags = std::min(p, k);
     step.rows = w.rows[size_t(k)];
-    const Matrix coefficients = (scales.head(w.regressors).asDiagonal() * x[g]).transpose();
-    step.coefficients = coefficients.rightCols(step.lags * d + e.inputs());
+    const Index own = arx.regressors(k);  // the last of the rows of x
+    arx.coefficients(k) = (scales.segment(w.regressors - own, own).asDiagonal() * x[g].bottomRows(own)).transpose();
     const double count = double(std::max<Index>(1, rows[g]));
-    step.residual_cov = residual_square(w.factor[g], x[g]) / count;
-    step.output_rms = (w.factor[g].rightCols(m).colwise().squaredNorm() / count).cwiseSqrt().transpose();
+    arx.residual_cov(k) = residual_square(w.factor[g], x[g]) / count;
+    arx.output_rms(k) = (w.factor[g].rightCols(m).colwise().squaredNorm() / count).cwiseSqrt().transpose();
   }
   return arx;
 }

@@ -105,8 +105,7 @@ std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
   const bool pooled = o.variation.smoothing > 0 || o.variation.period > 0 || !o.noisy;
   Matrix covariance = Matrix::Zero(m, m);
   for (Index k = arx.k_begin; k < arx.steps(); ++k) {
-    const GtvArxStep& s = arx.step[size_t(k)];
-    const Matrix own = o.noisy ? s.residual_cov : Matrix(s.output_rms.cwiseAbs2().asDiagonal());
+    const Matrix own = o.noisy ? Matrix(arx.residual_cov(k)) : Matrix(arx.output_rms(k).cwiseAbs2().asDiagonal());
     if (pooled)
       covariance += own / double(arx.steps());
     else
@@ -126,7 +125,7 @@ Matrix predictor(const Steps& steps, const GtvArx& arx, const std::vector<Matrix
     const GtvArxStep& s = arx.step[size_t(k)];
     auto row = result.middleRows(a * m, m);
     const Index lags = s.lags - a;  // those that reach back beyond the a samples since
-    if (lags > 0) row.middleCols((p - lags) * d, lags * d) = s.coefficients.leftCols(lags * d);
+    if (lags > 0) row.middleCols((p - lags) * d, lags * d) = arx.coefficients(k).leftCols(lags * d);
     if (weighting == Weighting::many_steps)
       for (Index j = 1; j <= std::min(a, s.lags); ++j)
         row += arx.output_block(k, j) * result.middleRows((a - j) * m, m);

@@ -35,11 +35,10 @@ Matrix carried_variances(const GtvArx& arx, Index k, Index first) {
   uncertainty::run_backwards(arx, first, k + 1, transposed);
   Matrix carried(m, k - first + 1);
   for (Index s = first; s <= k; ++s) {
-    const GtvArxStep& step = arx.step[size_t(s)];
     const Matrix& w = transposed[size_t(s - first)];
     auto column = carried.col(s - first);
-    if (step.freedom > 0)
-      column = (w.transpose() * uncertainty::innovation_cov(step)).cwiseProduct(w.transpose()).rowwise().sum();
+    if (arx.step[size_t(s)].freedom > 0)
+      column = (w.transpose() * uncertainty::innovation_cov(arx, s)).cwiseProduct(w.transpose()).rowwise().sum();
     else
       column = (w.array() != 0).colwise().any().transpose().select(Vector::Constant(m, inf), 0.0);
   }
@@ -69,8 +68,7 @@ Pulse pulse(const GtvArx& arx, Index i, Index band) {
   Pulse result{Matrix((end - i) * m, r), Matrix(end - i, r)};
   for (Index k = i; k < end; ++k) {
     result.response.middleRows((k - i) * m, m) = uncertainty::output(arx, rows, k).transpose();
-    result.leverages.row(k - i) =
-        uncertainty::leverages(arx.step[size_t(k)], uncertainty::window(arx, rows, k)).transpose();
+    result.leverages.row(k - i) = uncertainty::leverages(arx, k, uncertainty::window(arx, rows, k)).transpose();
   }
   return result;
 }
@@ -100,6 +98,7 @@ Interval with_gaps(Interval interval) {
 
 MarkovBounds markov_bounds(const GtvArx& arx, Index band, const BoundsOptions& options) {
   if (band < 1) throw std::invalid_argument(fmt::format("band: {} found, at least 1 needed", band));
+  arx.require_noise_shape();
   const StudentT t(options.level);
   const Index steps = arx.steps(), r = arx.inputs, m = arx.outputs;
   MarkovBounds result{r, m, std::min(band, std::max<Index>(1, steps - 1)), arx.k_begin, {}};
@@ -138,6 +137,7 @@ MarkovBounds markov_bounds(const GtvArx& arx, Index band, const BoundsOptions& o
 
 OutputBounds simulation_bounds(const GtvArx& arx, const Ensemble& data, const SimulationBoundsOptions& options) {
   check_channels(arx, data);
+  arx.require_noise_shape();
   const StudentT t(options.level);
   const Index steps = data.steps(), m = arx.outputs, experiments = data.experiments();
   Rows rows(arx, experiments, 0, 0);
@@ -146,9 +146,8 @@ OutputBounds simulation_bounds(const GtvArx& arx, const Ensemble& data, const Si
   Matrix leverages(steps, experiments);
   parallel_for(arx.k_begin, steps, {options.execution.threads, {}}, [&](Index begin, Index end) {
     for (Index s = begin; s < end; ++s) {
-      const GtvArxStep& step = arx.step[size_t(s)];
-      leverages.row(s) = uncertainty::leverages(step, uncertainty::window(arx, rows, s)).transpose().array() +
-                         nominal_leverage(step) + (options.noise ? 1.0 : 0.0);
+      leverages.row(s) = uncertainty::leverages(arx, s, uncertainty::window(arx, rows, s)).transpose().array() +
+                         nominal_leverage(arx.step[size_t(s)]) + (options.noise ? 1.0 : 0.0);
     }
   });
   OutputBounds result;
@@ -171,6 +170,7 @@ OutputBounds simulation_bounds(const GtvArx& arx, const Ensemble& data, const Si
 
 OutputBounds prediction_bounds(const GtvArx& arx, const Ensemble& data, const BoundsOptions& options) {
   check_channels(arx, data);
+  arx.require_noise_shape();
   const StudentT t(options.level);
   const Index steps = data.steps(), m = arx.outputs, experiments = data.experiments();
   OutputBounds result;
@@ -179,14 +179,14 @@ OutputBounds prediction_bounds(const GtvArx& arx, const Ensemble& data, const Bo
     for (Index k = begin; k < end; ++k) {
       const GtvArxStep& step = arx.step[size_t(k)];
       const auto windows = data.window(k, step.lags);
-      const Vector leverages = uncertainty::leverages(step, windows).array() + nominal_leverage(step) + 1.0;
+      const Vector leverages = uncertainty::leverages(arx, k, windows).array() + nominal_leverage(step) + 1.0;
       const Matrix carried = carried_variances(arx, k, k);
       Variance variance(m, experiments);
       for (Index n = 0; n < experiments; ++n)
         add(leverages(n), carried.col(0), step.freedom, variance.sum.col(n), variance.spread.col(n));
       variance.sum.transposeInPlace();
       variance.spread.transposeInPlace();
-      result.step[size_t(k)] = with_gaps(uncertainty::interval(windows * step.coefficients.transpose(), variance, t));
+      result.step[size_t(k)] = with_gaps(uncertainty::interval(windows * arx.coefficients(k).transpose(), variance, t));
     }
   });
   return result;

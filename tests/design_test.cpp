@@ -336,7 +336,7 @@ TEST(Design, ErrorsUnderNoiseAreAsForecast) {
       const GtvArx arx = gtv_arx(data, how);
       Matrix error(truth.rows(), 2);
       for (Index k = 2, row = 0; k < 80; ++k) {
-        residuals += arx.step[size_t(k)].residual_cov.trace();
+        residuals += arx.residual_cov(k).trace();
         outputs += data.output(k).squaredNorm() / double(experiments);
         for (Index i = k - 2; i <= k; ++i, row += 2) {
           // The answer of the regression to a pulse at step i: inputs 1, outputs as the system gives them.
@@ -345,7 +345,7 @@ TEST(Design, ErrorsUnderNoiseAreAsForecast) {
           for (Index j = i; j < k; ++j)
             window.middleRows((j - k + 2) * 4 + 2, 2) = j == i ? system.D[size_t(i)] : pulse_response(system, j, i);
           truth.middleRows(row, 2) = i == k ? system.D[size_t(k)] : pulse_response(system, k, i);
-          error.middleRows(row, 2) = arx.step[size_t(k)].coefficients * window - truth.middleRows(row, 2);
+          error.middleRows(row, 2) = arx.coefficients(k) * window - truth.middleRows(row, 2);
         }
       }
       mean += error / double(repetitions);

@@ -33,11 +33,11 @@ TEST(GtvArx, ExplainsNoiseFreeDataCompletely) {
         EXPECT_EQ(s.lags, std::min(p, k));
         EXPECT_EQ(s.rows, n);
         // Least-squares residuals are rounding errors of the outputs, whatever the condition of the window.
-        const Matrix residual = e.output(k) - e.window(k, s.lags) * s.coefficients.transpose();
+        const Matrix residual = e.output(k) - e.window(k, s.lags) * arx.coefficients(k).transpose();
         EXPECT_LE(residual.norm(), 1e4 * epsilon * e.output(k).norm()) << name(size) << " k " << k;
         // Rank: the inputs and the states they reached (math.md 2).
         EXPECT_LE(s.rank, size.r * (s.lags + 1) + size.n);
-        EXPECT_NEAR(s.leverages.sum(), double(s.rank), 1e-8);  // the trace of a projector
+        EXPECT_NEAR(arx.leverages(k).sum(), double(s.rank), 1e-8);  // the trace of a projector
       }
     }
 }
@@ -70,7 +70,7 @@ TEST(GtvArx, MinimumNormSolutionIsThatOfThePseudoInverseInScaledColumns) {
     w *= norms.cwiseInverse().asDiagonal();
     const Matrix expected =
         (norms.cwiseInverse().asDiagonal() * (linalg::pseudo_inverse(w, 1e-11) * e.output(k))).transpose();
-    EXPECT_LE((s.coefficients - expected).norm(), 1e-9 * expected.norm()) << k;
+    EXPECT_LE((arx.coefficients(k) - expected).norm(), 1e-9 * expected.norm()) << k;
   }
 }
 
@@ -85,7 +85,7 @@ TEST(GtvArx, LagOrderMayDifferPerStep) {
     EXPECT_EQ(arx.step[size_t(k)].lags, p);
     GtvArxOptions alone;
     alone.lags = {std::max<Index>(1, p)};
-    EXPECT_EQ(arx.step[size_t(k)].coefficients, gtv_arx(e, alone).step[size_t(k)].coefficients);
+    EXPECT_EQ(arx.coefficients(k), gtv_arx(e, alone).coefficients(k));
   }
 }
 
@@ -97,10 +97,10 @@ TEST(GtvArx, UnknownInitialStatesLeaveTheStepsFromPOnExact) {
   options.initial_state = InitialState::unknown;
   const GtvArx arx = gtv_arx(e, options);
   EXPECT_EQ(arx.k_begin, 2);
-  EXPECT_EQ(arx.step[1].coefficients.size(), 0);
+  EXPECT_EQ(arx.coefficients(1).size(), 0);
   for (Index k = 2; k < 15; ++k) {
-    const GtvArxStep& s = arx.step[size_t(k)];
-    EXPECT_LE((e.output(k) - e.window(k, 2) * s.coefficients.transpose()).norm(), 1e4 * epsilon * e.output(k).norm());
+    EXPECT_LE((e.output(k) - e.window(k, 2) * arx.coefficients(k).transpose()).norm(),
+              1e4 * epsilon * e.output(k).norm());
   }
 }
 
@@ -119,7 +119,7 @@ TEST(GtvArx, MissingSamplesRemoveTheRowsOfTheStepsTheyTouchAndNothingElse) {
   for (Index k = 0; k < 12; ++k) {
     const bool touched = k >= 6 && k <= 8;
     EXPECT_EQ(with_holes.step[size_t(k)].rows, touched ? 23 : 25) << k;
-    EXPECT_EQ(with_holes.step[size_t(k)].coefficients, (touched ? without : whole).step[size_t(k)].coefficients) << k;
+    EXPECT_EQ(with_holes.coefficients(k), (touched ? without : whole).coefficients(k)) << k;
   }
 }
 
@@ -130,11 +130,11 @@ TEST(GtvArx, LeveragesAreTheDiagonalOfTheProjector) {
   options.lags = {4};
   options.leverages = true;
   for (const Ensemble& e : {noisy, clean}) {  // full rank, rank deficient
-    const GtvArxStep s = gtv_arx(e, options).step[6];
+    const GtvArx arx = gtv_arx(e, options);
     Matrix w = e.window(6, 4);
     w *= Vector(w.colwise().norm().cwiseInverse()).asDiagonal();
     const Vector expected = (w * linalg::pseudo_inverse(w, 1e-11)).diagonal();
-    EXPECT_LE((s.leverages - expected).norm(), 1e-9);
+    EXPECT_LE((arx.leverages(6) - expected).norm(), 1e-9);
   }
 }
 
@@ -142,11 +142,11 @@ TEST(GtvArx, FewerExperimentsThanUnknownsAreInterpolatedAndSaySo) {
   const Ensemble e = with_noise(random_experiments(random_system({2, 1, 1}, 8, 1.0, 19), 4, 20), 0.1, 21);
   GtvArxOptions options;
   options.lags = {3};
-  const GtvArxStep s = gtv_arx(e, options).step[5];
-  EXPECT_EQ(s.rank, 4);
-  EXPECT_EQ(s.freedom, 0);
-  EXPECT_EQ(s.residual_cov.norm(), 0.0);
-  EXPECT_LE((e.output(5) - e.window(5, 3) * s.coefficients.transpose()).norm(), 1e-10);
+  const GtvArx arx = gtv_arx(e, options);
+  EXPECT_EQ(arx.step[5].rank, 4);
+  EXPECT_EQ(arx.step[5].freedom, 0);
+  EXPECT_EQ(arx.residual_cov(5).norm(), 0.0);
+  EXPECT_LE((e.output(5) - e.window(5, 3) * arx.coefficients(5).transpose()).norm(), 1e-10);
 }
 
 // residual_cov ⊗ X Xᵀ is the covariance of the coefficients: over 400 noise realisations of a fixed window the scaled
@@ -156,16 +156,16 @@ TEST(GtvArx, CoefficientCovarianceIsThatOfRepeatedNoise) {
   const Ensemble clean = random_experiments(random_system({2, 1, 1}, 8, 1.0, 22), 30, 23);
   GtvArxOptions options;
   options.lags = {p};
-  const GtvArxStep truth = gtv_arx(clean, options).step[size_t(k)];
-  Vector sum = Vector::Zero(truth.coefficients.cols());
+  const Matrix truth = gtv_arx(clean, options).coefficients(k);
+  Vector sum = Vector::Zero(truth.cols());
   const Index runs = 400;
   Random random(24);
   for (Index run = 0; run < runs; ++run) {
     Ensemble e = clean;
     e.output(k) += 0.5 * random.matrix(30, 1);  // noise on the output of the step alone keeps its window
-    const GtvArxStep s = gtv_arx(e, options).step[size_t(k)];
-    const Vector variance = 0.25 * s.noise_shape.rowwise().squaredNorm();
-    sum += ((s.coefficients - truth.coefficients).transpose().array().square() / variance.array()).matrix();
+    const GtvArx arx = gtv_arx(e, options);
+    const Vector variance = 0.25 * arx.noise_shape(k).rowwise().squaredNorm();
+    sum += ((arx.coefficients(k) - truth).transpose().array().square() / variance.array()).matrix();
   }
   for (const double mean : sum / double(runs)) EXPECT_NEAR(mean, 1.0, 5 * std::sqrt(2.0 / double(runs)));
 }
@@ -202,12 +202,13 @@ TEST(GtvArx, StepsThatShareAFactorisationHaveTheRegressionsThatTheyHaveAlone) {
         const GtvArxStep &a = shared.step[size_t(k)], &b = alone.step[size_t(k)];
         ASSERT_EQ(std::tuple(a.lags, a.rows, a.freedom, a.rank), std::tuple(b.lags, b.rows, b.freedom, b.rank));
         // Rounding errors of two backward stable factorisations, in units of the condition.
-        const double tolerance = 1e2 * epsilon * double(b.coefficients.cols()) * b.condition;
+        const double tolerance = 1e2 * epsilon * double(alone.regressors(k)) * b.condition;
         EXPECT_NEAR(a.condition / b.condition, 1.0, tolerance);
-        EXPECT_LE((a.coefficients - b.coefficients).norm(), tolerance * b.coefficients.norm());
-        EXPECT_LE((a.residual_cov - b.residual_cov).norm(), tolerance * 1e6);
-        EXPECT_LE((a.output_rms - b.output_rms).norm(), tolerance * b.output_rms.norm());
-        const Matrix x = a.noise_shape * a.noise_shape.transpose(), y = b.noise_shape * b.noise_shape.transpose();
+        EXPECT_LE((shared.coefficients(k) - alone.coefficients(k)).norm(), tolerance * alone.coefficients(k).norm());
+        EXPECT_LE((shared.residual_cov(k) - alone.residual_cov(k)).norm(), tolerance * 1e6);
+        EXPECT_LE((shared.output_rms(k) - alone.output_rms(k)).norm(), tolerance * alone.output_rms(k).norm());
+        const Matrix x = shared.noise_shape(k) * shared.noise_shape(k).transpose();
+        const Matrix y = alone.noise_shape(k) * alone.noise_shape(k).transpose();
         EXPECT_LE((x - y).norm(), tolerance * b.condition * y.norm());
       }
     }
@@ -226,7 +227,7 @@ TEST(GtvArx, SharedFactorisationsAreBackwardStable) {
       const GtvArx arx = gtv_arx(e, o);
       for (Index k = 0; k < steps; ++k) {
         const Matrix w = e.window(k, std::min<Index>(4, k)), y = e.output(k);
-        const Matrix& coefficients = arx.step[size_t(k)].coefficients;
+        const GtvArx::View coefficients = arx.coefficients(k);
         const double size = w.norm() * coefficients.norm() + y.norm(), unit = epsilon * double(steps * (r + m));
         const Matrix residual = y - w * coefficients.transpose();
         EXPECT_LE((w.transpose() * residual).norm(), 10 * unit * w.norm() * size) << apart << " " << block << " " << k;
@@ -246,13 +247,64 @@ TEST(GtvArx, SharedFactorisationsHaveTheSameBitsForAnyNumberOfThreads) {
   for (const int threads : {2, 3, 8}) {
     o.execution.threads = threads;
     const GtvArx more = gtv_arx(e, o);
-    for (size_t k = 0; k < 40; ++k) {
-      EXPECT_EQ(more.step[k].coefficients, one.step[k].coefficients);
-      EXPECT_EQ(more.step[k].residual_cov, one.step[k].residual_cov);
+    for (Index k = 0; k < 40; ++k) {
+      EXPECT_EQ(more.coefficients(k), one.coefficients(k));
+      EXPECT_EQ(more.residual_cov(k), one.residual_cov(k));
     }
   }
   o.block = -1;
   EXPECT_THROW(gtv_arx(e, o), std::invalid_argument);
+}
+
+TEST(GtvArx, ViewsHaveTheShapesOfTheirSteps) {
+  constexpr Index steps = 9, r = 2, m = 3, d = r + m, experiments = 40;
+  const Ensemble e = random_samples(experiments, steps, r, m, 8);
+  GtvArxOptions o;
+  o.lags = {3};
+  const GtvArx lean = gtv_arx(e, {.lags = {3}, .noise_shape = false});
+  GtvArx arx = gtv_arx(e, o);
+  EXPECT_TRUE(arx.has_noise_shape());
+  EXPECT_FALSE(lean.has_noise_shape());
+  EXPECT_THROW(lean.require_noise_shape(), std::invalid_argument);
+  for (Index k = 0; k < steps; ++k) {
+    const Index lags = std::min<Index>(3, k), regressors = lags * d + r;
+    EXPECT_EQ(arx.regressors(k), regressors);
+    EXPECT_EQ(std::pair(arx.coefficients(k).rows(), arx.coefficients(k).cols()), std::pair(m, regressors));
+    EXPECT_EQ(std::pair(arx.residual_cov(k).rows(), arx.residual_cov(k).cols()), std::pair(m, m));
+    EXPECT_EQ(std::pair(arx.noise_shape(k).rows(), arx.noise_shape(k).cols()),
+              std::pair(regressors, arx.step[size_t(k)].rank));
+    EXPECT_EQ(arx.output_rms(k).size(), m);
+    EXPECT_EQ(arx.leverages(k).size(), 0);
+    EXPECT_EQ(arx.D(k), arx.coefficients(k).rightCols(r));
+    for (Index j = 1; j <= lags; ++j) {
+      EXPECT_EQ(arx.input_block(k, j), arx.coefficients(k).middleCols((lags - j) * d, r));
+      EXPECT_EQ(arx.output_block(k, j), arx.coefficients(k).middleCols((lags - j) * d + r, m));
+    }
+    // Without noise shapes all else is the same.
+    EXPECT_EQ(std::pair(lean.noise_shape(k).rows(), lean.noise_shape(k).cols()), std::pair(regressors, Index(0)));
+    EXPECT_EQ(lean.coefficients(k), arx.coefficients(k));
+    EXPECT_EQ(lean.residual_cov(k), arx.residual_cov(k));
+    EXPECT_EQ(lean.output_rms(k), arx.output_rms(k));
+  }
+  o.leverages = true;
+  EXPECT_EQ(gtv_arx(e, o).leverages(4).size(), experiments);
+
+  const GtvArx copy = arx;
+  const Matrix coefficients = arx.coefficients(5), shape = arx.noise_shape(5);
+  arx.coefficients(5).setZero();
+  arx.noise_shape(5).setZero();
+  EXPECT_EQ(copy.coefficients(5), coefficients);
+  EXPECT_EQ(copy.noise_shape(5), shape);
+
+  arx = copy;
+  arx.begin_at(3);
+  EXPECT_EQ(arx.k_begin, 3);
+  for (Index k = 0; k < steps; ++k) {
+    EXPECT_EQ(arx.coefficients(k).cols(), k < 3 ? 0 : 3 * d + r);
+    EXPECT_EQ(arx.noise_shape(k).size() > 0, k >= 3);
+    EXPECT_EQ(arx.residual_cov(k), k < 3 ? Matrix(Matrix::Zero(m, m)) : Matrix(copy.residual_cov(k)));
+    EXPECT_EQ(arx.step[size_t(k)].rows, k < 3 ? 0 : experiments);
+  }
 }
 
 TEST(GtvArx, RefusesLagOrdersThatMakeNoSense) {
@@ -290,8 +342,8 @@ TEST(LagOrder, LeaveOneOutErrorsAreThoseOfRefitting) {
           if (n != out) rest.push_back(n);
         GtvArxOptions arx_options;
         arx_options.lags = {p};
-        const GtvArxStep fit = gtv_arx(e.subset(rest), arx_options).step[size_t(k)];
-        sum += std::pow(e.y(out, k, 0) - (e.window(k, p).row(out) * fit.coefficients.transpose())(0), 2);
+        const GtvArx fit = gtv_arx(e.subset(rest), arx_options);
+        sum += std::pow(e.y(out, k, 0) - (e.window(k, p).row(out) * fit.coefficients(k).transpose())(0), 2);
       }
       EXPECT_NEAR(errors.error(Index(s), p - 1), std::log(sum / e.output(k).squaredNorm()), 1e-9) << k << " " << p;
     }

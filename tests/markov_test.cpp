@@ -12,25 +12,19 @@ namespace {
 // The GTV-ARX model that a known system with deadbeat gains obeys, written down from (13), (15).
 GtvArx arx_of(const Model& model, Index lags) {
   GtvArx arx;
-  arx.inputs = model.inputs;
-  arx.outputs = model.outputs;
+  arx.resize(model.steps(), model.inputs, model.outputs, lags, true);
   for (Index k = 0; k < model.steps(); ++k) {
-    GtvArxStep s;
-    s.lags = std::min(lags, k);
-    s.coefficients.resize(model.outputs, s.lags * (model.inputs + model.outputs) + model.inputs);
-    s.coefficients.rightCols(model.inputs) = model.D[size_t(k)];
+    const Index own = arx.step[size_t(k)].lags = std::min(lags, k);
+    Eigen::Map<Matrix> coefficients = arx.coefficients(k);
+    coefficients.rightCols(model.inputs) = model.D[size_t(k)];
     Matrix row = model.C[size_t(k)];  // C_k Ā_{k-1} … Ā_{k-j+1}
-    for (Index j = 1; j <= s.lags; ++j) {
+    for (Index j = 1; j <= own; ++j) {
       const size_t i = size_t(k - j);
-      const Index at = (s.lags - j) * (model.inputs + model.outputs);
-      s.coefficients.middleCols(at, model.inputs) = row * (model.B[i] + model.G[i] * model.D[i]);
-      s.coefficients.middleCols(at + model.inputs, model.outputs) = -row * model.G[i];
+      const Index at = (own - j) * (model.inputs + model.outputs);
+      coefficients.middleCols(at, model.inputs) = row * (model.B[i] + model.G[i] * model.D[i]);
+      coefficients.middleCols(at + model.inputs, model.outputs) = -row * model.G[i];
       row = row * model.closed_loop(k - j);
     }
-    s.residual_cov.setZero(model.outputs, model.outputs);
-    s.output_rms.setZero(model.outputs);
-    s.noise_shape.setZero(s.coefficients.cols(), 0);
-    arx.step.push_back(std::move(s));
   }
   return arx;
 }
@@ -68,6 +62,9 @@ TEST(Markov, KeepsTheBandAndNothingElse) {
   }
   EXPECT_EQ(markov(arx_of(model, 2), 1000).band, 49);  // no more than the steps can tell
   EXPECT_THROW(markov(arx_of(model, 2), 0), std::invalid_argument);
+  GtvArx lean;
+  lean.resize(3, 1, 1, 1, false);
+  EXPECT_THROW(markov(lean, 2), std::invalid_argument);  // no noise shapes
 }
 
 // With a single lag h_{k,k-1} is linear in the coefficients of two steps, and its first-order variance is exact: over
@@ -85,7 +82,7 @@ TEST(Markov, VarianceIsThatOfRepeatedNoise) {
     e.output(k) += sigma * random.matrix(40, 1);
     const GtvArx arx = gtv_arx(e);
     const Markov parameters = markov(arx, 3);
-    const double variance = parameters.h_noise(k, k - 1)(0, 0) * sigma * sigma / arx.step[size_t(k)].residual_cov(0, 0);
+    const double variance = parameters.h_noise(k, k - 1)(0, 0) * sigma * sigma / arx.residual_cov(k)(0, 0);
     sum += std::pow(parameters.h(k, k - 1)(0, 0) - truth(0, 0), 2) / variance;
   }
   EXPECT_NEAR(sum / double(runs), 1.0, 5 * std::sqrt(2.0 / double(runs)));

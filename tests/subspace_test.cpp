@@ -267,7 +267,7 @@ TEST(Subspace, FactorsSplitThePredictor) {
     ASSERT_EQ(factors.group.size(), 30u);
     // The first block row weighs the regression itself: the same map of the past, and the same with both weightings.
     const PredictorFactor& f = factors.group[12];
-    const Matrix expected = linalg::whitener(arx.step[12].residual_cov) * arx.step[12].coefficients.leftCols(4 * 4);
+    const Matrix expected = linalg::whitener(arx.residual_cov(12)) * arx.coefficients(12).leftCols(4 * 4);
     EXPECT_LE((f.observability.topRows(2) * f.state - expected).norm(), 1e-10 * expected.norm());
     // State samples have the covariance diag(σ).
     Matrix z(60, 16);

@@ -18,10 +18,10 @@ TEST(Uncertainty, EigenvalueGradientsAreThoseOfTheWholeChain) {
     const Model system = turning_system(size, steps, 3);
     GtvArx exact = regressions(random_experiments(system, 40, 4), p);
     const TveraOptions o = blocks(p + 1, size.n + 1, size.n);
-    for (GtvArxStep& s : exact.step) {
-      s.residual_cov.setZero();
-      s.output_rms.setZero();
-      s.freedom = 10;
+    for (Index k = 0; k < exact.steps(); ++k) {
+      exact.residual_cov(k).setZero();
+      exact.output_rms(k).setZero();
+      exact.step[size_t(k)].freedom = 10;
     }
     Random random(5);
     ClosedLoopOptions options;
@@ -31,16 +31,15 @@ TEST(Uncertainty, EigenvalueGradientsAreThoseOfTheWholeChain) {
     for (int trial = 0; trial < 60; ++trial) {
       const Index s = Index(random.uniform(1, double(steps)));
       GtvArx arx = exact;
-      GtvArxStep& step = arx.step[size_t(s)];
       const Index row = Index(random.uniform(0, double(size.m)));
-      const Index col = Index(random.uniform(0, double(step.coefficients.cols())));
-      step.residual_cov(row, row) = noise * noise;
-      step.noise_shape.setZero(step.coefficients.cols(), 1);
-      step.noise_shape(col, 0) = 1;
+      const Index col = Index(random.uniform(0, double(arx.regressors(s))));
+      arx.residual_cov(s)(row, row) = noise * noise;
+      arx.step[size_t(s)].rank = 1;
+      arx.noise_shape(s) = Vector::Unit(arx.regressors(s), col);
       const SpectrumBounds bounds = closed_loop_bounds(arx, realised(arx, o), o, options);
       const double h = 1e-6;
       const auto spectrum = [&](double change) {
-        arx.step[size_t(s)].coefficients(row, col) = exact.step[size_t(s)].coefficients(row, col) + change;
+        arx.coefficients(s)(row, col) = exact.coefficients(s)(row, col) + change;
         return closed_loop_spectrum(realised(arx, o), options);
       };
       const Spectrum up = spectrum(h), down = spectrum(-h);
@@ -467,6 +466,11 @@ TEST(Uncertainty, WrongOptionsAreRefused) {
     EXPECT_THROW(confidence(identify(data).model, data, options), std::invalid_argument);
   }
   EXPECT_THROW(markov_bounds(arx, 0), std::invalid_argument);
+  const GtvArx lean = gtv_arx(data, {.lags = {2}, .noise_shape = false});
+  EXPECT_THROW(markov_bounds(lean, 3), std::invalid_argument);
+  EXPECT_THROW(prediction_bounds(lean, data), std::invalid_argument);
+  EXPECT_THROW(simulation_bounds(lean, data), std::invalid_argument);
+  EXPECT_THROW(closed_loop_bounds(lean, model, blocks(3, 3, 2)), std::invalid_argument);
   EXPECT_THROW(simulation_bounds(arx, Ensemble(3, 8, 2, 1)), std::invalid_argument);
   EXPECT_THROW(simulation_bounds(arx, Ensemble(3, 9, 1, 1)), std::invalid_argument);
   EXPECT_THROW(closed_loop_bounds(arx, turning_system({2, 2, 1}, 8, 3), blocks(3, 3, 2)), std::invalid_argument);

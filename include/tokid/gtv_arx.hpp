@@ -16,30 +16,81 @@ struct GtvArxStep {
   Index freedom = 0;     // degrees of freedom left: N_k - rank, less those spent beforehand
   Index rank = 0;        // numerical rank of W_k with columns scaled to norm 1
   double condition = 0;  // condition number of the same (Frobenius norms; of its part of rank `rank`)
-  Matrix coefficients;   // M_k (m × L_k), columns as in W_k = [v_{k-p} … v_{k-1} u_k]                 (18)
-  Matrix residual_cov;   // (m × m): EᵀE / freedom; zero where no degree of freedom is left
-  Matrix noise_shape;    // X (L_k × rank) with X·Xᵀ = (W_kᵀW_k)⁺: the covariance of the coefficients is
-                         // residual_cov ⊗ X·Xᵀ
-  Vector output_rms;     // (m): root mean square of y_k over the experiments used
-  Vector leverages;      // (N_k): diagonal of W_k W_k⁺, for exact leave-one-out errors; empty unless asked for
 };
 
-struct GtvArx {
+// The matrices of all steps lie side by side, in slots for the largest lag order: an access is a view of its slot.
+class GtvArx {
+ public:
+  using View = Eigen::Map<const Matrix>;
+  using VectorView = Eigen::Map<const Vector>;
+
   Index inputs = 0, outputs = 0;
   Index k_begin = 0;             // first step with a regression: 0, or p where initial states are unknown
   std::vector<GtvArxStep> step;  // (T), default-constructed below k_begin
 
+  // T steps of r inputs and m outputs, of `lags_max` lags at most, with zeros in all that is below. What `noise_shape`
+  // and `experiments`, the largest N_k, leave out is not stored: noise shapes, leverages.
+  void resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments = 0);
+  // Takes the regressions of the steps before k away.
+  void begin_at(Index k);
+
   Index steps() const { return static_cast<Index>(step.size()); }
-  auto D(Index k) const { return step[size_t(k)].coefficients.rightCols(inputs); }  // (m × r)
+  Index regressors(Index k) const {  // L_k; 0 without a regression
+    return k < k_begin ? 0 : step[size_t(k)].lags * (inputs + outputs) + inputs;
+  }
+
+  // M_k (m × L_k), columns as in W_k = [v_{k-p} … v_{k-1} u_k]                                       (18)
+  View coefficients(Index k) const { return columns(k, 0, regressors(k)); }
+  Eigen::Map<Matrix> coefficients(Index k) {
+    return {coefficients_.data() + k * slot_ * outputs, outputs, regressors(k)};
+  }
+  View D(Index k) const { return columns(k, step[size_t(k)].lags * (inputs + outputs), inputs); }  // (m × r)
   // h̄¹_{k,k-j} (m × r) and -h̄²_{k,k-j} (m × m), 1 ≤ j ≤ p_k, as they stand in M_k                     (15)
-  auto input_block(Index k, Index j) const {
-    const GtvArxStep& s = step[size_t(k)];
-    return s.coefficients.middleCols((s.lags - j) * (inputs + outputs), inputs);
+  View input_block(Index k, Index j) const {
+    return columns(k, (step[size_t(k)].lags - j) * (inputs + outputs), inputs);
   }
-  auto output_block(Index k, Index j) const {
-    const GtvArxStep& s = step[size_t(k)];
-    return s.coefficients.middleCols((s.lags - j) * (inputs + outputs) + inputs, outputs);
+  View output_block(Index k, Index j) const {
+    return columns(k, (step[size_t(k)].lags - j) * (inputs + outputs) + inputs, outputs);
   }
+
+  // (m × m): EᵀE / freedom; zero where no degree of freedom is left
+  View residual_cov(Index k) const { return {residual_cov_.data() + k * outputs * outputs, outputs, outputs}; }
+  Eigen::Map<Matrix> residual_cov(Index k) { return {residual_cov_.data() + k * outputs * outputs, outputs, outputs}; }
+
+  // X (L_k × rank) with X·Xᵀ = (W_kᵀW_k)⁺: the covariance of the coefficients is residual_cov ⊗ X·Xᵀ. (L_k × 0) where
+  // noise shapes are not stored
+  View noise_shape(Index k) const {
+    return {noise_shape_.data() + k * slot_ * shape_rows_, regressors(k), shape_rank(k)};
+  }
+  Eigen::Map<Matrix> noise_shape(Index k) {
+    return {noise_shape_.data() + k * slot_ * shape_rows_, regressors(k), shape_rank(k)};
+  }
+  bool has_noise_shape() const { return shape_rows_ > 0; }
+  // \throws std::invalid_argument where noise shapes are not stored
+  void require_noise_shape() const;
+
+  // (m): root mean square of y_k over the experiments used
+  VectorView output_rms(Index k) const { return {output_rms_.data() + k * outputs, outputs}; }
+  Eigen::Map<Vector> output_rms(Index k) { return {output_rms_.data() + k * outputs, outputs}; }
+
+  // (N_k): diagonal of W_k W_k⁺, for exact leave-one-out errors; empty where leverages are not stored
+  VectorView leverages(Index k) const { return {leverages_.data() + k * leverages_.rows(), leverage_count(k)}; }
+  Eigen::Map<Vector> leverages(Index k) { return {leverages_.data() + k * leverages_.rows(), leverage_count(k)}; }
+
+ private:
+  View columns(Index k, Index from, Index count) const {  // of M_k
+    return {coefficients_.data() + (k * slot_ + from) * outputs, outputs, count};
+  }
+  Index shape_rank(Index k) const { return has_noise_shape() ? step[size_t(k)].rank : 0; }
+  Index leverage_count(Index k) const { return leverages_.rows() > 0 ? step[size_t(k)].rows : 0; }
+
+  Index slot_ = 0;        // L, the largest L_k
+  Index shape_rows_ = 0;  // L where noise shapes are stored
+  Matrix coefficients_;   // (m × T·L)
+  Matrix residual_cov_;   // (m × T·m)
+  Matrix noise_shape_;    // (L × T·L)
+  Matrix output_rms_;     // (m × T)
+  Matrix leverages_;      // (largest N_k × T)
 };
 
 struct GtvArxOptions {
@@ -50,6 +101,7 @@ struct GtvArxOptions {
   // Pivots of the scaled W_k below tolerance·√L_k count as zero, and the solution of smallest norm in the scaled
   // coordinates is taken.
   double tolerance = 1.5e-14;
+  bool noise_shape = true;  // wanted for variances of what follows from the coefficients: L_k² numbers for each step
   bool leverages = false;
   // b: successive steps with a common lag order whose samples are factorised at once, where none is missing; 1: each
   // step by itself, 0: as many as cost least

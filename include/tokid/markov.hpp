@@ -25,7 +25,7 @@ struct Markov {
   auto h_noise(Index k, Index i) const { return system_noise[size_t(k)].middleCols((k - i - 1) * inputs, inputs); }
 };
 
-// \throws std::invalid_argument for band < 1
+// \throws std::invalid_argument for band < 1, or where `arx` holds no noise shapes
 Markov markov(const GtvArx& arx, Index band, const Execution& execution = {});
 
 }  // namespace tokid

@@ -26,7 +26,8 @@ struct SmoothArxOptions {
 
 // min Σ_k ‖Y_k - W_k M_kᵀ‖² + penalty. Steps that no experiment has whole take their coefficients from their
 // neighbours. Of the result's steps `lags`, `rows`, `coefficients`, `output_rms` and `residual_cov` (EᵀE / rows) are
-// filled. \throws std::invalid_argument for a lag order below 1 or beyond the data, a negative smoothing or period
+// filled, and noise shapes not stored. \throws std::invalid_argument for a lag order below 1 or beyond the data, a
+// negative smoothing or period
 GtvArx smooth_arx(const Ensemble& ensemble, const SmoothArxOptions& options = {});
 
 // p and λ by cross-validation over the experiments: one-step errors on experiments left out.

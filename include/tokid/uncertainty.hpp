@@ -32,11 +32,11 @@ struct BoundsOptions {
 
 // From the factors of the regressions
 //
-// The coefficients M_s of different steps have uncorrelated errors of covariance residual_cov ⊗ X·Xᵀ (GtvArxStep). To
+// The coefficients M_s of different steps have uncorrelated errors of covariance residual_cov ⊗ X·Xᵀ (GtvArx). To
 // first order, an output of the recursion (17) changes with them by Σ_s W_{k,s} dM_s φ_s, where φ_s is the window that
 // the recursion itself sees at step s, and W_{k,s} what an innovation at s adds to the output at k: I for k = s, else
 // -h°_{k,s}. The interval is that of Student's t, whose degrees of freedom are those of the steps, weighted as their
-// variances are (Welch, Satterthwaite).
+// variances are (Welch, Satterthwaite). All \throw std::invalid_argument where `arx` holds no noise shapes.
 
 // Bounds of h_{k,k-γ}, γ = 0 … band, where h_{k,k} = D_k.
 struct MarkovBounds {

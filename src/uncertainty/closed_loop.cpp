@@ -111,12 +111,12 @@ class Gradient {
   void variances(Variance& real, Variance& imaginary, double& covariance, Index entry) const {
     covariance = 0.0;
     for (const auto& [s, parts] : parts_) {
-      const GtvArxStep& step = arx_.step[size_t(s)];
-      const Matrix cov = uncertainty::innovation_cov(step);
-      const double freedom = double(std::max<Index>(1, step.freedom));
+      const Matrix cov = uncertainty::innovation_cov(arx_, s);
+      const Index found = arx_.step[size_t(s)].freedom;
+      const double freedom = double(std::max<Index>(1, found));
       const auto gather = [&](const Matrix& part, Variance& variance) {
         double v = (cov * part).cwiseProduct(part).sum();
-        if (step.freedom == 0 && (part.array() != 0).any()) v = std::numeric_limits<double>::infinity();
+        if (found == 0 && (part.array() != 0).any()) v = std::numeric_limits<double>::infinity();
         if (v == 0) return;
         variance.sum(entry) += v;
         variance.spread(entry) += v * v / freedom;
@@ -151,7 +151,7 @@ class Gradient {
       weights[size_t(k - first)] = pair(l.segment((k - weighed) * m, m)).transpose();
     uncertainty::run_backwards(arx_, first, end, weights);
     for (Index s = first; s < end; ++s) {
-      const Matrix& x = arx_.step[size_t(s)].noise_shape;
+      const GtvArx::View x = arx_.noise_shape(s);
       Parts& parts = parts_[s];
       if (parts.real.size() == 0) parts.real = parts.imaginary = Matrix::Zero(m, x.cols());
       const Matrix projected = uncertainty::window(arx_, samples, s) * x;
@@ -273,6 +273,7 @@ Spectrum closed_loop_spectrum(const Model& model, const ClosedLoopOptions& optio
 SpectrumBounds closed_loop_bounds(const GtvArx& arx, const Model& model, const TveraOptions& realisation,
                                   const ClosedLoopOptions& options) {
   check_model(arx, model, realisation);
+  arx.require_noise_shape();
   const StudentT t(options.level);
   const Frame frame = frame_of(model, options);
   const Factors factors(arx, model, realisation);

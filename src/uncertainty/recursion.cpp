@@ -19,19 +19,19 @@ Index largest_lag_order(const GtvArx& arx) {
   return lags;
 }
 
-Matrix innovation_cov(const GtvArxStep& step) {
-  Matrix cov = step.residual_cov;
-  cov.diagonal() = cov.diagonal().cwiseMax((rounding * step.output_rms).cwiseAbs2());
+Matrix innovation_cov(const GtvArx& arx, Index k) {
+  Matrix cov = arx.residual_cov(k);
+  cov.diagonal() = cov.diagonal().cwiseMax((rounding * arx.output_rms(k)).cwiseAbs2());
   return cov;
 }
 
 void run(const GtvArx& arx, Index begin, Index end, Rows& rows) {
   for (Index k = begin; k < end; ++k)
-    output(arx, rows, k).noalias() = window(arx, rows, k) * arx.step[size_t(k)].coefficients.transpose();
+    output(arx, rows, k).noalias() = window(arx, rows, k) * arx.coefficients(k).transpose();
 }
 
-Vector leverages(const GtvArxStep& step, const ConstMatrixRef& windows) {
-  return (windows * step.noise_shape).rowwise().squaredNorm();
+Vector leverages(const GtvArx& arx, Index k, const ConstMatrixRef& windows) {
+  return (windows * arx.noise_shape(k)).rowwise().squaredNorm();
 }
 
 void run_backwards(const GtvArx& arx, Index begin, Index end, std::vector<Matrix>& weights) {

@@ -10,9 +10,9 @@ namespace tokid::uncertainty {
 
 Index largest_lag_order(const GtvArx& arx);
 
-// Covariance of the innovation of a step (m × m), no smaller than what rounding does to the outputs. Not known where
+// Covariance of the innovation of step k (m × m), no smaller than what rounding does to the outputs. Not known where
 // the step has no degree of freedom left.
-Matrix innovation_cov(const GtvArxStep& step);
+Matrix innovation_cov(const GtvArx& arx, Index k);
 
 // Rows of samples laid out as in an ensemble, from step `origin` on.
 struct Rows {
@@ -36,8 +36,8 @@ inline auto output(const GtvArx& arx, Rows& rows, Index k) {
 // Outputs of the steps begin … end-1.
 void run(const GtvArx& arx, Index begin, Index end, Rows& rows);
 
-// φᵀ X Xᵀ φ for each row φ of `windows`: the variance of M φ for innovations of variance one.
-Vector leverages(const GtvArxStep& step, const ConstMatrixRef& windows);
+// φᵀ X Xᵀ φ for each row φ of `windows`: the variance of M_k φ for innovations of variance one.
+Vector leverages(const GtvArx& arx, Index k, const ConstMatrixRef& windows);
 
 // Σ_{k ≥ s} W_{k,s}ᵀ ℓ_k for s = begin … end-1, from ℓ_k in the same places (m × any each): backwards through the
 // recursion.
