@@ -91,7 +91,7 @@ const std::vector<std::pair<std::string, Stage>> stages = {
     {"test_nominal", [](const End&, Results& r, int) { keep(test_nominal(r.data)); }},
     {"lag_order_errors",
      [](const End& e, Results& r, int threads) {
-       keep(lag_order_errors(r.data, {.p_max = e.lags, .execution = {threads, {}}}));
+       keep(lag_order_errors(r.data, {.p_max = e.lags, .steps = 8, .execution = {threads, {}}}));
      }},
     {"gtv_arx",
      [](const End& e, Results& r, int threads) {
@@ -127,7 +127,7 @@ void add_all(bool quick) {
   const std::vector<End> ends =
       quick ? std::vector<End>{{"small", {4, 2, 2}, 50, 200, 2, 4, false}, {"large", {8, 4, 4}, 200, 40, 4, 12, true}}
             : std::vector<End>{{"small", {4, 2, 2}, 50, 3200, 2, 4, false},
-                               {"large", {16, 8, 8}, 4000, 200, 16, 48, true}};
+                               {"large", {16, 8, 8}, 4000, 40, 16, 48, true}};
   for (const End& end : ends) {
     const auto results = std::make_shared<std::unique_ptr<Results>>();
     for (const auto& [name, stage] : stages)
