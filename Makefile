@@ -4,7 +4,9 @@ build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev l
                   libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
 test_packages  := $(build_packages) libgtest-dev \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
-                  python3-venv chromium fonts-dejavu-core
+                  python3-venv chromium fonts-dejavu-core \
+                  libbenchmark-dev libopenblas-serial-dev
+bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev python3 python3-numpy python3-h5py
 tidy_packages  := $(test_packages) clang-tidy
 
 # $(call install,PACKAGES) installs those that are missing; where there is no dpkg, they are the user's business.
@@ -24,11 +26,12 @@ configure = cmake --log-level=WARNING --preset
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test install-test asan tsan tidy format clean
+.PHONY: help build demo test bench install-test asan tsan tidy format clean
 
 help:
 	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
 	@echo 'make test          build with the tests and run all of them'
+	@echo 'make bench         measures time and memory for ten minutes, writes the tables of docs/performance.md'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
 	@echo 'make install-test  only the tests of the installed package'
 	@echo 'make asan          all tests under the address and undefined behaviour sanitizers'
@@ -50,6 +53,12 @@ test:
 	@$(configure) test >/dev/null
 	@cmake --build build
 	@$(python) tests/run.py build
+
+bench:
+	$(call install,$(bench_packages))
+	@$(configure) bench >/dev/null
+	@cmake --build build
+	@$(python) bench/performance.py build
 
 install-test:
 	$(call install,$(test_packages))
