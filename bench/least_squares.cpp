@@ -54,11 +54,12 @@ std::string disagreement(const Case& c, const Ensemble& data) {
     run_loop(loop, c, piece, c.lags, piece.steps(), results.data());
     for (Index s = 0; s < steps; ++s) {
       const GtvArxStep& own = arx.step[size_t(c.lags + s)];
-      const Matrix difference = results.middleCols(s * m, m).topRows(rows - 1) - own.coefficients.transpose();
+      const GtvArx::View coefficients = arx.coefficients(c.lags + s);
+      const Matrix difference = results.middleCols(s * m, m).topRows(rows - 1) - coefficients.transpose();
       const double tolerance = 1e-12 * own.condition;
-      if (own.rank != rows - 1 || !(difference.norm() <= tolerance * own.coefficients.norm()))
+      if (own.rank != rows - 1 || !(difference.norm() <= tolerance * coefficients.norm()))
         return fmt::format("step {}: rank {} of {}, coefficients differ by {:.1e}, {:.1e} allowed", c.lags + s,
-                           own.rank, rows - 1, difference.norm() / own.coefficients.norm(), tolerance);
+                           own.rank, rows - 1, difference.norm() / coefficients.norm(), tolerance);
     }
   }
   return {};

@@ -21,9 +21,9 @@ void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape,
   step.assign(size_t(T), GtvArxStep{});
   slot_ = lags_max * (r + m) + r;
   shape_rows_ = noise_shape ? slot_ : 0;
-  coefficients_.setZero(m, T * slot_);
+  coefficients_.resize(m, T * slot_);
   residual_cov_.setZero(m, T * m);
-  noise_shape_.setZero(shape_rows_, T * shape_rows_);
+  noise_shape_.resize(shape_rows_, T * shape_rows_);
   output_rms_.setZero(m, T);
   leverages_.setZero(experiments, T);
 }
@@ -238,8 +238,10 @@ class LaneRoute {
     }
     if (!options_.noise_shape) return;
     auto shape = arx_.noise_shape(k);
-    for (Index j = 0; j < left_; ++j)
+    for (Index j = 0; j < left_; ++j) {
       for (Index i = 0; i <= j; ++i) shape(i, j) = batch_.inverse(l, i, j);
+      shape.col(j).tail(left_ - j - 1).setZero();
+    }
   }
 
   const Ensemble& ensemble_;
@@ -314,7 +316,7 @@ GtvArx gtv_arx(const Windows& windows, const GtvArxOptions& options) {
 
 GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
   const Windows windows(ensemble);
-  const bool alike = options.lags.size() == 1 && !options.leverages && ensemble.missing() == 0;
+  const bool alike = options.lags.size() == 1 && !options.leverages && windows.whole();
   if (!alike || options.block == 1) return gtv_arx(windows, options);
 
   GtvArx arx = prepared(windows, options);

@@ -2,10 +2,9 @@
 #include "linalg/lane_regression.hpp"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
-
 #include <cmath>
 
+#include "linalg/simd.hpp"
 #include "testing.hpp"
 
 namespace tokid {
@@ -39,12 +38,9 @@ struct Batch {
 
 TEST(LaneRegression, SolvesTheProblemOfEveryLane) {
   Random random(1);
-  for (const std::int64_t target : {HWY_EMU128, HWY_SSE4, HWY_AVX2, HWY_AVX3}) {
-    hwy::SetSupportedTargetsForTest(0);
-    hwy::GetChosenTarget().DeInit();
-    if (!(hwy::SupportedTargets() & target)) continue;
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().DeInit();
+  for (const simd::Target target : simd::targets()) {
+    simd::limit_target(target);
+    SCOPED_TRACE(simd::to_string(target));
     for (const Index rows : {5, 31, 50, 64, 201})
       for (const auto& [left, right] : {std::pair<Index, Index>{1, 1}, {4, 1}, {3, 2}, {10, 2}, {19, 4}}) {
         const Batch b(random.matrix(rows, left + right + 3 * 8), left, right, 3);
@@ -68,8 +64,7 @@ TEST(LaneRegression, SolvesTheProblemOfEveryLane) {
         }
       }
   }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
+  simd::limit_target(simd::Target::avx512);
 }
 
 TEST(LaneRegression, DeficientLanesHaveNoFiniteConditionAndDisturbNoOther) {

@@ -2,10 +2,9 @@
 #include "linalg/row_absorption.hpp"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
-
 #include <vector>
 
+#include "linalg/simd.hpp"
 #include "testing.hpp"
 
 namespace tokid {
@@ -19,16 +18,12 @@ using testing::Random;
 // The kernels once for every instruction set that they are compiled for and this machine has.
 template <class Body>
 void on_every_target(Body&& body) {
-  for (const std::int64_t target : {HWY_EMU128, HWY_SSE4, HWY_AVX2, HWY_AVX3}) {
-    hwy::SetSupportedTargetsForTest(0);
-    hwy::GetChosenTarget().DeInit();
-    if (!(hwy::SupportedTargets() & target)) continue;
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().DeInit();
-    body(target);
+  for (const simd::Target target : simd::targets()) {
+    simd::limit_target(target);
+    SCOPED_TRACE(simd::to_string(target));
+    body();
   }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
+  simd::limit_target(simd::Target::avx512);
 }
 
 Matrix absorbed(const Matrix& a) {
@@ -44,12 +39,12 @@ double gram_error(const Matrix& r, const Matrix& a) {
 
 // Backward stable to the last digits for every shape of blocks, tiles, vectors and pieces.
 TEST(RowAbsorption, HasTheGramMatrixOfItsRows) {
-  on_every_target([](std::int64_t target) {
+  on_every_target([] {
     Random random(1);
     for (const Index rows : {1, 2, 7, 8, 9, 50, 191, 192, 193, 400})
       for (const Index cols : {1, 2, 7, 15, 16, 17, 31, 33, 48, 90}) {
         const Matrix a = random.matrix(rows, cols), r = absorbed(a);
-        EXPECT_LE(gram_error(r, a), 10.0) << rows << " x " << cols << " " << target;
+        EXPECT_LE(gram_error(r, a), 10.0) << rows << " x " << cols;
         EXPECT_TRUE(r.isUpperTriangular(0.0));
       }
   });
@@ -66,7 +61,7 @@ TEST(RowAbsorption, RowsMayComeOneByOneAndScaled) {
 }
 
 TEST(RowAbsorption, DroppedColumnsLeaveTheFactorOfTheOthers) {
-  on_every_target([](std::int64_t) {
+  on_every_target([] {
     Random random(3);
     for (const Index rows : {5, 60, 300})
       for (const Index count : {1, 4, 16, 19}) {
@@ -106,7 +101,7 @@ TEST(RowAbsorption, TakesDegenerateColumns) {
 }
 
 TEST(RowAbsorption, BackSubstitutionSolvesForAnySize) {
-  on_every_target([](std::int64_t) {
+  on_every_target([] {
     Random random(5);
     for (const Index n : {1, 3, 4, 7, 8, 9, 16, 23, 40, 70})
       for (const Index right : {1, 5, 8, 17}) {

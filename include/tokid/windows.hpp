@@ -55,7 +55,8 @@ class Windows {
   Index outputs() const { return outputs_; }
   Index channels() const { return inputs_ + outputs_; }
 
-  Index count(Index k, Index lags) const;  // N_k
+  bool whole() const { return every_row_; }  // no sample is missing, or there are factors only
+  Index count(Index k, Index lags) const;    // N_k
   // [v_{k-p} … v_k] (any number of rows × (p+1)·d). \throws std::invalid_argument for more lags than the factors have
   void rows(Index k, Index lags, Matrix& rows) const;
   Matrix rows(Index k, Index lags) const {

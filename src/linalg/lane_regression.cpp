@@ -226,8 +226,6 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace tokid::linalg {
-HWY_EXPORT(Regress);
-HWY_EXPORT(Lanes);
 
 namespace {
 constexpr Index cache_line = 64;
@@ -236,7 +234,7 @@ constexpr Index cache_line = 64;
 constexpr Index piece_entries = 512;
 }  // namespace
 
-Index LaneRegression::lanes() { return Index(HWY_DYNAMIC_DISPATCH(Lanes)()); }
+Index LaneRegression::lanes() { return Index(TOKID_KERNEL(Lanes)()); }
 
 // Of more, a piece has fewer rows than columns: it absorbs little for its reflections.
 Index LaneRegression::most_columns() { return 32; }
@@ -262,7 +260,7 @@ LaneRegression::LaneRegression(Index rows, Index left, Index right)
 }
 
 void LaneRegression::run(const double* samples, Index stride, Index offset) {
-  HWY_DYNAMIC_DISPATCH(Regress)
+  TOKID_KERNEL(Regress)
   (samples, size_t(stride), size_t(offset), size_t(rows_), size_t(left_), size_t(right_), size_t(piece_), work_, r_,
    inverse_, condition_, x_);
 }

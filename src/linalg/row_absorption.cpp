@@ -200,8 +200,6 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace tokid::linalg {
-HWY_EXPORT(Absorb);
-HWY_EXPORT(BackSubstitute);
 
 namespace {
 
@@ -237,7 +235,7 @@ void RowAbsorption::absorb(const ConstMatrixRef& rows, const double* scales) {
         for (Index i = 0; i < count; ++i) to[i * width + j] = from ? scale * from[i] : 0.0;
         for (Index i = count; i < whole; ++i) to[i * width + j] = 0.0;
       }
-    HWY_DYNAMIC_DISPATCH(Absorb)(r_.data(), 0, size_t(n_), piece_.data(), size_t(whole));
+    TOKID_KERNEL(Absorb)(r_.data(), 0, size_t(n_), piece_.data(), size_t(whole));
   }
 }
 
@@ -247,7 +245,7 @@ void RowAbsorption::drop(Index begin, Index count) {
   for (Index j = rest / width * width; j < ceil_div(n_, width) * width; ++j)
     for (Index i = 0; i < whole; ++i)
       to[(j / width * whole + i) * width + j % width] = j >= rest && j < n_ && i < count ? (*this)(begin + i, j) : 0.0;
-  HWY_DYNAMIC_DISPATCH(Absorb)(r_.data(), size_t(rest), size_t(n_), to, size_t(whole));
+  TOKID_KERNEL(Absorb)(r_.data(), size_t(rest), size_t(n_), to, size_t(whole));
 }
 
 Matrix RowAbsorption::factor() const {
@@ -258,7 +256,7 @@ Matrix RowAbsorption::factor() const {
 }
 
 void back_substitute(const RowMatrix& r, RowMatrix& b, bool triangular) {
-  HWY_DYNAMIC_DISPATCH(BackSubstitute)
+  TOKID_KERNEL(BackSubstitute)
   (r.data(), size_t(r.rows()), size_t(r.cols()), b.data(), size_t(b.cols()), size_t(b.cols()), triangular);
 }
 
