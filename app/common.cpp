@@ -13,6 +13,11 @@
 
 namespace tokid::app {
 
+Team& team() {
+  static Team processes;
+  return processes;
+}
+
 // Options
 
 CLI::App* add_command(CLI::App& tool, const char* name, const char* description, const char* example) {
@@ -149,8 +154,12 @@ std::string penalty(double smoothing) {
 std::string plural(Index count, const char* noun) { return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s"); }
 
 std::string describe(const Ensemble& e) {
-  return fmt::format("N = {} experiments, T = {} steps, r = {} inputs, m = {} outputs, dt = {} s", e.experiments(),
-                     e.steps(), e.inputs(), e.outputs(), e.dt);
+  return describe(e.experiments(), e.steps(), e.inputs(), e.outputs(), e.dt);
+}
+
+std::string describe(Index experiments, Index steps, Index inputs, Index outputs, double dt) {
+  return fmt::format("N = {} experiments, T = {} steps, r = {} inputs, m = {} outputs, dt = {} s", experiments, steps,
+                     inputs, outputs, dt);
 }
 
 std::string describe(const Model& model) {

@@ -25,6 +25,16 @@ namespace tokid::app {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;  // keys stay in the order in which they were written
 
+// The processes that share the work; a single one, unless tokid-mpi says otherwise.
+Team& team();
+
+// The whole tool: its exit status, and what is wrong where that is not zero.
+struct Outcome {
+  int status = 0;
+  std::string complaint;
+};
+Outcome run_tool(int argc, char** argv);
+
 // One function per subcommand, in a file of its own; the work is done when the command line has been parsed.
 void add_identify(CLI::App& tool);
 void add_validate(CLI::App& tool);
@@ -131,6 +141,7 @@ std::string percent(double value);
 std::string penalty(double smoothing);  // lambda, or "infinity"
 std::string plural(Index count, const char* noun);
 std::string describe(const Ensemble& ensemble);
+std::string describe(Index experiments, Index steps, Index inputs, Index outputs, double dt);
 std::string describe(const Model& model);
 // "position [m]", or "y1" without a name
 std::string output_label(const Channels& names, Index j);

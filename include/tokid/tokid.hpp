@@ -20,6 +20,7 @@
 #include "tokid/random_walk.hpp"
 #include "tokid/report.hpp"
 #include "tokid/smooth_arx.hpp"
+#include "tokid/stream.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
 #include "tokid/uncertainty.hpp"
