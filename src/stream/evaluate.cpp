@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "stream/evaluate.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -55,6 +56,23 @@ class Evaluation {
   ErrorTotals totals_;
 };
 
+// out += sign · x Wᵀ for tall x (N × p) and small W (q × p), a few rows of all columns at a time in the nearest cache.
+void add_product(const Eigen::Ref<const Matrix>& x, const Matrix& w, double sign, Matrix& out) {
+  constexpr Index tile = 256;
+  for (Index begin = 0; begin < x.rows(); begin += tile) {
+    const Index count = std::min(tile, x.rows() - begin);
+    const auto part = [&](Index i) { return x.col(i).segment(begin, count); };
+    for (Index j = 0; j < w.rows(); ++j) {
+      auto to = out.col(j).segment(begin, count);
+      const auto weight = [&](Index i) { return sign * w(j, i); };
+      Index i = 0;
+      for (; i + 4 <= w.cols(); i += 4)
+        to += weight(i) * part(i) + weight(i + 1) * part(i + 1) + weight(i + 2) * part(i + 2) + weight(i + 3) * part(i + 3);
+      for (; i < w.cols(); ++i) to += weight(i) * part(i);
+    }
+  }
+}
+
 // Observer and simulation side by side, experiments as rows, through samples without a gap.
 class Walk {
  public:
@@ -64,16 +82,17 @@ class Walk {
   void error(Index k, const Matrix& x, Matrix& e) const {
     const size_t s = model_.at(k);
     e = data_.output(k);
-    e.noalias() -= x * model_.C[s].transpose();
-    e.noalias() -= data_.input(k) * model_.D[s].transpose();
+    add_product(x, model_.C[s], -1.0, e);
+    add_product(data_.input(k), model_.D[s], -1.0, e);
   }
   void advance(Index k, Matrix& x) {
     const size_t s = model_.at(k);
-    next_.noalias() = x * model_.A[s].transpose();
-    next_.noalias() += data_.input(k) * model_.B[s].transpose();
+    next_.setZero(x.rows(), model_.A[s].rows());
+    add_product(x, model_.A[s], 1.0, next_);
+    add_product(data_.input(k), model_.B[s], 1.0, next_);
     x.swap(next_);
   }
-  void correct(Index k, const Matrix& e, Matrix& x) const { x.noalias() -= e * model_.G[model_.at(k)].transpose(); }
+  void correct(Index k, const Matrix& e, Matrix& x) const { add_product(e, model_.G[model_.at(k)], -1.0, x); }
 
  private:
   const Model& model_;
@@ -89,7 +108,7 @@ ErrorTotals walk(const Model& model, const Ensemble& data, Index begin, Index en
   end = std::min(end, model.k_end());
   if (k + window > end) return evaluation.totals();
   Matrix observed = zero ? Matrix(Matrix::Zero(data.experiments(), model.n(k)))
-                         : Matrix(estimate_state(model, data, k, window).transpose());
+                         : Matrix(estimate_state(model, stretch(data, 0, known), k, window).transpose());
   Matrix simulated, e;
   for (; k < end; ++k) {
     // In the first stretch from the estimated state on, later from what was known before.
