@@ -153,9 +153,7 @@ std::string penalty(double smoothing) {
 
 std::string plural(Index count, const char* noun) { return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s"); }
 
-std::string describe(const Ensemble& e) {
-  return describe(e.experiments(), e.steps(), e.inputs(), e.outputs(), e.dt);
-}
+std::string describe(const Ensemble& e) { return describe(e.experiments(), e.steps(), e.inputs(), e.outputs(), e.dt); }
 
 std::string describe(Index experiments, Index steps, Index inputs, Index outputs, double dt) {
   return fmt::format("N = {} experiments, T = {} steps, r = {} inputs, m = {} outputs, dt = {} s", experiments, steps,

@@ -31,13 +31,13 @@ struct Data {
 };
 
 Data about_data(const Ensemble& e) {
-  return {e.experiments(),     e.steps(),          e.inputs(), e.outputs(), missing_samples(e),
-          e.free.experiments, e.dt, e.initial_state.has_value()};
+  return {e.experiments(),    e.steps(),          e.inputs(), e.outputs(),
+          missing_samples(e), e.free.experiments, e.dt,       e.initial_state.has_value()};
 }
 
 Data about_data(const EnsembleFile& file, const Streamed& streamed) {
-  return {file.experiments(), file.steps(),           file.inputs(),  file.outputs(),
-          streamed.missing,   file.free_responses(), file.dt(),      file.initial_state().has_value(),
+  return {file.experiments(), file.steps(),          file.inputs(),   file.outputs(),
+          streamed.missing,   file.free_responses(), file.dt(),       file.initial_state().has_value(),
           streamed.block,     streamed.blocks,       streamed.overlap};
 }
 
@@ -231,15 +231,15 @@ void add_fit(const Data& data, const Identification& result, Page& page) {
   const Model& model = result.model;
   const Index held_out = data.experiments - result.experiments;
   page.row("Fit", !result.held_out ? "on the training data; --hold-out gives an honest figure"
-                  : held_out > 0
-                      ? fmt::format("on {} held out", plural(held_out, "experiment"))
-                      : fmt::format("on the last {}, held out", plural(data.steps - result.steps, "step")));
+                  : held_out > 0   ? fmt::format("on {} held out", plural(held_out, "experiment"))
+                                 : fmt::format("on the last {}, held out", plural(data.steps - result.steps, "step")));
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
   for (Index j = 0; j < model.outputs; ++j)
     rows.push_back({output_label(model.names, j), percent(result.validation.simulation.fit(j)),
                     percent(result.validation.one_step.fit(j))});
   page.table(rows);
-  if (data.blocks > 0) page.row("", "simulations start anew in every block, from the state that the samples before tell");
+  if (data.blocks > 0)
+    page.row("", "simulations start anew in every block, from the state that the samples before tell");
 }
 
 std::string report(const Call& call, const Data& data, const Identification& result) {

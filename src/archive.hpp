@@ -136,13 +136,11 @@ T unpacked(std::string_view bytes) {
 namespace tokid {
 
 template <class Archive, class C>
-  requires std::is_same_v<std::remove_const_t<C>, Channels>
-void fields(Archive& archive, C& c) {
-  archive(c.input_names, c.output_names, c.input_units, c.output_units);
-}
+requires std::is_same_v<std::remove_const_t<C>, Channels>
+void fields(Archive& archive, C& c) { archive(c.input_names, c.output_names, c.input_units, c.output_units); }
 
 template <class Archive, class M>
-  requires std::is_same_v<std::remove_const_t<M>, Model>
+requires std::is_same_v<std::remove_const_t<M>, Model>
 void fields(Archive& archive, M& m) {
   archive(m.inputs, m.outputs, m.k_begin, m.dt, m.A, m.B, m.C, m.D, m.G, m.innovation_cov, m.state_dim, m.period,
           m.frame, m.method, m.initial_state, m.names, m.singular_values, m.condition, m.rank, m.lags, m.u_nominal,

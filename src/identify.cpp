@@ -135,9 +135,9 @@ class Pipeline {
   Ensemble data_, held_out_;
   mutable std::optional<Ensemble> judged_;
   std::optional<Nominal> nominal_;
-  bool together_ = false;              // all steps in one regression
-  const Settled* settled_ = nullptr;   // choices that are made already
-  bool from_full_dimension_ = true;    // models of unknown initial states begin where all of the state is seen
+  bool together_ = false;             // all steps in one regression
+  const Settled* settled_ = nullptr;  // choices that are made already
+  bool from_full_dimension_ = true;   // models of unknown initial states begin where all of the state is seen
   InitialState initial_ = InitialState::zero;
   GtvArx arx_;
   Identification result_;
@@ -661,8 +661,8 @@ Model Pipeline::refined_as_chosen(Model plain, SubspaceOptions& o, Make&& make) 
 
 void Pipeline::realise_model() {
   const bool exact = !result_.noisy && initial_ == InitialState::zero && !together_;
-  const bool tvera = settled_ ? settled_->tvera
-                              : options_.method == Method::tvera || (options_.method == Method::automatic && exact);
+  const bool tvera =
+      settled_ ? settled_->tvera : options_.method == Method::tvera || (options_.method == Method::automatic && exact);
   Model& model = result_.model;
   model = tvera ? tvera_model() : subspace_model();
   if (!tvera && data_.free.experiments > 0)
@@ -700,10 +700,9 @@ void Pipeline::warn_of_regressions() {
   result_.condition_max = survey.condition_max;
   result_.rank_deficient_steps = survey.rank_deficient;
   result_.noisy = survey.noisy();
-  for (std::string& text :
-       warnings_of(survey,
-                   {data_.experiments(), effective_experiments(), data_.inputs(), data_.outputs(), result_.lags},
-                   result_.noisy))
+  for (std::string& text : warnings_of(
+           survey, {data_.experiments(), effective_experiments(), data_.inputs(), data_.outputs(), result_.lags},
+           result_.noisy))
     warn(std::move(text));
 }
 

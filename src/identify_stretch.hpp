@@ -39,7 +39,7 @@ std::vector<double> singular_value_gaps(const Model& model);
 
 // For messages between processes.
 template <class Archive, class S>
-  requires std::is_same_v<std::remove_const_t<S>, Settled>
+requires std::is_same_v<std::remove_const_t<S>, Settled>
 void fields(Archive& archive, S& s) {
   auto& o = s.options;
   archive(o.states, o.lags, o.method, o.smoothing, o.weighting, o.refine, o.nominal, o.frame, o.rows, o.cols, o.choices,
@@ -47,7 +47,7 @@ void fields(Archive& archive, S& s) {
 }
 
 template <class Archive, class S>
-  requires std::is_same_v<std::remove_const_t<S>, RegressionSurvey>
+requires std::is_same_v<std::remove_const_t<S>, RegressionSurvey>
 void fields(Archive& archive, S& s) {
   archive(s.condition_max, s.rank_deficient, s.ill, s.starved, s.unexcited, s.freedom, s.residual, s.square);
 }

@@ -70,8 +70,7 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
       if (present == 0) continue;
       range.min = std::min(range.min, least);
       range.max = std::max(range.max, most);
-      if (c < e.inputs() && least == most)
-        (least == 0 ? result.zero : result.same)[size_t(c)].push_back(k - begin);
+      if (c < e.inputs() && least == most) (least == 0 ? result.zero : result.same)[size_t(c)].push_back(k - begin);
     }
   Index beyond = 0;
   for (const Index length : e.length) beyond += end - std::clamp(length, begin, end);

@@ -18,9 +18,10 @@ struct ChannelRange {
 };
 
 struct Survey {
-  std::vector<ChannelRange> channel;           // (d) inputs first
-  std::vector<std::vector<Index>> zero, same;  // (r) steps at which the input is zero, or otherwise the same, everywhere
-  Index missing = 0;                           // within the lengths of the experiments
+  std::vector<ChannelRange> channel;  // (d) inputs first
+  std::vector<std::vector<Index>> zero,
+      same;           // (r) steps at which the input is zero, or otherwise the same, everywhere
+  Index missing = 0;  // within the lengths of the experiments
 
   // Of later steps, which that survey counts from `begin` on.
   void append(const Survey& later, Index begin);
@@ -47,9 +48,7 @@ std::string fingerprint(Index experiments, Index inputs, Index outputs, const st
 
 // For messages between processes.
 template <class Archive, class S>
-  requires std::is_same_v<std::remove_const_t<S>, Survey>
-void fields(Archive& archive, S& s) {
-  archive(s.channel, s.zero, s.same, s.missing);
-}
+requires std::is_same_v<std::remove_const_t<S>, Survey>
+void fields(Archive& archive, S& s) { archive(s.channel, s.zero, s.same, s.missing); }
 
 }  // namespace tokid

@@ -147,7 +147,9 @@ TEST_P(BlockLength, MissingSamplesAndLengths) {
   e.initial_state = InitialState::zero;
   const Both both = stream(e, GetParam());
   expect_same(both.model, identify(e).model);
-  EXPECT_EQ(both.streamed.missing, Index(43 + 8));
+  Index beyond = 0;
+  for (const Index length : e.length) beyond += (300 - length) * e.channels();
+  EXPECT_EQ(both.streamed.missing, e.missing() - beyond);
 }
 
 TEST_P(BlockLength, FreeResponsesGiveAllStatesFromTheFirstStepOn) {
@@ -183,16 +185,17 @@ TEST_F(Stream, NoisyModelsDifferLittleFromThoseOfAllStepsAtOnce) {
   ExperimentOptions other = noise;
   other.seed = 14;
   const Ensemble fresh = experiments(slow_system(400), other);
-  const IdentifyOptions o{.states = 4, .lags = 4, .smoothing = 100, .refine = false, .initial_state = InitialState::zero};
+  const IdentifyOptions o{.states = 4, .lags = 4, .smoothing = 1, .refine = false, .initial_state = InitialState::zero};
   const Identification whole = identify(e, o);
   const Both both = stream(e, 200, o);
   EXPECT_EQ(both.model.k_begin, 0);
   EXPECT_EQ(both.model.frame, "smooth");
   const double at_once = validate(whole.model, fresh).one_step.rmse.norm();
   const double in_blocks = validate(both.model, fresh).one_step.rmse.norm();
-  EXPECT_NEAR(in_blocks, at_once, 0.01 * at_once);
-  EXPECT_NEAR(validate(both.model, fresh).simulation.rmse.norm(), validate(whole.model, fresh).simulation.rmse.norm(),
-              0.05 * at_once);
+  // Regressions near both ends of a block have fewer neighbours that share what they know.
+  EXPECT_NEAR(in_blocks, at_once, 0.03 * at_once);
+  const double simulated = validate(whole.model, fresh).simulation.rmse.norm();
+  EXPECT_NEAR(validate(both.model, fresh).simulation.rmse.norm(), simulated, 0.05 * simulated);
   // No jump where blocks meet.
   double largest = 0.0, at_border = 0.0;
   for (Index k = 20; k < 380; ++k) {

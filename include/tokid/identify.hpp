@@ -119,7 +119,7 @@ struct Identification {
   bool nominal = false;                 // a mean motion was removed
   // σ_n / σ_{n+1} of the steps of full dimension, their median: how clearly the order shows; NaN where it does not
   double singular_value_gap = std::numeric_limits<double>::quiet_NaN();
-  bool held_out = false;                // else `validation` is on the training data
+  bool held_out = false;  // else `validation` is on the training data
   Validation validation;
   std::vector<std::string> warnings;
   double seconds = 0.0;

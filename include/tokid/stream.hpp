@@ -83,20 +83,20 @@ struct Team {
 };
 
 struct StreamOptions {
-  IdentifyOptions identify = {};  // what is left to be chosen is chosen from stretches at the begin, middle and end
-  Index block = 0;                // steps of a block; 0: as many as memory_per_thread holds
+  IdentifyOptions identify = {};     // what is left to be chosen is chosen from stretches at the begin, middle and end
+  Index block = 0;                   // steps of a block; 0: as many as memory_per_thread holds
   double memory_per_thread = 100e6;  // [bytes]
   Team team = {};
 };
 
-// The Identification of a stream. Its model holds what is said once per model, `state_dim` and as many empty matrices as
-// there are steps. The simulation that is judged starts anew in every block, from the state that the samples before it
-// tell; the test of whiteness is that of a block in the middle.
+// The Identification of a stream. Its model holds what is said once per model, `state_dim` and as many empty matrices
+// as there are steps. The simulation that is judged starts anew in every block, from the state that the samples before
+// it tell; the test of whiteness is that of a block in the middle.
 struct Streamed {
   Identification identification;
-  Index block = 0, blocks = 0;   // steps of a block, and how many there are
-  Index overlap = 0;             // steps that a block shares with its neighbours, beyond its own
-  Index missing = 0;             // samples, within the lengths of the experiments
+  Index block = 0, blocks = 0;  // steps of a block, and how many there are
+  Index overlap = 0;            // steps that a block shares with its neighbours, beyond its own
+  Index missing = 0;            // samples, within the lengths of the experiments
 };
 
 // Every member of the team calls it; the first one alone writes, and gets what is returned.

@@ -47,7 +47,8 @@ void transpose(const double* rows, Index count, Index steps, Index channels, Ind
 }  // namespace
 
 struct EnsembleFile::Content {
-  explicit Content(const fs::path& file) : path(file), outline(outline_of(file)), source(file), u(source, "u"), y(source, "y") {}
+  explicit Content(const fs::path& file)
+      : path(file), outline(outline_of(file)), source(file), u(source, "u"), y(source, "y") {}
 
   static io::EnsembleOutline outline_of(const fs::path& path) {
     const io::Fields fields = outlines(path);

@@ -265,7 +265,7 @@ Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const
   Contents contents;
   contents.names = link_names(root);
   for (const auto& name : contents.names)
-    if (contains(wanted, name)) 
+    if (contains(wanted, name))
       contents.arrays.emplace_back(name, read_link(root, name, !contains(outlined, name), contents.layout));
   for (const auto& name : attribute_names(root)) {
     if (contains(contents.names, name)) continue;

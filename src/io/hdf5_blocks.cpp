@@ -77,14 +77,17 @@ void Hdf5Sink::write(const std::string& name, const Array& array) {
   write_array(*file_, name, array);
 }
 
-Hdf5Sink::Rows::Rows(const Hdf5Sink& sink, const std::string& name, const Shape& shape) : name_(name), shape_(shape), data_([&] {
-    const QuietHdf5 quiet;
-    const Handle space = space_of(shape), properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
-    checked(H5Pset_obj_track_times(properties, false), name);
-    checked(H5Pset_alloc_time(properties, H5D_ALLOC_TIME_EARLY), name);
-    checked(H5Pset_fill_time(properties, H5D_FILL_TIME_NEVER), name);
-    return Handle(H5Dcreate2(*sink.file_, name.c_str(), H5T_IEEE_F64LE, space, H5P_DEFAULT, properties, H5P_DEFAULT), H5Dclose, name);
-  }()) {}
+Hdf5Sink::Rows::Rows(const Hdf5Sink& sink, const std::string& name, const Shape& shape)
+    : name_(name), shape_(shape), data_([&] {
+        const QuietHdf5 quiet;
+        const Handle space = space_of(shape), properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
+        checked(H5Pset_obj_track_times(properties, false), name);
+        checked(H5Pset_alloc_time(properties, H5D_ALLOC_TIME_EARLY), name);
+        checked(H5Pset_fill_time(properties, H5D_FILL_TIME_NEVER), name);
+        return Handle(
+            H5Dcreate2(*sink.file_, name.c_str(), H5T_IEEE_F64LE, space, H5P_DEFAULT, properties, H5P_DEFAULT),
+            H5Dclose, name);
+      }()) {}
 
 void Hdf5Sink::Rows::write(Index row, Index count, const double* values) const {
   const QuietHdf5 quiet;

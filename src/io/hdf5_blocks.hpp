@@ -37,8 +37,8 @@ class Hdf5Source {
   Handle file_;
 };
 
-// A file that is written data set by data set, with all of its space reserved before the first of the large ones: a disk
-// that is full shows before the HDF5 library depends on it, which can't close a file that it failed to write.
+// A file that is written data set by data set, with all of its space reserved before the first of the large ones: a
+// disk that is full shows before the HDF5 library depends on it, which can't close a file that it failed to write.
 class Hdf5Sink {
  public:
   // Into a file that exists and may take so many bytes. \throws IoError where the disk has not got them

@@ -91,10 +91,6 @@ struct ModelFile::Content {
       outline.u_nominal.resize(0, 0);
       outline.y_nominal.resize(0, 0);
     } else {
-      if (steps.k_begin != outline.k_end() || steps.state_dim.front() != outline.state_dim.back())
-        throw std::invalid_argument(fmt::format("model: steps from {} with {} states found, from {} with {} needed",
-                                                steps.k_begin, steps.state_dim.front(), outline.k_end(),
-                                                outline.state_dim.back()));
       outline.state_dim.insert(outline.state_dim.end(), steps.state_dim.begin() + 1, steps.state_dim.end());
       extend(outline.condition, steps.condition);
       extend(outline.rank, steps.rank);
@@ -166,6 +162,11 @@ ModelFile::~ModelFile() = default;
 
 void ModelFile::append(const Model& steps) {
   steps.check();
+  const Model& known = content_->outline;
+  if (!known.state_dim.empty() && (steps.k_begin != known.k_end() || steps.state_dim.front() != known.state_dim.back()))
+    throw std::invalid_argument(fmt::format("model: steps from {} with {} states found, from {} with {} needed",
+                                            steps.k_begin, steps.state_dim.front(), known.k_end(),
+                                            known.state_dim.back()));
   io::naming(content_->path, [&] { content_->append(steps); });
 }
 

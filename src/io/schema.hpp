@@ -18,8 +18,8 @@ Arrays arrays_of(const Ensemble& ensemble, Layout layout);
 Arrays arrays_of(const Model& model, Layout layout);
 Arrays arrays_of(const Confidence& confidence, Layout layout);
 
-// The two parts of a model's arrays: those that are small whatever the number of steps, the counts among them, and those
-// with a row for each step, padded to so many states and singular values.
+// The two parts of a model's arrays: those that are small whatever the number of steps, the counts among them, and
+// those with a row for each step, padded to so many states and singular values.
 Arrays small_arrays_of(const Model& model);
 Arrays step_arrays_of(const Model& model, Index states, Index singular_values, Layout layout);
 Index singular_value_count(const Model& model);  // the largest of any step

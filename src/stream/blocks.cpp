@@ -17,8 +17,8 @@ Model excerpt(const Model& model, Index from, Index to, Index origin) {
   const auto shorten = [](auto& list, size_t size) {
     if (list.size() > size) list.resize(size);
   };
-  for (auto list : {&Model::A, &Model::B, &Model::C, &Model::D, &Model::G, &Model::innovation_cov, &Model::Q, &Model::R,
-                    &Model::K})
+  for (auto list :
+       {&Model::A, &Model::B, &Model::C, &Model::D, &Model::G, &Model::innovation_cov, &Model::Q, &Model::R, &Model::K})
     shorten(part.*list, count);
   shorten(part.state_dim, count + 1);
   shorten(part.singular_values, count);

@@ -19,10 +19,10 @@ struct Block {
 struct Plan {
   Settled settled;
   double hold_out = 0.0;
-  Index steps = 0;        // T
-  Index count = 0;        // of blocks
+  Index steps = 0;               // T
+  Index count = 0;               // of blocks
   Index before = 0, behind = 0;  // steps read beyond those kept
-  Index rows = 0;         // block rows of the observability matrices that neighbours are joined by
+  Index rows = 0;                // block rows of the observability matrices that neighbours are joined by
   Index longest() const { return (steps + count - 1) / count; }
   Block block(Index i) const;
 };
@@ -43,7 +43,7 @@ BlockResult identify_block(const EnsembleFile& data, const Plan& plan, Index i);
 
 // For messages between processes.
 template <class Archive, class B>
-  requires std::is_same_v<std::remove_const_t<B>, BlockResult>
+requires std::is_same_v<std::remove_const_t<B>, BlockResult>
 void fields(Archive& archive, B& b) {
   archive(b.model, b.opening, b.closing, b.read_begin, b.begin, b.regressions, b.samples, b.digests, b.errors, b.gaps,
           b.whiteness_p);

@@ -102,9 +102,8 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   for (const Identification& own : found)
     if (demands_more(own, *chosen)) chosen = &own;
   settled.initial_state = begin.model.initial_state;
-  settled.tvera =
-      options.method == Method::tvera || (options.method == Method::automatic && !settled.noisy && !settled.together &&
-                                          settled.initial_state == InitialState::zero);
+  settled.tvera = options.method == Method::tvera || (options.method == Method::automatic && !settled.noisy &&
+                                                      !settled.together && settled.initial_state == InitialState::zero);
   settled.options = o;
   settled.options.execution.threads = 1;
   settled.options.frame = options.frame;
@@ -117,9 +116,8 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     settled.options.choices = chosen->choices.value_or(NoisyChoices{chosen->variation});
     if (chosen->variation.period > 0) {
       settled.options.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
-      warnings.push_back(
-          fmt::format("the stretches that decide show no variation in time, but the record may: lambda = {} was taken",
-                      stiff));
+      warnings.push_back(fmt::format(
+          "the stretches that decide show no variation in time, but the record may: lambda = {} was taken", stiff));
     }
   }
   settled.output_size = Vector::Zero(file.outputs());

@@ -67,7 +67,8 @@ void add_product(const Eigen::Ref<const Matrix>& x, const Matrix& w, double sign
       const auto weight = [&](Index i) { return sign * w(j, i); };
       Index i = 0;
       for (; i + 4 <= w.cols(); i += 4)
-        to += weight(i) * part(i) + weight(i + 1) * part(i + 1) + weight(i + 2) * part(i + 2) + weight(i + 3) * part(i + 3);
+        to += weight(i) * part(i) + weight(i + 1) * part(i + 1) + weight(i + 2) * part(i + 2) +
+              weight(i + 3) * part(i + 3);
       for (; i < w.cols(); ++i) to += weight(i) * part(i);
     }
   }

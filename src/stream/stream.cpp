@@ -36,8 +36,10 @@ Plan plan_of(const EnsembleFile& file, const StreamOptions& options, Settled set
   Plan plan;
   const Index m = file.outputs(), p = settled.options.lags, n = settled.options.states;
   const Index rows = settled.options.rows > 0 ? settled.options.rows : std::max(p + 1, ceil_div(n, m) + 1);
-  const Index cols =
-      settled.options.cols > 0 ? settled.options.cols : std::max(p, settled.noisy ? Index(48) : n > 0 ? n : p * m);
+  const Index cols = settled.options.cols > 0 ? settled.options.cols
+                                              : std::max(p, settled.noisy ? Index(48)
+                                                            : n > 0       ? n
+                                                                          : p * m);
   plan.rows = rows;
   plan.before = p + cols + rows;
   plan.behind = 2 * rows + 2;
@@ -54,9 +56,8 @@ Plan plan_of(const EnsembleFile& file, const StreamOptions& options, Settled set
     const double step = double(file.experiments() * file.channels()) * sizeof(double) * copies;
     length = std::max(4 * overlap, Index(std::min(options.memory_per_thread / step, double(longest_block))));
   } else if (length < std::min(overlap, plan.steps)) {
-    throw std::invalid_argument(
-        fmt::format("block: {} steps found, at least {} needed, which neighbours share at lag order {}", length, overlap,
-                    p));
+    throw std::invalid_argument(fmt::format(
+        "block: {} steps found, at least {} needed, which neighbours share at lag order {}", length, overlap, p));
   }
   plan.count = ceil_div(plan.steps, length);
   return plan;
@@ -127,13 +128,15 @@ class Record {
                       {result.experiments, result.experiments - spent, file_.inputs(), file_.outputs(), result.lags},
                       result.noisy));
       if (!result.noisy && regressions_.noisy())
-        add({"the stretches that decide are free of noise, but others are not: --method subspace, or --lags, may suit "
+        add(
+            {"the stretches that decide are free of noise, but others are not: --method subspace, or --lags, may suit "
              "them better"});
     }
     if (model.states() == 0)
       add({"no state was found: the outputs answer to the inputs of the same step alone, or not at all"});
     if (model.initial_state == InitialState::unknown && model.states() > 0 && model.k_begin > 0)
-      add({fmt::format("initial states are unknown: the model begins at step {}, the first with the full state "
+      add(
+          {fmt::format("initial states are unknown: the model begins at step {}, the first with the full state "
                        "dimension",
                        model.k_begin)});
     add(warnings_of_fit(result.validation.one_step.fit, file_.names()));
@@ -157,13 +160,12 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   const Team& team = options.team;
   std::optional<ModelFile> model;
   if (team.rank == 0) model.emplace(path);
-  if (file.inputs() == 0)
-    throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
+  if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
   stream::Decision decision;
   if (team.rank == 0) decision = stream::decide(file, options.identify);
   // All members follow what the first one has decided, to the last bit.
-  const Plan plan = plan_of(file, options,
-                            archive::unpacked<Settled>(team.broadcast(archive::packed(decision.settled))));
+  const Plan plan =
+      plan_of(file, options, archive::unpacked<Settled>(team.broadcast(archive::packed(decision.settled))));
   std::optional<Record> record;
   if (model) record.emplace(file, plan, *model);
   const Index threads = std::max(1, options.identify.execution.threads);
@@ -190,8 +192,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   result.blocks = plan.count;
   result.overlap = plan.before + plan.behind;
   if (record) record->finish(options, *model, result);
-  result.identification.seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  result.identification.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
 }
 
