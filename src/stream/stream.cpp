@@ -53,8 +53,11 @@ Plan plan_of(const EnsembleFile& file, const StreamOptions& options, Settled set
   const Index overlap = plan.before + plan.behind;
   Index length = options.block;
   if (length == 0) {
-    const double step = double(file.experiments() * file.channels()) * sizeof(double) * copies;
-    length = std::max(4 * overlap, Index(std::min(options.memory_per_thread / step, double(longest_block))));
+    // Steps that share what they know have a triangular factor each, more than once.
+    const double width = plan.settled.together ? double((p + 1) * file.channels()) : 0.0;
+    const double step = (double(file.experiments() * file.channels()) + width * width) * sizeof(double) * copies;
+    const Index fewest = (plan.settled.together ? 2 : 4) * overlap;
+    length = std::max(fewest, Index(std::min(options.memory_per_thread / step, double(longest_block))));
   } else if (length < std::min(overlap, plan.steps)) {
     throw std::invalid_argument(fmt::format(
         "block: {} steps found, at least {} needed, which neighbours share at lag order {}", length, overlap, p));
