@@ -177,11 +177,18 @@ def test_no_room_for_the_model(tokid, tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["data.h5"]
 
 
+def writes(pid):
+    """Has the process begun to keep blocks of a model?"""
+    with os.scandir(f"/proc/{pid}/fd") as files:
+        return any("(deleted)" in os.readlink(file.path) for file in files)
+
+
 def test_what_is_killed_leaves_nothing(tokid, tmp_path):
     data = write_ensemble(tmp_path / "data.h5", experiments=200, steps=6000)
     with subprocess.Popen([tokid.executable, "identify", data, "-o", tmp_path / "model.h5", "--block", "60",
                            "--quiet"]) as process:
-        time.sleep(0.3)
+        while not writes(process.pid):
+            time.sleep(0.001)
         process.kill()
     assert process.returncode == -signal.SIGKILL
     assert sorted(os.listdir(tmp_path)) == ["data.h5"]
