@@ -2,11 +2,11 @@
 
 build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev libcsv-dev \
                   libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
-test_packages  := $(build_packages) libgtest-dev \
+test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
-                  python3-venv chromium fonts-dejavu-core \
-                  libbenchmark-dev libopenblas-serial-dev
-bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev python3 python3-numpy python3-h5py
+                  python3-venv chromium fonts-dejavu-core
+bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \
+                  python3 python3-numpy python3-h5py
 tidy_packages  := $(test_packages) clang-tidy
 
 # $(call install,PACKAGES) installs those that are missing; where there is no dpkg, they are the user's business.

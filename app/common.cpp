@@ -13,6 +13,11 @@
 
 namespace tokid::app {
 
+Team& team() {
+  static Team processes;
+  return processes;
+}
+
 // Options
 
 CLI::App* add_command(CLI::App& tool, const char* name, const char* description, const char* example) {
@@ -73,6 +78,7 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
                        content == Content::page     ? "a page"
                        : content == Content::model  ? "a model"
                        : content == Content::bounds ? "bounds"
+                       : content == Content::state  ? "a state"
                                                     : "an ensemble"));
 
   std::error_code error;
@@ -148,9 +154,11 @@ std::string penalty(double smoothing) {
 
 std::string plural(Index count, const char* noun) { return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s"); }
 
-std::string describe(const Ensemble& e) {
-  return fmt::format("N = {} experiments, T = {} steps, r = {} inputs, m = {} outputs, dt = {} s", e.experiments(),
-                     e.steps(), e.inputs(), e.outputs(), e.dt);
+std::string describe(const Ensemble& e) { return describe(e.experiments(), e.steps(), e.inputs(), e.outputs(), e.dt); }
+
+std::string describe(Index experiments, Index steps, Index inputs, Index outputs, double dt) {
+  return fmt::format("N = {} experiments, T = {} steps, r = {} inputs, m = {} outputs, dt = {} s", experiments, steps,
+                     inputs, outputs, dt);
 }
 
 std::string describe(const Model& model) {

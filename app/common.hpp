@@ -25,6 +25,16 @@ namespace tokid::app {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;  // keys stay in the order in which they were written
 
+// The processes that share the work; a single one, unless tokid-mpi says otherwise.
+Team& team();
+
+// The whole tool: its exit status, and what is wrong where that is not zero.
+struct Outcome {
+  int status = 0;
+  std::string complaint;
+};
+Outcome run_tool(int argc, char** argv);
+
 // One function per subcommand, in a file of its own; the work is done when the command line has been parsed.
 void add_identify(CLI::App& tool);
 void add_validate(CLI::App& tool);
@@ -36,6 +46,7 @@ void add_plan(CLI::App& tool);
 void add_example(CLI::App& tool);
 void add_convert(CLI::App& tool);
 void add_refine(CLI::App& tool);
+void add_update(CLI::App& tool);
 void add_report(CLI::App& tool);
 void add_paper(CLI::App& tool);
 
@@ -99,7 +110,7 @@ CLI::Option* add_choice(CLI::App* command, const std::string& name, T& target, c
 
 std::string extension_of(const fs::path& path);  // in lower case, with its dot
 
-enum class Content { ensemble, model, bounds, page };
+enum class Content { ensemble, model, bounds, state, page };
 // Before long work: will the file be writable under this name, and is it none of those that are to be kept?
 // \throws IoError
 void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept = {});
@@ -131,6 +142,7 @@ std::string percent(double value);
 std::string penalty(double smoothing);  // lambda, or "infinity"
 std::string plural(Index count, const char* noun);
 std::string describe(const Ensemble& ensemble);
+std::string describe(Index experiments, Index steps, Index inputs, Index outputs, double dt);
 std::string describe(const Model& model);
 // "position [m]", or "y1" without a name
 std::string output_label(const Channels& names, Index j);

@@ -12,23 +12,34 @@ namespace tokid::app {
 
 namespace {
 
+constexpr Index automatic = 0, all_at_once = -1;  // for `block`
+
 struct Call {
   fs::path data, model, page;
   ReadOptions read;
   IdentifyOptions options;
+  Index block = automatic;
+  fs::path state;
   bool json = false, quiet = false;
 };
 
-// σ_n / σ_{n+1} of H_k, the median over the steps of full dimension: how clearly the order shows.
-double singular_value_gap(const Model& model) {
-  std::vector<double> gaps;
-  const Index n = model.states(),
-              end = std::min({model.full_end(), model.k_end(), model.k_begin + Index(model.singular_values.size())});
-  for (Index k = model.full_begin(); n > 0 && k < end; ++k) {
-    const Vector& s = model.singular_values[model.at(k)];
-    if (s.size() > n) gaps.push_back(s(n - 1) / s(n));
-  }
-  return median(gaps);
+// What is said of the data, wherever they are.
+struct Data {
+  Index experiments = 0, steps = 0, inputs = 0, outputs = 0, missing = 0, free_responses = 0;
+  double dt = 1.0;
+  bool says_initial_state = false;
+  Index block = 0, blocks = 0, overlap = 0;  // steps; none where all were identified from at once
+};
+
+Data about_data(const Ensemble& e) {
+  return {e.experiments(),    e.steps(),          e.inputs(), e.outputs(),
+          missing_samples(e), e.free.experiments, e.dt,       e.initial_state.has_value()};
+}
+
+Data about_data(const EnsembleFile& file, const Streamed& streamed) {
+  return {file.experiments(), file.steps(),          file.inputs(),   file.outputs(),
+          streamed.missing,   file.free_responses(), file.dt(),       file.initial_state().has_value(),
+          streamed.block,     streamed.blocks,       streamed.overlap};
 }
 
 // RMS errors relative to what they are errors of, from the means of their logarithms.
@@ -112,10 +123,9 @@ Json json(const RefinementChoice& choice) {
   return j;
 }
 
-std::string missing_text(const Ensemble& data) {
-  std::string text =
-      missing_samples(data) == 0 ? "no missing samples" : plural(missing_samples(data), "missing sample");
-  if (data.free.experiments > 0) text += fmt::format(", {}", plural(data.free.experiments, "free response"));
+std::string missing_text(const Data& data) {
+  std::string text = data.missing == 0 ? "no missing samples" : plural(data.missing, "missing sample");
+  if (data.free_responses > 0) text += fmt::format(", {}", plural(data.free_responses, "free response"));
   return text;
 }
 
@@ -130,9 +140,9 @@ std::string nominal_text(const Call& call, const Identification& result) {
 }
 
 // The largest lag order that the experiments carry; the mean motion costs one of them.
-Index largest_lags(const Ensemble& data, const Identification& result) {
-  const Index spent = result.model.u_nominal.size() > 0 ? 1 : 0;
-  return largest_lag_order(result.experiments - spent, data.inputs(), data.outputs());
+Index largest_lags(const Data& data, const Identification& result) {
+  const Index spent = result.nominal ? 1 : 0;
+  return largest_lag_order(result.experiments - spent, data.inputs, data.outputs);
 }
 
 std::string smoothing_text(const Call& call, const Identification& result) {
@@ -163,7 +173,7 @@ void add_smoothing_trials(const SmoothingChoice& choice, Page& page) {
   page.table(rows);
 }
 
-void add_lag_order(const Call& call, const Ensemble& data, const Identification& result, Page& page) {
+void add_lag_order(const Call& call, const Data& data, const Identification& result, Page& page) {
   const bool tried = result.lag_order_errors.mean.size() > 0;
   const char* why = call.options.lags > 0 ? "as asked" : tried ? "by leave-one-out error" : "the smallest possible";
   const SmoothingChoice& together = result.smoothing_choice;
@@ -205,7 +215,7 @@ void add_states(const Call& call, const Identification& result, Page& page) {
                     : tried && result.order_scores.cross_validated ? "by errors on experiments left out"
                     : tried                                        ? "by prediction and simulation errors"
                                                                    : "the rank of the Hankel matrices";
-  const double gap = singular_value_gap(model);
+  const double gap = result.singular_value_gap;
   page.row("States",
            fmt::format("n = {}, {}{}", model.states(), why,
                        std::isfinite(gap) ? fmt::format("; singular values fall by {:.3g} behind it", gap) : ""));
@@ -218,26 +228,30 @@ void add_states(const Call& call, const Identification& result, Page& page) {
                        model.k_end() - 1, plural(model.states(), "state"), model.full_begin(), model.full_end() - 1));
 }
 
-void add_fit(const Ensemble& data, const Identification& result, Page& page) {
+void add_fit(const Data& data, const Identification& result, Page& page) {
   const Model& model = result.model;
-  const Index held_out = data.experiments() - result.experiments;
+  const Index held_out = data.experiments - result.experiments;
   page.row("Fit", !result.held_out ? "on the training data; --hold-out gives an honest figure"
-                  : held_out > 0
-                      ? fmt::format("on {} held out", plural(held_out, "experiment"))
-                      : fmt::format("on the last {}, held out", plural(data.steps() - result.steps, "step")));
+                  : held_out > 0   ? fmt::format("on {} held out", plural(held_out, "experiment"))
+                                 : fmt::format("on the last {}, held out", plural(data.steps - result.steps, "step")));
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
   for (Index j = 0; j < model.outputs; ++j)
     rows.push_back({output_label(model.names, j), percent(result.validation.simulation.fit(j)),
                     percent(result.validation.one_step.fit(j))});
   page.table(rows);
+  if (data.blocks > 0)
+    page.row("", "simulations start anew in every block, from the state that the samples before tell");
 }
 
-std::string report(const Call& call, const Ensemble& data, const Identification& result) {
+std::string report(const Call& call, const Data& data, const Identification& result) {
   const Model& model = result.model;
   Page page;
   page.row("Data", call.data.string());
-  page.row("", describe(data));
+  page.row("", describe(data.experiments, data.steps, data.inputs, data.outputs, data.dt));
   page.row("", missing_text(data));
+  if (data.blocks > 0)
+    page.row("Blocks", fmt::format("{} of up to {}, which neighbours share {} of beyond their own", data.blocks,
+                                   plural(data.block, "step"), data.overlap));
   page.row("Initial state", fmt::format("{}: {}", to_string(model.initial_state), result.initial_state_test.reason));
   page.row("Nominal", nominal_text(call, result));
   add_lag_order(call, data, result, page);
@@ -251,20 +265,21 @@ std::string report(const Call& call, const Ensemble& data, const Identification&
   return page.text();
 }
 
-Json json(const Call& call, const Ensemble& data, const Identification& result) {
+Json json(const Call& call, const Data& data, const Identification& result) {
   const Model& model = result.model;
   Json j;
   j["data"] = call.data.string();
   j["model"] = call.model.string();
   j["report"] = call.page.empty() ? Json() : Json(call.page.string());
+  j["block"] = data.blocks > 0 ? Json(data.block) : Json();
   j["experiments"] = result.experiments;
-  j["held_out_experiments"] = data.experiments() - result.experiments;
+  j["held_out_experiments"] = data.experiments - result.experiments;
   j["steps"] = result.steps;
-  j["inputs"] = data.inputs();
-  j["outputs"] = data.outputs();
+  j["inputs"] = data.inputs;
+  j["outputs"] = data.outputs;
   j["dt"] = data.dt;
-  j["missing_samples"] = missing_samples(data);
-  j["free_responses"] = data.free.experiments;
+  j["missing_samples"] = data.missing;
+  j["free_responses"] = data.free_responses;
   j["method"] = model.method;
   j["frame"] = model.frame;
   j["states"] = model.states();
@@ -282,12 +297,12 @@ Json json(const Call& call, const Ensemble& data, const Identification& result) 
   j["order_scores"] = json(state_trial(result));
   j["initial_state"] = to_string(model.initial_state);
   const InitialStateTest& initial = result.initial_state_test;
-  const bool tested = !call.options.initial_state && !data.initial_state;
+  const bool tested = !call.options.initial_state && !data.says_initial_state;
   j["initial_state_test"] = {{"statistic", tested ? Json(initial.statistic) : Json()},
                              {"threshold", tested ? Json(initial.threshold) : Json()},
                              {"decision", to_string(initial.decision)},
                              {"reason", initial.reason}};
-  j["nominal"] = model.u_nominal.size() > 0;
+  j["nominal"] = result.nominal;
   j["nominal_test"] = nullptr;
   if (call.options.nominal == NominalChoice::automatic)
     j["nominal_test"] = {{"statistic", result.nominal_test.statistic},
@@ -297,7 +312,7 @@ Json json(const Call& call, const Ensemble& data, const Identification& result) 
   j["k_end"] = model.k_end();
   j["full_begin"] = model.full_begin();
   j["full_end"] = model.full_end();
-  j["singular_value_gap"] = singular_value_gap(model);
+  j["singular_value_gap"] = result.singular_value_gap;
   const bool each_step = result.condition_max > 0;  // regressions step by step
   j["condition_max"] = each_step ? Json(result.condition_max) : Json();
   j["rank_deficient_steps"] = each_step ? Json(result.rank_deficient_steps) : Json();
@@ -325,11 +340,48 @@ void save_page(const Call& call, const Ensemble& data, const Identification& res
   save_text(report_page(result.model, tested, options).html, call.page);
 }
 
-void run(const Call& call) {
-  check_output(call.model, Content::model, {call.data});
-  if (!call.page.empty()) check_output(call.page, Content::page);
-  if (call.options.reference_step >= 0 && call.options.frame != Frame::reference)
-    throw std::invalid_argument("--reference-step: needs --frame reference");
+void tell(const Call& call, const Data& data, const Identification& result) {
+  if (call.json)
+    print(json(call, data, result));
+  else if (!call.quiet)
+    print(report(call, data, result));
+  warn(result.warnings);
+}
+
+// Are blocks asked for, or better? They are where all samples would take much memory, or processes share the work.
+bool in_blocks(const Call& call) {
+  constexpr double much = 512e6;
+  if (call.block != automatic) return call.block > 0;
+  const IdentifyOptions& o = call.options;
+  const std::string extension = extension_of(call.model);
+  const bool possible = (extension == ".h5" || extension == ".hdf5") && call.page.empty() && call.state.empty() &&
+                        o.period == 0 && !std::isinf(o.smoothing) && o.frame != Frame::reference;
+  const std::optional<double> bytes = possible ? bytes_in_blocks(call.data) : std::nullopt;
+  return bytes && (*bytes > much || team().size > 1);
+}
+
+void run_in_blocks(const Call& call) {
+  if (!call.page.empty())
+    throw std::invalid_argument(
+        "--report: a page shows whole experiments, which --block never has; tokid report shows the model on others");
+  if (!call.state.empty())
+    throw std::invalid_argument("--state: holds the factors of all steps at once, which --block never has");
+  if (!call.read.inputs.empty() || !call.read.outputs.empty())
+    throw std::invalid_argument("--inputs, --outputs: columns of a .csv, which can't be read in blocks");
+  const EnsembleFile file(call.data);
+  const Streamed streamed = about(call.data, [&] {
+    ProgressBar bar(!call.quiet && team().rank == 0);
+    StreamOptions options;
+    options.identify = call.options;
+    options.identify.execution.progress = bar.callback();
+    options.block = call.block;
+    options.team = team();
+    return identify_stream(file, call.model, options);
+  });
+  if (team().rank == 0) tell(call, about_data(file, streamed), streamed.identification);
+}
+
+void run_at_once(const Call& call) {
   const Ensemble data = load_ensemble(call.data, call.read);
   const Identification result = about(call.data, [&call, &data] {
     ProgressBar bar(!call.quiet);
@@ -337,13 +389,40 @@ void run(const Call& call) {
     options.execution.progress = bar.callback();
     return identify(data, options);
   });
+  std::optional<UpdateState> state;
+  if (!call.state.empty()) state = about(call.data, [&] { return update_state(data, result, call.options); });
   save_model(result.model, call.model);
+  if (state) save_update_state(*state, call.state);
   if (!call.page.empty()) save_page(call, data, result);
-  if (call.json)
-    print(json(call, data, result));
-  else if (!call.quiet)
-    print(report(call, data, result));
-  warn(result.warnings);
+  tell(call, about_data(data), result);
+}
+
+void run(const Call& call) {
+  check_output(call.model, Content::model, {call.data});
+  if (!call.page.empty()) check_output(call.page, Content::page);
+  if (!call.state.empty()) check_output(call.state, Content::state, {call.data, call.model});
+  if (call.options.reference_step >= 0 && call.options.frame != Frame::reference)
+    throw std::invalid_argument("--reference-step: needs --frame reference");
+  if (in_blocks(call))
+    run_in_blocks(call);
+  else if (team().rank == 0)
+    run_at_once(call);
+}
+
+void add_block(CLI::App* command, Index& block) {
+  const auto set = [&block](const std::string& text) {
+    const auto steps = text == "auto"  ? automatic
+                       : text == "all" ? all_at_once
+                                       : parse_number<Index>(text, 1, 1'000'000'000);
+    if (!steps)
+      throw CLI::ValidationError("--block",
+                                 fmt::format("'{}' found, a whole number from 1 on, auto or all needed", text));
+    block = *steps;
+  };
+  command
+      ->add_option_function<std::string>(
+          "--block", set, "Steps of an .h5 in memory at a time, or all (auto: all, in blocks beyond 512 MB of samples)")
+      ->type_name("STEPS|auto|all");
 }
 
 void add_smoothing(CLI::App* command, double& smoothing) {
@@ -413,7 +492,11 @@ void add_identify(CLI::App& tool) {
   add_number(command, "--hold-out", o.hold_out, "FRACTION", "Share of the experiments kept for validation (default 0)",
              0.0, 1.0);
   add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
+  add_block(command, call->block);
   command->add_option("--report", call->page, "Page to write that shows whether the model can be trusted: .html")
+      ->type_name("FILE");
+  command
+      ->add_option("--state", call->state, "State to write, to which update adds later experiments: .h5, .npz or .mat")
       ->type_name("FILE");
   command->add_flag("--json", call->json, "Print one JSON object");
   command->add_flag("--quiet", call->quiet, "Print warnings and errors only");

@@ -35,7 +35,9 @@ Ensemble make_noisy(const Case& c) { return noisy(c.size, c.experiments, c.steps
 
 GtvArx regressions(const Case& c, const Ensemble& data, int threads) {
   // Steps with a whole window only, so that all of them cost the same.
-  return gtv_arx(data, {.lags = {c.lags}, .initial_state = InitialState::unknown, .execution = {threads, {}}});
+  return gtv_arx(
+      data,
+      {.lags = {c.lags}, .initial_state = InitialState::unknown, .noise_shape = false, .execution = {threads, {}}});
 }
 
 void run_loop(Loop* loop, const Case& c, const Ensemble& data, Index begin, Index end, double* results) {

@@ -7,6 +7,9 @@ install(EXPORT tokid NAMESPACE tokid:: FILE tokidTargets.cmake DESTINATION ${pac
 if(TOKID_BUILD_TOOL)
   install(TARGETS tokid_tool)
 endif()
+if(TARGET tokid_mpi)
+  install(TARGETS tokid_mpi)
+endif()
 
 get_target_property(library_type tokid TYPE)
 configure_package_config_file(cmake/tokidConfig.cmake.in tokidConfig.cmake INSTALL_DESTINATION ${package_dir})

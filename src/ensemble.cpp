@@ -10,10 +10,8 @@
 #include <numeric>
 #include <stdexcept>
 
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
 #include "statistics.hpp"
+#include "survey.hpp"
 
 namespace tokid {
 
@@ -69,7 +67,13 @@ Ensemble::Ensemble(Index experiments, Index steps, Index inputs, Index outputs, 
   samples_.setConstant(experiments, steps * (inputs + outputs), std::numeric_limits<double>::quiet_NaN());
 }
 
-Index Ensemble::missing() const { return samples_.array().isNaN().count(); }
+Index Ensemble::missing() const {
+  Index count = 0;
+  // A sum is NaN when a summand is: most columns need no count.
+  for (Index c = 0; c < samples_.cols(); ++c)
+    if (const auto column = samples_.col(c).array(); (0.0 * column).sum() != 0) count += column.isNaN().count();
+  return count;
+}
 
 std::vector<Index> Ensemble::complete_rows(Index k, Index p) const {
   const auto block = window_and_output(k, p);
@@ -108,22 +112,9 @@ void Ensemble::check(bool outputs_needed) const {
   for (const Index l : length)
     if (l < 0 || l > steps_) throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, steps_));
 
-  for (Index c = 0; c < channels(); ++c) {
-    const std::string channel =
-        c < inputs_ ? fmt::format("input {}", names.input(c)) : fmt::format("output {}", names.output(c - inputs_));
-    bool any = false;
-    for (Index k = 0; k < steps_; ++k)
-      for (Index n = 0; n < experiments(); ++n) {
-        const double value = samples_(n, k * channels() + c);
-        any = any || !std::isnan(value);
-        if (std::isinf(value))
-          throw std::invalid_argument(fmt::format(
-              "{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed", channel, n, k));
-      }
-    if (!any && (c < inputs_ || outputs_needed))
-      throw std::invalid_argument(
-          fmt::format("{}: all {} samples are missing (NaN), at least one needed", channel, experiments() * steps_));
-  }
+  Survey samples = survey(*this, 0, steps_);
+  if (!outputs_needed) samples.channel.resize(size_t(inputs_));
+  check_presence(samples, names, inputs_, experiments() * steps_);
   check_free_response(free, outputs_);
 }
 
@@ -150,23 +141,10 @@ ChannelSummary channel_summary(const Ensemble& e, Index channel) {
   return s;
 }
 
-std::string fingerprint(const Ensemble& ensemble) {
-  XXH3_state_t state;
-  XXH3_64bits_reset(&state);
-  const auto add = [&](const auto* values, Index count) {
-    XXH3_64bits_update(&state, values, size_t(count) * sizeof(*values));
-  };
-  const std::int64_t shape[] = {ensemble.experiments(), ensemble.steps(), ensemble.inputs(), ensemble.outputs()};
-  add(shape, 4);
-  Vector column;
-  for (Index c = 0; c < ensemble.samples().cols(); ++c) {
-    // One bit pattern for every missing sample, and for both zeros.
-    column = ensemble.samples().col(c).array() + 0.0;
-    for (double& value : column)
-      if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
-    add(column.data(), column.size());
-  }
-  return fmt::format("{:016x}", XXH3_64bits_digest(&state));
+std::string fingerprint(const Ensemble& e) {
+  std::vector<std::uint64_t> digests;
+  for (Index k = 0; k < e.steps(); ++k) digests.push_back(digest(e, k));
+  return fingerprint(e.experiments(), e.inputs(), e.outputs(), digests);
 }
 
 void share_phases(Nominal& nominal, Index period) {

@@ -105,10 +105,10 @@ Index first_judged(InitialState initial, Index lags, Index period) {
 }
 
 Model subspace_model(const Ensemble& data, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o,
-                     InitialState initial) {
+                     InitialState initial, bool from_full_dimension) {
   Model model = realise(data, arx, factors, o);
   model.initial_state = initial;
-  if (initial == InitialState::unknown && model.period == 0 && model.states() > 0)
+  if (initial == InitialState::unknown && model.period == 0 && model.states() > 0 && from_full_dimension)
     model = from_step(model, model.full_begin());
   return model;
 }

@@ -34,7 +34,7 @@ Index first_judged(InitialState initial, Index lags, Index period);
 // The subspace model from its first usable step on: a state that is not zero at the start can be followed only from
 // where all of it is seen.
 Model subspace_model(const Ensemble& data, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o,
-                     InitialState initial);
+                     InitialState initial, bool from_full_dimension = true);
 
 // The model after as many iterations as the choice says.
 Model refined(Model model, const Ensemble& data, const RefinementChoice& choice, RefineOptions options);

@@ -144,10 +144,10 @@ class AloneRoute {
       : windows_(windows), options_(options), arx_(arx), step_(windows.inputs(), windows.outputs(), options, arx) {}
 
   void run(Index k, Index lags) {
-    windows_.rows(k, lags, rows_);
+    const Index count = windows_.rows(k, lags, rows_);
     factor_.reset(rows_.cols());
     factor_.absorb(rows_);
-    step_.run(k, lags, windows_.count(k, lags), factor_);
+    step_.run(k, lags, count, factor_);
     if (!options_.leverages) return;
     Matrix scaled = rows_.leftCols(arx_.regressors(k));
     scaled *= column_scales(scaled).asDiagonal();
@@ -168,12 +168,18 @@ class AloneRoute {
 // absorbed by the rest of it.
 class SharedRoute {
  public:
-  SharedRoute(const Ensemble& ensemble, const GtvArxOptions& options, GtvArx& arx)
-      : ensemble_(ensemble), step_(ensemble.inputs(), ensemble.outputs(), options, arx) {}
+  SharedRoute(const Windows& windows, const GtvArxOptions& options, GtvArx& arx)
+      : ensemble_(*windows.ensemble()),
+        step_(ensemble_.inputs(), ensemble_.outputs(), options, arx),
+        alone_(windows, options, arx) {}
 
   void run(Index begin, Index end, Index lags) {
     const Index d = ensemble_.channels(), first = std::max<Index>(0, begin - lags);
     const auto window = ensemble_.samples().middleCols(first * d, (end - first) * d);
+    if (std::isnan(window.sum())) {  // a gap makes it so
+      for (Index k = begin; k < end; ++k) alone_.run(k, std::min(k, lags));
+      return;
+    }
     factor_.reset(window.cols());
     factor_.absorb(window);
     Index oldest = first;
@@ -187,20 +193,22 @@ class SharedRoute {
  private:
   const Ensemble& ensemble_;
   StepRegression step_;
+  AloneRoute alone_;
   linalg::RowAbsorption factor_;
 };
 
-// As many successive steps of full lag order at once as a vector has lanes.
+// As many successive steps of full lag order at once as a vector has lanes. Those with a gap, or whose rank is in
+// doubt, are regressed by themselves.
 class LaneRoute {
  public:
-  LaneRoute(const Ensemble& ensemble, Index lags, const GtvArxOptions& options, GtvArx& arx)
-      : ensemble_(ensemble),
+  LaneRoute(const Windows& windows, Index lags, const GtvArxOptions& options, GtvArx& arx)
+      : ensemble_(*windows.ensemble()),
         options_(options),
         arx_(arx),
         lags_(lags),
-        left_(lags * ensemble.channels() + ensemble.inputs()),
-        batch_(ensemble.experiments(), left_, ensemble.outputs()),
-        alone_(ensemble.inputs(), ensemble.outputs(), options, arx) {}
+        left_(lags * ensemble_.channels() + ensemble_.inputs()),
+        batch_(ensemble_.experiments(), left_, ensemble_.outputs()),
+        alone_(windows, options, arx) {}
 
   // The steps k … k+lanes-1, of which those from `first` on are kept.
   void run(Index k, Index first) {
@@ -216,7 +224,9 @@ class LaneRoute {
     const Index rows = ensemble_.experiments(), m = ensemble_.outputs();
     GtvArxStep& step = arx_.step[size_t(k)];
     step.condition = batch_.condition(l);
-    if (!(step.condition < clear)) return alone_.run(k, lags_, rows, factor);
+    double last = 0.0;  // a gap makes it no number
+    for (Index j = 0; j < m; ++j) last += factor(left_ + j, left_ + j);
+    if (!(step.condition < clear) || std::isnan(last)) return alone_.run(k, lags_);
     step.lags = lags_;
     step.rows = rows;
     step.rank = left_;
@@ -249,7 +259,7 @@ class LaneRoute {
   GtvArx& arx_;
   const Index lags_, left_;
   linalg::LaneRegression batch_;
-  StepRegression alone_;
+  AloneRoute alone_;
 };
 
 // b with the fewest operations per step: the factorisation of p+b steps, shared by b of them, and what it takes to drop
@@ -316,7 +326,7 @@ GtvArx gtv_arx(const Windows& windows, const GtvArxOptions& options) {
 
 GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
   const Windows windows(ensemble);
-  const bool alike = options.lags.size() == 1 && !options.leverages && windows.whole();
+  const bool alike = options.lags.size() == 1 && !options.leverages;
   if (!alike || options.block == 1) return gtv_arx(windows, options);
 
   GtvArx arx = prepared(windows, options);
@@ -327,14 +337,14 @@ GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
       steps - first >= lanes) {
     regress_alone(windows, arx.k_begin, first, {options.execution.threads, {}}, options, arx);
     parallel_for(0, (steps - first + lanes - 1) / lanes, options.execution, [&](Index begin, Index end) {
-      LaneRoute route(ensemble, p, options, arx);
+      LaneRoute route(windows, p, options, arx);
       for (Index i = begin; i < end; ++i) route.run(std::min(first + i * lanes, steps - lanes), first + i * lanes);
     });
     return arx;
   }
   const Index block = options.block > 0 ? options.block : best_block(ensemble.experiments(), ensemble.channels(), p);
   parallel_for(0, (steps - arx.k_begin + block - 1) / block, options.execution, [&](Index begin, Index end) {
-    SharedRoute route(ensemble, options, arx);
+    SharedRoute route(windows, options, arx);
     for (Index i = begin; i < end; ++i) {
       const Index from = arx.k_begin + i * block;
       route.run(from, std::min(steps, from + block), p);

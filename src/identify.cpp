@@ -11,7 +11,10 @@
 
 #include "channel_sizes.hpp"
 #include "folds.hpp"
+#include "identify_stretch.hpp"
+#include "realisation.hpp"
 #include "statistics.hpp"
+#include "survey.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
@@ -22,10 +25,7 @@ namespace tokid {
 
 namespace {
 
-// Residuals below this share of the outputs are errors of arithmetic: the data are free of noise.
-constexpr double arithmetic = 1e-9;
-// Windows worse conditioned than this leave fewer than eight digits to the coefficients.
-constexpr double ill_conditioned = 1e8;
+constexpr double arithmetic = rounding_share;
 // Lag orders that a leave-one-out choice looks at.
 constexpr Index most_lags = 16;
 // Orders that a choice for noisy data looks at, and the experiments that it judges them by.
@@ -37,8 +37,6 @@ constexpr Index most_judged = 64;
 constexpr double spoilt = 1.1;
 // Steps that the choices for noisy data look at.
 constexpr Index most_judged_steps = 256;
-// Block columns of H_k for noisy data: twice as many gained nothing in any system tried, half as many lost.
-constexpr Index noisy_columns = 48;
 
 Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 
@@ -57,49 +55,6 @@ void check_options(const IdentifyOptions& o) {
         "smoothing: nan found, a number from 0 on, infinity or a negative one (automatic) needed");
   if (!(o.hold_out >= 0 && o.hold_out < 1))
     throw std::invalid_argument(fmt::format("hold-out fraction: {} found, 0 <= fraction < 1 needed", o.hold_out));
-}
-
-// Squares and ratios of samples must stay within the range of double precision, ratios of their squares too.
-void check_magnitudes(const Ensemble& e) {
-  constexpr double largest = 1e60, smallest = 1e-60;
-  for (Index c = 0; c < e.channels(); ++c) {
-    const ChannelSummary s = channel_summary(e, c);
-    const double magnitude = std::max(std::abs(s.min), std::abs(s.max));
-    if (magnitude > largest || (magnitude > 0 && magnitude < smallest))
-      throw std::invalid_argument(
-          fmt::format("{}: values up to {:.3g} found, {:.0e} to {:.0e} can be handled: choose another unit",
-                      c < e.inputs() ? "input " + e.names.input(c) : "output " + e.names.output(c - e.inputs()),
-                      magnitude, smallest, largest));
-  }
-}
-
-// Inputs that are the same in every experiment identify nothing at those steps.
-void warn_of_constant_inputs(const Ensemble& e, std::vector<std::string>& warnings) {
-  for (Index i = 0; i < e.inputs(); ++i) {
-    std::vector<Index> zero, constant;
-    for (Index k = 0; k < e.steps(); ++k) {
-      const auto u = e.input(k).col(i);
-      // The range of the samples that are there; steps without any say nothing.
-      double least = std::numeric_limits<double>::infinity(), most = -least;
-      for (const double value : u)
-        if (!std::isnan(value)) least = std::min(least, value), most = std::max(most, value);
-      if (least == most) (least == 0 ? zero : constant).push_back(k);
-    }
-    const auto warn = [&](const char* what, const std::vector<Index>& steps) {
-      if (steps.empty()) return;
-      warnings.push_back(fmt::format("input {} is {} in every experiment at {}: its effect there can't be identified",
-                                     e.names.input(i), what, words::step_list(steps)));
-    };
-    warn("zero", zero);
-    warn("constant", constant);
-  }
-}
-
-// Outputs that are the same in every experiment at every step.
-void warn_of_resting_outputs(const Ensemble& e, std::vector<std::string>& warnings) {
-  for (Index j = 0; j < e.outputs(); ++j)
-    if (const ChannelSummary s = channel_summary(e, e.inputs() + j); s.min == s.max)
-      warnings.push_back(fmt::format("output {} never moves: nothing can be identified of it", e.names.output(j)));
 }
 
 // Are the inputs of the steps k-p … k linearly dependent over the experiments, channels at rest left aside?
@@ -128,9 +83,10 @@ Index whole_windows(const Ensemble& e, Index lags) {
 // The pipeline with its intermediate results.
 class Pipeline {
  public:
-  Pipeline(const Ensemble& ensemble, const IdentifyOptions& options) : options_(options), data_(ensemble) {}
+  Pipeline(Ensemble ensemble, const IdentifyOptions& options) : options_(options), data_(std::move(ensemble)) {}
 
   Identification run();
+  Stretch run_settled(const Settled& settled, Index keep_begin, Index keep_end, bool first);
 
  private:
   void hold_out();
@@ -155,6 +111,7 @@ class Pipeline {
   Model refined_as_chosen(Model plain, SubspaceOptions& o, Make&& make);
   RefineOptions refine_options() const;
   void realise_model();
+  RegressionSurvey survey_regressions(Index begin, Index end) const;
   void warn_of_regressions();
   void warn_of_states();
   void choose_frame();
@@ -177,7 +134,9 @@ class Pipeline {
   Ensemble data_, held_out_;
   mutable std::optional<Ensemble> judged_;
   std::optional<Nominal> nominal_;
-  bool together_ = false;  // all steps in one regression
+  bool together_ = false;             // all steps in one regression
+  const Settled* settled_ = nullptr;  // choices that are made already
+  bool from_full_dimension_ = true;   // models of unknown initial states begin where all of the state is seen
   InitialState initial_ = InitialState::zero;
   GtvArx arx_;
   Identification result_;
@@ -520,14 +479,10 @@ Model Pipeline::model_of(const Markov& parameters, const HankelFactors& factors,
   model.dt = data_.dt;
   model.names = data_.names;
   model.initial_state = initial_;
-  for (Index k = model.k_begin; k < model.k_end(); ++k) {
-    model.innovation_cov.push_back(arx_.residual_cov(k));
-    model.condition.push_back(step(k).condition);
-    model.rank.push_back(step(k).rank);
-    model.lags.push_back(step(k).lags);
-  }
+  note_regressions(arx_, model);
   // A state that is not zero at the start can be followed only from where all of it is seen.
-  if (initial_ == InitialState::unknown && model.states() > 0) model = from_step(model, model.full_begin());
+  if (initial_ == InitialState::unknown && model.states() > 0 && from_full_dimension_)
+    model = from_step(model, model.full_begin());
   return model;
 }
 
@@ -556,14 +511,9 @@ Index Pipeline::choose_states(const Markov& parameters, const HankelFactors& fac
 
 Model Pipeline::tvera_model() {
   const Index m = data_.outputs(), r = data_.inputs(), n = options_.states, p = result_.lags;
-  TveraOptions o;
-  o.rows = options_.rows > 0 ? options_.rows : std::max(p + 1, ceil_div(n, m) + 1);
-  // A single input, or a single direction of the inputs, may have to reach every state by itself: n columns, as n input
-  // steps always suffice. With noise, more columns show the states better, slow and unstable ones above all.
-  const Index most = result_.noisy ? noisy_columns : n > 0 ? n : p * m;
-  o.cols = options_.cols > 0 ? options_.cols : std::max(p, most);
-  o.output_size = channel_sizes(data_, data_.inputs(), m);
-  o.input_size = channel_sizes(data_, 0, r);
+  TveraOptions o = tvera_options(options_, p, m, result_.noisy);
+  o.output_size = settled_ ? settled_->output_size : channel_sizes(data_, data_.inputs(), m);
+  o.input_size = settled_ ? settled_->input_size : channel_sizes(data_, 0, r);
   o.execution = share(0.7, 0.8);
   const Markov parameters = markov(arx_, o.rows + o.cols - 1, share(0.6, 0.7));
   const HankelFactors factors = hankel_factors(parameters, data_.free, o);
@@ -610,7 +560,9 @@ Model Pipeline::subspace_model() {
   o.noisy = result_.noisy;
   o.weighting = options_.weighting.value_or(Weighting::one_step);
   o.execution = share(0.7, 0.8);
-  const auto make = [&] { return tokid::subspace_model(data_, arx_, predictor_factors(data_, arx_, o), o, initial_); };
+  const auto make = [&] {
+    return tokid::subspace_model(data_, arx_, predictor_factors(data_, arx_, o), o, initial_, from_full_dimension_);
+  };
   if (options_.choices && together_) {
     const NoisyChoices& held = *options_.choices;
     o.weighting = held.weighting;
@@ -697,7 +649,8 @@ Model Pipeline::refined_as_chosen(Model plain, SubspaceOptions& o, Make&& make) 
 
 void Pipeline::realise_model() {
   const bool exact = !result_.noisy && initial_ == InitialState::zero && !together_;
-  const bool tvera = options_.method == Method::tvera || (options_.method == Method::automatic && exact);
+  const bool tvera =
+      settled_ ? settled_->tvera : options_.method == Method::tvera || (options_.method == Method::automatic && exact);
   Model& model = result_.model;
   model = tvera ? tvera_model() : subspace_model();
   if (!tvera && data_.free.experiments > 0)
@@ -712,49 +665,33 @@ void Pipeline::realise_model() {
   }
 }
 
-void Pipeline::warn_of_regressions() {
-  std::vector<Index> ill, starved, unexcited;
-  double residual = 0.0, square = 0.0;
-  Index freedom = 0;
-  for (Index k = arx_.k_begin; k < step_count(); ++k) {
+RegressionSurvey Pipeline::survey_regressions(Index begin, Index end) const {
+  RegressionSurvey survey;
+  for (Index k = std::max(begin, arx_.k_begin); k < end; ++k) {
     const Index regressors = arx_.regressors(k);
-    result_.condition_max = std::max(result_.condition_max, step(k).condition);
-    if (step(k).rank < regressors) ++result_.rank_deficient_steps;
-    if (step(k).condition > ill_conditioned) ill.push_back(k);
+    survey.condition_max = std::max(survey.condition_max, step(k).condition);
+    if (step(k).rank < regressors) ++survey.rank_deficient;
+    if (step(k).condition > ill_conditioned) survey.ill.push_back(k);
     if (step(k).rows - (nominal_ ? 1 : 0) < regressors)
-      starved.push_back(k);
+      survey.starved.push_back(k);
     else if (step(k).rank < regressors && k >= result_.lags && inputs_dependent(data_, k, step(k).lags))
-      unexcited.push_back(k);
-    freedom += step(k).freedom;
-    residual += arx_.residual_cov(k).trace();
-    square += arx_.output_rms(k).squaredNorm();
+      survey.unexcited.push_back(k);
+    survey.freedom += step(k).freedom;
+    survey.residual += arx_.residual_cov(k).trace();
+    survey.square += arx_.output_rms(k).squaredNorm();
   }
-  result_.noisy = residual > arithmetic * arithmetic * square;
-  if (!ill.empty())
-    warn(fmt::format("ill-conditioned windows (condition above {:.0e}) at {}: expect few digits there", ill_conditioned,
-                     words::step_list(ill)));
-  if (!starved.empty())
-    warn(
-        fmt::format("missing samples leave fewer experiments than the {} unknowns at {}: the solution of smallest "
-                    "norm stands in there",
-                    data_.inputs() + result_.lags * data_.channels(), words::step_list(starved)));
-  if (!unexcited.empty())
-    warn(fmt::format(
-        "the inputs of neighbouring steps and channels are linearly dependent over the experiments at {}: their "
-        "effects there can't be told apart",
-        words::step_list(unexcited)));
-  const Index unknowns = minimum_experiments(data_.inputs(), data_.outputs(), result_.lags);
-  if (freedom == 0)
-    warn(fmt::format(
-        "{} experiments leave no degree of freedom at lag order {}: the regressions fit any data exactly, and "
-        "nothing shows how noisy they are; {} or more would tell",
-        data_.experiments(), result_.lags, 2 * unknowns));
-  else if (result_.noisy && effective_experiments() < 2 * unknowns)
-    warn(
-        fmt::format("{} experiments are few for the {} unknowns per output and step at lag order {}: noise enters the "
-                    "coefficients almost undamped; {} or more would be better, and {} carry lag orders up to {} at all",
-                    data_.experiments(), unknowns, result_.lags, 3 * unknowns, data_.experiments(),
-                    largest_lag_order(effective_experiments(), data_.inputs(), data_.outputs())));
+  return survey;
+}
+
+void Pipeline::warn_of_regressions() {
+  const RegressionSurvey survey = survey_regressions(0, step_count());
+  result_.condition_max = survey.condition_max;
+  result_.rank_deficient_steps = survey.rank_deficient;
+  result_.noisy = survey.noisy();
+  for (std::string& text : warnings_of(
+           survey, {data_.experiments(), effective_experiments(), data_.inputs(), data_.outputs(), result_.lags},
+           result_.noisy))
+    warn(std::move(text));
 }
 
 void Pipeline::warn_of_states() {
@@ -777,17 +714,9 @@ void Pipeline::warn_of_states() {
 }
 
 void Pipeline::choose_frame() {
-  Model& model = result_.model;
-  const Index rows = std::max<Index>(result_.lags, ceil_div(std::max<Index>(1, model.states()), model.outputs));
-  if (options_.frame == Frame::smooth) model = smooth_frame(model, rows);
-  if (options_.frame == Frame::reference) {
-    FramedModel framed =
-        reference_frame(model, options_.reference_step >= 0 ? options_.reference_step : model.full_begin(), rows);
-    warn(fmt::format("reference frame of step {}: steps {} to {} are in it, the others keep their own coordinates",
-                     options_.reference_step >= 0 ? options_.reference_step : model.full_begin(), framed.begin,
-                     framed.end - 1));
-    model = std::move(framed.model);
-  }
+  std::string told;
+  result_.model = in_frame(std::move(result_.model), options_, result_.lags, told);
+  if (!told.empty()) warn(std::move(told));
 }
 
 void Pipeline::check_finite() const {
@@ -812,13 +741,38 @@ void Pipeline::evaluate() {
     result_.validation = validate(result_.model, measured, o);
   }
   for (const std::string& text : result_.validation.warnings) warn(text);
-  // Noise alone can be predicted a little on the data of the identification.
-  constexpr double next_to_nothing = 5.0;
-  const Vector& fit = result_.validation.one_step.fit;
-  for (Index j = 0; j < fit.size(); ++j)
-    if (fit(j) < next_to_nothing)
-      warn(fmt::format("output {} is predicted no better than by its mean: {:.3g} % fit over one step",
-                       data_.names.output(j), fit(j)));
+  for (std::string& text : warnings_of_fit(result_.validation.one_step.fit, data_.names)) warn(std::move(text));
+}
+
+Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index keep_end, bool first) {
+  settled_ = &settled;
+  from_full_dimension_ = first;
+  initial_ = *options_.initial_state;
+  result_.lags = options_.lags;
+  remove_nominal();
+  Stretch result;
+  if (settled.together) {
+    regress_together();
+  } else {
+    check_size();
+    GtvArxOptions o;
+    o.lags = {result_.lags};
+    o.initial_state = initial_;
+    o.spent = nominal_ ? 1 : 0;
+    o.execution.threads = options_.execution.threads;
+    arx_ = gtv_arx(data_, o);
+    result.regressions = survey_regressions(keep_begin, keep_end);
+  }
+  result_.noisy = settled.noisy;
+  realise_model();
+  choose_frame();
+  check_finite();
+  result.model = std::move(result_.model);
+  result.model.u_nominal.resize(0, 0);
+  result.model.y_nominal.resize(0, 0);
+  result.nominal = std::move(nominal_);
+  result.departures = std::move(data_);
+  return result;
 }
 
 Identification Pipeline::run() {
@@ -828,13 +782,16 @@ Identification Pipeline::run() {
   if (data_.inputs() == 0 || data_.outputs() == 0)
     throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
                                             data_.inputs(), data_.outputs()));
-  check_magnitudes(data_);
+  Survey samples = survey(data_, 0, data_.steps());
+  check_magnitudes(samples, data_.names, data_.inputs());
   hold_out();
+  if (result_.held_out) samples = survey(data_, 0, data_.steps());
   const std::string fingerprint = tokid::fingerprint(data_);
   result_.experiments = data_.experiments();
   result_.steps = data_.steps();
-  if (options_.period == 0) warn_of_constant_inputs(data_, result_.warnings);
-  warn_of_resting_outputs(data_, result_.warnings);
+  if (options_.period == 0)
+    for (std::string& text : warnings_of_inputs(samples, data_.names)) warn(std::move(text));
+  for (std::string& text : warnings_of_outputs(samples, data_.names)) warn(std::move(text));
   remove_nominal();
   check_method();
   if (options_.lags > 0 && options_.lags * data_.outputs() < options_.states)
@@ -848,6 +805,9 @@ Identification Pipeline::run() {
   result_.model.version = version;
   result_.model.options = to_json(options_, result_.experiments);
   note_data(result_.model, fingerprint);
+  result_.together = together_;
+  result_.nominal = nominal_.has_value();
+  result_.singular_value_gap = statistics::median(singular_value_gaps(result_.model));
   if (together_ && result_.noisy && !options_.choices)
     result_.choices = {result_.variation, result_.state_smoothing,
                        options_.weighting.value_or(result_.order_scores.weighting), result_.refinement.smoothing,
@@ -865,6 +825,32 @@ Identification Pipeline::run() {
 
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options) {
   return Pipeline(ensemble, options).run();
+}
+
+std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Channels& names) {
+  // Noise alone can be predicted a little on the data of the identification.
+  constexpr double next_to_nothing = 5.0;
+  std::vector<std::string> result;
+  for (Index j = 0; j < one_step_fit.size(); ++j)
+    if (one_step_fit(j) < next_to_nothing)
+      result.push_back(fmt::format("output {} is predicted no better than by its mean: {:.3g} % fit over one step",
+                                   names.output(j), one_step_fit(j)));
+  return result;
+}
+
+std::vector<double> singular_value_gaps(const Model& model) {
+  std::vector<double> gaps;
+  const Index n = model.states(),
+              end = std::min({model.full_end(), model.k_end(), model.k_begin + Index(model.singular_values.size())});
+  for (Index k = model.full_begin(); n > 0 && k < end; ++k)
+    if (const Vector& s = model.singular_values[model.at(k)]; s.size() > n) gaps.push_back(s(n - 1) / s(n));
+  return gaps;
+}
+
+Stretch identify_stretch(Ensemble data, const Settled& settled, Index keep_begin, Index keep_end, bool first) {
+  IdentifyOptions options = settled.options;
+  options.initial_state = first ? settled.initial_state : InitialState::unknown;
+  return Pipeline(std::move(data), options).run_settled(settled, keep_begin, keep_end, first);
 }
 
 }  // namespace tokid

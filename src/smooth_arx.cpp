@@ -43,12 +43,14 @@ GroupFactors group_factors(const Windows& e, const SmoothArxOptions& o, const Ve
   w.rows.assign(size_t(e.steps()), 0);
   const Index first = o.initial_state == InitialState::zero ? begin : std::max(begin, p);
   parallel_for(0, groups, {o.execution.threads, {}}, [&](Index from, Index to) {
+    Matrix rows;
     for (Index g = from; g < to; ++g) {
       linalg::RowStack stack(width);
       for (Index k = begin; k < end; ++k) {
         if (k < first || o.variation.group(k - begin) != g) continue;
-        w.rows[size_t(k)] = e.count(k, p);
-        stack.add(e.rows(k, p) * scales.asDiagonal());
+        w.rows[size_t(k)] = e.rows(k, p, rows);
+        rows *= scales.asDiagonal();
+        stack.add(rows);
       }
       w.factor[size_t(g)] = stack.factor();
     }

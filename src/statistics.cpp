@@ -18,6 +18,13 @@ double normal_tail(double z) { return 0.5 * std::erfc(z / std::numbers::sqrt2); 
 
 }  // namespace
 
+double median(std::vector<double> values) {
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 double f_quantile(double probability, double a, double b) {
   return boost::math::quantile(boost::math::fisher_f(a, b), probability);
 }

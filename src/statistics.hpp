@@ -2,7 +2,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <vector>
+
 namespace tokid::statistics {
+
+double median(std::vector<double> values);  // NaN for none
 
 // q with P(F ≤ q) = probability for F distributed with (a, b) degrees of freedom
 double f_quantile(double probability, double a, double b);

@@ -25,15 +25,15 @@ Matrix with_ones(const ConstMatrixRef& samples) {
   return result;
 }
 
-// What linalg knows of step k: columns 0 and from+1 … of an absorption; those before the experiments are zero.
-void store(const linalg::RowAbsorption& r, Index from, Index k, WindowFactors& f) {
-  const Index size = r.size() - 1 - from, before = f.width() - size;
-  const Index last = std::min(size, (k + 1) * f.channels());
+// R_k from an absorption of [1 V …]: its first column and `size` ones from `from` on; what is before the experiments
+// stays zero.
+void store(const linalg::RowAbsorption& r, Index from, Index size, Index k, WindowFactors& f) {
+  const Index before = f.width() - size;
   auto own = f.of(k);
-  const auto at = [&](Index i) { return i == 0 ? 0 : i + from; };
-  const auto to = [&](Index i) { return i == 0 ? 0 : i + before; };
-  for (Index j = 0; j <= last; ++j)
-    for (Index i = 0; i <= j; ++i) own(to(i), to(j)) = r(at(i), at(j));
+  const auto in = [&](Index i) { return i == 0 ? 0 : from + i; };
+  const auto to = [&](Index i) { return i == 0 ? 0 : before + i; };
+  for (Index j = 0; j <= size; ++j)
+    for (Index i = 0; i <= j; ++i) own(to(i), to(j)) = r(in(i), in(j));
 }
 
 void check_alike(const WindowFactors& a, const WindowFactors& b) {
@@ -97,7 +97,7 @@ WindowFactors window_factors(const Ensemble& e, Index lags, InitialState initial
         const Matrix samples = with_ones(e.window_and_output(k, std::min(k, lags))(rows, Eigen::all));
         r.reset(samples.cols());
         r.absorb(samples);
-        store(r, 0, k, f);
+        store(r, 0, samples.cols() - 1, k, f);
         f.rows[size_t(k)] = samples.rows();
       }
     });
@@ -114,7 +114,7 @@ WindowFactors window_factors(const Ensemble& e, Index lags, InitialState initial
       r.absorb(samples);
       for (Index k = begin, oldest = first; k < end; ++k) {
         for (; oldest < k - lags; ++oldest) r.drop(1 + (oldest - first) * d, d);
-        store(r, (oldest - first) * d, k, f);
+        store(r, (oldest - first) * d, (k + 1 - oldest) * d, k, f);
         f.rows[size_t(k)] = e.experiments();
       }
     }
@@ -146,8 +146,7 @@ Windows::Windows(const Ensemble& e)
       steps_(e.steps()),
       inputs_(e.inputs()),
       outputs_(e.outputs()),
-      ensemble_(&e),
-      every_row_(e.missing() == 0) {}
+      ensemble_(&e) {}
 
 Windows::Windows(const WindowFactors& f, const Nominal* nominal)
     : dt(f.dt),
@@ -163,12 +162,7 @@ Windows::Windows(const WindowFactors& f, const Nominal* nominal)
     mean_.segment(k * channels(), channels()) << nominal->u.row(k).transpose(), nominal->y.row(k).transpose();
 }
 
-Index Windows::count(Index k, Index lags) const {
-  if (factors_) return factors_->rows[size_t(k)];
-  return every_row_ ? experiments_ : Index(ensemble_->complete_rows(k, std::min(k, lags)).size());
-}
-
-void Windows::rows(Index k, Index lags, Matrix& rows) const {
+Index Windows::rows(Index k, Index lags, Matrix& rows) const {
   const Index d = channels(), known = (std::min(k, lags) + 1) * d, width = (lags + 1) * d;
   if (factors_) {
     if (lags > factors_->lags)
@@ -178,18 +172,27 @@ void Windows::rows(Index k, Index lags, Matrix& rows) const {
     // [1 V] [-mean; I]
     if (mean_.size() > 0)
       rows.rightCols(known).noalias() -= own.col(0) * mean_.segment((k + 1) * d - known, known).transpose();
-    return;
+    return factors_->rows[size_t(k)];
   }
   const auto window = ensemble_->samples().middleCols((k + 1) * d - known, known);
-  if (every_row_) {
-    rows.resize(experiments_, width);
-    rows.rightCols(known) = window;
-  } else {
+  rows.resize(experiments_, width);
+  rows.leftCols(width - known).setZero();
+  rows.rightCols(known) = window;
+  // A missing sample makes the sum none.
+  if (const double sum = window.sum(); std::isnan(sum)) {
     const std::vector<Index> complete = ensemble_->complete_rows(k, known / d - 1);
     rows.resize(Index(complete.size()), width);
+    rows.leftCols(width - known).setZero();
     rows.rightCols(known) = window(complete, Eigen::all);
   }
-  rows.leftCols(width - known).setZero();
+  return rows.rows();
+}
+
+Index Windows::count(Index k, Index lags) const {
+  if (factors_) return factors_->rows[size_t(k)];
+  const Index known = std::min(k, lags);
+  const bool gap = std::isnan(ensemble_->window_and_output(k, known).sum());
+  return gap ? Index(ensemble_->complete_rows(k, known).size()) : experiments_;
 }
 
 Vector Windows::channel_sizes() const {
@@ -197,8 +200,9 @@ Vector Windows::channel_sizes() const {
   Vector square = Vector::Zero(channels());
   double total = 0.0;
   for (Index k = factors_->begin(); k < steps_; ++k) {
-    square += rows(k, 0).colwise().squaredNorm().transpose();
-    total += double(count(k, 0));
+    Matrix samples;
+    total += double(rows(k, 0, samples));
+    square += samples.colwise().squaredNorm().transpose();
   }
   const Vector size = (square / std::max(1.0, total)).cwiseSqrt();
   return (size.array() > 0).select(size, 1.0);

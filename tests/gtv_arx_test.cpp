@@ -12,12 +12,6 @@ namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-Ensemble with_noise(Ensemble e, double sigma, std::uint64_t seed) {
-  Random random(seed);
-  for (Index k = 0; k < e.steps(); ++k) e.output(k) += sigma * random.matrix(e.experiments(), e.outputs());
-  return e;
-}
-
 TEST(GtvArx, ExplainsNoiseFreeDataCompletely) {
   for (const SystemSize size : {SystemSize{1, 1, 1}, {4, 2, 2}, {3, 1, 2}, {3, 2, 1}, {2, 3, 1}, {6, 2, 3}})
     for (const Index extra : {0, 2}) {

@@ -78,6 +78,12 @@ inline Model constant_system(const SystemSize& size, Index steps, double growth,
 }
 
 // Noise-free experiments with unit Gaussian inputs and initial states of the given size.
+inline Ensemble with_noise(Ensemble e, double sigma, std::uint64_t seed) {
+  Random random(seed);
+  for (Index k = 0; k < e.steps(); ++k) e.output(k) += sigma * random.matrix(e.experiments(), e.outputs());
+  return e;
+}
+
 inline Ensemble random_experiments(const Model& system, Index experiments, std::uint64_t seed, double initial = 0.0) {
   Random random(seed);
   Ensemble e(experiments, system.steps(), system.inputs, system.outputs, system.dt);

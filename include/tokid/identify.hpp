@@ -114,8 +114,12 @@ struct Identification {
   OrderScores order_scores;
   RefinementChoice refinement;
   std::optional<NoisyChoices> choices;  // where all steps were regressed together
+  bool together = false;                // all steps in one regression, else one for each
   bool noisy = false;                   // residuals beyond rounding errors
-  bool held_out = false;                // else `validation` is on the training data
+  bool nominal = false;                 // a mean motion was removed
+  // σ_n / σ_{n+1} of the steps of full dimension, their median: how clearly the order shows; NaN where it does not
+  double singular_value_gap = std::numeric_limits<double>::quiet_NaN();
+  bool held_out = false;  // else `validation` is on the training data
   Validation validation;
   std::vector<std::string> warnings;
   double seconds = 0.0;

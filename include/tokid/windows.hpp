@@ -55,10 +55,10 @@ class Windows {
   Index outputs() const { return outputs_; }
   Index channels() const { return inputs_ + outputs_; }
 
-  bool whole() const { return every_row_; }  // no sample is missing, or there are factors only
-  Index count(Index k, Index lags) const;    // N_k
-  // [v_{k-p} … v_k] (any number of rows × (p+1)·d). \throws std::invalid_argument for more lags than the factors have
-  void rows(Index k, Index lags, Matrix& rows) const;
+  // [v_{k-p} … v_k] (any number of rows × (p+1)·d), and N_k, the number of experiments that they stand for.
+  // \throws std::invalid_argument for more lags than the factors have
+  Index rows(Index k, Index lags, Matrix& rows) const;
+  Index count(Index k, Index lags) const;  // N_k alone
   Matrix rows(Index k, Index lags) const {
     Matrix result;
     rows(k, lags, result);
@@ -76,7 +76,6 @@ class Windows {
   const Ensemble* ensemble_ = nullptr;
   const WindowFactors* factors_ = nullptr;
   Vector mean_;  // (T·d); empty: none
-  bool every_row_ = true;
 };
 
 }  // namespace tokid

@@ -192,31 +192,45 @@ Arrays arrays_of(const Ensemble& e, Layout layout) {
   return arrays;
 }
 
-Ensemble ensemble_of(const Fields& fields, bool outputs_required) {
+EnsembleOutline outline_of(const Fields& fields, bool outputs_required) {
   const bool has_outputs = outputs_required || fields.has("y");
-  const auto& u = fields.numbers("u");
-  static const std::vector<double> none;
-  const auto& y = has_outputs ? fields.numbers("y") : none;
+  fields.numbers("u");
+  if (has_outputs) fields.numbers("y");
+  EnsembleOutline outline;
   const Shapes shapes = shapes_of(fields, has_outputs);
   if (outputs_required && shapes.y[2] == 0) fail_shape("y", fields.shape("y"), "at least one output");
-
   const auto at = [](const Shape& shape, size_t axis) { return static_cast<Index>(shape[axis]); };
-  Ensemble e(at(shapes.u, 0), at(shapes.u, 1), at(shapes.u, 2), at(shapes.y, 2),
-             fields.has("dt") ? fields.number("dt") : 1.0);
+  outline.experiments = at(shapes.u, 0);
+  outline.steps = at(shapes.u, 1);
+  outline.inputs = at(shapes.u, 2);
+  outline.outputs = at(shapes.y, 2);
+  if (fields.has("dt")) outline.dt = fields.number("dt");
+  outline.names = channels_of(fields);
+  if (fields.has("initial_state")) outline.initial_state = initial_state_from(fields.text("initial_state"));
+  if (fields.has("length")) outline.length = fields.integers("length", shapes.u[0], 0, outline.steps);
+  if (fields.has("free_y")) outline.free = free_response_of(fields, outline.outputs);
+  return outline;
+}
+
+Ensemble ensemble_of(const Fields& fields, bool outputs_required) {
+  EnsembleOutline outline = outline_of(fields, outputs_required);
+  Ensemble e(outline.experiments, outline.steps, outline.inputs, outline.outputs, outline.dt);
+  static const std::vector<double> none;
+  const auto& u = fields.numbers("u");
+  const auto& y = e.outputs() > 0 ? fields.numbers("y") : none;
   each_sample(e.experiments(), e.steps(), e.inputs(),
               [&](Index n, Index k, Index i, size_t from) { e.u(n, k, i) = u[from]; });
   each_sample(e.experiments(), e.steps(), e.outputs(),
               [&](Index n, Index k, Index j, size_t from) { e.y(n, k, j) = y[from]; });
-
-  e.names = channels_of(fields);
-  if (fields.has("initial_state")) e.initial_state = initial_state_from(fields.text("initial_state"));
-  if (fields.has("length")) e.length = fields.integers("length", shapes.u[0], 0, e.steps());
+  e.names = std::move(outline.names);
+  e.initial_state = outline.initial_state;
+  e.length = std::move(outline.length);
   for (size_t n = 0; n < e.length.size(); ++n)
     for (Index k = e.length[n]; k < e.steps(); ++k) {
       e.input(k).row(static_cast<Index>(n)).setConstant(missing);
       e.output(k).row(static_cast<Index>(n)).setConstant(missing);
     }
-  if (fields.has("free_y")) e.free = free_response_of(fields, e.outputs());
+  e.free = std::move(outline.free);
   e.check(outputs_required);
   return e;
 }

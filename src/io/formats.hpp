@@ -12,7 +12,8 @@ namespace tokid::io {
 Contents read_npz(const std::filesystem::path& path, const Names& wanted);
 void write_npz(const Arrays& arrays, const std::filesystem::path& path);
 
-Contents read_hdf5(const std::filesystem::path& path, const Names& wanted);  // also MATLAB 7.3, whatever its name
+// Also MATLAB 7.3, whatever its name. Of the `outlined` data sets the shape alone is read, as the file has it.
+Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const Names& outlined = {});
 void write_hdf5(const Arrays& arrays, const std::filesystem::path& path);
 
 Contents read_mat(const std::filesystem::path& path, const Names& wanted);  // of any version

@@ -1,7 +1,5 @@
 // HDF5, and the HDF5 that MATLAB writes as version 7.3 of its .mat.
 // SPDX-License-Identifier: BSD-3-Clause
-#include <hdf5.h>
-
 #include <algorithm>
 #include <cstring>
 #include <functional>
@@ -9,62 +7,13 @@
 
 #include "atomic_file.hpp"
 #include "formats.hpp"
+#include "hdf5_handles.hpp"
 #include "matlab.hpp"
 #include "text.hpp"
 
 namespace tokid::io {
 
 namespace {
-
-// ---- handles and errors ----
-
-// The library would print its error stack on stderr; the innermost reason goes into our own message instead.
-class QuietHdf5 {
- public:
-  QuietHdf5() {
-    H5Eget_auto2(H5E_DEFAULT, &print_, &data_);
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-  }
-  ~QuietHdf5() { H5Eset_auto2(H5E_DEFAULT, print_, data_); }
-  QuietHdf5(const QuietHdf5&) = delete;
-  QuietHdf5& operator=(const QuietHdf5&) = delete;
-
- private:
-  H5E_auto2_t print_ = nullptr;
-  void* data_ = nullptr;
-};
-
-std::string reason() {
-  std::string text;
-  const auto innermost = [](unsigned n, const H5E_error2_t* error, void* out) -> herr_t {
-    if (n == 0 && error->desc) static_cast<std::string*>(out)->assign(error->desc);
-    return 0;
-  };
-  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, innermost, &text);
-  return text.empty() ? "the HDF5 library gives no reason" : single_line(text);
-}
-
-template <typename T>
-T checked(T status, std::string_view name = {}) {
-  if (status < 0) name.empty() ? fail("HDF5: {}", reason()) : fail("data set '{}': HDF5: {}", name, reason());
-  return status;
-}
-
-class Handle {
- public:
-  using Closer = herr_t (*)(hid_t);
-  Handle(hid_t id, Closer closer, std::string_view name = {}) : id_(checked(id, name)), closer_(closer) {}
-  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), closer_(other.closer_) {}
-  Handle& operator=(Handle&&) = delete;
-  ~Handle() {
-    if (id_ >= 0) closer_(id_);
-  }
-  operator hid_t() const { return id_; }
-
- private:
-  hid_t id_;
-  Closer closer_;
-};
 
 // ---- reading ----
 
@@ -191,7 +140,8 @@ bool is_plain_number(const Node& node, H5T_class_t type) {
   return type == H5T_ENUM && is_plain_integer(Handle(H5Tget_super(node.type), H5Tclose, node.name));
 }
 
-Array read_node(const Node& node) {
+// Numbers may be left in the file: their shape alone then.
+Array read_node(const Node& node, bool with_numbers = true) {
   const H5S_class_t extent = H5Sget_simple_extent_type(node.space);
   if (extent != H5S_SCALAR && extent != H5S_SIMPLE) return {{0}, Foreign{"nothing (an empty data space)"}};
   const Shape shape = shape_of(node);
@@ -200,6 +150,7 @@ Array read_node(const Node& node) {
   const H5T_class_t type = H5Tget_class(node.type);
   if (type == H5T_STRING) return {shape, read_texts(node, count)};
   if (!is_plain_number(node, type)) return {shape, Foreign{foreign_kind(node, type)}};
+  if (!with_numbers) return {shape, std::vector<double>{}};
   check_claim(node.name, shape, sizeof(double), file_size(node.id) * sizeof(double));
   std::vector<double> numbers(count);
   if (count > 0) checked(node.read(H5T_NATIVE_DOUBLE, numbers.data()), node.name);
@@ -295,27 +246,27 @@ Names attribute_names(hid_t group) {
   return names;
 }
 
-Array read_link(hid_t root, const std::string& name, Layout& layout) {
+Array read_link(hid_t root, const std::string& name, bool with_numbers, Layout& layout) {
   Handle object(H5Oopen(root, name.c_str(), H5P_DEFAULT), H5Oclose, name);
   const auto kind = matlab_class(object);
   if (kind) layout = Layout::matlab;
   if (H5Iget_type(object) != H5I_DATASET) return {{}, Foreign{kind ? "a struct or sparse matrix" : "a group"}};
   Node node = data_set_of(std::move(object), name);
-  return kind ? matlab_value(std::move(node), *kind) : read_node(node);
+  if (!with_numbers && kind && *kind != "char" && *kind != "cell") return read_node(node, false);
+  return kind ? matlab_value(std::move(node), *kind) : read_node(node, with_numbers);
 }
 
 }  // namespace
 
-Contents read_hdf5(const std::filesystem::path& path, const Names& wanted) {
+Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const Names& outlined) {
   const QuietHdf5 quiet;
-  const hid_t id = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
-  if (id < 0) fail("no complete HDF5 file found: {}", reason());
-  const Handle file(id, H5Fclose);
+  const Handle file = open_hdf5(path);
   const Handle root(H5Gopen2(file, "/", H5P_DEFAULT), H5Gclose);
   Contents contents;
   contents.names = link_names(root);
   for (const auto& name : contents.names)
-    if (contains(wanted, name)) contents.arrays.emplace_back(name, read_link(root, name, contents.layout));
+    if (contains(wanted, name))
+      contents.arrays.emplace_back(name, read_link(root, name, !contains(outlined, name), contents.layout));
   for (const auto& name : attribute_names(root)) {
     if (contains(contents.names, name)) continue;
     contents.names.push_back(name);
@@ -356,50 +307,6 @@ class MemoryFile {
 
   Handle file_;
 };
-
-Handle text_type(size_t size, H5T_str_t padding, H5T_cset_t characters) {
-  Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
-  checked(H5Tset_size(type, size));
-  checked(H5Tset_strpad(type, padding));
-  checked(H5Tset_cset(type, characters));
-  return type;
-}
-
-Handle space_of(const Shape& shape) {
-  const std::vector<hsize_t> dims(shape.begin(), shape.end());
-  return {shape.empty() ? H5Screate(H5S_SCALAR) : H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr),
-          H5Sclose};
-}
-
-Handle write_values(hid_t group, const std::string& name, const Shape& shape, hid_t stored_type, hid_t memory_type,
-                    const void* values) {
-  const Handle space = space_of(shape);
-  const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
-  checked(H5Pset_obj_track_times(properties, false), name);
-  Handle data(H5Dcreate2(group, name.c_str(), stored_type, space, H5P_DEFAULT, properties, H5P_DEFAULT), H5Dclose,
-              name);
-  checked(H5Dwrite(data, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), name);
-  return data;
-}
-
-void write_texts(hid_t file, const std::string& name, const Shape& shape, const std::vector<std::string>& texts) {
-  size_t longest = 1;
-  for (const auto& text : texts) longest = std::max(longest, text.size());
-  // Of fixed length, so that the bytes lie where the data set is, not in a heap.
-  const Handle type = text_type(longest, H5T_STR_NULLPAD, H5T_CSET_UTF8);
-  std::string bytes;
-  for (const auto& text : texts) bytes += text + std::string(longest - text.size(), '\0');
-  write_values(file, name, shape, type, type, bytes.data());
-}
-
-void write_array(hid_t file, const std::string& name, const Array& array) {
-  if (const auto* numbers = std::get_if<std::vector<double>>(&array.values))
-    write_values(file, name, array.shape, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, numbers->data());
-  else if (const auto* integers = std::get_if<std::vector<std::int64_t>>(&array.values))
-    write_values(file, name, array.shape, H5T_STD_I64LE, H5T_NATIVE_INT64, integers->data());
-  else
-    write_texts(file, name, array.shape, std::get<std::vector<std::string>>(array.values));
-}
 
 // ---- MATLAB's variables ----
 

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cctype>
 #include <fstream>
-#include <new>
 
 #include "atomic_file.hpp"
 #include "formats.hpp"
+#include "naming.hpp"
 #include "schema.hpp"
 #include "text.hpp"
 
@@ -16,7 +16,9 @@ namespace tokid {
 namespace {
 
 namespace fs = std::filesystem;
+using io::check_readable;
 using io::fail;
+using io::naming;
 
 enum class Format { npz, hdf5, mat, csv };
 
@@ -29,34 +31,6 @@ Format format_of(const fs::path& path) {
   if (extension == ".mat") return Format::mat;
   if (extension == ".csv") return Format::csv;
   fail("extension '{}' found; .npz, .h5, .hdf5, .mat or (ensembles only) .csv needed", extension);
-}
-
-// Runs f and puts the name of the file in front of whatever it complains about, on one line.
-template <typename F>
-auto naming(const fs::path& path, F&& f) {
-  const auto rethrow = [&](const std::string& message) {
-    throw IoError(io::single_line(fmt::format("{}: {}", path.string(), message)));
-  };
-  try {
-    return f();
-  } catch (const std::bad_alloc&) {
-    rethrow("more data found than fits into memory");
-  } catch (const std::length_error&) {
-    rethrow("more data found than fits into memory");
-  } catch (const std::exception& error) {
-    rethrow(error.what());
-  }
-  throw std::logic_error("unreachable");
-}
-
-// The libraries' own words for these differ, and some are misleading.
-void check_readable(const fs::path& path) {
-  const auto status = fs::status(path);
-  if (!fs::exists(status)) fail("no such file");
-  if (fs::is_directory(status)) fail("a directory found, a file needed");
-  if (!fs::is_regular_file(status)) fail("a device or pipe found, a file needed");
-  if (!std::ifstream(path, std::ios::binary)) fail("can't be read: {}", std::generic_category().message(errno));
-  if (fs::file_size(path) == 0) fail("an empty file found, data needed");
 }
 
 io::Contents read(const fs::path& path, Format format, const io::Names& wanted) {
@@ -91,6 +65,17 @@ io::Layout layout_of(Format format) { return format == Format::mat ? io::Layout:
 
 }  // namespace
 
+void io::check_readable(const fs::path& path) {
+  const auto status = fs::status(path);
+  if (!fs::exists(status)) fail("no such file");
+  if (fs::is_directory(status)) fail("a directory found, a file needed");
+  if (!fs::is_regular_file(status)) fail("a device or pipe found, a file needed");
+  if (!std::ifstream(path, std::ios::binary)) fail("can't be read: {}", std::generic_category().message(errno));
+  if (fs::file_size(path) == 0) fail("an empty file found, data needed");
+}
+
+bool io::is_hdf5(const fs::path& path) { return format_of(path) == Format::hdf5; }
+
 FileKind file_kind(const fs::path& path) {
   return naming(path, [&] {
     const Format format = format_of(path);
@@ -99,6 +84,7 @@ FileKind file_kind(const fs::path& path) {
     const io::Names found = read(path, format, {}).names;
     if (io::is_model(found)) return FileKind::model;
     if (io::is_ensemble(found)) return FileKind::ensemble;
+    if (io::is_update_state(found)) fail("a state of identify --state found, which tokid update reads");
     fail("neither an ensemble ('u', 'y') nor a model ('A', 'state_dim') found among {}", io::quoted(found));
   });
 }
@@ -160,6 +146,22 @@ void save_model(const Model& model, const fs::path& path, const WriteOptions& op
 
 void save_confidence(const Confidence& confidence, const fs::path& path, const WriteOptions& options) {
   save_arrays(confidence, path, options);
+}
+
+void save_update_state(const UpdateState& state, const fs::path& path) { save_arrays(state, path, {}); }
+
+UpdateState load_update_state(const fs::path& path) {
+  return naming(path, [&] {
+    const Format format = format_of(path);
+    check_readable(path);
+    const io::Fields fields(read(path, format, io::update_names()));
+    if (!io::is_update_state(fields.names()))
+      fail("{} found, what identify --state writes ('window_factors') needed", io::is_model(fields.names()) ? "a model"
+                                                                               : io::is_ensemble(fields.names())
+                                                                                   ? "an ensemble"
+                                                                                   : "another file");
+    return io::update_state_of(fields);
+  });
 }
 
 void save_text(std::string_view text, const fs::path& path) {

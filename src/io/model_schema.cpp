@@ -89,9 +89,7 @@ Array matrix_array(const Matrix& matrix) {
 }
 
 // Steps have different numbers of singular values: NaN fills up.
-Array singular_values_array(const std::vector<Vector>& list) {
-  Index longest = 0;
-  for (const auto& values : list) longest = std::max(longest, values.size());
+Array singular_values_array(const std::vector<Vector>& list, Index longest) {
   Matrix padded_values =
       Matrix::Constant(static_cast<Index>(list.size()), longest, std::numeric_limits<double>::quiet_NaN());
   for (size_t s = 0; s < list.size(); ++s)
@@ -134,8 +132,6 @@ constexpr NominalField nominal_fields[] = {{"u_nominal", &Model::u_nominal, &Mod
                                            {"y_nominal", &Model::y_nominal, &Model::outputs}};
 
 void add_diagnostics(const Model& model, Arrays& arrays) {
-  if (!model.singular_values.empty())
-    arrays.emplace_back("singular_values", singular_values_array(model.singular_values));
   if (!model.condition.empty()) arrays.emplace_back("condition", Array{{model.condition.size()}, model.condition});
   for (const auto& [name, field] : count_fields)
     if (!(model.*field).empty()) arrays.emplace_back(name, list(model.*field));
@@ -195,7 +191,13 @@ const Names& model_names() {
 
 bool is_model(const Names& found) { return contains(found, "A") && contains(found, "state_dim"); }
 
-Arrays arrays_of(const Model& model, Layout layout) {
+Index singular_value_count(const Model& model) {
+  Index longest = 0;
+  for (const Vector& values : model.singular_values) longest = std::max(longest, values.size());
+  return longest;
+}
+
+Arrays small_arrays_of(const Model& model) {
   Arrays arrays;
   for (const auto& [name, field] : text_fields)
     if (!(model.*field).empty()) arrays.emplace_back(name, scalar(model.*field));
@@ -205,16 +207,30 @@ Arrays arrays_of(const Model& model, Layout layout) {
   if (model.period > 0) arrays.emplace_back("period", scalar(model.period));
   add_channels(model.names, arrays);
   add_diagnostics(model, arrays);
-  for (const auto& [name, trajectory, channels] : nominal_fields)
-    if ((model.*trajectory).rows() > 0) arrays.emplace_back(name, matrix_array(model.*trajectory));
   add_initial_estimate(model, arrays);
   arrays.emplace_back("state_dim", list(model.state_dim));
+  return arrays;
+}
+
+Arrays step_arrays_of(const Model& model, Index states, Index singular_values, Layout layout) {
+  Arrays arrays;
+  if (!model.singular_values.empty())
+    arrays.emplace_back("singular_values", singular_values_array(model.singular_values, singular_values));
+  for (const auto& [name, trajectory, channels] : nominal_fields)
+    if ((model.*trajectory).rows() > 0) arrays.emplace_back(name, matrix_array(model.*trajectory));
   for (const auto& stack : stacks) {
     const auto& matrices = model.*stack.list;
     if (stack.required || !matrices.empty())
-      arrays.emplace_back(stack.name, stack_array(matrices, padded(model, stack.rows, model.states()),
-                                                  padded(model, stack.columns, model.states()), layout));
+      arrays.emplace_back(stack.name, stack_array(matrices, padded(model, stack.rows, states),
+                                                  padded(model, stack.columns, states), layout));
   }
+  return arrays;
+}
+
+Arrays arrays_of(const Model& model, Layout layout) {
+  Arrays arrays = small_arrays_of(model);
+  for (auto& entry : step_arrays_of(model, model.states(), singular_value_count(model), layout))
+    arrays.push_back(std::move(entry));
   return arrays;
 }
 

@@ -4,25 +4,47 @@
 
 #include "fields.hpp"
 #include "tokid/uncertainty.hpp"
+#include "tokid/update.hpp"
 
 namespace tokid::io {
 
 const Names& ensemble_names();
 const Names& model_names();
+const Names& update_names();
 
 bool is_ensemble(const Names& found);
 bool is_model(const Names& found);
+bool is_update_state(const Names& found);
 
 // What is required comes last, so that a file which lost its end is never taken for a complete one.
 Arrays arrays_of(const Ensemble& ensemble, Layout layout);
 Arrays arrays_of(const Model& model, Layout layout);
 Arrays arrays_of(const Confidence& confidence, Layout layout);
+Arrays arrays_of(const UpdateState& state, Layout layout);
+
+// The two parts of a model's arrays: those that are small whatever the number of steps, the counts among them, and
+// those with a row for each step, padded to so many states and singular values.
+Arrays small_arrays_of(const Model& model);
+Arrays step_arrays_of(const Model& model, Index states, Index singular_values, Layout layout);
+Index singular_value_count(const Model& model);  // the largest of any step
 
 // Lists of the ensemble that don't go with its sizes; they would make a file that can't be read. \throws IoError
 void check_sizes(const Ensemble& ensemble);
 
+// An ensemble without its samples, which may still be in the file.
+struct EnsembleOutline {
+  Index experiments = 0, steps = 0, inputs = 0, outputs = 0;
+  double dt = 1.0;
+  Channels names;
+  std::optional<InitialState> initial_state;
+  std::vector<Index> length;
+  FreeResponse free;
+};
+EnsembleOutline outline_of(const Fields& fields, bool outputs_required);
+
 Ensemble ensemble_of(const Fields& fields, bool outputs_required);
 Model model_of(const Fields& fields);
+UpdateState update_state_of(const Fields& fields);
 
 // The channel names and units, which ensembles and models share.
 void add_channels(const Channels& channels, Arrays& arrays);

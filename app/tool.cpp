@@ -1,0 +1,104 @@
+// The command line tool: one subcommand for each use of the library.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <new>
+
+#include "common.hpp"
+
+namespace tokid::app {
+namespace {
+
+constexpr int computation_failed = 1, wrong_call = 2;
+
+// CLI11's own adds how many subcommands it wants.
+class Help : public CLI::Formatter {
+ public:
+  Help() {
+    label("SUBCOMMAND", "COMMAND");
+    label("REQUIRED", "(required)");
+    label("Positionals", "Arguments");
+    column_width(34);
+  }
+  std::string make_description(const CLI::App* command) const override { return command->get_description() + "\n\n"; }
+};
+
+std::string joined_names(const CLI::App& tool) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : tool.get_subcommands({})) names.push_back(command->get_name());
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+// CLI11 reports what is missing before what is too much; the latter is more often the cause.
+std::string complaint(const CLI::App& tool, const CLI::ParseError& error) {
+  const std::vector<std::string> unexpected = tool.remaining(true);
+  if (tool.get_subcommands().empty()) {
+    const std::string found = unexpected.empty() ? "no command given" : fmt::format("'{}' found", unexpected.front());
+    return fmt::format("{}, one of {} needed; see 'tokid --help'", found, joined_names(tool));
+  }
+  const std::string what =
+      unexpected.empty() ? error.what() : fmt::format("unexpected argument '{}'", unexpected.front());
+  return fmt::format("{}; see 'tokid {} --help'", what, tool.get_subcommands().front()->get_name());
+}
+
+// A file opened later must not become what is printed to.
+void open_standard_streams() {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+    while (fcntl(fd, F_GETFD) == -1 && open("/dev/null", O_RDWR) >= 0)
+      ;
+}
+
+Outcome parse_and_run(int argc, char** argv) {
+  CLI::App tool("Identifies linear time varying systems from repeated experiments.", "tokid");
+  tool.formatter(std::make_shared<Help>());
+  tool.set_version_flag("--version", fmt::format("tokid {}", version), "Print the version and exit");
+  tool.set_help_flag("-h,--help", "Print this help and exit");
+  tool.require_subcommand(1);
+  tool.footer("Example:\n  tokid example oscillator -o data.npz && tokid identify data.npz -o model.npz");
+  add_identify(tool);
+  add_validate(tool);
+  add_refine(tool);
+  add_update(tool);
+  add_report(tool);
+  add_paper(tool);
+  add_confidence(tool);
+  add_simulate(tool);
+  add_predict(tool);
+  add_info(tool);
+  add_plan(tool);
+  add_example(tool);
+  add_convert(tool);
+  try {
+    tool.parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    print(tool.help());
+  } catch (const CLI::CallForVersion& call) {
+    print(std::string(call.what()) + '\n');
+  } catch (const CLI::ParseError& error) {
+    return {wrong_call, complaint(tool, error)};
+  }
+  return {};
+}
+
+}  // namespace
+
+Outcome run_tool(int argc, char** argv) {
+  // A reader that goes away shows as an error of the write.
+  std::signal(SIGPIPE, SIG_IGN);
+  open_standard_streams();
+  try {
+    return parse_and_run(argc, argv);
+  } catch (const IoError& error) {
+    return {wrong_call, error.what()};
+  } catch (const std::invalid_argument& error) {
+    return {wrong_call, error.what()};
+  } catch (const std::bad_alloc&) {
+    return {computation_failed, "out of memory"};
+  } catch (const std::exception& error) {
+    return {computation_failed, error.what()};
+  }
+}
+
+}  // namespace tokid::app

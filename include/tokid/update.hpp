@@ -1,0 +1,47 @@
+// Experiments that come later: an identification's regressions as triangular factors, to which more are added without
+// the samples of the old ones.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tokid/identify.hpp"
+#include "tokid/windows.hpp"
+
+namespace tokid {
+
+// What is kept of all experiments so far, and the choices that were made from the first ones: lag order, realisation,
+// whether a mean motion is removed, and with noise the number of states, λ and weighting.
+struct UpdateState {
+  WindowFactors factors;
+  std::string options;  // as Model::options has them, with the fingerprints of all data
+  Method method = Method::subspace;
+  Index states = 0;  // n at most; 0: the rank
+  bool together = false, noisy = false, nominal = false;
+};
+
+// Of an identification and the data that it used. \throws std::invalid_argument for what takes samples: experiments
+// held out, free responses, projections
+UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options);
+
+// The model of all experiments so far: that of identify() with the same choices and without EM, which needs samples.
+struct Updated {
+  Model model;
+  Index experiments = 0;
+  double condition_max = 0.0;
+  Index rank_deficient_steps = 0;
+  std::vector<std::string> warnings;
+};
+Updated identify(const UpdateState& state, const Execution& execution = {});
+
+// \throws std::invalid_argument that names what differs from the experiments before, or where the state has them
+// already
+void update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
+
+// In .npz, .h5 or .mat; the file appears whole or not at all. \throws IoError
+void save_update_state(const UpdateState& state, const std::filesystem::path& path);
+UpdateState load_update_state(const std::filesystem::path& path);
+
+}  // namespace tokid

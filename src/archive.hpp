@@ -1,0 +1,150 @@
+// Values as bytes and back, for files and messages between processes of the same program on machines of the same kind.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstring>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "tokid/model.hpp"
+
+namespace tokid::archive {
+
+// A struct takes part by a function `template <class Archive, class S> void fields(Archive& archive, S& s)` that calls
+// archive(s.a, s.b, …).
+
+class Writer {
+ public:
+  template <class... T>
+  void operator()(const T&... values) {
+    (write(values), ...);
+  }
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  template <class T>
+  void write(const T& value) {
+    if constexpr (std::is_trivially_copyable_v<T>)
+      bytes_.append(reinterpret_cast<const char*>(&value), sizeof(T));
+    else
+      fields(*this, value);
+  }
+  template <class T>
+  void write(const std::vector<T>& list) {
+    write(list.size());
+    for (const T& value : list) write(value);
+  }
+  template <class T>
+  void write(const std::optional<T>& value) {
+    write(value.has_value());
+    if (value) write(*value);
+  }
+  void write(const std::string& text) {
+    write(text.size());
+    bytes_ += text;
+  }
+  void write(const Matrix& a) {
+    write(a.rows()), write(a.cols());
+    bytes_.append(reinterpret_cast<const char*>(a.data()), size_t(a.size()) * sizeof(double));
+  }
+  void write(const Vector& a) {
+    write(a.size());
+    bytes_.append(reinterpret_cast<const char*>(a.data()), size_t(a.size()) * sizeof(double));
+  }
+
+  std::string bytes_;
+};
+
+class Reader {
+ public:
+  explicit Reader(std::string_view bytes) : rest_(bytes) {}
+
+  template <class... T>
+  void operator()(T&... values) {
+    (read(values), ...);
+  }
+
+ private:
+  void take(void* to, size_t count) {
+    if (count > rest_.size()) throw std::runtime_error("a message between the parts of the program is incomplete");
+    if (count > 0) std::memcpy(to, rest_.data(), count);
+    rest_.remove_prefix(count);
+  }
+  template <class T>
+  T taken() {
+    T value{};
+    take(&value, sizeof(T));
+    return value;
+  }
+  template <class T>
+  void read(T& value) {
+    if constexpr (std::is_trivially_copyable_v<T>)
+      take(&value, sizeof(T));
+    else
+      fields(*this, value);
+  }
+  template <class T>
+  void read(std::vector<T>& list) {
+    list.resize(taken<size_t>());
+    for (T& value : list) read(value);
+  }
+  template <class T>
+  void read(std::optional<T>& value) {
+    if (!taken<bool>()) return value.reset();
+    read(value.emplace());
+  }
+  void read(std::string& text) {
+    text.resize(taken<size_t>());
+    take(text.data(), text.size());
+  }
+  void read(Matrix& a) {
+    const Index rows = taken<Index>(), cols = taken<Index>();
+    a.resize(rows, cols);
+    take(a.data(), size_t(a.size()) * sizeof(double));
+  }
+  void read(Vector& a) {
+    a.resize(taken<Index>());
+    take(a.data(), size_t(a.size()) * sizeof(double));
+  }
+
+  std::string_view rest_;
+};
+
+template <class T>
+std::string packed(const T& value) {
+  Writer writer;
+  writer(value);
+  return writer.bytes();
+}
+
+template <class T>
+T unpacked(std::string_view bytes) {
+  T value;
+  Reader reader(bytes);
+  reader(value);
+  return value;
+}
+
+}  // namespace tokid::archive
+
+namespace tokid {
+
+template <class Archive, class C>
+requires std::is_same_v<std::remove_const_t<C>, Channels>
+void fields(Archive& archive, C& c) { archive(c.input_names, c.output_names, c.input_units, c.output_units); }
+
+template <class Archive, class M>
+requires std::is_same_v<std::remove_const_t<M>, Model>
+void fields(Archive& archive, M& m) {
+  archive(m.inputs, m.outputs, m.k_begin, m.dt, m.A, m.B, m.C, m.D, m.G, m.innovation_cov, m.state_dim, m.period,
+          m.frame, m.method, m.initial_state, m.names, m.singular_values, m.condition, m.rank, m.lags, m.u_nominal,
+          m.y_nominal, m.Q, m.R, m.K, m.x0_mean, m.x0_cov, m.options, m.version);
+}
+
+}  // namespace tokid

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <mutex>
+
+#include "formats.hpp"
+#include "hdf5_blocks.hpp"
+#include "naming.hpp"
+#include "schema.hpp"
+#include "tokid/stream.hpp"
+
+namespace tokid {
+
+namespace {
+
+namespace fs = std::filesystem;
+using io::fail;
+
+io::Fields outlines(const fs::path& path) { return io::Fields(io::read_hdf5(path, io::ensemble_names(), {"u", "y"})); }
+
+// Names, sizes and the sample time as load_ensemble() checks them, on an ensemble without a step of its own.
+void check(const io::EnsembleOutline& outline) {
+  Ensemble one(outline.experiments, 1, outline.inputs, outline.outputs, outline.dt);
+  for (Index c = 0; c < one.inputs(); ++c) one.input(0).col(c).setZero();
+  for (Index c = 0; c < one.outputs(); ++c) one.output(0).col(c).setZero();
+  one.names = outline.names;
+  one.free = outline.free;
+  one.check();
+}
+
+// A few rows at a time lie in the cache, and whole cache lines of the columns are written at once.
+void transpose(const double* rows, Index count, Index steps, Index channels, Index first_row, Index first_channel,
+               Ensemble& to) {
+  constexpr Index tile = 16;
+  const Index stride = steps * channels, d = to.channels(), column = to.experiments();
+  double* samples = const_cast<double*>(to.samples().data()) + first_row;
+  for (Index n0 = 0; n0 < count; n0 += tile) {
+    const Index n1 = std::min(count, n0 + tile);
+    for (Index k = 0; k < steps; ++k)
+      for (Index c = 0; c < channels; ++c) {
+        const double* from = rows + k * channels + c;
+        double* target = samples + (k * d + first_channel + c) * column;
+        for (Index n = n0; n < n1; ++n) target[n] = from[n * stride];
+      }
+  }
+}
+
+}  // namespace
+
+struct EnsembleFile::Content {
+  explicit Content(const fs::path& file)
+      : path(file), outline(outline_of(file)), source(file), u(source, "u"), y(source, "y") {}
+
+  static io::EnsembleOutline outline_of(const fs::path& path) {
+    const io::Fields fields = outlines(path);
+    if (io::is_model(fields.names())) fail("a model found, an ensemble ('u', 'y') needed");
+    if (fields.layout() == io::Layout::matlab)
+      fail("MATLAB's order of the samples found, that of docs/formats.md needed to read them in blocks");
+    io::EnsembleOutline outline = io::outline_of(fields, true);
+    check(outline);
+    return outline;
+  }
+
+  void read(const io::Hdf5Source::Samples& samples, Index channels, Index first_channel, Index begin, Ensemble& to) {
+    // As many experiments at a time as the second cache level holds, and whole chunks of a data set that has them.
+    constexpr Index bytes = 1 << 19;
+    const Index row = to.steps() * channels * Index(sizeof(double));
+    const Index together = samples.stored_together();
+    const Index least = std::max<Index>(1, bytes / row);
+    const Index rows = std::min(to.experiments(), (least + together - 1) / together * together);
+    buffer.resize(size_t(rows * to.steps() * channels));
+    for (Index n = 0; n < to.experiments(); n += rows) {
+      const Index count = std::min(rows, to.experiments() - n);
+      io::Hyperslab part{{hsize_t(n), hsize_t(begin), 0}, {hsize_t(count), hsize_t(to.steps()), hsize_t(channels)}};
+      if (samples.rank() == 2) part.begin.erase(part.begin.begin()), part.count.erase(part.count.begin());
+      samples.read(part, buffer.data());
+      transpose(buffer.data(), count, to.steps(), channels, n, first_channel, to);
+    }
+  }
+
+  fs::path path;
+  io::EnsembleOutline outline;
+  io::Hdf5Source source;
+  io::Hdf5Source::Samples u, y;
+  std::vector<double> buffer;
+  std::mutex mutex;  // the library reads for one thread at a time
+};
+
+EnsembleFile::EnsembleFile(const fs::path& path)
+    : content_(io::naming(path, [&] {
+        io::check_readable(path);
+        return std::make_unique<Content>(path);
+      })) {}
+
+EnsembleFile::~EnsembleFile() = default;
+
+Index EnsembleFile::experiments() const { return content_->outline.experiments; }
+Index EnsembleFile::steps() const { return content_->outline.steps; }
+Index EnsembleFile::inputs() const { return content_->outline.inputs; }
+Index EnsembleFile::outputs() const { return content_->outline.outputs; }
+Index EnsembleFile::free_responses() const { return content_->outline.free.experiments; }
+double EnsembleFile::dt() const { return content_->outline.dt; }
+const Channels& EnsembleFile::names() const { return content_->outline.names; }
+const std::optional<InitialState>& EnsembleFile::initial_state() const { return content_->outline.initial_state; }
+const fs::path& EnsembleFile::path() const { return content_->path; }
+
+Ensemble EnsembleFile::read(Index begin, Index end) const {
+  const io::EnsembleOutline& all = content_->outline;
+  if (begin < 0 || begin >= end || end > all.steps)
+    throw std::invalid_argument(
+        fmt::format("read: steps {} to {} asked for, the ensemble has {}", begin, end - 1, all.steps));
+  Ensemble part(all.experiments, end - begin, all.inputs, all.outputs, all.dt);
+  io::naming(content_->path, [&] {
+    const std::lock_guard lock(content_->mutex);
+    content_->read(content_->u, all.inputs, 0, begin, part);
+    content_->read(content_->y, all.outputs, all.inputs, begin, part);
+  });
+  part.names = all.names;
+  part.initial_state = begin == 0 ? all.initial_state : InitialState::unknown;
+  for (const Index length : all.length) part.length.push_back(std::clamp<Index>(length - begin, 0, end - begin));
+  for (size_t n = 0; n < part.length.size(); ++n)
+    for (Index k = part.length[n]; k < part.steps(); ++k) {
+      part.input(k).row(Index(n)).setConstant(std::numeric_limits<double>::quiet_NaN());
+      part.output(k).row(Index(n)).setConstant(std::numeric_limits<double>::quiet_NaN());
+    }
+  if (const Index known = std::min(end, all.free.steps); known > begin) {
+    part.free = {all.free.experiments, known - begin, {}};
+    part.free.y = all.free.y.middleCols(begin * all.outputs, (known - begin) * all.outputs);
+  }
+  return part;
+}
+
+std::optional<double> bytes_in_blocks(const fs::path& path) {
+  return io::naming(path, [&]() -> std::optional<double> {
+    if (!io::is_hdf5(path)) return std::nullopt;
+    io::check_readable(path);
+    const io::Fields fields = outlines(path);
+    if (fields.layout() == io::Layout::matlab) return std::nullopt;
+    const io::EnsembleOutline outline = io::outline_of(fields, true);
+    return double(outline.experiments) * double(outline.steps) * double(outline.inputs + outline.outputs) *
+           sizeof(double);
+  });
+}
+
+}  // namespace tokid

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "hdf5_blocks.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <system_error>
+
+namespace tokid::io {
+
+namespace {
+
+Handle open_for_blocks(const std::filesystem::path& path) {
+  const QuietHdf5 quiet;
+  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  // What is read are long runs; a buffer for short ones would copy them once more.
+  checked(H5Pset_sieve_buf_size(access, 1));
+  return open_hdf5(path.string(), access);
+}
+
+Handle whole(hid_t data, const std::string& name) { return {H5Dget_space(data), H5Sclose, name}; }
+
+Handle selected(hid_t data, const std::string& name, const Hyperslab& part) {
+  Handle space = whole(data, name);
+  checked(H5Sselect_hyperslab(space, H5S_SELECT_SET, part.begin.data(), nullptr, part.count.data(), nullptr), name);
+  return space;
+}
+
+Handle memory_of(const Hyperslab& part) {
+  return {H5Screate_simple(int(part.count.size()), part.count.data(), nullptr), H5Sclose};
+}
+
+void reserve(const std::filesystem::path& path, std::uint64_t bytes) {
+  const int fd = open(path.c_str(), O_WRONLY | O_CLOEXEC);
+  if (fd < 0) fail("can't be written: {}", std::generic_category().message(errno));
+  const int error = posix_fallocate(fd, 0, off_t(bytes));
+  ::close(fd);
+  // Some file systems know no reservation; there the writing itself will tell.
+  if (error != 0 && error != EINVAL && error != EOPNOTSUPP)
+    fail("can't be written: {}", std::generic_category().message(error));
+}
+
+}  // namespace
+
+Hdf5Source::Hdf5Source(const std::filesystem::path& path) : file_(open_for_blocks(path)) {}
+
+Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
+    : name_(name), data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name) {
+  rank_ = checked(H5Sget_simple_extent_ndims(whole(data_, name)), name);
+  const Handle properties(H5Dget_create_plist(data_), H5Pclose, name);
+  if (H5Pget_layout(properties) != H5D_CHUNKED) return;
+  std::vector<hsize_t> chunk(size_t(rank_), 1);
+  checked(H5Pget_chunk(properties, rank_, chunk.data()), name);
+  together_ = Index(chunk.front());
+}
+
+void Hdf5Source::Samples::read(const Hyperslab& part, double* to) const {
+  const QuietHdf5 quiet;
+  const Handle from = selected(data_, name_, part), memory = memory_of(part);
+  checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
+}
+
+Hdf5Sink::Hdf5Sink(const std::filesystem::path& path, std::uint64_t bytes) : path_(path) {
+  const QuietHdf5 quiet;
+  reserve(path, bytes);
+  const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose), access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  checked(H5Pset_obj_track_times(creation, false));
+  checked(H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_V18));
+  file_.emplace(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, access), H5Fclose);
+  reserve(path, bytes);
+}
+
+void Hdf5Sink::write(const std::string& name, const Array& array) {
+  const QuietHdf5 quiet;
+  write_array(*file_, name, array);
+}
+
+Hdf5Sink::Rows::Rows(const Hdf5Sink& sink, const std::string& name, const Shape& shape)
+    : name_(name), shape_(shape), data_([&] {
+        const QuietHdf5 quiet;
+        const Handle space = space_of(shape), properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
+        checked(H5Pset_obj_track_times(properties, false), name);
+        checked(H5Pset_alloc_time(properties, H5D_ALLOC_TIME_EARLY), name);
+        checked(H5Pset_fill_time(properties, H5D_FILL_TIME_NEVER), name);
+        return Handle(
+            H5Dcreate2(*sink.file_, name.c_str(), H5T_IEEE_F64LE, space, H5P_DEFAULT, properties, H5P_DEFAULT),
+            H5Dclose, name);
+      }()) {}
+
+void Hdf5Sink::Rows::write(Index row, Index count, const double* values) const {
+  const QuietHdf5 quiet;
+  Hyperslab part;
+  for (const size_t n : shape_) part.begin.push_back(0), part.count.push_back(n);
+  part.begin.front() = hsize_t(row);
+  part.count.front() = hsize_t(count);
+  if (checked_product(Shape(part.count.begin(), part.count.end())) == 0) return;
+  const Handle to = selected(data_, name_, part), memory = memory_of(part);
+  checked(H5Dwrite(data_, H5T_NATIVE_DOUBLE, memory, to, H5P_DEFAULT, values), name_);
+}
+
+void Hdf5Sink::close() {
+  const QuietHdf5 quiet;
+  hsize_t bytes = 0;
+  checked(H5Fflush(*file_, H5F_SCOPE_GLOBAL));
+  checked(H5Fget_filesize(*file_, &bytes));
+  file_.reset();
+  std::filesystem::resize_file(path_, bytes);  // less what was reserved and not needed
+}
+
+}  // namespace tokid::io

@@ -1,0 +1,68 @@
+// Data sets of an HDF5 file that are read and written in blocks of their axes.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "hdf5_handles.hpp"
+
+namespace tokid::io {
+
+// A range of every axis.
+struct Hyperslab {
+  std::vector<hsize_t> begin, count;
+};
+
+class Hdf5Source {
+ public:
+  explicit Hdf5Source(const std::filesystem::path& path);
+
+  class Samples {
+   public:
+    Samples(const Hdf5Source& source, const std::string& name);
+    int rank() const { return rank_; }
+    // Entries of the first axis that are stored together.
+    Index stored_together() const { return together_; }
+    void read(const Hyperslab& part, double* to) const;  // row-major. \throws IoError
+
+   private:
+    std::string name_;
+    Handle data_;
+    int rank_ = 0;
+    Index together_ = 1;
+  };
+
+ private:
+  Handle file_;
+};
+
+// A file that is written data set by data set, with all of its space reserved before the first of the large ones: a
+// disk that is full shows before the HDF5 library depends on it, which can't close a file that it failed to write.
+class Hdf5Sink {
+ public:
+  // Into a file that exists and may take so many bytes. \throws IoError where the disk has not got them
+  Hdf5Sink(const std::filesystem::path& path, std::uint64_t bytes);
+
+  void write(const std::string& name, const Array& array);
+
+  // A data set of doubles whose rows, the entries of its first axis, are written from time to time.
+  class Rows {
+   public:
+    Rows(const Hdf5Sink& sink, const std::string& name, const Shape& shape);
+    void write(Index row, Index count, const double* values) const;
+
+   private:
+    std::string name_;
+    Shape shape_;
+    Handle data_;
+  };
+
+  void close();
+
+ private:
+  std::filesystem::path path_;
+  std::optional<Handle> file_;
+};
+
+}  // namespace tokid::io

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <system_error>
+
+#include "archive.hpp"
+#include "atomic_file.hpp"
+#include "hdf5_blocks.hpp"
+#include "naming.hpp"
+#include "schema.hpp"
+#include "text.hpp"
+#include "tokid/stream.hpp"
+
+namespace tokid {
+
+namespace {
+
+namespace fs = std::filesystem;
+using io::fail;
+
+std::string reason(int error) { return std::generic_category().message(error); }
+
+// Records one after the other in a file without a name, which vanishes with the process.
+class Spool {
+ public:
+  explicit Spool(const fs::path& beside) {
+    io::AtomicFile file(beside);  // found free of a name as it goes
+    fd_ = open(file.path().c_str(), O_RDWR | O_CLOEXEC);
+    if (fd_ < 0) fail("can't be written: {}", reason(errno));
+  }
+  ~Spool() { close(fd_); }
+  Spool(const Spool&) = delete;
+  Spool& operator=(const Spool&) = delete;
+
+  void add(std::string_view record) {
+    sizes_.push_back(record.size());
+    while (!record.empty()) {
+      const ssize_t n = write(fd_, record.data(), record.size());
+      if (n < 0 && errno != EINTR) fail("can't be written: {}", reason(errno));
+      if (n > 0) record.remove_prefix(size_t(n));
+    }
+  }
+
+  template <class Use>
+  void for_each(Use&& use) const {
+    off_t at = 0;
+    std::string record;
+    for (const size_t size : sizes_) {
+      record.resize(size);
+      for (size_t done = 0; done < size;) {
+        const ssize_t n = pread(fd_, record.data() + done, size - done, at + off_t(done));
+        if (n == 0 || (n < 0 && errno != EINTR)) fail("can't be read back: {}", n == 0 ? "too short" : reason(errno));
+        if (n > 0) done += size_t(n);
+      }
+      at += off_t(size);
+      use(record);
+    }
+  }
+
+ private:
+  int fd_ = -1;
+  std::vector<size_t> sizes_;
+};
+
+template <class T>
+void extend(std::vector<T>& list, const std::vector<T>& more) {
+  list.insert(list.end(), more.begin(), more.end());
+}
+
+std::uint64_t bytes_of(const io::Arrays& arrays) {
+  std::uint64_t bytes = 0;
+  for (const auto& [name, array] : arrays) bytes += io::checked_product(array.shape, sizeof(double));
+  return bytes;
+}
+
+}  // namespace
+
+struct ModelFile::Content {
+  explicit Content(const fs::path& file) : path(file), spool(file) {}
+
+  void append(const Model& steps) {
+    if (outline.state_dim.empty()) {
+      outline = steps;
+      for (auto list : {&Model::A, &Model::B, &Model::C, &Model::D, &Model::G, &Model::innovation_cov, &Model::Q,
+                        &Model::R, &Model::K})
+        (outline.*list).clear();
+      outline.singular_values.clear();
+      outline.u_nominal.resize(0, 0);
+      outline.y_nominal.resize(0, 0);
+    } else {
+      outline.state_dim.insert(outline.state_dim.end(), steps.state_dim.begin() + 1, steps.state_dim.end());
+      extend(outline.condition, steps.condition);
+      extend(outline.rank, steps.rank);
+      extend(outline.lags, steps.lags);
+    }
+    outline.A.resize(outline.state_dim.size() - 1);
+    singular_values = std::max(singular_values, io::singular_value_count(steps));
+    nominal_rows += steps.u_nominal.rows();
+    spool.add(archive::packed(steps));
+  }
+
+  // The arrays of one record, as wide as those of the whole model, and how many rows theirs will have.
+  io::Arrays rows_of(const std::string& record) const {
+    return io::step_arrays_of(archive::unpacked<Model>(record), outline.states(), singular_values, io::Layout::plain);
+  }
+  size_t row_count(const std::string& name) const {
+    return size_t(name == "u_nominal" || name == "y_nominal" ? nominal_rows : outline.steps());
+  }
+
+  void commit() {
+    const io::Arrays small = io::small_arrays_of(outline);
+    for (const auto& [name, array] : small)
+      if (const auto* texts = std::get_if<std::vector<std::string>>(&array.values)) io::check_texts(name, *texts);
+    io::Arrays shapes;  // of the large data sets
+    spool.for_each([&](const std::string& record) {
+      if (!shapes.empty()) return;
+      shapes = rows_of(record);
+      for (auto& [name, array] : shapes) array = {array.shape, {}}, array.shape.front() = row_count(name);
+    });
+
+    io::AtomicFile file(path);
+    constexpr std::uint64_t around = 1 << 18;  // what the file needs beside the values
+    io::Hdf5Sink sink(file.path(), bytes_of(small) + bytes_of(shapes) + around);
+    for (const auto& [name, array] : small) sink.write(name, array);
+    {
+      std::vector<io::Hdf5Sink::Rows> large;
+      std::vector<Index> done(shapes.size(), 0);
+      for (const auto& [name, array] : shapes) large.emplace_back(sink, name, array.shape);
+      spool.for_each([&](const std::string& record) {
+        const io::Arrays rows = rows_of(record);
+        if (rows.size() != shapes.size())
+          throw std::logic_error("steps of a model that hold other fields than the first ones");
+        for (size_t i = 0; i < rows.size(); ++i) {
+          const Index count = Index(rows[i].second.shape.front());
+          large[i].write(done[i], count, std::get<std::vector<double>>(rows[i].second.values).data());
+          done[i] += count;
+        }
+      });
+    }
+    sink.close();
+    file.commit();
+  }
+
+  fs::path path;
+  Spool spool;
+  Model outline;
+  Index singular_values = 0, nominal_rows = 0;
+};
+
+ModelFile::ModelFile(const fs::path& path)
+    : content_(io::naming(path, [&] {
+        if (!io::is_hdf5(path))
+          fail("extension '{}' found, .h5 or .hdf5 needed to write a model in blocks; tokid convert makes others of it",
+               path.extension().string());
+        return std::make_unique<Content>(path);
+      })) {}
+
+ModelFile::~ModelFile() = default;
+
+void ModelFile::append(const Model& steps) {
+  steps.check();
+  const Model& known = content_->outline;
+  if (!known.state_dim.empty() && (steps.k_begin != known.k_end() || steps.state_dim.front() != known.state_dim.back()))
+    throw std::invalid_argument(fmt::format("model: steps from {} with {} states found, from {} with {} needed",
+                                            steps.k_begin, steps.state_dim.front(), known.k_end(),
+                                            known.state_dim.back()));
+  io::naming(content_->path, [&] { content_->append(steps); });
+}
+
+const Model& ModelFile::outline() const { return content_->outline; }
+
+void ModelFile::commit(const std::string& options, const std::string& program) {
+  content_->outline.options = options;
+  content_->outline.version = program;
+  io::naming(content_->path, [&] { content_->commit(); });
+}
+
+}  // namespace tokid

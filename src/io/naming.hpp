@@ -1,0 +1,38 @@
+// The name of a file in front of whatever is wrong with it.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <exception>
+#include <filesystem>
+#include <new>
+#include <stdexcept>
+
+#include "arrays.hpp"
+#include "text.hpp"
+
+namespace tokid::io {
+
+// Runs f and puts the name of the file in front of whatever it complains about, on one line.
+template <typename F>
+auto naming(const std::filesystem::path& path, F&& f) {
+  const auto rethrow = [&](const std::string& message) {
+    throw IoError(single_line(fmt::format("{}: {}", path.string(), message)));
+  };
+  try {
+    return f();
+  } catch (const std::bad_alloc&) {
+    rethrow("more data found than fits into memory");
+  } catch (const std::length_error&) {
+    rethrow("more data found than fits into memory");
+  } catch (const std::exception& error) {
+    rethrow(error.what());
+  }
+  throw std::logic_error("unreachable");
+}
+
+// The libraries' own words for these differ, and some are misleading. \throws IoError
+void check_readable(const std::filesystem::path& path);
+
+bool is_hdf5(const std::filesystem::path& path);  // by its extension
+
+}  // namespace tokid::io

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+
+#include "schema.hpp"
+
+namespace tokid::io {
+
+namespace {
+
+size_t size(Index n) { return static_cast<size_t>(n); }
+
+Array vector_array(const Vector& v, Index rows) {
+  return {{size(rows), size(v.size() / std::max<Index>(1, rows))}, std::vector<double>(v.begin(), v.end())};
+}
+
+Vector vector_of(const Fields& fields, const char* name, Index rows, Index cols) {
+  const Matrix m = fields.matrix(name);
+  if (m.rows() != rows || m.cols() != cols) fail_shape(name, fields.shape(name), fmt::format("({}, {})", rows, cols));
+  Vector v(rows * cols);
+  for (Index i = 0; i < rows; ++i) v.segment(i * cols, cols) = m.row(i).transpose();
+  return v;
+}
+
+}  // namespace
+
+const Names& update_names() {
+  static const Names names{"window_factors", "window_rows",  "sample_sums", "sample_counts", "inputs",
+                           "lags",           "experiments",  "dt",          "options",       "method",
+                           "states",         "together",     "noisy",       "nominal",       "initial_state",
+                           "input_names",    "output_names", "input_units", "output_units"};
+  return names;
+}
+
+bool is_update_state(const Names& found) { return contains(found, "window_factors"); }
+
+Arrays arrays_of(const UpdateState& state, Layout layout) {
+  const WindowFactors& f = state.factors;
+  Arrays arrays;
+  arrays.emplace_back("options", scalar(state.options));
+  arrays.emplace_back("method", scalar(std::string(state.method == Method::tvera ? "tvera" : "subspace")));
+  arrays.emplace_back("initial_state", scalar(std::string(to_string(f.initial_state))));
+  arrays.emplace_back("inputs", scalar(f.inputs));
+  arrays.emplace_back("lags", scalar(f.lags));
+  arrays.emplace_back("states", scalar(state.states));
+  arrays.emplace_back("experiments", scalar(f.experiments));
+  arrays.emplace_back("together", scalar(Index(state.together)));
+  arrays.emplace_back("noisy", scalar(Index(state.noisy)));
+  arrays.emplace_back("nominal", scalar(Index(state.nominal)));
+  arrays.emplace_back("dt", scalar(f.dt));
+  add_channels(f.names, arrays);
+  arrays.emplace_back("sample_sums", vector_array(f.sum, f.steps()));
+  arrays.emplace_back("sample_counts", vector_array(f.count, f.steps()));
+  arrays.emplace_back("window_rows", list(f.rows));
+  const Index w = f.width() + 1;
+  Array factors{{f.rows.size(), size(w), size(w)}, {}};
+  std::vector<double> values(checked_product(factors.shape));
+  for (Index k = 0; k < f.steps(); ++k)
+    for (Index i = 0; i < w; ++i)
+      for (Index j = 0; j < w; ++j) values[size((k * w + i) * w + j)] = f.of(k)(i, j);
+  factors.values = std::move(values);
+  arrays.emplace_back("window_factors", layout == Layout::matlab ? permuted(factors, {1, 2, 0}) : factors);
+  return arrays;
+}
+
+UpdateState update_state_of(const Fields& fields) {
+  UpdateState state;
+  WindowFactors& f = state.factors;
+  const Array factors = fields.stack("window_factors");
+  const Index steps = Index(factors.shape[0]), w = Index(factors.shape[1]);
+  f.names = channels_of(fields);
+  f.dt = fields.number("dt");
+  f.inputs = fields.integer("inputs");
+  f.lags = fields.integer("lags");
+  f.experiments = fields.integer("experiments");
+  f.initial_state = initial_state_from(fields.text("initial_state"));
+  const Index channels = f.lags >= 0 && (w - 1) % (f.lags + 1) == 0 ? (w - 1) / (f.lags + 1) : 0;
+  f.outputs = channels - f.inputs;
+  if (Index(factors.shape[2]) != w || f.lags < 1 || f.inputs < 1 || f.outputs < 1 || f.lags >= steps)
+    fail("data set 'window_factors': shape {} found, which {} inputs and lag order {} don't explain",
+         text(factors.shape), f.inputs, f.lags);
+  f.rows = fields.integers("window_rows", factors.shape[0], 0, f.experiments);
+  f.sum = vector_of(fields, "sample_sums", steps, channels);
+  f.count = vector_of(fields, "sample_counts", steps, channels);
+  f.factor.resize(w, steps * w);
+  const auto& values = std::get<std::vector<double>>(factors.values);
+  for (Index k = 0; k < steps; ++k)
+    for (Index i = 0; i < w; ++i)
+      for (Index j = 0; j < w; ++j) f.factor(i, k * w + j) = values[size((k * w + i) * w + j)];
+  if (!f.factor.allFinite()) fail("data set 'window_factors': infinite or missing values found");
+  state.options = fields.text("options");
+  const std::string method = fields.text("method");
+  if (method != "tvera" && method != "subspace")
+    fail("data set 'method': '{}' found, tvera or subspace needed", method);
+  state.method = method == "tvera" ? Method::tvera : Method::subspace;
+  state.states = fields.integer("states");
+  state.together = fields.integer("together") != 0;
+  state.noisy = fields.integer("noisy") != 0;
+  state.nominal = fields.integer("nominal") != 0;
+  return state;
+}
+
+}  // namespace tokid::io

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "realisation.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace tokid {
+
+namespace {
+
+// Block columns of H_k for noisy data: twice as many gained nothing in any system tried, half as many lost.
+constexpr Index noisy_columns = 48;
+
+Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
+
+}  // namespace
+
+TveraOptions tvera_options(const IdentifyOptions& options, Index p, Index m, bool noisy) {
+  const Index n = options.states;
+  TveraOptions o;
+  o.rows = options.rows > 0 ? options.rows : std::max(p + 1, ceil_div(n, m) + 1);
+  // A single input, or a single direction of the inputs, may have to reach every state by itself: n columns, as n input
+  // steps always suffice. With noise, more columns show the states better, slow and unstable ones above all.
+  const Index most = noisy ? noisy_columns : n > 0 ? n : p * m;
+  o.cols = options.cols > 0 ? options.cols : std::max(p, most);
+  return o;
+}
+
+void note_regressions(const GtvArx& arx, Model& model) {
+  for (Index k = model.k_begin; k < model.k_end(); ++k) {
+    const GtvArxStep& step = arx.step[size_t(k)];
+    model.innovation_cov.push_back(arx.residual_cov(k));
+    model.condition.push_back(step.condition);
+    model.rank.push_back(step.rank);
+    model.lags.push_back(step.lags);
+  }
+}
+
+Model in_frame(Model model, const IdentifyOptions& options, Index lags, std::string& told) {
+  const Index rows = std::max<Index>(lags, ceil_div(std::max<Index>(1, model.states()), model.outputs));
+  if (options.frame == Frame::smooth) return smooth_frame(model, rows);
+  if (options.frame != Frame::reference) return model;
+  const Index step = options.reference_step >= 0 ? options.reference_step : model.full_begin();
+  FramedModel framed = reference_frame(model, step, rows);
+  told = fmt::format("reference frame of step {}: steps {} to {} are in it, the others keep their own coordinates",
+                     step, framed.begin, framed.end - 1);
+  return std::move(framed.model);
+}
+
+}  // namespace tokid

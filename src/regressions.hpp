@@ -1,0 +1,36 @@
+// What regressions step by step look like, over all steps or over a stretch of them, and what is to be said of it.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tokid/linalg.hpp"
+
+namespace tokid {
+
+struct RegressionSurvey {
+  double condition_max = 0.0;
+  Index rank_deficient = 0;
+  std::vector<Index> ill, starved, unexcited;  // steps
+  Index freedom = 0;
+  double residual = 0.0, square = 0.0;  // sums over steps and outputs
+
+  // Residuals beyond errors of arithmetic.
+  bool noisy() const;
+  // Of later steps, which that survey counts from `begin` on.
+  void append(const RegressionSurvey& later, Index begin);
+};
+
+// The sizes that the words are about: N, those less what a mean motion costs, r, m, p.
+struct RegressionSizes {
+  Index experiments = 0, effective_experiments = 0, inputs = 0, outputs = 0, lags = 0;
+};
+std::vector<std::string> warnings_of(const RegressionSurvey& survey, const RegressionSizes& sizes, bool noisy);
+
+// Residuals below this share of the outputs are errors of arithmetic: the data are free of noise.
+inline constexpr double rounding_share = 1e-9;
+// Windows worse conditioned than this leave fewer than eight digits to the coefficients.
+inline constexpr double ill_conditioned = 1e8;
+
+}  // namespace tokid

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "stream/blocks.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace tokid::stream {
+
+namespace {
+
+// The steps from … to-1 of a stretch that itself begins at step `origin` of the record.
+Model excerpt(const Model& model, Index from, Index to, Index origin) {
+  Model part = from_step(model, from);
+  const size_t count = size_t(to - from);
+  const auto shorten = [](auto& list, size_t size) {
+    if (list.size() > size) list.resize(size);
+  };
+  for (auto list :
+       {&Model::A, &Model::B, &Model::C, &Model::D, &Model::G, &Model::innovation_cov, &Model::Q, &Model::R, &Model::K})
+    shorten(part.*list, count);
+  shorten(part.state_dim, count + 1);
+  shorten(part.singular_values, count);
+  shorten(part.condition, count);
+  shorten(part.rank, count);
+  shorten(part.lags, count);
+  part.k_begin = origin + from;
+  return part;
+}
+
+// x' = Rᵀ x at all steps, with R orthogonal.
+void rotate(Model& model, const Matrix& r) {
+  const Matrix back = r.transpose();
+  for (size_t s = 0; s < model.A.size(); ++s) {
+    model.A[s] = back * model.A[s] * r;
+    model.B[s] = back * model.B[s];
+    model.C[s] = model.C[s] * r;
+    model.G[s] = back * model.G[s];
+    if (!model.Q.empty()) model.Q[s] = back * model.Q[s] * r;
+    if (!model.K.empty()) model.K[s] = back * model.K[s];
+  }
+}
+
+// The last step leads to x' = S x.
+void lead_into(Model& model, const Matrix& s) {
+  model.A.back() = s * model.A.back();
+  model.B.back() = s * model.B.back();
+  model.G.back() = s * model.G.back();
+  if (!model.Q.empty()) model.Q.back() = s * model.Q.back() * s.transpose();
+  model.state_dim.back() = s.rows();
+}
+
+bool same_dimension(const Model& model) {
+  return std::all_of(model.state_dim.begin(), model.state_dim.end(),
+                     [n = model.state_dim.front()](Index other) { return other == n; });
+}
+
+double whiteness_of(const Model& model, const Ensemble& data, InitialState initial) {
+  ValidateOptions o;
+  o.initial_state = initial;
+  return validate(model, data, o).whiteness_p;
+}
+
+}  // namespace
+
+Block Plan::block(Index i) const {
+  const Index begin = steps * i / count, end = steps * (i + 1) / count;
+  return {std::max<Index>(0, begin - before), begin, end, std::min(steps, end + behind)};
+}
+
+BlockResult identify_block(const EnsembleFile& file, const Plan& plan, Index i) {
+  const Block block = plan.block(i);
+  const bool first = block.first == 0;
+  const Index begin = block.begin - block.first, end = block.end - block.first;
+  BlockResult result;
+  result.begin = block.begin;
+  result.read_begin = block.first;
+  Ensemble data = file.read(block.first, block.last), held_out;
+  result.samples = survey(data, begin, end, block.first);
+  if (plan.hold_out > 0) {
+    Split parts = split(data, plan.hold_out);
+    data = std::move(parts.training);
+    held_out = std::move(parts.held_out);
+    held_out.free = {};
+  }
+  for (Index k = begin; k < end; ++k) result.digests.push_back(digest(data, k));
+
+  Stretch stretch = identify_stretch(std::move(data), plan.settled, begin, end, first);
+  Model& model = stretch.model;
+  const Index from = std::max(begin, model.k_begin);
+  if ((i > 0 ? from > begin : from >= end) || model.k_end() < end)
+    throw std::invalid_argument(fmt::format("steps: {} to {} show no model at their {}, longer blocks needed",
+                                            block.begin, block.end - 1, from > begin ? "begin" : "end"));
+  result.regressions = std::move(stretch.regressions);
+  const InitialState initial = first ? plan.settled.initial_state : InitialState::unknown;
+  if (plan.hold_out > 0 && stretch.nominal) held_out = departures(std::move(held_out), *stretch.nominal);
+  const Ensemble& tested = plan.hold_out > 0 ? held_out : stretch.departures;
+  result.errors = evaluate(model, tested, begin, end, initial, i == 0);
+  if (plan.settled.noisy && i == plan.count / 2) result.whiteness_p = whiteness_of(model, tested, initial);
+
+  result.opening = observability(model, from, plan.rows);
+  if (block.end < plan.steps) result.closing = observability(model, end, plan.rows);
+  result.model = excerpt(model, from, end, block.first);
+  result.model.initial_state = plan.settled.initial_state;
+  result.gaps = singular_value_gaps(result.model);
+  if (i > 0) {  // moments of a state in the middle of the record
+    result.model.x0_mean.resize(0);
+    result.model.x0_cov.resize(0, 0);
+  }
+  if (stretch.nominal) {
+    result.model.u_nominal = stretch.nominal->u.middleRows(begin, end - begin);
+    result.model.y_nominal = stretch.nominal->y.middleRows(begin, end - begin);
+  }
+  return result;
+}
+
+void Joint::add(BlockResult block) {
+  Model& model = block.model;
+  if (waiting_) {
+    const bool smooth = model.frame == "smooth" && same_dimension(model) && block.opening.cols() == closing_.cols() &&
+                        block.closing.cols() == (block.closing.size() > 0 ? closing_.cols() : 0);
+    const Index rows = std::min(block.opening.rows(), closing_.rows());
+    if (smooth && closing_.cols() > 0) {
+      const Matrix r = linalg::procrustes(block.opening.topRows(rows), closing_.topRows(rows));
+      rotate(model, r);
+      block.opening = block.opening * r;
+      if (block.closing.size() > 0) block.closing = block.closing * r;
+    }
+    lead_into(*waiting_, linalg::pseudo_inverse(block.opening.topRows(rows)) * closing_.topRows(rows));
+    file_.append(*waiting_);
+  }
+  waiting_ = std::move(model);
+  closing_ = std::move(block.closing);
+}
+
+void Joint::finish() {
+  if (waiting_) file_.append(*waiting_);
+  waiting_.reset();
+}
+
+}  // namespace tokid::stream

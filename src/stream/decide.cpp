@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "stream/decide.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "channel_sizes.hpp"
+
+namespace tokid::stream {
+
+namespace {
+
+// Of a stretch: what it takes in memory [bytes], and the steps that it has at least and at most.
+constexpr double stretch_bytes = 16e6;
+constexpr Index fewest_steps = 160, most_steps = 512;
+// λ where the stretches show no variation, but the whole record may.
+constexpr double stiff = 1e3;
+
+void check(const IdentifyOptions& o) {
+  const auto refuse = [](const char* what, const std::string& found, const char* needed) {
+    throw std::invalid_argument(fmt::format("{}: {} found, {} needed to identify in blocks", what, found, needed));
+  };
+  if (o.period > 0) refuse("period", std::to_string(o.period), "no period");
+  if (std::isinf(o.smoothing)) refuse("smoothing", "infinity", "a finite penalty");
+  if (o.frame == Frame::reference) refuse("frame", "reference", "raw or smooth");
+}
+
+std::vector<Ensemble> stretches(const EnsembleFile& file, const IdentifyOptions& o) {
+  const double step = double(file.experiments() * file.channels()) * sizeof(double);
+  const Index total = file.steps();
+  const Index length = std::min(
+      total, std::max(Index(std::clamp(stretch_bytes / step, double(fewest_steps), double(most_steps))), 8 * o.lags));
+  std::vector<Index> begins{0};
+  for (const Index begin : {(total - length) / 2, total - length})
+    if (begin >= length / 2 + begins.back()) begins.push_back(begin);
+  std::vector<Ensemble> result;
+  for (const Index begin : begins) {
+    Ensemble data = file.read(begin, begin + length);
+    data.free = {};
+    result.push_back(o.hold_out > 0 ? split(data, o.hold_out).training : std::move(data));
+  }
+  return result;
+}
+
+// Which of two stretches asks for more?
+bool demands_more(const Identification& a, const Identification& b) {
+  if (a.together != b.together) return a.together;
+  if (a.model.states() != b.model.states()) return a.model.states() > b.model.states();
+  return a.lags > b.lags;
+}
+
+}  // namespace
+
+Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
+  check(options);
+  std::vector<Ensemble> data = stretches(file, options);
+  IdentifyOptions o = options;
+  o.hold_out = 0.0;
+  o.frame = Frame::raw;
+  o.execution.progress = {};
+
+  NominalTest nominal;
+  if (options.nominal == NominalChoice::automatic) {
+    o.nominal = NominalChoice::none;
+    for (const Ensemble& e : data) {
+      const NominalTest test = test_nominal(e);
+      if (test.significant) o.nominal = NominalChoice::mean;
+      if (test.statistic > nominal.statistic) nominal = test;
+    }
+  }
+
+  std::vector<Identification> found{identify(data.front(), o)};
+  for (size_t i = 1; i < data.size(); ++i) {
+    IdentifyOptions later = o;
+    later.initial_state = InitialState::unknown;
+    // An order that is exact elsewhere is likely to be so here.
+    const bool exact = !found.front().noisy && !found.front().together && options.lags == 0;
+    if (exact) later.lags = found.front().lags;
+    try {
+      Identification own = identify(data[i], later);
+      if (exact && own.noisy) {
+        later.lags = 0;
+        own = identify(data[i], later);
+      }
+      found.push_back(std::move(own));
+    } catch (const std::invalid_argument&) {
+      continue;  // too few samples are there to tell
+    }
+  }
+
+  Decision result;
+  Settled& settled = result.settled;
+  const Identification& begin = found.front();
+  for (const Identification& own : found) {
+    settled.noisy = settled.noisy || own.noisy;
+    settled.together = settled.together || own.together;
+  }
+  const Identification* chosen = &found.front();
+  for (const Identification& own : found)
+    if (demands_more(own, *chosen)) chosen = &own;
+  settled.initial_state = begin.model.initial_state;
+  settled.tvera = options.method == Method::tvera || (options.method == Method::automatic && !settled.noisy &&
+                                                      !settled.together && settled.initial_state == InitialState::zero);
+  settled.options = o;
+  settled.options.execution.threads = 1;
+  settled.options.frame = options.frame;
+  settled.options.lags = chosen->lags;
+  if (!settled.noisy)
+    for (const Identification& own : found) settled.options.lags = std::max(settled.options.lags, own.lags);
+  if (settled.noisy && options.states == 0) settled.options.states = chosen->model.states();
+  std::vector<std::string> warnings;
+  if (settled.together) {
+    settled.options.choices = chosen->choices.value_or(NoisyChoices{chosen->variation});
+    if (chosen->variation.period > 0) {
+      settled.options.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
+      warnings.push_back(fmt::format(
+          "the stretches that decide show no variation in time, but the record may: lambda = {} was taken", stiff));
+    }
+  }
+  settled.output_size = Vector::Zero(file.outputs());
+  settled.input_size = Vector::Zero(file.inputs());
+  for (Ensemble& e : data) {
+    if (o.nominal == NominalChoice::mean) {
+      const Nominal mean = nominal_trajectory(e);
+      e = departures(std::move(e), mean);
+    }
+    settled.output_size = settled.output_size.cwiseMax(channel_sizes(e, e.inputs(), e.outputs()));
+    settled.input_size = settled.input_size.cwiseMax(channel_sizes(e, 0, e.inputs()));
+  }
+
+  result.evidence = *chosen;
+  result.evidence.nominal_test = nominal;
+  result.evidence.initial_state_test = begin.initial_state_test;
+  result.evidence.noisy = settled.noisy;
+  result.evidence.together = settled.together;
+  result.evidence.lags = settled.options.lags;
+  result.evidence.warnings = std::move(warnings);
+  if (settled.together) {
+    result.evidence.variation = settled.options.choices->variation;
+    result.evidence.state_smoothing = settled.options.choices->state_smoothing;
+    result.evidence.choices = settled.options.choices;
+  }
+  return result;
+}
+
+}  // namespace tokid::stream

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "stream/evaluate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace tokid::stream {
+
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+// Of one output at one step, from all experiments that have both.
+ErrorSums sums_of(const Eigen::Ref<const Vector>& y, const Eigen::Ref<const Vector>& error) {
+  ErrorSums s;
+  s.error = error.squaredNorm();
+  if (!std::isnan(s.error) && !std::isnan(s.mean = y.sum())) {
+    s.count = y.size();
+    s.mean /= double(s.count);
+    s.spread = (y.array() - s.mean).square().sum();
+    return s;
+  }
+  s = {};
+  for (Index n = 0; n < y.size(); ++n)
+    if (!std::isnan(error(n))) s.mean += y(n), s.error += error(n) * error(n), ++s.count;
+  if (s.count > 0) s.mean /= double(s.count);
+  for (Index n = 0; n < y.size(); ++n)
+    if (!std::isnan(error(n))) s.spread += (y(n) - s.mean) * (y(n) - s.mean);
+  return s;
+}
+
+class Evaluation {
+ public:
+  explicit Evaluation(const Ensemble& data) : data_(data) {
+    totals_.one_step.resize(size_t(data.outputs()));
+    totals_.simulation.resize(size_t(data.outputs()));
+  }
+
+  void predicted(Index k, const Matrix& error) {
+    for (Index j = 0; j < error.cols(); ++j) {
+      const ErrorSums s = sums_of(data_.output(k).col(j), error.col(j));
+      totals_.one_step[size_t(j)].add(s);
+      totals_.innovation += s.error;
+      totals_.output += s.spread + double(s.count) * s.mean * s.mean;
+    }
+  }
+  void simulated(Index k, const Matrix& error) {
+    for (Index j = 0; j < error.cols(); ++j)
+      totals_.simulation[size_t(j)].add(sums_of(data_.output(k).col(j), error.col(j)));
+  }
+  ErrorTotals totals() { return std::move(totals_); }
+
+ private:
+  const Ensemble& data_;
+  ErrorTotals totals_;
+};
+
+// out += sign · x Wᵀ for tall x (N × p) and small W (q × p), a few rows of all columns at a time in the nearest cache.
+void add_product(const Eigen::Ref<const Matrix>& x, const Matrix& w, double sign, Matrix& out) {
+  constexpr Index tile = 256;
+  for (Index begin = 0; begin < x.rows(); begin += tile) {
+    const Index count = std::min(tile, x.rows() - begin);
+    const auto part = [&](Index i) { return x.col(i).segment(begin, count); };
+    for (Index j = 0; j < w.rows(); ++j) {
+      auto to = out.col(j).segment(begin, count);
+      const auto weight = [&](Index i) { return sign * w(j, i); };
+      Index i = 0;
+      for (; i + 4 <= w.cols(); i += 4)
+        to += weight(i) * part(i) + weight(i + 1) * part(i + 1) + weight(i + 2) * part(i + 2) +
+              weight(i + 3) * part(i + 3);
+      for (; i < w.cols(); ++i) to += weight(i) * part(i);
+    }
+  }
+}
+
+// Observer and simulation side by side, experiments as rows, through samples without a gap.
+class Walk {
+ public:
+  Walk(const Model& model, const Ensemble& data) : model_(model), data_(data) {}
+
+  // y_k - C_k x - D_k u_k
+  void error(Index k, const Matrix& x, Matrix& e) const {
+    const size_t s = model_.at(k);
+    e = data_.output(k);
+    add_product(x, model_.C[s], -1.0, e);
+    add_product(data_.input(k), model_.D[s], -1.0, e);
+  }
+  void advance(Index k, Matrix& x) {
+    const size_t s = model_.at(k);
+    next_.setZero(x.rows(), model_.A[s].rows());
+    add_product(x, model_.A[s], 1.0, next_);
+    add_product(data_.input(k), model_.B[s], 1.0, next_);
+    x.swap(next_);
+  }
+  void correct(Index k, const Matrix& e, Matrix& x) const { add_product(e, model_.G[model_.at(k)], -1.0, x); }
+
+ private:
+  const Model& model_;
+  const Ensemble& data_;
+  Matrix next_;
+};
+
+ErrorTotals walk(const Model& model, const Ensemble& data, Index begin, Index end, bool zero, bool first) {
+  Evaluation evaluation(data);
+  Walk walk(model, data);
+  Index k = zero ? model.k_begin : model.full_begin();
+  const Index window = zero ? 0 : estimation_window(model), known = k + window;
+  end = std::min(end, model.k_end());
+  if (k + window > end) return evaluation.totals();
+  Matrix observed = zero ? Matrix(Matrix::Zero(data.experiments(), model.n(k)))
+                         : Matrix(estimate_state(model, stretch(data, 0, known), k, window).transpose());
+  Matrix simulated, e;
+  for (; k < end; ++k) {
+    // In the first stretch from the estimated state on, later from what was known before.
+    if (first ? simulated.size() == 0 : k == begin) simulated = observed;
+    if (k >= begin && simulated.rows() > 0) {
+      walk.error(k, simulated, e);
+      evaluation.simulated(k, e);
+      walk.advance(k, simulated);
+    }
+    walk.error(k, observed, e);
+    if (k >= std::max(begin, known)) evaluation.predicted(k, e);
+    walk.advance(k, observed);
+    walk.correct(k, e, observed);
+  }
+  return evaluation.totals();
+}
+
+}  // namespace
+
+void ErrorSums::add(const ErrorSums& later) {
+  if (later.count == 0) return;
+  const double total = double(count + later.count), gap = later.mean - mean;
+  spread += later.spread + gap * gap * double(count) * double(later.count) / total;
+  mean += gap * double(later.count) / total;
+  error += later.error;
+  count += later.count;
+}
+
+void ErrorTotals::add(const ErrorTotals& later) {
+  if (one_step.empty()) one_step.resize(later.one_step.size()), simulation.resize(later.simulation.size());
+  for (size_t j = 0; j < one_step.size(); ++j) {
+    one_step[j].add(later.one_step[j]);
+    simulation[j].add(later.simulation[j]);
+  }
+  innovation += later.innovation;
+  output += later.output;
+}
+
+Fit fit_of(const std::vector<ErrorSums>& sums, bool departures) {
+  const Index m = Index(sums.size());
+  Fit result{Vector::Constant(m, nan), Vector::Constant(m, nan), std::numeric_limits<Index>::max()};
+  for (Index j = 0; j < m; ++j) {
+    const ErrorSums& s = sums[size_t(j)];
+    result.samples = std::min(result.samples, s.count);
+    if (s.count == 0) continue;
+    const double spread = s.spread + (departures ? double(s.count) * s.mean * s.mean : 0.0);
+    result.rmse(j) = std::sqrt(s.error / double(s.count));
+    result.fit(j) = spread > 0 ? 100 * (1 - std::sqrt(s.error / spread)) : s.error > 0 ? nan : 100.0;
+  }
+  return result;
+}
+
+ErrorTotals evaluate(const Model& model, const Ensemble& data, Index begin, Index end, InitialState initial,
+                     bool first) {
+  const bool zero = first && starts_from_zero(model, initial);
+  if (data.missing() == 0 && (zero || !first || !has_initial_estimate(model, initial)))
+    return walk(model, data, begin, end, zero, first);
+  Evaluation evaluation(data);
+  const Prediction prediction = predict(model, data, {1, initial});
+  const Ensemble simulation = simulate_data(model, data, initial);
+  for (Index k = begin; k < end; ++k) {
+    evaluation.predicted(k, prediction.innovations[size_t(k)]);
+    evaluation.simulated(k, data.output(k) - simulation.output(k));
+  }
+  return evaluation.totals();
+}
+
+}  // namespace tokid::stream

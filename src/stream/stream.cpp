@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/stream.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+
+#include "archive.hpp"
+#include "statistics.hpp"
+#include "stream/blocks.hpp"
+#include "stream/decide.hpp"
+#include "tokid/version.hpp"
+
+namespace tokid {
+
+namespace {
+
+using stream::Block;
+using stream::BlockResult;
+using stream::Plan;
+
+Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
+
+// What a block makes of its samples is about as large as they are, twice.
+constexpr double copies = 3.0;
+constexpr Index longest_block = 4096;
+// Steps over which the ends of a block still show in models whose steps share what they know.
+constexpr Index fading = 96;
+// Blocks of each thread between two times that results are put in order: they bound what waits.
+constexpr Index blocks_at_a_time = 4;
+
+Plan plan_of(const EnsembleFile& file, const StreamOptions& options, Settled settled) {
+  Plan plan;
+  const Index m = file.outputs(), p = settled.options.lags, n = settled.options.states;
+  const Index rows = settled.options.rows > 0 ? settled.options.rows : std::max(p + 1, ceil_div(n, m) + 1);
+  const Index cols = settled.options.cols > 0 ? settled.options.cols
+                                              : std::max(p, settled.noisy ? Index(48)
+                                                            : n > 0       ? n
+                                                                          : p * m);
+  plan.rows = rows;
+  plan.before = p + cols + rows;
+  plan.behind = 2 * rows + 2;
+  if (settled.together) {
+    plan.before = std::max(plan.before, fading);
+    plan.behind = std::max(plan.behind, fading);
+  }
+  plan.settled = std::move(settled);
+  plan.hold_out = options.identify.hold_out;
+  plan.steps = file.steps();
+  const Index overlap = plan.before + plan.behind;
+  Index length = options.block;
+  if (length == 0) {
+    // Steps that share what they know have a triangular factor each, more than once.
+    const double width = plan.settled.together ? double((p + 1) * file.channels()) : 0.0;
+    const double step = (double(file.experiments() * file.channels()) + width * width) * sizeof(double) * copies;
+    const Index fewest = (plan.settled.together ? 2 : 4) * overlap;
+    length = std::max(fewest, Index(std::min(options.memory_per_thread / step, double(longest_block))));
+  } else if (length < std::min(overlap, plan.steps)) {
+    throw std::invalid_argument(fmt::format(
+        "block: {} steps found, at least {} needed, which neighbours share at lag order {}", length, overlap, p));
+  }
+  plan.count = ceil_div(plan.steps, length);
+  return plan;
+}
+
+// The whole record, from its blocks in order.
+class Record {
+ public:
+  Record(const EnsembleFile& file, const Plan& plan, ModelFile& model) : file_(file), plan_(plan), joint_(model) {}
+
+  void add(BlockResult block) {
+    samples_.append(block.samples, block.begin);
+    regressions_.append(block.regressions, block.read_begin);
+    errors_.add(block.errors);
+    digests_.insert(digests_.end(), block.digests.begin(), block.digests.end());
+    gaps_.insert(gaps_.end(), block.gaps.begin(), block.gaps.end());
+    if (!std::isnan(block.whiteness_p)) whiteness_p_ = block.whiteness_p;
+    joint_.add(std::move(block));
+  }
+
+  void finish(const StreamOptions& options, ModelFile& file, Streamed& streamed) {
+    Identification& result = streamed.identification;
+    joint_.finish();
+    check_presence(samples_, file_.names(), file_.inputs(), file_.experiments() * file_.steps());
+    check_magnitudes(samples_, file_.names(), file_.inputs());
+    streamed.missing = samples_.missing;
+    result.steps = file_.steps();
+    result.experiments = experiments();
+    result.held_out = plan_.hold_out > 0;
+    result.nominal = plan_.settled.options.nominal == NominalChoice::mean;
+    result.min_experiments =
+        minimum_experiments(file_.inputs(), file_.outputs(), result.lags) + (result.nominal ? 1 : 0);
+    result.singular_value_gap = statistics::median(std::move(gaps_));
+    result.condition_max = regressions_.condition_max;
+    result.rank_deficient_steps = regressions_.rank_deficient;
+    result.validation = {};
+    result.validation.noisy = plan_.settled.noisy;
+    result.validation.one_step = result.validation.horizon = stream::fit_of(errors_.one_step, result.nominal);
+    result.validation.simulation = stream::fit_of(errors_.simulation, result.nominal);
+    result.validation.whiteness_p = whiteness_p_;
+    warn(result, file.outline());
+
+    Model notes;  // the text that models remember their identification by
+    notes.options = to_json(options.identify, result.experiments);
+    note_data(notes, fingerprint(result.experiments, file_.inputs(), file_.outputs(), digests_));
+    if (result.choices) note_choices(notes, *result.choices);
+    if (result.refinement.iterations > 0)
+      note_refinement(notes, result.refinement.smoothing, result.refinement.iterations);
+    file.commit(notes.options, version);
+    result.model = file.outline();
+  }
+
+ private:
+  Index experiments() const {
+    const Index held = plan_.hold_out > 0 ? std::llround(plan_.hold_out * double(file_.experiments())) : 0;
+    return file_.experiments() - held;
+  }
+
+  void warn(Identification& result, const Model& model) const {
+    const auto add = [&result](std::vector<std::string> texts) {
+      for (std::string& text : texts) result.warnings.push_back(std::move(text));
+    };
+    add(warnings_of_inputs(samples_, file_.names()));
+    add(warnings_of_outputs(samples_, file_.names()));
+    if (!plan_.settled.together) {
+      const Index spent = result.nominal ? 1 : 0;
+      add(warnings_of(regressions_,
+                      {result.experiments, result.experiments - spent, file_.inputs(), file_.outputs(), result.lags},
+                      result.noisy));
+      if (!result.noisy && regressions_.noisy())
+        add(
+            {"the stretches that decide are free of noise, but others are not: --method subspace, or --lags, may suit "
+             "them better"});
+    }
+    if (model.states() == 0)
+      add({"no state was found: the outputs answer to the inputs of the same step alone, or not at all"});
+    if (model.initial_state == InitialState::unknown && model.states() > 0 && model.k_begin > 0)
+      add(
+          {fmt::format("initial states are unknown: the model begins at step {}, the first with the full state "
+                       "dimension",
+                       model.k_begin)});
+    add(warnings_of_fit(result.validation.one_step.fit, file_.names()));
+  }
+
+  const EnsembleFile& file_;
+  const Plan& plan_;
+  stream::Joint joint_;
+  Survey samples_;
+  RegressionSurvey regressions_;
+  stream::ErrorTotals errors_;
+  std::vector<std::uint64_t> digests_;
+  std::vector<double> gaps_;
+  double whiteness_p_ = std::numeric_limits<double>::quiet_NaN();
+};
+
+}  // namespace
+
+Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& path, const StreamOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const Team& team = options.team;
+  std::optional<ModelFile> model;
+  if (team.rank == 0) model.emplace(path);
+  if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
+  stream::Decision decision;
+  if (team.rank == 0) decision = stream::decide(file, options.identify);
+  // All members follow what the first one has decided, to the last bit.
+  const Plan plan =
+      plan_of(file, options, archive::unpacked<Settled>(team.broadcast(archive::packed(decision.settled))));
+  std::optional<Record> record;
+  if (model) record.emplace(file, plan, *model);
+  const Index threads = std::max(1, options.identify.execution.threads);
+  const Index round = blocks_at_a_time * threads;
+  for (Index from = 0; from < plan.count; from += round * team.size) {
+    const Index to = std::min(plan.count, from + round * team.size);
+    std::vector<BlockResult> own(size_t(std::max<Index>(0, ceil_div(to - from - team.rank, team.size))));
+    parallel_for(0, Index(own.size()), {int(threads), {}}, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i)
+        own[size_t(i)] = stream::identify_block(file, plan, from + i * team.size + team.rank);
+    });
+    const std::vector<std::string> all = team.gather(archive::packed(own));
+    if (record) {
+      std::vector<std::vector<BlockResult>> of_member;
+      for (const std::string& bytes : all) of_member.push_back(archive::unpacked<std::vector<BlockResult>>(bytes));
+      for (Index i = from; i < to; ++i)
+        record->add(std::move(of_member[size_t((i - from) % team.size)][size_t((i - from) / team.size)]));
+      if (options.identify.execution.progress) options.identify.execution.progress(double(to) / double(plan.count));
+    }
+  }
+  Streamed result;
+  result.identification = std::move(decision.evidence);
+  result.block = plan.longest();
+  result.blocks = plan.count;
+  result.overlap = plan.before + plan.behind;
+  if (record) record->finish(options, *model, result);
+  result.identification.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+}  // namespace tokid

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "survey.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include "words.hpp"
+
+namespace tokid {
+
+namespace {
+
+std::string channel_name(const Channels& names, Index inputs, size_t c) {
+  return Index(c) < inputs ? "input " + names.input(Index(c)) : "output " + names.output(Index(c) - inputs);
+}
+
+// NaN and infinities leave no zero behind.
+bool all_finite(const Eigen::Ref<const Vector>& column) { return (0.0 * column).sum() == 0; }
+
+}  // namespace
+
+void Survey::append(const Survey& later, Index begin) {
+  if (channel.empty()) {
+    channel.resize(later.channel.size());
+    zero.resize(later.zero.size());
+    same.resize(later.same.size());
+  }
+  for (size_t c = 0; c < channel.size(); ++c) {
+    channel[c].present += later.channel[c].present;
+    channel[c].min = std::min(channel[c].min, later.channel[c].min);
+    channel[c].max = std::max(channel[c].max, later.channel[c].max);
+  }
+  for (size_t i = 0; i < zero.size(); ++i) {
+    for (const Index k : later.zero[i]) zero[i].push_back(begin + k);
+    for (const Index k : later.same[i]) same[i].push_back(begin + k);
+  }
+  missing += later.missing;
+}
+
+Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
+  const Index d = e.channels();
+  Survey result;
+  result.channel.resize(size_t(d));
+  result.zero.resize(size_t(e.inputs()));
+  result.same.resize(size_t(e.inputs()));
+  Index absent = 0;
+  for (Index k = begin; k < end; ++k)
+    for (Index c = 0; c < d; ++c) {
+      const auto column = e.samples().col(k * d + c);
+      ChannelRange& range = result.channel[size_t(c)];
+      const double least = column.minCoeff<Eigen::PropagateNumbers>();
+      const double most = column.maxCoeff<Eigen::PropagateNumbers>();
+      Index present = column.size();
+      if (!all_finite(column)) {
+        for (Index n = 0; n < column.size(); ++n)
+          if (std::isinf(column(n)))
+            throw std::invalid_argument(
+                fmt::format("{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed",
+                            channel_name(e.names, e.inputs(), size_t(c)), n, origin + k));
+        present = (column.array() == column.array()).count();
+      }
+      absent += column.size() - present;
+      range.present += present;
+      if (present == 0) continue;
+      range.min = std::min(range.min, least);
+      range.max = std::max(range.max, most);
+      if (c < e.inputs() && least == most) (least == 0 ? result.zero : result.same)[size_t(c)].push_back(k - begin);
+    }
+  Index beyond = 0;
+  for (const Index length : e.length) beyond += end - std::clamp(length, begin, end);
+  result.missing = absent - beyond * d;
+  return result;
+}
+
+void check_presence(const Survey& survey, const Channels& names, Index inputs, Index samples) {
+  for (size_t c = 0; c < survey.channel.size(); ++c)
+    if (survey.channel[c].present == 0)
+      throw std::invalid_argument(fmt::format("{}: all {} samples are missing (NaN), at least one needed",
+                                              channel_name(names, inputs, c), samples));
+}
+
+void check_magnitudes(const Survey& survey, const Channels& names, Index inputs) {
+  constexpr double largest = 1e60, smallest = 1e-60;
+  for (size_t c = 0; c < survey.channel.size(); ++c) {
+    const ChannelRange& range = survey.channel[c];
+    const double magnitude = range.present > 0 ? std::max(std::abs(range.min), std::abs(range.max)) : 0.0;
+    if (magnitude > largest || (magnitude > 0 && magnitude < smallest))
+      throw std::invalid_argument(
+          fmt::format("{}: values up to {:.3g} found, {:.0e} to {:.0e} can be handled: choose another unit",
+                      channel_name(names, inputs, c), magnitude, smallest, largest));
+  }
+}
+
+std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names) {
+  std::vector<std::string> result;
+  const auto warn = [&](size_t i, const char* what, const std::vector<Index>& steps) {
+    if (steps.empty()) return;
+    result.push_back(fmt::format("input {} is {} in every experiment at {}: its effect there can't be identified",
+                                 names.input(Index(i)), what, words::step_list(steps)));
+  };
+  for (size_t i = 0; i < survey.zero.size(); ++i) {
+    warn(i, "zero", survey.zero[i]);
+    warn(i, "constant", survey.same[i]);
+  }
+  return result;
+}
+
+std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channels& names) {
+  std::vector<std::string> result;
+  const size_t inputs = survey.zero.size();
+  for (size_t c = inputs; c < survey.channel.size(); ++c)
+    if (const ChannelRange& range = survey.channel[c]; range.present > 0 && range.min == range.max)
+      result.push_back(
+          fmt::format("output {} never moves: nothing can be identified of it", names.output(Index(c - inputs))));
+  return result;
+}
+
+std::uint64_t digest(const Ensemble& e, Index k) {
+  const Index d = e.channels();
+  // One bit pattern for every missing sample, and for both zeros.
+  Matrix samples = e.samples().middleCols(k * d, d).array() + 0.0;
+  if (!all_finite(samples.reshaped()))
+    for (double& value : samples.reshaped())
+      if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
+  return XXH3_64bits(samples.data(), size_t(samples.size()) * sizeof(double));
+}
+
+std::string fingerprint(Index experiments, Index inputs, Index outputs, const std::vector<std::uint64_t>& digests) {
+  XXH3_state_t state;
+  XXH3_64bits_reset(&state);
+  const std::int64_t shape[] = {experiments, std::int64_t(digests.size()), inputs, outputs};
+  XXH3_64bits_update(&state, shape, sizeof(shape));
+  XXH3_64bits_update(&state, digests.data(), digests.size() * sizeof(std::uint64_t));
+  return fmt::format("{:016x}", XXH3_64bits_digest(&state));
+}
+
+}  // namespace tokid

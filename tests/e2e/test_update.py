@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""identify --state, update: later experiments give the model of all of them; nothing is lost where something fails."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def campaign(tokid, tmp_path):
+    """60 experiments, and the same as 40 and 20."""
+    tokid("example", "oscillator", "-o", tmp_path / "all.npz", "--experiments", 60, "--steps", 80, "--seed", 4)
+    whole = dict(np.load(tmp_path / "all.npz"))
+    for name, part in ("first", slice(0, 40)), ("later", slice(40, 60)):
+        np.savez(tmp_path / f"{name}.npz", **{k: v[part] if k in ("u", "y") else v for k, v in whole.items()})
+    return tmp_path
+
+
+def markov(path, span=6):
+    model = np.load(path)
+    found = []
+    for i in range(len(model["A"]) - span):
+        x = model["B"][i]
+        for k in range(i + 1, i + span):
+            found.append(model["C"][k] @ x)
+            x = model["A"][k] @ x
+    return np.array(found)
+
+
+@pytest.mark.parametrize("extension", ["h5", "npz", "mat"])
+def test_the_model_is_that_of_all_experiments(tokid, campaign, extension):
+    state = campaign / f"state.{extension}"
+    tokid("identify", campaign / "first.npz", "-o", campaign / "first-model.npz", "--state", state)
+    told = tokid.json("update", state, campaign / "later.npz", "-o", campaign / "updated.npz")
+    assert (told["experiments"], told["new_experiments"], told["states"]) == (60, 20, 4)
+    assert min(told["simulation_fit"]) > 99.9999 and told["evaluated_on"] == "new"
+    tokid("identify", campaign / "all.npz", "-o", campaign / "whole.npz", "--lags", 2)
+    updated, whole = markov(campaign / "updated.npz"), markov(campaign / "whole.npz")
+    assert np.abs(updated - whole).max() <= 1e-10 * np.abs(whole).max()
+    fit = tokid.json("validate", campaign / "updated.npz", campaign / "later.npz")
+    assert min(fit["simulation_fit"]) > 99.9999
+
+
+def test_without_a_model_only_the_state_is_written(tokid, campaign):
+    state = campaign / "state.h5"
+    tokid("identify", campaign / "first.npz", "-o", campaign / "model.npz", "--state", state)
+    page = tokid("update", state, campaign / "later.npz")
+    assert "60, 20 of them new" in page.stdout
+    assert sorted(p.name for p in campaign.iterdir()) == ["all.npz", "first.npz", "later.npz", "model.npz", "state.h5"]
+
+
+def test_refusals_leave_the_state_as_it_was(tokid, campaign):
+    state = campaign / "state.h5"
+    tokid("identify", campaign / "first.npz", "-o", campaign / "model.npz", "--state", state)
+    before = state.read_bytes()
+    tokid("example", "oscillator", "-o", campaign / "short.npz", "--experiments", 5, "--steps", 50)
+    for arguments, reason in [
+        ([state, campaign / "first.npz"], "has these already"),
+        ([state, campaign / "short.npz"], "steps: 50 found, 80 needed"),
+        ([state, campaign / "later.npz", "-o", campaign / "none" / "m.npz"], "does not exist"),
+        ([campaign / "model.npz", campaign / "later.npz"], "what identify --state writes"),
+        ([campaign / "later.npz", campaign / "later.npz"], "another name needed"),
+        ([campaign / "none.h5", campaign / "later.npz"], "none.h5"),
+    ]:
+        failed = tokid("update", *arguments, status=2)
+        assert reason in failed.stderr, (arguments, failed.stderr)
+        assert failed.stderr.count("\n") == 1
+    assert state.read_bytes() == before
+    assert "hold-out" in tokid("identify", campaign / "first.npz", "-o", campaign / "x.npz", "--state",
+                               campaign / "y.h5", "--hold-out", 0.3, status=2).stderr
+    assert not (campaign / "x.npz").exists() and not (campaign / "y.h5").exists()
+
+
+def test_damaged_states_are_refused(tokid, campaign):
+    state = campaign / "state.npz"
+    tokid("identify", campaign / "first.npz", "-o", campaign / "model.npz", "--state", state)
+    sound = dict(np.load(state))
+    for change, reason in [
+        ({"lags": np.int64(7)}, "window_factors"),
+        ({"inputs": np.int64(9)}, "window_factors"),
+        ({"window_rows": sound["window_rows"][:-1]}, "window_rows"),
+        ({"sample_sums": sound["sample_sums"][:, :-1]}, "sample_sums"),
+        ({"window_factors": sound["window_factors"] * np.nan}, "window_factors"),
+        ({"method": np.array("magic")}, "magic"),
+    ]:
+        np.savez(campaign / "damaged.npz", **{**sound, **change})
+        failed = tokid("update", campaign / "damaged.npz", campaign / "later.npz", status=2)
+        assert reason in failed.stderr, failed.stderr

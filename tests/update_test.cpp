@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/update.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <limits>
+
+#include "testing.hpp"
+#include "tokid/io.hpp"
+
+namespace tokid {
+namespace {
+
+using testing::epsilon;
+using testing::message;
+using testing::Random;
+using testing::random_experiments;
+using testing::random_system;
+using testing::with_noise;
+
+std::vector<Index> range(Index begin, Index end) {
+  std::vector<Index> list;
+  for (Index n = begin; n < end; ++n) list.push_back(n);
+  return list;
+}
+
+// Of windows from an ensemble: the same products as the samples have.
+TEST(WindowFactors, HaveTheProductsOfTheWindows) {
+  for (const bool gaps : {false, true})
+    for (const InitialState initial : {InitialState::zero, InitialState::unknown})
+      for (const Index lags : {1, 3, 7}) {
+        Ensemble e = with_noise(random_experiments(random_system({3, 2, 1}, 20, 1.0, 1), 30, 2, 1.0), 0.1, 3);
+        if (gaps) e.y(4, 9, 1) = e.u(6, 15, 0) = std::numeric_limits<double>::quiet_NaN();
+        const WindowFactors f = window_factors(e, lags, initial);
+        const Windows samples(e), factors(f);
+        EXPECT_EQ(f.begin(), initial == InitialState::zero ? 0 : lags);
+        for (Index k = f.begin(); k < 20; ++k) {
+          const Matrix a = samples.rows(k, lags), r = factors.rows(k, lags);
+          EXPECT_EQ(samples.count(k, lags), a.rows());
+          EXPECT_EQ(f.rows[size_t(k)], a.rows());
+          EXPECT_LE((r.transpose() * r - a.transpose() * a).norm(), 1e2 * epsilon * a.squaredNorm()) << k;
+          EXPECT_TRUE(Matrix(f.of(k)).isUpperTriangular(0.0));
+        }
+        // Of departures from the mean motion, too.
+        const Nominal mean = nominal_trajectory(e), own = f.nominal();
+        EXPECT_LE((mean.u - own.u).norm() + (mean.y - own.y).norm(), 1e2 * epsilon * (mean.y.norm() + mean.u.norm()));
+        const Ensemble left = departures(e, mean);
+        const Windows centred(f, &own), departed(left);
+        for (Index k = f.begin(); k < 20; ++k) {
+          const Matrix a = departed.rows(k, lags), r = centred.rows(k, lags);
+          EXPECT_LE((r.transpose() * r - a.transpose() * a).norm(),
+                    1e3 * epsilon * samples.rows(k, lags).squaredNorm());
+        }
+      }
+}
+
+TEST(WindowFactors, MergeToThoseOfAllExperiments) {
+  const Ensemble e = with_noise(random_experiments(random_system({3, 2, 2}, 15, 1.0, 4), 40, 5), 0.1, 6);
+  WindowFactors all = window_factors(e.subset(range(0, 7)), 2, InitialState::zero);
+  merge(all, window_factors(e.subset(range(7, 8)), 2, InitialState::zero));
+  merge(all, window_factors(e.subset(range(8, 40)), 2, InitialState::zero), {3, {}});
+  EXPECT_EQ(all.experiments, 40);
+  const WindowFactors once = window_factors(e, 2, InitialState::zero);
+  EXPECT_EQ(all.rows, once.rows);
+  for (Index k = 0; k < 15; ++k) {
+    const Matrix a = all.of(k).transpose() * all.of(k), b = once.of(k).transpose() * once.of(k);
+    EXPECT_LE((a - b).norm(), 1e2 * epsilon * b.norm());
+  }
+}
+
+struct UpdateCase {
+  const char* name;
+  double noise = 0.0, initial = 0.0, offset = 0.0;
+  IdentifyOptions options = {};
+};
+
+double difference(const Model& a, const Model& b) {
+  EXPECT_EQ(a.k_begin, b.k_begin);
+  EXPECT_EQ(a.state_dim, b.state_dim);
+  double largest = 0.0, size = 0.0;
+  for (Index i = a.k_begin; i + 1 < a.k_end(); ++i) {
+    EXPECT_LE((a.D[a.at(i)] - b.D[b.at(i)]).norm(), 1e-10 * (1 + b.D[b.at(i)].norm()));
+    for (Index k = i + 1; k < std::min(a.k_end(), i + 12); ++k) {
+      const Matrix x = pulse_response(a, k, i), y = pulse_response(b, k, i);
+      largest = std::max(largest, (x - y).norm());
+      size = std::max(size, y.norm());
+    }
+  }
+  return largest / size;
+}
+
+// In three portions or all at once: the same model, in every way to come by one.
+TEST(Update, IsTheIdentificationOfAllExperiments) {
+  std::vector<UpdateCase> cases(6);
+  cases[0].name = "noise-free";
+  cases[1].name = "unknown initial states";
+  cases[1].initial = 5.0;
+  cases[2].name = "mean motion";
+  cases[2].offset = 3.0;
+  cases[2].options.nominal = NominalChoice::mean;
+  cases[3].name = "noise, each step by itself";
+  cases[3].noise = 0.05;
+  cases[3].options.method = Method::tvera;
+  cases[3].options.states = 3;
+  cases[3].options.lags = 3;
+  cases[4].name = "noise, lambda = 1";
+  cases[4].noise = 0.05;
+  cases[4].options.choices = NoisyChoices{{1.0, 0}, 0.1, Weighting::one_step, 0.0, 0};
+  cases[4].options.smoothing = 1.0;
+  cases[4].options.states = 3;
+  cases[4].options.lags = 3;
+  cases[4].options.refine = false;
+  cases[5].name = "noise, one model";
+  cases[5].noise = 0.05;
+  cases[5].options.period = 1;
+  cases[5].options.choices = NoisyChoices{{0.0, 1}, 0.0, Weighting::many_steps, 0.0, 0};
+  cases[5].options.states = 3;
+  cases[5].options.lags = 3;
+  cases[5].options.refine = false;
+  for (const UpdateCase& c : cases) {
+    SCOPED_TRACE(c.name);
+    const Model truth = random_system({3, 2, 2}, 24, 1.0, 7);
+    Ensemble e = random_experiments(truth, 60, 8, c.initial);
+    if (c.noise > 0) e = with_noise(e, c.noise, 9);
+    Random random(10);
+    for (Index k = 0; c.offset > 0 && k < 24; ++k) {
+      e.input(k).array() += c.offset * random.normal();
+      e.output(k).array() += c.offset * random.normal();
+    }
+    const Ensemble first = e.subset(range(0, 40));
+    const Identification begun = identify(first, c.options);
+    UpdateState state = update_state(first, begun, c.options);
+    EXPECT_LE(difference(identify(state).model, begun.model), 1e-10);
+    update(state, e.subset(range(40, 45)));
+    update(state, e.subset(range(45, 60)), {2, {}});
+    IdentifyOptions all = c.options;
+    all.lags = begun.lags;
+    all.initial_state = begun.model.initial_state;
+    const Updated now = identify(state);
+    EXPECT_EQ(now.experiments, 60);
+    EXPECT_LE(difference(now.model, identify(e, all).model), 1e-10);
+    EXPECT_TRUE(has_seen(now.model, e.subset(range(45, 60))));
+  }
+}
+
+TEST(Update, StatesComeBackFromFiles) {
+  const Ensemble e = random_experiments(random_system({3, 2, 1}, 20, 1.0, 11), 30, 12);
+  const UpdateState state = update_state(e, identify(e), {});
+  for (const char* extension : {".h5", ".npz", ".mat"}) {
+    const std::filesystem::path path =
+        std::filesystem::path(::testing::TempDir()) / (std::string("tokid_update_state") + extension);
+    save_update_state(state, path);
+    const UpdateState back = load_update_state(path);
+    EXPECT_EQ(back.factors.factor, state.factors.factor) << extension;
+    EXPECT_EQ(back.factors.rows, state.factors.rows);
+    EXPECT_EQ(back.factors.sum, state.factors.sum);
+    EXPECT_EQ(back.options, state.options);
+    EXPECT_EQ(std::tuple(back.method, back.states, back.together, back.noisy, back.nominal),
+              std::tuple(state.method, state.states, state.together, state.noisy, state.nominal));
+    EXPECT_THROW(load_model(path), IoError);
+    std::filesystem::remove(path);
+  }
+}
+
+TEST(Update, RefusesWhatDoesNotFit) {
+  const Ensemble e = random_experiments(random_system({3, 2, 1}, 20, 1.0, 13), 30, 14);
+  const Identification result = identify(e);
+  UpdateState state = update_state(e, result, {});
+  const auto refusal = [&](const Ensemble& more) { return message([&] { update(state, more); }); };
+  EXPECT_EQ(refusal(e), "experiments: the state has these already, they would count twice");
+  EXPECT_EQ(refusal(random_experiments(random_system({3, 2, 1}, 21, 1.0, 13), 30, 14)),
+            "steps: 21 found, 20 needed as in the experiments before");
+  EXPECT_EQ(refusal(random_experiments(random_system({3, 1, 1}, 20, 1.0, 13), 30, 14)),
+            "outputs: 1 found, 2 needed as in the experiments before");
+  Ensemble other = random_experiments(random_system({3, 2, 1}, 20, 1.0, 13), 30, 15);
+  other.dt = 0.5;
+  EXPECT_EQ(refusal(other), "dt: 0.5 found, 1 needed as in the experiments before");
+  other.dt = 1.0;
+  other.names.output_names = {"a", "b"};
+  EXPECT_EQ(refusal(other), "output: a found, y1 needed as in the experiments before");
+  EXPECT_EQ(state.factors.experiments, 30);
+  IdentifyOptions held;
+  held.hold_out = 0.3;
+  EXPECT_EQ(message([&] { update_state(e, identify(e, held), held); }),
+            "hold-out fraction: a state is of all experiments, none can be held out");
+}
+
+}  // namespace
+}  // namespace tokid
