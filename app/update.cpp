@@ -67,7 +67,9 @@ void run(const Call& call) {
   if (!call.model.empty()) check_output(call.model, Content::model, {call.state, call.data});
   UpdateState state = load_update_state(call.state);
   const Ensemble data = load_ensemble(call.data, call.read);
-  const Validation before = about(call.data, [&] { return judged(identify(state, call.execution).model, data); });
+  about(call.data, [&] { check_update(state, data); });
+  const Updated then = about(call.state, [&] { return identify(state, call.execution); });
+  const Validation before = about(call.data, [&] { return judged(then.model, data); });
   about(call.data, [&] { update(state, data, call.execution); });
   const Updated now = identify(state, call.execution);
   // The state comes last: where the model can't be written, the experiments can be added once more.

@@ -29,7 +29,8 @@ void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape,
 }
 
 void GtvArx::begin_at(Index k) {
-  k_begin = k;
+  k_begin = k = std::clamp(k, k_begin, steps());
+  coefficients_.leftCols(k * slot_).setZero();
   std::fill_n(step.begin(), k, GtvArxStep{});
   residual_cov_.leftCols(k * outputs).setZero();
   output_rms_.leftCols(k).setZero();
@@ -62,8 +63,8 @@ class StepRegression {
   StepRegression(Index inputs, Index outputs, const GtvArxOptions& options, GtvArx& arx)
       : inputs_(inputs), outputs_(outputs), options_(options), arx_(arx) {}
 
-  // R (w × w, upper) of step k with these lags, from factor(i, j), i ≤ j; rows beyond `rows`, the number of
-  // experiments, are zero.
+  // R (w × w, upper) of step k with these lags, from factor(i, j), i ≤ j. Of its rows no more than `rows`, the number
+  // of experiments, are more than rounding errors, those of columns that are zero left aside.
   template <class Factor>
   void run(Index k, Index lags, Index rows, Factor&& factor) {
     const Index left = lags * (inputs_ + outputs_) + inputs_;
@@ -74,12 +75,13 @@ class StepRegression {
     r_.setZero(left, linalg::whole_vectors(left));
     r_y_.setZero(left, linalg::whole_vectors(outputs_));
     r_yy_.setZero(outputs_, outputs_);
-    for (Index i = 0; i < std::min(left, rows); ++i) {
+    for (Index i = 0, used = 0; i < left + outputs_ && used < rows; ++i) {
+      if (factor(i, i) == 0) continue;
+      ++used;
       for (Index j = i; j < left; ++j) r_(i, j) = factor(i, j);
-      for (Index j = 0; j < outputs_; ++j) r_y_(i, j) = factor(i, left + j);
+      for (Index j = std::max(i, left); j < left + outputs_; ++j)
+        (i < left ? r_y_(i, j - left) : r_yy_(i - left, j - left)) = factor(i, j);
     }
-    for (Index i = 0; i < std::min(outputs_, rows - left); ++i)
-      for (Index j = i; j < outputs_; ++j) r_yy_(i, j) = factor(left + i, left + j);
     arx_.output_rms(k) = ((r_y_.leftCols(outputs_).colwise().squaredNorm() + r_yy_.colwise().squaredNorm()) /
                           double(std::max<Index>(1, rows)))
                              .cwiseSqrt()
@@ -95,8 +97,12 @@ class StepRegression {
     constexpr double clear = 1e10;
     const Index left = r_.rows();
     GtvArxStep& step = arx_.step[size_t(k)];
-    scales_ = r_.leftCols(left).colwise().norm().transpose();
-    for (double& scale : scales_) scale = scale > 0 ? 1 / scale : 1.0;
+    scales_.resize(left);
+    for (Index j = 0; j < left; ++j) {
+      double norm = r_.col(j).norm();
+      if (!(norm > 1e-140 && norm < 1e140)) norm = r_.col(j).stableNorm();
+      scales_(j) = norm > 0 ? 1 / norm : 1.0;
+    }
     r_.leftCols(left) *= scales_.asDiagonal();
     Matrix unexplained;  // beyond the numerical rank
     const double size = r_.norm(), least = r_.diagonal().cwiseAbs().minCoeff();
@@ -224,28 +230,29 @@ class LaneRoute {
     const Index rows = ensemble_.experiments(), m = ensemble_.outputs();
     GtvArxStep& step = arx_.step[size_t(k)];
     step.condition = batch_.condition(l);
-    double last = 0.0;  // a gap makes it no number
-    for (Index j = 0; j < m; ++j) last += factor(left_ + j, left_ + j);
-    if (!(step.condition < clear) || std::isnan(last)) return alone_.run(k, lags_);
+    auto rms = arx_.output_rms(k);
+    bool sound = step.condition < clear;
+    for (Index j = 0; j < m; ++j) {  // of a gap no number, of very large or small ones no square
+      double square = 0.0;
+      for (Index i = 0; i <= left_ + j; ++i) square += factor(i, left_ + j) * factor(i, left_ + j);
+      rms(j) = std::sqrt(square / double(rows));
+      sound = sound && (square == 0 || (square > 1e-200 && square < 1e200));
+    }
+    if (!sound) return alone_.run(k, lags_);
     step.lags = lags_;
     step.rows = rows;
     step.rank = left_;
     step.freedom = std::max<Index>(0, rows - left_ - options_.spent);
     auto coefficients = arx_.coefficients(k);
     auto covariance = arx_.residual_cov(k);
-    auto rms = arx_.output_rms(k);
     for (Index j = 0; j < left_; ++j)
       for (Index i = 0; i < m; ++i) coefficients(i, j) = batch_.x(l, j, i);
-    for (Index j = 0; j < m; ++j) {
-      double square = 0.0;
-      for (Index i = 0; i <= left_ + j; ++i) square += factor(i, left_ + j) * factor(i, left_ + j);
-      rms(j) = std::sqrt(square / double(rows));
+    for (Index j = 0; j < m; ++j)
       for (Index i = 0; i <= j && step.freedom > 0; ++i) {
         double product = 0.0;
         for (Index h = 0; h <= i; ++h) product += factor(left_ + h, left_ + i) * factor(left_ + h, left_ + j);
         covariance(i, j) = covariance(j, i) = product / double(step.freedom);
       }
-    }
     if (!options_.noise_shape) return;
     auto shape = arx_.noise_shape(k);
     for (Index j = 0; j < left_; ++j) {
@@ -304,7 +311,9 @@ GtvArx prepared(const Windows& windows, const GtvArxOptions& options) {
              options.leverages ? windows.experiments() : 0);
   if (options.initial_state == InitialState::zero) return arx;
   // The regressions begin where every later step has its lags within the data.
-  for (arx.k_begin = steps; arx.k_begin > 0 && options.lags_of(arx.k_begin - 1) < arx.k_begin;) --arx.k_begin;
+  Index begin = steps;
+  while (begin > 0 && options.lags_of(begin - 1) < begin) --begin;
+  arx.begin_at(begin);
   return arx;
 }
 

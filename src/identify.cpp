@@ -572,7 +572,10 @@ Model Pipeline::subspace_model() {
     result_.choices = held;
     return refined(make(), data_, result_.refinement, refine_options());
   }
-  if (!result_.noisy || !together_ || judged().experiments() < 2) return make();
+  if (!result_.noisy || !together_ || judged().experiments() < 2) {
+    if (together_) result_.state_smoothing = SubspaceOptions::state_share * result_.variation.smoothing;
+    return make();
+  }
   const Folds parts = folds();
   const Index most = std::min(result_.lags * data_.outputs(), most_states);
   result_.order_scores = parts.choose_states(o.states, most);

@@ -199,6 +199,13 @@ bool has_seen(const Model& model, const Ensemble& data) {
   return list != json.end() && std::find(list->begin(), list->end(), fingerprint(data)) != list->end();
 }
 
+void note_update(Model& model, Index experiments) {
+  Json json = told(model);
+  json[experiments_key] = experiments;
+  json.erase(refined_key);
+  model.options = json.dump();
+}
+
 void note_refinement(Model& model, double smoothing, Index iterations) {
   Json json = told(model);
   json[refined_key] = {{"smoothing", penalty(smoothing)}, {"iterations", iterations}};

@@ -90,7 +90,7 @@ GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
       random_walk_regression(w.factor, w.regressors, stiffness(w, options.variation.smoothing));
   GtvArx arx;
   arx.resize(steps, e.inputs(), m, p, false);
-  arx.k_begin = options.initial_state == InitialState::zero ? 0 : p;
+  arx.begin_at(options.initial_state == InitialState::zero ? 0 : p);
 
   // Rows of each group, for the residual covariance that its steps share.
   std::vector<Index> rows(w.factor.size(), 0);

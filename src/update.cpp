@@ -7,6 +7,8 @@
 #include <stdexcept>
 
 #include "realisation.hpp"
+#include "regressions.hpp"
+#include "survey.hpp"
 #include "tokid/smooth_arx.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
@@ -70,26 +72,28 @@ Model subspace_model(const UpdateState& state, const IdentifyOptions& options, c
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options) {
   if (result.held_out)
     throw std::invalid_argument("hold-out fraction: a state is of all experiments, none can be held out");
-  if (data.free.experiments > 0)
+  if (data.free.experiments > 0 && result.model.method == "tvera")
     throw std::invalid_argument("free responses: found, a state of forced experiments alone can be kept");
+  if (result.noisy && result.model.states() == 0)
+    throw std::invalid_argument("states: none found in the noise, at least one needed to go on from");
   UpdateState state;
   state.together = result.together;
   state.noisy = result.noisy;
   state.nominal = result.nominal;
   state.method = result.model.method == "tvera" ? Method::tvera : Method::subspace;
   // Without noise the rank goes on to tell n; with it, what was chosen.
-  state.states = options.states > 0 || result.noisy ? std::max<Index>(1, result.model.states()) : 0;
-  if (options.states > 0) state.states = options.states;
-  const NoisyChoices choices = result.choices.value_or(NoisyChoices{});
+  state.states = options.states > 0 ? options.states : result.noisy ? result.model.states() : 0;
+  NoisyChoices choices = result.choices.value_or(
+      NoisyChoices{result.variation, result.state_smoothing, options.weighting.value_or(Weighting::one_step), 0.0, 0});
+  choices.refinement_smoothing = 0.0;
+  choices.refinement_iterations = 0;
   if ((result.together && choices.weighting == Weighting::projection) || options.weighting == Weighting::projection)
     throw std::invalid_argument(
         "weighting: projection found, which needs samples; --weighting one-step or many-steps can be updated");
-  state.options = result.model.options;
-  if (result.together && !result.choices) {
-    Model model = with_options(state.options);
-    note_choices(model, {result.variation, result.state_smoothing, Weighting::one_step, 0.0, 0});
-    state.options = model.options;
-  }
+  Model told = with_options(result.model.options);
+  note_update(told, data.experiments());
+  if (result.together) note_choices(told, choices);
+  state.options = told.options;
   state.factors = window_factors(data, result.lags, result.model.initial_state, options.execution);
   return state;
 }
@@ -97,10 +101,14 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
 Updated identify(const UpdateState& state, const Execution& execution) {
   const Model told = with_options(state.options);
   const IdentifyOptions options = identify_options(told);
-  const NoisyChoices choices = noted_choices(told).value_or(NoisyChoices{});
+  const std::optional<NoisyChoices> noted = noted_choices(told);
+  if (state.together && !noted)
+    throw std::invalid_argument("options of the state: no choices found, those of an identification needed");
+  const NoisyChoices choices = noted.value_or(NoisyChoices{});
   const WindowFactors& factors = state.factors;
   Nominal nominal;
   if (state.nominal) nominal = factors.nominal();
+  if (state.nominal && options.period > 0) share_phases(nominal, options.period);
   const Windows windows(factors, state.nominal ? &nominal : nullptr);
   const GtvArx arx = regressions(state, windows, choices, execution);
 
@@ -124,14 +132,26 @@ Updated identify(const UpdateState& state, const Execution& execution) {
   model.version = version;
   model.options = state.options;
 
+  for (const auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G, &model.innovation_cov})
+    for (const Matrix& a : *list)
+      if (!a.allFinite())
+        throw std::overflow_error("the model is not finite: samples are beyond the range of double precision");
+
   std::vector<Index> starved;
+  double residual = 0.0, square = 0.0;
   for (Index k = arx.k_begin; k < arx.steps(); ++k) {
     const GtvArxStep& step = arx.step[size_t(k)];
-    if (state.together) break;
+    residual += arx.residual_cov(k).trace();
+    square += arx.output_rms(k).squaredNorm();
+    if (state.together) continue;
     result.condition_max = std::max(result.condition_max, step.condition);
     if (step.rank < arx.regressors(k)) ++result.rank_deficient_steps;
     if (step.rows - (state.nominal ? 1 : 0) < arx.regressors(k)) starved.push_back(k);
   }
+  if (!state.noisy && residual > rounding_share * rounding_share * square)
+    result.warnings.push_back(
+        "the experiments are noisy, and what was chosen from the first ones supposes that they are not: begin anew with "
+        "identify");
   if (!starved.empty())
     result.warnings.push_back(
         fmt::format("fewer experiments than unknowns at {}: the solution of smallest norm stands "
@@ -143,11 +163,17 @@ Updated identify(const UpdateState& state, const Execution& execution) {
   return result;
 }
 
-void update(UpdateState& state, const Ensemble& more, const Execution& execution) {
+void check_update(const UpdateState& state, const Ensemble& more) {
   more.check();
-  Model told = with_options(state.options);
-  if (has_seen(told, more))
+  if (more.inputs() != state.factors.inputs)
+    throw std::invalid_argument(
+        fmt::format("inputs: {} found, {} needed as in the experiments before", more.inputs(), state.factors.inputs));
+  if (more.outputs() != state.factors.outputs)
+    throw std::invalid_argument(fmt::format("outputs: {} found, {} needed as in the experiments before", more.outputs(),
+                                            state.factors.outputs));
+  if (has_seen(with_options(state.options), more))
     throw std::invalid_argument("experiments: the state has these already, they would count twice");
+  check_magnitudes(survey(more, 0, more.steps()), more.names, more.inputs());
   if (more.free.experiments > 0)
     throw std::invalid_argument("free responses: found, forced experiments alone can be added");
   if (more.initial_state && *more.initial_state != state.factors.initial_state)
@@ -156,8 +182,14 @@ void update(UpdateState& state, const Ensemble& more, const Execution& execution
   if (more.steps() != state.factors.steps())
     throw std::invalid_argument(
         fmt::format("steps: {} found, {} needed as in the experiments before", more.steps(), state.factors.steps()));
+}
+
+void update(UpdateState& state, const Ensemble& more, const Execution& execution) {
+  check_update(state, more);
+  Model told = with_options(state.options);
   merge(state.factors, window_factors(more, state.factors.lags, state.factors.initial_state, execution), execution);
   note_data(told, fingerprint(more));
+  note_update(told, state.factors.experiments);
   state.options = told.options;
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "channel_sizes.hpp"
@@ -13,6 +14,8 @@
 namespace tokid {
 
 namespace {
+
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 // Steps that share a factorisation: about as many as a window has.
 Index block_of(Index lags) { return lags + 1; }
@@ -52,6 +55,12 @@ void check_alike(const WindowFactors& a, const WindowFactors& b) {
     if (a.names.input(i) != b.names.input(i)) differ("input", b.names.input(i), a.names.input(i));
   for (Index j = 0; j < a.outputs; ++j)
     if (a.names.output(j) != b.names.output(j)) differ("output", b.names.output(j), a.names.output(j));
+  const auto check_units = [&](const std::vector<std::string>& found, const std::vector<std::string>& needed) {
+    for (size_t i = 0; i < std::min(found.size(), needed.size()); ++i)
+      if (!found[i].empty() && !needed[i].empty() && found[i] != needed[i]) differ("unit", found[i], needed[i]);
+  };
+  check_units(b.names.input_units, a.names.input_units);
+  check_units(b.names.output_units, a.names.output_units);
 }
 
 }  // namespace
@@ -82,10 +91,13 @@ WindowFactors window_factors(const Ensemble& e, Index lags, InitialState initial
   f.factor.setZero(f.width() + 1, e.steps() * (f.width() + 1));
   f.sum.resize(e.samples().cols());
   f.count.resize(e.samples().cols());
+  f.spread.resize(e.samples().cols());
   for (Index c = 0; c < e.samples().cols(); ++c) {
-    const auto known = e.samples().col(c).array() == e.samples().col(c).array();  // not NaN
-    f.sum(c) = known.select(e.samples().col(c).array(), 0.0).sum();
+    const auto samples = e.samples().col(c).array();
+    const auto known = samples == samples;  // not NaN
+    f.sum(c) = known.select(samples, 0.0).sum();
     f.count(c) = double(known.count());
+    f.spread(c) = known.select(samples - f.sum(c) / std::max(1.0, f.count(c)), 0.0).square().sum();
   }
 
   const Index d = e.channels(), steps = e.steps();
@@ -135,6 +147,11 @@ void merge(WindowFactors& factors, const WindowFactors& others, const Execution&
     }
   });
   factors.experiments += others.experiments;
+  for (Index c = 0; c < factors.sum.size(); ++c) {
+    const double a = factors.count(c), b = others.count(c);
+    const double apart = others.sum(c) / std::max(1.0, b) - factors.sum(c) / std::max(1.0, a);
+    factors.spread(c) += others.spread(c) + apart * apart * a * b / std::max(1.0, a + b);
+  }
   factors.sum += others.sum;
   factors.count += others.count;
 }
@@ -169,9 +186,14 @@ Index Windows::rows(Index k, Index lags, Matrix& rows) const {
       throw std::invalid_argument(fmt::format("lags: {} found, the window factors have {}", lags, factors_->lags));
     const auto own = factors_->of(k);
     rows = own.rightCols(width);
-    // [1 V] [-mean; I]
-    if (mean_.size() > 0)
-      rows.rightCols(known).noalias() -= own.col(0) * mean_.segment((k + 1) * d - known, known).transpose();
+    if (mean_.size() == 0) return factors_->rows[size_t(k)];
+    // [1 V] [-mean; I]; what never departs from its mean leaves rounding errors, which are none of its
+    const auto mean = mean_.segment((k + 1) * d - known, known);
+    rows.rightCols(known).noalias() -= own.col(0) * mean.transpose();
+    for (Index j = 0; j < known; ++j) {
+      auto column = rows.col(width - known + j);
+      if (column.norm() <= 16 * epsilon * double(width) * std::abs(own(0, 0) * mean(j))) column.setZero();
+    }
     return factors_->rows[size_t(k)];
   }
   const auto window = ensemble_->samples().middleCols((k + 1) * d - known, known);
@@ -198,13 +220,14 @@ Index Windows::count(Index k, Index lags) const {
 Vector Windows::channel_sizes() const {
   if (ensemble_) return tokid::channel_sizes(*ensemble_, 0, channels());
   Vector square = Vector::Zero(channels());
-  double total = 0.0;
-  for (Index k = factors_->begin(); k < steps_; ++k) {
-    Matrix samples;
-    total += double(rows(k, 0, samples));
-    square += samples.colwise().squaredNorm().transpose();
+  Vector total = Vector::Zero(channels());
+  for (Index c = 0; c < factors_->sum.size(); ++c) {
+    const double count = factors_->count(c), mean = factors_->sum(c) / std::max(1.0, count);
+    const double off = mean_.size() > 0 ? mean - mean_(c) : mean;
+    square(c % channels()) += factors_->spread(c) + count * off * off;
+    total(c % channels()) += count;
   }
-  const Vector size = (square / std::max(1.0, total)).cwiseSqrt();
+  const Vector size = (square.array() / total.array().max(1.0)).sqrt();
   return (size.array() > 0).select(size, 1.0);
 }
 

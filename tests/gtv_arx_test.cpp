@@ -284,6 +284,37 @@ TEST(GtvArx, StepsWithoutExcitationLeaveTheirNeighboursAlone) {
   }
 }
 
+// Columns of zeros take no row of the triangular factor, however few experiments there are.
+TEST(GtvArx, InputsAtRestWithFewExperiments) {
+  for (const Index experiments : {1, 6, 10, 11, 12, 14})
+    for (const Index block : {0, 1, 3}) {
+      constexpr Index steps = 12, r = 2, m = 2;
+      Ensemble e = random_samples(experiments, steps, r, m, 10);
+      for (const Index k : {0, 5, 6}) e.input(k).col(0).setZero();
+      GtvArxOptions o;
+      o.lags = {2};
+      o.block = block;
+      const GtvArx arx = gtv_arx(e, o);
+      const WindowFactors kept = window_factors(e, 2, InitialState::zero);
+      const GtvArx factors = gtv_arx(Windows(kept), o);
+      for (Index k = 0; k < steps; ++k) {
+        const Matrix w = e.window(k, std::min<Index>(2, k)), y = e.output(k);
+        const Matrix best = linalg::pseudo_inverse(w) * y;
+        for (const GtvArx* found : {&arx, &factors}) {
+          EXPECT_LE((w * found->coefficients(k).transpose() - w * best).norm(), 1e-9 * y.norm())
+              << experiments << " " << block << " " << k;
+          const Index freedom = found->step[size_t(k)].freedom;
+          const Matrix residual = y - w * best;
+          if (freedom > 0) {
+            EXPECT_LE((found->residual_cov(k) * double(freedom) - residual.transpose() * residual).norm(),
+                      1e-9 * y.squaredNorm())
+                << experiments << " " << block << " " << k;
+          }
+        }
+      }
+    }
+}
+
 TEST(GtvArx, ViewsHaveTheShapesOfTheirSteps) {
   constexpr Index steps = 9, r = 2, m = 3, d = r + m, experiments = 40;
   const Ensemble e = random_samples(experiments, steps, r, m, 8);

@@ -72,6 +72,7 @@ TEST(WindowFactors, MergeToThoseOfAllExperiments) {
 struct UpdateCase {
   const char* name;
   double noise = 0.0, initial = 0.0, offset = 0.0;
+  bool gaps = false;
   IdentifyOptions options = {};
 };
 
@@ -92,7 +93,7 @@ double difference(const Model& a, const Model& b) {
 
 // In three portions or all at once: the same model, in every way to come by one.
 TEST(Update, IsTheIdentificationOfAllExperiments) {
-  std::vector<UpdateCase> cases(6);
+  std::vector<UpdateCase> cases(10);
   cases[0].name = "noise-free";
   cases[1].name = "unknown initial states";
   cases[1].initial = 5.0;
@@ -118,6 +119,25 @@ TEST(Update, IsTheIdentificationOfAllExperiments) {
   cases[5].options.states = 3;
   cases[5].options.lags = 3;
   cases[5].options.refine = false;
+  cases[6] = cases[4];
+  cases[6].name = "noise, lambda = 1, gaps, unknown initial states, mean motion";
+  cases[6].gaps = true;
+  cases[6].initial = 2.0;
+  cases[6].offset = 1.0;
+  cases[6].options.initial_state = InitialState::unknown;
+  cases[6].options.nominal = NominalChoice::mean;
+  cases[7] = cases[5];
+  cases[7].name = "noise, one model, mean motion";
+  cases[7].offset = 1.0;
+  cases[7].options.nominal = NominalChoice::mean;
+  cases[8].name = "lambda = 1 without noise, choices of its own";
+  cases[8].options.refine = false;
+  cases[8].options.smoothing = 1.0;
+  cases[8].options.lags = 2;
+  cases[9].name = "many steps, one model without noise";
+  cases[9].options.period = 1;
+  cases[9].options.lags = 3;
+  cases[9].options.weighting = Weighting::many_steps;
   for (const UpdateCase& c : cases) {
     SCOPED_TRACE(c.name);
     const Model truth = random_system({3, 2, 2}, 24, 1.0, 7);
@@ -128,6 +148,7 @@ TEST(Update, IsTheIdentificationOfAllExperiments) {
       e.input(k).array() += c.offset * random.normal();
       e.output(k).array() += c.offset * random.normal();
     }
+    if (c.gaps) e.y(3, 10, 0) = e.y(50, 12, 1) = e.u(51, 3, 0) = std::numeric_limits<double>::quiet_NaN();
     const Ensemble first = e.subset(range(0, 40));
     const Identification begun = identify(first, c.options);
     UpdateState state = update_state(first, begun, c.options);
@@ -137,11 +158,34 @@ TEST(Update, IsTheIdentificationOfAllExperiments) {
     IdentifyOptions all = c.options;
     all.lags = begun.lags;
     all.initial_state = begun.model.initial_state;
+    all.choices = begun.choices;  // of the first experiments
+    if (begun.noisy) all.states = begun.model.states();
     const Updated now = identify(state);
     EXPECT_EQ(now.experiments, 60);
-    EXPECT_LE(difference(now.model, identify(e, all).model), 1e-10);
+    const Model whole = identify(e, all).model;
+    EXPECT_LE(difference(now.model, whole), 1e-10);
+    EXPECT_EQ(now.model.initial_state, whole.initial_state);
+    EXPECT_EQ(now.model.method, whole.method);
+    EXPECT_EQ(now.model.u_nominal.size(), whole.u_nominal.size());
+    if (whole.u_nominal.size() > 0) {
+      EXPECT_LE((now.model.u_nominal - whole.u_nominal).norm(), 1e-12 * (1 + whole.u_nominal.norm()));
+      EXPECT_LE((now.model.y_nominal - whole.y_nominal).norm(), 1e-12 * (1 + whole.y_nominal.norm()));
+    }
+    for (size_t s = 0; s < whole.innovation_cov.size() && c.noise > 0; ++s)
+      EXPECT_LE((now.model.innovation_cov[s] - whole.innovation_cov[s]).norm(), 1e-9 * whole.innovation_cov[s].norm());
     EXPECT_TRUE(has_seen(now.model, e.subset(range(45, 60))));
   }
+}
+
+// Noise that comes later contradicts what was chosen without it.
+TEST(Update, WarnsOfNoiseThatComesLater) {
+  const Ensemble e = random_experiments(random_system({3, 2, 1}, 20, 1.0, 16), 60, 17);
+  UpdateState state = update_state(e.subset(range(0, 30)), identify(e.subset(range(0, 30))), {});
+  EXPECT_TRUE(identify(state).warnings.empty());
+  update(state, with_noise(e.subset(range(30, 60)), 0.1, 18));
+  const std::vector<std::string> warnings = identify(state).warnings;
+  ASSERT_FALSE(warnings.empty());
+  EXPECT_NE(warnings.front().find("noisy"), std::string::npos);
 }
 
 TEST(Update, StatesComeBackFromFiles) {

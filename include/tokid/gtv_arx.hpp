@@ -27,9 +27,9 @@ class GtvArx {
   Index k_begin = 0;             // first step with a regression: 0, or p where initial states are unknown
   std::vector<GtvArxStep> step;  // (T), default-constructed below k_begin
 
-  // T steps of r inputs and m outputs, of `lags_max` lags at most. Coefficients and noise shapes are left to be written,
-  // the rest is zero. What `noise_shape` and `experiments`, the largest N_k, leave out is not stored: noise shapes,
-  // leverages.
+  // T steps of r inputs and m outputs, of `lags_max` lags at most. Coefficients and noise shapes are left to be
+  // written, the rest is zero. What `noise_shape` and `experiments`, the largest N_k, leave out is not stored: noise
+  // shapes, leverages.
   void resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments = 0);
   // Takes the regressions of the steps before k away.
   void begin_at(Index k);

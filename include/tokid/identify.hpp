@@ -141,6 +141,7 @@ IdentifyOptions identify_options(const Model& model);
 void note_data(Model& model, const std::string& fingerprint);
 bool has_seen(const Model& model, const Ensemble& data);
 void note_refinement(Model& model, double smoothing, Index iterations);
+void note_update(Model& model, Index experiments);  // so many by now, and no refinement of them
 void note_choices(Model& model, const NoisyChoices& choices);
 std::optional<NoisyChoices> noted_choices(const Model& model);
 std::optional<double> refinement_smoothing(const Model& model);

@@ -23,7 +23,7 @@ struct UpdateState {
 };
 
 // Of an identification and the data that it used. \throws std::invalid_argument for what takes samples: experiments
-// held out, free responses, projections
+// held out, free responses of TVERA, projections; and where no state was found in noise
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options);
 
 // The model of all experiments so far: that of identify() with the same choices and without EM, which needs samples.
@@ -38,6 +38,8 @@ Updated identify(const UpdateState& state, const Execution& execution = {});
 
 // \throws std::invalid_argument that names what differs from the experiments before, or where the state has them
 // already
+void check_update(const UpdateState& state, const Ensemble& more);
+// \throws as check_update()
 void update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
 
 // In .npz, .h5 or .mat; the file appears whole or not at all. \throws IoError

@@ -21,8 +21,9 @@ struct WindowFactors {
   Index experiments = 0;    // N
   std::vector<Index> rows;  // (T) N_k, 0 before the first step
   Matrix factor;            // (w+1 × T·(w+1)) R_0 R_1 …, upper triangular
-  // Sums over the experiments that have the sample, and their number, columns k·d … as in Ensemble.
-  Vector sum, count;  // (T·d)
+  // Over the experiments that have the sample, columns k·d … as in Ensemble: their number, the sum, and the sum of the
+  // squares of the departures from the mean.
+  Vector count, sum, spread;  // (T·d)
 
   Index channels() const { return inputs + outputs; }
   Index steps() const { return Index(rows.size()); }

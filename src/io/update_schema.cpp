@@ -24,10 +24,11 @@ Vector vector_of(const Fields& fields, const char* name, Index rows, Index cols)
 }  // namespace
 
 const Names& update_names() {
-  static const Names names{"window_factors", "window_rows",  "sample_sums", "sample_counts", "inputs",
-                           "lags",           "experiments",  "dt",          "options",       "method",
-                           "states",         "together",     "noisy",       "nominal",       "initial_state",
-                           "input_names",    "output_names", "input_units", "output_units"};
+  static const Names names{
+      "window_factors", "window_rows", "sample_sums", "sample_counts", "sample_spreads", "inputs",
+      "lags",           "experiments", "dt",          "options",       "method",         "states",
+      "together",       "noisy",       "nominal",     "initial_state", "input_names",    "output_names",
+      "input_units",    "output_units"};
   return names;
 }
 
@@ -50,6 +51,7 @@ Arrays arrays_of(const UpdateState& state, Layout layout) {
   add_channels(f.names, arrays);
   arrays.emplace_back("sample_sums", vector_array(f.sum, f.steps()));
   arrays.emplace_back("sample_counts", vector_array(f.count, f.steps()));
+  arrays.emplace_back("sample_spreads", vector_array(f.spread, f.steps()));
   arrays.emplace_back("window_rows", list(f.rows));
   const Index w = f.width() + 1;
   Array factors{{f.rows.size(), size(w), size(w)}, {}};
@@ -81,6 +83,14 @@ UpdateState update_state_of(const Fields& fields) {
   f.rows = fields.integers("window_rows", factors.shape[0], 0, f.experiments);
   f.sum = vector_of(fields, "sample_sums", steps, channels);
   f.count = vector_of(fields, "sample_counts", steps, channels);
+  f.spread = vector_of(fields, "sample_spreads", steps, channels);
+  if (!(f.dt > 0)) fail("data set 'dt': {} found, a positive number needed", f.dt);
+  if (f.experiments < 1) fail("data set 'experiments': {} found, at least 1 needed", f.experiments);
+  if (!f.sum.allFinite()) fail("data set 'sample_sums': infinite or missing values found");
+  if (!(f.count.array() >= 0).all() || !(f.count.array() <= double(f.experiments)).all())
+    fail("data set 'sample_counts': values other than 0 to {} found", f.experiments);
+  if (!(f.spread.array() >= 0).all() || !f.spread.allFinite())
+    fail("data set 'sample_spreads': values found that are no sums of squares");
   f.factor.resize(w, steps * w);
   const auto& values = std::get<std::vector<double>>(factors.values);
   for (Index k = 0; k < steps; ++k)
@@ -93,6 +103,7 @@ UpdateState update_state_of(const Fields& fields) {
     fail("data set 'method': '{}' found, tvera or subspace needed", method);
   state.method = method == "tvera" ? Method::tvera : Method::subspace;
   state.states = fields.integer("states");
+  if (state.states < 0) fail("data set 'states': {} found, 0 or more needed", state.states);
   state.together = fields.integer("together") != 0;
   state.noisy = fields.integer("noisy") != 0;
   state.nominal = fields.integer("nominal") != 0;

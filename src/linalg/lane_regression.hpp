@@ -14,6 +14,8 @@ namespace tokid::linalg {
 class LaneRegression {
  public:
   LaneRegression(Index rows, Index left, Index right);
+  LaneRegression(const LaneRegression&) = delete;
+  LaneRegression& operator=(const LaneRegression&) = delete;
 
   static Index lanes();         // problems of a batch
   static Index most_columns();  // left and right together

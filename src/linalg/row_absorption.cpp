@@ -22,8 +22,8 @@ using Vec = hn::Vec<Tag>;
 
 constexpr size_t lanes = HWY_LANES(double);
 constexpr size_t width = RowAbsorption::width;
-// Squares outside of this range may have lost digits.
-constexpr double smallest_square = 1e-280, largest_square = 1e280;
+// Squares outside of this range, or products with other columns, may have lost digits.
+constexpr double smallest_square = 1e-120, largest_square = 1e120;
 // A tile of so many rows × vectors stays in registers.
 constexpr size_t tile_rows = HWY_TARGET == HWY_AVX3 ? 8 : 4, tile_vectors = 2;
 
@@ -110,7 +110,7 @@ void factor_panel(double* HWY_RESTRICT x, size_t rows, size_t begin, size_t end,
       // Squares beyond the range of the numbers: the column once more, in a unit of its own.
       double largest = 0.0;
       for (size_t k = 0; k < rows; ++k) largest = std::max(largest, std::abs(x[k * width + i]));
-      if (!(largest > 0)) continue;  // nothing to absorb
+      if (!(largest > 0) && !std::isnan(products[i])) continue;  // nothing to absorb
       unit = std::max(largest, std::abs(pivot));
       for (size_t k = 0; k < rows; ++k) x[k * width + i] /= unit;
       pivot /= unit;

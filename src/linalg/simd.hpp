@@ -26,8 +26,9 @@ std::string_view to_string(Target target);
 
 }  // namespace tokid::simd
 
-// The kernel of that name compiled for target(), to be used where HWY_ONCE holds.
-#if defined(__x86_64__)
+// The kernel of that name compiled for target(), to be used where HWY_ONCE holds; targets below the baseline are not
+// compiled.
+#if defined(__x86_64__) && !defined(__SSE4_2__)
 #define TOKID_KERNEL(name)                                                  \
   (::tokid::simd::target() == ::tokid::simd::Target::avx512 ? &N_AVX3::name \
    : ::tokid::simd::target() == ::tokid::simd::Target::avx2 ? &N_AVX2::name \
