@@ -57,6 +57,9 @@ Vector leverages(const Matrix& w, Index rank) {
   return linalg::svd(w).u.leftCols(rank).rowwise().squaredNorm();
 }
 
+// Condition numbers up to here leave no doubt about the rank, whatever pivots a rank revealing factorisation has.
+constexpr double clear = 1e10;
+
 // The regression of one step from the triangular factor of its window.
 class StepRegression {
  public:
@@ -93,8 +96,6 @@ class StepRegression {
   // The least-squares problem Y_k = W_k M_kᵀ (19). Columns of norm 1: the rank and the smallest norm then do not depend
   // on the units of the channels.
   void solve(Index k) {
-    // Condition numbers up to here leave no doubt about the rank, whatever pivots a rank revealing factorisation has.
-    constexpr double clear = 1e10;
     const Index left = r_.rows();
     GtvArxStep& step = arx_.step[size_t(k)];
     scales_.resize(left);
@@ -225,7 +226,6 @@ class LaneRoute {
 
  private:
   void take(Index k, Index l) {
-    constexpr double clear = 1e10;
     const auto factor = [&](Index i, Index j) { return batch_.factor(l, i, j); };
     const Index rows = ensemble_.experiments(), m = ensemble_.outputs();
     GtvArxStep& step = arx_.step[size_t(k)];

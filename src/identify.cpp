@@ -115,7 +115,6 @@ class Pipeline {
   void warn_of_regressions();
   void warn_of_states();
   void choose_frame();
-  void check_finite() const;
   void evaluate();
 
   Index experiments_for(Index lags) const {
@@ -722,16 +721,6 @@ void Pipeline::choose_frame() {
   if (!told.empty()) warn(std::move(told));
 }
 
-void Pipeline::check_finite() const {
-  const Model& model = result_.model;
-  for (const auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G, &model.innovation_cov})
-    for (const Matrix& a : *list)
-      if (!a.allFinite())
-        throw std::overflow_error(
-            "the model is not finite: samples or their ratios are beyond the range of double precision; scale the "
-            "data");
-}
-
 void Pipeline::evaluate() {
   ValidateOptions o;
   o.initial_state = initial_;
@@ -769,7 +758,7 @@ Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index ke
   result_.noisy = settled.noisy;
   realise_model();
   choose_frame();
-  check_finite();
+  check_finite(result_.model);
   result.model = std::move(result_.model);
   result.model.u_nominal.resize(0, 0);
   result.model.y_nominal.resize(0, 0);
@@ -804,7 +793,7 @@ Identification Pipeline::run() {
   realise_model();
   warn_of_states();
   choose_frame();
-  check_finite();
+  check_finite(result_.model);
   result_.model.version = version;
   result_.model.options = to_json(options_, result_.experiments);
   note_data(result_.model, fingerprint);

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <stdexcept>
 
 namespace tokid {
 
@@ -46,6 +47,15 @@ Model in_frame(Model model, const IdentifyOptions& options, Index lags, std::str
   told = fmt::format("reference frame of step {}: steps {} to {} are in it, the others keep their own coordinates",
                      step, framed.begin, framed.end - 1);
   return std::move(framed.model);
+}
+
+void check_finite(const Model& model) {
+  for (const auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G, &model.innovation_cov})
+    for (const Matrix& a : *list)
+      if (!a.allFinite())
+        throw std::overflow_error(
+            "the model is not finite: samples or their ratios are beyond the range of double precision; scale the "
+            "data");
 }
 
 }  // namespace tokid

@@ -16,4 +16,7 @@ void note_regressions(const GtvArx& arx, Model& model);
 // In the coordinates asked for; `told` says where the reference frame ends.
 Model in_frame(Model model, const IdentifyOptions& options, Index lags, std::string& told);
 
+// \throws std::overflow_error for a model with infinite entries or such that are no numbers
+void check_finite(const Model& model);
+
 }  // namespace tokid

@@ -132,10 +132,7 @@ Updated identify(const UpdateState& state, const Execution& execution) {
   model.version = version;
   model.options = state.options;
 
-  for (const auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G, &model.innovation_cov})
-    for (const Matrix& a : *list)
-      if (!a.allFinite())
-        throw std::overflow_error("the model is not finite: samples are beyond the range of double precision");
+  check_finite(model);
 
   std::vector<Index> starved;
   double residual = 0.0, square = 0.0;

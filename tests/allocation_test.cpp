@@ -15,8 +15,7 @@ std::atomic<long> allocations{0};
 }
 
 extern "C" {
-void* __libc_malloc(std::size_t);                 // NOLINT: the C library's own names
-void* __libc_memalign(std::size_t, std::size_t);  // NOLINT
+void* __libc_malloc(std::size_t);  // NOLINT: the C library's own name
 
 void* malloc(std::size_t size) {
   allocations.fetch_add(1, std::memory_order_relaxed);

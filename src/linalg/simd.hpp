@@ -1,6 +1,7 @@
 // The instruction sets that kernels are compiled for, and the choice among them at run time. Kernels include this
 // before <hwy/foreach_target.h>; Highway serves as headers alone, as its library would measure the clock for 4 ms
-// whenever a program that has it starts. SPDX-License-Identifier: BSD-3-Clause
+// whenever a program that has it starts.
+// SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 // AVX-512, AVX2, SSE4 and the baseline are enough. Vectors whose length is not known to the compiler can't be kept in

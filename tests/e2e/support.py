@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The model's equations in NumPy, from the arrays of a model file, written independently of the library."""
 
+import os
+
+import h5py
 import numpy as np
 
 
@@ -89,3 +92,25 @@ def random_system(seed, steps, states, inputs, outputs):
     return {"A": A, "B": rng.standard_normal((steps, states, inputs)),
             "C": rng.standard_normal((steps, outputs, states)), "D": rng.standard_normal((steps, outputs, inputs)),
             "k_begin": 0}
+
+
+def write_ensemble(path, experiments=40, steps=600, noise=0.0, **options):
+    """Two states, one input, two outputs."""
+    random = np.random.default_rng(5)
+    u = random.standard_normal((experiments, steps, 1))
+    y = np.empty((experiments, steps, 2))
+    x = np.zeros((experiments, 2))
+    for k in range(steps):
+        a = np.array([[0.8, 0.3], [-0.3 + 0.1 * np.sin(0.02 * k), 0.7]])
+        y[:, k] = x @ np.array([[1.0, 0.2], [0.1, 1.0]])
+        x = x @ a.T + u[:, k] @ np.array([[1.0, 0.5]])
+    with h5py.File(path, "w") as file:
+        file.create_dataset("u", data=u, **options)
+        file.create_dataset("y", data=y + noise * random.standard_normal(y.shape), **options)
+        file["initial_state"] = "zero"
+        file["output_names"] = ["angle", "rate"]
+    return path
+
+
+def leftovers(folder):
+    return sorted(name for name in os.listdir(folder) if name.endswith(".tmp"))

@@ -10,6 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
+from support import leftovers, write_ensemble
+
 pytestmark = pytest.mark.skipif("TOKID_MPI" not in os.environ, reason="built without MPI")
 
 ENVIRONMENT = os.environ | {
@@ -30,28 +32,8 @@ def mpi(processes, *arguments):
     return subprocess.run(command(processes, *arguments), env=ENVIRONMENT, capture_output=True, text=True, timeout=300)
 
 
-def write_ensemble(path, experiments=40, steps=900, noise=0.0):
-    random = np.random.default_rng(5)
-    u = random.standard_normal((experiments, steps, 1))
-    y = np.empty((experiments, steps, 2))
-    x = np.zeros((experiments, 2))
-    for k in range(steps):
-        a = np.array([[0.8, 0.3], [-0.3 + 0.1 * np.sin(0.02 * k), 0.7]])
-        y[:, k] = x @ np.array([[1.0, 0.2], [0.1, 1.0]])
-        x = x @ a.T + u[:, k] @ np.array([[1.0, 0.5]])
-    with h5py.File(path, "w") as file:
-        file["u"] = u
-        file["y"] = y + noise * random.standard_normal(y.shape)
-        file["initial_state"] = "zero"
-    return path
-
-
-def leftovers(folder):
-    return sorted(name for name in os.listdir(folder) if name.endswith(".tmp"))
-
-
 def test_every_number_of_processes_writes_the_same_file(tmp_path):
-    data = write_ensemble(tmp_path / "data.h5")
+    data = write_ensemble(tmp_path / "data.h5", steps=900)
     alone = tmp_path / "alone.h5"
     subprocess.run([os.environ["TOKID"], "identify", data, "-o", alone, "--block", "70", "--quiet"], check=True)
     for processes in (1, 2, 4):
