@@ -14,82 +14,96 @@ namespace {
 // Rounding errors of simulated or stored outputs, in units of ε: the residuals of noise-free data are not below it.
 constexpr double rounding = 8 * std::numeric_limits<double>::epsilon();
 
-// Variance of the innovation of each output (m).
-Vector innovation_variance(const GtvArx& arx, Index k) {
-  return arx.residual_cov(k).diagonal().cwiseMax((rounding * arx.output_rms(k)).cwiseAbs2());
-}
-
-// The column of Markov parameters that starts at step i: the answer of the ARX recursion to a pulse at i.
-class PulseColumn {
+// The columns and rows of Markov parameters, in passes that are each parallel: the pulse responses column by column,
+// what the errors of each regression add to their variances row by row, and what these hand on column by column.
+class Recursions {
  public:
-  PulseColumn(const GtvArx& arx, Markov& markov) : arx_(arx), markov_(markov) {
-    const Index r = arx.inputs, m = arx.outputs;
-    Index lags = 0;
-    for (const GtvArxStep& s : arx.step) lags = std::max(lags, s.lags);
-    regressors_.resize(lags * (r + m) + r, r);
-    projected_.resize(regressors_.rows(), r);
-  }
-
-  void compute(Index i) {
-    const Index last = std::min(i + markov_.band, arx_.steps() - 1);
-    for (Index k = i + 1; k <= last; ++k) step(k, i);
-  }
-
- private:
-  void step(Index k, Index i) {
-    const Index gap = k - i, lags = arx_.step[size_t(k)].lags, r = arx_.inputs, m = arx_.outputs;
-    auto h = markov_.system[size_t(k)].middleCols((gap - 1) * r, r);
-    auto g = markov_.gain[size_t(k)].middleCols((gap - 1) * m, m);
-    auto noise = markov_.system_noise[size_t(k)].middleCols((gap - 1) * r, r);
-    h.setZero();
-    g.setZero();
-    noise.setZero();
-    for (Index j = 1; j <= std::min(gap - 1, lags); ++j) {  // (28), (34): the sum
-      const auto minus_h2 = arx_.output_block(k, j);
-      h.noalias() += minus_h2 * markov_.h(k - j, i);
-      g.noalias() += minus_h2 * markov_.h_gain(k - j, i);
-      noise.noalias() += minus_h2.cwiseAbs2() * markov_.h_noise(k - j, i);
+  Recursions(const GtvArx& arx, Markov& markov) : arx_(arx), markov_(markov) {
+    const Index steps = arx.steps(), r = arx.inputs, m = arx.outputs;
+    variance_.resize(m, steps);
+    feedthrough_variance_.resize(m, steps * r);
+    for (Index k = arx.k_begin; k < steps; ++k) {
+      variance_.col(k) = arx.residual_cov(k).diagonal().cwiseMax((rounding * arx.output_rms(k)).cwiseAbs2());
+      const auto shape = arx.noise_shape(k);
+      for (Index i = 0; i < r; ++i)
+        feedthrough_variance_.col(k * r + i) = variance_.col(k) * shape.row(shape.rows() - r + i).squaredNorm();
     }
-    if (gap <= lags) {  // (28), (34): the direct part
+  }
+
+  // h_{k,i} and h°_{k,i}, k > i: the answer of the ARX recursion to a pulse at i.                       (28), (34)
+  void respond(Index i) {
+    const Index r = arx_.inputs, m = arx_.outputs;
+    for (Index k = i + 1; k <= last(i); ++k) {
+      const Index gap = k - i, lags = arx_.step[size_t(k)].lags;
+      auto h = markov_.system[size_t(k)].middleCols((gap - 1) * r, r);
+      auto g = markov_.gain[size_t(k)].middleCols((gap - 1) * m, m);
+      for (Index j = 1; j <= std::min(gap - 1, lags); ++j) {
+        const auto minus_h2 = arx_.output_block(k, j);
+        h.noalias() += minus_h2 * markov_.h(k - j, i);
+        g.noalias() += minus_h2 * markov_.h_gain(k - j, i);
+      }
+      if (gap > lags) continue;
       const auto minus_h2 = arx_.output_block(k, gap);
       h += arx_.input_block(k, gap);
       h.noalias() += minus_h2 * arx_.D(i);
       g -= minus_h2;
-      noise.noalias() += minus_h2.cwiseAbs2() * feedthrough_noise(i);
     }
-    noise += own_noise(k, i);
   }
 
-  // h_{k,i} = M_k ω with ω the window that the pulse leaves behind, so to first order its variance is
-  // Σ_e ωᵀ(W_kᵀW_k)⁺ω, on top of what the earlier parameters hand on.
-  Matrix own_noise(Index k, Index i) {
-    const Index lags = arx_.step[size_t(k)].lags, r = arx_.inputs, m = arx_.outputs, d = r + m, gap = k - i;
-    auto omega = regressors_.topRows(lags * d + r);
-    omega.setZero();
-    for (Index j = 1; j <= std::min(gap, lags); ++j) {
-      auto v = omega.middleRows((lags - j) * d, d);
-      if (j < gap) {
-        v.bottomRows(m) = markov_.h(k - j, i);
-      } else {
-        v.topRows(r).setIdentity();
-        v.bottomRows(m) = arx_.D(i);
-      }
+  // h_{k,i} = M_k ω with ω the window that the pulse leaves behind, so to first order its variance is Σ_e
+  // ωᵀ(W_kᵀW_k)⁺ω, on top of what the earlier parameters hand on.
+  class Own {
+   public:
+    explicit Own(const Recursions& of) : of_(of) {}
+
+    void add(Index k) {
+      const GtvArx& arx = of_.arx_;
+      Markov& markov = of_.markov_;
+      const Index lags = arx.step[size_t(k)].lags, r = arx.inputs, m = arx.outputs, d = r + m;
+      const Index gaps = std::min(markov.band, k - markov.i_begin);
+      if (gaps == 0) return;
+      windows_.setZero(lags * d + r, gaps * r);
+      for (Index gap = 1; gap <= gaps; ++gap)
+        for (Index j = 1; j <= std::min(gap, lags); ++j) {
+          auto v = windows_.block((lags - j) * d, (gap - 1) * r, d, r);
+          if (j < gap) {
+            v.bottomRows(m) = markov.h(k - j, k - gap);
+          } else {
+            v.topRows(r).setIdentity();
+            v.bottomRows(m) = arx.D(k - gap);
+          }
+        }
+      const GtvArx::View x = arx.noise_shape(k);
+      projected_.resize(x.cols(), windows_.cols());
+      projected_.noalias() = x.transpose() * windows_;
+      for (Index c = 0; c < projected_.cols(); ++c)
+        markov.system_noise[size_t(k)].col(c) = of_.variance_.col(k) * projected_.col(c).squaredNorm();
     }
-    const GtvArx::View x = arx_.noise_shape(k);
-    auto projected = projected_.topRows(x.cols());
-    projected.noalias() = x.transpose() * omega;
-    return innovation_variance(arx_, k) * projected.colwise().squaredNorm();
+
+   private:
+    const Recursions& of_;
+    Matrix windows_, projected_;
+  };
+
+  void hand_on(Index i) {
+    const Index r = arx_.inputs;
+    for (Index k = i + 1; k <= last(i); ++k) {
+      const Index gap = k - i, lags = arx_.step[size_t(k)].lags;
+      auto noise = markov_.system_noise[size_t(k)].middleCols((gap - 1) * r, r);
+      for (Index j = 1; j <= std::min(gap - 1, lags); ++j)
+        noise.noalias() += arx_.output_block(k, j).cwiseAbs2() * markov_.h_noise(k - j, i);
+      if (gap <= lags)
+        noise.noalias() += arx_.output_block(k, gap).cwiseAbs2() * feedthrough_variance_.middleCols(i * r, r);
+    }
   }
 
-  // Variances of the entries of D_i (m × r).
-  Matrix feedthrough_noise(Index i) const {
-    return innovation_variance(arx_, i) *
-           arx_.noise_shape(i).bottomRows(arx_.inputs).rowwise().squaredNorm().transpose();
-  }
+ private:
+  Index last(Index i) const { return std::min(i + markov_.band, arx_.steps() - 1); }
 
   const GtvArx& arx_;
   Markov& markov_;
-  Matrix regressors_, projected_;
+  Matrix variance_;              // (m × T) of the innovation of each output
+  Matrix feedthrough_variance_;  // (m × T·r) of the entries of D_k
 };
 
 }  // namespace
@@ -110,9 +124,17 @@ Markov markov(const GtvArx& arx, Index band, const Execution& execution) {
   result.D.assign(size_t(steps), Matrix::Zero(m, r));
   for (Index k = arx.k_begin; k < steps; ++k) result.D[size_t(k)] = arx.D(k);
 
+  Recursions recursions(arx, result);
   parallel_for(arx.k_begin, steps, execution, [&](Index begin, Index end) {
-    PulseColumn column(arx, result);
-    for (Index i = begin; i < end; ++i) column.compute(i);
+    for (Index i = begin; i < end; ++i) recursions.respond(i);
+  });
+  const Execution quiet{execution.threads, {}};
+  parallel_for(arx.k_begin, steps, quiet, [&](Index begin, Index end) {
+    Recursions::Own own(recursions);
+    for (Index k = begin; k < end; ++k) own.add(k);
+  });
+  parallel_for(arx.k_begin, steps, quiet, [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) recursions.hand_on(i);
   });
   return result;
 }

@@ -6,7 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
+
+#include "linalg/lane_regression.hpp"
+#include "linalg/lane_svd.hpp"
 
 namespace tokid {
 
@@ -22,87 +26,226 @@ struct Units {
   Units(const Markov& markov, const TveraOptions& options)
       : output(options.output_size.size() > 0 ? options.output_size : Vector(Vector::Ones(markov.outputs))),
         input(options.input_size.size() > 0 ? options.input_size : Vector(Vector::Ones(markov.inputs))) {}
-  // A block with outputs as rows and inputs as columns, in these units.
-  Matrix scaled(const ConstMatrixRef& block) const {
-    return output.cwiseInverse().asDiagonal() * block * input.asDiagonal();
-  }
-  Matrix scaled_variance(const ConstMatrixRef& block) const {
-    return output.cwiseAbs2().cwiseInverse().asDiagonal() * block * input.cwiseAbs2().asDiagonal();
-  }
   Vector output, input;
 };
 
-HankelFactor factorise(const Markov& markov, const FreeResponse& free, const Units& units, Index k, Index rows,
-                       Index cols) {
-  const Index m = markov.outputs, r = markov.inputs;
-  const Index extra = k + rows <= free.steps ? free.experiments : 0;
-  Matrix h(rows * m, cols * r + extra);
-  double variance = 0.0;
-  for (Index a = 0; a < rows; ++a)
-    for (Index b = 0; b < cols; ++b) {
-      h.block(a * m, b * r, m, r) = units.scaled(markov.h(k + a, k - 1 - b));
-      variance += units.scaled_variance(markov.h_noise(k + a, k - 1 - b)).sum();
+// H_k of every step (37) and its left singular vectors.
+class Hankel {
+ public:
+  Hankel(const Markov& markov, const FreeResponse& free, const TveraOptions& options, const Units& units)
+      : markov_(markov), free_(free), options_(options), units_(units) {}
+
+  // The steps begin … end-1; as many at once as there are lanes and matrices of one shape. Lanes that are left over
+  // repeat the last one.
+  void factorise(Index begin, Index end, std::vector<HankelFactor>& factors) {
+    const auto result = [&](Index k) -> HankelFactor& { return factors[size_t(k - markov_.i_begin)]; };
+    const Index lanes = linalg::LaneSvd::lanes();
+    for (Index k = begin; k < end;) {
+      const Shape shape = shape_of(k);
+      Index alike = 1;
+      while (alike < lanes && k + alike < end && shape_of(k + alike) == shape) ++alike;
+      if (shape.rows == 0 || shape.cols == 0 || shape.free > 0 || shape.rows > linalg::LaneSvd::most_rows()) {
+        alone(k, shape, result(k));
+        ++k;
+        continue;
+      }
+      if (!batch_ || shape != batch_shape_) batch_.emplace(shape.rows, shape.cols), batch_shape_ = shape;
+      for (Index l = 0; l < lanes; ++l)
+        form(k + std::min(l, alike - 1), shape, result(k + std::min(l, alike - 1)),
+             [&](Index i, Index j) -> double& { return batch_->entry(l, i, j); });
+      batch_->run();
+      for (Index l = 0; l < alike; ++l, ++k) {
+        HankelFactor& factor = result(k);
+        if (!batch_->found(l)) {
+          alone(k, shape, factor);
+          continue;
+        }
+        batch_->take(l, factor.u, factor.singular_values);
+        factor.scale = std::max(factor.scale, factor.singular_values(0));
+      }
     }
-  if (extra > 0) {
-    auto columns = h.rightCols(extra);
-    columns = free.y.middleCols(k * m, rows * m).transpose();
-    columns = units.output.cwiseInverse().replicate(rows, 1).asDiagonal() * columns;
-    // The states of the free experiments may have any size: give both parts the same weight.
-    const double forced = h.leftCols(cols * r).norm(), own = columns.norm();
-    if (forced > 0 && own > 0) columns *= forced / own;
   }
-  const double error = std::hypot(std::sqrt(variance), negligible * h.norm());
-  linalg::Svd d = linalg::svd(h);
-  const double scale = std::max(d.s.size() > 0 ? d.s(0) : 0.0, units.scaled(markov.D[size_t(k)]).norm());
-  return {std::move(d.u), std::move(d.s), scale, error};
-}
 
-// O_k of the chosen order, and what is needed to multiply by its pseudo-inverse.
-struct Observability {
-  Matrix u;     // (rows·m × n_k)
-  Vector root;  // (n_k) Σ^{1/2}
+ private:
+  struct Shape {
+    Index rows, cols, free;  // rows; columns of Markov parameters, of free responses
+    bool operator==(const Shape&) const = default;
+  };
 
-  Index n() const { return root.size(); }
-  Matrix matrix() const { return u * root.asDiagonal(); }
-  Matrix solve(const Matrix& right) const { return root.cwiseInverse().asDiagonal() * (u.transpose() * right); }
+  Shape shape_of(Index k) const {
+    const Index rows = std::min(options_.rows, markov_.steps() - k),
+                cols = std::min(options_.cols, k - markov_.i_begin);
+    return {rows * markov_.outputs, cols * markov_.inputs, k + rows <= free_.steps ? free_.experiments : 0};
+  }
+
+  // The part of the Markov parameters, and what it tells of size and error.
+  template <class Entry>
+  void form(Index k, const Shape& shape, HankelFactor& factor, Entry&& entry) const {
+    const Index m = markov_.outputs, r = markov_.inputs;
+    double variance = 0.0, square = 0.0, feedthrough = 0.0;
+    for (Index i = 0; i < m; ++i)
+      for (Index j = 0; j < r; ++j) {
+        const double unit = units_.input(j) / units_.output(i), unit_square = unit * unit;
+        for (Index a = 0; a * m < shape.rows; ++a) {
+          const Matrix& row = markov_.system[size_t(k + a)];
+          const Matrix& noise = markov_.system_noise[size_t(k + a)];
+          for (Index b = 0; b * r < shape.cols; ++b) {  // h_{k+a,k-1-b}
+            const Index column = (a + b) * r + j;
+            const double h = row(i, column) * unit;
+            entry(a * m + i, b * r + j) = h;
+            square += h * h;
+            variance += noise(i, column) * unit_square;
+          }
+        }
+        const double d = markov_.D[size_t(k)](i, j) * unit;
+        feedthrough += d * d;
+      }
+    factor.scale = std::sqrt(feedthrough);
+    factor.error = std::hypot(std::sqrt(variance), negligible * std::sqrt(square));
+  }
+
+  void alone(Index k, const Shape& shape, HankelFactor& factor) const {
+    Matrix h(shape.rows, shape.cols + shape.free);
+    form(k, shape, factor, [&h](Index i, Index j) -> double& { return h(i, j); });
+    if (shape.free > 0) {
+      const Index m = markov_.outputs;
+      auto columns = h.rightCols(shape.free);
+      columns = free_.y.middleCols(k * m, shape.rows).transpose();
+      columns = units_.output.cwiseInverse().replicate(shape.rows / m, 1).asDiagonal() * columns;
+      // The states of the free experiments may have any size: give both parts the same weight.
+      const double forced = h.leftCols(shape.cols).norm(), own = columns.norm();
+      if (forced > 0 && own > 0) columns *= forced / own;
+      factor.error = std::hypot(factor.error, negligible * columns.norm());
+    }
+    linalg::Svd d = linalg::svd(h);
+    factor.u = std::move(d.u);
+    factor.singular_values = std::move(d.s);
+    if (factor.singular_values.size() > 0) factor.scale = std::max(factor.scale, factor.singular_values(0));
+  }
+
+  const Markov& markov_;
+  const FreeResponse& free_;
+  const TveraOptions& options_;
+  const Units& units_;
+  std::optional<linalg::LaneSvd> batch_;
+  Shape batch_shape_{};
 };
 
-Observability choose_order(const HankelFactor& factor, const TveraOptions& options) {
+// n_k of step k: how many singular values of H_k are no errors.
+Index order_of(const HankelFactor& factor, const TveraOptions& options) {
   const Vector& sigma = factor.singular_values;
   // The estimate of the error may be far too large where many steps hand it on: whatever it says, singular values this
   // large are no errors of arithmetic.
   const double threshold = std::min(options.noise_factor * factor.error, arithmetic * factor.scale);
-  Index n = (sigma.array() > threshold).count();
-  if (options.states > 0) n = std::min(n, options.states);
-  return {factor.u.leftCols(n), sigma.head(n).cwiseSqrt()};
+  const Index n = (sigma.array() > threshold).count();
+  return options.states > 0 ? std::min(n, options.states) : n;
 }
 
-// [x_{k,i}; x_{k+1,i}; …] with the given number of blocks, for the Markov parameters x = h or h° (37).
-template <class Parameter>
-Matrix stacked(Index rows, Index outputs, Index cols, Parameter&& parameter) {
-  Matrix result(rows * outputs, cols);
-  for (Index a = 0; a < rows; ++a) result.middleRows(a * outputs, outputs) = parameter(a);
-  return result;
-}
+// A_k, B_k, C_k, D_k, G_k from O_k and O_{k+1}, O = U Σ^{1/2} of n columns.
+class Realisation {
+ public:
+  Realisation(const Markov& markov, const HankelFactors& factors, const Units& units, Model& model)
+      : markov_(markov), factors_(factors), units_(units), model_(model) {}
 
-void realise_step(const Markov& markov, const Units& units, const Observability& now, const Observability& next,
-                  Index k, Model& model) {
-  const Index m = markov.outputs, r = markov.inputs;
-  const size_t s = model.at(k);
-  const Matrix o = now.matrix();
-  model.C[s] = units.output.asDiagonal() * o.topRows(m);
-  model.D[s] = markov.D[size_t(k)];
-  model.A[s] = Matrix::Zero(next.n(), now.n());
-  model.B[s] = Matrix::Zero(next.n(), r);
-  model.G[s] = Matrix::Zero(next.n(), m);
-  if (next.n() == 0) return;
-  const Index rows = next.u.rows() / m, shared = o.rows() - m;  // block rows of O_{k+1}; rows of O_k↓ and O_{k+1}↑
-  model.A[s] = linalg::minimum_norm(next.matrix().topRows(shared), o.bottomRows(shared), negligible).x;
-  const auto from_outputs = units.output.cwiseInverse().asDiagonal();
-  model.B[s] = next.solve(stacked(rows, m, r, [&](Index a) { return from_outputs * markov.h(k + 1 + a, k); }));
-  model.G[s] =
-      next.solve(stacked(rows, m, m, [&](Index a) { return from_outputs * markov.h_gain(k + 1 + a, k); }));  // (40)
-}
+  void run(Index begin, Index end) {
+    for (Index s = begin; s < end; ++s) others(s);
+    const Index lanes = linalg::LaneRegression::lanes();
+    for (Index s = begin; s < end;) {
+      const Shape shape = shape_of(s);
+      Index alike = 1;
+      while (alike < lanes && s + alike < end && shape_of(s + alike) == shape) ++alike;
+      if (shape.left > 0 && shape.right > 0 && shape.left <= shape.rows &&
+          shape.left + shape.right <= linalg::LaneRegression::most_columns()) {
+        transitions(s, alike, shape);
+        s += alike;
+      } else {
+        transition(s++, shape);
+      }
+    }
+  }
+
+ private:
+  // Of (O_{k+1}↑)⁺ O_k↓: rows, columns on the left and on the right.
+  struct Shape {
+    Index rows, left, right;
+    bool operator==(const Shape&) const = default;
+  };
+
+  Index states(Index s) const { return model_.state_dim[size_t(s)]; }
+  const HankelFactor& factor(Index s) const { return factors_.step[size_t(s)]; }
+  double root(Index s, Index i) const { return std::sqrt(factor(s).singular_values(i)); }
+
+  Shape shape_of(Index s) const { return {factor(s).u.rows() - markov_.outputs, states(s + 1), states(s)}; }
+
+  // [O_{k+1}↑ O_k↓]
+  template <class Target>
+  void equations(Index s, const Shape& shape, Target&& target) const {
+    for (Index i = 0; i < shape.left; ++i) target.col(i) = factor(s + 1).u.col(i).head(shape.rows) * root(s + 1, i);
+    for (Index i = 0; i < shape.right; ++i)
+      target.col(shape.left + i) = factor(s).u.col(i).tail(shape.rows) * root(s, i);
+  }
+
+  // (38)
+  void transition(Index s, const Shape& shape) {
+    Matrix both(shape.rows, shape.left + shape.right);
+    equations(s, shape, both);
+    model_.A[size_t(s)] = linalg::minimum_norm(both.leftCols(shape.left), both.rightCols(shape.right), negligible).x;
+  }
+
+  // Of `count` steps, each in a lane; lanes that are left over repeat the last one.
+  void transitions(Index s, Index count, const Shape& shape) {
+    constexpr double clear = 1e10;  // condition that leaves no doubt about the rank
+    const Index cols = shape.left + shape.right, lanes = linalg::LaneRegression::lanes();
+    if (!batch_ || shape != batch_shape_) batch_.emplace(shape.rows, shape.left, shape.right), batch_shape_ = shape;
+    equations_.resize(shape.rows, lanes * cols);
+    for (Index l = 0; l < lanes; ++l)
+      equations(s + std::min(l, count - 1), shape, equations_.middleCols(l * cols, cols));
+    batch_->run(equations_.data(), shape.rows, shape.rows * cols);
+    for (Index l = 0; l < count; ++l) {
+      if (!(batch_->condition(l) < clear)) {
+        transition(s + l, shape);
+        continue;
+      }
+      Matrix& a = model_.A[size_t(s + l)];
+      a.resize(shape.left, shape.right);
+      for (Index j = 0; j < shape.right; ++j)
+        for (Index i = 0; i < shape.left; ++i) a(i, j) = batch_->x(l, i, j);
+    }
+  }
+
+  // C_k, D_k, and B_k, G_k = O_{k+1}⁺ [h_{k+1,k}; …], O_{k+1}⁺ [h°_{k+1,k}; …]                          (38), (40)
+  void others(Index s) {
+    const Index m = markov_.outputs, r = markov_.inputs, k = factors_.k_begin + s, n = states(s), next = states(s + 1);
+    model_.D[size_t(s)] = markov_.D[size_t(k)];
+    Matrix& c = model_.C[size_t(s)];
+    c.resize(m, n);
+    for (Index i = 0; i < n; ++i) c.col(i) = units_.output.cwiseProduct(factor(s).u.col(i).head(m)) * root(s, i);
+    Matrix &b = model_.B[size_t(s)], &g = model_.G[size_t(s)];
+    b.resize(next, r);
+    g.resize(next, m);
+    if (next == 0) return;
+    const Matrix& u = factor(s + 1).u;
+    responses_.resize(u.rows(), r + m);
+    for (Index a = 0; a * m < u.rows(); ++a) {
+      responses_.block(a * m, 0, m, r) = markov_.h(k + 1 + a, k);
+      responses_.block(a * m, r, m, m) = markov_.h_gain(k + 1 + a, k);
+      for (Index i = 0; i < m; ++i) responses_.row(a * m + i) /= units_.output(i);
+    }
+    for (Index i = 0; i < next; ++i) {
+      const double scale = 1 / root(s + 1, i);
+      for (Index j = 0; j < r; ++j) b(i, j) = scale * u.col(i).dot(responses_.col(j));
+      for (Index j = 0; j < m; ++j) g(i, j) = scale * u.col(i).dot(responses_.col(r + j));
+    }
+  }
+
+  const Markov& markov_;
+  const HankelFactors& factors_;
+  const Units& units_;
+  Model& model_;
+  std::optional<linalg::LaneRegression> batch_;
+  Shape batch_shape_{};
+  Matrix equations_, responses_;
+};
 
 }  // namespace
 
@@ -129,10 +272,7 @@ HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, con
   const FreeResponse complete_free = complete(free);
   const Units units(markov, options);
   parallel_for(markov.i_begin, markov.steps(), options.execution, [&](Index begin, Index end) {
-    for (Index k = begin; k < end; ++k)
-      factors.step[size_t(k - factors.k_begin)] =
-          factorise(markov, complete_free, units, k, std::min(options.rows, markov.steps() - k),
-                    std::min(options.cols, k - markov.i_begin));
+    Hankel(markov, complete_free, options, units).factorise(begin, end, factors.step);
   });
   return factors;
 }
@@ -145,17 +285,14 @@ Model realise(const Markov& markov, const HankelFactors& factors, const TveraOpt
   model.method = "tvera";
   const size_t steps = factors.step.size();
   for (auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G}) list->resize(steps);
-  std::vector<Observability> observability(steps + 1);  // that of step T is empty: no output follows
-  for (size_t s = 0; s < steps; ++s) {
-    observability[s] = choose_order(factors.step[s], options);
-    model.singular_values.push_back(factors.step[s].singular_values);
+  for (size_t i = 0; i < steps; ++i) {
+    model.state_dim.push_back(order_of(factors.step[i], options));
+    model.singular_values.push_back(factors.step[i].singular_values);
   }
-  for (const Observability& o : observability) model.state_dim.push_back(o.n());
+  model.state_dim.push_back(0);  // that of step T: no output follows
   const Units units(markov, options);
-  parallel_for(0, Index(steps), options.execution, [&](Index begin, Index end) {
-    for (Index s = begin; s < end; ++s)
-      realise_step(markov, units, observability[size_t(s)], observability[size_t(s) + 1], factors.k_begin + s, model);
-  });
+  parallel_for(0, Index(steps), options.execution,
+               [&](Index begin, Index end) { Realisation(markov, factors, units, model).run(begin, end); });
   return model;
 }
 

@@ -3,9 +3,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <vector>
-
-#include "tokid/linalg.hpp"
+#include "linalg/lane_memory.hpp"
 
 namespace tokid::linalg {
 
@@ -36,8 +34,8 @@ class LaneRegression {
   double value(const double* list, Index entry, Index l) const { return list[entry * lanes_ + l]; }
 
   Index rows_, left_, right_, lanes_, piece_;
-  std::vector<double> memory_;
-  double *work_, *r_, *inverse_, *condition_, *x_;
+  double *work_ = nullptr, *r_ = nullptr, *inverse_ = nullptr, *condition_ = nullptr, *x_ = nullptr;
+  LaneMemory memory_;
 };
 
 }  // namespace tokid::linalg

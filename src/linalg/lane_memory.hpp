@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "tokid/linalg.hpp"
+
+namespace tokid::linalg {
+
+// Arrays of vectors of `lanes` numbers in one piece of memory, each from a cache line on if `lanes` fill one.
+class LaneMemory {
+ public:
+  // The pointers to set, with the vectors that they get.
+  LaneMemory(Index lanes, std::initializer_list<std::pair<double**, Index>> arrays) {
+    constexpr std::uintptr_t cache_line = 64;
+    Index total = 0;
+    for (const auto& [pointer, size] : arrays) total += size * lanes;
+    memory_.resize(size_t(total) + cache_line / sizeof(double));
+    const auto address = reinterpret_cast<std::uintptr_t>(memory_.data());
+    double* next = memory_.data() + (cache_line - address % cache_line) % cache_line / sizeof(double);
+    for (const auto& [pointer, size] : arrays) {
+      *pointer = next;
+      next += size * lanes;
+    }
+  }
+
+ private:
+  std::vector<double> memory_;
+};
+
+}  // namespace tokid::linalg

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "linalg/lane_svd.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "linalg/simd.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "linalg/lane_svd.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include "linalg/lanes-inl.hpp"
+
+// clang-format off
+HWY_BEFORE_NAMESPACE();
+// clang-format on
+namespace tokid::linalg::HWY_NAMESPACE {
+
+// Turns the columns p and q, of n entries, so that they are orthogonal. Was there a lane where they were not?
+HWY_INLINE bool rotate(double* p, double* q, size_t n, Vec tolerance) {
+  const Tag tag;
+  const Vec one = hn::Set(tag, 1.0);
+  Vec square_p = hn::Zero(tag), square_q = square_p, product = square_p;
+  for (size_t i = 0; i < n; ++i) {
+    const Vec a = load(p, i), b = load(q, i);
+    square_p = hn::MulAdd(a, a, square_p);
+    square_q = hn::MulAdd(b, b, square_q);
+    product = hn::MulAdd(a, b, product);
+  }
+  const auto turn = hn::Gt(hn::Abs(product), hn::Mul(tolerance, hn::Mul(hn::Sqrt(square_p), hn::Sqrt(square_q))));
+  if (hn::AllFalse(tag, turn)) return false;
+  // tan 2φ = 2 product / (square_q - square_p), of its two solutions the smaller angle; other lanes stay as they are.
+  const Vec zeta = hn::Div(hn::Sub(square_q, square_p), hn::Mul(hn::Set(tag, 2.0), product));
+  const Vec size = hn::Abs(zeta), root = hn::Sqrt(hn::MulAdd(zeta, zeta, one));
+  const Vec tangent = hn::IfThenElseZero(turn, hn::CopySign(hn::Div(one, hn::Add(size, root)), zeta));
+  const Vec cosine = hn::Div(one, hn::Sqrt(hn::MulAdd(tangent, tangent, one))), sine = hn::Mul(cosine, tangent);
+  for (size_t i = 0; i < n; ++i) {
+    const Vec a = load(p, i), b = load(q, i);
+    store(hn::NegMulAdd(sine, b, hn::Mul(cosine, a)), p, i);
+    store(hn::MulAdd(sine, a, hn::Mul(cosine, b)), q, i);
+  }
+  return true;
+}
+
+// a: Aᵀ (even × rows); r: packed triangle; l: L (rows × rows), its columns U Σ; norm: Σ, NaN where it was not found
+void Decompose(double* a, size_t even, size_t rows, double* r, double* l, double* norm) {
+  const Tag tag;
+  for (size_t i = 0; i < rows * (rows + 1) / 2; ++i) store(hn::Zero(tag), r, i);
+  absorb(a, even, rows, r);
+  for (size_t j = 0; j < rows; ++j)
+    for (size_t i = 0; i < rows; ++i) store(i < j ? hn::Zero(tag) : load(r, packed(j, i)), l, j * rows + i);
+  // Rounding of the products, which no rotation takes away.
+  const Vec tolerance = hn::Set(tag, double(std::max<size_t>(rows, 4)) * std::numeric_limits<double>::epsilon());
+  constexpr int most_sweeps = 40;  // five or six are usual
+  bool turned = true;
+  for (int sweep = 0; sweep < most_sweeps && turned; ++sweep) {
+    turned = false;
+    for (size_t p = 0; p + 1 < rows; ++p)
+      for (size_t q = p + 1; q < rows; ++q)
+        turned |= rotate(l + p * rows * lanes, l + q * rows * lanes, rows, tolerance);
+  }
+  for (size_t j = 0; j < rows; ++j) {
+    Vec square = hn::Zero(tag);
+    for (size_t i = 0; i < rows; ++i) {
+      const Vec x = load(l, j * rows + i);
+      square = hn::MulAdd(x, x, square);
+    }
+    store(turned ? hn::NaN(tag) : hn::Sqrt(square), norm, j);
+  }
+}
+
+size_t SvdLanes() { return lanes; }
+
+}  // namespace tokid::linalg::HWY_NAMESPACE
+// clang-format off
+HWY_AFTER_NAMESPACE();
+// clang-format on
+
+#if HWY_ONCE
+namespace tokid::linalg {
+
+Index LaneSvd::lanes() { return Index(TOKID_KERNEL(SvdLanes)()); }
+
+Index LaneSvd::most_rows() { return 32; }
+
+LaneSvd::LaneSvd(Index rows, Index cols)
+    : rows_(rows),
+      cols_(cols),
+      even_(cols + cols % 2),
+      lanes_(lanes()),
+      memory_(lanes_, {{&a_, rows * even_}, {&r_, rows * (rows + 1) / 2}, {&l_, rows * rows}, {&norm_, rows}}),
+      found_(size_t(lanes_)) {}
+
+void LaneSvd::run() {
+  if (even_ > cols_)
+    for (Index i = 0; i < rows_; ++i)
+      for (Index l = 0; l < lanes_; ++l) entry(l, i, cols_) = 0.0;
+  TOKID_KERNEL(Decompose)(a_, size_t(even_), size_t(rows_), r_, l_, norm_);
+  // Between these bounds the squares of what rounding errors leave of zero are numbers too.
+  constexpr double least = 1e-130, most = 1e150;
+  const Index count = std::min(rows_, cols_);
+  for (Index l = 0; l < lanes_; ++l) {
+    double largest = 0.0;
+    Index above = 0;
+    bool finite = true;
+    for (Index j = 0; j < rows_; ++j) {
+      const double s = norm_[j * lanes_ + l];
+      finite = finite && s < most;
+      largest = std::max(largest, s);
+      above += s > least;
+    }
+    found_[size_t(l)] = finite && above >= count && largest > least;
+  }
+}
+
+void LaneSvd::take(Index l, Matrix& u, Vector& s) const {
+  const Index count = std::min(rows_, cols_);
+  u.resize(rows_, count);
+  s.resize(count);
+  Vector all(rows_);
+  for (Index j = 0; j < rows_; ++j) all(j) = norm_[j * lanes_ + l];
+  for (Index c = 0; c < count; ++c) {  // the largest first
+    Index largest = 0;
+    s(c) = all.maxCoeff(&largest);
+    all(largest) = -1.0;
+    for (Index i = 0; i < rows_; ++i) u(i, c) = l_[(largest * rows_ + i) * lanes_ + l] / s(c);
+  }
+}
+
+}  // namespace tokid::linalg
+#endif

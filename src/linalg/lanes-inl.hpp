@@ -1,0 +1,137 @@
+// Vectors that hold one entry of as many matrices as they have lanes, and the kernel that makes triangles of them.
+// Included once for each instruction set, hence the guard that toggles.
+// SPDX-License-Identifier: BSD-3-Clause
+
+// NOLINTBEGIN(misc-definitions-in-headers)
+#if defined(TOKID_LINALG_LANES_INL_HPP) == defined(HWY_TARGET_TOGGLE)
+#ifdef TOKID_LINALG_LANES_INL_HPP
+#undef TOKID_LINALG_LANES_INL_HPP
+#else
+#define TOKID_LINALG_LANES_INL_HPP
+#endif
+
+#include <hwy/highway.h>
+
+// clang-format off
+HWY_BEFORE_NAMESPACE();
+// clang-format on
+namespace tokid::linalg::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Tag = hn::ScalableTag<double>;
+using Vec = hn::Vec<Tag>;
+
+constexpr size_t lanes = HWY_LANES(double);
+
+HWY_INLINE Vec load(const double* list, size_t entry) { return hn::Load(Tag(), list + entry * lanes); }
+HWY_INLINE void store(Vec v, double* list, size_t entry) { hn::Store(v, Tag(), list + entry * lanes); }
+HWY_INLINE size_t packed(size_t i, size_t j) { return j * (j + 1) / 2 + i; }
+
+// The reflection I - τ [1; s v] [1; s v]ᵀ that zeroes a column v below `pivot`, which it makes `beta`; of zeros, I.
+struct Reflection {
+  Vec beta, tau, scale;
+
+  Reflection(Vec pivot, Vec square) {
+    const Tag tag;
+    const Vec zero = hn::Zero(tag), one = hn::Set(tag, 1.0);
+    const auto none = hn::Eq(square, zero);
+    const Vec norm = hn::Sqrt(hn::MulAdd(pivot, pivot, square));
+    const Vec opposite = hn::IfThenElse(hn::Gt(pivot, zero), hn::Neg(norm), norm);
+    beta = hn::IfThenElse(none, pivot, opposite);
+    tau = hn::IfThenElse(none, zero, hn::Sub(one, hn::Div(pivot, opposite)));
+    scale = hn::IfThenElse(none, zero, hn::Div(one, hn::Sub(pivot, opposite)));
+  }
+  // What it takes from a number `upper` above a column x with product = vᵀx; times v, from x itself.
+  Vec taken(Vec upper, Vec product) const { return hn::Mul(tau, hn::MulAdd(scale, product, upper)); }
+};
+
+// Columns j … j+columns-1 of x after the reflections of columns i and i+1, v and w, at once; cross = vᵀw.
+template <size_t columns>
+HWY_INLINE void reflect(const double* v, const double* w, double* x, size_t rows, const Reflection& first,
+                        const Reflection& second, Vec cross, double* r, size_t i, size_t j) {
+  const Tag tag;
+  Vec a[columns], b[columns];
+#pragma GCC unroll 4
+  for (size_t c = 0; c < columns; ++c) a[c] = b[c] = hn::Zero(tag);
+  for (size_t k = 0; k < rows; ++k) {
+    const Vec v_k = load(v, k), w_k = load(w, k);
+#pragma GCC unroll 4
+    for (size_t c = 0; c < columns; ++c) {
+      const Vec x_k = load(x, c * rows + k);
+      a[c] = hn::MulAdd(v_k, x_k, a[c]);
+      b[c] = hn::MulAdd(w_k, x_k, b[c]);
+    }
+  }
+#pragma GCC unroll 4
+  for (size_t c = 0; c < columns; ++c) {
+    const Vec upper = load(r, packed(i, j + c)), lower = load(r, packed(i + 1, j + c));
+    const Vec taken = first.taken(upper, a[c]);
+    a[c] = hn::Mul(taken, first.scale);
+    const Vec then = second.taken(lower, hn::NegMulAdd(a[c], cross, b[c]));
+    b[c] = hn::Mul(then, second.scale);
+    store(hn::Sub(upper, taken), r, packed(i, j + c));
+    store(hn::Sub(lower, then), r, packed(i + 1, j + c));
+  }
+  for (size_t k = 0; k < rows; ++k) {
+    const Vec v_k = load(v, k), w_k = load(w, k);
+#pragma GCC unroll 4
+    for (size_t c = 0; c < columns; ++c)
+      store(hn::NegMulAdd(w_k, b[c], hn::NegMulAdd(v_k, a[c], load(x, c * rows + k))), x, c * rows + k);
+  }
+}
+
+// Rows x (rows × cols, an even number of rows) into the packed triangle r.
+HWY_INLINE void absorb(double* x, size_t rows, size_t cols, double* r) {
+  const Tag tag;
+  const Vec zero = hn::Zero(tag);
+  size_t i = 0;
+  for (; i + 2 <= cols; i += 2) {
+    double *const v = x + i * rows * lanes, *const w = v + rows * lanes;
+    Vec square[2] = {zero, zero}, product[2] = {zero, zero};
+    for (size_t k = 0; k < rows; k += 2)
+#pragma GCC unroll 2
+      for (size_t h = 0; h < 2; ++h) {
+        const Vec v_k = load(v, k + h);
+        square[h] = hn::MulAdd(v_k, v_k, square[h]);
+        product[h] = hn::MulAdd(v_k, load(w, k + h), product[h]);
+      }
+    const Reflection first(load(r, packed(i, i)), hn::Add(square[0], square[1]));
+    store(first.beta, r, packed(i, i));
+    const Vec upper = load(r, packed(i, i + 1)), taken = first.taken(upper, hn::Add(product[0], product[1]));
+    store(hn::Sub(upper, taken), r, packed(i, i + 1));
+    const Vec change = hn::Mul(taken, first.scale);
+    square[0] = square[1] = product[0] = product[1] = zero;
+    for (size_t k = 0; k < rows; k += 2)
+#pragma GCC unroll 2
+      for (size_t h = 0; h < 2; ++h) {
+        const Vec v_k = load(v, k + h), w_k = hn::NegMulAdd(v_k, change, load(w, k + h));
+        store(w_k, w, k + h);
+        square[h] = hn::MulAdd(w_k, w_k, square[h]);
+        product[h] = hn::MulAdd(v_k, w_k, product[h]);
+      }
+    const Reflection second(load(r, packed(i + 1, i + 1)), hn::Add(square[0], square[1]));
+    store(second.beta, r, packed(i + 1, i + 1));
+    const Vec cross = hn::Add(product[0], product[1]);
+    const auto rest = [&](size_t j) { return x + j * rows * lanes; };
+    size_t j = i + 2;
+    for (; j + 4 <= cols; j += 4) reflect<4>(v, w, rest(j), rows, first, second, cross, r, i, j);
+    for (; j + 2 <= cols; j += 2) reflect<2>(v, w, rest(j), rows, first, second, cross, r, i, j);
+    for (; j < cols; ++j) reflect<1>(v, w, rest(j), rows, first, second, cross, r, i, j);
+  }
+  if (i == cols) return;
+  Vec square[2] = {zero, zero};
+  for (size_t k = 0; k < rows; k += 2)
+    for (size_t h = 0; h < 2; ++h) {
+      const Vec v_k = load(x, i * rows + k + h);
+      square[h] = hn::MulAdd(v_k, v_k, square[h]);
+    }
+  store(Reflection(load(r, packed(i, i)), hn::Add(square[0], square[1])).beta, r, packed(i, i));
+}
+
+}  // namespace tokid::linalg::HWY_NAMESPACE
+// clang-format off
+HWY_AFTER_NAMESPACE();
+// clang-format on
+
+#endif
+// NOLINTEND(misc-definitions-in-headers)
