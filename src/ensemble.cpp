@@ -10,6 +10,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "large_pages.hpp"
 #include "statistics.hpp"
 #include "survey.hpp"
 
@@ -64,7 +65,9 @@ Ensemble::Ensemble(Index experiments, Index steps, Index inputs, Index outputs, 
                                             experiments, steps, inputs, outputs));
   if (!(sample_time > 0) || !std::isfinite(sample_time))
     throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", sample_time));
-  samples_.setConstant(experiments, steps * (inputs + outputs), std::numeric_limits<double>::quiet_NaN());
+  samples_.resize(experiments, steps * (inputs + outputs));
+  prefer_large_pages(samples_.data(), size_t(samples_.size()) * sizeof(double));
+  samples_.setConstant(std::numeric_limits<double>::quiet_NaN());
 }
 
 Index Ensemble::missing() const {

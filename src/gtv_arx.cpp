@@ -9,6 +9,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "large_pages.hpp"
 #include "linalg/lane_regression.hpp"
 #include "linalg/row_absorption.hpp"
 
@@ -22,8 +23,10 @@ void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape,
   slot_ = lags_max * (r + m) + r;
   shape_rows_ = noise_shape ? slot_ : 0;
   coefficients_.resize(m, T * slot_);
-  residual_cov_.setZero(m, T * m);
   noise_shape_.resize(shape_rows_, T * shape_rows_);
+  for (const Matrix* a : {&coefficients_, &noise_shape_})
+    prefer_large_pages(a->data(), size_t(a->size()) * sizeof(double));
+  residual_cov_.setZero(m, T * m);
   output_rms_.setZero(m, T);
   leverages_.setZero(experiments, T);
 }

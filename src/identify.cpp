@@ -83,7 +83,11 @@ Index whole_windows(const Ensemble& e, Index lags) {
 // The pipeline with its intermediate results.
 class Pipeline {
  public:
-  Pipeline(Ensemble ensemble, const IdentifyOptions& options) : options_(options), data_(std::move(ensemble)) {}
+  Pipeline(const Ensemble& ensemble, const IdentifyOptions& options) : options_(options), data_(&ensemble) {}
+  Pipeline(Ensemble&& ensemble, const IdentifyOptions& options)
+      : options_(options), data_(&own_), own_(std::move(ensemble)) {}
+  Pipeline(const Pipeline&) = delete;
+  Pipeline& operator=(const Pipeline&) = delete;
 
   Identification run();
   Stretch run_settled(const Settled& settled, Index keep_begin, Index keep_end, bool first);
@@ -118,19 +122,20 @@ class Pipeline {
   void evaluate();
 
   Index experiments_for(Index lags) const {
-    return minimum_experiments(data_.inputs(), data_.outputs(), lags) + (nominal_ ? 1 : 0);
+    return minimum_experiments(data_->inputs(), data_->outputs(), lags) + (nominal_ ? 1 : 0);
   }
   // Has a mean motion been removed that every experiment had its part in?
   bool centred() const { return nominal_ && options_.period == 0; }
   // Experiments less the one that the mean motion costs.
-  Index effective_experiments() const { return data_.experiments() - (nominal_ ? 1 : 0); }
+  Index effective_experiments() const { return data_->experiments() - (nominal_ ? 1 : 0); }
   Index step_count() const { return static_cast<Index>(arx_.step.size()); }
   const GtvArxStep& step(Index k) const { return arx_.step[size_t(k)]; }
   void warn(std::string text) { result_.warnings.push_back(std::move(text)); }
   Execution share(double from, double to) const;
 
   const IdentifyOptions& options_;
-  Ensemble data_, held_out_;
+  const Ensemble* data_;  // the caller's, or own_ once something of it is changed
+  Ensemble own_, held_out_;
   mutable std::optional<Ensemble> judged_;
   std::optional<Nominal> nominal_;
   bool together_ = false;             // all steps in one regression
@@ -153,8 +158,9 @@ Execution Pipeline::share(double from, double to) const {
 
 void Pipeline::hold_out() {
   if (options_.hold_out == 0) return;
-  Split parts = split(data_, options_.hold_out, options_.period);
-  data_ = std::move(parts.training);
+  Split parts = split(*data_, options_.hold_out, options_.period);
+  own_ = std::move(parts.training);
+  data_ = &own_;
   held_out_ = std::move(parts.held_out);
   result_.held_out = true;
 }
@@ -162,17 +168,18 @@ void Pipeline::hold_out() {
 void Pipeline::remove_nominal() {
   if (options_.nominal == NominalChoice::none) return;
   if (options_.nominal == NominalChoice::automatic) {
-    result_.nominal_test = test_nominal(options_.period > 0 ? judged() : data_);
+    result_.nominal_test = test_nominal(options_.period > 0 ? judged() : *data_);
     judged_.reset();
     if (!result_.nominal_test.significant) return;
   }
-  if (data_.experiments() < 2 && options_.period == 0)
+  if (data_->experiments() < 2 && options_.period == 0)
     throw std::invalid_argument("nominal: one experiment has no mean motion to depart from, at least 2 needed");
-  nominal_ = nominal_trajectory(data_);
+  nominal_ = nominal_trajectory(*data_);
   if (options_.period > 0) share_phases(*nominal_, options_.period);
-  data_ = departures(std::move(data_), *nominal_);
+  own_ = departures(data_ == &own_ ? std::move(own_) : *data_, *nominal_);
+  data_ = &own_;
   // Free responses share a nominal motion of their own; its departures are free responses too.
-  FreeResponse& free = data_.free;
+  FreeResponse& free = own_.free;
   if (free.experiments == 1) {
     warn("a single free response has no mean motion to depart from: it was not used");
     free = {};
@@ -185,12 +192,12 @@ void Pipeline::remove_nominal() {
 // What orders and weights are judged by: the experiments, of long ones a stretch in the middle; or, where they are too
 // few and their steps share a model, stretches of them.
 const Ensemble& Pipeline::judged() const {
-  const Index period = options_.period, pieces = ceil_div(5, data_.experiments()), steps = data_.steps();
+  const Index period = options_.period, pieces = ceil_div(5, data_->experiments()), steps = data_->steps();
   if (!judged_ && period == 0 && steps > 2 * most_judged_steps)
-    judged_ = stretch(data_, (steps - most_judged_steps) / 2, (steps + most_judged_steps) / 2);
+    judged_ = stretch(*data_, (steps - most_judged_steps) / 2, (steps + most_judged_steps) / 2);
   if (!judged_ && period > 0 && pieces > 1 && steps / pieces >= 2 * std::max(period, options_.lags))
-    judged_ = cut(data_, steps / pieces / period * period);
-  return judged_ ? *judged_ : data_;
+    judged_ = cut(*data_, steps / pieces / period * period);
+  return judged_ ? *judged_ : *data_;
 }
 
 void Pipeline::check_method() const {
@@ -206,16 +213,16 @@ void Pipeline::check_method() const {
   if (options_.period == 1 && options_.smoothing >= 0 && !std::isinf(options_.smoothing))
     throw std::invalid_argument(
         fmt::format("smoothing: {} found, none needed where one model serves all steps", options_.smoothing));
-  if (options_.period > 1 && options_.period >= data_.steps())
+  if (options_.period > 1 && options_.period >= data_->steps())
     throw std::invalid_argument(
-        fmt::format("period: {} found, less than the {} steps of the data needed", options_.period, data_.steps()));
-  const Index most = std::max<Index>(1, data_.steps() - 1) * data_.outputs();
+        fmt::format("period: {} found, less than the {} steps of the data needed", options_.period, data_->steps()));
+  const Index most = std::max<Index>(1, data_->steps() - 1) * data_->outputs();
   if (options_.states > most)
     throw std::invalid_argument(fmt::format("states: {} found, {} steps of {} show at most {}", options_.states,
-                                            data_.steps(), words::plural(data_.outputs(), "output"), most));
+                                            data_->steps(), words::plural(data_->outputs(), "output"), most));
   if (options_.weighting == Weighting::projection && options_.period == 0)
     throw std::invalid_argument("weighting: projection found, needs --time-invariant or --period P to pool steps");
-  if (!tvera && options_.period == 0 && options_.smoothing < 0 && data_.experiments() < 2)
+  if (!tvera && options_.period == 0 && options_.smoothing < 0 && data_->experiments() < 2)
     throw std::invalid_argument(
         "experiments: 1 found, at least 2 needed to see how a system varies in time (one record is enough where it is "
         "time-invariant or periodic, if that is stated)");
@@ -224,10 +231,10 @@ void Pipeline::check_method() const {
 // A regression for each step alone, where the experiments suffice: the paper's, and all that data without noise need.
 bool Pipeline::regress_each_step() {
   const Index needed = options_.lags > 0     ? options_.lags
-                       : options_.states > 0 ? ceil_div(options_.states, data_.outputs())
+                       : options_.states > 0 ? ceil_div(options_.states, data_->outputs())
                                              : 1;
   const bool together = options_.period > 0 || options_.smoothing > 0;
-  if (options_.method != Method::tvera && (together || data_.experiments() < experiments_for(needed))) return false;
+  if (options_.method != Method::tvera && (together || data_->experiments() < experiments_for(needed))) return false;
   const size_t warnings = result_.warnings.size();
   choose_lags();
   check_size();
@@ -235,7 +242,7 @@ bool Pipeline::regress_each_step() {
   arx_options.lags = {result_.lags};
   arx_options.spent = nominal_ ? 1 : 0;
   arx_options.execution = share(0.1, 0.4);
-  arx_ = gtv_arx(data_, arx_options);
+  arx_ = gtv_arx(*data_, arx_options);
   decide_initial_state();
   if (initial_ == InitialState::unknown) {
     // The regressions of the steps k ≥ p hold whatever the initial state is; the others are of no use.
@@ -245,7 +252,7 @@ bool Pipeline::regress_each_step() {
   // Regressions that fit any data exactly are no sign of data without noise, unless somebody chose their order.
   Index freedom = 0;
   for (const GtvArxStep& s : arx_.step) freedom += s.freedom;
-  const bool judged = freedom > 0 || (data_.missing() == 0 && (options_.lags > 0 || options_.states > 0));
+  const bool judged = freedom > 0 || (data_->missing() == 0 && (options_.lags > 0 || options_.states > 0));
   if (options_.method == Method::tvera || (!result_.noisy && judged)) return true;
   // With noise, steps that share what they know do better: what these regressions lack is of no consequence.
   result_.warnings.resize(warnings);
@@ -257,11 +264,11 @@ bool Pipeline::regress_each_step() {
 // gap twice as many as the unknowns.
 std::vector<Index> Pipeline::lag_candidates(const Ensemble& e, InitialState initial, Index period) const {
   if (options_.lags > 0) return {options_.lags};
-  const Index needed = options_.states > 0 ? ceil_div(options_.states, data_.outputs()) : 1;
+  const Index needed = options_.states > 0 ? ceil_div(options_.states, data_->outputs()) : 1;
   const Index first = first_judged(initial, 1, period);
   std::vector<Index> candidates;
   for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
-    if (const Index unknowns = minimum_experiments(data_.inputs(), data_.outputs(), p);
+    if (const Index unknowns = minimum_experiments(data_->inputs(), data_->outputs(), p);
         p >= needed && 2 * std::max<Index>(1, first) * p < e.steps() && p + period <= e.steps() &&
         (candidates.empty() || unknowns <= most_regressors) && whole_windows(e, p) >= 2 * unknowns)
       candidates.push_back(p);
@@ -277,13 +284,13 @@ bool Pipeline::windows_are_scarce(const Ensemble& e) const {
 
 // Without as many windows as unknowns any model fits.
 void Pipeline::check_windows() {
-  const Index needed = minimum_experiments(data_.inputs(), data_.outputs(), result_.lags);
-  const Index whole = whole_windows(data_, result_.lags);
+  const Index needed = minimum_experiments(data_->inputs(), data_->outputs(), result_.lags);
+  const Index whole = whole_windows(*data_, result_.lags);
   const std::string found = fmt::format("{} of {} successive steps {}", words::plural(whole, "window"),
-                                        result_.lags + 1, data_.missing() > 0 ? "without a gap found" : "found");
+                                        result_.lags + 1, data_->missing() > 0 ? "without a gap found" : "found");
   if (whole < needed)
     throw std::invalid_argument(
-        fmt::format("{}: {}, at least {} needed at lag order {}{}", data_.missing() > 0 ? "missing samples" : "steps",
+        fmt::format("{}: {}, at least {} needed at lag order {}{}", data_->missing() > 0 ? "missing samples" : "steps",
                     found, needed, result_.lags,
                     result_.lags > 1 ? "; a smaller one takes fewer"
                                      : "; EM from a model of other data (refine) needs no windows"));
@@ -296,16 +303,16 @@ void Pipeline::check_windows() {
 void Pipeline::regress_together() {
   together_ = true;
   const Ensemble& measure = judged();
-  const bool decided = options_.initial_state || data_.initial_state || !arx_.step.empty();
+  const bool decided = options_.initial_state || data_->initial_state || !arx_.step.empty();
   if (arx_.step.empty() && decided) decide_initial_state();
   SmoothingOptions o;
   o.period = options_.period;
-  o.initial_state = decided && &measure == &data_ ? initial_ : InitialState::unknown;
+  o.initial_state = decided && &measure == data_ ? initial_ : InitialState::unknown;
   o.lags = lag_candidates(measure, o.initial_state, o.period);
   o.smoothing = options_.smoothing;
   o.centred = centred();
   o.execution = share(0.4, 0.6);
-  const Index regressors = minimum_experiments(data_.inputs(), data_.outputs(), o.lags.back());
+  const Index regressors = minimum_experiments(data_->inputs(), data_->outputs(), o.lags.back());
   o.folds = regressors > 100 ? 3 : fold_count(measure.experiments());
   o.steps = std::clamp<Index>(256 * 60 * 60 / (regressors * regressors), 64, 256);
   if (o.lags.back() >= measure.steps())
@@ -360,26 +367,27 @@ void Pipeline::regress_together() {
     initial_ = result_.initial_state_test.decision = InitialState::unknown;
     result_.initial_state_test.reason = "not stated with the data";
   } else if (!decided) {
-    arx_ = smooth_arx(data_, arx_options);
+    arx_ = smooth_arx(*data_, arx_options);
     for (GtvArxStep& s : arx_.step) s.freedom = s.rows;
     decide_initial_state();
   }
   arx_options.initial_state = initial_;
-  arx_ = smooth_arx(data_, arx_options);
+  arx_ = smooth_arx(*data_, arx_options);
   double residual = 0.0, square = 0.0;
   for (Index k = arx_.k_begin; k < step_count(); ++k) {
     residual += arx_.residual_cov(k).trace();
     square += arx_.output_rms(k).squaredNorm();
   }
   // As many unknowns as windows leave no residual of any noise.
-  const Index models = result_.variation.smoothing > 0 ? 1 : result_.variation.groups(data_.steps());
-  result_.noisy = residual > arithmetic * arithmetic * square ||
-                  whole_windows(data_, result_.lags) <=
-                      models * (minimum_experiments(data_.inputs(), data_.outputs(), result_.lags) + data_.outputs());
+  const Index models = result_.variation.smoothing > 0 ? 1 : result_.variation.groups(data_->steps());
+  result_.noisy =
+      residual > arithmetic * arithmetic * square ||
+      whole_windows(*data_, result_.lags) <=
+          models * (minimum_experiments(data_->inputs(), data_->outputs(), result_.lags) + data_->outputs());
 }
 
 void Pipeline::choose_lags() {
-  const Index r = data_.inputs(), m = data_.outputs();
+  const Index r = data_->inputs(), m = data_->outputs();
   const Index needed = options_.states > 0 ? ceil_div(options_.states, m) : 1;  // p·m ≥ n
   result_.lags = options_.lags;
   if (options_.lags == 0) {
@@ -387,27 +395,27 @@ void Pipeline::choose_lags() {
     lag_options.p_min = needed;
     // An order is judged by what is left over: at least one degree of freedom.
     const Index judged = largest_lag_order(effective_experiments() - 1, r, m);
-    lag_options.p_max = std::min({most_lags, judged, (data_.steps() - 1) / 2});
+    lag_options.p_max = std::min({most_lags, judged, (data_->steps() - 1) / 2});
     lag_options.execution = share(0.0, 0.1);
     result_.lags = needed;
     if (lag_options.p_max >= needed && lag_options.p_max >= 1) {
-      result_.lag_order_errors = lag_order_errors(data_, lag_options);
+      result_.lag_order_errors = lag_order_errors(*data_, lag_options);
       result_.lags = result_.lag_order_errors.best;
       if (result_.lags == lag_options.p_max && lag_options.p_max == judged && judged < most_lags)
         warn(fmt::format(
             "lag order {} is the largest that {} experiments can judge: more experiments, or a larger order "
             "that is stated, may do better",
-            judged, data_.experiments()));
-    } else if (judged < needed && data_.experiments() >= experiments_for(needed)) {
+            judged, data_->experiments()));
+    } else if (judged < needed && data_->experiments() >= experiments_for(needed)) {
       warn(fmt::format("{} experiments leave no degree of freedom to judge lag order {} by: it fits any data exactly",
-                       data_.experiments(), needed));
+                       data_->experiments(), needed));
     }
   }
   result_.min_experiments = experiments_for(result_.lags);
 }
 
 void Pipeline::check_size() const {
-  const Index r = data_.inputs(), m = data_.outputs(), p = result_.lags, found = data_.experiments();
+  const Index r = data_->inputs(), m = data_->outputs(), p = result_.lags, found = data_->experiments();
   if (found < result_.min_experiments) {
     const Index would_do = largest_lag_order(effective_experiments(), r, m);
     throw std::invalid_argument(fmt::format(
@@ -416,20 +424,20 @@ void Pipeline::check_size() const {
         would_do > 0 ? fmt::format("{} would do for lag orders up to {}", found, would_do)
                      : fmt::format("no lag order will do, {} are needed for lag order 1", experiments_for(1))));
   }
-  if (data_.steps() < p + 1)
+  if (data_->steps() < p + 1)
     throw std::invalid_argument(
-        fmt::format("steps: {} found, lag order {} needs at least {}", data_.steps(), p, p + 1));
+        fmt::format("steps: {} found, lag order {} needs at least {}", data_->steps(), p, p + 1));
 }
 
 void Pipeline::decide_initial_state() {
-  const Index p = result_.lags, m = data_.outputs(), last = step_count();
+  const Index p = result_.lags, m = data_->outputs(), last = step_count();
   InitialStateTest& test = result_.initial_state_test;
   const auto decide = [&](InitialState state, std::string reason) {
     initial_ = test.decision = state;
     test.reason = std::move(reason);
   };
   if (options_.initial_state) return decide(*options_.initial_state, "as asked");
-  if (data_.initial_state) return decide(*data_.initial_state, "as the data say");
+  if (data_->initial_state) return decide(*data_->initial_state, "as the data say");
 
   // Residuals of the steps p … that the initial state can't reach, against those of the steps before p.
   Vector later = Vector::Zero(m), square = Vector::Zero(m);
@@ -475,8 +483,8 @@ void Pipeline::decide_initial_state() {
 Model Pipeline::model_of(const Markov& parameters, const HankelFactors& factors, TveraOptions o, Index states) const {
   o.states = states;
   Model model = realise(parameters, factors, o);
-  model.dt = data_.dt;
-  model.names = data_.names;
+  model.dt = data_->dt;
+  model.names = data_->names;
   model.initial_state = initial_;
   note_regressions(arx_, model);
   // A state that is not zero at the start can be followed only from where all of it is seen.
@@ -488,15 +496,16 @@ Model Pipeline::model_of(const Markov& parameters, const HankelFactors& factors,
 // Singular values of noisy data show no rank; what counts is how well the model predicts with the outputs and without.
 Index Pipeline::choose_states(const Markov& parameters, const HankelFactors& factors, const TveraOptions& o) {
   OrderScores& scores = result_.order_scores;
-  Ensemble judged = data_;
-  if (data_.experiments() > most_judged) {
+  std::optional<Ensemble> fewer;
+  if (data_->experiments() > most_judged) {
     std::vector<Index> rows;
-    for (Index n = 0; n < most_judged; ++n) rows.push_back(n * data_.experiments() / most_judged);
-    judged = data_.subset(rows);
+    for (Index n = 0; n < most_judged; ++n) rows.push_back(n * data_->experiments() / most_judged);
+    fewer = data_->subset(rows);
   }
+  const Ensemble& judged = fewer ? *fewer : *data_;
   // The training errors of an order are too small by about its share of coefficients in the samples.
-  scores.price = 2.0 / 3 * double(data_.channels()) / double(data_.outputs() * data_.experiments());
-  const Index most = std::min({result_.lags * data_.outputs(), o.cols * data_.inputs(), most_states});
+  scores.price = 2.0 / 3 * double(data_->channels()) / double(data_->outputs() * data_->experiments());
+  const Index most = std::min({result_.lags * data_->outputs(), o.cols * data_->inputs(), most_states});
   for (Index n = 1; n <= most; ++n) {
     Model model = model_of(parameters, factors, o, n);
     if (model.steps() == 0 || model.states() < n) break;
@@ -509,13 +518,13 @@ Index Pipeline::choose_states(const Markov& parameters, const HankelFactors& fac
 }
 
 Model Pipeline::tvera_model() {
-  const Index m = data_.outputs(), r = data_.inputs(), n = options_.states, p = result_.lags;
+  const Index m = data_->outputs(), r = data_->inputs(), n = options_.states, p = result_.lags;
   TveraOptions o = tvera_options(options_, p, m, result_.noisy);
-  o.output_size = settled_ ? settled_->output_size : channel_sizes(data_, data_.inputs(), m);
-  o.input_size = settled_ ? settled_->input_size : channel_sizes(data_, 0, r);
+  o.output_size = settled_ ? settled_->output_size : channel_sizes(*data_, data_->inputs(), m);
+  o.input_size = settled_ ? settled_->input_size : channel_sizes(*data_, 0, r);
   o.execution = share(0.7, 0.8);
   const Markov parameters = markov(arx_, o.rows + o.cols - 1, share(0.6, 0.7));
-  const HankelFactors factors = hankel_factors(parameters, data_.free, o);
+  const HankelFactors factors = hankel_factors(parameters, data_->free, o);
   o.execution.progress = {};
   return model_of(parameters, factors, o, n == 0 && result_.noisy ? choose_states(parameters, factors, o) : n);
 }
@@ -560,7 +569,7 @@ Model Pipeline::subspace_model() {
   o.weighting = options_.weighting.value_or(Weighting::one_step);
   o.execution = share(0.7, 0.8);
   const auto make = [&] {
-    return tokid::subspace_model(data_, arx_, predictor_factors(data_, arx_, o), o, initial_, from_full_dimension_);
+    return tokid::subspace_model(*data_, arx_, predictor_factors(*data_, arx_, o), o, initial_, from_full_dimension_);
   };
   if (options_.choices && together_) {
     const NoisyChoices& held = *options_.choices;
@@ -569,14 +578,14 @@ Model Pipeline::subspace_model() {
     result_.refinement.smoothing = held.refinement_smoothing;
     result_.refinement.iterations = held.refinement_iterations;
     result_.choices = held;
-    return refined(make(), data_, result_.refinement, refine_options());
+    return refined(make(), *data_, result_.refinement, refine_options());
   }
   if (!result_.noisy || !together_ || judged().experiments() < 2) {
     if (together_) result_.state_smoothing = SubspaceOptions::state_share * result_.variation.smoothing;
     return make();
   }
   const Folds parts = folds();
-  const Index most = std::min(result_.lags * data_.outputs(), most_states);
+  const Index most = std::min(result_.lags * data_->outputs(), most_states);
   result_.order_scores = parts.choose_states(o.states, most);
   o.state_smoothing = result_.state_smoothing = result_.order_scores.smoothing;
   o.weighting = result_.order_scores.weighting;
@@ -604,8 +613,8 @@ template <class Make>
 Model Pipeline::refined_as_chosen(Model plain, SubspaceOptions& o, Make&& make) {
   const Index first = first_judged(initial_, result_.lags, result_.variation.period);
   const double allowed = std::log(spoilt);
-  const Computed start = computed_by(plain, data_, initial_, first);
-  const Errors before = errors_of(start, data_);
+  const Computed start = computed_by(plain, *data_, initial_, first);
+  const Errors before = errors_of(start, *data_);
   RefinementChoice& choice = result_.refinement;
   // From the subspace model that is as smooth as those of the folds were; if that leads astray, from the plain one.
   std::vector<double> starts{choice.smoothing};
@@ -618,11 +627,11 @@ Model Pipeline::refined_as_chosen(Model plain, SubspaceOptions& o, Make&& make) 
     o.state_smoothing = smoothing;
     Model likelier;
     try {
-      likelier = refined(make(), data_, choice, refine_options());
+      likelier = refined(make(), *data_, choice, refine_options());
     } catch (const std::runtime_error&) {
       continue;  // hopeless from there
     }
-    const Errors after = errors_of(computed_by(likelier, data_, initial_, first), data_, &start);
+    const Errors after = errors_of(computed_by(likelier, *data_, initial_, first), *data_, &start);
     const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
     one_step = after.one_step <= choice.one_step + allowed;
     if (!longer && result_.variation.period > 0) continue;
@@ -655,10 +664,11 @@ void Pipeline::realise_model() {
       settled_ ? settled_->tvera : options_.method == Method::tvera || (options_.method == Method::automatic && exact);
   Model& model = result_.model;
   model = tvera ? tvera_model() : subspace_model();
-  if (!tvera && data_.free.experiments > 0)
+  if (!tvera && data_->free.experiments > 0)
     warn(fmt::format("{} left aside: the subspace realisation needs none; --method tvera takes them",
-                     data_.free.experiments == 1 ? "the free response was"
-                                                 : fmt::format("the {} free responses were", data_.free.experiments)));
+                     data_->free.experiments == 1
+                         ? "the free response was"
+                         : fmt::format("the {} free responses were", data_->free.experiments)));
   if (model.states() == 0)
     warn("no state was found: the outputs answer to the inputs of the same step alone, or not at all");
   if (nominal_) {
@@ -676,7 +686,7 @@ RegressionSurvey Pipeline::survey_regressions(Index begin, Index end) const {
     if (step(k).condition > ill_conditioned) survey.ill.push_back(k);
     if (step(k).rows - (nominal_ ? 1 : 0) < regressors)
       survey.starved.push_back(k);
-    else if (step(k).rank < regressors && k >= result_.lags && inputs_dependent(data_, k, step(k).lags))
+    else if (step(k).rank < regressors && k >= result_.lags && inputs_dependent(*data_, k, step(k).lags))
       survey.unexcited.push_back(k);
     survey.freedom += step(k).freedom;
     survey.residual += arx_.residual_cov(k).trace();
@@ -691,7 +701,7 @@ void Pipeline::warn_of_regressions() {
   result_.rank_deficient_steps = survey.rank_deficient;
   result_.noisy = survey.noisy();
   for (std::string& text : warnings_of(
-           survey, {data_.experiments(), effective_experiments(), data_.inputs(), data_.outputs(), result_.lags},
+           survey, {data_->experiments(), effective_experiments(), data_->inputs(), data_->outputs(), result_.lags},
            result_.noisy))
     warn(std::move(text));
 }
@@ -699,17 +709,17 @@ void Pipeline::warn_of_regressions() {
 void Pipeline::warn_of_states() {
   const Model& model = result_.model;
   const Index unknowns = model.states() + model.inputs;
-  if (together_ && result_.variation.period == 0 && data_.experiments() < unknowns)
+  if (together_ && result_.variation.period == 0 && data_->experiments() < unknowns)
     warn(
         fmt::format("{} are fewer than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on "
                     "variation stands in for what they don't show; judge the model by other data",
-                    words::plural(data_.experiments(), "experiment"), unknowns));
+                    words::plural(data_->experiments(), "experiment"), unknowns));
   if (options_.states > 0 && model.states() < options_.states)
     warn(fmt::format("{} states asked for, but the Hankel matrices have at most rank {}", options_.states,
                      model.states()));
-  if (data_.free.experiments > 0 && model.states() > 0 && model.full_begin() > arx_.k_begin)
+  if (data_->free.experiments > 0 && model.states() > 0 && model.full_begin() > arx_.k_begin)
     warn(fmt::format("the {} free responses don't show all {} states from step {} on, but only from step {}",
-                     data_.free.experiments, model.states(), arx_.k_begin, model.full_begin()));
+                     data_->free.experiments, model.states(), arx_.k_begin, model.full_begin()));
   if (initial_ == InitialState::unknown && model.states() > 0 && model.k_begin > 0)
     warn(fmt::format("initial states are unknown: the model begins at step {}, the first with the full state dimension",
                      model.k_begin));
@@ -726,14 +736,14 @@ void Pipeline::evaluate() {
   o.initial_state = initial_;
   if (result_.held_out) {
     result_.validation = validate(result_.model, held_out_, o);
-  } else {
+  } else if (nominal_) {
     // The model adds the nominal trajectory back, so the training data are needed as they were measured.
-    Ensemble measured = data_;
-    if (nominal_) measured = departures(std::move(measured), {-nominal_->u, -nominal_->y});
-    result_.validation = validate(result_.model, measured, o);
+    result_.validation = validate(result_.model, departures(*data_, {-nominal_->u, -nominal_->y}), o);
+  } else {
+    result_.validation = validate(result_.model, *data_, o);
   }
   for (const std::string& text : result_.validation.warnings) warn(text);
-  for (std::string& text : warnings_of_fit(result_.validation.one_step.fit, data_.names)) warn(std::move(text));
+  for (std::string& text : warnings_of_fit(result_.validation.one_step.fit, data_->names)) warn(std::move(text));
 }
 
 Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index keep_end, bool first) {
@@ -752,7 +762,7 @@ Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index ke
     o.initial_state = initial_;
     o.spent = nominal_ ? 1 : 0;
     o.execution.threads = options_.execution.threads;
-    arx_ = gtv_arx(data_, o);
+    arx_ = gtv_arx(*data_, o);
     result.regressions = survey_regressions(keep_begin, keep_end);
   }
   result_.noisy = settled.noisy;
@@ -763,32 +773,32 @@ Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index ke
   result.model.u_nominal.resize(0, 0);
   result.model.y_nominal.resize(0, 0);
   result.nominal = std::move(nominal_);
-  result.departures = std::move(data_);
+  result.departures = data_ == &own_ ? std::move(own_) : *data_;
   return result;
 }
 
 Identification Pipeline::run() {
   const auto begin = std::chrono::steady_clock::now();
   check_options(options_);
-  data_.check();
-  if (data_.inputs() == 0 || data_.outputs() == 0)
+  data_->check();
+  if (data_->inputs() == 0 || data_->outputs() == 0)
     throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
-                                            data_.inputs(), data_.outputs()));
-  Survey samples = survey(data_, 0, data_.steps());
-  check_magnitudes(samples, data_.names, data_.inputs());
+                                            data_->inputs(), data_->outputs()));
+  Survey samples = survey(*data_, 0, data_->steps());
+  check_magnitudes(samples, data_->names, data_->inputs());
   hold_out();
-  if (result_.held_out) samples = survey(data_, 0, data_.steps());
-  const std::string fingerprint = tokid::fingerprint(data_);
-  result_.experiments = data_.experiments();
-  result_.steps = data_.steps();
+  if (result_.held_out) samples = survey(*data_, 0, data_->steps());
+  const std::string fingerprint = tokid::fingerprint(*data_);
+  result_.experiments = data_->experiments();
+  result_.steps = data_->steps();
   if (options_.period == 0)
-    for (std::string& text : warnings_of_inputs(samples, data_.names)) warn(std::move(text));
-  for (std::string& text : warnings_of_outputs(samples, data_.names)) warn(std::move(text));
+    for (std::string& text : warnings_of_inputs(samples, data_->names)) warn(std::move(text));
+  for (std::string& text : warnings_of_outputs(samples, data_->names)) warn(std::move(text));
   remove_nominal();
   check_method();
-  if (options_.lags > 0 && options_.lags * data_.outputs() < options_.states)
+  if (options_.lags > 0 && options_.lags * data_->outputs() < options_.states)
     warn(fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", options_.lags,
-                     data_.outputs(), options_.lags * data_.outputs(), options_.states));
+                     data_->outputs(), options_.lags * data_->outputs(), options_.states));
   if (!regress_each_step()) regress_together();
   realise_model();
   warn_of_states();

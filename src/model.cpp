@@ -39,15 +39,25 @@ void check_channels(const Model& model, const Ensemble& data, bool with_outputs)
 }
 
 // Inputs and outputs of one step as departures from the nominal trajectory.
-Matrix input_departure(const Model& model, const Ensemble& data, Index k) {
-  Matrix u = data.input(k);
+void input_departure(const Model& model, const Ensemble& data, Index k, Matrix& u) {
+  u = data.input(k);
   if (k < model.u_nominal.rows()) u.rowwise() -= model.u_nominal.row(k);
+}
+
+Matrix input_departure(const Model& model, const Ensemble& data, Index k) {
+  Matrix u;
+  input_departure(model, data, k, u);
   return u;
 }
 
-Matrix output_departure(const Model& model, const Ensemble& data, Index k) {
-  Matrix y = data.output(k);
+void output_departure(const Model& model, const Ensemble& data, Index k, Matrix& y) {
+  y = data.output(k);
   if (k < model.y_nominal.rows()) y.rowwise() -= model.y_nominal.row(k);
+}
+
+Matrix output_departure(const Model& model, const Ensemble& data, Index k) {
+  Matrix y;
+  output_departure(model, data, k, y);
   return y;
 }
 
@@ -61,20 +71,52 @@ Ensemble outputs_for(const Model& model, const Ensemble& inputs) {
   return result;
 }
 
-void store_output(const Model& model, Index k, Matrix y, Ensemble& result) {
-  if (k < model.y_nominal.rows()) y.rowwise() += model.y_nominal.row(k);
-  result.output(k) = y;
+void store_output(const Model& model, Index k, const Matrix& y, Ensemble& result) {
+  auto stored = result.output(k);
+  stored = y;
+  if (k < model.y_nominal.rows()) stored.rowwise() += model.y_nominal.row(k);
 }
 
-// Experiments as rows: y = x Cᵀ + u Dᵀ, x⁺ = x Aᵀ + u Bᵀ.
-Matrix output(const Model& model, Index k, const Matrix& x, const Matrix& u) {
+// A general product copies its factors before it multiplies, which takes longer than to multiply by so small a one.
+bool is_small(const Matrix& a) {
+  constexpr Index few = 8;
+  return a.rows() <= few && a.cols() <= few;
+}
+
+// Experiments as rows: z = x aᵀ + u bᵀ.
+void combine(const Matrix& x, const Matrix& a, const Matrix& u, const Matrix& b, Matrix& z) {
+  z.resize(x.rows(), a.rows());
+  if (is_small(a) && is_small(b)) {
+    z.noalias() = x.lazyProduct(a.transpose());
+    z.noalias() += u.lazyProduct(b.transpose());
+  } else {
+    z.noalias() = x * a.transpose();
+    z.noalias() += u * b.transpose();
+  }
+}
+
+// y = x Cᵀ + u Dᵀ
+void output(const Model& model, Index k, const Matrix& x, const Matrix& u, Matrix& y) {
   const size_t s = model.at(k);
-  return x * model.C[s].transpose() + u * model.D[s].transpose();
+  combine(x, model.C[s], u, model.D[s], y);
+}
+
+Matrix output(const Model& model, Index k, const Matrix& x, const Matrix& u) {
+  Matrix y;
+  output(model, k, x, u, y);
+  return y;
+}
+
+// x⁺ = x Aᵀ + u Bᵀ
+void next_state(const Model& model, Index k, const Matrix& x, const Matrix& u, Matrix& next) {
+  const size_t s = model.at(k);
+  combine(x, model.A[s], u, model.B[s], next);
 }
 
 Matrix next_state(const Model& model, Index k, const Matrix& x, const Matrix& u) {
-  const size_t s = model.at(k);
-  return x * model.A[s].transpose() + u * model.B[s].transpose();
+  Matrix next;
+  next_state(model, k, x, u, next);
+  return next;
 }
 
 }  // namespace
@@ -139,14 +181,9 @@ void Model::check() const {
     throw std::invalid_argument("model: u_nominal, y_nominal, x0_mean or x0_cov has a value that is not finite");
 }
 
-namespace {
-
-// Has a periodic model fewer steps than the data need?
 bool ends_early(const Model& model, Index steps) {
   return model.period > 0 && model.steps() >= model.period && model.k_end() < steps;
 }
-
-}  // namespace
 
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) {
   if (ends_early(model, inputs.steps())) return simulate(continued(model, inputs.steps()), inputs, x0);
@@ -163,10 +200,13 @@ Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) 
     x = x0.transpose();
   else if (has_initial_estimate(model, inputs.initial_state.value_or(model.initial_state)))
     x.rowwise() += model.x0_mean.transpose();
+  Matrix u, y, next;
   for (Index k = model.k_begin; k < end; ++k) {
-    const Matrix u = input_departure(model, inputs, k);
-    store_output(model, k, output(model, k, x, u), result);
-    x = next_state(model, k, x, u);
+    input_departure(model, inputs, k, u);
+    output(model, k, x, u, y);
+    store_output(model, k, y, result);
+    next_state(model, k, x, u, next);
+    x.swap(next);
   }
   return result;
 }
@@ -188,7 +228,8 @@ class Observer {
         window_(estimation_window(model)),
         k_(k),
         x_(Matrix::Zero(data.experiments(), model.n(k))),
-        since_(size_t(data.experiments()), x ? sees : k) {
+        since_(size_t(data.experiments()), x ? sees : k),
+        all_see_(x.has_value()) {
     if (x) x_.rowwise() += x->transpose();
   }
 
@@ -197,34 +238,57 @@ class Observer {
   // x̂_k, rows of NaN where the state is not known.
   Matrix state() const {
     Matrix x = x_;
-    for (size_t n = 0; n < since_.size(); ++n)
-      if (since_[n] != sees) x.row(Index(n)).setConstant(nan);
+    blank(x);
     return x;
   }
 
-  void advance() {
-    Matrix u = input_departure(model_, data_, k_);
-    for (Index n = 0; n < u.rows(); ++n) {
-      if (u.row(n).allFinite()) continue;
-      u.row(n).setZero();
-      since_[size_t(n)] = k_ + 1;
+  // To step k+1, with ŷ_k and y_k - ŷ_k (N × m), rows of NaN where x̂_k is not known.
+  void advance(Matrix& y, Matrix& innovation) {
+    input_departure(model_, data_, k_, u_);
+    const bool inputs_missing = !std::isfinite(u_.sum());  // at least so where one is
+    if (inputs_missing) {
+      for (Index n = 0; n < u_.rows(); ++n) {
+        if (u_.row(n).allFinite()) continue;
+        u_.row(n).setZero();
+        since_[size_t(n)] = k_ + 1;
+        all_see_ = false;
+      }
     }
-    correct(k_, u, data_, x_);
+    correct(k_, data_, x_, y, innovation);
+    blank(y);
+    blank(innovation);
     ++k_;
     if (k_ < model_.k_end()) recover();
   }
 
  private:
-  // x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k)                                                          (9)
-  void correct(Index k, const Matrix& u, const Ensemble& data, Matrix& x) const {
-    Matrix innovation = output_departure(model_, data, k) - output(model_, k, x, u);
-    for (double& e : innovation.reshaped())
-      if (std::isnan(e)) e = 0.0;  // a missing output corrects nothing
-    x = next_state(model_, k, x, u) - innovation * model_.G[model_.at(k)].transpose();
+  // Rows of those that are blind become NaN.
+  void blank(Matrix& rows) const {
+    if (all_see_) return;
+    for (size_t n = 0; n < since_.size(); ++n)
+      if (since_[n] != sees) rows.row(Index(n)).setConstant(nan);
+  }
+
+  // x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) from the inputs u_                                       (9)
+  void correct(Index k, const Ensemble& data, Matrix& x, Matrix& y, Matrix& innovation) {
+    output(model_, k, x, u_, y);
+    output_departure(model_, data, k, innovation);
+    innovation -= y;
+    next_state(model_, k, x, u_, next_);
+    seen_ = innovation;
+    if (!std::isfinite(seen_.sum()))
+      seen_ = seen_.array().isNaN().select(0.0, seen_);  // a missing output corrects nothing
+    const Matrix& gain = model_.G[model_.at(k)];
+    if (is_small(gain))
+      next_.noalias() -= seen_.lazyProduct(gain.transpose());
+    else
+      next_.noalias() -= seen_ * gain.transpose();
+    x.swap(next_);
   }
 
   // Blind experiments whose samples since then may tell the state. A window that fails grows, up to twice its size.
   void recover() {
+    if (all_see_) return;
     std::map<Index, std::vector<Index>> windows;  // first step → experiments
     for (size_t n = 0; n < since_.size(); ++n) {
       if (since_[n] == sees || k_ - since_[n] < window_) continue;
@@ -234,13 +298,17 @@ class Observer {
     for (const auto& [from, rows] : windows) {
       const Ensemble part = data_.subset(rows);
       Matrix x = estimate_state(model_, part, from, k_ - from).transpose();
-      for (Index k = from; k < k_; ++k) correct(k, input_departure(model_, part, k), part, x);
+      for (Index k = from; k < k_; ++k) {
+        input_departure(model_, part, k, u_);
+        correct(k, part, x, y_, innovation_);
+      }
       for (size_t i = 0; i < rows.size(); ++i) {
         if (!x.row(Index(i)).allFinite()) continue;
         x_.row(rows[i]) = x.row(Index(i));
         since_[size_t(rows[i])] = sees;
       }
     }
+    all_see_ = std::all_of(since_.begin(), since_.end(), [](Index k) { return k == sees; });
   }
 
   bool may_tell(Index n, Index from) const {
@@ -259,6 +327,8 @@ class Observer {
   Index window_, k_;
   Matrix x_;                  // (N × n_k)
   std::vector<Index> since_;  // (N) first step of the samples since an experiment went blind, or `sees`
+  bool all_see_;
+  Matrix u_, y_, innovation_, seen_, next_;  // of one step
 };
 
 }  // namespace
@@ -345,17 +415,25 @@ Prediction predict(const Model& model, const Ensemble& data, const PredictOption
     for (Index ahead = 1; ahead < horizon && model.k_begin + ahead - 1 < end; ++ahead)
       store_output(model, model.k_begin + ahead - 1, outputs_ahead(model, data, model.k_begin, x, ahead), result.y);
   }
-  const auto store = [&](Index k, const Matrix& x) {
-    result.innovations[size_t(k)] = output_departure(model, data, k) - outputs_ahead(model, data, k, x, 1);
+  const auto store_ahead = [&](Index k, const Matrix& x) {
     if (horizon <= end - k) store_output(model, k + horizon - 1, outputs_ahead(model, data, k, x, horizon), result.y);
   };
   if (start && knows_noise(model) && samples_missing(data, model.k_begin, end)) {
     const std::vector<Matrix> states = filtered_states(model, data, from_zero);
-    for (Index k = model.k_begin; k < end; ++k) store(k, states[model.at(k)]);
+    for (Index k = model.k_begin; k < end; ++k) {
+      const Matrix& x = states[model.at(k)];
+      result.innovations[size_t(k)] = output_departure(model, data, k) - outputs_ahead(model, data, k, x, 1);
+      store_ahead(k, x);
+    }
     return result;
   }
   Observer observer(model, data, start ? model.k_begin : model.full_begin(), start);
-  for (; observer.k() < end; observer.advance()) store(observer.k(), observer.state());
+  for (Matrix y; observer.k() < end;) {
+    const Index k = observer.k();
+    if (horizon > 1) store_ahead(k, observer.state());
+    observer.advance(y, result.innovations[size_t(k)]);
+    if (horizon == 1) store_output(model, k, y, result.y);
+  }
   return result;
 }
 

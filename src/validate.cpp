@@ -19,14 +19,27 @@ constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 // Innovations below this share of the outputs are errors of arithmetic, which no test of noise applies to.
 constexpr double arithmetic = 1e-9;
 
-// Calls use(y, ŷ, k) for every sample of output j that is both measured and computed.
+// Calls use(y, ŷ, k) with arrays of the samples of output j that are both measured and computed, step by step.
 template <class Use>
 void for_each_pair(const Ensemble& measured, const Ensemble& computed, Index j, Use&& use) {
-  for (Index k = 0; k < measured.steps(); ++k)
-    for (Index n = 0; n < measured.experiments(); ++n) {
-      const double y = measured.y(n, k, j), y_hat = computed.y(n, k, j);
-      if (!std::isnan(y) && !std::isnan(y_hat)) use(y, y_hat, k);
+  Vector y, y_hat;
+  for (Index k = 0; k < measured.steps(); ++k) {
+    const auto all = measured.output(k).col(j);
+    const auto all_hat = computed.output(k).col(j);
+    if (std::isfinite((all - all_hat).sum())) {
+      use(all.array(), all_hat.array(), k);
+      continue;
     }
+    y.resize(all.size());
+    y_hat.resize(all.size());
+    Index count = 0;
+    for (Index n = 0; n < all.size(); ++n)
+      if (!std::isnan(all(n)) && !std::isnan(all_hat(n))) {
+        y(count) = all(n);
+        y_hat(count++) = all_hat(n);
+      }
+    use(y.head(count).array(), y_hat.head(count).array(), k);
+  }
 }
 
 }  // namespace
@@ -42,17 +55,16 @@ Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nomi
   for (Index j = 0; j < m; ++j) {
     double sum = 0.0, error = 0.0, spread = 0.0;
     Index count = 0;
-    for_each_pair(measured, computed, j, [&](double y, double y_hat, Index) {
-      sum += y;
-      error += (y - y_hat) * (y - y_hat);
-      ++count;
+    for_each_pair(measured, computed, j, [&](const auto& y, const auto& y_hat, Index) {
+      sum += y.sum();
+      error += (y - y_hat).square().sum();
+      count += y.size();
     });
     result.samples = std::min(result.samples, count);
     if (count == 0) continue;
     const double mean = sum / double(count);
-    for_each_pair(measured, computed, j, [&](double y, double, Index k) {
-      const double reference = k < y_nominal.rows() ? y_nominal(k, j) : mean;
-      spread += (y - reference) * (y - reference);
+    for_each_pair(measured, computed, j, [&](const auto& y, const auto&, Index k) {
+      spread += (y - (k < y_nominal.rows() ? y_nominal(k, j) : mean)).square().sum();
     });
     result.rmse(j) = std::sqrt(error / double(count));
     result.fit(j) = spread > 0 ? 100 * (1 - std::sqrt(error / spread)) : error > 0 ? nan : 100.0;
@@ -61,8 +73,7 @@ Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nomi
 }
 
 Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
-  if (const Model longer = continued(model, data.steps()); longer.steps() > model.steps())
-    return simulate_data(longer, data, initial_state);
+  if (ends_early(model, data.steps())) return simulate_data(continued(model, data.steps()), data, initial_state);
   const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
   if (starts_from_zero(model, initial))
     return simulate(model, data, Matrix::Zero(model.state_dim.front(), data.experiments()));
@@ -96,8 +107,7 @@ Innovations standardised(const Model& model, Innovations innovations) {
 }  // namespace
 
 Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& options) {
-  if (const Model longer = continued(model, data.steps()); longer.steps() > model.steps())
-    return judge(longer, data, options);
+  if (ends_early(model, data.steps())) return judge(continued(model, data.steps()), data, options);
   if (std::min(model.k_end(), data.steps()) <= model.k_begin)
     throw std::invalid_argument(
         fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
@@ -117,17 +127,26 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
   bool any = false;
   for (Index k = 0; k < data.steps(); ++k) {
     const Matrix& e = prediction.innovations[size_t(k)];
-    const bool predicted = (e.array() == e.array()).any();
-    if (!predicted) continue;
-    if (!any) result.first_predicted = k;
-    any = true;
-    for (Index j = 0; j < e.cols(); ++j)
-      for (Index n = 0; n < e.rows(); ++n) {
-        if (std::isnan(e(n, j))) continue;
-        const double y = data.y(n, k, j) - (k < model.y_nominal.rows() ? model.y_nominal(k, j) : 0.0);
-        innovation += e(n, j) * e(n, j);
-        output += y * y;
+    bool predicted = false;
+    for (Index j = 0; j < e.cols(); ++j) {
+      const double nominal = k < model.y_nominal.rows() ? model.y_nominal(k, j) : 0.0;
+      const auto all = e.col(j).array();
+      const auto y = data.output(k).col(j).array() - nominal;
+      if (std::isfinite(all.sum())) {
+        predicted = predicted || all.size() > 0;
+        innovation += all.square().sum();
+        output += y.square().sum();
+        continue;
       }
+      for (Index n = 0; n < e.rows(); ++n) {
+        if (std::isnan(all(n))) continue;
+        predicted = true;
+        innovation += all(n) * all(n);
+        output += y(n) * y(n);
+      }
+    }
+    if (predicted && !any) result.first_predicted = k;
+    any = any || predicted;
   }
   result.noisy = innovation > arithmetic * arithmetic * output;
   if (result.noisy && options.whiteness_lags > 0) {

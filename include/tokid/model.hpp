@@ -126,6 +126,8 @@ Matrix gain_pulse_response(const Model& model, Index k, Index i);
 // O_k = [C_k; C_{k+1} A_k; …] with the given number of block rows (fewer at the end of the model): (rows·m × n_k)
 Matrix observability(const Model& model, Index k, Index rows);
 
+// Has a periodic model fewer steps than data of so many need?
+bool ends_early(const Model& model, Index steps);
 // A periodic model with steps up to `end` at least; any other is returned as it is. Its nominal trajectory goes on with
 // the same period.
 Model continued(Model model, Index end);

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "linalg/simd.hpp"
 
@@ -46,12 +45,13 @@ HWY_INLINE bool rotate(double* p, double* q, size_t n, Vec tolerance) {
   return true;
 }
 
-// a: Aᵀ (even × rows); r: packed triangle; l: L (rows × rows), its columns U Σ; norm: Σ, NaN where it was not found
-void Decompose(double* a, size_t even, size_t rows, double* r, double* l, double* norm) {
+// a: Aᵀ (even × rows); r: packed triangle, of which the first `count` rows count; l: L (rows × count), its columns U Σ;
+// norm: Σ, NaN where it was not found
+void Decompose(double* a, size_t even, size_t rows, size_t count, double* r, double* l, double* norm) {
   const Tag tag;
   for (size_t i = 0; i < rows * (rows + 1) / 2; ++i) store(hn::Zero(tag), r, i);
   absorb(a, even, rows, r);
-  for (size_t j = 0; j < rows; ++j)
+  for (size_t j = 0; j < count; ++j)
     for (size_t i = 0; i < rows; ++i) store(i < j ? hn::Zero(tag) : load(r, packed(j, i)), l, j * rows + i);
   // Rounding of the products, which no rotation takes away.
   const Vec tolerance = hn::Set(tag, double(std::max<size_t>(rows, 4)) * std::numeric_limits<double>::epsilon());
@@ -59,11 +59,11 @@ void Decompose(double* a, size_t even, size_t rows, double* r, double* l, double
   bool turned = true;
   for (int sweep = 0; sweep < most_sweeps && turned; ++sweep) {
     turned = false;
-    for (size_t p = 0; p + 1 < rows; ++p)
-      for (size_t q = p + 1; q < rows; ++q)
+    for (size_t p = 0; p + 1 < count; ++p)
+      for (size_t q = p + 1; q < count; ++q)
         turned |= rotate(l + p * rows * lanes, l + q * rows * lanes, rows, tolerance);
   }
-  for (size_t j = 0; j < rows; ++j) {
+  for (size_t j = 0; j < count; ++j) {
     Vec square = hn::Zero(tag);
     for (size_t i = 0; i < rows; ++i) {
       const Vec x = load(l, j * rows + i);
@@ -90,40 +90,32 @@ Index LaneSvd::most_rows() { return 32; }
 LaneSvd::LaneSvd(Index rows, Index cols)
     : rows_(rows),
       cols_(cols),
+      count_(std::min(rows, cols)),
       even_(cols + cols % 2),
       lanes_(lanes()),
-      memory_(lanes_, {{&a_, rows * even_}, {&r_, rows * (rows + 1) / 2}, {&l_, rows * rows}, {&norm_, rows}}),
+      memory_(lanes_, {{&a_, rows * even_}, {&r_, rows * (rows + 1) / 2}, {&l_, rows * count_}, {&norm_, count_}}),
       found_(size_t(lanes_)) {}
 
 void LaneSvd::run() {
   if (even_ > cols_)
     for (Index i = 0; i < rows_; ++i)
       for (Index l = 0; l < lanes_; ++l) entry(l, i, cols_) = 0.0;
-  TOKID_KERNEL(Decompose)(a_, size_t(even_), size_t(rows_), r_, l_, norm_);
+  TOKID_KERNEL(Decompose)(a_, size_t(even_), size_t(rows_), size_t(count_), r_, l_, norm_);
   // Between these bounds the squares of what rounding errors leave of zero are numbers too.
   constexpr double least = 1e-130, most = 1e150;
-  const Index count = std::min(rows_, cols_);
   for (Index l = 0; l < lanes_; ++l) {
-    double largest = 0.0;
-    Index above = 0;
-    bool finite = true;
-    for (Index j = 0; j < rows_; ++j) {
-      const double s = norm_[j * lanes_ + l];
-      finite = finite && s < most;
-      largest = std::max(largest, s);
-      above += s > least;
-    }
-    found_[size_t(l)] = finite && above >= count && largest > least;
+    bool found = true;
+    for (Index j = 0; j < count_; ++j) found = found && norm_[j * lanes_ + l] > least && norm_[j * lanes_ + l] < most;
+    found_[size_t(l)] = found;
   }
 }
 
 void LaneSvd::take(Index l, Matrix& u, Vector& s) const {
-  const Index count = std::min(rows_, cols_);
-  u.resize(rows_, count);
-  s.resize(count);
-  Vector all(rows_);
-  for (Index j = 0; j < rows_; ++j) all(j) = norm_[j * lanes_ + l];
-  for (Index c = 0; c < count; ++c) {  // the largest first
+  u.resize(rows_, count_);
+  s.resize(count_);
+  Vector all(count_);
+  for (Index j = 0; j < count_; ++j) all(j) = norm_[j * lanes_ + l];
+  for (Index c = 0; c < count_; ++c) {  // the largest first
     Index largest = 0;
     s(c) = all.maxCoeff(&largest);
     all(largest) = -1.0;

@@ -31,7 +31,7 @@ class LaneSvd {
   void take(Index l, Matrix& u, Vector& s) const;
 
  private:
-  Index rows_, cols_, even_, lanes_;
+  Index rows_, cols_, count_, even_, lanes_;
   double *a_ = nullptr, *r_ = nullptr, *l_ = nullptr, *norm_ = nullptr;
   LaneMemory memory_;
   std::vector<char> found_;
