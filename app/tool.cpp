@@ -1,6 +1,9 @@
 // The command line tool: one subcommand for each use of the library.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fcntl.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <unistd.h>
 
 #include <csignal>
@@ -85,6 +88,12 @@ Outcome parse_and_run(int argc, char** argv) {
 }  // namespace
 
 Outcome run_tool(int argc, char** argv) {
+#ifdef __GLIBC__
+  // Memory that one stage or block has given back serves the next one: what comes from the system costs a fault for
+  // each of its pages.
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that it takes
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
+#endif
   // A reader that goes away shows as an error of the write.
   std::signal(SIGPIPE, SIG_IGN);
   open_standard_streams();

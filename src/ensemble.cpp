@@ -58,7 +58,7 @@ FreeResponse complete(const FreeResponse& free) {
   return kept;
 }
 
-Ensemble::Ensemble(Index experiments, Index steps, Index inputs, Index outputs, double sample_time)
+Ensemble::Ensemble(Index experiments, Index steps, Index inputs, Index outputs, double sample_time, Samples samples)
     : dt(sample_time), steps_(steps), inputs_(inputs), outputs_(outputs) {
   if (experiments < 0 || steps < 0 || inputs < 0 || outputs < 0 || inputs + outputs == 0)
     throw std::invalid_argument(fmt::format("ensemble: {} experiments x {} steps with {} inputs and {} outputs",
@@ -67,7 +67,7 @@ Ensemble::Ensemble(Index experiments, Index steps, Index inputs, Index outputs, 
     throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", sample_time));
   samples_.resize(experiments, steps * (inputs + outputs));
   prefer_large_pages(samples_.data(), size_t(samples_.size()) * sizeof(double));
-  samples_.setConstant(std::numeric_limits<double>::quiet_NaN());
+  if (samples == Samples::missing) samples_.setConstant(std::numeric_limits<double>::quiet_NaN());
 }
 
 Index Ensemble::missing() const {

@@ -176,7 +176,8 @@ void Pipeline::remove_nominal() {
     throw std::invalid_argument("nominal: one experiment has no mean motion to depart from, at least 2 needed");
   nominal_ = nominal_trajectory(*data_);
   if (options_.period > 0) share_phases(*nominal_, options_.period);
-  own_ = departures(data_ == &own_ ? std::move(own_) : *data_, *nominal_);
+  if (data_ != &own_) own_ = *data_;
+  own_ = departures(std::move(own_), *nominal_);
   data_ = &own_;
   // Free responses share a nominal motion of their own; its departures are free responses too.
   FreeResponse& free = own_.free;
@@ -773,7 +774,7 @@ Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index ke
   result.model.u_nominal.resize(0, 0);
   result.model.y_nominal.resize(0, 0);
   result.nominal = std::move(nominal_);
-  result.departures = data_ == &own_ ? std::move(own_) : *data_;
+  result.departures = std::move(own_);
   return result;
 }
 

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "em/smoother.hpp"
+#include "linalg/tall_product.hpp"
 
 namespace tokid {
 
@@ -77,22 +78,11 @@ void store_output(const Model& model, Index k, const Matrix& y, Ensemble& result
   if (k < model.y_nominal.rows()) stored.rowwise() += model.y_nominal.row(k);
 }
 
-// A general product copies its factors before it multiplies, which takes longer than to multiply by so small a one.
-bool is_small(const Matrix& a) {
-  constexpr Index few = 8;
-  return a.rows() <= few && a.cols() <= few;
-}
-
 // Experiments as rows: z = x aᵀ + u bᵀ.
 void combine(const Matrix& x, const Matrix& a, const Matrix& u, const Matrix& b, Matrix& z) {
   z.resize(x.rows(), a.rows());
-  if (is_small(a) && is_small(b)) {
-    z.noalias() = x.lazyProduct(a.transpose());
-    z.noalias() += u.lazyProduct(b.transpose());
-  } else {
-    z.noalias() = x * a.transpose();
-    z.noalias() += u * b.transpose();
-  }
+  linalg::tall_product(x, a, linalg::Into::set, z);
+  linalg::tall_product(u, b, linalg::Into::add, z);
 }
 
 // y = x Cᵀ + u Dᵀ
@@ -278,11 +268,7 @@ class Observer {
     seen_ = innovation;
     if (!std::isfinite(seen_.sum()))
       seen_ = seen_.array().isNaN().select(0.0, seen_);  // a missing output corrects nothing
-    const Matrix& gain = model_.G[model_.at(k)];
-    if (is_small(gain))
-      next_.noalias() -= seen_.lazyProduct(gain.transpose());
-    else
-      next_.noalias() -= seen_ * gain.transpose();
+    linalg::tall_product(seen_, model_.G[model_.at(k)], linalg::Into::subtract, next_);
     x.swap(next_);
   }
 

@@ -4,12 +4,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
+#include "linalg/column_range.hpp"
 #include "words.hpp"
 
 namespace tokid {
@@ -19,9 +21,6 @@ namespace {
 std::string channel_name(const Channels& names, Index inputs, size_t c) {
   return Index(c) < inputs ? "input " + names.input(Index(c)) : "output " + names.output(Index(c) - inputs);
 }
-
-// NaN and infinities leave no zero behind.
-bool all_finite(const Eigen::Ref<const Vector>& column) { return (0.0 * column).sum() == 0; }
 
 }  // namespace
 
@@ -54,16 +53,17 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
     for (Index c = 0; c < d; ++c) {
       const auto column = e.samples().col(k * d + c);
       ChannelRange& range = result.channel[size_t(c)];
-      const double least = column.minCoeff<Eigen::PropagateNumbers>();
-      const double most = column.maxCoeff<Eigen::PropagateNumbers>();
+      auto [finite, least, most] = linalg::column_range(column.data(), column.size());
       Index present = column.size();
-      if (!all_finite(column)) {
+      if (!finite) {
         for (Index n = 0; n < column.size(); ++n)
           if (std::isinf(column(n)))
             throw std::invalid_argument(
                 fmt::format("{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed",
                             channel_name(e.names, e.inputs(), size_t(c)), n, origin + k));
         present = (column.array() == column.array()).count();
+        least = column.minCoeff<Eigen::PropagateNumbers>();
+        most = column.maxCoeff<Eigen::PropagateNumbers>();
       }
       absent += column.size() - present;
       range.present += present;
@@ -122,13 +122,19 @@ std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channel
 }
 
 std::uint64_t digest(const Ensemble& e, Index k) {
-  const Index d = e.channels();
-  // One bit pattern for every missing sample, and for both zeros.
-  Matrix samples = e.samples().middleCols(k * d, d).array() + 0.0;
-  if (!all_finite(samples.reshaped()))
-    for (double& value : samples.reshaped())
-      if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
-  return XXH3_64bits(samples.data(), size_t(samples.size()) * sizeof(double));
+  const auto samples = e.samples().middleCols(k * e.channels(), e.channels()).reshaped();
+  XXH3_state_t state;
+  XXH3_64bits_reset(&state);
+  std::array<double, 512> piece;
+  for (Index begin = 0; begin < samples.size(); begin += Index(piece.size())) {
+    const Index count = std::min(Index(piece.size()), samples.size() - begin);
+    Eigen::Map<Vector> values(piece.data(), count);
+    values = samples.segment(begin, count).array() + 0.0;  // one bit pattern for both zeros,
+    if (std::isnan(values.sum()))                          // and for every missing sample
+      values = values.array().isNaN().select(std::numeric_limits<double>::quiet_NaN(), values);
+    XXH3_64bits_update(&state, piece.data(), size_t(count) * sizeof(double));
+  }
+  return XXH3_64bits_digest(&state);
 }
 
 std::string fingerprint(Index experiments, Index inputs, Index outputs, const std::vector<std::uint64_t>& digests) {

@@ -38,6 +38,8 @@ class EnsembleFile {
   // The steps begin … end-1 as stretch() would have them of the whole ensemble, with the same steps of the free
   // responses. May be called from several threads. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T, IoError
   Ensemble read(Index begin, Index end) const;
+  // Has the system fetch the steps begin … end-1, which will be read soon, while something else is done: a hint.
+  void expect(Index begin, Index end) const;
 
  private:
   struct Content;

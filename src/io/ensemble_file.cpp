@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <array>
 #include <mutex>
 
 #include "formats.hpp"
 #include "hdf5_blocks.hpp"
+#include "linalg/transposition.hpp"
 #include "naming.hpp"
 #include "schema.hpp"
 #include "tokid/stream.hpp"
@@ -27,21 +29,11 @@ void check(const io::EnsembleOutline& outline) {
   one.check();
 }
 
-// A few rows at a time lie in the cache, and whole cache lines of the columns are written at once.
-void transpose(const double* rows, Index count, Index steps, Index channels, Index first_row, Index first_channel,
-               Ensemble& to) {
-  constexpr Index tile = 16;
-  const Index stride = steps * channels, d = to.channels(), column = to.experiments();
-  double* samples = const_cast<double*>(to.samples().data()) + first_row;
-  for (Index n0 = 0; n0 < count; n0 += tile) {
-    const Index n1 = std::min(count, n0 + tile);
-    for (Index k = 0; k < steps; ++k)
-      for (Index c = 0; c < channels; ++c) {
-        const double* from = rows + k * channels + c;
-        double* target = samples + (k * d + first_channel + c) * column;
-        for (Index n = n0; n < n1; ++n) target[n] = from[n * stride];
-      }
-  }
+// Of experiments, steps and channels; one experiment may go without its axis.
+io::Hyperslab slab(const io::Hdf5Source::Samples& samples, const std::array<Index, 3>& begin,
+                   const std::array<Index, 3>& count) {
+  const size_t axis = samples.rank() == 2 ? 1 : 0;
+  return {{begin.begin() + axis, begin.end()}, {count.begin() + axis, count.end()}};
 }
 
 }  // namespace
@@ -68,12 +60,15 @@ struct EnsembleFile::Content {
     const Index least = std::max<Index>(1, bytes / row);
     const Index rows = std::min(to.experiments(), (least + together - 1) / together * together);
     buffer.resize(size_t(rows * to.steps() * channels));
+    columns.clear();
+    for (Index k = 0; k < to.steps(); ++k)
+      for (Index c = 0; c < channels; ++c)
+        columns.push_back(to.samples().col(k * to.channels() + first_channel + c).data());
     for (Index n = 0; n < to.experiments(); n += rows) {
       const Index count = std::min(rows, to.experiments() - n);
-      io::Hyperslab part{{hsize_t(n), hsize_t(begin), 0}, {hsize_t(count), hsize_t(to.steps()), hsize_t(channels)}};
-      if (samples.rank() == 2) part.begin.erase(part.begin.begin()), part.count.erase(part.count.begin());
-      samples.read(part, buffer.data());
-      transpose(buffer.data(), count, to.steps(), channels, n, first_channel, to);
+      samples.read(slab(samples, {n, begin, 0}, {count, to.steps(), channels}), buffer.data());
+      linalg::transpose(buffer.data(), count, to.steps() * channels, columns);
+      for (double*& column : columns) column += count;
     }
   }
 
@@ -82,6 +77,7 @@ struct EnsembleFile::Content {
   io::Hdf5Source source;
   io::Hdf5Source::Samples u, y;
   std::vector<double> buffer;
+  std::vector<double*> columns;
   std::mutex mutex;  // the library reads for one thread at a time
 };
 
@@ -108,7 +104,7 @@ Ensemble EnsembleFile::read(Index begin, Index end) const {
   if (begin < 0 || begin >= end || end > all.steps)
     throw std::invalid_argument(
         fmt::format("read: steps {} to {} asked for, the ensemble has {}", begin, end - 1, all.steps));
-  Ensemble part(all.experiments, end - begin, all.inputs, all.outputs, all.dt);
+  Ensemble part(all.experiments, end - begin, all.inputs, all.outputs, all.dt, Ensemble::Samples::unset);
   io::naming(content_->path, [&] {
     const std::lock_guard lock(content_->mutex);
     content_->read(content_->u, all.inputs, 0, begin, part);
@@ -127,6 +123,14 @@ Ensemble EnsembleFile::read(Index begin, Index end) const {
     part.free.y = all.free.y.middleCols(begin * all.outputs, (known - begin) * all.outputs);
   }
   return part;
+}
+
+void EnsembleFile::expect(Index begin, Index end) const {
+  const io::EnsembleOutline& all = content_->outline;
+  end = std::min(end, all.steps);
+  if (begin >= end) return;
+  for (const auto* samples : {&content_->u, &content_->y})
+    samples->expect(slab(*samples, {0, begin, 0}, {all.experiments, end - begin, 0}));
 }
 
 std::optional<double> bytes_in_blocks(const fs::path& path) {

@@ -44,12 +44,34 @@ void reserve(const std::filesystem::path& path, std::uint64_t bytes) {
 
 }  // namespace
 
-Hdf5Source::Hdf5Source(const std::filesystem::path& path) : file_(open_for_blocks(path)) {}
+// Without one there are no hints.
+Hdf5Source::Descriptor::Descriptor(const std::filesystem::path& path)
+    : number(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {}
+
+Hdf5Source::Descriptor::~Descriptor() {
+  if (number >= 0) ::close(number);
+}
+
+Hdf5Source::Hdf5Source(const std::filesystem::path& path) : file_(open_for_blocks(path)), descriptor_(path) {
+  // Blocks of time are short runs far from each other. What the system would read beyond them is of no use for long:
+  // the whole of a file, for every block, where it is larger than memory.
+  void* own = nullptr;
+  if (H5Fget_vfd_handle(file_, H5P_DEFAULT, &own) >= 0 && own != nullptr)
+    posix_fadvise(*static_cast<const int*>(own), 0, 0, POSIX_FADV_RANDOM);
+}
 
 Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
-    : name_(name), data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name) {
-  rank_ = checked(H5Sget_simple_extent_ndims(whole(data_, name)), name);
-  const Handle properties(H5Dget_create_plist(data_), H5Pclose, name);
+    : name_(name),
+      data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name),
+      descriptor_(source.descriptor_.number) {
+  const Handle space = whole(data_, name);
+  rank_ = checked(H5Sget_simple_extent_ndims(space), name);
+  size_.resize(size_t(rank_));
+  checked(H5Sget_simple_extent_dims(space, size_.data(), nullptr), name);
+  const Handle properties(H5Dget_create_plist(data_), H5Pclose, name), type(H5Dget_type(data_), H5Tclose, name);
+  item_ = std::int64_t(H5Tget_size(type));
+  const haddr_t address = H5Pget_layout(properties) == H5D_CONTIGUOUS ? H5Dget_offset(data_) : HADDR_UNDEF;
+  offset_ = address == HADDR_UNDEF ? -1 : std::int64_t(address);
   if (H5Pget_layout(properties) != H5D_CHUNKED) return;
   std::vector<hsize_t> chunk(size_t(rank_), 1);
   checked(H5Pget_chunk(properties, rank_, chunk.data()), name);
@@ -60,6 +82,18 @@ void Hdf5Source::Samples::read(const Hyperslab& part, double* to) const {
   const QuietHdf5 quiet;
   const Handle from = selected(data_, name_, part), memory = memory_of(part);
   checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
+}
+
+void Hdf5Source::Samples::expect(const Hyperslab& part) const {
+  if (descriptor_ < 0 || offset_ < 0 || rank_ < 2) return;
+  // Runs of the last two axes, those of each experiment.
+  const size_t last = size_t(rank_) - 1;
+  const std::int64_t channels = std::int64_t(size_[last]), steps = std::int64_t(size_[last - 1]);
+  const std::int64_t first = rank_ > 2 ? std::int64_t(part.begin[0]) : 0,
+                     count = rank_ > 2 ? std::int64_t(part.count[0]) : 1;
+  for (std::int64_t n = first; n < first + count; ++n)
+    posix_fadvise(descriptor_, offset_ + (n * steps + std::int64_t(part.begin[last - 1])) * channels * item_,
+                  std::int64_t(part.count[last - 1]) * channels * item_, POSIX_FADV_WILLNEED);
 }
 
 Hdf5Sink::Hdf5Sink(const std::filesystem::path& path, std::uint64_t bytes) : path_(path) {

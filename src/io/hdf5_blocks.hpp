@@ -25,16 +25,30 @@ class Hdf5Source {
     // Entries of the first axis that are stored together.
     Index stored_together() const { return together_; }
     void read(const Hyperslab& part, double* to) const;  // row-major. \throws IoError
+    // Has the system fetch what will be read soon, while something else is done. A hint, for data sets in one piece.
+    void expect(const Hyperslab& part) const;
 
    private:
     std::string name_;
     Handle data_;
     int rank_ = 0;
     Index together_ = 1;
+    int descriptor_ = -1;      // of the source
+    std::int64_t offset_ = 0;  // of the first byte of a data set in one piece, or negative
+    std::int64_t item_ = 0;    // bytes of an entry
+    std::vector<hsize_t> size_;
   };
 
  private:
+  struct Descriptor {
+    explicit Descriptor(const std::filesystem::path& path);
+    ~Descriptor();
+    Descriptor(const Descriptor&) = delete;
+    Descriptor& operator=(const Descriptor&) = delete;
+    int number;
+  };
   Handle file_;
+  Descriptor descriptor_;
 };
 
 // A file that is written data set by data set, with all of its space reserved before the first of the large ones: a

@@ -17,42 +17,6 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-// Entries 0 … lanes-1 of `lanes` columns that are `offset` apart become vectors, one for each entry.
-HWY_INLINE void transpose(const double* from, size_t offset, double* to) {
-  const Tag tag;
-  Vec a[lanes];
-#pragma GCC unroll 8
-  for (size_t l = 0; l < lanes; ++l) a[l] = hn::LoadU(tag, from + l * offset);
-#if HWY_TARGET == HWY_SCALAR
-  store(a[0], to, 0);
-#else
-  Vec b[lanes];  // pairs of entries 2i, 2i+1 of lanes 2j, 2j+1
-#pragma GCC unroll 8
-  for (size_t l = 0; l < lanes; l += 2) {
-    b[l] = hn::InterleaveLower(tag, a[l], a[l + 1]);
-    b[l + 1] = hn::InterleaveUpper(tag, a[l], a[l + 1]);
-  }
-  if constexpr (lanes == 2) {
-    store(b[0], to, 0);
-    store(b[1], to, 1);
-  } else if constexpr (lanes == 4) {
-    for (size_t h = 0; h < 2; ++h) {
-      store(hn::ConcatLowerLower(tag, b[2 + h], b[h]), to, h);
-      store(hn::ConcatUpperUpper(tag, b[2 + h], b[h]), to, 2 + h);
-    }
-  } else {
-    for (size_t h = 0; h < 2; ++h) {  // blocks of 128 bits: entries h, 2+h, 4+h, 6+h of two lanes each
-      const Vec low0 = hn::ConcatLowerLower(tag, b[4 + h], b[h]), low1 = hn::ConcatLowerLower(tag, b[6 + h], b[2 + h]);
-      const Vec up0 = hn::ConcatUpperUpper(tag, b[4 + h], b[h]), up1 = hn::ConcatUpperUpper(tag, b[6 + h], b[2 + h]);
-      store(hn::OddEvenBlocks(hn::SwapAdjacentBlocks(low1), low0), to, h);
-      store(hn::OddEvenBlocks(low1, hn::SwapAdjacentBlocks(low0)), to, 2 + h);
-      store(hn::OddEvenBlocks(hn::SwapAdjacentBlocks(up1), up0), to, 4 + h);
-      store(hn::OddEvenBlocks(up1, hn::SwapAdjacentBlocks(up0)), to, 6 + h);
-    }
-  }
-#endif
-}
-
 // rows × cols entries of every lane, columns contiguous with room for `room` rows; the rows up to there become zero.
 void gather(const double* samples, size_t stride, size_t offset, size_t rows, size_t cols, size_t room, double* x) {
   const Tag tag;

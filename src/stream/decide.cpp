@@ -36,6 +36,7 @@ std::vector<Ensemble> stretches(const EnsembleFile& file, const IdentifyOptions&
   std::vector<Index> begins{0};
   for (const Index begin : {(total - length) / 2, total - length})
     if (begin >= length / 2 + begins.back()) begins.push_back(begin);
+  for (const Index begin : begins) file.expect(begin, begin + length);
   std::vector<Ensemble> result;
   for (const Index begin : begins) {
     Ensemble data = file.read(begin, begin + length);

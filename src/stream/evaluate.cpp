@@ -4,10 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+
+#include "linalg/tall_product.hpp"
 
 namespace tokid::stream {
 
 namespace {
+
+using linalg::Into;
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
@@ -56,24 +61,6 @@ class Evaluation {
   ErrorTotals totals_;
 };
 
-// out += sign · x Wᵀ for tall x (N × p) and small W (q × p), a few rows of all columns at a time in the nearest cache.
-void add_product(const Eigen::Ref<const Matrix>& x, const Matrix& w, double sign, Matrix& out) {
-  constexpr Index tile = 256;
-  for (Index begin = 0; begin < x.rows(); begin += tile) {
-    const Index count = std::min(tile, x.rows() - begin);
-    const auto part = [&](Index i) { return x.col(i).segment(begin, count); };
-    for (Index j = 0; j < w.rows(); ++j) {
-      auto to = out.col(j).segment(begin, count);
-      const auto weight = [&](Index i) { return sign * w(j, i); };
-      Index i = 0;
-      for (; i + 4 <= w.cols(); i += 4)
-        to += weight(i) * part(i) + weight(i + 1) * part(i + 1) + weight(i + 2) * part(i + 2) +
-              weight(i + 3) * part(i + 3);
-      for (; i < w.cols(); ++i) to += weight(i) * part(i);
-    }
-  }
-}
-
 // Observer and simulation side by side, experiments as rows, through samples without a gap.
 class Walk {
  public:
@@ -83,17 +70,19 @@ class Walk {
   void error(Index k, const Matrix& x, Matrix& e) const {
     const size_t s = model_.at(k);
     e = data_.output(k);
-    add_product(x, model_.C[s], -1.0, e);
-    add_product(data_.input(k), model_.D[s], -1.0, e);
+    linalg::tall_product(x, model_.C[s], Into::subtract, e);
+    linalg::tall_product(data_.input(k), model_.D[s], Into::subtract, e);
   }
   void advance(Index k, Matrix& x) {
     const size_t s = model_.at(k);
-    next_.setZero(x.rows(), model_.A[s].rows());
-    add_product(x, model_.A[s], 1.0, next_);
-    add_product(data_.input(k), model_.B[s], 1.0, next_);
+    next_.resize(x.rows(), model_.A[s].rows());
+    linalg::tall_product(x, model_.A[s], Into::set, next_);
+    linalg::tall_product(data_.input(k), model_.B[s], Into::add, next_);
     x.swap(next_);
   }
-  void correct(Index k, const Matrix& e, Matrix& x) const { add_product(e, model_.G[model_.at(k)], -1.0, x); }
+  void correct(Index k, const Matrix& e, Matrix& x) const {
+    linalg::tall_product(e, model_.G[model_.at(k)], Into::subtract, x);
+  }
 
  private:
   const Model& model_;
@@ -101,7 +90,9 @@ class Walk {
   Matrix next_;
 };
 
-ErrorTotals walk(const Model& model, const Ensemble& data, Index begin, Index end, bool zero, bool first) {
+// Nothing where a sample is missing.
+std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index begin, Index end, bool zero,
+                                bool first) {
   Evaluation evaluation(data);
   Walk walk(model, data);
   Index k = zero ? model.k_begin : model.full_begin();
@@ -120,6 +111,7 @@ ErrorTotals walk(const Model& model, const Ensemble& data, Index begin, Index en
       walk.advance(k, simulated);
     }
     walk.error(k, observed, e);
+    if (std::isnan(e.sum())) return std::nullopt;  // of a gap, at once or, of an input's, a step later
     if (k >= std::max(begin, known)) evaluation.predicted(k, e);
     walk.advance(k, observed);
     walk.correct(k, e, observed);
@@ -165,8 +157,8 @@ Fit fit_of(const std::vector<ErrorSums>& sums, bool departures) {
 ErrorTotals evaluate(const Model& model, const Ensemble& data, Index begin, Index end, InitialState initial,
                      bool first) {
   const bool zero = first && starts_from_zero(model, initial);
-  if (data.missing() == 0 && (zero || !first || !has_initial_estimate(model, initial)))
-    return walk(model, data, begin, end, zero, first);
+  if (zero || !first || !has_initial_estimate(model, initial))
+    if (std::optional<ErrorTotals> totals = walk(model, data, begin, end, zero, first)) return *std::move(totals);
   Evaluation evaluation(data);
   const Prediction prediction = predict(model, data, {1, initial});
   const Ensemble simulation = simulate_data(model, data, initial);

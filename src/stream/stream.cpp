@@ -173,8 +173,17 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   if (model) record.emplace(file, plan, *model);
   const Index threads = std::max(1, options.identify.execution.threads);
   const Index round = blocks_at_a_time * threads;
+  // What all members together work at is fetched from the file while they work at what comes before.
+  const auto expect = [&](Index from) {
+    const Index to = std::min(plan.count, from + round * team.size);
+    if (team.size == 1 && from < to) file.expect(plan.block(from).first, plan.block(to - 1).last);
+    for (Index i = from + team.rank; team.size > 1 && i < to; i += team.size)
+      file.expect(plan.block(i).first, plan.block(i).last);
+  };
+  expect(0);
   for (Index from = 0; from < plan.count; from += round * team.size) {
     const Index to = std::min(plan.count, from + round * team.size);
+    expect(to);
     std::vector<BlockResult> own(size_t(std::max<Index>(0, ceil_div(to - from - team.rank, team.size))));
     parallel_for(0, Index(own.size()), {int(threads), {}}, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i)
