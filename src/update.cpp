@@ -152,7 +152,7 @@ Updated identify(const UpdateState& state, const Execution& execution) {
     if (step.rows - (state.nominal ? 1 : 0) < arx.regressors(k)) starved.push_back(k);
   }
   if (!state.noisy && residual > rounding_share * rounding_share * square)
-    result.warnings.push_back(
+    result.warnings.emplace_back(
         "the experiments are noisy, and what was chosen from the first ones supposes that they are not: begin anew with "
         "identify");
   if (!starved.empty())

@@ -100,7 +100,7 @@ WindowFactors window_factors(const Ensemble& e, Index lags, InitialState initial
   f.spread.resize(e.samples().cols());
   for (Index c = 0; c < e.samples().cols(); ++c) {
     const auto samples = e.samples().col(c).array();
-    const auto known = samples == samples;  // not NaN
+    const auto known = !samples.isNaN();
     f.sum(c) = known.select(samples, 0.0).sum();
     f.count(c) = double(known.count());
     f.spread(c) = known.select(samples - f.sum(c) / std::max(1.0, f.count(c)), 0.0).square().sum();

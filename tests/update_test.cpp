@@ -291,13 +291,13 @@ class Threads {
   std::condition_variable changed_;
 };
 
-// Parts of an ensemble in files that are removed with it.
+// Parts of an ensemble in files that are removed with it; not .h5, which threads can't read side by side.
 class Files {
  public:
   void add(const Ensemble& part) {
     const std::string test = ::testing::UnitTest::GetInstance()->current_test_info()->name();
     paths.push_back(std::filesystem::path(::testing::TempDir()) /
-                    ("tokid_" + test + "_" + std::to_string(paths.size()) + ".h5"));
+                    ("tokid_" + test + "_" + std::to_string(paths.size()) + ".npz"));
     save_ensemble(part, paths.back());
   }
   ~Files() {
