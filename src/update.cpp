@@ -4,15 +4,21 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
+#include <type_traits>
+#include <utility>
 
+#include "archive.hpp"
 #include "realisation.hpp"
 #include "regressions.hpp"
+#include "stream/evaluate.hpp"
 #include "survey.hpp"
 #include "tokid/smooth_arx.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
 #include "tokid/version.hpp"
+#include "window_kind.hpp"
 #include "words.hpp"
 
 namespace tokid {
@@ -146,7 +152,7 @@ Updated identify(const UpdateState& state, const Execution& execution) {
     if (step.rows - (state.nominal ? 1 : 0) < arx.regressors(k)) starved.push_back(k);
   }
   if (!state.noisy && residual > rounding_share * rounding_share * square)
-    result.warnings.push_back(
+    result.warnings.emplace_back(
         "the experiments are noisy, and what was chosen from the first ones supposes that they are not: begin anew with "
         "identify");
   if (!starved.empty())
@@ -162,32 +168,143 @@ Updated identify(const UpdateState& state, const Execution& execution) {
 
 void check_update(const UpdateState& state, const Ensemble& more) {
   more.check();
-  if (more.inputs() != state.factors.inputs)
-    throw std::invalid_argument(
-        fmt::format("inputs: {} found, {} needed as in the experiments before", more.inputs(), state.factors.inputs));
-  if (more.outputs() != state.factors.outputs)
-    throw std::invalid_argument(fmt::format("outputs: {} found, {} needed as in the experiments before", more.outputs(),
-                                            state.factors.outputs));
+  const WindowFactors& before = state.factors;
+  check_alike(before, kind_of(more, before.lags, more.initial_state.value_or(before.initial_state)));
+  if (more.free.experiments > 0)
+    throw std::invalid_argument("free responses: found, forced experiments alone can be added");
   if (has_seen(with_options(state.options), more))
     throw std::invalid_argument("experiments: the state has these already, they would count twice");
   check_magnitudes(survey(more, 0, more.steps()), more.names, more.inputs());
-  if (more.free.experiments > 0)
-    throw std::invalid_argument("free responses: found, forced experiments alone can be added");
-  if (more.initial_state && *more.initial_state != state.factors.initial_state)
-    throw std::invalid_argument(fmt::format("initial states: {} found, {} needed as in the experiments before",
-                                            to_string(*more.initial_state), to_string(state.factors.initial_state)));
-  if (more.steps() != state.factors.steps())
-    throw std::invalid_argument(
-        fmt::format("steps: {} found, {} needed as in the experiments before", more.steps(), state.factors.steps()));
 }
 
-void update(UpdateState& state, const Ensemble& more, const Execution& execution) {
+namespace {
+
+// What is left of experiments when they have been factorised.
+struct Portion {
+  WindowFactors factors;
+  std::string fingerprint;
+  stream::ErrorTotals errors;  // of the model before
+};
+
+Portion portion(const UpdateState& state, const Ensemble& more, const Execution& execution) {
   check_update(state, more);
+  return {
+      window_factors(more, state.factors.lags, state.factors.initial_state, execution), tokid::fingerprint(more), {}};
+}
+
+void add(UpdateState& state, const Portion& more, const Execution& execution) {
   Model told = with_options(state.options);
-  merge(state.factors, window_factors(more, state.factors.lags, state.factors.initial_state, execution), execution);
-  note_data(told, fingerprint(more));
+  merge(state.factors, more.factors, execution);
+  note_data(told, more.fingerprint);
   note_update(told, state.factors.experiments);
   state.options = told.options;
+}
+
+}  // namespace
+
+void update(UpdateState& state, const Ensemble& more, const Execution& execution) {
+  add(state, portion(state, more, execution), execution);
+}
+
+// For messages between processes.
+template <class Archive, class F>
+requires std::is_same_v<std::remove_const_t<F>, WindowFactors>
+void fields(Archive& archive, F& f) {
+  archive(f.inputs, f.outputs, f.lags, f.initial_state, f.dt, f.names, f.experiments, f.rows, f.factor, f.count, f.sum,
+          f.spread);
+}
+
+template <class Archive, class S>
+requires std::is_same_v<std::remove_const_t<S>, UpdateState>
+void fields(Archive& archive, S& s) {
+  archive(s.factors, s.options, s.method, s.states, s.together, s.noisy, s.nominal);
+}
+
+namespace {
+
+template <class Archive, class P>
+requires std::is_same_v<std::remove_const_t<P>, Portion>
+void fields(Archive& archive, P& p) { archive(p.factors, p.fingerprint, p.errors); }
+
+// All that a member needs to know of the state and its model to make a portion of a file.
+struct Needs {
+  UpdateState state;  // without factors
+  Model model;        // of departures, where `mean` is what they depart from
+  Nominal mean;
+};
+
+template <class Archive, class N>
+requires std::is_same_v<std::remove_const_t<N>, Needs>
+void fields(Archive& archive, N& n) { archive(n.state, n.model, n.mean.u, n.mean.y); }
+
+Needs needs_of(const UpdateState& state, const Model& before) {
+  Needs result;
+  const WindowFactors& f = state.factors;
+  WindowFactors& kind = result.state.factors;
+  kind.inputs = f.inputs, kind.outputs = f.outputs, kind.lags = f.lags;
+  kind.initial_state = f.initial_state;
+  kind.dt = f.dt;
+  kind.names = f.names;
+  kind.rows.assign(f.rows.size(), 0);
+  result.state.options = state.options;
+  result.model = continued(before, f.steps());
+  std::swap(result.mean.u, result.model.u_nominal);
+  std::swap(result.mean.y, result.model.y_nominal);
+  return result;
+}
+
+template <class Work>
+auto about(const std::filesystem::path& file, Work&& work) {
+  try {
+    return work();
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(fmt::format("{}: {}", file.string(), error.what()));
+  }
+}
+
+Portion portion_of_file(const Needs& needs, const std::filesystem::path& file, const UpdateOptions& options) {
+  Ensemble data = load_ensemble(file, options.read);
+  return about(file, [&] {
+    Portion result = portion(needs.state, data, options.execution);
+    if (needs.mean.y.size() > 0) data = departures(std::move(data), needs.mean);
+    result.errors = stream::evaluate(needs.model, data, 0, data.steps(), needs.model.initial_state, true);
+    return result;
+  });
+}
+
+}  // namespace
+
+Additions update(UpdateState& state, const Model& before, const std::vector<std::filesystem::path>& files,
+                 const UpdateOptions& options) {
+  const Team& team = options.team;
+  const bool first = team.rank == 0;
+  // All members follow what the first one knows, to the last bit.
+  const Needs needs =
+      archive::unpacked<Needs>(team.broadcast(first ? archive::packed(needs_of(state, before)) : std::string()));
+  Additions result;
+  std::vector<std::string> fingerprints;
+  stream::ErrorTotals errors;
+  // In the order of the files; meanwhile each member is at the next of its own. So the first one holds one portion.
+  for (size_t i = 0; i < files.size(); ++i) {
+    const Index owner = Index(i) % team.size;
+    std::optional<Portion> own;
+    if (owner == team.rank) own = portion_of_file(needs, files[i], options);
+    std::vector<std::string> all = team.gather(own && !first ? archive::packed(*own) : std::string());
+    if (!first) continue;
+    if (!own) own = archive::unpacked<Portion>(all[size_t(owner)]);
+    all.clear();
+    const auto same = std::find(fingerprints.begin(), fingerprints.end(), own->fingerprint);
+    if (same != fingerprints.end())
+      throw std::invalid_argument(fmt::format("{}: experiments: the same as in {}, they would count twice",
+                                              files[i].string(), files[size_t(same - fingerprints.begin())].string()));
+    fingerprints.push_back(own->fingerprint);
+    about(files[i], [&] { add(state, *own, options.execution); });
+    result.experiments.push_back(own->factors.experiments);
+    errors.add(own->errors);
+  }
+  result.simulation = stream::fit_of(errors.simulation, needs.mean.y.size() > 0);
+  result.one_step = stream::fit_of(errors.one_step, needs.mean.y.size() > 0);
+  return result;
 }
 
 }  // namespace tokid

@@ -10,6 +10,7 @@
 
 #include "channel_sizes.hpp"
 #include "linalg/row_absorption.hpp"
+#include "window_kind.hpp"
 
 namespace tokid {
 
@@ -39,6 +40,21 @@ void store(const linalg::RowAbsorption& r, Index from, Index size, Index k, Wind
     for (Index i = 0; i <= j; ++i) own(to(i), to(j)) = r(in(i), in(j));
 }
 
+}  // namespace
+
+WindowFactors kind_of(const Ensemble& e, Index lags, InitialState initial_state) {
+  WindowFactors f;
+  f.inputs = e.inputs();
+  f.outputs = e.outputs();
+  f.lags = lags;
+  f.initial_state = initial_state;
+  f.dt = e.dt;
+  f.names = e.names;
+  f.experiments = e.experiments();
+  f.rows.assign(size_t(e.steps()), 0);
+  return f;
+}
+
 void check_alike(const WindowFactors& a, const WindowFactors& b) {
   const auto differ = [](const char* what, const auto& found, const auto& needed) {
     throw std::invalid_argument(
@@ -63,8 +79,6 @@ void check_alike(const WindowFactors& a, const WindowFactors& b) {
   check_units(b.names.output_units, a.names.output_units);
 }
 
-}  // namespace
-
 Nominal WindowFactors::nominal() const {
   const Index d = channels();
   Nominal result{Matrix::Zero(steps(), inputs), Matrix::Zero(steps(), outputs)};
@@ -79,22 +93,14 @@ Nominal WindowFactors::nominal() const {
 WindowFactors window_factors(const Ensemble& e, Index lags, InitialState initial_state, const Execution& execution) {
   if (lags < 1 || lags >= e.steps())
     throw std::invalid_argument(fmt::format("lags: {} found, 1 to {} needed", lags, e.steps() - 1));
-  WindowFactors f;
-  f.inputs = e.inputs();
-  f.outputs = e.outputs();
-  f.lags = lags;
-  f.initial_state = initial_state;
-  f.dt = e.dt;
-  f.names = e.names;
-  f.experiments = e.experiments();
-  f.rows.assign(size_t(e.steps()), 0);
+  WindowFactors f = kind_of(e, lags, initial_state);
   f.factor.setZero(f.width() + 1, e.steps() * (f.width() + 1));
   f.sum.resize(e.samples().cols());
   f.count.resize(e.samples().cols());
   f.spread.resize(e.samples().cols());
   for (Index c = 0; c < e.samples().cols(); ++c) {
     const auto samples = e.samples().col(c).array();
-    const auto known = samples == samples;  // not NaN
+    const auto known = !samples.isNaN();
     f.sum(c) = known.select(samples, 0.0).sum();
     f.count(c) = double(known.count());
     f.spread(c) = known.select(samples - f.sum(c) / std::max(1.0, f.count(c)), 0.0).square().sum();

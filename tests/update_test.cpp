@@ -3,8 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <condition_variable>
+#include <deque>
 #include <filesystem>
 #include <limits>
+#include <mutex>
+#include <thread>
 
 #include "testing.hpp"
 #include "tokid/io.hpp"
@@ -228,6 +232,178 @@ TEST(Update, RefusesWhatDoesNotFit) {
   held.hold_out = 0.3;
   EXPECT_EQ(message([&] { update_state(e, identify(e, held), held); }),
             "hold-out fraction: a state is of all experiments, none can be held out");
+}
+
+// Threads in the place of processes.
+class Threads {
+ public:
+  explicit Threads(Index size) : size_(size), down_(size_t(size)), up_(size_t(size)) {}
+
+  // Calls work(team) as every member.
+  template <class Work>
+  void run(Work&& work) {
+    std::vector<std::thread> others;
+    for (Index rank = 1; rank < size_; ++rank) others.emplace_back([this, rank, &work] { work(member(rank)); });
+    work(member(0));
+    for (std::thread& other : others) other.join();
+  }
+
+ private:
+  using Queue = std::deque<std::string>;
+
+  Team member(Index rank) {
+    Team team;
+    team.rank = rank;
+    team.size = size_;
+    team.broadcast = [this, rank](const std::string& own) {
+      if (rank > 0) return take(down_[size_t(rank)]);
+      for (Index other = 1; other < size_; ++other) put(down_[size_t(other)], own);
+      return own;
+    };
+    team.gather = [this, rank](const std::string& own) {
+      std::vector<std::string> all;
+      if (rank > 0) {
+        put(up_[size_t(rank)], own);
+        return all;
+      }
+      all.push_back(own);
+      for (Index other = 1; other < size_; ++other) all.push_back(take(up_[size_t(other)]));
+      return all;
+    };
+    return team;
+  }
+  void put(Queue& queue, const std::string& bytes) {
+    const std::lock_guard lock(mutex_);
+    queue.push_back(bytes);
+    changed_.notify_all();
+  }
+  std::string take(Queue& queue) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return !queue.empty(); });
+    std::string bytes = std::move(queue.front());
+    queue.pop_front();
+    return bytes;
+  }
+
+  Index size_;
+  std::vector<Queue> down_, up_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+};
+
+// Parts of an ensemble in files that are removed with it; not .h5, which threads can't read side by side.
+class Files {
+ public:
+  void add(const Ensemble& part) {
+    const std::string test = ::testing::UnitTest::GetInstance()->current_test_info()->name();
+    paths.push_back(std::filesystem::path(::testing::TempDir()) /
+                    ("tokid_" + test + "_" + std::to_string(paths.size()) + ".npz"));
+    save_ensemble(part, paths.back());
+  }
+  ~Files() {
+    for (const std::filesystem::path& path : paths) std::filesystem::remove(path);
+  }
+  std::vector<std::filesystem::path> paths;
+};
+
+TEST(UpdateFromFiles, IsTheSameForAnyNumberOfMembers) {
+  const Ensemble e = with_noise(random_experiments(random_system({3, 2, 1}, 20, 1.0, 21), 70, 22), 0.05, 23);
+  IdentifyOptions options;
+  options.lags = 2;
+  options.states = 3;
+  options.refine = false;
+  const UpdateState begun = update_state(e.subset(range(0, 40)), identify(e.subset(range(0, 40)), options), options);
+  const Model before = identify(begun).model;
+  UpdateState one_by_one = begun;
+  Files files;
+  for (Index from = 40; from < 70; from += 6) {
+    const Ensemble part = e.subset(range(from, from + 6));
+    files.add(part);
+    update(one_by_one, part);
+  }
+  for (const Index members : {1, 2, 3, 4, 7}) {
+    UpdateState state = begun;
+    Additions added;
+    Threads(members).run([&](const Team& team) {
+      UpdateState none;
+      const bool first = team.rank == 0;
+      Additions own = update(first ? state : none, first ? before : Model(), files.paths, {{}, {2, {}}, team});
+      if (first) added = std::move(own);
+    });
+    EXPECT_EQ(state.factors.factor, one_by_one.factors.factor) << members;
+    EXPECT_EQ(state.factors.sum, one_by_one.factors.sum);
+    EXPECT_EQ(state.factors.spread, one_by_one.factors.spread);
+    EXPECT_EQ(state.factors.count, one_by_one.factors.count);
+    EXPECT_EQ(state.factors.rows, one_by_one.factors.rows);
+    EXPECT_EQ(state.options, one_by_one.options);
+    EXPECT_EQ(added.experiments, std::vector<Index>(5, 6));
+  }
+}
+
+// Sums over the files, not means of their fits.
+TEST(UpdateFromFiles, FitsAreThoseOfAllNewExperiments) {
+  std::vector<UpdateCase> cases(5);
+  cases[0].name = "noise";
+  cases[1].name = "unknown initial states, gaps";
+  cases[1].initial = 2.0;
+  cases[1].gaps = true;
+  cases[1].options.initial_state = InitialState::unknown;
+  cases[2].name = "mean motion";
+  cases[2].offset = 2.0;
+  cases[2].options.nominal = NominalChoice::mean;
+  cases[3].name = "one model";
+  cases[3].options.period = 1;
+  cases[4].name = "unknown initial states";
+  cases[4].initial = 2.0;
+  cases[4].options.initial_state = InitialState::unknown;
+  for (UpdateCase& c : cases) {
+    SCOPED_TRACE(c.name);
+    c.options.lags = 3;
+    c.options.states = 3;
+    c.options.refine = false;
+    Ensemble e = with_noise(random_experiments(random_system({3, 2, 2}, 24, 1.0, 24), 60, 25, c.initial), 0.1, 26);
+    Random random(27);
+    for (Index k = 0; c.offset > 0 && k < 24; ++k) e.output(k).array() += c.offset * random.normal();
+    // So that files differ in their means.
+    for (Index k = 0; k < 24; ++k) e.output(k).bottomRows(5).array() += 1.0;
+    if (c.gaps) e.y(43, 10, 0) = e.y(50, 12, 1) = std::numeric_limits<double>::quiet_NaN();
+    const Ensemble first = e.subset(range(0, 40));
+    UpdateState state = update_state(first, identify(first, c.options), c.options);
+    const Model before = identify(state).model;
+    Files files;
+    files.add(e.subset(range(40, 47)));
+    files.add(e.subset(range(47, 60)));
+    const Additions added = update(state, before, files.paths);
+    ValidateOptions options;
+    options.initial_state = before.initial_state;
+    const Validation all = validate(before, e.subset(range(40, 60)), options);
+    EXPECT_LE((added.simulation.fit - all.simulation.fit).norm(), 1e-8);
+    EXPECT_LE((added.one_step.fit - all.one_step.fit).norm(), 1e-8);
+    EXPECT_LE((added.one_step.rmse - all.one_step.rmse).norm(), 1e-10 * all.one_step.rmse.norm());
+    EXPECT_EQ(added.one_step.samples, all.one_step.samples);
+    EXPECT_EQ(added.simulation.samples, all.simulation.samples);
+    EXPECT_TRUE(all.simulation.fit.allFinite() && all.one_step.fit.allFinite());
+  }
+}
+
+TEST(UpdateFromFiles, NamesTheFileThatDoesNotFit) {
+  const Ensemble e = random_experiments(random_system({3, 2, 1}, 20, 1.0, 28), 50, 29);
+  const UpdateState begun = update_state(e.subset(range(0, 40)), identify(e.subset(range(0, 40))), {});
+  const Model before = identify(begun).model;
+  Files files;
+  files.add(e.subset(range(40, 45)));
+  files.add(e.subset(range(0, 40)));
+  files.add(random_experiments(random_system({3, 2, 1}, 21, 1.0, 28), 5, 30));
+  const std::string one = files.paths[0].string(), seen = files.paths[1].string(), longer = files.paths[2].string();
+  const auto refusal = [&](const std::vector<std::filesystem::path>& paths) {
+    UpdateState state = begun;
+    return message([&] { update(state, before, paths); });
+  };
+  EXPECT_EQ(refusal({one, seen}), seen + ": experiments: the state has these already, they would count twice");
+  EXPECT_EQ(refusal({one, longer}), longer + ": steps: 21 found, 20 needed as in the experiments before");
+  EXPECT_EQ(refusal({one, one}), one + ": experiments: the same as in " + one + ", they would count twice");
+  UpdateState state = begun;
+  EXPECT_THROW(update(state, before, {one, "none.h5"}), IoError);
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// tokid-mpi: identify, its blocks shared by the processes of mpirun. All other commands are left to the first process.
+// tokid-mpi: identify, its blocks, and update, its files, shared by the processes of mpirun. All other commands are
+// left to the first process.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <mpi.h>
 
@@ -61,7 +62,10 @@ tokid::Team world() {
   return team;
 }
 
-bool for_all(int argc, char** argv) { return argc > 1 && std::string_view(argv[1]) == "identify"; }
+bool for_all(int argc, char** argv) {
+  const std::string_view command = argc > 1 ? argv[1] : "";
+  return command == "identify" || command == "update";
+}
 
 }  // namespace
 

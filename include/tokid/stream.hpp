@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tokid/identify.hpp"
+#include "tokid/team.hpp"
 
 namespace tokid {
 
@@ -74,21 +75,11 @@ class ModelFile {
   std::unique_ptr<Content> content_;
 };
 
-// Several processes that share the blocks of one stream; alone by default.
-struct Team {
-  Index rank = 0, size = 1;
-  // What the first member says, at all of them; and what each of them says in turn, at the first one.
-  std::function<std::string(std::string)> broadcast = [](std::string own) { return own; };
-  std::function<std::vector<std::string>(std::string)> gather = [](std::string own) {
-    return std::vector<std::string>{std::move(own)};
-  };
-};
-
 struct StreamOptions {
   IdentifyOptions identify = {};     // what is left to be chosen is chosen from stretches at the begin, middle and end
   Index block = 0;                   // steps of a block; 0: as many as memory_per_thread holds
   double memory_per_thread = 100e6;  // [bytes]
-  Team team = {};
+  Team team = {};                    // shares the blocks
 };
 
 // The Identification of a stream. Its model holds what is said once per model, `state_dim` and as many empty matrices

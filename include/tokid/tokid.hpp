@@ -22,6 +22,7 @@
 #include "tokid/smooth_arx.hpp"
 #include "tokid/stream.hpp"
 #include "tokid/subspace.hpp"
+#include "tokid/team.hpp"
 #include "tokid/tvera.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/update.hpp"

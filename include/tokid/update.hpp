@@ -8,6 +8,9 @@
 #include <vector>
 
 #include "tokid/identify.hpp"
+#include "tokid/io.hpp"
+#include "tokid/team.hpp"
+#include "tokid/validate.hpp"
 #include "tokid/windows.hpp"
 
 namespace tokid {
@@ -41,6 +44,25 @@ Updated identify(const UpdateState& state, const Execution& execution = {});
 void check_update(const UpdateState& state, const Ensemble& more);
 // \throws as check_update()
 void update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
+
+struct UpdateOptions {
+  ReadOptions read = {};
+  Execution execution = {};
+  Team team = {};  // shares the files
+};
+
+// What files have added, and how well the model of the experiments before does on them.
+struct Additions {
+  std::vector<Index> experiments;  // of each file
+  Fit simulation, one_step;        // as validate() finds them on all new experiments in one ensemble
+};
+
+// Each file as update() of its experiments, in this order and with one of them in memory at a time: the same state, to
+// the last bit, for any number of members and threads. `before` is identify() of the state. Every member of the team
+// calls it; state, model and what is returned are those of the first one. Where it throws, the state has some of the
+// files, and is of no use. \throws IoError, and as check_update() with the name of the file in front
+Additions update(UpdateState& state, const Model& before, const std::vector<std::filesystem::path>& files,
+                 const UpdateOptions& options = {});
 
 // In .npz, .h5 or .mat; the file appears whole or not at all. \throws IoError
 void save_update_state(const UpdateState& state, const std::filesystem::path& path);

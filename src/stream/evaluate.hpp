@@ -1,5 +1,6 @@
 // How well a stretch of a model predicts and simulates the samples of the steps it is kept for, as sums that add up
-// over stretches. SPDX-License-Identifier: BSD-3-Clause
+// over stretches.
+// SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <type_traits>

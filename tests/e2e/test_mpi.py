@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""tokid-mpi: blocks shared by processes, with the same file for any number of them, or none where one of them dies."""
+"""tokid-mpi: work shared by processes, with the same files for any number of them, or none where one of them dies."""
 
+import json
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -96,5 +98,119 @@ def test_an_error_of_one_process_ends_all(tmp_path):
     result = mpi(2, "identify", data, "-o", tmp_path / "model.h5", "--block", 70, "--lags", 2)
     assert result.returncode == 2
     assert "infinite value in experiment 3 at step 500" in result.stderr
+    assert not (tmp_path / "model.h5").exists()
+    assert leftovers(tmp_path) == []
+
+
+def portions(folder, sizes, begin=40, **options):
+    """first.h5, a state of it, and so many more experiments in each of later-0.h5, later-1.h5 …"""
+    whole = write_ensemble(folder / "all.h5", experiments=begin + sum(sizes), **options)
+    bounds = np.cumsum([0, begin, *sizes])
+    names = ["first.h5", *(f"later-{i}.h5" for i in range(len(sizes)))]
+    with h5py.File(whole) as file:
+        for name, (a, b) in zip(names, zip(bounds, bounds[1:])):
+            with h5py.File(folder / name, "w") as part:
+                for key in file:
+                    part[key] = file[key][a:b] if key in ("u", "y") else file[key][()]
+    tokid("identify", folder / "first.h5", "-o", folder / "first-model.h5", "--state", folder / "state.h5")
+    return folder / "state.h5", [folder / name for name in names[1:]]
+
+
+def tokid(*arguments):
+    return subprocess.run([os.environ["TOKID"], *map(str, arguments)], check=True, capture_output=True, text=True)
+
+
+def markov(path, span=6):
+    with h5py.File(path) as model:
+        A, B, C = (model[name][()] for name in "ABC")
+    found = []
+    for i in range(len(A) - span):
+        x = B[i]
+        for k in range(i + 1, i + span):
+            found.append(C[k] @ x)
+            x = A[k] @ x
+    return np.array(found)
+
+
+def test_every_number_of_processes_updates_alike(tmp_path):
+    """Five files: more than processes, and no multiple of their number."""
+    state, later = portions(tmp_path, [3, 10, 1, 7, 5], steps=150)
+    alone = tmp_path / "alone-state.h5"
+    shutil.copy(state, alone)
+    told = json.loads(tokid("update", alone, *later, "-o", tmp_path / "alone.h5", "--json").stdout)
+    assert (told["experiments"], told["new_experiments"]) == (66, 26)
+    for processes in (1, 2, 4):
+        own, model = tmp_path / f"state-{processes}.h5", tmp_path / f"model-{processes}.h5"
+        shutil.copy(state, own)
+        result = mpi(processes, "update", own, *later, "-o", model, "--json")
+        assert result.returncode == 0, result.stderr
+        assert own.read_bytes() == alone.read_bytes()
+        assert model.read_bytes() == (tmp_path / "alone.h5").read_bytes()
+        own_told = json.loads(result.stdout)
+        for name in "one_step_fit", "simulation_fit", "new_experiments", "data":
+            assert own_told[name] == told[name]
+    with h5py.File(state) as file:
+        lags = int(file["lags"][()])
+    tokid("identify", tmp_path / "all.h5", "-o", tmp_path / "whole.h5", "--lags", lags)
+    updated, whole = markov(tmp_path / "alone.h5"), markov(tmp_path / "whole.h5")
+    assert np.abs(updated - whole).max() <= 1e-10 * np.abs(whole).max()
+    assert leftovers(tmp_path) == []
+
+
+def test_more_processes_than_files_update(tmp_path):
+    state, later = portions(tmp_path, [4], steps=60)
+    alone = tmp_path / "alone.h5"
+    shutil.copy(state, alone)
+    tokid("update", alone, *later)
+    result = mpi(3, "update", state, *later)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.count("Written") == 1
+    assert state.read_bytes() == alone.read_bytes()
+
+
+@pytest.mark.parametrize("wrong, reason", [(0, "infinite"), (1, "infinite"), (3, "infinite"), (2, "no such file"),
+                                           (3, "the same as in")])
+def test_a_file_that_does_not_fit_leaves_the_state_as_it_was(tmp_path, wrong, reason):
+    state, later = portions(tmp_path, [3, 4, 5, 6], steps=60)
+    before = state.read_bytes()
+    if reason == "infinite":
+        with h5py.File(later[wrong], "a") as file:
+            file["y"][2, 50, 0] = np.inf
+    elif reason == "no such file":
+        later[wrong].unlink()
+    else:
+        shutil.copy(later[0], later[wrong])
+    result = mpi(2, "update", state, *later, "-o", tmp_path / "model.h5")
+    assert result.returncode == 2
+    said = [line for line in result.stderr.splitlines() if line.startswith("tokid: ")]
+    assert len(said) == 1 and f"{later[wrong]}: " in said[0] and reason in said[0], result.stderr
+    assert state.read_bytes() == before
+    assert not (tmp_path / "model.h5").exists()
+    assert leftovers(tmp_path) == []
+
+
+def opened_by(process):
+    try:
+        return [os.readlink(f"/proc/{process}/fd/{fd}") for fd in os.listdir(f"/proc/{process}/fd")]
+    except OSError:
+        return []
+
+
+def test_a_process_that_dies_while_it_reads_leaves_the_state_as_it_was(tmp_path):
+    state, later = portions(tmp_path, [3, 1000], steps=3000)
+    before = state.read_bytes()
+    job = subprocess.Popen(command(2, "update", state, *later, "-o", tmp_path / "model.h5"), env=ENVIRONMENT,
+                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline, ranks, reader = time.monotonic() + 60, [], None
+    while len(ranks) < 2 and time.monotonic() < deadline:
+        ranks = processes_below(job.pid)
+    while reader is None and job.poll() is None and time.monotonic() < deadline:
+        reader = next((rank for rank in ranks if str(later[1]) in opened_by(rank)), None)
+    assert reader is not None
+    os.kill(reader, signal.SIGKILL)
+    _, errors = job.communicate(timeout=120)
+    assert job.returncode != 0
+    assert "signal 9" in errors
+    assert state.read_bytes() == before
     assert not (tmp_path / "model.h5").exists()
     assert leftovers(tmp_path) == []

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """identify --state, update: later experiments give the model of all of them; nothing is lost where something fails."""
 
-import json
 import shutil
 
 import numpy as np
@@ -10,10 +9,11 @@ import pytest
 
 @pytest.fixture
 def campaign(tokid, tmp_path):
-    """60 experiments, and the same as 40 and 20."""
+    """60 experiments, and the same as 40 and 20; the 20 as 12 and 8, too."""
     tokid("example", "oscillator", "-o", tmp_path / "all.npz", "--experiments", 60, "--steps", 80, "--seed", 4)
     whole = dict(np.load(tmp_path / "all.npz"))
-    for name, part in ("first", slice(0, 40)), ("later", slice(40, 60)):
+    for name, part in (("first", slice(0, 40)), ("later", slice(40, 60)), ("tuesday", slice(40, 52)),
+                       ("wednesday", slice(52, 60))):
         np.savez(tmp_path / f"{name}.npz", **{k: v[part] if k in ("u", "y") else v for k, v in whole.items()})
     return tmp_path
 
@@ -43,12 +43,36 @@ def test_the_model_is_that_of_all_experiments(tokid, campaign, extension):
     assert min(fit["simulation_fit"]) > 99.9999
 
 
+def test_several_files_are_added_one_by_one(tokid, campaign):
+    first, days = campaign / "state.h5", [campaign / "tuesday.npz", campaign / "wednesday.npz"]
+    tokid("identify", campaign / "first.npz", "-o", campaign / "first-model.npz", "--state", first)
+    single, at_once = campaign / "single.h5", campaign / "at-once.h5"
+    shutil.copy(first, single), shutil.copy(first, at_once)
+    for day in days:
+        tokid("update", single, day, "-o", campaign / "single.npz")
+    page = tokid("update", first, *days, "-o", campaign / "page.npz").stdout
+    told = tokid.json("update", at_once, *days, "-o", campaign / "at-once.npz")
+    assert at_once.read_bytes() == single.read_bytes() == first.read_bytes()
+    assert (campaign / "at-once.npz").read_bytes() == (campaign / "single.npz").read_bytes()
+    assert told["data"] == [str(day) for day in days]
+    assert (told["experiments"], told["new_experiments"]) == (60, 20)
+    assert "tuesday.npz: 12 experiments" in page and "wednesday.npz: 8 experiments" in page
+    assert "60, 20 of them new" in page
+    before = tokid.json("validate", campaign / "first-model.npz", campaign / "later.npz")
+    assert told["simulation_fit"] == pytest.approx(before["simulation_fit"], abs=1e-9)
+    assert told["one_step_fit"] == pytest.approx(before["one_step_fit"], abs=1e-9)
+    tokid("identify", campaign / "all.npz", "-o", campaign / "whole.npz", "--lags", 2)
+    updated, whole = markov(campaign / "at-once.npz"), markov(campaign / "whole.npz")
+    assert np.abs(updated - whole).max() <= 1e-10 * np.abs(whole).max()
+
+
 def test_without_a_model_only_the_state_is_written(tokid, campaign):
     state = campaign / "state.h5"
     tokid("identify", campaign / "first.npz", "-o", campaign / "model.npz", "--state", state)
     page = tokid("update", state, campaign / "later.npz")
     assert "60, 20 of them new" in page.stdout
-    assert sorted(p.name for p in campaign.iterdir()) == ["all.npz", "first.npz", "later.npz", "model.npz", "state.h5"]
+    assert sorted(p.name for p in campaign.iterdir()) == [
+        "all.npz", "first.npz", "later.npz", "model.npz", "state.h5", "tuesday.npz", "wednesday.npz"]
 
 
 def test_refusals_leave_the_state_as_it_was(tokid, campaign):
@@ -63,11 +87,17 @@ def test_refusals_leave_the_state_as_it_was(tokid, campaign):
         ([campaign / "model.npz", campaign / "later.npz"], "what identify --state writes"),
         ([campaign / "later.npz", campaign / "later.npz"], "another name needed"),
         ([campaign / "none.h5", campaign / "later.npz"], "none.h5"),
+        ([state, campaign / "later.npz", campaign / "first.npz"], "first.npz: experiments: the state has these already"),
+        ([state, campaign / "later.npz", campaign / "short.npz", "-o", campaign / "m.npz"], "short.npz: steps: 50 found"),
+        ([state, campaign / "tuesday.npz", campaign / "later.npz", campaign / "tuesday.npz"], "tuesday.npz: experiments: the same as in"),
+        ([state, campaign / "later.npz", campaign / "missing.npz"], "missing.npz: no such file"),
+        ([state, campaign / "later.npz", campaign / "tuesday.npz", "-o", campaign / "tuesday.npz"], "another name needed"),
     ]:
         failed = tokid("update", *arguments, status=2)
         assert reason in failed.stderr, (arguments, failed.stderr)
         assert failed.stderr.count("\n") == 1
     assert state.read_bytes() == before
+    assert not (campaign / "m.npz").exists()
     assert "hold-out" in tokid("identify", campaign / "first.npz", "-o", campaign / "x.npz", "--state",
                                campaign / "y.h5", "--hold-out", 0.3, status=2).stderr
     assert not (campaign / "x.npz").exists() and not (campaign / "y.h5").exists()
