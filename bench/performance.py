@@ -359,15 +359,15 @@ def mpi(run, results):
         results.tables["mpi"] = pad([*rows, ["tokid-mpi: not built", "", "", "", ""]])
         results.targets.append(["MPI: two ranks over one", "not built", "≥ 1.7", "-"])
         return
-    experiments, steps = (200, 40) if run.quick else (4000, 400)
+    experiments, steps, channels, lags, states = (200, 600, 2, 2, 4) if run.quick else (1000, 12000, 4, 8, 8)
     data = run.folder / "mpi.h5"
-    write_ensemble(data, random_system(16, 8, 8, steps), experiments, noise=0.1, block=100)
+    write_ensemble(data, random_system(states, channels, channels, steps), experiments, noise=0.1, block=100)
     times = {1: [], 2: []}
     for _ in range(run.repetitions):
         for ranks, seconds in times.items():
             seconds.append(run.measured("mpirun", "--allow-run-as-root", "--oversubscribe", "-n", ranks, program,
-                                        "identify", data, "-o", run.folder / "model.npz", "--method", "tvera", "--lags",
-                                        8 if run.quick else 16, "--states", 16)["seconds"])
+                                        "identify", data, "-o", run.folder / "model.h5", "--quiet", "--block", "auto",
+                                        "--method", "tvera", "--lags", lags, "--states", states)["seconds"])
     data.unlink()
     results.figures["mpi"] = {"experiments": experiments, "steps": steps, "seconds": times}
     for ranks, seconds in times.items():

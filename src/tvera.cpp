@@ -35,29 +35,33 @@ class Hankel {
   Hankel(const Markov& markov, const FreeResponse& free, const TveraOptions& options, const Units& units)
       : markov_(markov), free_(free), options_(options), units_(units) {}
 
-  // The steps begin … end-1; as many at once as there are lanes and matrices of one shape. Lanes that are left over
-  // repeat the last one.
+  // The steps begin … end-1; as many at once as there are lanes and matrices of one shape, or of one but for columns of
+  // zeros, which change neither singular values nor left vectors. Lanes that are left over repeat the last one.
   void factorise(Index begin, Index end, std::vector<HankelFactor>& factors) {
     const auto result = [&](Index k) -> HankelFactor& { return factors[size_t(k - markov_.i_begin)]; };
     const Index lanes = linalg::LaneSvd::lanes();
     for (Index k = begin; k < end;) {
-      const Shape shape = shape_of(k);
+      Shape shape = shape_of(k);
       Index alike = 1;
-      while (alike < lanes && k + alike < end && shape_of(k + alike) == shape) ++alike;
+      while (alike < lanes && k + alike < end && shape.extends_to(shape_of(k + alike))) shape = shape_of(k + alike++);
       if (shape.rows == 0 || shape.cols == 0 || shape.free > 0 || shape.rows > linalg::LaneSvd::most_rows()) {
-        alone(k, shape, result(k));
+        alone(k, shape_of(k), result(k));
         ++k;
         continue;
       }
       if (!batch_ || shape != batch_shape_) batch_.emplace(shape.rows, shape.cols), batch_shape_ = shape;
-      for (Index l = 0; l < lanes; ++l)
-        form(k + std::min(l, alike - 1), shape, result(k + std::min(l, alike - 1)),
-             [&](Index i, Index j) -> double& { return batch_->entry(l, i, j); });
+      for (Index l = 0; l < lanes; ++l) {
+        const Index step = k + std::min(l, alike - 1);
+        const Shape own = shape_of(step);
+        form(step, own, result(step), [&](Index i, Index j) -> double& { return batch_->entry(l, i, j); });
+        for (Index j = own.cols; j < shape.cols; ++j)
+          for (Index i = 0; i < shape.rows; ++i) batch_->entry(l, i, j) = 0.0;
+      }
       batch_->run();
       for (Index l = 0; l < alike; ++l, ++k) {
         HankelFactor& factor = result(k);
         if (!batch_->found(l)) {
-          alone(k, shape, factor);
+          alone(k, shape_of(k), factor);
           continue;
         }
         batch_->take(l, factor.u, factor.singular_values);
@@ -70,6 +74,10 @@ class Hankel {
   struct Shape {
     Index rows, cols, free;  // rows; columns of Markov parameters, of free responses
     bool operator==(const Shape&) const = default;
+    // May a matrix of this shape get columns of zeros to have the other one, and as many singular values as before?
+    bool extends_to(const Shape& other) const {
+      return rows == other.rows && free == other.free && (cols == other.cols || (rows <= cols && cols < other.cols));
+    }
   };
 
   Shape shape_of(Index k) const {

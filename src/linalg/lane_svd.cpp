@@ -85,7 +85,7 @@ namespace tokid::linalg {
 
 Index LaneSvd::lanes() { return Index(TOKID_KERNEL(SvdLanes)()); }
 
-Index LaneSvd::most_rows() { return 32; }
+Index LaneSvd::most_rows() { return 192; }
 
 LaneSvd::LaneSvd(Index rows, Index cols)
     : rows_(rows),

@@ -17,7 +17,7 @@ class LaneSvd {
   LaneSvd& operator=(const LaneSvd&) = delete;
 
   static Index lanes();  // matrices of a batch
-  // Beyond, the lanes of one matrix do as well.
+  // Beyond, matrices of all lanes together leave the caches.
   static Index most_rows();
 
   // Entry (i, j) of matrix l of the next batch; every entry has to be set before each run.
