@@ -169,9 +169,8 @@ class Runner:
             figures["printed"] = json.loads("\n".join(printed))
         return figures
 
-    def identify(self, data, *options):
-        return self.measured(self.program("tokid"), "identify", data, "-o", self.folder / "model.npz", "--quiet",
-                             *options)
+    def identify(self, data, model="model.npz"):
+        return self.measured(self.program("tokid"), "identify", data, "-o", self.folder / model, "--quiet")
 
 
 # Tables
@@ -332,7 +331,7 @@ def streaming(run, results):
             read[cache].append(read_seconds(data))
         drop_from_cache(data)
         for cache in ("cold", "warm"):
-            identify[cache].append(run.identify(data))
+            identify[cache].append(run.identify(data, "model.h5"))
     data.unlink()
     results.figures["streaming"] = {"file_bytes": size, "experiments": experiments, "steps": steps,
                                     "read_seconds": read, "identify": identify}

@@ -10,8 +10,8 @@
 
 namespace tokid {
 
-// Asks the system to back memory that nobody has touched yet by large pages: where many megabytes are written for the
-// first time, most of the time is that of its small ones. A hint, whose failure is of no consequence.
+// Asks the system for large pages behind memory that is about to be written: where it is so for the first time, most of
+// the time is that of small ones. A hint, whose failure is of no consequence.
 inline void prefer_large_pages([[maybe_unused]] const void* memory, [[maybe_unused]] size_t bytes) {
 #ifdef __linux__
   constexpr std::uintptr_t page = size_t{2} << 20;

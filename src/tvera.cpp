@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -28,6 +29,13 @@ struct Units {
         input(options.input_size.size() > 0 ? options.input_size : Vector(Vector::Ones(markov.inputs))) {}
   Vector output, input;
 };
+
+// As parallel_for(), in pieces of whole groups, for lanes to be full whatever the number of threads.
+void in_groups(Index begin, Index end, Index size, const Execution& execution,
+               const std::function<void(Index, Index)>& body) {
+  parallel_for(0, (end - begin + size - 1) / size, execution,
+               [&](Index from, Index to) { body(begin + from * size, std::min(end, begin + to * size)); });
+}
 
 // H_k of every step (37) and its left singular vectors.
 class Hankel {
@@ -279,7 +287,7 @@ HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, con
   factors.step.resize(size_t(markov.steps() - markov.i_begin));
   const FreeResponse complete_free = complete(free);
   const Units units(markov, options);
-  parallel_for(markov.i_begin, markov.steps(), options.execution, [&](Index begin, Index end) {
+  in_groups(markov.i_begin, markov.steps(), linalg::LaneSvd::lanes(), options.execution, [&](Index begin, Index end) {
     Hankel(markov, complete_free, options, units).factorise(begin, end, factors.step);
   });
   return factors;
@@ -299,8 +307,8 @@ Model realise(const Markov& markov, const HankelFactors& factors, const TveraOpt
   }
   model.state_dim.push_back(0);  // that of step T: no output follows
   const Units units(markov, options);
-  parallel_for(0, Index(steps), options.execution,
-               [&](Index begin, Index end) { Realisation(markov, factors, units, model).run(begin, end); });
+  in_groups(0, Index(steps), linalg::LaneRegression::lanes(), options.execution,
+            [&](Index begin, Index end) { Realisation(markov, factors, units, model).run(begin, end); });
   return model;
 }
 

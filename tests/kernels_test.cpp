@@ -54,11 +54,12 @@ TEST_P(Kernels, ARowDoesNotDependOnTheOthers) {
   const Matrix x = random.matrix(64, 5), w = random.matrix(3, 5);
   Matrix all(64, 3);
   linalg::tall_product(x, w, Into::set, all);
-  for (const Index begin : {0, 8, 32}) {
-    Matrix part(16, 3);
-    linalg::tall_product(x.middleRows(begin, 16), w, Into::set, part);
-    EXPECT_EQ(part, all.middleRows(begin, 16));
-  }
+  for (const Index begin : {0, 3, 8, 32})
+    for (const Index rows : {1, 3, 7, 13, 16, 31}) {
+      Matrix part(rows, 3);
+      linalg::tall_product(x.middleRows(begin, rows), w, Into::set, part);
+      EXPECT_EQ(part, all.middleRows(begin, rows));
+    }
 }
 
 TEST_P(Kernels, RangesAreThoseOfEigen) {

@@ -23,6 +23,47 @@ Stage stage(const Model& system, Index lags, Index experiments, Index band) {
   return s;
 }
 
+// Lanes hold steps side by side, those at the ends with matrices of other shapes; and one matrix is beyond them.
+TEST(Tvera, FactorsOfEveryStepAreThoseOfItsHankelMatrix) {
+  const Model system = random_system({4, 2, 2}, 30, 1.0, 57);
+  const Stage s = stage(system, 2, 20, 9);
+  Markov parameters = s.parameters;
+  parameters.system[20].setZero();  // some singular values are zero
+  for (const TveraOptions& options : {TveraOptions{.rows = 3, .cols = 4}, TveraOptions{.rows = 2, .cols = 8}}) {
+    const HankelFactors factors = hankel_factors(parameters, {}, options);
+    ASSERT_EQ(factors.step.size(), 30u);
+    for (Index k = 0; k < 30; ++k) {
+      const Index rows = std::min<Index>(options.rows, 30 - k), cols = std::min<Index>(options.cols, k);
+      Matrix h(rows * 2, cols * 2);
+      for (Index a = 0; a < rows; ++a)
+        for (Index b = 0; b < cols; ++b) h.block(2 * a, 2 * b, 2, 2) = parameters.h(k + a, k - 1 - b);
+      const HankelFactor& factor = factors.step[size_t(k)];
+      const linalg::Svd other = linalg::svd(h);
+      const double unit = 20 * epsilon * double(rows * 2 + cols * 2) * std::max(1.0, h.norm());
+      ASSERT_EQ(factor.singular_values.size(), other.s.size());
+      EXPECT_LE((factor.singular_values - other.s).norm(), unit);
+      EXPECT_LE((factor.u * (factor.u.transpose() * h) - h).norm(), unit);
+      EXPECT_LE((factor.u.transpose() * factor.u - Matrix::Identity(factor.u.cols(), factor.u.cols())).norm(), unit);
+    }
+  }
+}
+
+TEST(Tvera, IsTheSameForAnyNumberOfThreads) {
+  const Model system = random_system({4, 2, 2}, 37, 1.0, 58);
+  const Stage s = stage(system, 2, 20, 9);
+  TveraOptions options{.rows = 3, .cols = 7};
+  const Model alone = tvera(s.parameters, {}, options);
+  for (const int threads : {2, 3, 8}) {
+    options.execution.threads = threads;
+    const Model shared = tvera(s.parameters, {}, options);
+    EXPECT_EQ(shared.A, alone.A);
+    EXPECT_EQ(shared.B, alone.B);
+    EXPECT_EQ(shared.C, alone.C);
+    EXPECT_EQ(shared.G, alone.G);
+    EXPECT_EQ(shared.singular_values, alone.singular_values);
+  }
+}
+
 TEST(Tvera, StateDimensionGrowsFromZeroAndShrinksAtTheEnd) {
   const Model system = random_system({4, 2, 1}, 30, 1.0, 51);
   const Stage s = stage(system, 2, 20, 6);

@@ -64,7 +64,10 @@ tokid::Team world() {
 
 bool for_all(int argc, char** argv) {
   const std::string_view command = argc > 1 ? argv[1] : "";
-  return command == "identify" || command == "update";
+  const bool asks = std::any_of(argv + 1, argv + argc, [](const char* a) {
+    return a == std::string_view("--help") || a == std::string_view("-h");
+  });
+  return !asks && (command == "identify" || command == "update");
 }
 
 }  // namespace

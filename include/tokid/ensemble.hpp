@@ -42,9 +42,9 @@ FreeResponse complete(const FreeResponse& free);
 class Ensemble {
  public:
   Ensemble() = default;
+  enum class Samples { missing, unset };
   // N × T with every sample missing, or left to be written. \throws std::invalid_argument for a negative size, r + m =
   // 0 or dt ≤ 0
-  enum class Samples { missing, unset };
   Ensemble(Index experiments, Index steps, Index inputs, Index outputs, double dt = 1.0,
            Samples samples = Samples::missing);
 
@@ -60,7 +60,7 @@ class Ensemble {
   double y(Index n, Index k, Index j) const { return samples_(n, k * channels() + inputs_ + j); }
 
   const Matrix& samples() const { return samples_; }  // (N × T·d)
-  Matrix& samples() { return samples_; }
+  Eigen::Ref<Matrix> samples() { return samples_; }
 
   // Inputs u_k (N × r) and outputs y_k (N × m) of all experiments at one step.
   auto input(Index k) const { return samples_.middleCols(k * channels(), inputs_); }

@@ -52,13 +52,7 @@ Hdf5Source::Descriptor::~Descriptor() {
   if (number >= 0) ::close(number);
 }
 
-Hdf5Source::Hdf5Source(const std::filesystem::path& path) : file_(open_for_blocks(path)), descriptor_(path) {
-  // Blocks of time are short runs far from each other. What the system would read beyond them is of no use for long:
-  // the whole of a file, for every block, where it is larger than memory.
-  void* own = nullptr;
-  if (H5Fget_vfd_handle(file_, H5P_DEFAULT, &own) >= 0 && own != nullptr)
-    posix_fadvise(*static_cast<const int*>(own), 0, 0, POSIX_FADV_RANDOM);
-}
+Hdf5Source::Hdf5Source(const std::filesystem::path& path) : file_(open_for_blocks(path)), descriptor_(path) {}
 
 Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
     : name_(name),
@@ -72,6 +66,11 @@ Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
   item_ = std::int64_t(H5Tget_size(type));
   const haddr_t address = H5Pget_layout(properties) == H5D_CONTIGUOUS ? H5Dget_offset(data_) : HADDR_UNDEF;
   offset_ = address == HADDR_UNDEF ? -1 : std::int64_t(address);
+  // Blocks of time are short runs far from each other. What the system would read beyond them is of no use for long:
+  // the whole of a file, for every block, where it is larger than memory. expect() says what is.
+  void* own = nullptr;
+  if (offset_ >= 0 && H5Fget_vfd_handle(source.file_, H5P_DEFAULT, &own) >= 0 && own != nullptr)
+    posix_fadvise(*static_cast<const int*>(own), 0, 0, POSIX_FADV_RANDOM);
   if (H5Pget_layout(properties) != H5D_CHUNKED) return;
   std::vector<hsize_t> chunk(size_t(rank_), 1);
   checked(H5Pget_chunk(properties, rank_, chunk.data()), name);

@@ -19,8 +19,9 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-// Turns the columns p and q, of n entries, so that they are orthogonal. Was there a lane where they were not?
-HWY_INLINE bool rotate(double* p, double* q, size_t n, Vec tolerance) {
+// Turns the columns p and q, of n entries, so that they are orthogonal, in the lanes where they were not, which are
+// returned.
+HWY_INLINE hn::Mask<Tag> rotate(double* p, double* q, size_t n, Vec tolerance) {
   const Tag tag;
   const Vec one = hn::Set(tag, 1.0);
   Vec square_p = hn::Zero(tag), square_q = square_p, product = square_p;
@@ -30,19 +31,22 @@ HWY_INLINE bool rotate(double* p, double* q, size_t n, Vec tolerance) {
     square_q = hn::MulAdd(b, b, square_q);
     product = hn::MulAdd(a, b, product);
   }
-  const auto turn = hn::Gt(hn::Abs(product), hn::Mul(tolerance, hn::Mul(hn::Sqrt(square_p), hn::Sqrt(square_q))));
-  if (hn::AllFalse(tag, turn)) return false;
+  // Below, squares have lost their digits; such columns are not counted as found.
+  constexpr double least = 1e-260;
+  const Vec norms = hn::Mul(hn::Sqrt(square_p), hn::Sqrt(square_q));
+  const auto turn = hn::And(hn::Gt(hn::Abs(product), hn::Mul(tolerance, norms)), hn::Gt(norms, hn::Set(tag, least)));
+  if (hn::AllFalse(tag, turn)) return turn;
   // tan 2φ = 2 product / (square_q - square_p), of its two solutions the smaller angle; other lanes stay as they are.
   const Vec zeta = hn::Div(hn::Sub(square_q, square_p), hn::Mul(hn::Set(tag, 2.0), product));
   const Vec size = hn::Abs(zeta), root = hn::Sqrt(hn::MulAdd(zeta, zeta, one));
-  const Vec tangent = hn::IfThenElseZero(turn, hn::CopySign(hn::Div(one, hn::Add(size, root)), zeta));
+  const Vec tangent = hn::CopySign(hn::Div(one, hn::Add(size, root)), zeta);
   const Vec cosine = hn::Div(one, hn::Sqrt(hn::MulAdd(tangent, tangent, one))), sine = hn::Mul(cosine, tangent);
   for (size_t i = 0; i < n; ++i) {
     const Vec a = load(p, i), b = load(q, i);
-    store(hn::NegMulAdd(sine, b, hn::Mul(cosine, a)), p, i);
-    store(hn::MulAdd(sine, a, hn::Mul(cosine, b)), q, i);
+    store(hn::IfThenElse(turn, hn::NegMulAdd(sine, b, hn::Mul(cosine, a)), a), p, i);
+    store(hn::IfThenElse(turn, hn::MulAdd(sine, a, hn::Mul(cosine, b)), b), q, i);
   }
-  return true;
+  return turn;
 }
 
 // a: Aᵀ (even × rows); r: packed triangle, of which the first `count` rows count; l: L (rows × count), its columns U Σ;
@@ -56,12 +60,15 @@ void Decompose(double* a, size_t even, size_t rows, size_t count, double* r, dou
   // Rounding of the products, which no rotation takes away.
   const Vec tolerance = hn::Set(tag, double(std::max<size_t>(rows, 4)) * std::numeric_limits<double>::epsilon());
   constexpr int most_sweeps = 40;  // five or six are usual
-  bool turned = true;
-  for (int sweep = 0; sweep < most_sweeps && turned; ++sweep) {
-    turned = false;
+  // Lanes that are done stay as they are while others turn, so that none depends on another one.
+  const auto none = hn::Lt(tolerance, tolerance);
+  auto turned = none;
+  for (int sweep = 0; sweep < most_sweeps; ++sweep) {
+    turned = none;
     for (size_t p = 0; p + 1 < count; ++p)
       for (size_t q = p + 1; q < count; ++q)
-        turned |= rotate(l + p * rows * lanes, l + q * rows * lanes, rows, tolerance);
+        turned = hn::Or(turned, rotate(l + p * rows * lanes, l + q * rows * lanes, rows, tolerance));
+    if (hn::AllFalse(tag, turned)) break;
   }
   for (size_t j = 0; j < count; ++j) {
     Vec square = hn::Zero(tag);
@@ -69,7 +76,7 @@ void Decompose(double* a, size_t even, size_t rows, size_t count, double* r, dou
       const Vec x = load(l, j * rows + i);
       square = hn::MulAdd(x, x, square);
     }
-    store(turned ? hn::NaN(tag) : hn::Sqrt(square), norm, j);
+    store(hn::IfThenElse(turned, hn::NaN(tag), hn::Sqrt(square)), norm, j);
   }
 }
 
@@ -94,7 +101,8 @@ LaneSvd::LaneSvd(Index rows, Index cols)
       even_(cols + cols % 2),
       lanes_(lanes()),
       memory_(lanes_, {{&a_, rows * even_}, {&r_, rows * (rows + 1) / 2}, {&l_, rows * count_}, {&norm_, count_}}),
-      found_(size_t(lanes_)) {}
+      found_(size_t(lanes_)),
+      left_(count_) {}
 
 void LaneSvd::run() {
   if (even_ > cols_)
@@ -110,15 +118,14 @@ void LaneSvd::run() {
   }
 }
 
-void LaneSvd::take(Index l, Matrix& u, Vector& s) const {
+void LaneSvd::take(Index l, Matrix& u, Vector& s) {
   u.resize(rows_, count_);
   s.resize(count_);
-  Vector all(count_);
-  for (Index j = 0; j < count_; ++j) all(j) = norm_[j * lanes_ + l];
+  for (Index j = 0; j < count_; ++j) left_(j) = norm_[j * lanes_ + l];
   for (Index c = 0; c < count_; ++c) {  // the largest first
     Index largest = 0;
-    s(c) = all.maxCoeff(&largest);
-    all(largest) = -1.0;
+    s(c) = left_.maxCoeff(&largest);
+    left_(largest) = -1.0;
     for (Index i = 0; i < rows_; ++i) u(i, c) = l_[(largest * rows_ + i) * lanes_ + l] / s(c);
   }
 }

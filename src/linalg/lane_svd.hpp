@@ -28,13 +28,14 @@ class LaneSvd {
   // of squares, or NaN, another way has to be taken.
   bool found(Index l) const { return found_[size_t(l)]; }
   // (rows × q) and (q), singular values in decreasing order; q = min(rows, cols)
-  void take(Index l, Matrix& u, Vector& s) const;
+  void take(Index l, Matrix& u, Vector& s);
 
  private:
   Index rows_, cols_, count_, even_, lanes_;
   double *a_ = nullptr, *r_ = nullptr, *l_ = nullptr, *norm_ = nullptr;
   LaneMemory memory_;
   std::vector<char> found_;
+  Vector left_;  // singular values not yet in order
 };
 
 }  // namespace tokid::linalg

@@ -111,7 +111,7 @@ std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index 
       walk.advance(k, simulated);
     }
     walk.error(k, observed, e);
-    if (std::isnan(e.sum())) return std::nullopt;  // of a gap, at once or, of an input's, a step later
+    if (std::isnan(e.sum())) return std::nullopt;  // a gap
     if (k >= std::max(begin, known)) evaluation.predicted(k, e);
     walk.advance(k, observed);
     walk.correct(k, e, observed);

@@ -31,6 +31,8 @@ constexpr Index longest_block = 4096;
 constexpr Index fading = 96;
 // Blocks of each thread between two times that results are put in order: they bound what waits.
 constexpr Index blocks_at_a_time = 4;
+// What a process fetches ahead, which the memory of the system has to hold [bytes].
+constexpr double most_expected = 512e6;
 
 Plan plan_of(const EnsembleFile& file, const StreamOptions& options, Settled settled) {
   Plan plan;
@@ -174,8 +176,10 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   const Index threads = std::max(1, options.identify.execution.threads);
   const Index round = blocks_at_a_time * threads;
   // What all members together work at is fetched from the file while they work at what comes before.
+  const double block_bytes = double(plan.longest() * file.experiments() * file.channels()) * sizeof(double);
+  const Index few = std::max<Index>(1, Index(most_expected / block_bytes));
   const auto expect = [&](Index from) {
-    const Index to = std::min(plan.count, from + round * team.size);
+    const Index to = std::min({plan.count, from + round * team.size, from + few * team.size});
     if (team.size == 1 && from < to) file.expect(plan.block(from).first, plan.block(to - 1).last);
     for (Index i = from + team.rank; team.size > 1 && i < to; i += team.size)
       file.expect(plan.block(i).first, plan.block(i).last);

@@ -54,6 +54,12 @@ def test_processes_take_blocks_without_being_asked(tmp_path):
     assert "Blocks" in result.stdout
 
 
+def test_help_is_printed_once():
+    result = mpi(2, "update", "--help")
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.count("Usage:") == 1
+
+
 def test_other_commands_run_once(tmp_path):
     data = write_ensemble(tmp_path / "data.h5", steps=50)
     result = mpi(2, "info", data)
