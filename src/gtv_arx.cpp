@@ -11,6 +11,7 @@
 
 #include "large_pages.hpp"
 #include "linalg/lane_regression.hpp"
+#include "linalg/orthonormal.hpp"
 #include "linalg/row_absorption.hpp"
 
 namespace tokid {
@@ -385,18 +386,24 @@ Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact)
   if (p_judged < 1) return error;
 
   Matrix w(count, r + p_judged * d);  // newest lag first
-  w.leftCols(r) = ensemble.input(k)(rows, Eigen::all);
-  for (Index j = 1; j <= p_judged; ++j)
-    w.middleCols(r + (j - 1) * d, d) = ensemble.samples().middleCols((k - j) * d, d)(rows, Eigen::all);
+  const bool all = count == ensemble.experiments();
+  const auto put = [&](const auto& samples, Index at) {
+    if (all)
+      w.middleCols(at, samples.cols()) = samples;
+    else
+      w.middleCols(at, samples.cols()) = samples(rows, Eigen::all);
+  };
+  put(ensemble.input(k), 0);
+  for (Index j = 1; j <= p_judged; ++j) put(ensemble.samples().middleCols((k - j) * d, d), r + (j - 1) * d);
   w *= column_scales(w).asDiagonal();
   const Matrix y = ensemble.output(k)(rows, Eigen::all);
-  const Matrix q = linalg::orthonormal_factor(w);
+  linalg::orthonormalise(w);
 
   Matrix residual = y;
   Vector left = Vector::Ones(count);  // 1 - leverage
   Index used = 0;
   const auto use = [&](Index columns) {
-    const auto part = q.middleCols(used, columns);
+    const auto part = w.middleCols(used, columns);
     residual -= part * (part.transpose() * residual);
     left -= part.rowwise().squaredNorm();
     used += columns;

@@ -3,9 +3,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "linalg/column_range.hpp"
+#include "linalg/orthonormal.hpp"
 #include "linalg/simd.hpp"
 #include "linalg/tall_product.hpp"
 #include "linalg/transposition.hpp"
@@ -60,6 +62,46 @@ TEST_P(Kernels, ARowDoesNotDependOnTheOthers) {
       linalg::tall_product(x.middleRows(begin, rows), w, Into::set, part);
       EXPECT_EQ(part, all.middleRows(begin, rows));
     }
+}
+
+TEST_P(Kernels, BasesAreOrthonormalWhateverTheCondition) {
+  Random random(5);
+  for (const Index rows : {12, 50, 300, 601})
+    for (const Index cols : {1, 5, 12})
+      for (const double condition : {1.0, 1e8, 1e14}) {
+        Matrix a = random.matrix(rows, cols);
+        if (condition > 1) {
+          const linalg::Svd d = linalg::svd(a);
+          Vector s(cols);
+          for (Index i = 0; i < cols; ++i)
+            s(i) = std::pow(condition, -double(i) / double(std::max<Index>(1, cols - 1)));
+          a = d.u * s.asDiagonal() * d.v.transpose();
+        }
+        Matrix q = a;
+        linalg::orthonormalise(q);
+        const double unit = 20 * epsilon * double(rows * cols);
+        EXPECT_LE((q.transpose() * q - Matrix::Identity(cols, cols)).norm(), unit) << condition;
+        for (Index c = 1; c <= cols; ++c) {  // the spaces of the first columns
+          const auto basis = q.leftCols(c);
+          EXPECT_LE((basis * (basis.transpose() * a.leftCols(c)) - a.leftCols(c)).norm(), unit * a.norm());
+        }
+      }
+}
+
+TEST_P(Kernels, BasesOfDependentColumnsAreOrthonormalOrZero) {
+  Random random(6);
+  Matrix a = random.matrix(80, 12);
+  a.col(4).setZero();
+  a.col(7) = 2 * a.col(1) - a.col(3);
+  a.col(8) = a.col(2);
+  const Matrix before = a;
+  linalg::orthonormalise(a);
+  Matrix expected = Matrix::Identity(12, 12);
+  expected(4, 4) = 0.0;
+  for (const Index c : {7, 8})
+    if (a.col(c).norm() == 0) expected(c, c) = 0.0;
+  EXPECT_LE((a.transpose() * a - expected).norm(), 1e3 * epsilon);
+  EXPECT_LE((a * (a.transpose() * before) - before).norm(), 1e3 * epsilon * before.norm());
 }
 
 TEST_P(Kernels, RangesAreThoseOfEigen) {

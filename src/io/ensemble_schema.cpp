@@ -3,6 +3,7 @@
 #include <limits>
 #include <optional>
 
+#include "linalg/transposition.hpp"
 #include "schema.hpp"
 
 namespace tokid::io {
@@ -219,14 +220,18 @@ EnsembleOutline outline_of(const Fields& fields, bool outputs_required) {
 
 Ensemble ensemble_of(const Fields& fields, bool outputs_required) {
   EnsembleOutline outline = outline_of(fields, outputs_required);
-  Ensemble e(outline.experiments, outline.steps, outline.inputs, outline.outputs, outline.dt);
+  Ensemble e(outline.experiments, outline.steps, outline.inputs, outline.outputs, outline.dt, Ensemble::Samples::unset);
   static const std::vector<double> none;
   const auto& u = fields.numbers("u");
   const auto& y = e.outputs() > 0 ? fields.numbers("y") : none;
-  each_sample(e.experiments(), e.steps(), e.inputs(),
-              [&](Index n, Index k, Index i, size_t from) { e.u(n, k, i) = u[from]; });
-  each_sample(e.experiments(), e.steps(), e.outputs(),
-              [&](Index n, Index k, Index j, size_t from) { e.y(n, k, j) = y[from]; });
+  const auto take = [&e](const std::vector<double>& values, Index channels, Index first) {
+    std::vector<double*> columns;
+    for (Index k = 0; k < e.steps(); ++k)
+      for (Index c = 0; c < channels; ++c) columns.push_back(e.samples().col(k * e.channels() + first + c).data());
+    linalg::transpose(values.data(), e.experiments(), e.steps() * channels, columns);
+  };
+  take(u, e.inputs(), 0);
+  take(y, e.outputs(), e.inputs());
   e.names = std::move(outline.names);
   e.initial_state = outline.initial_state;
   e.length = std::move(outline.length);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <future>
 #include <stdexcept>
 
 #include "archive.hpp"
@@ -184,10 +185,11 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
     for (Index i = from + team.rank; team.size > 1 && i < to; i += team.size)
       file.expect(plan.block(i).first, plan.block(i).last);
   };
-  expect(0);
+  std::future<void> expected = std::async(std::launch::async, expect, Index{0});
   for (Index from = 0; from < plan.count; from += round * team.size) {
     const Index to = std::min(plan.count, from + round * team.size);
-    expect(to);
+    expected.wait();
+    expected = std::async(std::launch::async, expect, to);
     std::vector<BlockResult> own(size_t(std::max<Index>(0, ceil_div(to - from - team.rank, team.size))));
     parallel_for(0, Index(own.size()), {int(threads), {}}, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i)
