@@ -89,7 +89,7 @@ class Pipeline {
   Pipeline(const Pipeline&) = delete;
   Pipeline& operator=(const Pipeline&) = delete;
 
-  Identification run();
+  Identification run(bool validated);
   Stretch run_settled(const Settled& settled, Index keep_begin, Index keep_end, bool first);
 
  private:
@@ -778,7 +778,7 @@ Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index ke
   return result;
 }
 
-Identification Pipeline::run() {
+Identification Pipeline::run(bool validated) {
   const auto begin = std::chrono::steady_clock::now();
   check_options(options_);
   data_->check();
@@ -818,7 +818,7 @@ Identification Pipeline::run() {
   if (result_.choices) note_choices(result_.model, *result_.choices);
   if (result_.refinement.iterations > 0)
     note_refinement(result_.model, result_.refinement.smoothing, result_.refinement.iterations);
-  evaluate();
+  if (validated) evaluate();
   if (options_.execution.progress) options_.execution.progress(1.0);
   result_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return std::move(result_);
@@ -827,7 +827,11 @@ Identification Pipeline::run() {
 }  // namespace
 
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options) {
-  return Pipeline(ensemble, options).run();
+  return Pipeline(ensemble, options).run(true);
+}
+
+Identification identify_unvalidated(const Ensemble& ensemble, const IdentifyOptions& options) {
+  return Pipeline(ensemble, options).run(false);
 }
 
 std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Channels& names) {

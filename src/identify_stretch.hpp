@@ -10,6 +10,9 @@
 
 namespace tokid {
 
+// identify() without its validation, where the choices alone are wanted.
+Identification identify_unvalidated(const Ensemble& ensemble, const IdentifyOptions& options);
+
 struct Settled {
   // With p, n (0: the rank), what the noisy choices are, and whether a mean motion is removed.
   IdentifyOptions options;
