@@ -29,7 +29,8 @@ struct End {
 // What every stage hands to the next, made once.
 struct Results {
   explicit Results(const End& e)
-      : data(e.noise ? noisy(e.size, e.experiments, e.steps) : example(e.experiments, e.steps)) {
+      : folder(fs::temp_directory_path() / fmt::format("tokid-stages-{}-{}", getpid(), e.name)),
+        data(e.noise ? noisy(e.size, e.experiments, e.steps) : example(e.experiments, e.steps)) {
     tvera_options = {.rows = e.lags + 1, .cols = e.columns, .states = e.size.n};
     subspace_options = {.states = e.size.n, .noisy = e.noise};
     arx = gtv_arx(data, {.lags = {e.lags}});
@@ -47,7 +48,7 @@ struct Results {
 
   fs::path data_file(const std::string& extension) const { return folder / ("data" + extension); }
 
-  fs::path folder = fs::temp_directory_path() / fmt::format("tokid-stages-{}", getpid());
+  fs::path folder;  // each end its own
   Ensemble data;
   TveraOptions tvera_options;
   SubspaceOptions subspace_options;
