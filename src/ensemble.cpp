@@ -100,25 +100,29 @@ Ensemble Ensemble::subset(const std::vector<Index>& chosen) const {
   return result;
 }
 
-void Ensemble::check(bool outputs_needed) const {
-  if (!(dt > 0) || !std::isfinite(dt))
-    throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", dt));
-  if (experiments() == 0 || steps() == 0)
-    throw std::invalid_argument(
-        fmt::format("ensemble: {} experiments of {} steps found, at least one of one needed", experiments(), steps()));
-  check_count(names.input_names, "input_names", inputs_);
-  check_count(names.output_names, "output_names", outputs_);
-  check_count(names.input_units, "input_units", inputs_);
-  check_count(names.output_units, "output_units", outputs_);
-  if (!length.empty() && static_cast<Index>(length.size()) != experiments())
-    throw std::invalid_argument(fmt::format("length: {} entries for {} experiments", length.size(), experiments()));
-  for (const Index l : length)
-    if (l < 0 || l > steps_) throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, steps_));
+void Ensemble::check(bool outputs_needed) const { checked(*this, outputs_needed); }
 
-  Survey samples = survey(*this, 0, steps_);
-  if (!outputs_needed) samples.channel.resize(size_t(inputs_));
-  check_presence(samples, names, inputs_, experiments() * steps_);
-  check_free_response(free, outputs_);
+Survey checked(const Ensemble& e, bool outputs_needed) {
+  if (!(e.dt > 0) || !std::isfinite(e.dt))
+    throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", e.dt));
+  if (e.experiments() == 0 || e.steps() == 0)
+    throw std::invalid_argument(fmt::format("ensemble: {} experiments of {} steps found, at least one of one needed",
+                                            e.experiments(), e.steps()));
+  check_count(e.names.input_names, "input_names", e.inputs());
+  check_count(e.names.output_names, "output_names", e.outputs());
+  check_count(e.names.input_units, "input_units", e.inputs());
+  check_count(e.names.output_units, "output_units", e.outputs());
+  if (!e.length.empty() && static_cast<Index>(e.length.size()) != e.experiments())
+    throw std::invalid_argument(fmt::format("length: {} entries for {} experiments", e.length.size(), e.experiments()));
+  for (const Index l : e.length)
+    if (l < 0 || l > e.steps())
+      throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, e.steps()));
+
+  Survey samples = survey(e, 0, e.steps());
+  if (!outputs_needed) samples.channel.resize(size_t(e.inputs()));
+  check_presence(samples, e.names, e.inputs(), e.experiments() * e.steps());
+  check_free_response(e.free, e.outputs());
+  return samples;
 }
 
 ChannelSummary channel_summary(const Ensemble& e, Index channel) {

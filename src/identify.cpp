@@ -781,11 +781,10 @@ Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index ke
 Identification Pipeline::run(bool validated) {
   const auto begin = std::chrono::steady_clock::now();
   check_options(options_);
-  data_->check();
+  Survey samples = checked(*data_);
   if (data_->inputs() == 0 || data_->outputs() == 0)
     throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
                                             data_->inputs(), data_->outputs()));
-  Survey samples = survey(*data_, 0, data_->steps());
   check_magnitudes(samples, data_->names, data_->inputs());
   hold_out();
   if (result_.held_out) samples = survey(*data_, 0, data_->steps());

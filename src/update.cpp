@@ -167,14 +167,14 @@ Updated identify(const UpdateState& state, const Execution& execution) {
 }
 
 void check_update(const UpdateState& state, const Ensemble& more) {
-  more.check();
+  const Survey samples = checked(more);
   const WindowFactors& before = state.factors;
   check_alike(before, kind_of(more, before.lags, more.initial_state.value_or(before.initial_state)));
   if (more.free.experiments > 0)
     throw std::invalid_argument("free responses: found, forced experiments alone can be added");
   if (has_seen(with_options(state.options), more))
     throw std::invalid_argument("experiments: the state has these already, they would count twice");
-  check_magnitudes(survey(more, 0, more.steps()), more.names, more.inputs());
+  check_magnitudes(samples, more.names, more.inputs());
 }
 
 namespace {

@@ -8,9 +8,9 @@
 
 #include "linalg/column_range.hpp"
 #include "linalg/orthonormal.hpp"
-#include "linalg/simd.hpp"
 #include "linalg/tall_product.hpp"
 #include "linalg/transposition.hpp"
+#include "targets.hpp"
 #include "testing.hpp"
 
 namespace tokid {
@@ -20,13 +20,8 @@ using linalg::Into;
 using testing::epsilon;
 using testing::Random;
 
-class Kernels : public ::testing::TestWithParam<simd::Target> {
- protected:
-  void SetUp() override { simd::limit_target(GetParam()); }
-  void TearDown() override { simd::limit_target(simd::Target::avx512); }
-};
-INSTANTIATE_TEST_SUITE_P(Targets, Kernels, ::testing::ValuesIn(simd::targets()),
-                         [](const auto& target) { return "level" + std::to_string(int(target.param)); });
+class Kernels : public testing::OnTarget {};
+INSTANTIATE_TEST_SUITE_P(Targets, Kernels, testing::all_targets(), testing::target_name);
 
 TEST_P(Kernels, TallProductsAreThoseOfEigen) {
   Random random(1);

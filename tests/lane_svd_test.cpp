@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "linalg/simd.hpp"
+#include "targets.hpp"
 #include "testing.hpp"
 
 namespace tokid {
@@ -43,13 +43,8 @@ std::vector<Matrix> random_matrices(Random& random, Index rows, Index cols) {
   return a;
 }
 
-class LaneSvdOn : public ::testing::TestWithParam<simd::Target> {
- protected:
-  void SetUp() override { simd::limit_target(GetParam()); }
-  void TearDown() override { simd::limit_target(simd::Target::avx512); }
-};
-INSTANTIATE_TEST_SUITE_P(Targets, LaneSvdOn, ::testing::ValuesIn(simd::targets()),
-                         [](const auto& target) { return "level" + std::to_string(int(target.param)); });
+class LaneSvdOn : public testing::OnTarget {};
+INSTANTIATE_TEST_SUITE_P(Targets, LaneSvdOn, testing::all_targets(), testing::target_name);
 
 TEST_P(LaneSvdOn, DecomposesTheMatrixOfEveryLane) {
   Random random(1);

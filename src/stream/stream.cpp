@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "archive.hpp"
+#include "realisation.hpp"
 #include "statistics.hpp"
 #include "stream/blocks.hpp"
 #include "stream/decide.hpp"
@@ -37,12 +38,9 @@ constexpr double most_expected = 512e6;
 
 Plan plan_of(const EnsembleFile& file, const StreamOptions& options, Settled settled) {
   Plan plan;
-  const Index m = file.outputs(), p = settled.options.lags, n = settled.options.states;
-  const Index rows = settled.options.rows > 0 ? settled.options.rows : std::max(p + 1, ceil_div(n, m) + 1);
-  const Index cols = settled.options.cols > 0 ? settled.options.cols
-                                              : std::max(p, settled.noisy ? Index(48)
-                                                            : n > 0       ? n
-                                                                          : p * m);
+  const Index p = settled.options.lags;
+  const TveraOptions hankel = tvera_options(settled.options, p, file.outputs(), settled.noisy);
+  const Index rows = hankel.rows, cols = hankel.cols;
   plan.rows = rows;
   plan.before = p + cols + rows;
   plan.behind = 2 * rows + 2;

@@ -12,6 +12,19 @@ def load(path):
         return {name: file[name] for name in file.files}
 
 
+def markov(path, span=6):
+    """h_{k,i} of all i < k < i + span, which no choice of coordinates changes, of a model in an .npz or .h5."""
+    with (np.load if str(path).endswith(".npz") else h5py.File)(path) as model:
+        A, B, C = (model[name][()] for name in "ABC")
+    found = []
+    for i in range(len(A) - span):
+        x = B[i]
+        for k in range(i + 1, i + span):
+            found.append(C[k] @ x)
+            x = A[k] @ x
+    return np.array(found)
+
+
 def _departures(model, name, values):
     values = values.copy()
     if f"{name}_nominal" in model:

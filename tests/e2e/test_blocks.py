@@ -14,20 +14,7 @@ import h5py
 import numpy as np
 import pytest
 
-from support import leftovers, write_ensemble
-
-
-def markov(path, span=6):
-    """h_{k,i} of all i < k <= i + span, which no choice of coordinates changes."""
-    with h5py.File(path) as file:
-        a, b, c = (file[name][()] for name in "ABC")
-    found = []
-    for i in range(len(a) - span):
-        x = b[i]
-        for k in range(i + 1, i + span):
-            found.append(c[k] @ x)
-            x = a[k] @ x
-    return np.array(found)
+from support import leftovers, markov, write_ensemble
 
 
 @pytest.mark.parametrize("options", [{}, {"chunks": (7, 50, 1), "compression": "gzip"}, {"dtype": "f4"}],

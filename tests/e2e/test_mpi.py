@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from support import leftovers, write_ensemble
+from support import leftovers, markov, write_ensemble
 
 pytestmark = pytest.mark.skipif("TOKID_MPI" not in os.environ, reason="built without MPI")
 
@@ -124,18 +124,6 @@ def portions(folder, sizes, begin=40, **options):
 
 def tokid(*arguments):
     return subprocess.run([os.environ["TOKID"], *map(str, arguments)], check=True, capture_output=True, text=True)
-
-
-def markov(path, span=6):
-    with h5py.File(path) as model:
-        A, B, C = (model[name][()] for name in "ABC")
-    found = []
-    for i in range(len(A) - span):
-        x = B[i]
-        for k in range(i + 1, i + span):
-            found.append(C[k] @ x)
-            x = A[k] @ x
-    return np.array(found)
 
 
 def test_every_number_of_processes_updates_alike(tmp_path):

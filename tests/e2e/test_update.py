@@ -6,6 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
+from support import markov
+
 
 @pytest.fixture
 def campaign(tokid, tmp_path):
@@ -16,17 +18,6 @@ def campaign(tokid, tmp_path):
                        ("wednesday", slice(52, 60))):
         np.savez(tmp_path / f"{name}.npz", **{k: v[part] if k in ("u", "y") else v for k, v in whole.items()})
     return tmp_path
-
-
-def markov(path, span=6):
-    model = np.load(path)
-    found = []
-    for i in range(len(model["A"]) - span):
-        x = model["B"][i]
-        for k in range(i + 1, i + span):
-            found.append(model["C"][k] @ x)
-            x = model["A"][k] @ x
-    return np.array(found)
 
 
 @pytest.mark.parametrize("extension", ["h5", "npz", "mat"])
