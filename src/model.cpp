@@ -81,8 +81,7 @@ void store_output(const Model& model, Index k, const Matrix& y, Ensemble& result
 // Experiments as rows: z = x aᵀ + u bᵀ.
 void combine(const Matrix& x, const Matrix& a, const Matrix& u, const Matrix& b, Matrix& z) {
   z.resize(x.rows(), a.rows());
-  linalg::tall_product(x, a, linalg::Into::set, z);
-  linalg::tall_product(u, b, linalg::Into::add, z);
+  linalg::tall_products({{x, a}, {u, b}}, z);
 }
 
 // y = x Cᵀ + u Dᵀ
@@ -264,11 +263,12 @@ class Observer {
     output(model_, k, x, u_, y);
     output_departure(model_, data, k, innovation);
     innovation -= y;
-    next_state(model_, k, x, u_, next_);
     seen_ = innovation;
     if (!std::isfinite(seen_.sum()))
       seen_ = seen_.array().isNaN().select(0.0, seen_);  // a missing output corrects nothing
-    linalg::tall_product(seen_, model_.G[model_.at(k)], linalg::Into::subtract, next_);
+    const size_t s = model_.at(k);
+    next_.resize(x.rows(), model_.n(k + 1));
+    linalg::tall_products({{x, model_.A[s]}, {u_, model_.B[s]}, {seen_, model_.G[s], true}}, next_);
     x.swap(next_);
   }
 

@@ -12,6 +12,7 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
+#include "linalg/canonical.hpp"
 #include "linalg/column_range.hpp"
 #include "words.hpp"
 
@@ -129,10 +130,7 @@ std::uint64_t digest(const Ensemble& e, Index k) {
   std::array<double, 512> piece;
   for (Index begin = 0; begin < samples.size(); begin += Index(piece.size())) {
     const Index count = std::min(Index(piece.size()), samples.size() - begin);
-    Eigen::Map<Vector> values(piece.data(), count);
-    values = samples.segment(begin, count).array() + 0.0;  // one bit pattern for both zeros,
-    if (std::isnan(values.sum()))                          // and for every missing sample
-      values = values.array().isNaN().select(std::numeric_limits<double>::quiet_NaN(), values);
+    linalg::copy_canonical(samples.data() + begin, count, piece.data());
     XXH3_64bits_update(&state, piece.data(), size_t(count) * sizeof(double));
   }
   return XXH3_64bits_digest(&state);

@@ -3,9 +3,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
+#include "linalg/canonical.hpp"
 #include "linalg/column_range.hpp"
 #include "linalg/orthonormal.hpp"
 #include "linalg/tall_product.hpp"
@@ -16,7 +19,6 @@
 namespace tokid {
 namespace {
 
-using linalg::Into;
 using testing::epsilon;
 using testing::Random;
 
@@ -32,29 +34,37 @@ TEST_P(Kernels, TallProductsAreThoseOfEigen) {
                      before = random.matrix(rows + 5, columns);
         const auto part = x.block(2, 1, rows, inner);  // with a stride of its own
         const auto weights = w.topRows(columns);
-        const Matrix product = part * weights.transpose();
-        const double unit = epsilon * double(inner + 1) * double(rows * columns + 1);
-        const auto result = [&](Into into) {
-          Matrix out = before;
-          linalg::tall_product(part, weights, into, out.topRows(rows));
-          EXPECT_EQ(out.bottomRows(5), before.bottomRows(5));
-          return Matrix(out.topRows(rows));
-        };
-        EXPECT_LE((result(Into::set) - product).norm(), 10 * unit);
-        EXPECT_LE((result(Into::add) - before.topRows(rows) - product).norm(), 10 * unit);
-        EXPECT_LE((result(Into::subtract) - before.topRows(rows) + product).norm(), 10 * unit);
+        const Matrix u = random.matrix(rows, 2), b = random.matrix(columns, 2);
+        const Matrix product = part * weights.transpose(), other = u * b.transpose();
+        const double unit = epsilon * double(inner + 3) * double(rows * columns + 1);
+        Matrix out = before;
+        auto result = out.topRows(rows);
+        linalg::tall_products({{part, weights}}, result);
+        EXPECT_LE((result - product).norm(), 10 * unit);
+        linalg::tall_products({{part, weights, true}, {u, b}}, result);
+        EXPECT_LE((result - other + product).norm(), 10 * unit);
+        linalg::tall_products({}, result);
+        EXPECT_EQ(Matrix(result), Matrix::Zero(rows, columns));
+        linalg::tall_products(before.topRows(rows), {{part, weights}, {u, b}, {u, b, true}}, result);
+        EXPECT_LE((result - before.topRows(rows) - product).norm(), 30 * unit);
+        linalg::tall_products(result, {{part, weights, true}}, result);  // in place
+        EXPECT_LE((result - before.topRows(rows)).norm(), 40 * unit);
+        EXPECT_EQ(out.bottomRows(5), before.bottomRows(5));
       }
+  const Matrix x = random.matrix(8, 2), w = random.matrix(3, 2);
+  Matrix out(8, 3);
+  EXPECT_THROW(linalg::tall_products({{x, w}, {x, w}, {x, w}, {x, w}}, out), std::logic_error);
 }
 
 TEST_P(Kernels, ARowDoesNotDependOnTheOthers) {
   Random random(2);
   const Matrix x = random.matrix(64, 5), w = random.matrix(3, 5);
   Matrix all(64, 3);
-  linalg::tall_product(x, w, Into::set, all);
+  linalg::tall_products({{x, w}}, all);
   for (const Index begin : {0, 3, 8, 32})
     for (const Index rows : {1, 3, 7, 13, 16, 31}) {
       Matrix part(rows, 3);
-      linalg::tall_product(x.middleRows(begin, rows), w, Into::set, part);
+      linalg::tall_products({{x.middleRows(begin, rows), w}}, part);
       EXPECT_EQ(part, all.middleRows(begin, rows));
     }
 }
@@ -113,6 +123,24 @@ TEST_P(Kernels, RangesAreThoseOfEigen) {
         Vector other = values;
         other(at) = odd;
         EXPECT_FALSE(linalg::column_range(other.data(), count).finite);
+      }
+  }
+}
+
+TEST_P(Kernels, EqualNumbersGetEqualBits) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
+  const double other_nan = std::bit_cast<double>(std::bit_cast<std::uint64_t>(nan) | 0x8000000000000123u);
+  Random random(7);
+  for (const Index count : {1, 7, 8, 19}) {
+    const Matrix values = random.matrix(count, 1);
+    for (Index at = 0; at < count; ++at)
+      for (const auto& [found, wanted] :
+           {std::pair{-0.0, 0.0}, {0.0, 0.0}, {other_nan, nan}, {-infinity, -infinity}, {5e-324, 5e-324}}) {
+        Matrix from = values, expected = values, to(count, 1);
+        from(at) = found;
+        expected(at) = wanted;
+        linalg::copy_canonical(from.data(), count, to.data());
+        EXPECT_EQ(std::memcmp(to.data(), expected.data(), size_t(count) * sizeof(double)), 0) << count << ' ' << at;
       }
   }
 }

@@ -24,8 +24,8 @@ void divide(Matrix& q, const RowAbsorption& r) {
       if (begin > 0) {
         for (Index c = 0; c < count; ++c)
           for (Index i = 0; i < begin; ++i) above(c, i) = r(i, begin + c);
-        tall_product(rows.leftCols(begin), above.topLeftCorner(count, begin), Into::subtract,
-                     rows.middleCols(begin, count));
+        tall_products(rows.middleCols(begin, count), {{rows.leftCols(begin), above.topLeftCorner(count, begin), true}},
+                      rows.middleCols(begin, count));
       }
       for (Index c = begin; c < begin + count; ++c) {
         for (Index i = begin; i < c; ++i) rows.col(c) -= r(i, c) * rows.col(i);

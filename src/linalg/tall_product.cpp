@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "linalg/tall_product.hpp"
 
-#include <algorithm>
+#include <fmt/format.h>
+
+#include <stdexcept>
 
 #include "linalg/simd.hpp"
 
@@ -12,15 +14,25 @@
 
 #include "linalg/lanes-inl.hpp"
 
-#ifndef TOKID_TALL_PRODUCT_FACTORS
-#define TOKID_TALL_PRODUCT_FACTORS
+#ifndef TOKID_TALL_PRODUCT_SUM
+#define TOKID_TALL_PRODUCT_SUM
 namespace tokid::linalg {
 namespace {
 
+constexpr size_t most_products = 3;
+
 struct Factors {
   const double *x, *w;
+  size_t inner, x_stride, w_stride;
+  bool minus;
+};
+
+struct Sum {
+  Factors products[most_products];
+  size_t count = 0;
+  const double* start;  // null: zero
   double* out;
-  size_t rows, inner, columns, x_stride, w_stride, out_stride;
+  size_t rows, columns, start_stride, out_stride;
 };
 
 }  // namespace
@@ -33,16 +45,9 @@ HWY_BEFORE_NAMESPACE();
 namespace tokid::linalg::HWY_NAMESPACE {
 
 // The rows from `row` on of the columns from `column` on.
-template <Into into, size_t vectors, size_t columns>
-HWY_INLINE void tile(const Factors& f, size_t row, size_t column) {
+template <bool minus, size_t vectors, size_t columns>
+HWY_INLINE void add(const Factors& f, size_t row, size_t column, Vec (&sum)[vectors][columns]) {
   const Tag tag;
-  Vec sum[vectors][columns];
-  double* out = f.out + row + column * f.out_stride;
-#pragma GCC unroll 4
-  for (size_t c = 0; c < columns; ++c)
-#pragma GCC unroll 2
-    for (size_t v = 0; v < vectors; ++v)
-      sum[v][c] = into == Into::set ? hn::Zero(tag) : hn::LoadU(tag, out + c * f.out_stride + v * lanes);
   for (size_t i = 0; i < f.inner; ++i) {
     Vec x[vectors];
 #pragma GCC unroll 2
@@ -52,43 +57,57 @@ HWY_INLINE void tile(const Factors& f, size_t row, size_t column) {
       const Vec w = hn::Set(tag, f.w[i * f.w_stride + column + c]);
 #pragma GCC unroll 2
       for (size_t v = 0; v < vectors; ++v)
-        sum[v][c] = into == Into::subtract ? hn::NegMulAdd(w, x[v], sum[v][c]) : hn::MulAdd(w, x[v], sum[v][c]);
+        sum[v][c] = minus ? hn::NegMulAdd(w, x[v], sum[v][c]) : hn::MulAdd(w, x[v], sum[v][c]);
     }
   }
+}
+
+template <size_t vectors, size_t columns>
+HWY_INLINE void tile(const Sum& s, size_t row, size_t column) {
+  const Tag tag;
+  Vec sum[vectors][columns];
 #pragma GCC unroll 4
   for (size_t c = 0; c < columns; ++c)
 #pragma GCC unroll 2
-    for (size_t v = 0; v < vectors; ++v) hn::StoreU(sum[v][c], tag, out + c * f.out_stride + v * lanes);
+    for (size_t v = 0; v < vectors; ++v)
+      sum[v][c] = s.start ? hn::LoadU(tag, s.start + row + (column + c) * s.start_stride + v * lanes) : hn::Zero(tag);
+  for (size_t p = 0; p < s.count; ++p)
+    if (s.products[p].minus)
+      add<true>(s.products[p], row, column, sum);
+    else
+      add<false>(s.products[p], row, column, sum);
+#pragma GCC unroll 4
+  for (size_t c = 0; c < columns; ++c)
+#pragma GCC unroll 2
+    for (size_t v = 0; v < vectors; ++v)
+      hn::StoreU(sum[v][c], tag, s.out + row + (column + c) * s.out_stride + v * lanes);
 }
 
-template <Into into, size_t vectors>
-HWY_INLINE void columns_of(const Factors& f, size_t row) {
+template <size_t vectors>
+HWY_INLINE void columns_of(const Sum& s, size_t row) {
   size_t column = 0;
-  for (; column + 4 <= f.columns; column += 4) tile<into, vectors, 4>(f, row, column);
-  for (; column + 2 <= f.columns; column += 2) tile<into, vectors, 2>(f, row, column);
-  for (; column < f.columns; ++column) tile<into, vectors, 1>(f, row, column);
+  for (; column + 4 <= s.columns; column += 4) tile<vectors, 4>(s, row, column);
+  for (; column + 2 <= s.columns; column += 2) tile<vectors, 2>(s, row, column);
+  for (; column < s.columns; ++column) tile<vectors, 1>(s, row, column);
 }
 
-template <Into into>
-HWY_INLINE void product(const Factors& f) {
+void SumOfProducts(const Sum& s) {
   size_t row = 0;
-  for (; row + 2 * lanes <= f.rows; row += 2 * lanes) columns_of<into, 2>(f, row);
-  for (; row + lanes <= f.rows; row += lanes) columns_of<into, 1>(f, row);
-  for (; row < f.rows; ++row)
-    for (size_t c = 0; c < f.columns; ++c) {
-      double& out = f.out[row + c * f.out_stride];
-      double sum = into == Into::set ? 0.0 : out;
-      for (size_t i = 0; i < f.inner; ++i) {
-        const double term = f.x[i * f.x_stride + row] * f.w[i * f.w_stride + c];
-        sum += into == Into::subtract ? -term : term;
+  for (; row + 2 * lanes <= s.rows; row += 2 * lanes) columns_of<2>(s, row);
+  for (; row + lanes <= s.rows; row += lanes) columns_of<1>(s, row);
+  for (; row < s.rows; ++row)
+    for (size_t c = 0; c < s.columns; ++c) {
+      double sum = s.start ? s.start[row + c * s.start_stride] : 0.0;
+      for (size_t p = 0; p < s.count; ++p) {
+        const Factors& f = s.products[p];
+        for (size_t i = 0; i < f.inner; ++i) {
+          const double term = f.x[i * f.x_stride + row] * f.w[i * f.w_stride + c];
+          sum += f.minus ? -term : term;
+        }
       }
-      out = sum;
+      s.out[row + c * s.out_stride] = sum;
     }
 }
-
-void SetProduct(const Factors& f) { product<Into::set>(f); }
-void AddProduct(const Factors& f) { product<Into::add>(f); }
-void SubtractProduct(const Factors& f) { product<Into::subtract>(f); }
 
 }  // namespace tokid::linalg::HWY_NAMESPACE
 // clang-format off
@@ -98,24 +117,34 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace tokid::linalg {
 
-void tall_product(const ConstMatrixRef& x, const ConstMatrixRef& w, Into into, Eigen::Ref<Matrix> out) {
-  const Factors f{x.data(),
-                  w.data(),
-                  out.data(),
-                  size_t(x.rows()),
-                  size_t(x.cols()),
-                  size_t(w.rows()),
-                  size_t(x.outerStride()),
-                  size_t(w.outerStride()),
-                  size_t(out.outerStride())};
-  switch (into) {
-    case Into::set:
-      return TOKID_KERNEL(SetProduct)(f);
-    case Into::add:
-      return TOKID_KERNEL(AddProduct)(f);
-    case Into::subtract:
-      return TOKID_KERNEL(SubtractProduct)(f);
+namespace {
+
+void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
+  if (products.size() > most_products)
+    throw std::logic_error(fmt::format("tall_products: {} found, up to {} possible", products.size(), most_products));
+  Sum sum{};
+  for (const TallProduct& p : products)
+    sum.products[sum.count++] = {
+        p.x.data(), p.w.data(), size_t(p.x.cols()), size_t(p.x.outerStride()), size_t(p.w.outerStride()), p.minus};
+  sum.rows = size_t(out.rows());
+  sum.columns = size_t(out.cols());
+  sum.out = out.data();
+  sum.out_stride = size_t(out.outerStride());
+  if (start) {
+    sum.start = start->data();
+    sum.start_stride = size_t(start->outerStride());
   }
+  TOKID_KERNEL(SumOfProducts)(sum);
+}
+
+}  // namespace
+
+void tall_products(std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
+  sum_up(nullptr, products, out);
+}
+
+void tall_products(const ConstMatrixRef& start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
+  sum_up(&start, products, out);
 }
 
 }  // namespace tokid::linalg

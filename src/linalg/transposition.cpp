@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "linalg/transposition.hpp"
 
+#include <algorithm>
+
 #include "linalg/simd.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "linalg/transposition.cpp"
+#include <hwy/cache_control.h>
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
@@ -18,19 +21,20 @@ namespace tokid::linalg::HWY_NAMESPACE {
 void Transpose(const double* from, Index count, Index cols, Index stride, double* const* to) {
   constexpr Index side = Index(lanes);
   HWY_ALIGN double square[lanes * lanes];
-  Index i = 0;
-  for (; i + side <= count; i += side) {
-    const double* rows = from + i * stride;
-    Index j = 0;
-    for (; j + side <= cols; j += side) {
-      transpose(rows + j, size_t(stride), square);
+  Index j = 0;
+  for (; j + side <= cols; j += side) {
+    Index i = 0;
+    for (; i + side <= count; i += side) {
+      // Columns lie far from each other: no processor guesses which one is written next, and each would be waited for.
+      for (Index c = j + side; c < std::min(j + 2 * side, cols); ++c) hwy::Prefetch(to[c] + i);
+      transpose(from + i * stride + j, size_t(stride), square);
       for (Index c = 0; c < side; ++c) hn::StoreU(load(square, size_t(c)), Tag(), to[j + c] + i);
     }
-    for (; j < cols; ++j)
-      for (Index l = 0; l < side; ++l) to[j][i + l] = rows[l * stride + j];
+    for (; i < count; ++i)
+      for (Index c = j; c < j + side; ++c) to[c][i] = from[i * stride + c];
   }
-  for (; i < count; ++i)
-    for (Index j = 0; j < cols; ++j) to[j][i] = from[i * stride + j];
+  for (; j < cols; ++j)
+    for (Index i = 0; i < count; ++i) to[j][i] = from[i * stride + j];
 }
 
 }  // namespace tokid::linalg::HWY_NAMESPACE

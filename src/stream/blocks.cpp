@@ -56,6 +56,10 @@ bool same_dimension(const Model& model) {
                      [n = model.state_dim.front()](Index other) { return other == n; });
 }
 
+void append_digests(const Ensemble& data, Index begin, Index end, std::vector<std::uint64_t>& digests) {
+  for (Index k = begin; k < end; ++k) digests.push_back(digest(data, k));
+}
+
 double whiteness_of(const Model& model, const Ensemble& data, InitialState initial) {
   ValidateOptions o;
   o.initial_state = initial;
@@ -77,15 +81,20 @@ BlockResult identify_block(const EnsembleFile& file, const Plan& plan, Index i) 
   result.begin = block.begin;
   result.read_begin = block.first;
   Ensemble data = file.read(block.first, block.last), held_out;
-  result.samples = survey(data, begin, end, block.first);
+  // What surveys and digests look at stays in the second cache level meanwhile.
+  const Index together = std::max<Index>(1, (Index{1} << 16) / (data.experiments() * data.channels()));
+  for (Index k = begin; k < end; k += together) {
+    const Index to = std::min(end, k + together);
+    result.samples.append(survey(data, k, to, block.first), k - begin);
+    if (plan.hold_out == 0) append_digests(data, k, to, result.digests);
+  }
   if (plan.hold_out > 0) {
     Split parts = split(data, plan.hold_out);
     data = std::move(parts.training);
     held_out = std::move(parts.held_out);
     held_out.free = {};
+    append_digests(data, begin, end, result.digests);
   }
-  for (Index k = begin; k < end; ++k) result.digests.push_back(digest(data, k));
-
   Stretch stretch = identify_stretch(std::move(data), plan.settled, begin, end, first);
   Model& model = stretch.model;
   const Index from = std::max(begin, model.k_begin);

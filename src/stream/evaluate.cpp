@@ -12,20 +12,24 @@ namespace tokid::stream {
 
 namespace {
 
-using linalg::Into;
-
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-// Of one output at one step, from all experiments that have both.
-ErrorSums sums_of(const Eigen::Ref<const Vector>& y, const Eigen::Ref<const Vector>& error) {
+// Of an output without an error; nothing where a sample is missing.
+ErrorSums sums_of_all(const Eigen::Ref<const Vector>& y) {
   ErrorSums s;
+  const double sum = y.sum();
+  if (std::isnan(sum) || y.size() == 0) return s;
+  s.count = y.size();
+  s.mean = sum / double(s.count);
+  s.spread = (y.array() - s.mean).square().sum();
+  return s;
+}
+
+// Of one output at one step, from all experiments that have both, with the sums of y alone where all have it.
+ErrorSums sums_of(const Eigen::Ref<const Vector>& y, const Eigen::Ref<const Vector>& error, const ErrorSums& of_all) {
+  ErrorSums s = of_all;
   s.error = error.squaredNorm();
-  if (!std::isnan(s.error) && !std::isnan(s.mean = y.sum())) {
-    s.count = y.size();
-    s.mean /= double(s.count);
-    s.spread = (y.array() - s.mean).square().sum();
-    return s;
-  }
+  if (s.count > 0 && !std::isnan(s.error)) return s;
   s = {};
   for (Index n = 0; n < y.size(); ++n)
     if (!std::isnan(error(n))) s.mean += y(n), s.error += error(n) * error(n), ++s.count;
@@ -44,21 +48,32 @@ class Evaluation {
 
   void predicted(Index k, const Matrix& error) {
     for (Index j = 0; j < error.cols(); ++j) {
-      const ErrorSums s = sums_of(data_.output(k).col(j), error.col(j));
+      const ErrorSums s = sums_of(k, error, j);
       totals_.one_step[size_t(j)].add(s);
       totals_.innovation += s.error;
       totals_.output += s.spread + double(s.count) * s.mean * s.mean;
     }
   }
   void simulated(Index k, const Matrix& error) {
-    for (Index j = 0; j < error.cols(); ++j)
-      totals_.simulation[size_t(j)].add(sums_of(data_.output(k).col(j), error.col(j)));
+    for (Index j = 0; j < error.cols(); ++j) totals_.simulation[size_t(j)].add(sums_of(k, error, j));
   }
   ErrorTotals totals() { return std::move(totals_); }
 
  private:
+  // Prediction and simulation of a step follow each other.
+  ErrorSums sums_of(Index k, const Matrix& error, Index j) {
+    if (k != step_) {
+      step_ = k;
+      outputs_.clear();
+      for (Index i = 0; i < data_.outputs(); ++i) outputs_.push_back(sums_of_all(data_.output(k).col(i)));
+    }
+    return stream::sums_of(data_.output(k).col(j), error.col(j), outputs_[size_t(j)]);
+  }
+
   const Ensemble& data_;
   ErrorTotals totals_;
+  Index step_ = -1;
+  std::vector<ErrorSums> outputs_;  // of that step
 };
 
 // Observer and simulation side by side, experiments as rows, through samples without a gap.
@@ -69,19 +84,22 @@ class Walk {
   // y_k - C_k x - D_k u_k
   void error(Index k, const Matrix& x, Matrix& e) const {
     const size_t s = model_.at(k);
-    e = data_.output(k);
-    linalg::tall_product(x, model_.C[s], Into::subtract, e);
-    linalg::tall_product(data_.input(k), model_.D[s], Into::subtract, e);
+    e.resize(x.rows(), model_.outputs);
+    linalg::tall_products(data_.output(k), {{x, model_.C[s], true}, {data_.input(k), model_.D[s], true}}, e);
   }
+  // A_k x + B_k u_k
   void advance(Index k, Matrix& x) {
     const size_t s = model_.at(k);
-    next_.resize(x.rows(), model_.A[s].rows());
-    linalg::tall_product(x, model_.A[s], Into::set, next_);
-    linalg::tall_product(data_.input(k), model_.B[s], Into::add, next_);
+    next_.resize(x.rows(), model_.n(k + 1));
+    linalg::tall_products({{x, model_.A[s]}, {data_.input(k), model_.B[s]}}, next_);
     x.swap(next_);
   }
-  void correct(Index k, const Matrix& e, Matrix& x) const {
-    linalg::tall_product(e, model_.G[model_.at(k)], Into::subtract, x);
+  // A_k x + B_k u_k - G_k e
+  void advance(Index k, const Matrix& e, Matrix& x) {
+    const size_t s = model_.at(k);
+    next_.resize(x.rows(), model_.n(k + 1));
+    linalg::tall_products({{x, model_.A[s]}, {data_.input(k), model_.B[s]}, {e, model_.G[s], true}}, next_);
+    x.swap(next_);
   }
 
  private:
@@ -113,8 +131,7 @@ std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index 
     walk.error(k, observed, e);
     if (std::isnan(e.sum())) return std::nullopt;  // a gap
     if (k >= std::max(begin, known)) evaluation.predicted(k, e);
-    walk.advance(k, observed);
-    walk.correct(k, e, observed);
+    walk.advance(k, e, observed);
   }
   return evaluation.totals();
 }
