@@ -6,6 +6,7 @@
 
 #include <fstream>
 
+#include "stream/reader.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/io.hpp"
@@ -79,6 +80,46 @@ TEST_F(Stream, ReadsWhatLoadEnsembleReads) {
   }
   EXPECT_THROW(file.read(10, 10), std::invalid_argument);
   EXPECT_THROW(file.read(10, 51), std::invalid_argument);
+}
+
+TEST_F(Stream, TheReaderHandsOutEachBlockToWhoeverAsks) {
+  const Ensemble e = experiments(slow_system(60), {.experiments = 5, .seed = 4});
+  const EnsembleFile file(data(e));
+  stream::Plan plan;
+  plan.steps = 60;
+  plan.count = 7;
+  plan.before = 3;
+  plan.behind = 2;
+  const auto expect_block = [&](const Ensemble& found, Index i) {
+    const stream::Block block = plan.block(i);
+    EXPECT_EQ(fingerprint(found), fingerprint(stretch(e, block.first, block.last))) << i;
+  };
+  for (const Index stride : {1, 2, 3})
+    for (const Index ahead : {1, 2, 20}) {
+      stream::Reader reader(file, plan, stride - 1, stride, ahead);
+      for (Index i = stride - 1; i < plan.count; i += stride) expect_block(reader.take(i), i);
+    }
+  {
+    // Out of order, as threads may ask: two blocks wait, and a third one comes once one of them is taken.
+    stream::Reader reader(file, plan, 0, 1, 2);
+    expect_block(reader.take(1), 1);
+    expect_block(reader.take(2), 2);
+    expect_block(reader.take(0), 0);
+  }
+  const stream::Reader unused(file, plan, 0, 1, 1);  // goes away with blocks that nobody wants
+}
+
+TEST_F(Stream, TheReaderPassesOnWhatWentWrong) {
+  const Ensemble e = experiments(slow_system(3000), {.experiments = 20, .seed = 5});
+  const fs::path path = data(e);
+  const EnsembleFile file(path);
+  fs::resize_file(path, fs::file_size(path) / 4);
+  stream::Plan plan;
+  plan.steps = 3000;
+  plan.count = 2;
+  stream::Reader reader(file, plan, 0, 1, 1);
+  EXPECT_THROW(reader.take(0), IoError);
+  EXPECT_THROW(reader.take(1), IoError);
 }
 
 TEST_F(Stream, FingerprintsOfFilesAndEnsemblesAgree) {

@@ -2,6 +2,7 @@
 #include "hdf5_blocks.hpp"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -52,12 +53,16 @@ Hdf5Source::Descriptor::~Descriptor() {
   if (number >= 0) ::close(number);
 }
 
-Hdf5Source::Hdf5Source(const std::filesystem::path& path) : file_(open_for_blocks(path)), descriptor_(path) {}
+std::int64_t Hdf5Source::Descriptor::bytes() const {
+  struct stat found;
+  return number >= 0 && fstat(number, &found) == 0 ? std::int64_t(found.st_size) : -1;
+}
+
+Hdf5Source::Hdf5Source(const std::filesystem::path& path)
+    : file_(open_for_blocks(path)), descriptor_(path), bytes_(descriptor_.bytes()) {}
 
 Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
-    : name_(name),
-      data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name),
-      descriptor_(source.descriptor_.number) {
+    : source_(source), name_(name), data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name) {
   const Handle space = whole(data_, name);
   rank_ = checked(H5Sget_simple_extent_ndims(space), name);
   size_.resize(size_t(rank_));
@@ -81,17 +86,22 @@ void Hdf5Source::Samples::read(const Hyperslab& part, double* to) const {
   const QuietHdf5 quiet;
   const Handle from = selected(data_, name_, part), memory = memory_of(part);
   checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
+  // The library takes what lies behind the end of a file for zeros.
+  if (source_.descriptor_.bytes() < source_.bytes_)
+    fail("'{}': the file became shorter while it was read, from {} to {} bytes", name_, source_.bytes_,
+         source_.descriptor_.bytes());
 }
 
 void Hdf5Source::Samples::expect(const Hyperslab& part) const {
-  if (descriptor_ < 0 || offset_ < 0 || rank_ < 2) return;
+  const int descriptor = source_.descriptor_.number;
+  if (descriptor < 0 || offset_ < 0 || rank_ < 2) return;
   // Runs of the last two axes, those of each experiment.
   const size_t last = size_t(rank_) - 1;
   const std::int64_t channels = std::int64_t(size_[last]), steps = std::int64_t(size_[last - 1]);
   const std::int64_t first = rank_ > 2 ? std::int64_t(part.begin[0]) : 0,
                      count = rank_ > 2 ? std::int64_t(part.count[0]) : 1;
   for (std::int64_t n = first; n < first + count; ++n)
-    posix_fadvise(descriptor_, offset_ + (n * steps + std::int64_t(part.begin[last - 1])) * channels * item_,
+    posix_fadvise(descriptor, offset_ + (n * steps + std::int64_t(part.begin[last - 1])) * channels * item_,
                   std::int64_t(part.count[last - 1]) * channels * item_, POSIX_FADV_WILLNEED);
 }
 

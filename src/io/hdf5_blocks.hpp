@@ -29,11 +29,11 @@ class Hdf5Source {
     void expect(const Hyperslab& part) const;
 
    private:
+    const Hdf5Source& source_;
     std::string name_;
     Handle data_;
     int rank_ = 0;
     Index together_ = 1;
-    int descriptor_ = -1;      // of the source
     std::int64_t offset_ = 0;  // of the first byte of a data set in one piece, or negative
     std::int64_t item_ = 0;    // bytes of an entry
     std::vector<hsize_t> size_;
@@ -45,10 +45,12 @@ class Hdf5Source {
     ~Descriptor();
     Descriptor(const Descriptor&) = delete;
     Descriptor& operator=(const Descriptor&) = delete;
+    std::int64_t bytes() const;  // of the file, or negative
     int number;
   };
   Handle file_;
   Descriptor descriptor_;
+  std::int64_t bytes_;  // when it was opened
 };
 
 // A file that is written data set by data set, with all of its space reserved before the first of the large ones: a

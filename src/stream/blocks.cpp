@@ -73,14 +73,14 @@ Block Plan::block(Index i) const {
   return {std::max<Index>(0, begin - before), begin, end, std::min(steps, end + behind)};
 }
 
-BlockResult identify_block(const EnsembleFile& file, const Plan& plan, Index i) {
+BlockResult identify_block(Ensemble data, const Plan& plan, Index i) {
   const Block block = plan.block(i);
   const bool first = block.first == 0;
   const Index begin = block.begin - block.first, end = block.end - block.first;
   BlockResult result;
   result.begin = block.begin;
   result.read_begin = block.first;
-  Ensemble data = file.read(block.first, block.last), held_out;
+  Ensemble held_out;
   // What surveys and digests look at stays in the second cache level meanwhile.
   const Index together = std::max<Index>(1, (Index{1} << 16) / (data.experiments() * data.channels()));
   for (Index k = begin; k < end; k += together) {

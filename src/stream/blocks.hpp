@@ -39,7 +39,8 @@ struct BlockResult {
   double whiteness_p = std::numeric_limits<double>::quiet_NaN();
 };
 
-BlockResult identify_block(const EnsembleFile& data, const Plan& plan, Index i);
+// `data` are the steps that block i reads.
+BlockResult identify_block(Ensemble data, const Plan& plan, Index i);
 
 // For messages between processes.
 template <class Archive, class B>

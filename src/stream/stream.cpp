@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <future>
 #include <stdexcept>
 
 #include "archive.hpp"
@@ -14,6 +13,7 @@
 #include "statistics.hpp"
 #include "stream/blocks.hpp"
 #include "stream/decide.hpp"
+#include "stream/reader.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid {
@@ -33,8 +33,6 @@ constexpr Index longest_block = 4096;
 constexpr Index fading = 96;
 // Blocks of each thread between two times that results are put in order: they bound what waits.
 constexpr Index blocks_at_a_time = 4;
-// What a process fetches ahead, which the memory of the system has to hold [bytes].
-constexpr double most_expected = 512e6;
 
 Plan plan_of(const EnsembleFile& file, const StreamOptions& options, Settled settled) {
   Plan plan;
@@ -174,24 +172,15 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   if (model) record.emplace(file, plan, *model);
   const Index threads = std::max(1, options.identify.execution.threads);
   const Index round = blocks_at_a_time * threads;
-  // What all members together work at is fetched from the file while they work at what comes before.
-  const double block_bytes = double(plan.longest() * file.experiments() * file.channels()) * sizeof(double);
-  const Index few = std::max<Index>(1, Index(most_expected / block_bytes));
-  const auto expect = [&](Index from) {
-    const Index to = std::min({plan.count, from + round * team.size, from + few * team.size});
-    if (team.size == 1 && from < to) file.expect(plan.block(from).first, plan.block(to - 1).last);
-    for (Index i = from + team.rank; team.size > 1 && i < to; i += team.size)
-      file.expect(plan.block(i).first, plan.block(i).last);
-  };
-  std::future<void> expected = std::async(std::launch::async, expect, Index{0});
+  stream::Reader reader(file, plan, team.rank, team.size, threads);
   for (Index from = 0; from < plan.count; from += round * team.size) {
     const Index to = std::min(plan.count, from + round * team.size);
-    expected.wait();
-    expected = std::async(std::launch::async, expect, to);
     std::vector<BlockResult> own(size_t(std::max<Index>(0, ceil_div(to - from - team.rank, team.size))));
     parallel_for(0, Index(own.size()), {int(threads), {}}, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i)
-        own[size_t(i)] = stream::identify_block(file, plan, from + i * team.size + team.rank);
+      for (Index i = begin; i < end; ++i) {
+        const Index block = from + i * team.size + team.rank;
+        own[size_t(i)] = stream::identify_block(reader.take(block), plan, block);
+      }
     });
     const std::vector<std::string> all = team.gather(archive::packed(own));
     if (record) {

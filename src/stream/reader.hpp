@@ -1,0 +1,44 @@
+// Reads the blocks of a stream ahead of those that work at them.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <condition_variable>
+#include <exception>
+#include <map>
+#include <mutex>
+#include <thread>
+
+#include "stream/blocks.hpp"
+
+namespace tokid::stream {
+
+// The blocks first, first + stride, … in this order, by a thread of its own: the file has other limits than the
+// processor, and the time of both together is that of the slower one.
+class Reader {
+ public:
+  // Up to `ahead` blocks wait.
+  Reader(const EnsembleFile& file, const Plan& plan, Index first, Index stride, Index ahead);
+  ~Reader();
+  Reader(const Reader&) = delete;
+  Reader& operator=(const Reader&) = delete;
+
+  // The samples of block i, which is asked for once, by any thread. \throws what reading it has thrown
+  Ensemble take(Index i);
+
+ private:
+  void run();
+  void expect(Index from) const;
+
+  const EnsembleFile& file_;
+  const Plan& plan_;
+  const Index first_, stride_, ahead_;
+  Index group_;  // blocks that the system is asked to fetch at once
+  std::mutex mutex_;
+  std::condition_variable read_, taken_;
+  std::map<Index, Ensemble> waiting_;
+  std::exception_ptr failure_;
+  bool stopped_ = false;
+  std::jthread thread_;
+};
+
+}  // namespace tokid::stream
