@@ -1,0 +1,31 @@
+function [folder, clean] = folder()
+% [folder, clean] = tokid.internal.folder() makes a folder for the files of one call, which is removed when `clean` goes
+% out of scope, also by an error or Ctrl-C.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+for attempt = 1:100
+  folder = tempname();
+  [made, message] = mkdir(folder);
+  if made && isempty(message) % with a message it was there before, and is not ours
+    clean = onCleanup(@() remove(folder));
+    return
+  end
+end
+error('tokid:folder', '%s: no folder can be made for temporary files: %s', folder, message);
+end
+
+function remove(folder)
+entries = dir(folder);
+for i = 1:numel(entries)
+  if ~entries(i).isdir
+    file = fullfile(folder, entries(i).name);
+    if tokid.internal.is_octave()
+      feval('unlink', file); % delete() would take the name for a pattern
+    else
+      delete(file);
+    end
+  end
+end
+rmdir(folder);
+end
