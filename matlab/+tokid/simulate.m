@@ -180,10 +180,10 @@ computed = tokid.internal.read_mat(computed);
 y = computed.y;
 end
 
-function value = value_of(s, name, otherwise)
+function value = value_of(s, name, default)
 if isfield(s, name) && ~isempty(s.(name))
   value = s.(name);
 else
-  value = otherwise;
+  value = default;
 end
 end

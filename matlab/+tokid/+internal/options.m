@@ -1,6 +1,6 @@
-function [words, own] = options(command, known, pairs, more)
-% [words, own] = tokid.internal.options(command, known, pairs, more) makes arguments of the tool out of names and values.
-% `known` has a row {name, kind} for each option; `more` are names for the message only. Kinds:
+function [words, own] = options(command, known, pairs, others)
+% [words, own] = tokid.internal.options(command, known, pairs, others) makes arguments of the tool out of names and values.
+% `known` has a row {name, kind} for each option; `others` are names for the message only. Kinds:
 %   value    a number or a word
 %   flag     true or false
 %   switch   true, false or 'auto': --name, --no-name, nothing
@@ -19,10 +19,10 @@ for i = 1:2:numel(pairs)
   at = find(strcmp(name, known(:, 1)));
   if isempty(at)
     if nargin < 4
-      more = {};
+      others = {};
     end
     error('tokid:option', '%s: option ''%s'' found, one of %s needed', command, name, ...
-          strjoin(sort([known(:, 1)', more]), ', '));
+          strjoin(sort([known(:, 1)', others]), ', '));
   end
   if i == numel(pairs)
     error('tokid:option', '%s: option ''%s'' has no value', command, name);
