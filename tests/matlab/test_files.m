@@ -38,7 +38,7 @@ function case_ensembles_in_mat73_come_back()
 data = full_ensemble();
 tokid.write('a.mat', data, 'mat73', true);
 assert(isequaln(orderfields(tokid.read('a.mat')), orderfields(data)));
-throws('tokid:input', '--mat73', @() tokid.write('a.npz', data, 'mat73', true));
+throws('tokid:option', '--mat73', @() tokid.write('a.npz', data, 'mat73', true));
 end
 
 function case_models_come_back()
@@ -106,8 +106,6 @@ for i = 1:numel(names)
     tokid.write(files{j}, data);
     back = tokid.read(files{j});
     assert(isequal(back.u, data.u), files{j});
-    [~, evidence] = tokid.identify(files{j}, 'lags', 1, 'states', 1);
-    assert(evidence.experiments == 3);
   end
 end
 end

@@ -46,7 +46,7 @@ data = noisy_data();
 [model, evidence] = tokid.identify(data, 'smoothing', 1 / 3, 'states', 2, 'lags', 2, 'refine', false);
 assert(evidence.smoothing == 1 / 3 && isempty(evidence.refinement));
 options = jsondecode(model.options);
-assert(options.smoothing == 1 / 3 && isequal(options.refine, false));
+assert(options.smoothing == 1 / 3 && strcmp(options.refine, 'no'));
 end
 
 function case_invariant_and_periodic()
@@ -54,9 +54,10 @@ data = noisy_data();
 [model, evidence] = tokid.identify(data, 'time_invariant', true, 'states', 2, 'lags', 3, 'refine', 0);
 assert(model.period == 1 && evidence.period == 1 && isequal(model.A(:, :, 1), model.A(:, :, end)));
 [~, evidence] = tokid.identify(data, 'smoothing', Inf, 'states', 2, 'lags', 3, 'refine', false);
-assert(evidence.smoothing == Inf);
-[~, evidence] = tokid.identify(data, 'period', 4, 'states', 2, 'lags', 3, 'refine', false, 'time_invariant', false);
-assert(evidence.period == 4);
+assert(evidence.period == 1);
+model = tokid.identify(data, 'period', 4, 'states', 2, 'lags', 3, 'refine', false, 'time_invariant', false);
+options = jsondecode(model.options);
+assert(options.period == 4);
 throws('tokid:option', 'time-invariant', @() tokid.identify(data, 'period', 4, 'time_invariant', true));
 end
 
@@ -144,6 +145,9 @@ start = tokid.identify(data, 'states', 2, 'lags', 2, 'refine', false);
                           @() tokid.refine(start, data, 'iterations', 3, 'smoothing', 0.1, 'threads', 1));
 assert(evidence.iterations == 3 && evidence.smoothing == 0.1 && isequal(size(model.Q), [2, 2, 12]));
 assert(all(diff(evidence.penalised_log_likelihood) >= 0));
+[~, evidence] = warns('tokid:refine', 'not converged', ...
+                      @() tokid.refine(start, data, 'iterations', 1, 'smoothing', Inf));
+assert(evidence.smoothing == Inf);
 tokid.write('start.npz', start);
 tokid.write('data.npz', data);
 again = warns('tokid:refine', 'not converged', ...

@@ -51,7 +51,7 @@ end
 text = lines{said}(8:end);
 if status == 1
   error('tokid:failed', '%s', text);
-elseif ~isempty(regexp(text, '; see ''tokid [a-z]+ --help''$', 'once'))
+elseif ~isempty(regexp(text, '^--|; see ''tokid [a-z]+ --help''$', 'once'))
   error('tokid:option', '%s', text);
 end
 error('tokid:input', '%s', text);
