@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The functions for MATLAB and Octave, in Octave: every `function case_…` in tests/matlab is a test of its own."""
+"""The functions for MATLAB and Octave, in Octave: every `function case_…` in tests/matlab is a test of its own.
+
+With TOKID_UPDATE_DOCS=1 in the environment, the outputs in docs/matlab.md are written anew instead of compared.
+"""
 
 import os
 import re
 import shutil
 import subprocess
+from itertools import zip_longest
 
 import pytest
 from conftest import ROOT
+from test_docs import run as run_tool
+from test_docs import same
 
 TESTS = ROOT / "tests" / "matlab"
 CASES = [pytest.param(file.stem, name, id=f"{file.stem[5:]}-{name[5:]}") for file in sorted(TESTS.glob("test_*.m"))
@@ -42,3 +48,40 @@ def octave(tokid, tmp_path):
 @pytest.mark.parametrize("file,case", CASES)
 def test_case(octave, file, case):
     octave(f"{file}('{case}')")
+
+
+def test_example(tokid, octave):
+    """Ten lines of Octave simulate a model as the tool does."""
+    example = ROOT / "examples" / "octave_read_model.m"
+    text = example.read_text(encoding="utf-8")
+    for command in re.findall(r"^%   (tokid .*)$", text, re.MULTILINE):
+        status, printed = run_tool(tokid, command, octave.folder)
+        assert status == 0, printed
+    first = text.index("model = load(")
+    assert text[first:text.index("\n\n", first)].count("\n") == 9
+    printed = octave(f"source('{example}')")
+    assert "20 experiments of 40 steps, 4 states" in printed
+    assert float(re.search(r"from the tool: (\S+) of", printed)[1]) <= 1e-12
+
+
+GUIDE = ROOT / "docs" / "matlab.md"
+
+
+def test_guide(octave):
+    """The blocks of the guide run one after the other, and print what stands below them."""
+    text = updated = GUIDE.read_text(encoding="utf-8")
+    blocks = list(re.finditer(r"^```matlab\n(.*?)^```\n(?:```\n(.*?)^```\n)?", text, re.MULTILINE | re.DOTALL))
+    mark = "-- next block --"
+    code = f"disp('{mark}')\n".join(match[1] for match in blocks[1:])  # the first is the path, which is set here
+    printed = octave(code).split(mark + "\n")
+    assert len(printed) == len(blocks) - 1 >= 6
+    for match, found in zip(blocks[1:], printed):
+        if os.environ.get("TOKID_UPDATE_DOCS") == "1":
+            output = f"```\n{found}```\n" if match[2] is not None else ""
+            updated = updated.replace(match[0], f"```matlab\n{match[1]}```\n{output}")
+            continue
+        for before, now in zip_longest((match[2] or "").splitlines(), found.splitlines(), fillvalue=""):
+            assert same(before, now), f"shown:   {before}\nprinted: {now}"
+    if updated != text:
+        GUIDE.write_text(updated, encoding="utf-8")
+        pytest.skip("docs/matlab.md written anew")
