@@ -46,7 +46,7 @@ if ispc()
   name = 'tokid.exe';
 end
 here = fileparts(fileparts(mfilename('fullpath'))); % the folder of +tokid
-folders = [{fullfile(here, '..', '..', '..', 'bin'), fullfile(here, '..', 'build', 'bin')}, ...
+folders = [{fullfile(fileparts(fileparts(fileparts(here))), 'bin'), fullfile(fileparts(here), 'build', 'bin')}, ...
            strsplit(getenv('PATH'), pathsep())];
 for i = 1:numel(folders)
   path = fullfile(folders{i}, name);
