@@ -1,4 +1,5 @@
-% A model out of a .mat, simulated by ten lines of Octave or MATLAB that need nothing of tokid, beside what the tool says.
+% A model out of a .mat, simulated by ten lines of Octave or MATLAB that need nothing of tokid, beside what the tool
+% says.
 %
 %   tokid example oscillator -o data.mat --experiments 60 --steps 40 --process-noise 0.02 --measurement-noise 0.05
 %   tokid identify data.mat -o model.mat

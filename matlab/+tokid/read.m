@@ -4,8 +4,8 @@ function contents = read(file, varargin)
 %   model = tokid.read('model.npz')
 %   data = tokid.read('data.csv', 'inputs', {'torque'}, 'outputs', {'angle', 'rate'})
 %
-% A model is a struct of A (n x n x S), B (n x r x S), ..., as tokid.identify gives it; an ensemble one of u (N x T x r),
-% y (N x T x m), ..., as tokid.ensemble does. Options:
+% A model is a struct of A (n x n x S), B (n x r x S), ..., as tokid.identify gives it; an ensemble one of u (N x T x
+% r), y (N x T x m), ..., as tokid.ensemble does. Options:
 %   'inputs', 'outputs'   columns of a .csv
 %
 % Errors: tokid:input (the file is absent, damaged or something else), tokid:option.

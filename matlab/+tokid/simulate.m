@@ -83,26 +83,45 @@ end
 u = plus_nominal(u, -value_of(model, 'u_nominal', []), P);
 y = nan(m, N, T);
 x = nan(n, N, T + 1);
-state = first_states(model, data, own, N, begin);
+[both, state_dim, varies] = joined(model, n, S);
+state = zeros(n, N);
+first = first_states(model, data, own, N, begin);
+state(1:size(first, 1), :) = first;
 for k = begin:stop - 1 % step k has the samples k+1 and the matrices s
   s = k - begin + 1;
   if s > S
     s = S - P + 1 + mod(s - S - 1, P);
   end
-  now = 1:model.state_dim(s);
-  next = 1:model.state_dim(s + 1);
-  input = u(:, :, k + 1);
-  x(:, :, k + 1) = 0;
-  x(now, :, k + 1) = state;
-  y(:, :, k + 1) = model.C(:, now, s) * state + model.D(:, :, s) * input;
-  state = model.A(next, now, s) * state + model.B(next, :, s) * input;
+  x(:, :, k + 1) = state;
+  result = both(:, :, s) * [state; u(:, :, k + 1)];
+  y(:, :, k + 1) = result(1:m, :);
+  state = result(m + 1:m + n, :);
+  if varies
+    state(state_dim(s + 1) + 1:n, :) = 0; % where a missing input has left NaN
+  end
 end
 if stop > begin
-  x(:, :, stop + 1) = 0;
-  x(1:size(state, 1), :, stop + 1) = state;
+  x(:, :, stop + 1) = state;
+end
+if all(isnan(y(:)))
+  warning('tokid:simulate', 'no step of the data has outputs of the model: all of them are missing (NaN)');
 end
 y = permute(plus_nominal(y, value_of(model, 'y_nominal', []), P), [2, 3, 1]);
 x = permute(x, [2, 3, 1]);
+end
+
+function [both, state_dim, varies] = joined(model, n, S)
+% [C D; A B] of every step, with zeros where fewer than n states are in use
+both = cat(1, cat(2, model.C, model.D), cat(2, model.A, model.B));
+state_dim = model.state_dim;
+varies = any(state_dim < n);
+if varies
+  m = size(model.C, 1);
+  for s = 1:S
+    both(m + state_dim(s + 1) + 1:m + n, :, s) = 0;
+    both(:, state_dim(s) + 1:n, s) = 0;
+  end
+end
 end
 
 function values = plus_nominal(values, nominal, P)

@@ -15,7 +15,7 @@ if ischar(model) || isa(model, 'string')
 end
 tokid.internal.check_model(model, {'A', 'B', 'C', 'D', 'state_dim'});
 if isempty(which('ss'))
-  error('tokid:noControl', 'the function ss was not found; ''pkg load control'' in Octave, Control System Toolbox in MATLAB');
+  error('tokid:noControl', 'the function ss was not found: ''pkg load control'' in Octave, a toolbox in MATLAB');
 end
 S = size(model.A, 3);
 period = 0;

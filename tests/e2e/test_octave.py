@@ -22,7 +22,7 @@ CASES = [pytest.param(file.stem, name, id=f"{file.stem[5:]}-{name[5:]}") for fil
 
 @pytest.fixture
 def octave(tokid, tmp_path):
-    """Runs Octave with the package on its path, in a folder of the test's own; temporary files must be gone at the end."""
+    """Runs Octave with the package on its path in a folder of the test's own; no temporary file may be left."""
     program = os.environ.get("TOKID_OCTAVE") or shutil.which("octave-cli")
     if not program:
         pytest.fail("Octave is needed: octave-cli on the path, or its path in TOKID_OCTAVE")
@@ -32,11 +32,12 @@ def octave(tokid, tmp_path):
     environment = {**os.environ, "TOKID": tokid.executable, "TMPDIR": str(temporary), "HOME": str(tmp_path),
                    "LC_ALL": "C.UTF-8", "PATHS": os.pathsep.join(map(str, (ROOT / "matlab", TESTS)))}
 
-    def run(code, **changes):
+    def run(code):
         code = "addpath(getenv('PATHS'));\n" + code
-        result = subprocess.run([program, "--no-gui", "--no-init-file", "--no-site-file", "--no-history", "--eval", code],
-                                cwd=work, env={**environment, **changes}, stdin=subprocess.DEVNULL,
-                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False)
+        options = ["--no-gui", "--no-init-file", "--no-site-file", "--no-history"]
+        result = subprocess.run([program, *options, "--eval", code], cwd=work, env=environment,
+                                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                encoding="utf-8", check=False)
         assert result.returncode == 0, result.stdout
         assert not list(temporary.iterdir())
         return result.stdout

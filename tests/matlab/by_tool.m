@@ -1,6 +1,6 @@
 function contents = by_tool(varargin)
-% contents = by_tool('simulate', 'model.npz', ..., 'out.mat'): what the tool itself writes into the last file, which must
-% be a .mat. Names without blanks only.
+% contents = by_tool('simulate', 'model.npz', ..., 'out.mat'): what the tool itself writes into the last file, which
+% must be a .mat. Names without blanks only.
 
 % SPDX-License-Identifier: BSD-3-Clause
 

@@ -1,6 +1,6 @@
 function near(found, expected, tolerance)
-% near(found, expected, tolerance): the same size, NaN in the same places, and elsewhere equal up to `tolerance` times the
-% largest value.
+% near(found, expected, tolerance): the same size, NaN in the same places, and elsewhere equal up to `tolerance` times
+% the largest value.
 
 % SPDX-License-Identifier: BSD-3-Clause
 

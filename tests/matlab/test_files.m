@@ -83,7 +83,6 @@ for i = 1:numel(names)
   assert(isa(plain.(names{i}), 'double') && isequal(size(plain.(names{i})), shapes.(names{i})), names{i});
 end
 assert(ischar(plain.method) && size(plain.method, 1) == 1);
-% Every entry in its place: as the tool prints them in a text format of other order.
 assert(isequaln(orderfields(plain), orderfields(model)));
 end
 
@@ -98,7 +97,7 @@ end
 
 function case_strange_names_of_files()
 data = tokid.ensemble(randn(3, 4), randn(3, 4));
-names = {'two words', 'it''s', 'a"b', '$HOME', '`id`', 'a;b', 'a&b|c', '*', '%d\n', '-o', 'Größe', '(x)', 'a#b', '!x'};
+names = {'it''s "so"', '$HOME;`id`', 'a&b|c <d>', '*?[a]', '%d\n\\', '-o', '--help', 'Größe', '(x)#!{y}'};
 for i = 1:numel(names)
   mkdir(['dir ', names{i}]);
   files = {fullfile(['dir ', names{i}], [names{i}, '.npz']), [names{i}, '.npz']};

@@ -10,8 +10,8 @@ end
 function model = constant(S)
 A = [0.9 0.2 0; -0.2 0.9 0.1; 0 0 0.7];
 model = struct('A', repmat(A, [1 1 S]), 'B', repmat([1 0; 0 1; 1 1], [1 1 S]), 'C', repmat([1 0 1; 0 1 0], [1 1 S]), ...
-               'D', repmat([0 0.5; 0 0], [1 1 S]), 'G', zeros(3, 2, S), 'state_dim', 3 * ones(S + 1, 1), 'k_begin', 0, ...
-               'dt', 0.1, 'period', 1, 'method', 'known');
+               'D', repmat([0 0.5; 0 0], [1 1 S]), 'G', zeros(3, 2, S), 'state_dim', 3 * ones(S + 1, 1), ...
+               'k_begin', 0, 'dt', 0.1, 'period', 1, 'method', 'known');
 model.input_names = {'force'; 'torque'};
 model.output_names = {'x'; 'phi'};
 end
@@ -31,7 +31,8 @@ end
 function case_impulse_responses_are_those_of_the_tool()
 model = constant(30);
 tokid.write('model.npz', model);
-tokid.write('pulses.npz', tokid.ensemble(cat(3, [eye(1, 30); zeros(1, 30)], [zeros(1, 30); eye(1, 30)]), [], 'dt', 0.1));
+pulses = cat(3, [eye(1, 30); zeros(1, 30)], [zeros(1, 30); eye(1, 30)]);
+tokid.write('pulses.npz', tokid.ensemble(pulses, [], 'dt', 0.1));
 pulses = by_tool('simulate', 'model.npz', 'pulses.npz', 'simulated.mat');
 expected = impulse(tokid.to_ss(model), 2.9);
 for i = 1:2

@@ -8,12 +8,11 @@ function data = ensemble(data, needs_outputs)
 if ~isstruct(data) || numel(data) ~= 1 || ~isfield(data, 'u') || (needs_outputs && ~isfield(data, 'y'))
   error('tokid:shape', 'data: a struct with the fields u and y needed, see help tokid.ensemble');
 end
-keep = intersect(fieldnames(data), {'u', 'y', 'dt', 'length', 'free_y', 'initial_state', 'input_names', ...
-                                    'output_names', 'input_units', 'output_units'});
+names = [{'u', 'y'}, tokid.internal.data_fields()];
 kept = struct();
-for i = 1:numel(keep)
-  if ~isempty(data.(keep{i})) || any(strcmp(keep{i}, {'u', 'y'}))
-    kept.(keep{i}) = data.(keep{i});
+for i = 1:numel(names)
+  if isfield(data, names{i}) && (i <= 2 || ~isempty(data.(names{i})))
+    kept.(names{i}) = data.(names{i});
   end
 end
 data = kept;
@@ -40,7 +39,8 @@ if isfield(data, 'y')
   data.y = samples('y', data.y);
   if size(data.y, 1) ~= size(data.u, 1) || size(data.y, 2) ~= size(data.u, 2)
     error('tokid:shape', ['y: %s found beside u of %s, the same experiments and steps needed (N x T x channels; ' ...
-                          'a single record is 1 x T x channels, or a cell of T x channels)'], shape(data.y), shape(data.u));
+                          'a single record is 1 x T x channels, or a cell of T x channels)'], ...
+          shape(data.y), shape(data.u));
   end
 end
 if size(data.u, 2) == 1 && size(data.u, 1) > 1

@@ -6,13 +6,28 @@ function [folder, clean] = folder()
 
 for attempt = 1:100
   folder = tempname();
-  [made, message] = mkdir(folder);
+  [made, message] = private_folder(folder);
   if made && isempty(message) % with a message it was there before, and is not ours
     clean = onCleanup(@() remove(folder));
     return
   end
 end
 error('tokid:folder', '%s: no folder can be made for temporary files: %s', folder, message);
+end
+
+function [made, message] = private_folder(folder)
+% Others on the machine have no business with the data.
+if tokid.internal.is_octave()
+  before = feval('umask', 77);
+  restore = onCleanup(@() feval('umask', before));
+  [made, message] = mkdir(folder);
+else
+  [made, message] = mkdir(folder);
+  if made && isempty(message) && ~ispc()
+    [~, ~] = fileattrib(folder, '-r -w -x', 'g');
+    [~, ~] = fileattrib(folder, '-r -w -x', 'o');
+  end
+end
 end
 
 function remove(folder)

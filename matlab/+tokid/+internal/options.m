@@ -1,6 +1,6 @@
 function [words, own] = options(command, known, pairs, others)
-% [words, own] = tokid.internal.options(command, known, pairs, others) makes arguments of the tool out of names and values.
-% `known` has a row {name, kind} for each option; `others` are names for the message only. Kinds:
+% [words, own] = tokid.internal.options(command, known, pairs, others) makes arguments of the tool out of names and
+% values. `known` has a row {name, kind} for each option; `others` are names for the message only. Kinds:
 %   value    a number or a word
 %   flag     true or false
 %   switch   true, false or 'auto': --name, --no-name, nothing

@@ -1,8 +1,8 @@
 function [file, pairs, files, lengths] = take_data(folder, needs_outputs, given, model, others)
-% [file, pairs, files, lengths] = tokid.internal.take_data(folder, needs_outputs, given, model, others) gives the file of
-% the data for the tool. `given` begins with the name of a file, the struct of an ensemble, or the arrays or cells u and
-% y (u alone where no outputs are needed), and goes on with names and values; those that don't belong to the data come
-% back in `pairs`. Arrays have the sample time of `model`, where that is a struct and they don't say. `others`: as
+% [file, pairs, files, lengths] = tokid.internal.take_data(folder, needs_outputs, given, model, others) gives the file
+% of the data for the tool. `given` begins with the name of a file, the struct of an ensemble, or the arrays or cells u
+% and y (u alone where no outputs are needed), and goes on with names and values; those that don't belong to the data
+% come back in `pairs`. Arrays have the sample time of `model`, where that is a struct and they don't say. `others`: as
 % tokid.internal.take_fields has it. `lengths` of the experiments where they are cells, else [].
 
 % SPDX-License-Identifier: BSD-3-Clause

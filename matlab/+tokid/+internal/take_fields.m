@@ -7,7 +7,8 @@ function [data, rest] = take_fields(data, pairs, others)
 if nargin < 3
   others = {};
 end
-fields = setdiff(tokid.internal.data_fields(), others);
+fields = tokid.internal.data_fields();
+fields = fields(~ismember(fields, others));
 rest = {};
 for i = 1:2:numel(pairs)
   name = tokid.internal.option_name(pairs, i);

@@ -1,6 +1,6 @@
 function [file, files] = take_model(folder, model)
-% [file, files] = tokid.internal.take_model(folder, model) gives the file of a model for the tool: one given by its name,
-% or a temporary one. `files`: as tokid.internal.call has it.
+% [file, files] = tokid.internal.take_model(folder, model) gives the file of a model for the tool: one given by its
+% name, or a temporary one. `files`: as tokid.internal.call has it.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
