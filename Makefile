@@ -4,7 +4,7 @@ build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev l
                   libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
 test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
-                  python3-venv chromium fonts-dejavu-core
+                  python3-venv chromium fonts-dejavu-core octave octave-control
 bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-h5py
 tidy_packages  := $(test_packages) clang-tidy

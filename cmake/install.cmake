@@ -1,4 +1,4 @@
-# cmake --install: headers, library, tool, licence, and the package files that find_package(tokid) reads.
+# cmake --install: headers, library, tool, functions for MATLAB and Octave, licence, and the package files that find_package(tokid) reads.
 include(CMakePackageConfigHelpers)
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/tokid)
 
@@ -20,4 +20,5 @@ if(library_type STREQUAL STATIC_LIBRARY)
   install(FILES cmake/FindTokidFormats.cmake DESTINATION ${package_dir})
 endif()
 
+install(DIRECTORY matlab/ DESTINATION ${CMAKE_INSTALL_DATADIR}/tokid/matlab)
 install(FILES LICENSE NOTICE DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -1,0 +1,46 @@
+function [file, pairs, files, lengths] = take_data(folder, needs_outputs, given, model, others)
+% [file, pairs, files, lengths] = tokid.internal.take_data(folder, needs_outputs, given, model, others) gives the file
+% of the data for the tool. `given` begins with the name of a file, the struct of an ensemble, or the arrays or cells u
+% and y (u alone where no outputs are needed), and goes on with names and values; those that don't belong to the data
+% come back in `pairs`. Arrays have the sample time of `model`, where that is a struct and they don't say. `others`: as
+% tokid.internal.take_fields has it. `lengths` of the experiments where they are cells, else [].
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+if isempty(given)
+  error('tokid:shape', 'data: none found; arrays, an ensemble or the name of a file needed');
+end
+lengths = [];
+first = given{1};
+if ischar(first) || isa(first, 'string')
+  file = tokid.internal.file_name(first);
+  files = cell(0, 2);
+  pairs = given(2:end);
+  return
+elseif isstruct(first)
+  data = first;
+  pairs = given(2:end);
+else
+  data = struct();
+  data.u = first;
+  pairs = given(2:end);
+  if needs_outputs
+    if isempty(pairs) || ~(iscell(pairs{1}) || isnumeric(pairs{1}) || islogical(pairs{1}))
+      error('tokid:shape', 'y: none found behind u; N x T x m outputs needed');
+    end
+    data.y = pairs{1};
+    pairs = pairs(2:end);
+  end
+  if iscell(first)
+    lengths = cellfun(@(c) size(c, 1), first(:));
+  end
+end
+if ~isfield(data, 'dt') && isstruct(model) && isfield(model, 'dt')
+  data.dt = model.dt;
+end
+[data, pairs] = tokid.internal.take_fields(data, pairs, others);
+data = tokid.internal.ensemble(data, needs_outputs);
+file = fullfile(folder, 'data.mat');
+files = {file, 'data'};
+tokid.internal.write_ensemble(file, data);
+end

@@ -1,0 +1,35 @@
+function [bounds, evidence] = confidence(model, varargin)
+% TOKID.CONFIDENCE  Intervals for what a model says: Markov parameters, mean outputs, eigenvalues.
+%
+%   bounds = tokid.confidence(model, u, y)
+%   [bounds, evidence] = tokid.confidence(model, data, 'level', 0.99)
+%
+% The data are those that the model was identified from, whole. The bounds are a struct: markov(:, :, 1+g, s), m x r,
+% is the answer at step k = k_begin + s - 1 to a pulse g steps before, between markov_lower and markov_upper; simulated
+% and predicted are N x T x m, eigenvalues_real and eigenvalues_imag E x n, with _lower and _upper likewise
+% (docs/formats.md). The evidence is what 'tokid confidence --json' prints. What can be said of data: see
+% tokid.ensemble. Options:
+%   'level'               probability that an interval holds the truth (default 0.95)
+%   'method'              'auto', 'factors' or 'bootstrap'
+%   'replicates', 'seed'  of the bootstrap
+%   'band'                Markov parameters up to so many steps apart, or 'auto'
+%   'reference_step'      step of the frame of the eigenvalues
+%   'threads'             0 for all of the machine
+%   'inputs', 'outputs'   columns of a .csv
+%
+% Warnings have the identifier tokid:confidence; errors as in tokid.identify, and tokid:model.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+known = {'level', 'value'; 'method', 'value'; 'replicates', 'value'; 'seed', 'value'; 'band', 'value'; ...
+         'reference_step', 'value'; 'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+[file, of_model] = tokid.internal.take_model(folder, model);
+[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});
+words = tokid.internal.options('confidence', known, pairs, tokid.internal.data_fields());
+computed = fullfile(folder, 'bounds.mat');
+output = tokid.internal.call([{'confidence', file, data, '-o', computed, '--json'}, words], folder, ...
+                             [of_model; files]);
+evidence = tokid.internal.decode(output, folder);
+bounds = tokid.internal.read_mat(computed);
+end

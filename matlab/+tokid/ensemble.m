@@ -1,0 +1,34 @@
+function data = ensemble(u, y, varargin)
+% TOKID.ENSEMBLE  Repeated experiments as one struct, which every function takes in place of u and y.
+%
+%   data = tokid.ensemble(u, y)
+%   data = tokid.ensemble(u, y, 'dt', 0.01, 'output_names', {'angle', 'rate'}, ...)
+%
+% u is N x T x r and y is N x T x m: N experiments of T steps with r inputs and m outputs. With one input, u is N x T.
+% NaN marks a missing sample. Cells {u1, u2, ...} and {y1, y2, ...} of T_i x r and T_i x m hold experiments of unequal
+% length, or a single record. Without outputs, y is [].
+%
+%   'dt'              sample time in seconds (default 1)
+%   'length'          N valid samples of each experiment; the rest is ignored
+%   'free_y'          Nf x Tf x m outputs of experiments without input from unknown initial states other than zero
+%   'initial_state'   'zero' or 'unknown': what is known of the states at step 0 (default: found out by a test)
+%   'input_names', 'output_names', 'input_units', 'output_units'   cells of texts
+%
+% The fields of the struct have the names and shapes of the files: see docs/formats.md. Errors: tokid:shape,
+% tokid:option.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+if nargin < 2
+  y = [];
+end
+data.u = u;
+if ~isempty(y)
+  data.y = y;
+end
+[data, rest] = tokid.internal.take_fields(data, varargin);
+if ~isempty(rest)
+  tokid.internal.options('ensemble', cell(0, 2), rest, tokid.internal.data_fields());
+end
+data = tokid.internal.ensemble(data, false);
+end

@@ -1,0 +1,58 @@
+function [model, evidence] = identify(varargin)
+% TOKID.IDENTIFY  A time varying model from repeated experiments.
+%
+%   model = tokid.identify(u, y)
+%   model = tokid.identify(u, y, 'dt', 0.01, 'hold_out', 0.2, ...)
+%   model = tokid.identify(data, ...)       data of tokid.ensemble or tokid.read
+%   model = tokid.identify('data.h5', ...)  a file: .mat, .npz, .h5 or .csv
+%   [model, evidence] = tokid.identify(...)
+%
+% u is N x T x r and y is N x T x m: N experiments of T steps with r inputs and m outputs, NaN where a sample is
+% missing; or cells of T_i x r and T_i x m. tokid.ensemble has the details, and what can be said of the data by name and
+% value: 'dt', 'length', 'free_y', 'input_names', 'output_names', 'input_units', 'output_units'.
+%
+% The model is a struct with the fields of the file: A(:,:,s) is n x n and leads from step k to k+1, where
+% k = k_begin + s - 1 and step 0 is the first sample; B n x r x S, C m x n x S, D m x r x S, the gain of the observer
+% G n x m x S, and more: see docs/formats.md. The evidence is what 'tokid identify --json' prints, as a struct: why the
+% orders were chosen, fits, tests, conditions.
+%
+% Options are those of the tool, with _ for -; docs/guide.md explains them:
+%   'states', 'lags'      n and p, or 'auto'
+%   'method'              'auto', 'tvera' or 'subspace'
+%   'smoothing'           lambda, Inf for one model, or 'auto'
+%   'time_invariant'      true: one model for all steps
+%   'period'              P: steps k, k+P, ... share one model
+%   'refine'              true, false or 'auto': maximum likelihood as far as it helps
+%   'weighting'           'auto', 'one-step', 'many-steps' or 'projection'
+%   'initial_state'       'auto', 'zero' or 'unknown'
+%   'frame'               'raw', 'reference' or 'smooth'; 'reference_step': its step
+%   'nominal'             'auto', 'none' or 'mean'
+%   'hold_out'            share of the experiments that is kept for the fit
+%   'threads'             0 for all of the machine
+%   'report'              name of an .html to write: the page that shows whether to trust the model
+%   'state'               name of a state to write for tokid.update
+%   'block'               steps of an .h5 in memory at a time
+%   'inputs', 'outputs'   columns of a .csv
+%
+% Warnings have the identifier tokid:identify. Errors: tokid:shape (arrays), tokid:option (options), tokid:input
+% (unusable data or files), tokid:failed (the computation), tokid:toolNotFound, tokid:tool.
+%
+% Example:
+%   data = tokid.example_data('oscillator', 'experiments', 60, 'steps', 40);
+%   [model, evidence] = tokid.identify(data.u, data.y, 'dt', data.dt, 'initial_state', 'zero');
+%   y = tokid.simulate(model, data.u);
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+known = {'states', 'value'; 'lags', 'value'; 'method', 'value'; 'smoothing', 'value'; 'time_invariant', 'flag'; ...
+         'period', 'value'; 'refine', 'switch'; 'weighting', 'value'; 'initial_state', 'value'; 'frame', 'value'; ...
+         'reference_step', 'value'; 'nominal', 'value'; 'hold_out', 'value'; 'threads', 'value'; 'block', 'value'; ...
+         'report', 'file'; 'state', 'file'; 'inputs', 'list'; 'outputs', 'list'};
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, [], {'initial_state'});
+words = tokid.internal.options('identify', known, pairs, tokid.internal.data_fields());
+[file, files] = tokid.internal.model_to_write(folder, data, files);
+output = tokid.internal.call([{'identify', data, '-o', file, '--json'}, words], folder, files);
+evidence = tokid.internal.decode(output, folder);
+model = tokid.internal.read_model(folder, file, files);
+end

@@ -1,0 +1,37 @@
+function [data, evidence] = plan(varargin)
+% TOKID.PLAN  How many experiments to make, and inputs for them.
+%
+%   data = tokid.plan('states', 4, 'inputs', 2, 'outputs', 2, 'steps', 80, 'amplitude', 0.5)
+%   [data, evidence] = tokid.plan('model', model, ...)
+%
+% data.u holds the inputs, N x T x r. The evidence is what 'tokid plan --json' prints: minimum, recommended, reasons,
+% condition and more (docs/formats.md). Options:
+%   'states', 'inputs', 'outputs', 'steps'   n, r, m, T; with a model: as it has
+%   'lags', 'experiments'                    p and N, or 'auto'
+%   'kind'           'orthogonal', 'gaussian', 'binary', 'multisine' or 'optimised'
+%   'amplitude'      limit of |u|, one or one for each input (default 1)
+%   'noise'          standard deviations of the noise on inputs and outputs: [0.1 0.2]
+%   'model'          a preliminary model, or the name of its file
+%   'initial_state'  'zero' or 'unknown'
+%   'nominal'        true: the experiments depart from a mean motion
+%   'dt', 'seed', 'threads'
+%
+% Warnings have the identifier tokid:plan; errors as in tokid.identify, and tokid:model.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+known = {'states', 'value'; 'inputs', 'value'; 'outputs', 'value'; 'steps', 'value'; 'lags', 'value'; ...
+         'experiments', 'value'; 'kind', 'value'; 'amplitude', 'list'; 'noise', 'pair'; 'model', 'own'; ...
+         'initial_state', 'value'; 'nominal', 'flag'; 'dt', 'value'; 'seed', 'value'; 'threads', 'value'};
+[words, own] = tokid.internal.options('plan', known, varargin);
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+files = cell(0, 2);
+if isfield(own, 'model')
+  [model, files] = tokid.internal.take_model(folder, own.model);
+  words = [words, {'--model', model}];
+end
+file = fullfile(folder, 'inputs.mat');
+output = tokid.internal.call([{'plan', '-o', file, '--json'}, words], folder, files);
+evidence = tokid.internal.decode(output, folder);
+data = rmfield(tokid.internal.read_mat(file), 'experiments');
+end

@@ -1,0 +1,33 @@
+function [model, evidence] = refine(model, varargin)
+% TOKID.REFINE  Maximum likelihood by EM, from a model on.
+%
+%   model = tokid.refine(model, u, y)
+%   model = tokid.refine(model, data, ...)
+%   [model, evidence] = tokid.refine(model, 'data.h5', ...)
+%
+% The refined model has the covariances of the noise (Q, R), the gains of the Kalman filter (K, G) and, where initial
+% states are unknown, their mean and covariance. Model and data may be the names of files. The evidence is what
+% 'tokid refine --json' prints. What can be said of data: see tokid.ensemble. Options:
+%   'smoothing'           lambda, Inf for one model, or 'auto'
+%   'period'              P: steps k, k+P, ... share one model, 1: all steps
+%   'iterations'          at most so many (default 60)
+%   'initial_state'       'auto', 'zero' or 'unknown'
+%   'threads'             0 for all of the machine
+%   'inputs', 'outputs'   columns of a .csv
+%
+% Warnings have the identifier tokid:refine; errors as in tokid.identify, and tokid:model.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+known = {'smoothing', 'value'; 'period', 'value'; 'iterations', 'value'; 'initial_state', 'value'; ...
+         'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+[start, of_model] = tokid.internal.take_model(folder, model);
+[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {'initial_state'});
+words = tokid.internal.options('refine', known, pairs, tokid.internal.data_fields());
+files = [of_model; files];
+file = fullfile(folder, 'new_model.mat');
+output = tokid.internal.call([{'refine', start, data, '-o', file, '--json'}, words], folder, files);
+evidence = tokid.internal.decode(output, folder);
+model = tokid.internal.read_mat(file);
+end

@@ -1,0 +1,25 @@
+function report(page, model, varargin)
+% TOKID.REPORT  A page (HTML) that shows whether a model can be trusted.
+%
+%   tokid.report('page.html', model, u, y)
+%   tokid.report('page.html', model, data, 'horizon', 10)
+%   tokid.report('page.html', 'model.npz', 'fresh.npz')
+%
+% The page is one file that loads nothing; docs/guide.md shows what is on it. What can be said of data: see
+% tokid.ensemble. Options:
+%   'horizon'             steps ahead of the multi-step fit (default 10)
+%   'experiments'         experiments in the plots, at most (default 24)
+%   'inputs', 'outputs'   columns of a .csv
+%
+% Warnings have the identifier tokid:report; errors as in tokid.identify, and tokid:model.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+known = {'horizon', 'value'; 'experiments', 'value'; 'inputs', 'list'; 'outputs', 'list'};
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+[file, of_model] = tokid.internal.take_model(folder, model);
+[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});
+words = tokid.internal.options('report', known, pairs, tokid.internal.data_fields());
+tokid.internal.call([{'report', file, data, '-o', tokid.internal.file_name(page)}, words], folder, ...
+                    [of_model; files]);
+end

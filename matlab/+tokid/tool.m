@@ -1,0 +1,63 @@
+function path = tool(path)
+% TOKID.TOOL  The command line tool that the functions of this package call.
+%
+%   tokid.tool('/opt/tokid/bin/tokid')   takes this one from now on; tokid.tool('') looks for one again
+%   path = tokid.tool()                  tells which one is taken
+%
+% Looked for in this order: what was set here; the environment variable TOKID; the tool that was installed or built with
+% these files; the folders of PATH. Errors: tokid:toolNotFound.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+persistent chosen found
+if nargin > 0
+  path = char(path);
+  if ~isempty(path) && ~is_file(path)
+    error('tokid:toolNotFound', '%s: no such file', path);
+  end
+  chosen = path;
+  found = '';
+  if isempty(chosen)
+    return
+  end
+end
+if ~isempty(chosen)
+  path = chosen;
+  return
+end
+named = getenv('TOKID');
+if ~isempty(named)
+  if ~is_file(named)
+    error('tokid:toolNotFound', '%s: no such file; the environment variable TOKID should hold the path of the tool', ...
+          named);
+  end
+  path = named;
+  return
+end
+if isempty(found) || ~is_file(found)
+  found = search();
+end
+path = found;
+end
+
+function path = search()
+name = 'tokid';
+if ispc()
+  name = 'tokid.exe';
+end
+here = fileparts(fileparts(mfilename('fullpath'))); % the folder of +tokid
+folders = [{fullfile(fileparts(fileparts(fileparts(here))), 'bin'), fullfile(fileparts(here), 'build', 'bin')}, ...
+           strsplit(getenv('PATH'), pathsep())];
+for i = 1:numel(folders)
+  path = fullfile(folders{i}, name);
+  if ~isempty(folders{i}) && is_file(path)
+    return
+  end
+end
+error('tokid:toolNotFound', ['the program tokid was not found on PATH; install it, or say where it is by ' ...
+                             'tokid.tool(''path''), or by the environment variable TOKID']);
+end
+
+function yes = is_file(path)
+yes = exist(path, 'file') == 2;
+end

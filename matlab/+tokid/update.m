@@ -1,0 +1,26 @@
+function [model, evidence] = update(state, varargin)
+% TOKID.UPDATE  Experiments that come later join those of a state, and give the model of all of them.
+%
+%   tokid.identify(u, y, 'state', 'rig.h5');
+%   model = tokid.update('rig.h5', new_u, new_y)
+%   [model, evidence] = tokid.update('rig.h5', new_data, ...)
+%
+% The state, a file, gets the new experiments. The evidence is what 'tokid update --json' prints: among it the fit of
+% the model before, which has not seen them. What can be said of data: see tokid.ensemble. Options:
+%   'threads'             0 for all of the machine
+%   'inputs', 'outputs'   columns of a .csv
+%
+% Warnings have the identifier tokid:update; errors as in tokid.identify.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+known = {'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, [], {});
+words = tokid.internal.options('update', known, pairs, tokid.internal.data_fields());
+file = fullfile(folder, 'new_model.mat');
+output = tokid.internal.call([{'update', tokid.internal.file_name(state), data, '-o', file, '--json'}, words], ...
+                             folder, files);
+evidence = tokid.internal.decode(output, folder);
+model = tokid.internal.read_mat(file);
+end

@@ -1,0 +1,26 @@
+function write(file, contents, varargin)
+% TOKID.WRITE  Writes a model or an ensemble: .mat, .npz, .h5, and .csv for ensembles.
+%
+%   tokid.write('model.npz', model)
+%   tokid.write('data.h5', tokid.ensemble(u, y, 'dt', 0.01))
+%
+% The file appears whole or not at all. Options:
+%   'mat73'   true: a .mat of version 7.3, which arrays beyond 2 GiB need
+%
+% Errors: tokid:input (the file can't be written, or the contents are no model or ensemble), tokid:shape, tokid:model,
+% tokid:option.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+words = tokid.internal.options('write', {'mat73', 'flag'}, varargin);
+[folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
+copy = fullfile(folder, 'contents.mat');
+if isstruct(contents) && isfield(contents, 'A')
+  tokid.internal.write_model(copy, contents);
+  name = 'model';
+else
+  tokid.internal.write_ensemble(copy, tokid.internal.ensemble(contents, false));
+  name = 'data';
+end
+tokid.internal.call([{'convert', copy, tokid.internal.file_name(file)}, words], folder, {copy, name});
+end

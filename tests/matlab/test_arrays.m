@@ -1,0 +1,64 @@
+function test_arrays(name)
+% What becomes of the arrays that a user gives.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+feval(name);
+end
+
+function case_doubles_of_natural_shapes()
+data = tokid.ensemble(single(ones(3, 4)), true(3, 4, 2), 'dt', 0.1, 'length', [4, 2, 3], 'input_names', {'a'}, ...
+                      'output_names', {'b', 'c'}, 'initial_state', 'zero');
+assert(isa(data.u, 'double') && isequal(size(data.u), [3, 4]));
+assert(isa(data.y, 'double') && isequal(size(data.y), [3, 4, 2]));
+assert(isequal(data.length, [4; 2; 3]));
+assert(isequal(data.output_names, {'b'; 'c'}));
+assert(data.dt == 0.1 && strcmp(data.initial_state, 'zero'));
+end
+
+function case_cells_are_padded()
+u = {[1 2; 3 4; 5 6], [7 8]};
+y = {[1; 2; 3], 4};
+data = tokid.ensemble(u, y);
+assert(isequal(size(data.u), [2, 3, 2]));
+assert(isequal(reshape(data.u(1, :, :), 3, 2), u{1}));
+assert(isequal(data.length, [3; 1]));
+assert(isequaln(data.y, [1 2 3; 4 NaN NaN]));
+end
+
+function case_a_single_record_is_a_cell()
+data = tokid.ensemble({randn(9, 2)}, {randn(9, 1)});
+assert(isequal(size(data.u), [1, 9, 2]) && isequal(size(data.y), [1, 9]));
+assert(~isfield(data, 'length'));
+end
+
+function case_columns_are_no_single_record()
+throws('tokid:shape', '9 experiments of one step; a single record is 1 x T x channels', ...
+       @() tokid.ensemble(randn(9, 1), randn(9, 1)));
+end
+
+function case_disagreeing_shapes_are_named()
+throws('tokid:shape', 'y: 3 x 5 x 2 found beside u of 3 x 4', @() tokid.ensemble(ones(3, 4), ones(3, 5, 2)));
+throws('tokid:shape', 'y: cells of [2 3] steps found, the cells of u have [2 4]', ...
+       @() tokid.ensemble({ones(2, 1), ones(4, 1)}, {ones(2, 1), ones(3, 1)}));
+throws('tokid:shape', 'u: cells of T x channels needed', @() tokid.ensemble({ones(2, 1), ones(4, 2)}));
+end
+
+function case_other_things_than_numbers_are_refused()
+throws('tokid:shape', 'u: 3 x 4 of class double found, real numbers', @() tokid.ensemble(1i * ones(3, 4)));
+throws('tokid:shape', 'y: 3 x 4 of class char found', @() tokid.ensemble(ones(3, 4), repmat('a', 3, 4)));
+throws('tokid:shape', 'fields u and y', @() tokid.identify(struct('v', 1)));
+throws('tokid:shape', 'y: none found', @() tokid.identify(ones(3, 4), 'dt', 1));
+throws('tokid:shape', 'data: none found', @() tokid.identify());
+end
+
+function case_names_of_what_is_said_of_data()
+throws('tokid:option', 'option ''unit'' found, one of dt, free_y, initial_state,', ...
+       @() tokid.ensemble(ones(3, 4), ones(3, 4), 'unit', 1));
+throws('tokid:option', 'a value of class double found', @() tokid.ensemble(ones(3, 4), ones(3, 4), 'dt', 1, 5));
+end
+
+function case_an_ensemble_of_inputs_alone()
+data = tokid.ensemble(ones(3, 4), [], 'dt', 2);
+assert(~isfield(data, 'y') && data.dt == 2);
+end

@@ -1,0 +1,226 @@
+function test_identify(name)
+% Identification, and what else the tool does with arrays.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+feval(name);
+end
+
+function data = clean_data()
+data = tokid.example_data('oscillator', 'experiments', 30, 'steps', 14);
+end
+
+function data = noisy_data()
+data = tokid.example_data('rotating-tube', 'experiments', 24, 'steps', 12, 'process_noise', 0.05, ...
+                          'measurement_noise', 0.05);
+end
+
+function case_the_model_of_the_tool_bit_for_bit()
+by_tool('example', 'oscillator', '--experiments', '30', '--steps', '14', 'data.mat');
+expected = by_tool('identify', 'data.mat', 'model.mat');
+data = load('data.mat');
+[model, evidence] = tokid.identify(data.u, data.y, 'dt', data.dt, 'initial_state', data.initial_state);
+assert(isequaln(rmfield(model, 'options'), rmfield(expected, 'options')));
+assert(isequaln(tokid.identify('data.mat'), expected));
+assert(isequaln(tokid.identify(tokid.read('data.mat')), expected));
+assert(isequal(evidence.output_names, {'y1'; 'y2'}) && evidence.experiments == 30 && isempty(evidence.data));
+assert(all(evidence.simulation_fit > 99.99) && isequal(size(evidence.simulation_fit), [2, 1]));
+assert(isequal(evidence.warnings, cell(0, 1)));
+end
+
+function case_options_arrive()
+data = clean_data();
+[model, evidence] = tokid.identify(data, 'states', 3, 'lags', 4, 'method', 'subspace', 'frame', 'reference', ...
+                                   'reference_step', 5, 'threads', 2, 'nominal', 'none', 'weighting', 'one-step');
+assert(evidence.states == 3 && evidence.lags == 4 && strcmp(evidence.method, 'subspace'));
+assert(strcmp(model.frame, 'reference') && size(model.A, 1) == 3);
+options = jsondecode(model.options);
+assert(options.reference_step == 5 && strcmp(options.weighting, 'one-step') && strcmp(options.nominal, 'none'));
+[~, evidence] = tokid.identify(data, 'Hold-Out', 0.2, 'initial_state', 'unknown', 'states', 'auto', 'nominal', 'mean');
+assert(evidence.held_out_experiments == 6 && strcmp(evidence.evaluated_on, 'held_out') && evidence.nominal);
+assert(strcmp(evidence.initial_state, 'unknown'));
+end
+
+function case_numbers_arrive_with_all_their_digits()
+data = noisy_data();
+[model, evidence] = tokid.identify(data, 'smoothing', 1 / 3, 'states', 2, 'lags', 2, 'refine', false);
+assert(evidence.smoothing == 1 / 3 && isempty(evidence.refinement));
+options = jsondecode(model.options);
+assert(options.smoothing == 1 / 3 && strcmp(options.refine, 'no'));
+end
+
+function case_invariant_and_periodic()
+data = noisy_data();
+[model, evidence] = tokid.identify(data, 'time_invariant', true, 'states', 2, 'lags', 3, 'refine', 0);
+assert(model.period == 1 && evidence.period == 1 && isequal(model.A(:, :, 1), model.A(:, :, end)));
+[~, evidence] = tokid.identify(data, 'smoothing', Inf, 'states', 2, 'lags', 3, 'refine', false);
+assert(evidence.period == 1);
+model = tokid.identify(data, 'period', 4, 'states', 2, 'lags', 3, 'refine', false, 'time_invariant', false);
+options = jsondecode(model.options);
+assert(options.period == 4);
+throws('tokid:option', 'time-invariant', @() tokid.identify(data, 'period', 4, 'time_invariant', true));
+end
+
+function case_missing_samples_and_unequal_lengths()
+data = clean_data();
+data.y(3, 5, 1) = NaN;
+data.u(4, 11:end, :) = NaN;
+data.y(4, 11:end, :) = NaN;
+[model, evidence] = tokid.identify(data, 'lags', 2, 'states', 4);
+u = cell(30, 1);
+y = cell(30, 1);
+for i = 1:30
+  steps = 1:14 - 4 * (i == 4);
+  u{i} = squeeze(data.u(i, steps, :));
+  y{i} = squeeze(data.y(i, steps, :));
+end
+[of_cells, of_cells_evidence] = tokid.identify(u, y, 'dt', data.dt, 'initial_state', 'zero', 'lags', 2, 'states', 4);
+assert(evidence.missing_samples == 17 && of_cells_evidence.missing_samples == 1);
+assert(isequal(model.A, of_cells.A));
+end
+
+function case_names_units_and_free_responses()
+data = tokid.example_data('oscillator', 'experiments', 12, 'steps', 14, 'free_responses', 8);
+names = {'Größe', 'it''s "b"'};
+[model, evidence] = tokid.identify(data.u, data.y, 'dt', 0.05, 'free_y', data.free_y, 'input_names', names, ...
+                                   'output_names', {'x', 'y'}, 'output_units', {'m', 'm/s'}, 'initial_state', 'zero');
+assert(evidence.free_responses == 8 && isequal(model.input_names, names(:)) && model.dt == 0.05);
+assert(isequal(model.output_units, {'m'; 'm/s'}) && isequal(evidence.output_names, {'x'; 'y'}));
+assert(model.state_dim(1) == 4);
+end
+
+function case_warnings_have_identifiers()
+data = noisy_data();
+data.y(:, :, 2) = 1;
+[~, evidence] = warns('tokid:identify', 'output y2 never moves', ...
+                      @() tokid.identify(data, 'states', 2, 'lags', 2, 'refine', false));
+assert(any(~cellfun(@isempty, strfind(evidence.warnings, 'output y2 never moves'))));
+end
+
+function case_errors_have_the_texts_of_the_tool()
+data = clean_data();
+throws('tokid:input', 'data: steps: 14 found, lag order 50 needs at least 51', @() tokid.identify(data, 'lags', 50));
+throws('tokid:input', 'data: ', @() tokid.identify(data.u, inf(size(data.y))));
+throws('tokid:input', 'absent.npz', @() tokid.identify('absent.npz'));
+throws('tokid:option', '--lags: ''x'' found, a whole number from 1 on or auto needed', ...
+       @() tokid.identify(data, 'lags', 'x'));
+throws('tokid:option', '--lags: ''2.5'' found', @() tokid.identify(data, 'lags', 2.5));
+throws('tokid:option', 'identify: option ''lag'' found, one of block, dt,', @() tokid.identify(data, 'lag', 2));
+throws('tokid:option', 'option ''lags'' has no value', @() tokid.identify(data, 'lags'));
+throws('tokid:option', 'option ''refine'': true or false needed', @() tokid.identify(data, 'refine', 'perhaps'));
+throws('tokid:option', 'a value of class double and size [1 2] found', @() tokid.identify(data, 'lags', [1 2]));
+throws('tokid:option', 'option ''dt'' found', @() tokid.identify('absent.npz', 'dt', 2));
+end
+
+function case_page_and_state()
+data = clean_data();
+first = data;
+first.u = data.u(1:20, :, :);
+first.y = data.y(1:20, :, :);
+later = data;
+later.u = data.u(21:30, :, :);
+later.y = data.y(21:30, :, :);
+page = 'the page''s.html';
+[model, evidence] = tokid.identify(first, 'lags', 2, 'states', 4, 'state', 'my state.h5', 'report', page);
+assert(exist(page, 'file') == 2 && strcmp(evidence.report, page));
+[updated, evidence] = tokid.update('my state.h5', later);
+assert(evidence.experiments == 30 && evidence.new_experiments == 10);
+whole = tokid.identify(data, 'lags', 2, 'states', 4);
+near(tokid.simulate(updated, data), tokid.simulate(whole, data), 1e-9);
+tokid.report('fresh.html', model, later, 'experiments', 3, 'horizon', 4);
+assert(~isempty(strfind(fileread('fresh.html'), '<html'))); %#ok<STREMP>
+throws('tokid:input', 'extension', @() tokid.report('fresh.txt', model, later));
+end
+
+function case_blocks_of_a_large_file()
+tokid.write('data.h5', tokid.example_data('oscillator', 'experiments', 40, 'steps', 120));
+[model, evidence] = tokid.identify('data.h5', 'block', 40);
+assert(evidence.block == 40 && evidence.states == 4 && size(model.A, 3) == 120);
+end
+
+function case_refinement()
+data = noisy_data();
+start = tokid.identify(data, 'states', 2, 'lags', 2, 'refine', false);
+[model, evidence] = warns('tokid:refine', 'not converged', ...
+                          @() tokid.refine(start, data, 'iterations', 3, 'smoothing', 0.1, 'threads', 1));
+assert(evidence.iterations == 3 && evidence.smoothing == 0.1 && isequal(size(model.Q), [2, 2, 12]));
+assert(all(diff(evidence.penalised_log_likelihood) >= 0));
+[~, evidence] = warns('tokid:refine', 'not converged', ...
+                      @() tokid.refine(start, data, 'iterations', 1, 'smoothing', Inf));
+assert(evidence.smoothing == Inf);
+tokid.write('start.npz', start);
+tokid.write('data.npz', data);
+again = warns('tokid:refine', 'not converged', ...
+              @() tokid.refine('start.npz', 'data.npz', 'iterations', 3, 'smoothing', 0.1));
+assert(isequal(again.A, model.A));
+end
+
+function case_validation()
+data = clean_data();
+model = tokid.identify(data, 'lags', 2, 'states', 3);
+evidence = tokid.validate(model, data.u, data.y, 'horizon', 3, 'initial_state', 'zero');
+simulated = tokid.simulate(model, data);
+for j = 1:2
+  y = data.y(:, :, j);
+  misfit = y - simulated(:, :, j);
+  expected = 100 * (1 - norm(misfit(:)) / norm(y(:) - mean(y(:))));
+  assert(abs(evidence.simulation_fit(j) - expected) < 1e-8);
+end
+assert(evidence.horizon == 3 && isempty(evidence.cross_validation));
+evidence = tokid.validate(model, data, 'cross_validate', 3);
+assert(evidence.cross_validation.folds == 3 && numel(evidence.cross_validation.per_fold) == 3);
+end
+
+function case_intervals()
+data = tokid.example_data('rotating-tube', 'experiments', 60, 'steps', 12, 'measurement_noise', 0.02);
+model = tokid.identify(data, 'method', 'tvera', 'states', 2, 'lags', 2, 'smoothing', 0);
+[bounds, evidence] = tokid.confidence(model, data, 'level', 0.9, 'band', 4);
+assert(evidence.level == 0.9 && isequal(size(bounds.markov), [1, 1, 5, size(model.A, 3)]));
+assert(all(bounds.simulated_lower(:) <= bounds.simulated_upper(:)));
+near(bounds.markov(:, :, 1, 6), model.D(:, :, 6), 0.5);
+end
+
+function case_plans()
+[data, evidence] = tokid.plan('states', 4, 'inputs', 2, 'outputs', 2, 'steps', 20, 'amplitude', [0.5 2], ...
+                              'experiments', 12, 'noise', [0 0], 'dt', 0.1);
+assert(isequal(size(data.u), [12, 20, 2]) && ~isfield(data, 'y') && data.dt == 0.1);
+assert(evidence.minimum == 10 && iscell(evidence.reasons));
+assert(max(max(abs(data.u(:, :, 1)))) <= 0.5 && max(max(abs(data.u(:, :, 2)))) > 0.5);
+model = tokid.identify(clean_data(), 'lags', 2, 'states', 4);
+[data, evidence] = tokid.plan('model', model, 'kind', 'binary', 'seed', 3);
+assert(size(data.u, 2) == 14 && strcmp(evidence.kind, 'binary') && numel(evidence.rank) == 14);
+throws('tokid:option', '--states', @() tokid.plan('inputs', 2));
+end
+
+function case_the_tool_is_looked_for()
+tool = getenv('TOKID');
+assert(strcmp(tokid.tool(), tool));
+throws('tokid:toolNotFound', 'no/such/tool: no such file', @() tokid.tool('no/such/tool'));
+setenv('TOKID', '/no/such/tool');
+throws('tokid:toolNotFound', 'environment variable TOKID', @() tokid.example_data('oscillator'));
+[~, link] = fileparts(tool);
+tokid.tool(tool);
+assert(strcmp(tokid.tool(), tool) && strcmp(link, 'tokid'));
+tokid.tool('');
+setenv('TOKID', '');
+setenv('PATH', [fileparts(tool), ':', getenv('PATH')]);
+assert(exist(tokid.tool(), 'file') == 2);
+end
+
+function case_another_program_is_no_tool()
+tokid.tool('/bin/false');
+throws('tokid:tool', '/bin/false ended with status 1', @() tokid.example_data('oscillator'));
+id = fopen('dies', 'w');
+fprintf(id, '#!/bin/sh\necho "tokid: out of memory" >&2\nkill -9 $$\n');
+fclose(id);
+system('chmod +x dies');
+tokid.tool(fullfile(pwd(), 'dies'));
+throws('tokid:tool', 'status', @() tokid.example_data('oscillator'));
+id = fopen('fails', 'w');
+fprintf(id, '#!/bin/sh\necho "tokid: out of memory" >&2\nexit 1\n');
+fclose(id);
+system('chmod +x fails');
+tokid.tool(fullfile(pwd(), 'fails'));
+throws('tokid:failed', 'out of memory', @() tokid.example_data('oscillator'));
+tokid.tool('');
+end
