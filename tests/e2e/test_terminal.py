@@ -165,7 +165,7 @@ def screen(text):
     return ["".join(line).rstrip() for line in lines]
 
 
-IDENTIFY_LONG = ["--lags", 10, "--states", 4]
+IDENTIFY_LONG = ["--lags", 10, "--states", 4, "--no-refine"]
 
 
 def test_progress_bar_in_a_terminal(tokid, tmp_path, long_work):
