@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Identification of linear time-varying systems from repeated experiments.
+
+From N experiments of T steps, inputs ``u`` (N, T, r) and outputs ``y`` (N, T, m), to a model of every step::
+
+    x[k+1] = A[k] x[k] + B[k] u[k]
+    y[k]   = C[k] x[k] + D[k] u[k]
+
+with its observer, and with the evidence for every choice that was made on the way.
+
+>>> import tokid
+>>> data = tokid.example("oscillator", experiments=60, steps=40)
+>>> model = tokid.identify(data, hold_out=0.2)
+>>> model.states
+4
+"""
+
+from ._ensemble import Ensemble
+from ._errors import IoError, TokidWarning
+from ._example import example, example_system
+from ._files import load
+from ._identify import identify
+from ._model import MatrixSequence, Model, Step
+from ._tokid import version as __version__
+from .results import (
+    Fit,
+    Identification,
+    Validation,
+)
+
+__all__ = [
+    "Ensemble",
+    "Fit",
+    "Identification",
+    "IoError",
+    "MatrixSequence",
+    "Model",
+    "Step",
+    "TokidWarning",
+    "Validation",
+    "__version__",
+    "example",
+    "example_system",
+    "identify",
+    "load",
+]

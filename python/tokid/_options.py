@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Options as users write them, checked, and as the library has them."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping
+from typing import Any, Optional, TypeVar
+
+from . import _tokid
+
+T = TypeVar("T")
+
+INITIAL_STATES = {"auto": None, "zero": _tokid.InitialState.zero, "unknown": _tokid.InitialState.unknown}
+WEIGHTINGS = {
+    "auto": None,
+    "one-step": _tokid.Weighting.one_step,
+    "many-steps": _tokid.Weighting.many_steps,
+    "projection": _tokid.Weighting.projection,
+}
+METHODS = {"auto": _tokid.Method.auto, "tvera": _tokid.Method.tvera, "subspace": _tokid.Method.subspace}
+NOMINALS = {"auto": _tokid.NominalChoice.auto, "none": _tokid.NominalChoice.none, "mean": _tokid.NominalChoice.mean}
+FRAMES = {"raw": _tokid.Frame.raw, "reference": _tokid.Frame.reference, "smooth": _tokid.Frame.smooth}
+
+
+def choice(name: str, value: Any, choices: Mapping[str, T]) -> T:
+    """One of several words."""
+    if isinstance(value, str) and value in choices:
+        return choices[value]
+    raise ValueError(f"{name}: {value!r} found, one of {', '.join(map(repr, choices))} needed")
+
+
+def integer(name: str, value: Any, smallest: int, largest: Optional[int] = None, or_else: str = "") -> int:
+    """A whole number in a range; NumPy's integers are such, floats and booleans are not."""
+    wanted = f"a whole number from {smallest} {'on' if largest is None else f'to {largest}'}{or_else}"
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise ValueError(f"{name}: {value!r} found, {wanted} needed")
+    if value < smallest or (largest is not None and value > largest):
+        raise ValueError(f"{name}: {value} found, {wanted} needed")
+    return int(value)
+
+
+def count_or_auto(name: str, value: Any) -> int:
+    """A positive whole number, or "auto", which is 0."""
+    return 0 if isinstance(value, str) and value == "auto" else integer(name, value, 1, None, " or 'auto'")
+
+
+def real(name: str, value: Any, smallest: float, largest: float = math.inf, or_else: str = "") -> float:
+    """A number in a range that is not NaN."""
+    wanted = f"a number from {smallest:g} {'on' if largest == math.inf else f'to {largest:g}'}{or_else}"
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not smallest <= float(value) <= largest:
+        raise ValueError(f"{name}: {value!r} found, {wanted} needed")
+    return float(value)
+
+
+def smoothing(value: Any) -> Optional[float]:
+    """λ from 0 on, or infinity; None for "auto"."""
+    if isinstance(value, str):
+        if value == "auto":
+            return None
+        if value == "infinity":
+            return math.inf
+    return real("smoothing", value, 0.0, or_else=", infinity or 'auto'")
+
+
+def period(value: Any) -> int:
+    """P; "invariant" is 1, and 0 no period."""
+    if isinstance(value, str) and value == "invariant":
+        return 1
+    return integer("period", value, 0, 1_000_000, " or 'invariant'")
+
+
+def refinement(value: Any) -> Optional[bool]:
+    """Whether to refine; None: as far as it helps where the data are noisy."""
+    if value is None or isinstance(value, bool):
+        return value
+    return choice("refine", value, {"auto": None})
+
+
+def step(name: str, value: Any) -> int:
+    """A step from 0 on, or None, which is -1."""
+    return -1 if value is None else integer(name, value, 0, 1_000_000_000)
+
+
+def threads(value: Any) -> int:
+    return integer("threads", value, 0, 1024)
