@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "arrays.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+namespace tokid::python {
+
+namespace {
+
+// Rows and columns of a table that lies anywhere in memory: what a column is to a row, its neighbour need not be to it.
+constexpr Index tile_rows = 16, tile_cols = 8;
+
+// Entry j of row i: rows lie `stride` entries apart, and column j begins at begin[j].
+template <class Number>
+void write_columns(const Number* from, Index stride, Index rows, const std::vector<std::int64_t>& begin,
+                   const std::vector<double*>& to) {
+  std::array<double, tile_rows * tile_cols> tile;
+  for (Index i = 0; i < rows; i += tile_rows) {
+    const Index height = std::min(tile_rows, rows - i);
+    for (size_t j = 0; j < begin.size(); j += tile_cols) {
+      const size_t width = std::min(size_t(tile_cols), begin.size() - j);
+      for (Index a = 0; a < height; ++a)
+        for (size_t b = 0; b < width; ++b)
+          tile[b * size_t(tile_rows) + size_t(a)] = double(from[(i + a) * stride + begin[j + b]]);
+      for (size_t b = 0; b < width; ++b) {
+        const auto column = tile.begin() + std::ptrdiff_t(b) * tile_rows;
+        std::copy(column, column + height, to[j + b] + i);
+      }
+    }
+  }
+}
+
+// Calls f with a typed pointer to the first number.
+template <class Function>
+void with_numbers(const AnyArray& array, Function&& f) {
+  const void* data = array.data();
+  const nb::dlpack::dtype type = array.dtype();
+  if (type == nb::dtype<double>()) return f(static_cast<const double*>(data));
+  if (type == nb::dtype<float>()) return f(static_cast<const float*>(data));
+  if (type == nb::dtype<std::int64_t>()) return f(static_cast<const std::int64_t*>(data));
+  if (type == nb::dtype<std::int32_t>()) return f(static_cast<const std::int32_t*>(data));
+  if (type == nb::dtype<std::int16_t>()) return f(static_cast<const std::int16_t*>(data));
+  if (type == nb::dtype<std::int8_t>()) return f(static_cast<const std::int8_t*>(data));
+  if (type == nb::dtype<std::uint64_t>()) return f(static_cast<const std::uint64_t*>(data));
+  if (type == nb::dtype<std::uint32_t>()) return f(static_cast<const std::uint32_t*>(data));
+  if (type == nb::dtype<std::uint16_t>()) return f(static_cast<const std::uint16_t*>(data));
+  if (type == nb::dtype<std::uint8_t>()) return f(static_cast<const std::uint8_t*>(data));
+  throw nb::type_error("an array of another type than real numbers");
+}
+
+template <class Values>
+NumPyArray owned(Values values, double* (*data)(Values&), std::vector<size_t> shape,
+                 std::vector<std::int64_t> strides) {
+  auto held = std::make_unique<Values>(std::move(values));
+  double* first = data(*held);
+  const nb::capsule owner(held.get(), [](void* p) noexcept { delete static_cast<Values*>(p); });
+  held.release();  // NOLINT(bugprone-unused-return-value): the capsule has it now
+  return {first, shape.size(), shape.data(), owner, strides.data()};
+}
+
+}  // namespace
+
+void write_samples(const AnyArray& samples, Ensemble& ensemble, Index offset) {
+  const Index steps = Index(samples.shape(1)), channels = Index(samples.shape(2));
+  const Eigen::Ref<Matrix> target = ensemble.samples();
+  std::vector<std::int64_t> begin;
+  std::vector<double*> to;
+  begin.reserve(size_t(steps * channels));
+  to.reserve(size_t(steps * channels));
+  for (Index k = 0; k < steps; ++k)
+    for (Index i = 0; i < channels; ++i) {
+      begin.push_back(k * samples.stride(1) + i * samples.stride(2));
+      to.push_back(const_cast<double*>(target.data()) + (k * ensemble.channels() + offset + i) * target.outerStride());
+    }
+  with_numbers(samples, [&](const auto* from) {
+    const nb::gil_scoped_release release;
+    write_columns(from, samples.stride(0), Index(samples.shape(0)), begin, to);
+  });
+}
+
+NumPyArray samples_view(Ensemble& ensemble, Index offset, Index channels, nb::handle owner) {
+  const Index N = ensemble.experiments();
+  const std::array<size_t, 3> shape{size_t(N), size_t(ensemble.steps()), size_t(channels)};
+  const std::array<std::int64_t, 3> strides{1, N * ensemble.channels(), N};
+  return {ensemble.samples().data() + N * offset, 3, shape.data(), owner, strides.data()};
+}
+
+NumPyArray outputs_of(const Ensemble& ensemble) {
+  const Index N = ensemble.experiments(), T = ensemble.steps(), m = ensemble.outputs();
+  std::vector<double> values(size_t(N * T * m));
+  {
+    const nb::gil_scoped_release release;
+    constexpr Index block = 8;  // experiments whose samples are written side by side: a cache line is read once
+    for (Index n = 0; n < N; n += block)
+      for (Index k = 0; k < T; ++k)
+        for (Index j = 0; j < m; ++j)
+          for (Index e = n; e < std::min(n + block, N); ++e) values[size_t((e * T + k) * m + j)] = ensemble.y(e, k, j);
+  }
+  return array_of(std::move(values), {size_t(N), size_t(T), size_t(m)});
+}
+
+ReadOnlyArray view_of(const Matrix& matrix, nb::handle owner) {
+  const std::array<size_t, 2> shape{size_t(matrix.rows()), size_t(matrix.cols())};
+  const std::array<std::int64_t, 2> strides{1, matrix.rows()};
+  return {matrix.data(), 2, shape.data(), owner, strides.data()};
+}
+
+ReadOnlyArray view_of(const Vector& vector, nb::handle owner) {
+  const std::array<size_t, 1> shape{size_t(vector.size())};
+  return {vector.data(), 1, shape.data(), owner};
+}
+
+NumPyArray array_of(Matrix matrix) {
+  const size_t rows = size_t(matrix.rows()), cols = size_t(matrix.cols());
+  return owned<Matrix>(std::move(matrix), [](Matrix& m) { return m.data(); }, {rows, cols}, {1, std::int64_t(rows)});
+}
+
+NumPyArray array_of(Vector vector) {
+  const size_t size = size_t(vector.size());
+  return owned<Vector>(std::move(vector), [](Vector& v) { return v.data(); }, {size}, {1});
+}
+
+NumPyArray array_of(std::vector<double> values, std::vector<size_t> shape) {
+  std::vector<std::int64_t> strides(shape.size(), 1);
+  for (size_t i = shape.size(); i-- > 1;) strides[i - 1] = strides[i] * std::int64_t(shape[i]);
+  return owned<std::vector<double>>(
+      std::move(values), [](std::vector<double>& v) { return v.data(); }, std::move(shape), std::move(strides));
+}
+
+NumPyArray stacked(const std::vector<Matrix>& matrices, Index rows, Index cols) {
+  std::vector<double> values(matrices.size() * size_t(rows * cols), 0.0);
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  for (size_t s = 0; s < matrices.size(); ++s) {
+    const Matrix& m = matrices[s];
+    Eigen::Map<RowMajor>(values.data() + s * size_t(rows * cols), rows, cols).topLeftCorner(m.rows(), m.cols()) = m;
+  }
+  return array_of(std::move(values), {matrices.size(), size_t(rows), size_t(cols)});
+}
+
+Matrix matrix_of(const AnyArray& array) {
+  const Index rows = Index(array.shape(0)), cols = array.ndim() > 1 ? Index(array.shape(1)) : 1;
+  const Index down = array.stride(0), across = array.ndim() > 1 ? array.stride(1) : 0;
+  Matrix result(rows, cols);
+  with_numbers(array, [&](const auto* from) {
+    for (Index c = 0; c < cols; ++c)
+      for (Index r = 0; r < rows; ++r) result(r, c) = double(from[r * down + c * across]);
+  });
+  return result;
+}
+
+Vector vector_of(const AnyArray& array) {
+  const Matrix column = matrix_of(array);
+  return column.col(0);
+}
+
+}  // namespace tokid::python

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/ensemble.hpp"
+
+#include <array>
+
+#include "arrays.hpp"
+#include "call.hpp"
+
+namespace tokid::python {
+
+namespace {
+
+using Names = std::vector<std::string>;
+
+std::optional<std::string> initial_state(const Ensemble& e) {
+  return e.initial_state ? std::optional<std::string>(to_string(*e.initial_state)) : std::nullopt;
+}
+
+void set_initial_state(Ensemble& e, const std::optional<std::string>& text) {
+  e.initial_state = text ? std::optional(initial_state_from(*text)) : std::nullopt;
+}
+
+// (Nf, Tf, m), where there are some
+std::optional<NumPyArray> free_outputs(nb::handle self) {
+  auto& free = nb::cast<Ensemble&>(self).free;
+  if (free.experiments == 0) return std::nullopt;
+  const Index m = free.steps > 0 ? free.y.cols() / free.steps : 0;
+  const std::array<size_t, 3> shape{size_t(free.experiments), size_t(free.steps), size_t(m)};
+  const std::array<std::int64_t, 3> strides{1, free.experiments * m, free.experiments};
+  return NumPyArray(free.y.data(), 3, shape.data(), self, strides.data());
+}
+
+void set_free_outputs(Ensemble& e, const AnyArray& y) {
+  const Index experiments = Index(y.shape(0)), steps = Index(y.shape(1)), m = Index(y.shape(2));
+  Ensemble samples(experiments, steps, 0, m, 1.0, Ensemble::Samples::unset);
+  write_samples(y, samples, 0);
+  e.free = {experiments, steps, samples.samples()};
+}
+
+nb::tuple trajectory(const Nominal& nominal) { return nb::make_tuple(array_of(nominal.u), array_of(nominal.y)); }
+
+}  // namespace
+
+void bind_ensemble(nb::module_& module) {
+  nb::class_<ChannelSummary>(module, "ChannelSummary", "The samples of one channel, those that are missing left out.")
+      .def_ro("samples", &ChannelSummary::samples, "Number of samples within the lengths of the experiments.")
+      .def_ro("missing", &ChannelSummary::missing, "How many of them are NaN.")
+      .def_ro("mean", &ChannelSummary::mean)
+      .def_ro("std", &ChannelSummary::std, "Standard deviation, about the mean.")
+      .def_ro("min", &ChannelSummary::min)
+      .def_ro("max", &ChannelSummary::max);
+
+  nb::class_<Ensemble>(module, "Ensemble", "The ensemble of the library; tokid.Ensemble is what users see of it.")
+      .def(
+          "__init__",
+          [](Ensemble* self, Index experiments, Index steps, Index inputs, Index outputs, double dt, bool unset) {
+            new (self) Ensemble(experiments, steps, inputs, outputs, dt,
+                                unset ? Ensemble::Samples::unset : Ensemble::Samples::missing);
+          },
+          nb::arg("experiments"), nb::arg("steps"), nb::arg("inputs"), nb::arg("outputs"), nb::arg("dt"),
+          nb::arg("unset") = false, nb::call_guard<nb::gil_scoped_release>())
+      .def_prop_ro("experiments", &Ensemble::experiments)
+      .def_prop_ro("steps", &Ensemble::steps)
+      .def_prop_ro("inputs", &Ensemble::inputs)
+      .def_prop_ro("outputs", &Ensemble::outputs)
+      .def_rw("dt", &Ensemble::dt)
+      .def_prop_rw(
+          "length", [](const Ensemble& e) { return e.length; },
+          [](Ensemble& e, std::vector<Index> length) { set_length(e, std::move(length)); })
+      .def_prop_rw("initial_state", &initial_state, &set_initial_state, nb::for_setter(nb::arg().none()))
+      .def_prop_rw(
+          "input_names", [](const Ensemble& e) { return e.names.input_names; },
+          [](Ensemble& e, Names names) { e.names.input_names = std::move(names); })
+      .def_prop_rw(
+          "output_names", [](const Ensemble& e) { return e.names.output_names; },
+          [](Ensemble& e, Names names) { e.names.output_names = std::move(names); })
+      .def_prop_rw(
+          "input_units", [](const Ensemble& e) { return e.names.input_units; },
+          [](Ensemble& e, Names names) { e.names.input_units = std::move(names); })
+      .def_prop_rw(
+          "output_units", [](const Ensemble& e) { return e.names.output_units; },
+          [](Ensemble& e, Names names) { e.names.output_units = std::move(names); })
+      .def_prop_rw("free_y", &free_outputs, &set_free_outputs)
+      .def("write_inputs", [](Ensemble& e, const AnyArray& u) { write_samples(u, e, 0); })
+      .def("write_outputs", [](Ensemble& e, const AnyArray& y) { write_samples(y, e, e.inputs()); })
+      .def("u",
+           [](nb::handle self) {
+             auto& e = nb::cast<Ensemble&>(self);
+             return samples_view(e, 0, e.inputs(), self);
+           })
+      .def("y",
+           [](nb::handle self) {
+             auto& e = nb::cast<Ensemble&>(self);
+             return samples_view(e, e.inputs(), e.outputs(), self);
+           })
+      .def("outputs_copied", &outputs_of)
+      .def("missing", &missing_samples, nb::call_guard<nb::gil_scoped_release>())
+      .def("check", &Ensemble::check, nb::arg("outputs_needed") = true, nb::call_guard<nb::gil_scoped_release>())
+      .def("subset", &Ensemble::subset, nb::call_guard<nb::gil_scoped_release>())
+      .def(
+          "stretch", [](const Ensemble& e, Index begin, Index end) { return stretch(e, begin, end); },
+          nb::call_guard<nb::gil_scoped_release>())
+      .def(
+          "cut", [](const Ensemble& e, Index length) { return cut(e, length); },
+          nb::call_guard<nb::gil_scoped_release>())
+      .def("split",
+           [](const Ensemble& e, double fraction, Index period) {
+             Split parts = without_gil([&] { return split(e, fraction, period); });
+             return std::pair(std::move(parts.training), std::move(parts.held_out));
+           })
+      .def(
+          "fingerprint", [](const Ensemble& e) { return fingerprint(e); }, nb::call_guard<nb::gil_scoped_release>())
+      .def(
+          "channel_summary", [](const Ensemble& e, Index c) { return channel_summary(e, c); },
+          nb::call_guard<nb::gil_scoped_release>())
+      .def("nominal", [](const Ensemble& e) { return trajectory(without_gil([&] { return nominal_trajectory(e); })); })
+      .def(
+          "departures", [](const Ensemble& e) { return departures(e, nominal_trajectory(e)); },
+          nb::call_guard<nb::gil_scoped_release>());
+}
+
+}  // namespace tokid::python

@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "results.hpp"
+
+#include "arrays.hpp"
+
+namespace tokid::python {
+
+namespace results {
+
+nb::object cast(const std::string& value) { return nb::str(value.c_str(), value.size()); }
+nb::object cast(const char* value) { return nb::str(value); }
+nb::object cast(bool value) { return nb::bool_(value); }
+nb::object cast(Index value) { return nb::int_(value); }
+nb::object cast(double value) { return nb::float_(value); }
+nb::object cast(const Vector& value) { return nb::cast(array_of(value)); }
+nb::object cast(const Matrix& value) { return nb::cast(array_of(value)); }
+nb::object cast(const std::vector<double>& value) { return nb::cast(array_of(value, {value.size()})); }
+nb::object cast(nb::object value) { return value; }
+
+}  // namespace results
+
+nb::any make(const char* type, std::initializer_list<Field> fields) {
+  nb::dict keywords;
+  for (const Field& field : fields) keywords[field.name] = field.value;
+  return any(nb::module_::import_("tokid.results").attr(type)(**keywords));
+}
+
+namespace {
+
+const char* name(Weighting weighting) {
+  return weighting == Weighting::one_step     ? "one-step"
+         : weighting == Weighting::many_steps ? "many-steps"
+                                              : "projection";
+}
+
+const char* name(Pooling over) {
+  return over == Pooling::experiments ? "experiments" : over == Pooling::time ? "time" : "nothing";
+}
+
+nb::any object_of(const TimeVariation& v) {
+  return make("TimeVariation", {{"smoothing", v.smoothing}, {"period", v.period}});
+}
+
+nb::any object_of(const Whiteness& w) {
+  return make("Whiteness",
+              {{"p", w.p}, {"z", w.z}, {"correlation", w.correlation}, {"bound", w.bound}, {"over", name(w.over)}});
+}
+
+nb::any object_of(const Independence& i) {
+  return make("Independence",
+              {{"p", i.p}, {"first", i.first}, {"z", i.z}, {"correlation", i.correlation}, {"over", name(i.over)}});
+}
+
+nb::any object_of(const NormalisedSquares& s) {
+  return make("NormalisedSquares",
+              {{"ratio", s.ratio}, {"p", s.p}, {"normal", s.normal}, {"step", s.step}, {"step_p", s.step_p}});
+}
+
+nb::any object_of(const NominalTest& t) {
+  return make("NominalTest", {{"statistic", t.statistic}, {"threshold", t.threshold}, {"significant", t.significant}});
+}
+
+nb::any object_of(const InitialStateTest& t) {
+  return make("InitialStateTest", {{"statistic", t.statistic},
+                                   {"threshold", t.threshold},
+                                   {"decision", to_string(t.decision)},
+                                   {"reason", t.reason}});
+}
+
+nb::any object_of(const LagOrderErrors& e) {
+  return make("LagOrderErrors", {{"steps", e.steps}, {"error", e.error}, {"mean", e.mean}, {"best", e.best}});
+}
+
+nb::any object_of(const SmoothingTrial& t) {
+  return make("SmoothingTrial", {{"lags", t.lags}, {"smoothing", t.smoothing}, {"error", t.error}});
+}
+
+nb::any object_of(const SmoothingChoice& c) {
+  nb::list trials;
+  for (const SmoothingTrial& t : c.trials) trials.append(object_of(t));
+  return make("SmoothingChoice",
+              {{"trials", trials}, {"lags", c.lags}, {"smoothing", c.smoothing}, {"error", c.error}});
+}
+
+nb::any object_of(const OrderScores& s) {
+  return make("OrderScores", {{"states", s.states},
+                              {"one_step", s.one_step},
+                              {"ahead", s.ahead},
+                              {"simulation", s.simulation},
+                              {"horizon", OrderScores::horizon},
+                              {"cross_validated", s.cross_validated},
+                              {"smoothing", s.smoothing},
+                              {"weighting", name(s.weighting)},
+                              {"price", s.price},
+                              {"smallest", s.smallest},
+                              {"uncertainty", s.uncertainty},
+                              {"best", s.best}});
+}
+
+nb::any object_of(const RefinementTrial& t) {
+  return make("RefinementTrial",
+              {{"states", t.states}, {"smoothing", t.smoothing}, {"iterations", t.iterations}, {"error", t.error}});
+}
+
+nb::any object_of(const RefinementChoice& c) {
+  nb::list trials;
+  for (const RefinementTrial& t : c.trials) trials.append(object_of(t));
+  return make("RefinementChoice", {{"trials", trials},
+                                   {"states", c.states},
+                                   {"smoothing", c.smoothing},
+                                   {"iterations", c.iterations},
+                                   {"error", c.error},
+                                   {"one_step", c.one_step}});
+}
+
+}  // namespace
+
+nb::any object_of(const Fit& f) { return make("Fit", {{"fit", f.fit}, {"rmse", f.rmse}, {"samples", f.samples}}); }
+
+nb::any object_of(const Validation& v) {
+  return make("Validation", {{"simulation", object_of(v.simulation)},
+                             {"one_step", object_of(v.one_step)},
+                             {"horizon", object_of(v.horizon)},
+                             {"noisy", v.noisy},
+                             {"whiteness_p", v.whiteness_p},
+                             {"whiteness", object_of(v.whiteness)},
+                             {"independence", object_of(v.independence)},
+                             {"feedback", object_of(v.feedback)},
+                             {"squares", object_of(v.squares)},
+                             {"first_predicted", v.first_predicted},
+                             {"first_simulated", v.first_simulated},
+                             {"warnings", texts(v.warnings)}});
+}
+
+nb::any object_of(const NoisyChoices& c) {
+  return make("NoisyChoices", {{"variation", object_of(c.variation)},
+                               {"state_smoothing", c.state_smoothing},
+                               {"weighting", name(c.weighting)},
+                               {"refinement_smoothing", c.refinement_smoothing},
+                               {"refinement_iterations", c.refinement_iterations}});
+}
+
+nb::any object_of(const LikelihoodChoice& c) {
+  return make("LikelihoodChoice",
+              {{"smoothing", c.smoothing}, {"log_likelihood", c.log_likelihood}, {"error", c.error}, {"best", c.best}});
+}
+
+nb::any object_of(const Verdict& v) {
+  return make("Verdict", {{"trust", to_string(v.trust)}, {"summary", v.summary}, {"reasons", v.reasons}});
+}
+
+nb::any object_of(const Identification& i) {
+  return make("Identification", {{"experiments", i.experiments},
+                                 {"steps", i.steps},
+                                 {"lags", i.lags},
+                                 {"variation", object_of(i.variation)},
+                                 {"state_smoothing", i.state_smoothing},
+                                 {"min_experiments", i.min_experiments},
+                                 {"rank_deficient_steps", i.rank_deficient_steps},
+                                 {"condition_max", i.condition_max},
+                                 {"nominal_test", object_of(i.nominal_test)},
+                                 {"initial_state_test", object_of(i.initial_state_test)},
+                                 {"lag_order_errors", object_of(i.lag_order_errors)},
+                                 {"smoothing_choice", object_of(i.smoothing_choice)},
+                                 {"order_scores", object_of(i.order_scores)},
+                                 {"refinement", object_of(i.refinement)},
+                                 {"choices", i.choices ? nb::object(object_of(*i.choices)) : nb::none()},
+                                 {"together", i.together},
+                                 {"noisy", i.noisy},
+                                 {"nominal", i.nominal},
+                                 {"singular_value_gap", i.singular_value_gap},
+                                 {"held_out", i.held_out},
+                                 {"validation", object_of(i.validation)},
+                                 {"warnings", texts(i.warnings)},
+                                 {"seconds", i.seconds}});
+}
+
+nb::list texts(const std::vector<std::string>& texts) {
+  nb::list list;
+  for (const std::string& text : texts) list.append(results::cast(text));
+  return list;
+}
+
+}  // namespace tokid::python

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Identification of linear time-varying systems from repeated experiments.
+
+From N experiments of T steps, inputs ``u`` (N, T, r) and outputs ``y`` (N, T, m), to a model of every step::
+
+    x[k+1] = A[k] x[k] + B[k] u[k]
+    y[k]   = C[k] x[k] + D[k] u[k]
+
+with its observer, and with the evidence for every choice that was made on the way.
+
+>>> import tokid
+>>> data = tokid.example("oscillator", experiments=60, steps=40)
+>>> model = tokid.identify(data, hold_out=0.2)
+>>> model.states
+4
+"""
+
+from ._ensemble import Ensemble
+from ._errors import IoError, TokidWarning
+from ._example import example, example_system
+from ._files import load
+from ._identify import cross_validate, identify, identify_file
+from ._model import MatrixSequence, Model, Step
+from ._paper import paper
+from ._plan import plan
+from ._tokid import version as __version__
+from ._update import UpdateState, update
+from .results import (
+    Confidence,
+    CrossValidation,
+    Fit,
+    Identification,
+    Interval,
+    Plan,
+    Refinement,
+    Validation,
+    Verdict,
+)
+
+__all__ = [
+    "Confidence",
+    "CrossValidation",
+    "Ensemble",
+    "Fit",
+    "Identification",
+    "Interval",
+    "IoError",
+    "MatrixSequence",
+    "Model",
+    "Plan",
+    "Refinement",
+    "Step",
+    "TokidWarning",
+    "UpdateState",
+    "Validation",
+    "Verdict",
+    "__version__",
+    "cross_validate",
+    "example",
+    "example_system",
+    "identify",
+    "identify_file",
+    "load",
+    "paper",
+    "plan",
+    "update",
+]

@@ -1,0 +1,417 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Repeated experiments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Optional
+
+import numpy as np
+
+from . import _arrays, _options, _tokid
+from ._typing import Array, ArrayLike, PathLike
+
+
+class Ensemble:
+    """N repeated experiments of T steps with r inputs and m outputs, their names, units and what is known of them.
+
+    Parameters
+    ----------
+    u : array_like, shape (N, T, r), or (T, r) for one experiment
+        Inputs. NaN marks a missing sample, and so does the mask of a masked array. Any strides and any type of real
+        numbers are read straight from the array; the samples are laid out anew in one pass, as the library needs them.
+    y : array_like, shape (N, T, m), or (T, m) for one experiment, optional
+        Outputs; without them the ensemble holds inputs alone, as for simulations.
+    dt : float, default 1.0
+        Sample time [s].
+    length : array_like of int, shape (N,), optional
+        Valid samples of each experiment, from 0 to T; the rest is ignored.
+    free_y : array_like, shape (Nf, Tf, m), optional
+        Outputs of experiments without input from unknown non-zero initial states, on the time origin of the others.
+    initial_state : {"zero", "unknown"}, optional
+        What is known of the state of every experiment at step 0; None: nothing is stated.
+    input_names, output_names : sequence of str, optional
+        Names of the channels, by default u1 … ur and y1 … ym.
+    input_units, output_units : sequence of str, optional
+        Their units.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not go together, values that are no real numbers, and infinite ones; names what was found
+        and what is needed.
+
+    See Also
+    --------
+    Ensemble.empty : to write samples in place, without any copy.
+
+    Examples
+    --------
+    >>> import numpy as np, tokid
+    >>> rng = np.random.default_rng(1)
+    >>> data = tokid.Ensemble(rng.normal(size=(50, 80, 2)), rng.normal(size=(50, 80, 1)), dt=0.01)
+    >>> data
+    <tokid.Ensemble: N = 50 experiments, T = 80 steps, r = 2 inputs, m = 1 output, dt = 0.01 s>
+    """
+
+    _core: _tokid.Ensemble
+    __slots__ = ("_core", "__weakref__")
+
+    def __init__(
+        self,
+        u: Optional[ArrayLike],
+        y: Optional[ArrayLike] = None,
+        *,
+        dt: float = 1.0,
+        length: Optional[ArrayLike] = None,
+        free_y: Optional[ArrayLike] = None,
+        initial_state: Optional[str] = None,
+        input_names: Optional[Sequence[str]] = None,
+        output_names: Optional[Sequence[str]] = None,
+        input_units: Optional[Sequence[str]] = None,
+        output_units: Optional[Sequence[str]] = None,
+    ) -> None:
+        core, _ = core_of(u, y, dt)
+        self._core = core
+        describe(core, length, free_y, initial_state, input_names, output_names, input_units, output_units)
+        core.check(False)
+
+    @classmethod
+    def _of(cls, core: _tokid.Ensemble) -> Ensemble:
+        self = cls.__new__(cls)
+        self._core = core
+        return self
+
+    @classmethod
+    def empty(
+        cls,
+        experiments: int,
+        steps: int,
+        inputs: int,
+        outputs: int,
+        *,
+        dt: float = 1.0,
+        length: Optional[ArrayLike] = None,
+        free_y: Optional[ArrayLike] = None,
+        initial_state: Optional[str] = None,
+        input_names: Optional[Sequence[str]] = None,
+        output_names: Optional[Sequence[str]] = None,
+        input_units: Optional[Sequence[str]] = None,
+        output_units: Optional[Sequence[str]] = None,
+    ) -> Ensemble:
+        """An ensemble of the given size in which every sample is missing (NaN), to be written through `u` and `y`.
+
+        Written in place, samples are never copied. The other parameters are those of the constructor.
+
+        Examples
+        --------
+        >>> data = Ensemble.empty(50, 80, 2, 1, dt=0.01)
+        >>> data.u[...] = 0.0
+        >>> data.y[3, :, 0] = 1.0  # one experiment
+        """
+        size = [
+            _options.integer(name, value, 0)
+            for name, value in zip(
+                ("experiments", "steps", "inputs", "outputs"), (experiments, steps, inputs, outputs)
+            )
+        ]
+        core = _tokid.Ensemble(size[0], size[1], size[2], size[3], float(dt))
+        describe(core, length, free_y, initial_state, input_names, output_names, input_units, output_units)
+        return cls._of(core)
+
+    @classmethod
+    def load(
+        cls,
+        path: PathLike,
+        *,
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+        outputs_required: bool = False,
+    ) -> Ensemble:
+        """Reads an ensemble from .npz, .h5, .mat or .csv.
+
+        Parameters
+        ----------
+        path : path
+            The file; its extension says the format.
+        inputs, outputs : sequence of str, optional
+            Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
+        outputs_required : bool, default False
+            Refuse a file without outputs.
+
+        Raises
+        ------
+        IoError
+            For a file that can't be read or holds something else; an OSError.
+        """
+        return cls._of(_tokid.load_ensemble(path, list(inputs), list(outputs), outputs_required))
+
+    def save(self, path: PathLike, *, mat73: bool = False) -> None:
+        """Writes the ensemble to .npz, .h5, .mat or .csv, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            The file; its extension says the format.
+        mat73 : bool, default False
+            Write a .mat of MATLAB version 7.3, which arrays beyond 2 GiB need.
+        """
+        _tokid.save_ensemble(self._ready(), path, mat73)
+
+    # Sizes and samples
+
+    @property
+    def experiments(self) -> int:
+        """Number of experiments N."""
+        return self._core.experiments
+
+    @property
+    def steps(self) -> int:
+        """Number of steps T."""
+        return self._core.steps
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs r."""
+        return self._core.inputs
+
+    @property
+    def outputs(self) -> int:
+        """Number of outputs m."""
+        return self._core.outputs
+
+    @property
+    def u(self) -> Array:
+        """Inputs (N, T, r): a writable view of the samples, of which the experiments lie next to each other."""
+        return self._core.u()
+
+    @property
+    def y(self) -> Array:
+        """Outputs (N, T, m): a writable view of the samples, of which the experiments lie next to each other."""
+        return self._core.y()
+
+    @property
+    def free_y(self) -> Optional[Array]:
+        """Free responses (Nf, Tf, m) as a writable view, or None."""
+        return self._core.free_y
+
+    @property
+    def dt(self) -> float:
+        """Sample time [s]."""
+        return self._core.dt
+
+    @property
+    def time(self) -> Array:
+        """Times (T,) of the steps [s], from 0 on."""
+        return np.arange(self.steps, dtype=np.float64) * self.dt
+
+    @property
+    def length(self) -> Optional[np.ndarray[Any, np.dtype[np.int64]]]:
+        """Valid samples (N,) of each experiment, or None where all have T."""
+        length = self._core.length
+        return np.asarray(length, dtype=np.int64) if length else None
+
+    @property
+    def initial_state(self) -> Optional[str]:
+        """What is known of the states at step 0: "zero", "unknown", or None where nothing is stated."""
+        return self._core.initial_state
+
+    @property
+    def input_names(self) -> list[str]:
+        """Names (r) of the inputs, u1 … ur where none were given."""
+        return self._core.input_names or [f"u{i + 1}" for i in range(self.inputs)]
+
+    @property
+    def output_names(self) -> list[str]:
+        """Names (m) of the outputs, y1 … ym where none were given."""
+        return self._core.output_names or [f"y{j + 1}" for j in range(self.outputs)]
+
+    @property
+    def input_units(self) -> list[str]:
+        """Units (r) of the inputs, "" where they are not known."""
+        return self._core.input_units or [""] * self.inputs
+
+    @property
+    def output_units(self) -> list[str]:
+        """Units (m) of the outputs, "" where they are not known."""
+        return self._core.output_units or [""] * self.outputs
+
+    @property
+    def missing(self) -> int:
+        """Number of samples that are missing within the lengths of the experiments."""
+        return self._ready().missing()
+
+    @property
+    def fingerprint(self) -> str:
+        """16 hexadecimal digits that tell the samples of this ensemble from those of any other."""
+        return self._ready().fingerprint()
+
+    def summary(self) -> dict[str, _tokid.ChannelSummary]:
+        """For each channel, inputs first: number of samples, how many are missing, mean, std, min and max."""
+        names = self.input_names + self.output_names
+        core = self._ready()
+        return {name: core.channel_summary(c) for c, name in enumerate(names)}
+
+    def _ready(self) -> _tokid.Ensemble:
+        """The samples as the library wants them: nothing behind the lengths, whatever was written there."""
+        if self._core.length:
+            self._core.length = self._core.length
+        return self._core
+
+    def __len__(self) -> int:
+        return self.experiments
+
+    def __repr__(self) -> str:
+        return f"<tokid.Ensemble: {sizes(self)}>"
+
+    # Parts
+
+    def subset(self, rows: ArrayLike) -> Ensemble:
+        """The experiments of the given row numbers, or for which a mask is true; everything else is kept."""
+        chosen = np.asarray(rows)
+        if chosen.dtype == np.bool_:
+            _arrays.shaped("rows", chosen, (self.experiments,))
+            chosen = np.flatnonzero(chosen)
+        if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
+            raise ValueError(f"rows: an array of {chosen.dtype} and shape {chosen.shape} found, row numbers (any,) needed")
+        numbers = [int(n) for n in chosen]
+        for n in numbers:
+            if not 0 <= n < self.experiments:
+                raise ValueError(f"rows: {n} found, numbers from 0 to {self.experiments - 1} needed")
+        return Ensemble._of(self._ready().subset(numbers))
+
+    def split(self, fraction: float, *, period: int = 0) -> tuple[Ensemble, Ensemble]:
+        """Experiments for identification, and a share of them, evenly spread, for validation.
+
+        Parameters
+        ----------
+        fraction : float
+            Share of the experiments that are held out, between 0 and 1.
+        period : int, default 0
+            Of a single record of a system with a period of so many steps its end is held out.
+
+        Returns
+        -------
+        training, held_out : Ensemble
+        """
+        training, held_out = self._ready().split(float(fraction), _options.period(period))
+        return Ensemble._of(training), Ensemble._of(held_out)
+
+    def stretch(self, begin: int, end: int) -> Ensemble:
+        """The steps begin … end-1 of every experiment as an ensemble of its own. Free responses stay behind."""
+        return Ensemble._of(self._ready().stretch(begin, end))
+
+    def cut(self, length: int) -> Ensemble:
+        """Consecutive stretches of the given length as experiments of their own, unfinished ones left out."""
+        return Ensemble._of(self._ready().cut(length))
+
+    def nominal(self) -> tuple[Array, Array]:
+        """The mean motion over the experiments: inputs (T, r) and outputs (T, m)."""
+        u, y = self._ready().nominal()
+        return u, y
+
+    def departures(self) -> Ensemble:
+        """The experiments less their mean motion."""
+        return Ensemble._of(self._ready().departures())
+
+    # Copies, also in other processes
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        state = {name: getattr(self._core, name) for name in _TOLD}
+        return _restored, (np.asarray(self.u), np.asarray(self.y), state)
+
+
+_TOLD = (
+    "dt",
+    "length",
+    "free_y",
+    "initial_state",
+    "input_names",
+    "output_names",
+    "input_units",
+    "output_units",
+)
+
+
+def _restored(u: Array, y: Array, state: dict[str, Any]) -> Ensemble:
+    core = _tokid.Ensemble(u.shape[0], u.shape[1], u.shape[2], y.shape[2], state["dt"], True)
+    core.write_inputs(u)
+    core.write_outputs(y)
+    for name, value in state.items():
+        if name != "free_y" or value is not None:
+            setattr(core, name, value)
+    return Ensemble._of(core)
+
+
+def plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def sizes(e: Any) -> str:
+    return (
+        f"N = {plural(e.experiments, 'experiment')}, T = {plural(e.steps, 'step')}, r = {plural(e.inputs, 'input')}, "
+        f"m = {plural(e.outputs, 'output')}, dt = {e.dt:g} s"
+    )
+
+
+def core_of(u: Any, y: Any, dt: float) -> tuple[_tokid.Ensemble, bool]:
+    """Samples laid out for the library, and whether they were those of a single experiment."""
+    if u is None and y is None:
+        raise ValueError("u, y: none of them found, inputs (N, T, r) or outputs (N, T, m) needed")
+    inputs: Optional[np.ndarray[Any, Any]] = None
+    outputs: Optional[np.ndarray[Any, Any]] = None
+    if u is None:
+        outputs, single = _arrays.samples("y", y, "m")
+        shape = outputs.shape
+    else:
+        inputs, single = _arrays.samples("u", u, "r")
+        shape = inputs.shape
+        if y is not None:
+            outputs = _arrays.outputs_beside(y, inputs, single)
+    core = _tokid.Ensemble(
+        shape[0],
+        shape[1],
+        0 if inputs is None else inputs.shape[2],
+        0 if outputs is None else outputs.shape[2],
+        float(dt),
+        True,
+    )
+    if inputs is not None:
+        core.write_inputs(inputs)
+    if outputs is not None:
+        core.write_outputs(outputs)
+    return core, single
+
+
+def describe(
+    core: _tokid.Ensemble,
+    length: Optional[ArrayLike],
+    free_y: Optional[ArrayLike],
+    initial_state: Optional[str],
+    input_names: Optional[Sequence[str]],
+    output_names: Optional[Sequence[str]],
+    input_units: Optional[Sequence[str]],
+    output_units: Optional[Sequence[str]],
+) -> None:
+    """What goes with the samples."""
+    if length is not None:
+        lengths = _arrays.shaped("length", length, (core.experiments,))
+        if lengths.dtype.kind not in "iu":
+            raise ValueError(f"length: an array of {lengths.dtype} found, whole numbers needed")
+        core.length = [int(n) for n in lengths]
+    if free_y is not None:
+        core.free_y = _arrays.shaped("free_y", free_y, (None, None, core.outputs), "Nf, Tf, m")
+    if initial_state is not None:
+        _options.choice("initial_state", initial_state, {"zero": 0, "unknown": 1})
+        core.initial_state = initial_state
+    for name, texts, count in (
+        ("input_names", input_names, core.inputs),
+        ("output_names", output_names, core.outputs),
+        ("input_units", input_units, core.inputs),
+        ("output_units", output_units, core.outputs),
+    ):
+        if texts is not None:
+            if isinstance(texts, str) or len(texts) != count:
+                found = repr(texts) if isinstance(texts, str) else f"{plural(len(texts), 'text')}"
+                raise ValueError(f"{name}: {found} found, a list of {plural(count, 'text')} needed")
+            setattr(core, name, [str(text) for text in texts])

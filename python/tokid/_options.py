@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Options as users write them, checked, and as the library has them."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping
+from typing import Any, Optional, TypedDict, TypeVar, Union
+
+from . import _tokid
+from .results import NoisyChoices
+
+T = TypeVar("T")
+
+INITIAL_STATES = {"auto": None, "zero": _tokid.InitialState.zero, "unknown": _tokid.InitialState.unknown}
+WEIGHTINGS = {
+    "auto": None,
+    "one-step": _tokid.Weighting.one_step,
+    "many-steps": _tokid.Weighting.many_steps,
+    "projection": _tokid.Weighting.projection,
+}
+METHODS = {"auto": _tokid.Method.auto, "tvera": _tokid.Method.tvera, "subspace": _tokid.Method.subspace}
+NOMINALS = {"auto": _tokid.NominalChoice.auto, "none": _tokid.NominalChoice.none, "mean": _tokid.NominalChoice.mean}
+FRAMES = {"raw": _tokid.Frame.raw, "reference": _tokid.Frame.reference, "smooth": _tokid.Frame.smooth}
+
+
+def choice(name: str, value: Any, choices: Mapping[str, T]) -> T:
+    """One of several words."""
+    if isinstance(value, str) and value in choices:
+        return choices[value]
+    raise ValueError(f"{name}: {value!r} found, one of {', '.join(map(repr, choices))} needed")
+
+
+def integer(name: str, value: Any, smallest: int, largest: Optional[int] = None, or_else: str = "") -> int:
+    """A whole number in a range; NumPy's integers are such, floats and booleans are not."""
+    wanted = f"a whole number from {smallest} {'on' if largest is None else f'to {largest}'}{or_else}"
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise ValueError(f"{name}: {value!r} found, {wanted} needed")
+    whole = int(value)
+    if whole < smallest or (largest is not None and whole > largest):
+        raise ValueError(f"{name}: {whole} found, {wanted} needed")
+    return whole
+
+
+def count_or_auto(name: str, value: Any) -> int:
+    """A positive whole number, or "auto", which is 0."""
+    return 0 if isinstance(value, str) and value == "auto" else integer(name, value, 1, None, " or 'auto'")
+
+
+def real(name: str, value: Any, smallest: float, largest: float = math.inf, or_else: str = "") -> float:
+    """A number in a range that is not NaN."""
+    wanted = f"a number from {smallest:g} {'on' if largest == math.inf else f'to {largest:g}'}{or_else}"
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not smallest <= float(value) <= largest:
+        raise ValueError(f"{name}: {value!r} found, {wanted} needed")
+    return float(value)
+
+
+def smoothing(value: Any) -> Optional[float]:
+    """λ from 0 on, or infinity; None for "auto"."""
+    if isinstance(value, str):
+        if value == "auto":
+            return None
+        if value == "infinity":
+            return math.inf
+    return real("smoothing", value, 0.0, or_else=", infinity or 'auto'")
+
+
+def period(value: Any) -> int:
+    """P; "invariant" is 1, and 0 no period."""
+    if isinstance(value, str) and value == "invariant":
+        return 1
+    return integer("period", value, 0, 1_000_000, " or 'invariant'")
+
+
+def refinement(value: Any) -> Optional[bool]:
+    """Whether to refine; None: as far as it helps where the data are noisy."""
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, str) and value == "auto":
+        return None
+    raise ValueError(f"refine: {value!r} found, one of True, False, None, 'auto' needed")
+
+
+def step(name: str, value: Any) -> int:
+    """A step from 0 on, or None, which is -1."""
+    return -1 if value is None else integer(name, value, 0, 1_000_000_000)
+
+
+def threads(value: Any) -> int:
+    return integer("threads", value, 0, 1024)
+
+
+class IdentifyOptions(TypedDict, total=False):
+    """The options of `tokid.identify` that say how to identify, for the calls that identify more than once."""
+
+    states: Union[int, str]
+    lags: Union[int, str]
+    method: str
+    smoothing: Union[float, str]
+    period: Union[int, str]
+    weighting: str
+    refine: Union[bool, str, None]
+    initial_state: str
+    nominal: str
+    frame: str
+    reference_step: Optional[int]
+    hold_out: float
+    rows: Union[int, str]
+    cols: Union[int, str]
+    choices: Optional[NoisyChoices]
+
+
+def identification(options: IdentifyOptions) -> _tokid.IdentifyOptions:
+    """The options of an identification, each one checked."""
+    unknown = set(options) - set(IdentifyOptions.__annotations__)
+    if unknown:
+        raise TypeError(f"{sorted(unknown)[0]!r} is no option of an identification")
+    get = options.get
+    if get("reference_step") is not None and get("frame", "raw") != "reference":
+        raise ValueError("reference_step: needs frame 'reference'")
+    result = _tokid.IdentifyOptions()
+    result.states = count_or_auto("states", get("states", "auto"))
+    result.lags = count_or_auto("lags", get("lags", "auto"))
+    result.method = choice("method", get("method", "auto"), METHODS)
+    penalty = smoothing(get("smoothing", "auto"))
+    result.smoothing = -1.0 if penalty is None else penalty
+    result.period = period(get("period", 0))
+    result.weighting = choice("weighting", get("weighting", "auto"), WEIGHTINGS)
+    result.refine = refinement(get("refine"))
+    result.initial_state = choice("initial_state", get("initial_state", "auto"), INITIAL_STATES)
+    result.nominal = choice("nominal", get("nominal", "auto"), NOMINALS)
+    result.frame = choice("frame", get("frame", "raw"), FRAMES)
+    result.reference_step = step("reference_step", get("reference_step"))
+    result.hold_out = real("hold_out", get("hold_out", 0.0), 0.0, 1.0)
+    result.rows = count_or_auto("rows", get("rows", "auto"))
+    result.cols = count_or_auto("cols", get("cols", "auto"))
+    choices = get("choices")
+    if choices is not None:
+        result.follow(choices)
+    return result

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How far long calls are."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Callable, Optional
+
+from ._typing import Progress
+
+Listener = Optional[Callable[[float], Any]]
+
+
+@contextmanager
+def listener(progress: Progress, what: str) -> Iterator[Listener]:
+    """What the extension calls with the finished share: a bar of tqdm, a line on stderr, or the user's own callable."""
+    if callable(progress):
+        yield progress
+    elif not progress:
+        yield None
+    else:
+        bar = _bar(what)
+        try:
+            yield bar.show
+        finally:
+            bar.close()
+
+
+class _Line:
+    """One line on stderr, written over and over."""
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._shown = ""
+
+    def show(self, share: float) -> None:
+        text = f"{self._what}: {100 * min(max(share, 0.0), 1.0):3.0f} %"
+        if text != self._shown:
+            print("\r" + text, end="", file=sys.stderr, flush=True)
+            self._shown = text
+
+    def close(self) -> None:
+        if self._shown:
+            print(file=sys.stderr, flush=True)
+
+
+class _Tqdm:
+    def __init__(self, tqdm: Any, what: str) -> None:
+        self._bar = tqdm(total=100, desc=what, bar_format="{l_bar}{bar}| {elapsed}<{remaining}")
+
+    def show(self, share: float) -> None:
+        self._bar.update(max(0.0, 100 * min(share, 1.0) - self._bar.n))
+
+    def close(self) -> None:
+        self._bar.close()
+
+
+def _bar(what: str) -> Any:
+    try:
+        from tqdm.auto import tqdm  # type: ignore[import-untyped,unused-ignore]
+    except ImportError:
+        return _Line(what)
+    return _Tqdm(tqdm, what)
