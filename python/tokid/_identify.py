@@ -4,18 +4,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Optional, Union
 
-from . import _options, _tokid
+from . import _dataframe, _options, _tokid
 from ._ensemble import Ensemble, core_of, describe
 from ._errors import warn
 from ._model import Model
 from ._progress import listener
 from ._typing import ArrayLike, Progress
 
+if TYPE_CHECKING:
+    import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
 
 def identify(
-    u: Union[ArrayLike, Ensemble],
+    u: Union[ArrayLike, Ensemble, pandas.DataFrame],
     y: Optional[ArrayLike] = None,
     *,
     dt: Optional[float] = None,
@@ -46,8 +49,9 @@ def identify(
 
     Parameters
     ----------
-    u : array_like, shape (N, T, r) or (T, r), or Ensemble
-        Inputs of N experiments; or an ensemble, which holds everything that is known of the data.
+    u : array_like, shape (N, T, r) or (T, r), or Ensemble, or DataFrame
+        Inputs of N experiments; or an ensemble, which holds everything that is known of the data; or a tidy table of
+        pandas, as of `Ensemble.from_dataframe`.
     y : array_like, shape (N, T, m) or (T, m)
         Outputs. NaN marks a missing sample, in `u` as in `y`.
     dt : float, default 1.0
@@ -80,7 +84,7 @@ def identify(
     rows, cols : int or "auto"
         Blocks of the Hankel matrices of tvera.
     length, free_y, input_names, output_names, input_units, output_units
-        As of `Ensemble`, for arrays.
+        As of `Ensemble`, for arrays. Of a DataFrame the names choose the columns that are inputs and outputs.
     threads : int, default 1
         Threads, 0 for all of the machine. The result is the same to the last bit for any number.
     progress : bool or callable, default False
@@ -143,6 +147,10 @@ def identify(
 
 def ensemble_core(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
     """The data of a call, an ensemble or arrays with what is said of them."""
+    if _dataframe.is_dataframe(u):
+        if y is not None:
+            raise ValueError("y: found beside a DataFrame, which has the outputs already")
+        return _dataframe.core_from(u, dt, described)
     if isinstance(u, Ensemble):
         for name, value in {"y": y, "dt": dt, **described}.items():
             if value is not None:
