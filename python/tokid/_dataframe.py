@@ -375,7 +375,12 @@ def outputs_to_dataframe(model: Any, u: Any, y: Any, horizon: int, x0: Optional[
     columns = [(inputs, np.asarray(ensemble.u))]
     if data.outputs:
         columns.append((names, np.asarray(ensemble.y)))
-    columns.append(([f"simulated_{name}" for name in names], model.simulate(ensemble, x0)))
+    if data.outputs and x0 is None:  # initial states that are unknown are those that the first outputs tell
+        initial = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
+        simulated = model._core.simulate_data(data, initial).outputs_copied()
+    else:
+        simulated = model.simulate(ensemble, x0)
+    columns.append(([f"simulated_{name}" for name in names], simulated))
     if data.outputs:
         predicted = model.predict(ensemble, horizon=horizon, initial_state=initial_state)
         columns.append(([f"predicted_{name}" for name in names], predicted))

@@ -795,9 +795,10 @@ class Model:
         horizon : int, default 1
             Steps ahead of the predictions.
         x0 : array_like, shape (N, n) or (n,), optional
-            States of the simulations at `k_begin`, as of `simulate`.
+            States of the simulations at `k_begin`. By default as the initial states are known to be; where they are
+            unknown, those that the first outputs tell.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
-            States of the predictions at step 0.
+            States at step 0.
 
         Returns
         -------

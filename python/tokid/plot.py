@@ -131,20 +131,21 @@ class _Steps:
             ax.xaxis.get_major_locator().set_params(integer=True)
 
 
-def _legend(ax: Any, entries: int = 0, **options: Any) -> None:
-    """Beside the plot where it would cover it."""
-    if entries > 6:
+def _legend(ax: Any, beside: int = 0) -> None:
+    """In the plot, or beside it where so many entries would cover curves."""
+    if beside:
         ax.legend(
             loc="upper left",
             bbox_to_anchor=(1.0, 1.0),
             frameon=False,
             fontsize="small",
-            ncols=math.ceil(entries / 12),
+            ncols=math.ceil(beside / 12),
+            columnspacing=1.0,
+            handlelength=1.6,
             borderaxespad=0.2,
-            **options,
         )
     else:
-        ax.legend(loc="best", framealpha=0.8, fontsize="small", **options)
+        ax.legend(loc="best", framealpha=0.8, fontsize="small")
 
 
 def _lone(values: Array) -> list[int]:
@@ -306,8 +307,8 @@ def outputs(
     names, units = _names(model, data, "output")
     j = _channel("output", output, names)
     n, label = _experiment(model, found, experiment)
-    ax = _axes(ax)
-    colours, steps = _colours(ax), _Steps(over, data.dt)
+    steps, ax = _Steps(over, data.dt), _axes(ax)
+    colours = _colours(ax)
     k = np.arange(data.steps)
     x = steps(k)
     nominal = _nominal(model, "y", data.steps, data.outputs)
@@ -357,8 +358,8 @@ def errors(
     names, units = _names(model, data, "output")
     j = _channel("output", output, names)
     n, label = _experiment(model, found, experiment)
-    ax = _axes(ax, height=2.6)
-    colours, steps = _colours(ax), _Steps(over, data.dt)
+    steps, ax = _Steps(over, data.dt), _axes(ax, height=2.6)
+    colours = _colours(ax)
     k = np.arange(data.steps)
     measured = data.y[n, :, j]
     simulated, predicted = measured - found.simulated[n, :, j], measured - found.predicted[n, :, j]
@@ -394,8 +395,8 @@ def inputs(
     names, units = _names(model, data, "input")
     i = _channel("input", input, names)
     n = integer("experiment", experiment, 0, data.experiments - 1)
-    ax = _axes(ax, height=2.6)
-    colours, steps = _colours(ax), _Steps(over, data.dt)
+    steps, ax = _Steps(over, data.dt), _axes(ax, height=2.6)
+    colours = _colours(ax)
     k = np.arange(data.steps)
     nominal = _nominal(model, "u", data.steps, data.inputs)
     less: Any = nominal[:, i] if departures and nominal is not None else 0.0
@@ -463,8 +464,8 @@ def singular_values(
     rows = min(_MOST_SINGULAR_VALUES, max((len(values) for values in sigma), default=0))
     if rows == 0:
         raise ValueError("the model carries no singular values: it was not identified by tokid")
-    ax = _axes(ax, height=min(4.4, 2.2 + 0.16 * rows))
-    colours, steps = _colours(ax), _Steps(over, model.dt)
+    steps, ax = _Steps(over, model.dt), _axes(ax, height=min(4.4, 2.2 + 0.16 * rows))
+    colours = _colours(ax)
 
     # Where nothing moves, all singular values are rounding errors of D, which is a Markov parameter as they are.
     finite = [float(np.abs(matrix).max()) for matrix in (*model.D, *sigma) if matrix.size and np.isfinite(matrix).all()]
@@ -537,11 +538,16 @@ def condition(model: Model, *, over: str = "time", ax: Optional[Axes] = None) ->
     ValueError
         Where the model carries none.
     """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
     k, values = _per_step(model, model.condition, "condition numbers")
-    ax = _axes(ax, height=2.6)
-    steps = _Steps(over, model.dt)
+    steps, ax = _Steps(over, model.dt), _axes(ax, height=2.6)
     values = np.where(values > 0, values, np.nan)
     ax.set_yscale("log")
+    if not np.nanmax(values, initial=0.0) > 1e3 * np.nanmin(values, initial=np.inf):  # decades alone would be too few
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_minor_formatter(NullFormatter())
     _line(ax, steps(k), values, color=_colours(ax)["blue"], linewidth=1.5, marker="." if len(k) <= 100 else None)
     ax.set_ylabel("Condition number")
     steps.finish(ax, k)
@@ -554,8 +560,8 @@ def ranks(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axe
     Full rank says that all unknowns of a step could be told apart. The parameters are those of `condition`.
     """
     k, rank = _per_step(model, model.rank, "ranks")
-    ax = _axes(ax, height=2.6)
-    colours, steps = _colours(ax), _Steps(over, model.dt)
+    steps, ax = _Steps(over, model.dt), _axes(ax, height=2.6)
+    colours = _colours(ax)
     states = model.state_dim[:-1]
     curves: list[tuple[str, Any, str, float, Any]] = [("Rank", rank, "blue", 1.6, "-")]
     if len(model.lags):
@@ -578,7 +584,7 @@ def ranks(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axe
     ax.yaxis.get_major_locator().set_params(integer=True)
     ax.set_ylabel("Number")
     steps.finish(ax, k)
-    _legend(ax)
+    _legend(ax, len(curves))
     return ax
 
 
@@ -599,8 +605,7 @@ def step_error(
     data = Ensemble._of(core)
     predicted = model.predict(data, initial_state=initial_state)
     values = _root_mean_square(_relative(model, data, predicted), (0, 2))
-    ax = _axes(ax, height=2.6)
-    steps = _Steps(over, data.dt)
+    steps, ax = _Steps(over, data.dt), _axes(ax, height=2.6)
     k = np.arange(data.steps)
     _line(ax, steps(k), values, color=_colours(ax)["orange"], linewidth=1.5, marker="." if len(k) <= 100 else None)
     ax.set_ylim(bottom=0)
@@ -751,7 +756,7 @@ def poles(model: Model, *, k: Optional[int] = None, ax: Optional[Axes] = None) -
     outside = int(np.sum((np.abs(every.real) > extent) | (np.abs(every.imag) > extent)))
     if outside:
         ax.annotate(
-            f"{outside} of {len(every)} eigenvalues outside, up to {sizes[-1]:.3g} in magnitude",
+            f"{outside} of {len(every)} outside, up to {sizes[-1]:.3g}",
             (0.02, 0.02),
             xycoords="axes fraction",
             fontsize="small",
@@ -787,8 +792,8 @@ def pole_radius(model: Model, *, over: str = "time", ax: Optional[Axes] = None) 
     >>> ax = tokid.plot.pole_radius(model)
     """
     k, opened, closed = _eigenvalues(model)
-    ax = _axes(ax)
-    colours, steps = _colours(ax), _Steps(over, model.dt)
+    steps, ax = _Steps(over, model.dt), _axes(ax)
+    colours = _colours(ax)
     every = np.arange(k[0], k[-1] + 1)
     for label, lists, colour, dash in (
         ("Open loop", opened, "orange", "-"),
@@ -813,8 +818,8 @@ def _entries(
     if not n:
         raise ValueError("the model has no states: it has neither gains nor A")
     chosen = range(min(n, _MOST_STATES)) if rows is None else [integer("rows", row, 0, n - 1) for row in rows]
-    ax = _axes(ax)
-    colours, steps = _colours(ax), _Steps(over, model.dt)
+    steps, ax = _Steps(over, model.dt), _axes(ax)
+    colours = _colours(ax)
     k = np.arange(begin, end)
     count = 0
     for i in chosen:
@@ -961,5 +966,5 @@ def whiteness(
     ax.set_ylabel("Correlation")
     probability = "p < 0.001" if white.p < 0.001 else f"p = {white.p:.3g}"
     ax.set_title(f"Whiteness of the innovations, {probability}", loc="left", fontsize="medium")
-    _legend(ax, min(correlation.shape[1], _MOST_STATES) + 1)
+    _legend(ax, min(correlation.shape[1], _MOST_STATES) + 1 if correlation.shape[1] > 4 else 0)
     return ax
