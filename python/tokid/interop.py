@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
 import numpy as np
 
@@ -163,13 +163,21 @@ def _sample_time(system: Any) -> Optional[float]:
     return None if dt is None or dt is True else float(dt)
 
 
+@overload
 def simulate_ltv(
-    systems: Union[Any, Sequence[Any]],
+    systems: Any, u: ArrayLike, x0: Optional[ArrayLike] = None, *, return_states: Literal[False] = False
+) -> Array: ...
+@overload
+def simulate_ltv(
+    systems: Any, u: ArrayLike, x0: Optional[ArrayLike] = None, *, return_states: Literal[True]
+) -> tuple[Array, Array]: ...
+def simulate_ltv(
+    systems: Any,
     u: ArrayLike,
     x0: Optional[ArrayLike] = None,
     *,
     return_states: bool = False,
-) -> Any:
+) -> Union[Array, tuple[Array, Array]]:
     """Simulates systems one after another: the system of step k takes the state of step k to that of step k+1.
 
     For a constant system that is what `control.forced_response` and `scipy.signal.dlsim` compute; for the steps of a
