@@ -21,13 +21,22 @@ from ._ensemble import Ensemble
 from ._errors import IoError, TokidWarning
 from ._example import example, example_system
 from ._files import load
-from ._identify import identify
+from ._identify import cross_validate, identify, identify_file
 from ._model import MatrixSequence, Model, Step
+from ._paper import paper
+from ._plan import plan
 from ._tokid import version as __version__
+from ._update import UpdateState, update
 from .results import (
+    Confidence,
+    CrossValidation,
     Fit,
     Identification,
+    Interval,
+    Plan,
+    Refinement,
     Validation,
+    Verdict,
 )
 
 if TYPE_CHECKING:
@@ -36,20 +45,32 @@ if TYPE_CHECKING:
     from . import sklearn as sklearn
 
 __all__ = [
+    "Confidence",
+    "CrossValidation",
     "Ensemble",
     "Fit",
     "Identification",
+    "Interval",
     "IoError",
     "MatrixSequence",
     "Model",
+    "Plan",
+    "Refinement",
     "Step",
     "TokidWarning",
+    "UpdateState",
     "Validation",
+    "Verdict",
     "__version__",
+    "cross_validate",
     "example",
     "example_system",
     "identify",
+    "identify_file",
     "load",
+    "paper",
+    "plan",
+    "update",
 ]
 
 _LATER = ("interop", "plot", "sklearn")  # imported when they are asked for, with the packages that they need
