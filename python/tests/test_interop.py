@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Models and ensembles in the forms of python-control, SciPy, xarray and pandas."""
 
+import doctest
+import importlib
 import json
 import os
 import subprocess
@@ -8,12 +10,17 @@ import sys
 from pathlib import Path
 
 import control
+import matplotlib
+
+matplotlib.use("Agg")
+
 import numpy as np
 import pandas as pd
 import pytest
 import scipy.signal
 import tokid
 import xarray as xr
+from matplotlib import pyplot
 from tokid.interop import dataframe_of, simulate_ltv
 
 TOKID = os.environ.get("TOKID", str(Path(__file__).resolve().parents[2] / "build" / "bin" / "tokid"))
@@ -106,9 +113,14 @@ def test_step_may_be_left_out_of_a_time_invariant_model(varying, form):
 @pytest.mark.parametrize("form", ["to_control", "to_scipy"])
 def test_step_whose_states_change_has_no_object(form):
     model = growing_model()
-    with pytest.raises(ValueError, match="k: step 3 has 1 states before and 2 behind it.* steps 4 to 5 have 2"):
+    with pytest.raises(ValueError, match="k: step 3 has 1 states before and 2 behind it.* steps 4 to 5 have; pad=True"):
         getattr(model, form)(3)
     assert getattr(model, form)(4).A.shape == (2, 2)
+    padded = [getattr(model, form)(k, pad=True) for k in range(2, 7)]
+    np.testing.assert_array_equal([step.A for step in padded], model.A.stack())
+    np.testing.assert_array_equal([step.C for step in padded], model.C.stack())
+    u = np.random.default_rng(5).normal(size=(2, 7, 1))
+    close(simulate_ltv(padded, u[:, 2:]), model.simulate(u)[:, 2:])
 
 
 # ---- simulation ----
@@ -533,3 +545,32 @@ def test_nothing_optional_is_imported_with_tokid():
     code = ("import sys, tokid; found = {'control', 'scipy', 'xarray', 'pandas', 'matplotlib', 'sklearn'} & set(sys.modules);"
             "assert not found, found; assert 'plot' in dir(tokid)")
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+# ---- what is shown of them ----
+
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+@pytest.fixture
+def shown(tmp_path, monkeypatch):
+    """What the examples of docstrings presume."""
+    monkeypatch.chdir(tmp_path)
+    data = tokid.example("oscillator", experiments=60, steps=40, measurement_noise=0.01)
+    model = tokid.identify(data, states=4, lags=2, smoothing=0.0, refine=False)
+    yield {"tokid": tokid, "np": np, "data": data, "model": model}
+    pyplot.close("all")
+
+
+@pytest.mark.parametrize("name", ["interop", "sklearn", "plot"])
+def test_docstrings(name, shown):
+    found = doctest.testmod(importlib.import_module(f"tokid.{name}"), extraglobs=shown, optionflags=FLAGS)
+    assert found.failed == 0 and found.attempted > 3
+
+
+def test_guide(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = Path(__file__).resolve().parents[2] / "docs" / "python-interop.md"
+    found = doctest.testfile(str(page), module_relative=False, optionflags=FLAGS)
+    pyplot.close("all")
+    assert found.failed == 0 and found.attempted > 25

@@ -336,7 +336,7 @@ def tidy(dt: float, columns: Sequence[tuple[Sequence[str], Array]], kept: Any = 
 
 def to_dataframe(data: Ensemble) -> Any:
     pandas()
-    core = data._core
+    core = data._ready()
     if core.free_y is not None:
         raise ValueError("free responses don't fit into a DataFrame; .npz, .h5 or .mat needed")
     u, y = core.u(), core.y()
@@ -389,11 +389,11 @@ def outputs_to_dataframe(model: Any, u: Any, y: Any, horizon: int, x0: Optional[
 
 def core_from(data: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
     """The data of a call of identify, whose names are those of the columns."""
-    rest = {name: described[name] for name in ("length", "free_y", "input_units", "output_units")}
+    rest = {name: described.get(name) for name in ("length", "free_y", "input_units", "output_units")}
     return from_dataframe(
         data,
-        inputs=described["input_names"],
-        outputs=described["output_names"],
+        inputs=described.get("input_names"),
+        outputs=described.get("output_names"),
         dt=dt,
         outputs_required=True,
         **rest,

@@ -16,10 +16,8 @@ from ._update import UpdateState
 from .results import CrossValidation, NoisyChoices, Streamed
 
 if TYPE_CHECKING:
-    from typing_extensions import Unpack
-
-if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    from typing_extensions import Unpack
 
 
 def identify(

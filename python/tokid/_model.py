@@ -1115,17 +1115,21 @@ class Model:
 
     # In the forms of other packages (interop.py)
 
-    def to_control(self, k: Optional[int] = None) -> Any:
-        """The step k as a `control.StateSpace`; without k for a time-invariant model. See `interop.to_control`."""
+    def to_control(self, k: Optional[int] = None, *, pad: bool = False) -> Any:
+        """The step k as a `control.StateSpace`; without k for a time-invariant model.
+
+        A step at which the number of states changes needs ``pad=True``, which fills up with zeros. See
+        `interop.to_control`.
+        """
         from . import interop
 
-        return interop.to_control(self, k)
+        return interop.to_control(self, k, pad=pad)
 
-    def to_scipy(self, k: Optional[int] = None) -> Any:
-        """The step k as a `scipy.signal.StateSpace` in discrete time; without k for a time-invariant model."""
+    def to_scipy(self, k: Optional[int] = None, *, pad: bool = False) -> Any:
+        """The step k as a `scipy.signal.StateSpace` in discrete time; else as `to_control`."""
         from . import interop
 
-        return interop.to_scipy(self, k)
+        return interop.to_scipy(self, k, pad=pad)
 
     def to_xarray(self) -> xarray.Dataset:
         """All matrices as an `xarray.Dataset` with the coordinates k, time, state, input and output.

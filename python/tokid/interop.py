@@ -17,7 +17,7 @@ import numpy as np
 
 from . import _arrays, _dataframe
 from ._ensemble import Ensemble
-from ._model import Model, Step
+from ._model import Model
 from ._optional import need
 from ._typing import Array, ArrayLike
 
@@ -38,11 +38,15 @@ __all__ = [
 ]
 
 
+def _contiguous(array: Any) -> Array:
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
 # ---- state-space objects of one step ----
 
 
-def _square_step(model: Model, k: Optional[int]) -> Step:
-    """The model of a step with as many states behind it as before."""
+def _square_step(model: Model, k: Optional[int], pad: bool) -> tuple[int, list[Array]]:
+    """A step and its matrices A, B, C, D, with as many states behind it as before."""
     if k is None:
         stacks = (np.asarray(matrices) for matrices in (model.A, model.B, model.C, model.D))
         dims = model.state_dim
@@ -54,16 +58,21 @@ def _square_step(model: Model, k: Optional[int]) -> Step:
             )
         k = model.k_begin
     step = model.at(k)
-    behind, before = step.A.shape
-    if behind != before:
+    a, b, c, d = (np.array(matrix) for matrix in (step.A, step.B, step.C, step.D))
+    behind, before = a.shape
+    if pad:
+        n = model.states
+        a = np.pad(a, ((0, n - behind), (0, n - before)))
+        b, c = np.pad(b, ((0, n - behind), (0, 0))), np.pad(c, ((0, 0), (0, n - before)))
+    elif behind != before:
         raise ValueError(
-            f"k: step {k} has {before} states before and {behind} behind it, as many needed; steps "
-            f"{model.full_begin} to {model.full_end - 2} have {model.states}"
+            f"k: step {k} has {before} states before and {behind} behind it, equal numbers needed, as steps "
+            f"{model.full_begin} to {model.full_end - 2} have; pad=True fills up with zeros"
         )
-    return step
+    return step.k, [a, b, c, d]
 
 
-def to_control(model: Model, k: Optional[int] = None) -> Any:
+def to_control(model: Model, k: Optional[int] = None, *, pad: bool = False) -> Any:
     """The step k of a model as a `control.StateSpace`.
 
     Parameters
@@ -72,6 +81,9 @@ def to_control(model: Model, k: Optional[int] = None) -> Any:
         The model.
     k : int, optional
         The step. Without it the model must be time-invariant.
+    pad : bool, default False
+        Fill up with zeros to the largest number of states, as the files do. So have all steps objects of one size, also
+        those at which the number of states changes; the states that are added carry nothing.
 
     Returns
     -------
@@ -84,7 +96,7 @@ def to_control(model: Model, k: Optional[int] = None) -> Any:
     ImportError
         Where python-control is not installed.
     ValueError
-        Where the model has no step k, or another number of states behind it than before.
+        Where the model has no step k, or another number of states behind it than before and `pad` is not set.
 
     Examples
     --------
@@ -93,18 +105,18 @@ def to_control(model: Model, k: Optional[int] = None) -> Any:
     0.05
     """
     control = need("control", "to_control", "tokid[control]")
-    step = _square_step(model, k)
+    step, matrices = _square_step(model, k, pad)
     return control.StateSpace(
-        *(np.array(a) for a in (step.A, step.B, step.C, step.D)),
+        *matrices,
         model.dt,
         inputs=model.input_names,
         outputs=model.output_names,
-        name=f"step_{step.k}" if k is not None else "tokid",
+        name=f"step_{step}" if k is not None else "tokid",
         remove_useless_states=False,
     )
 
 
-def to_scipy(model: Model, k: Optional[int] = None) -> Any:
+def to_scipy(model: Model, k: Optional[int] = None, *, pad: bool = False) -> Any:
     """The step k of a model as a `scipy.signal.StateSpace` of its sample time (a `dlti`).
 
     Parameters, errors and meaning are those of `to_control`.
@@ -116,8 +128,8 @@ def to_scipy(model: Model, k: Optional[int] = None) -> Any:
     (4, 4)
     """
     signal = need("scipy.signal", "to_scipy", "scipy")
-    step = _square_step(model, k)
-    return signal.StateSpace(*(np.array(a) for a in (step.A, step.B, step.C, step.D)), dt=model.dt)
+    _, matrices = _square_step(model, k, pad)
+    return signal.StateSpace(*matrices, dt=model.dt)
 
 
 # ---- simulation of any sequence of systems ----
@@ -145,7 +157,7 @@ def _matrices_of(system: Any, name: str) -> tuple[Array, Array, Array, Array]:
     if _is_continuous(system):
         raise ValueError(f"{name}: a system in continuous time found, one in discrete time needed")
     a, b, c, d = (
-        _arrays.contiguous(_arrays.shaped(f"{name}.{letter}", np.asarray(value), (None, None), "rows, columns"))
+        _contiguous(_arrays.shaped(f"{name}.{letter}", np.asarray(value), (None, None), "rows, columns"))
         for letter, value in zip("ABCD", found)
     )
     for letter, matrix, shape in (
@@ -219,7 +231,7 @@ def simulate_ltv(
     if isinstance(systems, Model):
         raise ValueError("systems: a Model found, its steps [model.at(k), …] needed; Model.simulate simulates a model")
     inputs, single = _arrays.samples("u", u, "r")
-    inputs = _arrays.contiguous(inputs)
+    inputs = _contiguous(inputs)
     experiments, steps, r = inputs.shape
     constant = all(hasattr(systems, letter) for letter in "ABCD") or (
         isinstance(systems, tuple) and len(systems) == 4 and isinstance(systems[0], np.ndarray) and systems[0].ndim == 2
@@ -250,7 +262,7 @@ def simulate_ltv(
     x = np.zeros((experiments, n))
     if x0 is not None:
         start = _arrays.numbers("x0", x0)
-        x = x + _arrays.contiguous(_arrays.shaped("x0", start, (n,) if start.ndim == 1 else (experiments, n)))
+        x = x + _contiguous(_arrays.shaped("x0", start, (n,) if start.ndim == 1 else (experiments, n)))
     y = np.empty((experiments, steps, m))
     path = [x]
     for k, (a, b, c, d) in enumerate(matrices[:steps]):
@@ -402,6 +414,7 @@ def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
         ``output_unit`` where they are known. The attributes hold dt, and initial_state where it is stated.
     """
     xr = need("xarray", "to_xarray", "tokid[xarray]")
+    ensemble._ready()
     variables: dict[str, Any] = {}
     if ensemble.inputs:
         variables["u"] = (("experiment", "k", "input"), ensemble.u)
@@ -481,5 +494,5 @@ def dataframe_of(samples: ArrayLike, names: Sequence[str], *, dt: float = 1.0) -
     array, _ = _arrays.samples("samples", samples, "channels")
     if isinstance(names, str) or len(names) != array.shape[2]:
         raise ValueError(f"names: {names!r} found, a list of {array.shape[2]} texts needed")
-    table: pandas.DataFrame = _dataframe.tidy(float(dt), [([str(name) for name in names], _arrays.contiguous(array))])
+    table: pandas.DataFrame = _dataframe.tidy(float(dt), [([str(name) for name in names], _contiguous(array))])
     return table

@@ -199,7 +199,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         outputs = self._outputs(y, inputs)
         weights = np.ones(len(inputs))
         if sample_weight is not None:
-            weights = _arrays.contiguous(_arrays.shaped("sample_weight", sample_weight, (len(inputs),)))
+            weights = _arrays.shaped("sample_weight", sample_weight, (len(inputs),))
         return _r2(outputs, self.predict(inputs, outputs), weights)
 
     def _inputs(self, X: Any) -> Array:
