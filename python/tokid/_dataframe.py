@@ -341,7 +341,7 @@ def to_dataframe(data: Ensemble) -> Any:
         raise ValueError("free responses don't fit into a DataFrame; .npz, .h5 or .mat needed")
     u, y = core.u(), core.y()
     # Rows without a sample are left out, but for the first experiment and the first step, which keep the grid whole.
-    kept = ~(np.isnan(u).all(axis=2) & np.isnan(y).all(axis=2))
+    kept = np.asarray(~(np.isnan(u).all(axis=2) & np.isnan(y).all(axis=2)))
     kept[:1] = True
     kept[:, :1] = True
     table = tidy(core.dt, [(data.input_names, u), (data.output_names, y)], kept)

@@ -128,7 +128,12 @@ class _Steps:
     def finish(self, ax: Any, steps: Any) -> None:
         ax.set_xlabel(self.label)
         if self.label == "Step":
-            ax.xaxis.get_major_locator().set_params(integer=True)
+            _whole(ax.xaxis)
+
+
+def _whole(axis: Any) -> None:
+    """Ticks at whole numbers alone."""
+    axis.get_major_locator().set_params(integer=True)
 
 
 def _legend(ax: Any, beside: int = 0) -> None:
@@ -499,7 +504,7 @@ def singular_values(
     if sizes.size < known.size:
         handles.append(Patch(color=_GREY, label="Rounding errors"))
     ax.set_ylim(rows + 0.5, 0.5)
-    ax.yaxis.get_major_locator().set_params(integer=True)
+    _whole(ax.yaxis)
     ax.set_ylabel("Singular value")
     steps.finish(ax, None)
     ax.legend(handles=handles, loc="lower right", framealpha=0.9, fontsize="small")
@@ -511,7 +516,7 @@ def singular_values(
 # ---- regressions ----
 
 
-def _per_step(model: Model, values: Array, what: str) -> tuple[Array, Array]:
+def _per_step(model: Model, values: Any, what: str) -> tuple[Any, Array]:
     if not len(values):
         raise ValueError(f"the model carries no {what}: it was not identified by tokid")
     return np.arange(model.k_begin, model.k_end), np.asarray(values, dtype=np.float64)
@@ -581,7 +586,7 @@ def ranks(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axe
             drawstyle="steps-post",
         )
     ax.set_ylim(bottom=0)
-    ax.yaxis.get_major_locator().set_params(integer=True)
+    _whole(ax.yaxis)
     ax.set_ylabel("Number")
     steps.finish(ax, k)
     _legend(ax, len(curves))
@@ -812,7 +817,7 @@ def pole_radius(model: Model, *, over: str = "time", ax: Optional[Axes] = None) 
 
 def _entries(
     model: Model, name: str, begin: int, end: int, rows: Optional[Sequence[int]], over: str, ax: Any, label: str
-) -> Any:
+) -> Axes:
     matrices = getattr(model, name)[begin - model.k_begin : end - model.k_begin]
     n, columns = model.states, model.outputs if name == "G" else model.states
     if not n:
@@ -838,7 +843,8 @@ def _entries(
     ax.set_ylabel(label)
     steps.finish(ax, k)
     _legend(ax, count)
-    return ax
+    drawn: Axes = ax
+    return drawn
 
 
 def gains(
@@ -961,7 +967,7 @@ def whiteness(
     most = 1.15 * max(0.02, float(np.nanmax(np.abs(correlation))), float(np.nanmax(white.bound)))
     ax.set_xlim(0.5, len(x) + 0.5)
     ax.set_ylim(-most, most)
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    _whole(ax.xaxis)
     ax.set_xlabel("Lag [steps]")
     ax.set_ylabel("Correlation")
     probability = "p < 0.001" if white.p < 0.001 else f"p = {white.p:.3g}"
