@@ -129,7 +129,7 @@ def test_python_goes_on_during_a_call(noisy):
     try:
         time.sleep(0.05)
         before, begin = len(counts), time.monotonic()
-        tokid.identify(noisy)
+        tokid.identify(noisy, refine=False)
         during, seconds = len(counts) - before, time.monotonic() - begin
         before = len(counts)
         time.sleep(seconds)
@@ -174,13 +174,13 @@ def test_ctrl_c_stops_a_long_call(call):
 
 def test_progress(noisy, capfd):
     shares = []
-    tokid.identify(noisy, progress=shares.append, threads=2)
+    tokid.identify(noisy, progress=shares.append, threads=2, refine=False)
     assert shares and shares[-1] == 1.0 and all(0 <= s <= 1 for s in shares)
     with pytest.raises(ZeroDivisionError):
-        tokid.identify(noisy, progress=lambda share: 1 / 0)
-    tokid.identify(noisy)
+        tokid.identify(noisy, progress=lambda share: 1 / 0, refine=False)
+    tokid.identify(noisy, refine=False)
     assert capfd.readouterr().err == ""
-    tokid.identify(noisy, progress=True)
+    tokid.identify(noisy, progress=True, refine=False)
     assert "identify: " in capfd.readouterr().err
 
 
