@@ -157,8 +157,7 @@ def test_singular_values(model, exact, page, exact_page, which):
     chosen, shown = (model, page["sigma"]) if which == "noisy" else (exact, exact_page["sigma"])
     ax = plot.singular_values(chosen, over="step")
     mesh = ax.collections[0]
-    values = np.ma.filled(mesh.get_array(), np.nan)
-    assert values.shape == (shown["rows"], len(shown["log"]))
+    values = np.ma.filled(mesh.get_array(), np.nan).reshape(shown["rows"], len(shown["log"]))  # flat before matplotlib 3.8
     for s, column in enumerate(shown["log"]):
         found = values[: len(column), s]
         np.testing.assert_allclose(100 * np.log10(found), numbers(column), atol=0.51)  # whole hundredths

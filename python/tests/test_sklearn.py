@@ -41,12 +41,14 @@ def test_fit_is_identify(data, fitted):
 
 @pytest.mark.filterwarnings("ignore::tokid.TokidWarning")
 @pytest.mark.parametrize(
-    "option", [{"method": "subspace"}, {"period": "invariant", "smoothing": "auto"}, {"frame": "smooth"}, {"nominal": "mean"},
-               {"initial_state": "unknown"}, {"lags": 3}, {"states": 3}])
+    "option", [{"method": "tvera", "weighting": "auto"}, {"period": "invariant", "smoothing": "auto"}, {"frame": "smooth"}, {"nominal": "mean"},
+               {"initial_state": "unknown"}, {"lags": 3}, {"states": 3},
+               {"frame": "reference", "reference_step": 7}, {"rows": 4, "cols": 3, "method": "tvera", "weighting": "auto"}, {"weighting": "many-steps"}])
 def test_every_option_reaches_identify(data, option):
     options = {**QUICK, **option}
     few = data.subset(range(30))
     found = LTVIdentifier(**options).fit(few.u, few.y).model_
+    assert not np.array_equal(found.A.stack(), tokid.identify(few.u, few.y, **QUICK).A.stack())  # it matters
     np.testing.assert_array_equal(np.asarray(found.A), np.asarray(tokid.identify(few.u, few.y, **options).A))
 
 

@@ -31,7 +31,9 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
     ----------
     dt : float, default 1.0
         Sample time [s].
-    states, lags, method, smoothing, period, weighting, refine, initial_state, nominal, frame, threads
+    states, lags, method, smoothing, period, weighting, refine, initial_state, nominal
+        As of `tokid.identify`.
+    frame, reference_step, rows, cols, threads
         As of `tokid.identify`.
     horizon : int or None, default None
         What `predict` and `score` compute. None: simulations from the inputs alone. A number: predictions so many
@@ -81,6 +83,9 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         initial_state: str = "auto",
         nominal: str = "auto",
         frame: str = "raw",
+        reference_step: Optional[int] = None,
+        rows: Union[int, str] = "auto",
+        cols: Union[int, str] = "auto",
         horizon: Optional[int] = None,
         threads: int = 1,
     ) -> None:
@@ -95,6 +100,9 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         self.initial_state = initial_state
         self.nominal = nominal
         self.frame = frame
+        self.reference_step = reference_step
+        self.rows = rows
+        self.cols = cols
         self.horizon = horizon
         self.threads = threads
 
@@ -134,6 +142,9 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
             initial_state=self.initial_state,
             nominal=self.nominal,
             frame=self.frame,
+            reference_step=self.reference_step,
+            rows=self.rows,
+            cols=self.cols,
             threads=self.threads,
         )
         self.n_features_in_ = inputs.shape[2]
