@@ -393,27 +393,55 @@ def test_notes_hold_only_as_far_as_the_table_is_still_the_same():
 
 
 BAD = {
-    "no inputs": ({"v": [1.0], "y1": [1.0]}, {}, "no column whose name begins with u found among 'v', 'y1'; name the inputs"),
-    "no outputs": ({"u1": [1.0]}, {"outputs_required": True},
-                   "no column whose name begins with y found among 'u1'; name the outputs"),
+    "no inputs": (
+        {"v": [1.0], "y1": [1.0]},
+        {},
+        "no column whose name begins with u found among 'v', 'y1'; name the inputs",
+    ),
+    "no outputs": (
+        {"u1": [1.0]},
+        {"outputs_required": True},
+        "no column whose name begins with y found among 'u1'; name the outputs",
+    ),
     "unknown column": ({"u1": [1.0]}, {"inputs": ["v"]}, "no column 'v' found among 'u1'"),
-    "both": ({"u1": [1.0], "y1": [1.0]}, {"outputs": ["u1"], "inputs": ["u1"]},
-             "column 'u1' found among inputs and outputs, one of them needed"),
+    "both": (
+        {"u1": [1.0], "y1": [1.0]},
+        {"outputs": ["u1"], "inputs": ["u1"]},
+        "column 'u1' found among inputs and outputs, one of them needed",
+    ),
     "text": ({"u1": ["1", "x"], "y1": [1.0, 2.0]}, {}, "row 1, column 'u1': 'x' found, a number needed"),
     "dates": ({"time": pd.to_datetime(["2026-01-01"]), "u1": [1.0]}, {}, "column 'time': datetime64"),
-    "no experiment": ({"experiment": ["a", None], "u1": [1.0, 2.0]}, {},
-                      "row 1, column 'experiment': nothing found, a number or name needed"),
-    "nameless experiment": ({"experiment": ["a", ""], "u1": [1.0, 2.0]}, {},
-                            "row 1, column 'experiment': nothing found, a number or name needed"),
+    "no experiment": (
+        {"experiment": ["a", None], "u1": [1.0, 2.0]},
+        {},
+        "row 1, column 'experiment': nothing found, a number or name needed",
+    ),
+    "nameless experiment": (
+        {"experiment": ["a", ""], "u1": [1.0, 2.0]},
+        {},
+        "row 1, column 'experiment': nothing found, a number or name needed",
+    ),
     "half a step": ({"k": [0, 0.5], "u1": [1.0, 2.0]}, {}, "row 1, column 'k': '0.5' found, a whole number needed"),
-    "endless time": ({"time": [0, np.inf], "u1": [1.0, 2.0]}, {},
-                     "row 1, column 'time': 'inf' found, a finite time needed"),
-    "twice": ({"experiment": ["a", "b", "a"], "k": [1, 1, 1], "u1": [1.0, 2.0, 3.0]}, {},
-              "row 2: a second row for step 0 of experiment 'a' found, one needed"),
-    "uneven": ({"time": [0, 1, 2.2], "u1": [1.0, 2.0, 3.0]}, {"dt": 1.0},
-               "row 2, column 'time': 2.2 found, even steps of 1 from 0 on needed (or step numbers in a column 'k')"),
-    "wild": ({"k": [0, 10**9], "u1": [1.0, 2.0]}, {},
-             "1 experiments of 1000000001 steps found in 2 rows, fewer gaps needed"),
+    "endless time": (
+        {"time": [0, np.inf], "u1": [1.0, 2.0]},
+        {},
+        "row 1, column 'time': 'inf' found, a finite time needed",
+    ),
+    "twice": (
+        {"experiment": ["a", "b", "a"], "k": [1, 1, 1], "u1": [1.0, 2.0, 3.0]},
+        {},
+        "row 2: a second row for step 0 of experiment 'a' found, one needed",
+    ),
+    "uneven": (
+        {"time": [0, 1, 2.2], "u1": [1.0, 2.0, 3.0]},
+        {"dt": 1.0},
+        "row 2, column 'time': 2.2 found, even steps of 1 from 0 on needed (or step numbers in a column 'k')",
+    ),
+    "wild": (
+        {"k": [0, 10**9], "u1": [1.0, 2.0]},
+        {},
+        "1 experiments of 1000000001 steps found in 2 rows, fewer gaps needed",
+    ),
     "no rows": ({"u1": [], "y1": []}, {}, "no rows found, samples needed"),
     "endless": ({"u1": [np.inf], "y1": [1.0]}, {}, "input u1: infinite value in experiment 0 at step 0"),
     "names for one": ({"u1": [1.0]}, {"inputs": "u1"}, "inputs: 'u1' found, a list of columns needed"),
@@ -435,7 +463,9 @@ def test_columns_of_one_name_are_told():
         tokid.Ensemble.from_dataframe(table)
 
 
-@pytest.mark.parametrize("kind", ["text", "half a step", "twice", "no experiment", "uneven", "wild", "both", "no inputs"])
+@pytest.mark.parametrize(
+    "kind", ["text", "half a step", "twice", "no experiment", "uneven", "wild", "both", "no inputs"]
+)
 def test_words_are_those_of_the_reader_of_csv(kind, tmp_path):
     """But for the place: rows of a table count from 0, lines of a file from 1 and with the header."""
     columns, options, text = BAD[kind]
@@ -474,8 +504,18 @@ def test_identify_and_models_take_tables():
 def test_computed_outputs_in_a_table(varying):
     data = tokid.example("oscillator", experiments=3, steps=STEPS, measurement_noise=0.1)
     table = varying.to_dataframe(data, horizon=3)
-    assert table.columns.tolist() == ["experiment", "time", "u1", "u2", "y1", "y2", "simulated_y1", "simulated_y2",
-                                      "predicted_y1", "predicted_y2"]
+    assert table.columns.tolist() == [
+        "experiment",
+        "time",
+        "u1",
+        "u2",
+        "y1",
+        "y2",
+        "simulated_y1",
+        "simulated_y2",
+        "predicted_y1",
+        "predicted_y2",
+    ]
     assert len(table) == 3 * STEPS
     second = table[table["experiment"] == 1]
     np.testing.assert_array_equal(second["time"], data.time)
@@ -490,7 +530,14 @@ def test_computed_outputs_in_a_table(varying):
 def test_any_samples_in_a_table():
     samples = np.arange(12.0).reshape(2, 3, 2)
     table = dataframe_of(samples, ["a", "b"], dt=0.5)
-    assert table.values.tolist() == [[0, 0, 0, 1], [0, 0.5, 2, 3], [0, 1, 4, 5], [1, 0, 6, 7], [1, 0.5, 8, 9], [1, 1, 10, 11]]
+    assert table.values.tolist() == [
+        [0, 0, 0, 1],
+        [0, 0.5, 2, 3],
+        [0, 1, 4, 5],
+        [1, 0, 6, 7],
+        [1, 0.5, 8, 9],
+        [1, 1, 10, 11],
+    ]
     with pytest.raises(ValueError, match="names: 'ab' found, a list of 2 texts needed"):
         dataframe_of(samples, "ab")
 
@@ -542,8 +589,10 @@ def test_absent_packages_are_named_with_what_installs_them():
 
 
 def test_nothing_optional_is_imported_with_tokid():
-    code = ("import sys, tokid; found = {'control', 'scipy', 'xarray', 'pandas', 'matplotlib', 'sklearn'} & set(sys.modules);"
-            "assert not found, found; assert 'plot' in dir(tokid)")
+    code = (
+        "import sys, tokid; found = {'control', 'scipy', 'xarray', 'pandas', 'matplotlib', 'sklearn'} & set(sys.modules);"
+        "assert not found, found; assert 'plot' in dir(tokid)"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

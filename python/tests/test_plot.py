@@ -48,8 +48,18 @@ def data():
 def model():
     ensemble = tokid.example("oscillator", experiments=60, steps=30, measurement_noise=0.02)
     motion = np.sin(np.arange(30) / 5)[:, np.newaxis]
-    return tokid.identify(ensemble.u + motion, ensemble.y + 3 * motion, dt=DT, states=4, lags=3, smoothing=0.0,
-                          refine=False, weighting="one-step", nominal="mean", initial_state="zero")
+    return tokid.identify(
+        ensemble.u + motion,
+        ensemble.y + 3 * motion,
+        dt=DT,
+        states=4,
+        lags=3,
+        smoothing=0.0,
+        refine=False,
+        weighting="one-step",
+        nominal="mean",
+        initial_state="zero",
+    )
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +71,11 @@ def exact():
 def page_of(model, data, folder):
     model.save(folder / "model.npz")
     data.save(folder / "data.npz")
-    subprocess.run([TOKID, "report", folder / "model.npz", folder / "data.npz", "-o", folder / "page.html"], check=True,
-                   capture_output=True)
+    subprocess.run(
+        [TOKID, "report", folder / "model.npz", folder / "data.npz", "-o", folder / "page.html"],
+        check=True,
+        capture_output=True,
+    )
     text = (folder / "page.html").read_text()
     return json.loads(re.search(r'id="report-data"[^>]*>(.*?)</script>', text, re.DOTALL)[1]), html.unescape(text)
 
@@ -74,7 +87,9 @@ def page(model, data, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def exact_page(exact, tmp_path_factory):
-    return page_of(exact, tokid.example("oscillator", experiments=4, steps=30, seed=2), tmp_path_factory.mktemp("exact"))[0]
+    return page_of(
+        exact, tokid.example("oscillator", experiments=4, steps=30, seed=2), tmp_path_factory.mktemp("exact")
+    )[0]
 
 
 @pytest.fixture(autouse=True)
@@ -97,7 +112,9 @@ def same(ax, label, x, values):
     """A line has the page's numbers, which are rounded to six digits."""
     drawn = line(ax, label)
     np.testing.assert_allclose(drawn.get_xdata(), x, rtol=1e-12)
-    np.testing.assert_allclose(drawn.get_ydata(), numbers(values), rtol=1e-5, atol=1e-8 * np.nanmax(np.abs(numbers(values))))
+    np.testing.assert_allclose(
+        drawn.get_ydata(), numbers(values), rtol=1e-5, atol=1e-8 * np.nanmax(np.abs(numbers(values)))
+    )
 
 
 # ---- the curves ----
@@ -117,7 +134,12 @@ def test_outputs_and_errors(model, data, page, n, output):
     same(ax, "Simulated", k * DT, shown["simulated"][output])
     same(ax, "One-step prediction", k * DT, shown["predicted"][output])
     same(ax, "Nominal", k * DT, traces["nominal"]["y"][output])
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["Measured", "Simulated", "One-step prediction", "Nominal"]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == [
+        "Measured",
+        "Simulated",
+        "One-step prediction",
+        "Nominal",
+    ]
 
     ax = plot.errors(model, data, experiment=n, output=output, over="step")
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Step", ["angle [rad]", "rate [rad/s]"][output])
@@ -157,13 +179,15 @@ def test_singular_values(model, exact, page, exact_page, which):
     chosen, shown = (model, page["sigma"]) if which == "noisy" else (exact, exact_page["sigma"])
     ax = plot.singular_values(chosen, over="step")
     mesh = ax.collections[0]
-    values = np.ma.filled(mesh.get_array(), np.nan).reshape(shown["rows"], len(shown["log"]))  # flat before matplotlib 3.8
+    values = np.ma.filled(mesh.get_array(), np.nan).reshape(
+        shown["rows"], len(shown["log"])
+    )  # flat before matplotlib 3.8
     for s, column in enumerate(shown["log"]):
         found = values[: len(column), s]
         np.testing.assert_allclose(100 * np.log10(found), numbers(column), atol=0.51)  # whole hundredths
         floor = 1e-16 * max(values[np.isfinite(values)])
         np.testing.assert_array_equal(found[found > floor], chosen.singular_values[s][: len(found)][found > floor])
-        assert np.isnan(values[len(column):, s]).all()
+        assert np.isnan(values[len(column) :, s]).all()
     order, edges, _ = ax.patches[0].get_data()
     np.testing.assert_array_equal(order - 0.5, shown["order"])
     np.testing.assert_array_equal(edges, np.arange(31) - 0.5)
@@ -172,8 +196,13 @@ def test_singular_values(model, exact, page, exact_page, which):
     # Rounding errors are grey, all others on the scale.
     grey = np.array([140, 148, 158, 255]) / 255
     shades = mesh.cmap(mesh.norm(mesh.get_array())).reshape(-1, 4)
-    rounding = np.array([value is None or value < shown["rounding"] for column in np.array(
-        [list(c) + [1e9] * (shown["rows"] - len(c)) for c in shown["log"]]).T for value in column])
+    rounding = np.array(
+        [
+            value is None or value < shown["rounding"]
+            for column in np.array([list(c) + [1e9] * (shown["rows"] - len(c)) for c in shown["log"]]).T
+            for value in column
+        ]
+    )
     present = np.isfinite(values).ravel()
     assert (present & ~rounding).any() and (which == "noisy" or (present & rounding).any())
     np.testing.assert_allclose(shades[present & rounding], np.tile(grey, (np.sum(present & rounding), 1)), atol=1e-3)
@@ -221,17 +250,25 @@ def test_poles(model, exact, page, exact_page, which):
 
     ax = plot.pole_radius(chosen, over="step")
     np.testing.assert_array_equal(line(ax, "Open loop").get_xdata(), shown["k"])
-    np.testing.assert_allclose(line(ax, "Open loop").get_ydata(), [np.abs(v).max() for v in complex_of(shown["open"])], rtol=1e-5)
-    np.testing.assert_allclose(line(ax, "With the observer").get_ydata(),
-                               [np.abs(v).max() for v in complex_of(shown["closed"])], rtol=1e-3 if which == "exact" else 1e-5)
+    np.testing.assert_allclose(
+        line(ax, "Open loop").get_ydata(), [np.abs(v).max() for v in complex_of(shown["open"])], rtol=1e-5
+    )
+    np.testing.assert_allclose(
+        line(ax, "With the observer").get_ydata(),
+        [np.abs(v).max() for v in complex_of(shown["closed"])],
+        rtol=1e-3 if which == "exact" else 1e-5,
+    )
 
 
 def test_poles_of_one_step_stand_out(model):
     ax = plot.poles(model, k=12)
     frame = model.frame("reference")
     drawn = line(ax, "Open loop, A")
-    np.testing.assert_allclose(np.sort_complex(drawn.get_xdata() + 1j * drawn.get_ydata()),
-                               np.sort_complex(np.linalg.eigvals(frame.A[12])), atol=1e-9)
+    np.testing.assert_allclose(
+        np.sort_complex(drawn.get_xdata() + 1j * drawn.get_ydata()),
+        np.sort_complex(np.linalg.eigvals(frame.A[12])),
+        atol=1e-9,
+    )
     assert ax.get_title(loc="left") == "Step 12, 0.6 s"
     with pytest.raises(ValueError, match="k: 99 found, one of the steps with eigenvalues"):
         plot.poles(model, k=99)
@@ -261,8 +298,13 @@ def test_whiteness(model, data, page):
     np.testing.assert_array_equal(line(ax, "_").get_ydata(), -line(ax, "99 % bound").get_ydata())
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Lag [steps]", "Correlation")
     validation = model.validate(data, whiteness_lags=4)
-    np.testing.assert_array_equal(line(plot.whiteness(validation), "y2").get_ydata(), validation.whiteness.correlation[:, 1])
-    assert f"p = {validation.whiteness.p:.3g}" in plot.whiteness(validation).get_title(loc="left") or validation.whiteness.p < 0.001
+    np.testing.assert_array_equal(
+        line(plot.whiteness(validation), "y2").get_ydata(), validation.whiteness.correlation[:, 1]
+    )
+    assert (
+        f"p = {validation.whiteness.p:.3g}" in plot.whiteness(validation).get_title(loc="left")
+        or validation.whiteness.p < 0.001
+    )
     with pytest.raises(ValueError, match="u, y: found beside a Validation"):
         plot.whiteness(validation, data)
 
@@ -270,8 +312,11 @@ def test_whiteness(model, data, page):
 def test_arrays_and_tables_in_place_of_an_ensemble(model, data):
     wanted = line(plot.outputs(model, data, experiment=3, output="rate"), "Simulated").get_ydata()
     table = data.to_dataframe().rename(columns={"force": "u1", "torque": "u2", "angle": "y1", "rate": "y2"})
-    for ax in (plot.outputs(model, data.u, data.y, experiment=3, output="y2"),
-               plot.outputs(model, data.u[3], data.y[3], output=1), plot.outputs(model, table, experiment=3, output="y2")):
+    for ax in (
+        plot.outputs(model, data.u, data.y, experiment=3, output="y2"),
+        plot.outputs(model, data.u[3], data.y[3], output=1),
+        plot.outputs(model, table, experiment=3, output="y2"),
+    ):
         np.testing.assert_allclose(line(ax, "Simulated").get_ydata(), wanted, rtol=1e-12)
 
 
@@ -280,11 +325,21 @@ def test_arrays_and_tables_in_place_of_an_ensemble(model, data):
 
 def everything(model, data, ax=None):
     axes = iter(ax if ax is not None else [None] * 13)
-    return [plot.outputs(model, data, ax=next(axes)), plot.errors(model, data, ax=next(axes)),
-            plot.inputs(model, data, ax=next(axes)), plot.singular_values(model, ax=next(axes)),
-            plot.condition(model, ax=next(axes)), plot.ranks(model, ax=next(axes)), plot.step_error(model, data, ax=next(axes)),
-            plot.poles(model, ax=next(axes)), plot.poles(model, k=9, ax=next(axes)), plot.pole_radius(model, ax=next(axes)),
-            plot.gains(model, ax=next(axes)), plot.state_matrix(model, ax=next(axes)), plot.whiteness(model, data, ax=next(axes))]
+    return [
+        plot.outputs(model, data, ax=next(axes)),
+        plot.errors(model, data, ax=next(axes)),
+        plot.inputs(model, data, ax=next(axes)),
+        plot.singular_values(model, ax=next(axes)),
+        plot.condition(model, ax=next(axes)),
+        plot.ranks(model, ax=next(axes)),
+        plot.step_error(model, data, ax=next(axes)),
+        plot.poles(model, ax=next(axes)),
+        plot.poles(model, k=9, ax=next(axes)),
+        plot.pole_radius(model, ax=next(axes)),
+        plot.gains(model, ax=next(axes)),
+        plot.state_matrix(model, ax=next(axes)),
+        plot.whiteness(model, data, ax=next(axes)),
+    ]
 
 
 def test_given_axes_are_used_and_nothing_else_is_touched(model, data):
@@ -313,8 +368,14 @@ def test_images_hold_the_curves(model, data):
         ax.figure.savefig(buffer, dpi=40, format="png")
         buffer.seek(0)
         pixels = (plt.imread(buffer)[:, :, :3] * 255).round().astype(int).reshape(-1, 3)
-        solid = {to_hex(one.get_color()) for one in ax.lines
-                 if one.get_linestyle() == "-" and one.get_alpha() is None and len(one.get_xdata()) > 2 and one.get_linewidth() > 1}
+        solid = {
+            to_hex(one.get_color())
+            for one in ax.lines
+            if one.get_linestyle() == "-"
+            and one.get_alpha() is None
+            and len(one.get_xdata()) > 2
+            and one.get_linewidth() > 1
+        }
         for colour in solid:
             wanted = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
             assert (np.abs(pixels - wanted).max(axis=1) < 60).any(), (ax.get_ylabel(), colour)
@@ -359,7 +420,9 @@ def test_what_can_not_be_drawn(data):
         plot.whiteness(known)
     with pytest.raises(ValueError, match="whiteness: not tested, the innovations are at rounding level"):
         plot.whiteness(known, exact)
-    static = tokid.Model.from_matrices([np.zeros((0, 0))] * 5, [np.zeros((0, 1))] * 5, [np.zeros((1, 0))] * 5, [np.ones((1, 1))] * 5)
+    static = tokid.Model.from_matrices(
+        [np.zeros((0, 0))] * 5, [np.zeros((0, 1))] * 5, [np.zeros((1, 0))] * 5, [np.ones((1, 1))] * 5
+    )
     with pytest.raises(ValueError, match="the model has no states: it has neither gains nor A"):
         plot.gains(static)
     with pytest.raises(ValueError, match="there are no eigenvalues"):

@@ -17,8 +17,16 @@ from tokid.interop import simulate_ltv
 from tokid.sklearn import LTVIdentifier
 
 # One regression for each step: milliseconds each.
-QUICK = {"states": 4, "lags": 2, "smoothing": 0.0, "refine": False, "weighting": "one-step", "nominal": "none",
-         "initial_state": "zero", "dt": 0.05}
+QUICK = {
+    "states": 4,
+    "lags": 2,
+    "smoothing": 0.0,
+    "refine": False,
+    "weighting": "one-step",
+    "nominal": "none",
+    "initial_state": "zero",
+    "dt": 0.05,
+}
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +49,20 @@ def test_fit_is_identify(data, fitted):
 
 @pytest.mark.filterwarnings("ignore::tokid.TokidWarning")
 @pytest.mark.parametrize(
-    "option", [{"method": "tvera", "weighting": "auto"}, {"period": "invariant", "smoothing": "auto"}, {"frame": "smooth"}, {"nominal": "mean"},
-               {"initial_state": "unknown"}, {"lags": 3}, {"states": 3},
-               {"frame": "reference", "reference_step": 7}, {"rows": 4, "cols": 3, "method": "tvera", "weighting": "auto"}, {"weighting": "many-steps"}])
+    "option",
+    [
+        {"method": "tvera", "weighting": "auto"},
+        {"period": "invariant", "smoothing": "auto"},
+        {"frame": "smooth"},
+        {"nominal": "mean"},
+        {"initial_state": "unknown"},
+        {"lags": 3},
+        {"states": 3},
+        {"frame": "reference", "reference_step": 7},
+        {"rows": 4, "cols": 3, "method": "tvera", "weighting": "auto"},
+        {"weighting": "many-steps"},
+    ],
+)
 def test_every_option_reaches_identify(data, option):
     options = {**QUICK, **option}
     few = data.subset(range(30))
@@ -64,7 +83,9 @@ def test_predict_simulates_or_predicts(data, fitted):
 def test_score_is_r2_of_all_samples(data, fitted):
     fresh = tokid.example("oscillator", experiments=6, steps=25, measurement_noise=0.02, seed=2)
     flat = fresh.y.reshape(-1, 2)
-    assert fitted.score(fresh.u, fresh.y) == pytest.approx(r2_score(flat, fitted.predict(fresh.u).reshape(-1, 2)), rel=1e-12)
+    assert fitted.score(fresh.u, fresh.y) == pytest.approx(
+        r2_score(flat, fitted.predict(fresh.u).reshape(-1, 2)), rel=1e-12
+    )
     weights = np.arange(1.0, 7.0)
     wanted = r2_score(flat, fitted.predict(fresh.u).reshape(-1, 2), sample_weight=np.repeat(weights, 25))
     assert fitted.score(fresh.u, fresh.y, weights) == pytest.approx(wanted, rel=1e-12)
@@ -79,7 +100,10 @@ def test_score_leaves_out_what_is_missing(data, fitted):
     y[3, 5:9, 1] = np.nan
     predicted = fitted.predict(data.u)
     known = ~np.isnan(y[:, :, 1])
-    wanted = (r2_score(y[:, :, 0].ravel(), predicted[:, :, 0].ravel()) + r2_score(y[:, :, 1][known], predicted[:, :, 1][known])) / 2
+    wanted = (
+        r2_score(y[:, :, 0].ravel(), predicted[:, :, 0].ravel())
+        + r2_score(y[:, :, 1][known], predicted[:, :, 1][known])
+    ) / 2
     assert fitted.score(data.u, y) == pytest.approx(wanted, rel=1e-12)
     assert np.isnan(fitted.score(data.u, np.full_like(y, np.nan)))
     one_step = clone(fitted).set_params(horizon=1).fit(data.u, data.y)
@@ -103,8 +127,10 @@ def test_search_finds_the_lag_order(horizon):
     """White innovations of an observer that forgets after two steps: a third lag only adds unknowns."""
     model, rng = tokid.example_system("oscillator", steps=20), np.random.default_rng(1)
     u, e = rng.normal(size=(36, 20, 2)), 0.1 * rng.normal(size=(36, 20, 2))
-    systems = [(step.A, np.hstack([step.B, -step.G]), step.C, np.hstack([step.D, np.eye(2)]))
-               for step in map(model.at, range(20))]
+    systems = [
+        (step.A, np.hstack([step.B, -step.G]), step.C, np.hstack([step.D, np.eye(2)]))
+        for step in map(model.at, range(20))
+    ]
     y = simulate_ltv(systems, np.concatenate([u, e], axis=2))
     np.testing.assert_allclose(model.innovations(u, y), e, atol=1e-10)  # that is what was made
 
@@ -157,12 +183,21 @@ def test_clone_and_pickle(data, fitted):
     assert is_regressor(fitted)
 
 
-# What the checks of scikit-learn ask of any estimator; the others fit tables (n_samples, n_features), which have no steps.
+# What the checks of scikit-learn ask of any estimator; the others fit tables (n_samples, n_features) without steps.
 @pytest.mark.parametrize(
     "check",
-    ["check_no_attributes_set_in_init", "check_parameters_default_constructible", "check_get_params_invariance",
-     "check_set_params", "check_estimator_cloneable", "check_estimator_repr", "check_valid_tag_types",
-     "check_estimator_tags_renamed", "check_mixin_order"])
+    [
+        "check_no_attributes_set_in_init",
+        "check_parameters_default_constructible",
+        "check_get_params_invariance",
+        "check_set_params",
+        "check_estimator_cloneable",
+        "check_estimator_repr",
+        "check_valid_tag_types",
+        "check_estimator_tags_renamed",
+        "check_mixin_order",
+    ],
+)
 def test_check_of_scikit_learn(check):
     getattr(checks, check)("LTVIdentifier", LTVIdentifier())
 

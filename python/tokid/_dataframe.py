@@ -78,9 +78,7 @@ class _Table:
         if noted and all(label in self.names for label in noted):  # a table may have changed since
             return self.named(noted)
         others = {str(label) for label in taken}
-        return self.named(
-            [n for n in self.names if n.startswith(prefix) and n not in _RESERVED and n not in others]
-        )
+        return self.named([n for n in self.names if n.startswith(prefix) and n not in _RESERVED and n not in others])
 
     def series(self, column: int) -> Any:
         return self._table.iloc[:, column]
@@ -247,13 +245,9 @@ def from_dataframe(
         if column in y:
             raise ValueError(f"column '{table.names[column]}' found among inputs and outputs, one of them needed")
     if not u:
-        raise ValueError(
-            f"no column whose name begins with u found among {_quoted(table.names)}; name the inputs"
-        )
+        raise ValueError(f"no column whose name begins with u found among {_quoted(table.names)}; name the inputs")
     if not y and outputs_required:
-        raise ValueError(
-            f"no column whose name begins with y found among {_quoted(table.names)}; name the outputs"
-        )
+        raise ValueError(f"no column whose name begins with y found among {_quoted(table.names)}; name the outputs")
     if not table.rows:
         raise ValueError("no rows found, samples needed")
 

@@ -151,9 +151,7 @@ def _matrices_of(system: Any, name: str) -> tuple[Array, Array, Array, Array]:
     elif all(hasattr(system, letter) for letter in "ABCD"):
         found = tuple(getattr(system, letter) for letter in "ABCD")
     else:
-        raise ValueError(
-            f"{name}: {type(system).__name__} found, a state-space object or matrices (A, B, C, D) needed"
-        )
+        raise ValueError(f"{name}: {type(system).__name__} found, a state-space object or matrices (A, B, C, D) needed")
     if _is_continuous(system):
         raise ValueError(f"{name}: a system in continuous time found, one in discrete time needed")
     a, b, c, d = (

@@ -415,9 +415,7 @@ def inputs(
         drawstyle="steps-post",
     )
     if nominal is not None and not departures:
-        _line(
-            ax, steps(k), nominal[:, i], label="Nominal", color=colours["faint"], linewidth=1.2, linestyle=_DASHES[2]
-        )
+        _line(ax, steps(k), nominal[:, i], label="Nominal", color=colours["faint"], linewidth=1.2, linestyle=_DASHES[2])
         _legend(ax)
     ax.set_ylabel(_named(names[i], units[i]))
     ax.set_title(f"Experiment {n}", loc="left", fontsize="medium")
@@ -428,9 +426,7 @@ def inputs(
 # ---- order ----
 
 
-def singular_values(
-    model: Model, *, over: str = "time", colorbar: bool = True, ax: Optional[Axes] = None
-) -> Axes:
+def singular_values(model: Model, *, over: str = "time", colorbar: bool = True, ax: Optional[Axes] = None) -> Axes:
     """Singular values of the Hankel matrix of each step, with the number of states in use.
 
     They say what the past can do to the future: dark is small, bright is large, grey no more than rounding errors. A
@@ -497,7 +493,12 @@ def singular_values(
         rasterized=True,
     )
     line = ax.stairs(
-        model.state_dim[:-1] + 0.5, edges, baseline=None, color=colours["orange"], linewidth=2.0, label="Number of states"
+        model.state_dim[:-1] + 0.5,
+        edges,
+        baseline=None,
+        color=colours["orange"],
+        linewidth=2.0,
+        label="Number of states",
     )
     line.set_path_effects([Stroke(linewidth=4.5, foreground=colours["surface"]), Normal()])
     handles: list[Any] = [line]
@@ -669,7 +670,7 @@ def _reach(reference: Model, s: int, rows: int) -> tuple[int, int]:
 
 
 def _eigenvalues(model: Model) -> tuple[Any, Any, Any]:
-    """Steps, and the eigenvalues of A and of A + GC there, of those in the frame with as many states behind as before."""
+    """Steps in the frame with as many states behind as before, and the eigenvalues of A and of A + GC there."""
     frame = _pole_frame(model)
     k = [
         k
@@ -847,9 +848,7 @@ def _entries(
     return drawn
 
 
-def gains(
-    model: Model, *, rows: Optional[Sequence[int]] = None, over: str = "time", ax: Optional[Axes] = None
-) -> Axes:
+def gains(model: Model, *, rows: Optional[Sequence[int]] = None, over: str = "time", ax: Optional[Axes] = None) -> Axes:
     """Entries of the observer gain G over the steps.
 
     In the reference frame, or in the smooth one where it does not reach far enough. A system that varies smoothly should

@@ -15,8 +15,8 @@ from ._typing import Array, ArrayLike
 
 need("sklearn", "tokid.sklearn", "tokid[sklearn]")
 
-from sklearn.base import BaseEstimator, RegressorMixin  # type: ignore[import-untyped, import-not-found, unused-ignore]  # noqa: E402
-from sklearn.utils.validation import check_is_fitted  # type: ignore[import-untyped, import-not-found, unused-ignore]  # noqa: E402
+from sklearn.base import BaseEstimator, RegressorMixin  # type: ignore[import-untyped, import-not-found, unused-ignore]
+from sklearn.utils.validation import check_is_fitted  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
 __all__ = ["LTVIdentifier"]
 
