@@ -15,6 +15,8 @@ with its observer, and with the evidence for every choice that was made on the w
 4
 """
 
+from typing import TYPE_CHECKING, Any
+
 from ._ensemble import Ensemble
 from ._errors import IoError, TokidWarning
 from ._example import example, example_system
@@ -36,6 +38,11 @@ from .results import (
     Validation,
     Verdict,
 )
+
+if TYPE_CHECKING:
+    from . import interop as interop
+    from . import plot as plot
+    from . import sklearn as sklearn
 
 __all__ = [
     "Confidence",
@@ -65,3 +72,17 @@ __all__ = [
     "plan",
     "update",
 ]
+
+_LATER = ("interop", "plot", "sklearn")  # imported when they are asked for, with the packages that they need
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATER:
+        from importlib import import_module
+
+        return import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})

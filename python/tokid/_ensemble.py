@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Optional
+from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 
 from . import _arrays, _options, _tokid
 from ._typing import Array, ArrayLike, PathLike
+
+if TYPE_CHECKING:
+    import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    import xarray  # type: ignore[import-not-found, unused-ignore]
 
 
 class Ensemble:
@@ -313,6 +317,89 @@ class Ensemble:
     def departures(self) -> Ensemble:
         """The experiments less their mean motion."""
         return Ensemble._of(self._ready().departures())
+
+    # In the forms of other packages (interop.py)
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        data: pandas.DataFrame,
+        *,
+        inputs: Optional[Sequence[Any]] = None,
+        outputs: Optional[Sequence[Any]] = None,
+        dt: Optional[float] = None,
+        length: Optional[ArrayLike] = None,
+        free_y: Optional[ArrayLike] = None,
+        initial_state: Optional[str] = None,
+        input_units: Optional[Sequence[str]] = None,
+        output_units: Optional[Sequence[str]] = None,
+        outputs_required: bool = False,
+    ) -> Ensemble:
+        """An ensemble of a tidy `pandas.DataFrame`, by the rules of .csv files.
+
+        Parameters
+        ----------
+        data : pandas.DataFrame
+            A row for each experiment and step, in any order. ``experiment`` (numbers or names) is one experiment where
+            it is absent; ``time`` [s], or ``k`` (whole numbers), holds the step, and where both are absent the rows of
+            an experiment are its steps. They may be levels of the index. All other columns are channels or ignored.
+            Absent rows, NaN, None and "NA" are missing samples.
+        inputs, outputs : sequence, optional
+            Columns that are inputs and outputs; by default those whose names begin with u and y.
+        dt : float, optional
+            Sample time [s]; by default the spacing of ``time``, else 1.
+        length, free_y, initial_state, input_units, output_units
+            As of the constructor.
+        outputs_required : bool, default False
+            Refuse a table without outputs.
+
+        Returns
+        -------
+        Ensemble
+
+        Raises
+        ------
+        ValueError
+            Names the column and the row, which are counted from 0.
+
+        Notes
+        -----
+        `to_dataframe` leaves what a table has no place for in ``data.attrs["tokid"]``: dt, names, units, lengths and
+        what is known of the initial states. It is taken from there, as far as it still goes with the rows and columns.
+        """
+        from . import interop
+
+        return interop.ensemble_from_dataframe(
+            data,
+            inputs=inputs,
+            outputs=outputs,
+            dt=dt,
+            length=length,
+            free_y=free_y,
+            initial_state=initial_state,
+            input_units=input_units,
+            output_units=output_units,
+            outputs_required=outputs_required,
+        )
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The ensemble as a tidy `pandas.DataFrame`: ``experiment``, ``time`` [s] and a column for each channel.
+
+        The table is that of the .csv file. Rows in which everything is missing are left out, except in the first
+        experiment and the first step.
+        """
+        from . import interop
+
+        return interop.ensemble_to_dataframe(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Samples as an `xarray.Dataset` with the coordinates experiment, k, time, input and output.
+
+        They are views of those of the ensemble. See `interop.ensemble_to_xarray`.
+        """
+        from . import interop
+
+        return interop.ensemble_to_xarray(self)
 
     # Copies, also in other processes
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Optional, Union
 
-from . import _options, _tokid
+from . import _dataframe, _options, _tokid
 from ._ensemble import Ensemble, core_of, describe
 from ._errors import warn
 from ._model import Model
@@ -16,11 +16,12 @@ from ._update import UpdateState
 from .results import CrossValidation, NoisyChoices, Streamed
 
 if TYPE_CHECKING:
+    import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
     from typing_extensions import Unpack
 
 
 def identify(
-    u: Union[ArrayLike, Ensemble],
+    u: Union[ArrayLike, Ensemble, pandas.DataFrame],
     y: Optional[ArrayLike] = None,
     *,
     dt: Optional[float] = None,
@@ -54,8 +55,9 @@ def identify(
 
     Parameters
     ----------
-    u : array_like, shape (N, T, r) or (T, r), or Ensemble
-        Inputs of N experiments; or an ensemble, which holds everything that is known of the data.
+    u : array_like, shape (N, T, r) or (T, r), or Ensemble, or DataFrame
+        Inputs of N experiments; or an ensemble, which holds everything that is known of the data; or a tidy table of
+        pandas, as of `Ensemble.from_dataframe`.
     y : array_like, shape (N, T, m) or (T, m)
         Outputs. NaN marks a missing sample, in `u` as in `y`.
     dt : float, default 1.0
@@ -95,7 +97,7 @@ def identify(
     report : path, optional
         Page (.html) to write that shows whether the model can be trusted.
     length, free_y, input_names, output_names, input_units, output_units
-        As of `Ensemble`, for arrays.
+        As of `Ensemble`, for arrays. Of a DataFrame the names choose the columns that are inputs and outputs.
     threads : int, default 1
         Threads, 0 for all of the machine. The result is the same to the last bit for any number.
     progress : bool or callable, default False
@@ -290,6 +292,10 @@ def page_options(
 
 def ensemble_core(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
     """The data of a call, an ensemble or arrays with what is said of them."""
+    if _dataframe.is_dataframe(u):
+        if y is not None:
+            raise ValueError("y: found beside a DataFrame, which has the outputs already")
+        return _dataframe.core_from(u, dt, described)
     if isinstance(u, Ensemble):
         for name, value in {"y": y, "dt": dt, **described}.items():
             if value is not None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Optional, Union, overload
 
 import numpy as np
 
-from . import _arrays, _options, _tokid
+from . import _arrays, _dataframe, _options, _tokid
 from ._ensemble import Ensemble, core_of, plural
 from ._errors import warn
 from ._progress import listener
@@ -19,6 +19,9 @@ from ._typing import Array, ArrayLike, ComplexArray, PathLike, Progress
 from .results import Confidence, CrossValidation, Identification, Refinement, Updated, Validation, Verdict
 
 if TYPE_CHECKING:
+    import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    import xarray  # type: ignore[import-not-found, unused-ignore]
+
     from ._update import UpdateState
 
 
@@ -959,6 +962,10 @@ class Model:
             if y is not None:
                 raise ValueError("y: found beside an Ensemble, which has the outputs already")
             return u._ready(), False
+        if _dataframe.is_dataframe(u):
+            if y is not None:
+                raise ValueError("y: found beside a DataFrame, which has the outputs already")
+            return _dataframe.core_for(self, u, outputs), False
         if outputs and y is None:
             raise ValueError(f"y: none found, outputs (N, T, {self.outputs}) needed")
         core, single = core_of(u, y, self.dt)
@@ -1105,6 +1112,66 @@ class Model:
 
     def _same(self, core: _tokid.Model) -> Model:
         return Model._of(core, self._warnings, identification=self._identification, refinement=self._refinement)
+
+    # In the forms of other packages (interop.py)
+
+    def to_control(self, k: Optional[int] = None, *, pad: bool = False) -> Any:
+        """The step k as a `control.StateSpace`; without k for a time-invariant model.
+
+        A step at which the number of states changes needs ``pad=True``, which fills up with zeros. See
+        `interop.to_control`.
+        """
+        from . import interop
+
+        return interop.to_control(self, k, pad=pad)
+
+    def to_scipy(self, k: Optional[int] = None, *, pad: bool = False) -> Any:
+        """The step k as a `scipy.signal.StateSpace` in discrete time; else as `to_control`."""
+        from . import interop
+
+        return interop.to_scipy(self, k, pad=pad)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All matrices as an `xarray.Dataset` with the coordinates k, time, state, input and output.
+
+        Entries that a step of fewer states does not have are NaN. See `interop.model_to_xarray`.
+        """
+        from . import interop
+
+        return interop.model_to_xarray(self)
+
+    def to_dataframe(
+        self,
+        u: Union[ArrayLike, Ensemble, pandas.DataFrame],
+        y: Optional[ArrayLike] = None,
+        *,
+        horizon: int = 1,
+        x0: Optional[ArrayLike] = None,
+        initial_state: str = "auto",
+    ) -> pandas.DataFrame:
+        """Measured, simulated and predicted outputs in a tidy `pandas.DataFrame`.
+
+        Parameters
+        ----------
+        u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble, or DataFrame
+            Experiments; without outputs there are no predictions.
+        horizon : int, default 1
+            Steps ahead of the predictions.
+        x0 : array_like, shape (N, n) or (n,), optional
+            States of the simulations at `k_begin`. By default as the initial states are known to be; where they are
+            unknown, those that the first outputs tell.
+        initial_state : {"auto", "zero", "unknown"}, default "auto"
+            States at step 0.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each experiment and step: ``experiment``, ``time`` [s], the inputs, the outputs, and for each
+            output ``simulated_`` and ``predicted_`` with its name.
+        """
+        from . import interop
+
+        return interop.model_to_dataframe(self, u, y, horizon=horizon, x0=x0, initial_state=initial_state)
 
     # How it looks
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from typing import Any, Optional, Union
 
-from . import _options, _tokid
+from . import _dataframe, _options, _tokid
 from ._ensemble import Ensemble, core_of, plural
 from ._errors import warn
 from ._model import Model
@@ -173,6 +173,10 @@ def _experiments(core: _tokid.UpdateState, u: Any, y: Any) -> _tokid.Ensemble:
         if y is not None:
             raise ValueError("y: found beside an Ensemble, which has the outputs already")
         return u._ready()
+    if _dataframe.is_dataframe(u):
+        if y is not None:
+            raise ValueError("y: found beside a DataFrame, which has the outputs already")
+        return _dataframe.from_dataframe(u, dt=core.dt, outputs_required=True)
     if y is None:
         raise ValueError(f"y: none found, outputs (N, T, {core.outputs}) needed")
     return core_of(u, y, core.dt)[0]

@@ -1,0 +1,402 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tidy tables of pandas, by the rules that .csv files have (src/io/csv.cpp)."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any, Optional
+
+import numpy as np
+
+from . import _options, _tokid
+from ._ensemble import Ensemble, describe
+from ._optional import need
+from ._typing import Array, ArrayLike
+
+_EPSILON = float(np.finfo(np.float64).eps)
+_RESERVED = ("experiment", "time", "k")
+_NOTES = "tokid"  # in DataFrame.attrs: what a table has no place for
+
+
+def pandas() -> Any:
+    return need("pandas", "a DataFrame", "tokid[pandas]")
+
+
+def is_dataframe(data: Any) -> bool:
+    loaded = sys.modules.get("pandas")
+    return loaded is not None and isinstance(data, loaded.DataFrame)
+
+
+# ---- columns ----
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return "'" + "', '".join(names) + "'" if names else "nothing"
+
+
+def _text(number: float) -> str:
+    text = repr(float(number))
+    return text[:-2] if text.endswith(".0") else text
+
+
+class _Table:
+    """Columns by their names, levels of the index among them."""
+
+    def __init__(self, table: Any) -> None:
+        levels = [name for name in table.index.names if name in _RESERVED]
+        if levels:
+            table = table.reset_index(level=levels)
+        self._table = table
+        self.names = [str(label) for label in table.columns]
+        self.rows = len(table)
+        notes = table.attrs.get(_NOTES)
+        self.notes: dict[str, Any] = notes if isinstance(notes, dict) else {}
+
+    def find(self, name: str) -> Optional[int]:
+        count = self.names.count(name)
+        if count > 1:
+            raise ValueError(f"columns: {count} columns '{name}' found, one needed")
+        return self.names.index(name) if count else None
+
+    def named(self, wanted: Sequence[str]) -> list[int]:
+        columns = []
+        for name in wanted:
+            column = self.find(name)
+            if column is None:
+                raise ValueError(f"no column '{name}' found among {_quoted(self.names)}")
+            columns.append(column)
+        return columns
+
+    def channels(self, name: str, wanted: Optional[Sequence[Any]], prefix: str, taken: Sequence[Any]) -> list[int]:
+        """The columns wanted, those that the table's notes name, or those of the prefix."""
+        if isinstance(wanted, str):
+            raise ValueError(f"{name}s: {wanted!r} found, a list of columns needed")
+        if wanted is not None and len(wanted):
+            return self.named([str(label) for label in wanted])
+        noted = self.notes.get(f"{name}_names")
+        if noted and all(label in self.names for label in noted):  # a table may have changed since
+            return self.named(noted)
+        others = {str(label) for label in taken}
+        return self.named([n for n in self.names if n.startswith(prefix) and n not in _RESERVED and n not in others])
+
+    def series(self, column: int) -> Any:
+        return self._table.iloc[:, column]
+
+    def numbers(self, column: int) -> Array:
+        series, name = self.series(column), self.names[column]
+        dtype = series.dtype
+        kind = getattr(dtype, "kind", "O")
+        if isinstance(dtype, np.dtype) and kind in "fiub":
+            return np.asarray(series.to_numpy(), dtype=np.float64)
+        if kind in "fiub":  # pandas' own, with its own marks of what is missing
+            return np.asarray(series.to_numpy(dtype=np.float64, na_value=np.nan), dtype=np.float64)
+        if kind in "cMm":
+            raise ValueError(f"column '{name}': {dtype} found, numbers needed")
+        missing = series.isna().to_numpy()
+        values = np.full(self.rows, np.nan)
+        for row, value in enumerate(series.to_numpy(dtype=object)):
+            if not missing[row]:
+                values[row] = _number(value, row, name)
+        return values
+
+
+def _number(value: Any, row: int, name: str) -> float:
+    text = str(value).strip()
+    if isinstance(value, str) and text in ("", "NA"):
+        return float("nan")
+    try:
+        if "_" not in text:
+            return float(text)
+    except ValueError:
+        pass
+    raise ValueError(f"row {row}, column '{name}': '{value}' found, a number needed")
+
+
+# ---- the grid of time ----
+
+
+def _distinct(times: Array, resolution: float) -> Array:
+    """Distinct times; those closer than rounding errors make them are one."""
+    times = np.unique(times)
+    if len(times) < 2:
+        return times
+    same = max(resolution, 1e-6 * float(np.diff(times).max()))
+    if np.all(np.diff(times) > same):
+        return times
+    kept = [times[0]]
+    for time in times[1:]:
+        if time - kept[-1] > same:
+            kept.append(time)
+    return np.asarray(kept)
+
+
+def _spacing(times: Array) -> float:
+    """The even spacing: the smallest distance counts the steps of the others, and the whole range refines it."""
+    if len(times) < 2:
+        return 1.0
+    gaps = np.diff(times)
+    steps = float(np.floor(gaps / gaps.min() + 0.5).sum())
+    refined = float(times[-1] - times[0]) / steps
+    # Of the numbers that the times allow for, the one that was meant has few digits.
+    rounded = float(f"{refined:.12g}")
+    uncertainty = 2 * _EPSILON * (refined + max(abs(float(times[0])), abs(float(times[-1]))) / steps)
+    return rounded if abs(rounded - refined) <= uncertainty else refined
+
+
+class _Grid:
+    def __init__(self, times: Array, timed: bool, dt: Optional[float], noted: Optional[float], groups: int) -> None:
+        resolution = 4 * _EPSILON * max(abs(float(times.min())), abs(float(times.max())))
+        self.begin = float(times.min())
+        spacing = 1.0
+        if timed:
+            distinct = _distinct(times, resolution)
+            found = _spacing(distinct)
+            # What is noted is the exact one, if it still is that of the rows.
+            still = noted is not None and (len(distinct) < 2 or abs(found - noted) <= 1e-6 * noted)
+            self.dt = spacing = dt if dt is not None else noted if noted is not None and still else found
+        else:
+            self.dt = dt if dt is not None else noted if noted is not None else 1.0
+        if not 0 < self.dt < np.inf:
+            raise ValueError(f"dt: {_text(self.dt)} found, a positive time in seconds needed")
+        # Columns of NumPy's own arithmetic: the error of a wild number is a message, not a warning.
+        with np.errstate(all="ignore"):
+            step = np.floor((times - self.begin) / spacing + 0.5)
+            uneven = ~(np.abs(times - self.begin - step * spacing) <= 1e-6 * spacing + resolution)
+        if timed and uneven.any():
+            row = int(np.flatnonzero(uneven)[0])
+            raise ValueError(
+                f"row {row}, column 'time': {_text(times[row])} found, even steps of {_text(spacing)} from "
+                f"{_text(self.begin)} on needed (or step numbers in a column 'k')"
+            )
+        steps = float(step.max()) + 1
+        # A wild time or step number would otherwise ask for more memory than the table can be worth.
+        if not steps * groups <= 1e6 + 1000 * len(times):
+            raise ValueError(
+                f"{groups} experiments of {_text(steps)} steps found in {len(times)} rows, fewer gaps needed"
+            )
+        self.steps = int(steps)
+        self.step = step.astype(np.int64)
+
+
+def _experiments(table: _Table, column: Optional[int]) -> tuple[Any, list[Any]]:
+    """Numbers of the experiments of all rows, in the order of appearance, and their names."""
+    if column is None:
+        return np.zeros(table.rows, dtype=np.int64), [""]
+    codes, names = pandas().factorize(table.series(column))
+    names = list(names)
+    nothing = codes < 0
+    if "" in names:
+        nothing |= codes == names.index("")
+    if nothing.any():
+        row = int(np.flatnonzero(nothing)[0])
+        raise ValueError(f"row {row}, column 'experiment': nothing found, a number or name needed")
+    return codes, names
+
+
+def _times(table: _Table, time: Optional[int], k: Optional[int], experiment: Any) -> Array:
+    column = time if time is not None else k
+    if column is None:  # the number of the row in its experiment
+        order = np.argsort(experiment, kind="stable")
+        grouped = experiment[order]
+        begin = np.flatnonzero(np.diff(grouped, prepend=-1))
+        count = np.arange(table.rows) - np.repeat(begin, np.diff(np.append(begin, table.rows)))
+        times = np.empty(table.rows)
+        times[order] = count
+        return times
+    times = table.numbers(column)
+    wrong = ~np.isfinite(times)
+    if time is None:
+        wrong |= times != np.floor(times)
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        needed = "whole number" if time is None else "finite time"
+        raise ValueError(
+            f"row {row}, column '{table.names[column]}': '{table.series(column).iloc[row]}' found, a {needed} needed"
+        )
+    return times
+
+
+# ---- from tables to ensembles ----
+
+
+def from_dataframe(
+    data: Any,
+    *,
+    inputs: Optional[Sequence[Any]] = None,
+    outputs: Optional[Sequence[Any]] = None,
+    dt: Optional[float] = None,
+    length: Optional[ArrayLike] = None,
+    free_y: Optional[ArrayLike] = None,
+    initial_state: Optional[str] = None,
+    input_units: Optional[Sequence[str]] = None,
+    output_units: Optional[Sequence[str]] = None,
+    outputs_required: bool = False,
+) -> _tokid.Ensemble:
+    pandas()
+    if not is_dataframe(data):
+        raise ValueError(f"data: {type(data).__name__} found, a DataFrame needed")
+    table = _Table(data)
+    notes = table.notes
+    experiment, time, k = (table.find(name) for name in _RESERVED)
+    u = table.channels("input", inputs, "u", () if outputs is None else outputs)
+    y = table.channels("output", outputs, "y", () if inputs is None else inputs)
+    for column in u:
+        if column in y:
+            raise ValueError(f"column '{table.names[column]}' found among inputs and outputs, one of them needed")
+    if not u:
+        raise ValueError(f"no column whose name begins with u found among {_quoted(table.names)}; name the inputs")
+    if not y and outputs_required:
+        raise ValueError(f"no column whose name begins with y found among {_quoted(table.names)}; name the outputs")
+    if not table.rows:
+        raise ValueError("no rows found, samples needed")
+
+    row_experiment, experiments = _experiments(table, experiment)
+    times = _times(table, time, k, row_experiment)
+    stated = None if dt is None else _options.real("dt", dt, 0.0)
+    grid = _Grid(times, time is not None, stated, notes.get("dt"), len(experiments))
+    place = row_experiment * grid.steps + grid.step
+    order = np.argsort(place, kind="stable")
+    again = order[1:][np.diff(place[order]) == 0]
+    if again.size:
+        row = int(again.min())
+        raise ValueError(
+            f"row {row}: a second row for step {grid.step[row]} of experiment '{experiments[row_experiment[row]]}' "
+            "found, one needed"
+        )
+
+    core = _tokid.Ensemble(len(experiments), grid.steps, len(u), len(y), grid.dt)
+    for samples, columns in ((core.u(), u), (core.y(), y)):
+        for channel, column in enumerate(columns):
+            samples[row_experiment, grid.step, channel] = table.numbers(column)
+    given_units: dict[str, str] = notes.get("units") or {}
+    for kind, columns, prefix, units in (("input", u, "u", input_units), ("output", y, "y", output_units)):
+        names = [table.names[column] for column in columns]
+        default = names == [f"{prefix}{i + 1}" for i in range(len(names))]
+        if not default or f"{kind}_names" in notes:
+            setattr(core, f"{kind}_names", names)
+        if units is None and any(name in given_units for name in names):
+            setattr(core, f"{kind}_units", [given_units.get(name, "") for name in names])
+    noted_state = notes.get("initial_state") if initial_state is None else initial_state
+    describe(core, None, free_y, noted_state, None, None, input_units, output_units)
+    if length is not None:
+        describe(core, length, None, None, None, None, None, None)
+        for n, valid in enumerate(core.length):
+            core.u()[n, max(valid, 0) :] = np.nan
+            core.y()[n, max(valid, 0) :] = np.nan
+    else:
+        _keep_lengths(core, notes.get("length"), experiments, round(grid.begin / grid.dt) if time is not None else 0)
+    core.check(outputs_required)
+    return core
+
+
+def _keep_lengths(core: _tokid.Ensemble, noted: Any, experiments: list[Any], begin: int) -> None:
+    """Takes over the lengths noted for the experiments, unless there are samples beyond them by now."""
+    if not isinstance(noted, dict) or any(str(name) not in noted for name in experiments):
+        return
+    lengths = [min(max(int(noted[str(name)]) - begin, 0), core.steps) for name in experiments]
+    u, y = core.u(), core.y()
+    if all(np.isnan(u[n, t:]).all() and np.isnan(y[n, t:]).all() for n, t in enumerate(lengths)):
+        core.length = lengths
+
+
+# ---- and back ----
+
+
+def _distinct_names(names: list[str]) -> None:
+    for i, name in enumerate(names):
+        if names.count(name) > 1 or (i > 1 and name in _RESERVED):
+            raise ValueError(
+                f"channel name '{name}' found twice or as the name of a column of its own in a DataFrame; distinct "
+                "names needed"
+            )
+
+
+def tidy(dt: float, columns: Sequence[tuple[Sequence[str], Array]], kept: Any = None) -> Any:
+    """A row for each experiment and step, a column for each channel of the arrays (N, T, channels)."""
+    experiments, steps = columns[0][1].shape[:2]
+    names = ["experiment", "time"] + [name for names, _ in columns for name in names]
+    _distinct_names(names)
+    rows = slice(None) if kept is None else kept.reshape(-1)
+    values: dict[str, Any] = {
+        "experiment": np.repeat(np.arange(experiments), steps)[rows],
+        "time": np.tile(np.arange(steps) * dt, experiments)[rows],
+    }
+    for channels, array in columns:
+        for i, name in enumerate(channels):
+            values[name] = np.ascontiguousarray(array[:, :, i]).reshape(-1)[rows]
+    return pandas().DataFrame(values)
+
+
+def to_dataframe(data: Ensemble) -> Any:
+    pandas()
+    core = data._ready()
+    if core.free_y is not None:
+        raise ValueError("free responses don't fit into a DataFrame; .npz, .h5 or .mat needed")
+    u, y = core.u(), core.y()
+    # Rows without a sample are left out, but for the first experiment and the first step, which keep the grid whole.
+    kept = np.asarray(~(np.isnan(u).all(axis=2) & np.isnan(y).all(axis=2)))
+    kept[:1] = True
+    kept[:, :1] = True
+    table = tidy(core.dt, [(data.input_names, u), (data.output_names, y)], kept)
+    notes: dict[str, Any] = {"dt": core.dt}
+    if core.initial_state is not None:
+        notes["initial_state"] = core.initial_state
+    if core.length:
+        notes["length"] = {str(n): int(length) for n, length in enumerate(core.length)}
+    if core.input_names:
+        notes["input_names"] = list(core.input_names)
+    if core.output_names:
+        notes["output_names"] = list(core.output_names)
+    units = {
+        name: unit
+        for names, kind in ((data.input_names, core.input_units), (data.output_names, core.output_units))
+        for name, unit in zip(names, kind)
+    }
+    if units:
+        notes["units"] = units
+    table.attrs[_NOTES] = notes
+    return table
+
+
+def outputs_to_dataframe(model: Any, u: Any, y: Any, horizon: int, x0: Optional[ArrayLike], initial_state: str) -> Any:
+    """Measured outputs beside computed ones."""
+    pandas()
+    data, _ = model._data(u, y)
+    ensemble = Ensemble._of(data)
+    names = model.output_names if not data.output_names else ensemble.output_names
+    inputs = model.input_names if not data.input_names else ensemble.input_names
+    columns = [(inputs, np.asarray(ensemble.u))]
+    if data.outputs:
+        columns.append((names, np.asarray(ensemble.y)))
+    if data.outputs and x0 is None:  # initial states that are unknown are those that the first outputs tell
+        initial = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
+        simulated = model._core.simulate_data(data, initial).outputs_copied()
+    else:
+        simulated = model.simulate(ensemble, x0)
+    columns.append(([f"simulated_{name}" for name in names], simulated))
+    if data.outputs:
+        predicted = model.predict(ensemble, horizon=horizon, initial_state=initial_state)
+        columns.append(([f"predicted_{name}" for name in names], predicted))
+    return tidy(data.dt, columns)
+
+
+def core_from(data: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
+    """The data of a call of identify, whose names are those of the columns."""
+    rest = {name: described.get(name) for name in ("length", "free_y", "input_units", "output_units")}
+    return from_dataframe(
+        data,
+        inputs=described.get("input_names"),
+        outputs=described.get("output_names"),
+        dt=dt,
+        outputs_required=True,
+        **rest,
+    )
+
+
+def core_for(model: Any, data: Any, outputs_required: bool) -> _tokid.Ensemble:
+    """The data of a call of a model: the columns of its channels."""
+    inputs, outputs = model._core.input_names, model._core.output_names
+    if not outputs_required and not set(outputs) <= {str(label) for label in data.columns}:
+        outputs = None
+    return from_dataframe(data, inputs=inputs, outputs=outputs, outputs_required=outputs_required)

@@ -1,0 +1,496 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Bridges to python-control, SciPy, xarray and pandas.
+
+The conversions are methods of models and ensembles, too: `Model.to_control`, `Model.to_scipy`, `Model.to_xarray`,
+`Model.to_dataframe`, `Ensemble.to_xarray`, `Ensemble.to_dataframe` and `Ensemble.from_dataframe`. None of the packages
+is needed before its function is called.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
+
+import numpy as np
+
+from . import _arrays, _dataframe
+from ._ensemble import Ensemble
+from ._model import Model
+from ._optional import need
+from ._typing import Array, ArrayLike
+
+if TYPE_CHECKING:
+    import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    import xarray  # type: ignore[import-not-found, unused-ignore]
+
+__all__ = [
+    "dataframe_of",
+    "ensemble_from_dataframe",
+    "ensemble_to_dataframe",
+    "ensemble_to_xarray",
+    "model_to_dataframe",
+    "model_to_xarray",
+    "simulate_ltv",
+    "to_control",
+    "to_scipy",
+]
+
+
+def _contiguous(array: Any) -> Array:
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+# ---- state-space objects of one step ----
+
+
+def _square_step(model: Model, k: Optional[int], pad: bool) -> tuple[int, list[Array]]:
+    """A step and its matrices A, B, C, D, with as many states behind it as before."""
+    if k is None:
+        stacks = (np.asarray(matrices) for matrices in (model.A, model.B, model.C, model.D))
+        dims = model.state_dim
+        if model.period != 1 and not (
+            np.all(dims == dims[0]) and all(np.array_equal(s, np.broadcast_to(s[0], s.shape)) for s in stacks)
+        ):
+            raise ValueError(
+                f"k: none found, a step from {model.k_begin} to {model.k_end - 1} needed: the model varies with time"
+            )
+        k = model.k_begin
+    step = model.at(k)
+    a, b, c, d = (np.array(matrix) for matrix in (step.A, step.B, step.C, step.D))
+    behind, before = a.shape
+    if pad:
+        n = model.states
+        a = np.pad(a, ((0, n - behind), (0, n - before)))
+        b, c = np.pad(b, ((0, n - behind), (0, 0))), np.pad(c, ((0, 0), (0, n - before)))
+    elif behind != before:
+        raise ValueError(
+            f"k: step {k} has {before} states before and {behind} behind it, equal numbers needed, as steps "
+            f"{model.full_begin} to {model.full_end - 2} have; pad=True fills up with zeros"
+        )
+    return step.k, [a, b, c, d]
+
+
+def to_control(model: Model, k: Optional[int] = None, *, pad: bool = False) -> Any:
+    """The step k of a model as a `control.StateSpace`.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    k : int, optional
+        The step. Without it the model must be time-invariant.
+    pad : bool, default False
+        Fill up with zeros to the largest number of states, as the files do. So have all steps objects of one size, also
+        those at which the number of states changes; the states that are added carry nothing.
+
+    Returns
+    -------
+    control.StateSpace
+        Of the model's sample time, with the names of its inputs and outputs. It describes departures from the nominal
+        trajectory, where the model has one.
+
+    Raises
+    ------
+    ImportError
+        Where python-control is not installed.
+    ValueError
+        Where the model has no step k, or another number of states behind it than before and `pad` is not set.
+
+    Examples
+    --------
+    >>> model = tokid.example_system("oscillator", steps=40)
+    >>> model.to_control(3).dt
+    0.05
+    """
+    control = need("control", "to_control", "tokid[control]")
+    step, matrices = _square_step(model, k, pad)
+    return control.StateSpace(
+        *matrices,
+        model.dt,
+        inputs=model.input_names,
+        outputs=model.output_names,
+        name=f"step_{step}" if k is not None else "tokid",
+        remove_useless_states=False,
+    )
+
+
+def to_scipy(model: Model, k: Optional[int] = None, *, pad: bool = False) -> Any:
+    """The step k of a model as a `scipy.signal.StateSpace` of its sample time (a `dlti`).
+
+    Parameters, errors and meaning are those of `to_control`.
+
+    Examples
+    --------
+    >>> model = tokid.example_system("oscillator", steps=40)
+    >>> model.to_scipy(3).A.shape
+    (4, 4)
+    """
+    signal = need("scipy.signal", "to_scipy", "scipy")
+    _, matrices = _square_step(model, k, pad)
+    return signal.StateSpace(*matrices, dt=model.dt)
+
+
+# ---- simulation of any sequence of systems ----
+
+
+def _is_continuous(system: Any) -> bool:
+    signal = sys.modules.get("scipy.signal")
+    if signal is not None and isinstance(system, signal.lti):
+        return True
+    dt = getattr(system, "dt", None)
+    return dt is not None and dt is not True and dt == 0
+
+
+def _matrices_of(system: Any, name: str) -> tuple[Array, Array, Array, Array]:
+    if isinstance(system, (tuple, list)):
+        if len(system) != 4:
+            raise ValueError(f"{name}: {len(system)} matrices found, (A, B, C, D) needed")
+        found = system
+    elif all(hasattr(system, letter) for letter in "ABCD"):
+        found = tuple(getattr(system, letter) for letter in "ABCD")
+    else:
+        raise ValueError(f"{name}: {type(system).__name__} found, a state-space object or matrices (A, B, C, D) needed")
+    if _is_continuous(system):
+        raise ValueError(f"{name}: a system in continuous time found, one in discrete time needed")
+    a, b, c, d = (
+        _contiguous(_arrays.shaped(f"{name}.{letter}", np.asarray(value), (None, None), "rows, columns"))
+        for letter, value in zip("ABCD", found)
+    )
+    for letter, matrix, shape in (
+        ("B", b, (a.shape[0], b.shape[1])),
+        ("C", c, (c.shape[0], a.shape[1])),
+        ("D", d, (c.shape[0], b.shape[1])),
+    ):
+        if matrix.shape != shape:
+            raise ValueError(f"{name}.{letter}: shape {matrix.shape} found, {shape} needed")
+    return a, b, c, d
+
+
+def _sample_time(system: Any) -> Optional[float]:
+    dt = getattr(system, "dt", None)
+    return None if dt is None or dt is True else float(dt)
+
+
+@overload
+def simulate_ltv(
+    systems: Any, u: ArrayLike, x0: Optional[ArrayLike] = None, *, return_states: Literal[False] = False
+) -> Array: ...
+@overload
+def simulate_ltv(
+    systems: Any, u: ArrayLike, x0: Optional[ArrayLike] = None, *, return_states: Literal[True]
+) -> tuple[Array, Array]: ...
+def simulate_ltv(
+    systems: Any,
+    u: ArrayLike,
+    x0: Optional[ArrayLike] = None,
+    *,
+    return_states: bool = False,
+) -> Union[Array, tuple[Array, Array]]:
+    """Simulates systems one after another: the system of step k takes the state of step k to that of step k+1.
+
+    For a constant system that is what `control.forced_response` and `scipy.signal.dlsim` compute; for the steps of a
+    `Model` it is what `Model.simulate` does.
+
+    Parameters
+    ----------
+    systems : sequence, or a single system for all steps
+        One system in discrete time for each step: objects of python-control or SciPy, steps of a model (`Model.at`),
+        or tuples (A, B, C, D) of shapes (n', n), (n', r), (m, n), (m, r). The number of states may vary from step to
+        step in tuples, as long as each system begins with as many as the one before ends with.
+    u : array_like, shape (N, T, r) or (T, r)
+        Inputs of N experiments or of one, from the step of the first system on; not more steps than systems.
+    x0 : array_like, shape (N, n) or (n,), optional
+        States before the first step; by default zero.
+    return_states : bool, default False
+        Return the states, too.
+
+    Returns
+    -------
+    y : ndarray, shape (N, T, m) or (T, m)
+        Outputs. NaN behind a missing input.
+    x : ndarray, shape (N, T+1, n) or (T+1, n)
+        With `return_states`: states before each step, and behind the last one; NaN pads those that have fewer.
+
+    Raises
+    ------
+    ValueError
+        For systems in continuous time, of different sample times, or whose sizes do not go together; names the system.
+
+    Examples
+    --------
+    >>> model = tokid.example_system("oscillator", steps=40)
+    >>> u = np.ones((40, 2))
+    >>> y = tokid.interop.simulate_ltv([model.to_control(k) for k in range(40)], u)
+    >>> bool(np.allclose(y, model.simulate(u)))
+    True
+    """
+    if isinstance(systems, Model):
+        raise ValueError("systems: a Model found, its steps [model.at(k), …] needed; Model.simulate simulates a model")
+    inputs, single = _arrays.samples("u", u, "r")
+    inputs = _contiguous(inputs)
+    experiments, steps, r = inputs.shape
+    constant = all(hasattr(systems, letter) for letter in "ABCD") or (
+        isinstance(systems, tuple) and len(systems) == 4 and isinstance(systems[0], np.ndarray) and systems[0].ndim == 2
+    )
+    if constant:
+        first = _matrices_of(systems, "systems")
+        matrices = [first] * max(steps, 1)
+    else:
+        if len(systems) < max(steps, 1):
+            raise ValueError(f"u: {steps} steps found, at most {len(systems)} needed, as many as systems")
+        used = systems[: max(steps, 1)]
+        matrices = [_matrices_of(system, f"systems[{i}]") for i, system in enumerate(used)]
+        times = {dt for dt in map(_sample_time, used) if dt is not None}
+        if len(times) > 1:
+            raise ValueError(f"systems: sample times {min(times):g} to {max(times):g} s found, one needed")
+    n, m = matrices[0][0].shape[1], matrices[0][2].shape[0]
+    states = n
+    for i, (a, b, c, _) in enumerate(matrices):
+        for what, found, needed in (
+            ("inputs", b.shape[1], r),
+            ("outputs", c.shape[0], m),
+            ("states", a.shape[1], states),
+        ):
+            if found != needed:
+                raise ValueError(f"systems[{i}]: {found} {what} found, {needed} needed")
+        states = a.shape[0]
+
+    x = np.zeros((experiments, n))
+    if x0 is not None:
+        start = _arrays.numbers("x0", x0)
+        x = x + _contiguous(_arrays.shaped("x0", start, (n,) if start.ndim == 1 else (experiments, n)))
+    y = np.empty((experiments, steps, m))
+    path = [x]
+    for k, (a, b, c, d) in enumerate(matrices[:steps]):
+        y[:, k] = x @ c.T + inputs[:, k] @ d.T
+        x = x @ a.T + inputs[:, k] @ b.T
+        if return_states:
+            path.append(x)
+    if not return_states:
+        return y[0] if single else y
+    all_states = np.full((experiments, steps + 1, max(state.shape[1] for state in path)), np.nan)
+    for k, state in enumerate(path):
+        all_states[:, k, : state.shape[1]] = state
+    return (y[0], all_states[0]) if single else (y, all_states)
+
+
+# ---- xarray ----
+
+
+def _padded(matrices: Sequence[Array], shape: tuple[int, int]) -> Array:
+    """One array of all steps, NaN where a matrix has no entry."""
+    whole = np.full((len(matrices), *shape), np.nan)
+    for s, matrix in enumerate(matrices):
+        whole[s, : matrix.shape[0], : matrix.shape[1]] = matrix
+    return whole
+
+
+def _vector(values: Array, size: int) -> Array:
+    return np.append(values, np.full(size - len(values), np.nan))
+
+
+def _described(names: list[str], units: list[str], kind: str) -> dict[str, Any]:
+    coordinates: dict[str, Any] = {kind: (kind, np.asarray(names, dtype=str))}
+    if any(units):
+        coordinates[f"{kind}_unit"] = (kind, np.asarray(units, dtype=str))
+    return coordinates
+
+
+def model_to_xarray(model: Model) -> xarray.Dataset:
+    """A model as an `xarray.Dataset`.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``A`` (k, state_next, state), ``B`` (k, state_next, input), ``C`` (k, output, state), ``D`` (k, output, input),
+        ``G`` (k, state_next, output) and, where the model has them, ``innovation_cov`` (k, output, output_2), ``Q``
+        (k, state_next, state_next_2), ``R`` (k, output, output_2), ``K`` (k, state, output), ``singular_value`` (k,
+        number), ``condition``, ``rank`` and ``lags`` (k), ``u_nominal`` (step, input), ``y_nominal`` (step, output),
+        ``x0_mean`` (state), ``x0_cov`` (state, state_2). ``state_dim`` (k) and ``state_dim_next`` (k) are the numbers
+        of states before and behind each step.
+
+        Coordinates: ``k``, ``time`` [s], ``step`` (from 0 on, of the nominal trajectory), ``state`` and ``number``
+        from 1 on, ``input`` and ``output`` by name, ``input_unit`` and ``output_unit`` where they are known. The
+        attributes hold dt, period, frame, method, initial_state, version and options (JSON).
+
+    Notes
+    -----
+    Entries that do not exist, because a step has fewer states than others, are NaN: no entry is not zero, and means
+    and plots leave NaN out. ``dataset.fillna(0.0)`` has the zeros of `MatrixSequence.stack` and of the files.
+
+    Examples
+    --------
+    >>> data = tokid.example_system("oscillator", steps=40).to_xarray()
+    >>> data.A.sel(k=3).dims
+    ('state_next', 'state')
+    """
+    xr = need("xarray", "to_xarray", "tokid[xarray]")
+    n, r, m = model.states, model.inputs, model.outputs
+    sizes = {"state_next": n, "state": n, "input": r, "output": m}
+    variables: dict[str, Any] = {}
+    for name, rows, columns in (
+        ("A", "state_next", "state"),
+        ("B", "state_next", "input"),
+        ("C", "output", "state"),
+        ("D", "output", "input"),
+        ("G", "state_next", "output"),
+        ("innovation_cov", "output", "output"),
+        ("Q", "state_next", "state_next"),
+        ("R", "output", "output"),
+        ("K", "state", "output"),
+    ):
+        matrices = list(getattr(model, name))
+        if matrices:
+            dims = ("k", rows, columns if columns != rows else f"{columns}_2")
+            variables[name] = (dims, _padded(matrices, (sizes[rows], sizes[columns])))
+    variables["state_dim"] = ("k", model.state_dim[:-1])
+    variables["state_dim_next"] = ("k", model.state_dim[1:])
+    sigma = model.singular_values
+    if sigma:
+        most = max(len(values) for values in sigma)
+        variables["singular_value"] = (("k", "number"), np.stack([_vector(values, most) for values in sigma]))
+    for name in ("condition", "rank", "lags"):
+        values = getattr(model, name)
+        if len(values):
+            variables[name] = ("k", values)
+    for name, dim in (("u_nominal", "input"), ("y_nominal", "output")):
+        nominal = getattr(model, name)
+        if nominal is not None:
+            variables[name] = (("step", dim), np.array(nominal))
+    if model.x0_mean is not None:
+        variables["x0_mean"] = ("state", _vector(model.x0_mean, n))
+    if model.x0_cov is not None:
+        variables["x0_cov"] = (("state", "state_2"), _padded([model.x0_cov], (n, n))[0])
+    k = np.arange(model.k_begin, model.k_end)
+    coordinates: dict[str, Any] = {
+        "k": ("k", k, {"long_name": "Step"}),
+        "time": ("k", k * model.dt, {"long_name": "Time", "units": "s"}),
+        "state": ("state", np.arange(1, n + 1)),
+        "state_next": ("state_next", np.arange(1, n + 1)),
+        **_described(model.input_names, model.input_units, "input"),
+        **_described(model.output_names, model.output_units, "output"),
+    }
+    if "singular_value" in variables:
+        coordinates["number"] = ("number", np.arange(1, variables["singular_value"][1].shape[1] + 1))
+    for name in ("u_nominal", "y_nominal"):
+        if name in variables:
+            coordinates["step"] = ("step", np.arange(len(variables[name][1])))
+    attributes = {
+        "dt": model.dt,
+        "period": model.period,
+        "frame": model.frame_name,
+        "method": model.method,
+        "initial_state": model.initial_state,
+        "version": model.version,
+        "options": json.dumps(model.options),
+    }
+    dataset: xarray.Dataset = xr.Dataset(variables, coordinates, attributes)
+    return dataset
+
+
+def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
+    """An ensemble as an `xarray.Dataset`.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        The ensemble.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``u`` (experiment, k, input) and ``y`` (experiment, k, output), which are views of the ensemble's own samples,
+        ``length`` (experiment) where lengths are given, and ``free_y`` (free_experiment, free_k, output) where there
+        are free responses. Coordinates: ``k`` and ``time`` [s], ``input`` and ``output`` by name, ``input_unit`` and
+        ``output_unit`` where they are known. The attributes hold dt, and initial_state where it is stated.
+    """
+    xr = need("xarray", "to_xarray", "tokid[xarray]")
+    ensemble._ready()
+    variables: dict[str, Any] = {}
+    if ensemble.inputs:
+        variables["u"] = (("experiment", "k", "input"), ensemble.u)
+    if ensemble.outputs:
+        variables["y"] = (("experiment", "k", "output"), ensemble.y)
+    if ensemble.length is not None:
+        variables["length"] = ("experiment", ensemble.length)
+    if ensemble.free_y is not None:
+        variables["free_y"] = (("free_experiment", "free_k", "output"), ensemble.free_y)
+    k = np.arange(ensemble.steps)
+    coordinates: dict[str, Any] = {
+        "experiment": ("experiment", np.arange(ensemble.experiments)),
+        "k": ("k", k, {"long_name": "Step"}),
+        "time": ("k", ensemble.time, {"long_name": "Time", "units": "s"}),
+    }
+    if ensemble.inputs:
+        coordinates.update(_described(ensemble.input_names, ensemble.input_units, "input"))
+    if ensemble.outputs:
+        coordinates.update(_described(ensemble.output_names, ensemble.output_units, "output"))
+    attributes: dict[str, Any] = {"dt": ensemble.dt}
+    if ensemble.initial_state is not None:
+        attributes["initial_state"] = ensemble.initial_state
+    dataset: xarray.Dataset = xr.Dataset(variables, coordinates, attributes)
+    return dataset
+
+
+# ---- pandas ----
+
+
+def ensemble_from_dataframe(data: pandas.DataFrame, **options: Any) -> Ensemble:
+    """`Ensemble.from_dataframe`."""
+    return Ensemble._of(_dataframe.from_dataframe(data, **options))
+
+
+def ensemble_to_dataframe(ensemble: Ensemble) -> pandas.DataFrame:
+    """`Ensemble.to_dataframe`."""
+    table: pandas.DataFrame = _dataframe.to_dataframe(ensemble)
+    return table
+
+
+def model_to_dataframe(
+    model: Model,
+    u: Any,
+    y: Optional[ArrayLike] = None,
+    *,
+    horizon: int = 1,
+    x0: Optional[ArrayLike] = None,
+    initial_state: str = "auto",
+) -> pandas.DataFrame:
+    """`Model.to_dataframe`."""
+    table: pandas.DataFrame = _dataframe.outputs_to_dataframe(model, u, y, horizon, x0, initial_state)
+    return table
+
+
+def dataframe_of(samples: ArrayLike, names: Sequence[str], *, dt: float = 1.0) -> pandas.DataFrame:
+    """Any array of samples as a tidy table, for instance what `Model.predict` or `Model.innovations` return.
+
+    Parameters
+    ----------
+    samples : array_like, shape (N, T, channels) or (T, channels)
+        Samples of N experiments or of one.
+    names : sequence of str
+        Of the channels.
+    dt : float, default 1.0
+        Sample time [s].
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each experiment and step: ``experiment``, ``time`` and a column for each channel.
+
+    Examples
+    --------
+    >>> table = tokid.interop.dataframe_of(model.innovations(data), ["e1", "e2"], dt=data.dt)
+    """
+    _dataframe.pandas()
+    array, _ = _arrays.samples("samples", samples, "channels")
+    if isinstance(names, str) or len(names) != array.shape[2]:
+        raise ValueError(f"names: {names!r} found, a list of {array.shape[2]} texts needed")
+    table: pandas.DataFrame = _dataframe.tidy(float(dt), [([str(name) for name in names], _contiguous(array))])
+    return table
