@@ -4,7 +4,8 @@ build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev l
                   libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
 test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
-                  python3-venv chromium fonts-dejavu-core
+                  python3-dev python3-venv chromium fonts-dejavu-core
+wheel_packages := $(filter-out libcli11-dev,$(build_packages)) python3-dev python3-venv
 bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-h5py
 tidy_packages  := $(test_packages) clang-tidy
@@ -26,11 +27,12 @@ configure = cmake --log-level=WARNING --preset
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test bench install-test asan tsan tidy format clean
+.PHONY: help build demo test wheel bench install-test asan tsan tidy format clean
 
 help:
 	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
 	@echo 'make test          build with the tests and run all of them'
+	@echo 'make wheel         the Python package as a wheel that carries its libraries (build/wheel)'
 	@echo 'make bench         measures time and memory for ten minutes, writes the tables of docs/performance.md'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
 	@echo 'make install-test  only the tests of the installed package'
@@ -53,6 +55,10 @@ test:
 	@$(configure) test >/dev/null
 	@cmake --build build
 	@$(python) tests/run.py build
+
+wheel:
+	$(call install,$(wheel_packages))
+	@$(python) python/make_wheel.py . build/wheel
 
 bench:
 	$(call install,$(bench_packages))
@@ -80,7 +86,7 @@ tidy:
 
 format:
 	$(call install,clang-format)
-	@find include src app bench examples tests -name '*.[ch]pp' -exec clang-format -i {} +
+	@find include src app bench examples tests python -name '*.[ch]pp' -exec clang-format -i {} +
 
 clean:
 	rm -rf build build-asan build-tsan build-tidy build-dev

@@ -94,28 +94,19 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
     refuse(fmt::format("can't be written: {}", std::generic_category().message(errno)));
 }
 
-std::string coverage(const Ensemble& computed, std::vector<std::string>& warnings) {
+std::string coverage(const Ensemble& computed) {
   std::vector<Index> steps;
   for (Index k = 0; k < computed.steps(); ++k) {
     const auto y = computed.output(k);
     if ((y.array() == y.array()).any()) steps.push_back(k);
   }
-  if (steps.empty()) {
-    warnings.push_back("no step of the data has outputs of the model: all of them are missing (NaN)");
-    return "no outputs";
-  }
+  if (steps.empty()) return "no outputs";
   const bool all = Index(steps.size()) == computed.steps();
   return fmt::format("outputs at steps {} to {}{}", steps.front(), steps.back(),
                      all ? "" : ", elsewhere missing (NaN)");
 }
 
 // Numbers
-
-Index missing_samples(const Ensemble& ensemble) {
-  Index beyond = 0;
-  for (const Index length : ensemble.length) beyond += (ensemble.steps() - length) * ensemble.channels();
-  return ensemble.missing() - beyond;
-}
 
 Index rank_deficient_steps(const Model& model) {
   Index count = 0;

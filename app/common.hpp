@@ -125,12 +125,10 @@ std::invoke_result_t<Work> about(const fs::path& file, Work&& work) {
   }
 }
 
-// At which steps something could be computed; a warning where at none.
-std::string coverage(const Ensemble& computed, std::vector<std::string>& warnings);
+std::string coverage(const Ensemble& computed);  // at which steps something could be computed
 
 // Numbers
 
-Index missing_samples(const Ensemble& ensemble);  // within the length of each experiment
 Index rank_deficient_steps(const Model& model);
 double median(std::vector<double> values);  // NaN for none
 

@@ -332,12 +332,7 @@ void save_page(const Call& call, const Ensemble& data, const Identification& res
   ReportOptions options;
   options.model_name = call.model.filename().string();
   options.data_name = call.data.filename().string();
-  options.evaluation = result.held_out ? Evaluation::held_out : Evaluation::training;
-  options.identified_from = result.experiments;
-  options.warnings = result.warnings;
-  options.initial_state = result.model.initial_state;
-  const Ensemble tested = result.held_out ? split(data, call.options.hold_out, call.options.period).held_out : data;
-  save_text(report_page(result.model, tested, options).html, call.page);
+  save_text(identification_page(result, data, call.options, options).html, call.page);
 }
 
 void tell(const Call& call, const Data& data, const Identification& result) {

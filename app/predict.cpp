@@ -19,15 +19,14 @@ void run(const Call& call) {
   const Ensemble result = about(call.data, [&] { return predict(model, data, call.options).y; });
   save_ensemble(result, call.output);
 
-  std::vector<std::string> warnings = differences(model, data);
   Page page;
   page.row("Model", describe(model));
   page.row("Predicted", fmt::format("{}, {}, {} ahead", plural(result.experiments(), "experiment"),
                                     plural(result.steps(), "step"), plural(call.options.horizon, "step")));
-  page.row("", coverage(result, warnings));
+  page.row("", coverage(result));
   page.row("Written", call.output.string());
   print(page.text());
-  warn(warnings);
+  warn(prediction_remarks(model, data, result));
 }
 
 }  // namespace

@@ -21,25 +21,15 @@ void run(const Call& call) {
       about(call.inputs, [&] { return call.estimate ? simulate_data(model, inputs) : simulate(model, inputs); });
   save_ensemble(result, call.output);
 
-  std::vector<std::string> warnings = differences(model, inputs);
   Page page;
   page.row("Model", describe(model));
-  const InitialState initial = inputs.initial_state.value_or(model.initial_state);
-  const bool estimated = call.estimate && !starts_from_zero(model, initial);
-  const char* start = estimated                              ? "state that the first samples tell"
-                      : has_initial_estimate(model, initial) ? "mean initial state"
-                                                             : "zero state";
-  page.row("Simulated", fmt::format("{}, {}, from the {} at step {}", plural(result.experiments(), "experiment"),
-                                    plural(result.steps(), "step"), start, model.k_begin));
-  page.row("", coverage(result, warnings));
+  page.row("Simulated",
+           fmt::format("{}, {}, from the {} at step {}", plural(result.experiments(), "experiment"),
+                       plural(result.steps(), "step"), simulation_start(model, inputs, call.estimate), model.k_begin));
+  page.row("", coverage(result));
   page.row("Written", call.output.string());
   print(page.text());
-  if (!starts_from_zero(model, initial) && !estimated)
-    warnings.push_back(
-        fmt::format("the initial states are unknown: simulated from the {} at step {}, where the model "
-                    "begins",
-                    start, model.k_begin));
-  warn(warnings);
+  warn(simulation_remarks(model, inputs, result, call.estimate));
 }
 
 }  // namespace

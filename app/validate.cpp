@@ -201,22 +201,6 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
   return j;
 }
 
-// Warnings of the folds, each of them once.
-void add_warnings(const CrossValidation& cross, std::vector<std::string>& warnings) {
-  std::vector<std::pair<std::string, int>> seen;
-  for (const Fold& fold : cross.folds)
-    for (const std::string& text : fold.warnings) {
-      const auto same = [&text](const auto& entry) { return entry.first == text; };
-      const auto found = std::find_if(seen.begin(), seen.end(), same);
-      if (found == seen.end())
-        seen.emplace_back(text, 1);
-      else
-        ++found->second;
-    }
-  for (const auto& [text, count] : seen)
-    warnings.push_back(fmt::format("cross-validation, {} of {} folds: {}", count, cross.folds.size(), text));
-}
-
 CrossValidation cross_validation(const Call& call, const Model& model, const Ensemble& data) {
   IdentifyOptions identify = about(call.model, [&] { return identify_options(model); });
   CrossValidateOptions options;
@@ -236,7 +220,8 @@ void run(const Call& call) {
   std::optional<CrossValidation> cross;
   if (call.folds > 0) {
     cross = cross_validation(call, model, data);
-    add_warnings(*cross, result.warnings);
+    const std::vector<std::string> more = tokid::remarks(*cross);
+    result.warnings.insert(result.warnings.end(), more.begin(), more.end());
   }
   if (call.json)
     print(json(call, model, data, result, cross));

@@ -27,6 +27,14 @@ void check_count(const std::vector<std::string>& list, const char* what, Index c
     throw std::invalid_argument(fmt::format("{}: {} given for {} channels", what, list.size(), channels));
 }
 
+void check_length(const Ensemble& e, const std::vector<Index>& length) {
+  if (!length.empty() && static_cast<Index>(length.size()) != e.experiments())
+    throw std::invalid_argument(fmt::format("length: {} entries for {} experiments", length.size(), e.experiments()));
+  for (const Index l : length)
+    if (l < 0 || l > e.steps())
+      throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, e.steps()));
+}
+
 // Free-response experiments are samples like any other; NaN marks what is missing.
 void check_free_response(const FreeResponse& free, Index outputs) {
   if (free.experiments == 0) return;
@@ -112,17 +120,27 @@ Survey checked(const Ensemble& e, bool outputs_needed) {
   check_count(e.names.output_names, "output_names", e.outputs());
   check_count(e.names.input_units, "input_units", e.inputs());
   check_count(e.names.output_units, "output_units", e.outputs());
-  if (!e.length.empty() && static_cast<Index>(e.length.size()) != e.experiments())
-    throw std::invalid_argument(fmt::format("length: {} entries for {} experiments", e.length.size(), e.experiments()));
-  for (const Index l : e.length)
-    if (l < 0 || l > e.steps())
-      throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, e.steps()));
+  check_length(e, e.length);
 
   Survey samples = survey(e, 0, e.steps());
   if (!outputs_needed) samples.channel.resize(size_t(e.inputs()));
   check_presence(samples, e.names, e.inputs(), e.experiments() * e.steps());
   check_free_response(e.free, e.outputs());
   return samples;
+}
+
+void set_length(Ensemble& ensemble, std::vector<Index> length) {
+  const Index T = ensemble.steps(), d = ensemble.channels();
+  check_length(ensemble, length);
+  for (size_t n = 0; n < length.size(); ++n)
+    ensemble.samples().row(Index(n)).tail((T - length[n]) * d).setConstant(std::numeric_limits<double>::quiet_NaN());
+  ensemble.length = std::move(length);
+}
+
+Index missing_samples(const Ensemble& ensemble) {
+  Index beyond = 0;
+  for (const Index length : ensemble.length) beyond += (ensemble.steps() - length) * ensemble.channels();
+  return ensemble.missing() - beyond;
 }
 
 ChannelSummary channel_summary(const Ensemble& e, Index channel) {

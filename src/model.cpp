@@ -11,6 +11,7 @@
 
 #include "em/smoother.hpp"
 #include "linalg/tall_product.hpp"
+#include "tokid/parallel.hpp"
 
 namespace tokid {
 
@@ -192,6 +193,7 @@ Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) 
     x.rowwise() += model.x0_mean.transpose();
   Matrix u, y, next;
   for (Index k = model.k_begin; k < end; ++k) {
+    checkpoint();
     input_departure(model, inputs, k, u);
     output(model, k, x, u, y);
     store_output(model, k, y, result);
@@ -415,6 +417,7 @@ Prediction predict(const Model& model, const Ensemble& data, const PredictOption
   }
   Observer observer(model, data, start ? model.k_begin : model.full_begin(), start);
   for (Matrix y; observer.k() < end;) {
+    checkpoint();
     const Index k = observer.k();
     if (horizon > 1) store_ahead(k, observer.state());
     observer.advance(y, result.innovations[size_t(k)]);
@@ -509,6 +512,20 @@ Matrix response(const Model& model, Index k, Index i, const std::vector<Matrix>&
 
 Matrix pulse_response(const Model& model, Index k, Index i) { return response(model, k, i, model.B); }
 Matrix gain_pulse_response(const Model& model, Index k, Index i) { return response(model, k, i, model.G); }
+
+std::vector<Matrix> pulse_responses(const Model& model, Index band) {
+  if (band < 1) throw std::invalid_argument(fmt::format("band: {} found, at least 1 needed", band));
+  const Index r = model.inputs;
+  std::vector<Matrix> result(model.A.size(), Matrix::Constant(model.outputs, band * r, nan));
+  for (Index i = model.k_begin; i < model.k_end(); ++i) {
+    Matrix x = model.B[model.at(i)];
+    for (Index k = i + 1; k < std::min(model.k_end(), i + 1 + band); ++k) {
+      result[model.at(k)].middleCols((k - i - 1) * r, r).noalias() = model.C[model.at(k)] * x;
+      x = model.A[model.at(k)] * x;
+    }
+  }
+  return result;
+}
 
 Matrix observability(const Model& model, Index k, Index rows) {
   const Index count = std::max<Index>(0, std::min(rows, model.k_end() - k));

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "tokid/innovations.hpp"
+#include "tokid/parallel.hpp"
 
 namespace tokid {
 
@@ -67,6 +68,7 @@ class Filter {
   Innovations run() {
     Innovations result(size_t(data_.steps()), Matrix::Constant(data_.experiments(), model_.outputs, nan));
     for (Index k = model_.k_begin; k < end_; ++k) {
+      checkpoint();
       if (k >= model_.full_begin()) wake(k);
       result[size_t(k)] = advance(k);
     }

@@ -6,9 +6,23 @@
 #include <exception>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace tokid {
+
+namespace {
+
+thread_local const std::function<void()>* check = nullptr;
+
+}  // namespace
+
+Interruptible::Interruptible(std::function<void()> own) : check_(std::move(own)), outer_(check) { check = &check_; }
+Interruptible::~Interruptible() { check = outer_; }
+
+void checkpoint() {
+  if (check) (*check)();
+}
 
 void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body) {
   const Index total = end - begin;
@@ -26,6 +40,7 @@ void parallel_for(Index begin, Index end, const Execution& execution, const std:
     for (Index first = next.fetch_add(piece); first < end; first = next.fetch_add(piece)) {
       try {
         const Index last = std::min(end, first + piece);
+        checkpoint();
         body(first, last);
         const std::lock_guard lock(mutex);
         done += last - first;

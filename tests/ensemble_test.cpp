@@ -41,6 +41,18 @@ TEST(Ensemble, CompleteRowsAreThoseWithoutAMissingSampleInTheWindow) {
   EXPECT_EQ(e.complete_rows(5, 1), (std::vector<Index>{0, 1, 2, 3}));
 }
 
+TEST(Ensemble, WhatLiesBeyondTheLengthsIsNoMissingSample) {
+  Ensemble e = numbered(3, 4, 1, 1);
+  e.y(1, 0, 0) = nan;
+  set_length(e, {4, 2, 0});
+  EXPECT_EQ(e.length, (std::vector<Index>{4, 2, 0}));
+  EXPECT_EQ(e.missing(), 1 + 4 + 8);
+  EXPECT_EQ(missing_samples(e), 1);
+  EXPECT_EQ(e.u(1, 1, 0), numbered(3, 4, 1, 1).u(1, 1, 0));
+  EXPECT_THROW(set_length(e, {4, 2}), std::invalid_argument);
+  EXPECT_THROW(set_length(e, {4, 2, 5}), std::invalid_argument);
+}
+
 TEST(Ensemble, SubsetAndSplitKeepWholeExperiments) {
   Ensemble e = numbered(10, 3, 1, 2);
   e.length = {3, 3, 3, 3, 3, 3, 3, 3, 3, 2};

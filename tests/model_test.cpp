@@ -365,6 +365,20 @@ TEST(Model, FromStepKeepsTheRest) {
   EXPECT_THROW(from_step(model, 11), std::invalid_argument);
 }
 
+TEST(Model, PulseResponsesAreThoseOfEachStep) {
+  const Model model = from_step(observed_system({3, 2, 2}, 12, 88), 2);
+  const std::vector<Matrix> all = pulse_responses(model, 4);
+  ASSERT_EQ(all.size(), size_t(model.steps()));
+  for (Index k = model.k_begin; k < model.k_end(); ++k)
+    for (Index gamma = 1; gamma <= 4; ++gamma) {
+      const auto block = all[model.at(k)].middleCols((gamma - 1) * model.inputs, model.inputs);
+      if (k - gamma < model.k_begin)
+        EXPECT_TRUE(block.array().isNaN().all()) << k << " " << gamma;
+      else  // products in another order
+        EXPECT_LE((block - pulse_response(model, k, k - gamma)).norm(), 1e-13 * block.norm()) << k << " " << gamma;
+    }
+}
+
 TEST(Model, WrongChannelsAndStatesAreRefused) {
   const Model model = observed_system({2, 2, 1}, 10, 87);
   EXPECT_THROW(simulate(model, Ensemble(1, 10, 2, 0)), std::invalid_argument);
@@ -373,6 +387,7 @@ TEST(Model, WrongChannelsAndStatesAreRefused) {
   EXPECT_THROW(predict(model, Ensemble(1, 10, 1, 2), {0, {}}), std::invalid_argument);
   EXPECT_THROW(pulse_response(model, 3, 3), std::invalid_argument);
   EXPECT_THROW(pulse_response(model, 10, 3), std::invalid_argument);
+  EXPECT_THROW(pulse_responses(model, 0), std::invalid_argument);
 }
 
 }  // namespace

@@ -41,5 +41,32 @@ TEST(ParallelFor, RethrowsWhatAPieceThrows) {
                  std::runtime_error);
 }
 
+struct Enough {};
+
+TEST(ParallelFor, IsStoppedByTheCheckOfItsThread) {
+  for (const int threads : {1, 3}) {
+    int checks = 0;
+    std::atomic<Index> done{0};
+    const auto run = [&] {
+      parallel_for(0, 100'000, {threads, {}}, [&](Index begin, Index end) { done += end - begin; });
+    };
+    {
+      const Interruptible never([] { throw Enough(); });
+      {
+        const Interruptible inner([&] {
+          if (++checks == 2) throw Enough();
+        });
+        EXPECT_THROW(run(), Enough);
+      }
+      EXPECT_EQ(checks, 2);
+      EXPECT_LT(done, 100'000);
+      EXPECT_THROW(run(), Enough);
+    }
+    done = 0;
+    run();
+    EXPECT_EQ(done, 100'000);
+  }
+}
+
 }  // namespace
 }  // namespace tokid

@@ -98,6 +98,13 @@ class Ensemble {
   Matrix samples_;
 };
 
+// Sets the lengths, and what lies beyond them to NaN. None: all of them have T. \throws std::invalid_argument
+// unless there is one from 0 to T for each experiment
+void set_length(Ensemble& ensemble, std::vector<Index> length);
+
+// Number of NaN samples within the length of each experiment.
+Index missing_samples(const Ensemble& ensemble);
+
 // The samples of one channel, inputs first, within the length of each experiment; NaN where there are none.
 struct ChannelSummary {
   Index samples = 0, missing = 0;

@@ -123,6 +123,10 @@ Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index w
 Matrix pulse_response(const Model& model, Index k, Index i);
 Matrix gain_pulse_response(const Model& model, Index k, Index i);
 
+// All of the first kind with 1 ≤ γ ≤ band: (S) of (m × band·r), block γ-1 of step k is h_{k,k-γ}, and NaN where the
+// model has no step k-γ. \throws std::invalid_argument for band < 1
+std::vector<Matrix> pulse_responses(const Model& model, Index band);
+
 // O_k = [C_k; C_{k+1} A_k; …] with the given number of block rows (fewer at the end of the model): (rows·m × n_k)
 Matrix observability(const Model& model, Index k, Index rows);
 

@@ -21,4 +21,21 @@ struct Execution {
 // exception thrown by a piece is rethrown here.
 void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body);
 
+// While it lives, all loops and long stages on the thread that made it call `check` every now and then, also those that
+// report no progress. What that throws stops them and comes out of the call; it must be no std::exception, lest it be
+// taken for one of the failures that some stages can do without. The innermost one counts.
+class Interruptible {
+ public:
+  explicit Interruptible(std::function<void()> check);
+  ~Interruptible();
+  Interruptible(const Interruptible&) = delete;
+  Interruptible& operator=(const Interruptible&) = delete;
+
+ private:
+  std::function<void()> check_;
+  const std::function<void()>* outer_;
+};
+// The check of this thread, where it has one.
+void checkpoint();
+
 }  // namespace tokid

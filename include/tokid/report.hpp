@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tokid/model.hpp"
+#include "tokid/identify.hpp"
 #include "tokid/paper.hpp"
 
 namespace tokid {
@@ -51,6 +51,11 @@ struct ReportPage {
 // are a few megabytes at most, whatever the size of the ensemble; what was left out is stated on it.
 // \throws std::invalid_argument where channels disagree, or no step of the data has a model
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options = {});
+
+// The page of a model that was just identified from these data with these options: on the experiments that were held
+// out, where there are some, and with the warnings of the identification.
+ReportPage identification_page(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
+                               ReportOptions options = {});
 
 // The paper's figures with their captions, Appendix B and the Kalman study on one page, which loads nothing and needs
 // no JavaScript.

@@ -18,6 +18,8 @@
 #include "tokid/paper.hpp"
 #include "tokid/parallel.hpp"
 #include "tokid/random_walk.hpp"
+#include "tokid/refine_model.hpp"
+#include "tokid/remarks.hpp"
 #include "tokid/report.hpp"
 #include "tokid/smooth_arx.hpp"
 #include "tokid/stream.hpp"

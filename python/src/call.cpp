@@ -3,20 +3,30 @@
 
 namespace tokid::python {
 
-void Call::report(double share) {
-  const Clock::time_point now = Clock::now();
-  if (now < next_.load() && share < 1.0) return;
-  next_ = now + std::chrono::milliseconds(50);
-  nb::gil_scoped_acquire acquire;
+template <class Ask>
+void Call::ask(Ask&& python) {
+  next_ = Clock::now() + interval;
+  const nb::gil_scoped_acquire acquire;
   if (why_) throw Stopped();
   try {
-    // Signals are Python's main thread's business: elsewhere this does nothing.
+    // Signals are the business of Python's main thread: elsewhere this does nothing.
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
-    if (!listener_.is_none()) listener_(share);
+    python();
   } catch (const nb::python_error&) {
     why_ = std::current_exception();
     throw Stopped();
   }
+}
+
+void Call::report(double share) {
+  if (Clock::now() < next_.load() && share < 1.0) return;
+  ask([&] {
+    if (!listener_.is_none()) listener_(share);
+  });
+}
+
+void Call::poll() {
+  if (Clock::now() >= next_.load()) ask([] {});
 }
 
 }  // namespace tokid::python

@@ -21,7 +21,7 @@ struct Stopped {};
 // most.
 class Call {
  public:
-  explicit Call(nb::object listener) : listener_(std::move(listener)), next_(Clock::now()) {}
+  explicit Call(nb::object listener) : listener_(std::move(listener)), next_(Clock::now() + interval) {}
   Call(const Call&) = delete;
   Call& operator=(const Call&) = delete;
 
@@ -33,7 +33,8 @@ class Call {
   template <class Work>
   auto run(Work&& work) {
     try {
-      nb::gil_scoped_release release;
+      const nb::gil_scoped_release release;
+      const Interruptible here([this] { poll(); });
       return work();
     } catch (const Stopped&) {
       // handled behind the block, with the GIL held again
@@ -44,18 +45,22 @@ class Call {
 
  private:
   using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::milliseconds interval{50};
 
   void report(double share);
+  void poll();  // for Ctrl-C where nothing is reported
+  template <class Ask>
+  void ask(Ask&& python);
 
   nb::object listener_;  // called with the share, or None
   std::atomic<Clock::time_point> next_;
   std::exception_ptr why_;
 };
 
+// The same without progress.
 template <class Work>
 auto without_gil(Work&& work) {
-  nb::gil_scoped_release release;
-  return work();
+  return Call(nb::none()).run(std::forward<Work>(work));
 }
 
 }  // namespace tokid::python

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/ensemble.hpp"
 
+#include <array>
+
 #include "arrays.hpp"
 #include "call.hpp"
 
@@ -18,14 +20,14 @@ void set_initial_state(Ensemble& e, const std::optional<std::string>& text) {
   e.initial_state = text ? std::optional(initial_state_from(*text)) : std::nullopt;
 }
 
-// (Nf, Tf, m), or None
-nb::object free_outputs(nb::handle self) {
+// (Nf, Tf, m), where there are some
+std::optional<NumPyArray> free_outputs(nb::handle self) {
   auto& free = nb::cast<Ensemble&>(self).free;
-  if (free.experiments == 0) return nb::none();
+  if (free.experiments == 0) return std::nullopt;
   const Index m = free.steps > 0 ? free.y.cols() / free.steps : 0;
-  const size_t shape[] = {size_t(free.experiments), size_t(free.steps), size_t(m)};
-  const std::int64_t strides[] = {1, free.experiments * m, free.experiments};
-  return nb::cast(NumPyArray(free.y.data(), 3, shape, self, strides));
+  const std::array<size_t, 3> shape{size_t(free.experiments), size_t(free.steps), size_t(m)};
+  const std::array<std::int64_t, 3> strides{1, free.experiments * m, free.experiments};
+  return NumPyArray(free.y.data(), 3, shape.data(), self, strides.data());
 }
 
 void set_free_outputs(Ensemble& e, const AnyArray& y) {
@@ -62,7 +64,9 @@ void bind_ensemble(nb::module_& module) {
       .def_prop_ro("inputs", &Ensemble::inputs)
       .def_prop_ro("outputs", &Ensemble::outputs)
       .def_rw("dt", &Ensemble::dt)
-      .def_rw("length", &Ensemble::length)
+      .def_prop_rw(
+          "length", [](const Ensemble& e) { return e.length; },
+          [](Ensemble& e, std::vector<Index> length) { set_length(e, std::move(length)); })
       .def_prop_rw("initial_state", &initial_state, &set_initial_state, nb::for_setter(nb::arg().none()))
       .def_prop_rw(
           "input_names", [](const Ensemble& e) { return e.names.input_names; },
@@ -90,7 +94,7 @@ void bind_ensemble(nb::module_& module) {
              return samples_view(e, e.inputs(), e.outputs(), self);
            })
       .def("outputs_copied", &outputs_of)
-      .def("missing", &Ensemble::missing, nb::call_guard<nb::gil_scoped_release>())
+      .def("missing", &missing_samples, nb::call_guard<nb::gil_scoped_release>())
       .def("check", &Ensemble::check, nb::arg("outputs_needed") = true, nb::call_guard<nb::gil_scoped_release>())
       .def("subset", &Ensemble::subset, nb::call_guard<nb::gil_scoped_release>())
       .def(

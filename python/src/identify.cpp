@@ -3,18 +3,43 @@
 
 #include "call.hpp"
 #include "results.hpp"
+#include "tokid/report.hpp"
+#include "tokid/update.hpp"
 
 namespace tokid::python {
 
 namespace {
 
-// (model, evidence)
-nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads, nb::object listener) {
+// (model, evidence, state or None); the page goes to its file, after everything else has worked.
+nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads, nb::object listener, bool keep_state,
+                     const std::optional<std::filesystem::path>& page, const ReportOptions& page_options) {
   Call call(std::move(listener));
   options.execution = call.execution(threads);
-  Identification result = call.run([&] { return identify(data, options); });
+  auto [result, state] = call.run([&] {
+    Identification found = identify(data, options);
+    std::optional<UpdateState> kept;
+    if (keep_state) kept = update_state(data, found, options);
+    if (page) save_text(identification_page(found, data, options, page_options).html, *page);
+    return std::pair(std::move(found), std::move(kept));
+  });
   nb::object evidence = object_of(result);
-  return nb::make_tuple(std::move(result.model), evidence);
+  return nb::make_tuple(std::move(result.model), evidence, std::move(state));
+}
+
+// What an earlier identification has chosen, of its dataclass.
+NoisyChoices choices_of(nb::handle choices) {
+  const auto number = [](nb::handle object, const char* name) { return nb::cast<double>(object.attr(name)); };
+  const nb::object variation = choices.attr("variation");
+  NoisyChoices result;
+  result.variation = {number(variation, "smoothing"), nb::cast<Index>(variation.attr("period"))};
+  result.state_smoothing = number(choices, "state_smoothing");
+  const std::string weighting = nb::cast<std::string>(choices.attr("weighting"));
+  result.weighting = weighting == "projection"   ? Weighting::projection
+                     : weighting == "many-steps" ? Weighting::many_steps
+                                                 : Weighting::one_step;
+  result.refinement_smoothing = number(choices, "refinement_smoothing");
+  result.refinement_iterations = nb::cast<Index>(choices.attr("refinement_iterations"));
+  return result;
 }
 
 }  // namespace
@@ -52,10 +77,12 @@ void bind_identify(nb::module_& module) {
       .def_rw("reference_step", &IdentifyOptions::reference_step)
       .def_rw("hold_out", &IdentifyOptions::hold_out)
       .def_rw("rows", &IdentifyOptions::rows)
-      .def_rw("cols", &IdentifyOptions::cols);
+      .def_rw("cols", &IdentifyOptions::cols)
+      .def("follow", [](IdentifyOptions& o, nb::handle choices) { o.choices = choices_of(choices); });
 
   module.def("identify", &identified, nb::arg("data"), nb::arg("options"), nb::arg("threads"),
-             nb::arg("listener").none());
+             nb::arg("listener").none(), nb::arg("keep_state") = false, nb::arg("page").none() = nb::none(),
+             nb::arg("page_options") = ReportOptions());
 }
 
 }  // namespace tokid::python

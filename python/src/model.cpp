@@ -56,21 +56,15 @@ void set_singular_values(Model& model, const std::vector<AnyArray>& arrays) {
 
 // (S, band, m, r): entry γ-1 of step s is h_{k,k-γ}, k = k_begin + s; NaN where that begins before the model.
 NumPyArray markov_parameters(const Model& model, Index band) {
-  const size_t S = size_t(model.steps()), m = size_t(model.outputs), r = size_t(model.inputs);
-  std::vector<double> values(S * size_t(band) * m * r, std::numeric_limits<double>::quiet_NaN());
-  without_gil([&] {
-    for (Index i = model.k_begin; i < model.k_end(); ++i) {
-      Matrix moved = model.B[model.at(i)];  // A_{k-1} … A_{i+1} B_i
-      for (Index k = i + 1; k < std::min(i + band + 1, model.k_end()); ++k) {
-        const Matrix h = model.C[model.at(k)] * moved;
-        double* to = values.data() + (model.at(k) * size_t(band) + size_t(k - i - 1)) * m * r;
-        for (size_t a = 0; a < m; ++a)
-          for (size_t b = 0; b < r; ++b) to[a * r + b] = h(Index(a), Index(b));
-        moved = model.A[model.at(k)] * moved;
-      }
-    }
-  });
-  return array_of(std::move(values), {S, size_t(band), m, r});
+  const std::vector<Matrix> h = without_gil([&] { return pulse_responses(model, band); });
+  const size_t S = h.size(), blocks = size_t(band), m = size_t(model.outputs), r = size_t(model.inputs);
+  std::vector<double> values;
+  values.reserve(S * blocks * m * r);
+  for (const Matrix& step : h)
+    for (size_t g = 0; g < blocks; ++g)
+      for (size_t j = 0; j < m; ++j)
+        for (size_t i = 0; i < r; ++i) values.push_back(step(Index(j), Index(g * r + i)));
+  return array_of(std::move(values), {S, blocks, m, r});
 }
 
 // (T, N, m) → (N, T, m), in the order of C
@@ -81,13 +75,6 @@ NumPyArray by_experiment(const std::vector<Matrix>& steps, Index N, Index m) {
     for (Index j = 0; j < m; ++j)
       for (Index n = 0; n < N; ++n) values[(size_t(n) * T + k) * size_t(m) + size_t(j)] = steps[k](n, j);
   return array_of(std::move(values), {size_t(N), T, size_t(m)});
-}
-
-PredictOptions predict_options(Index horizon, const std::optional<InitialState>& initial_state) {
-  PredictOptions options;
-  options.horizon = horizon;
-  options.initial_state = initial_state;
-  return options;
 }
 
 }  // namespace
@@ -160,30 +147,34 @@ void bind_model(nb::module_& module) {
       .def(
           "simulate_data",
           [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
-            return simulate_data(model, data, initial_state);
+            return without_gil([&] { return simulate_data(model, data, initial_state); });
           },
-          nb::arg("data"), nb::arg("initial_state").none(), nb::call_guard<nb::gil_scoped_release>())
+          nb::arg("data"), nb::arg("initial_state").none())
+      .def("simulation_remarks", &simulation_remarks, nb::arg("inputs"), nb::arg("simulated"), nb::arg("estimate"),
+           nb::call_guard<nb::gil_scoped_release>())
       .def(
           "predict",
-          [](const Model& model, const Ensemble& data, Index horizon, std::optional<InitialState> initial_state) {
-            return predict(model, data, predict_options(horizon, initial_state)).y;
+          [](const Model& model, const Ensemble& data, Index horizon, std::optional<InitialState> initial_state,
+             bool initial_estimate) {
+            const PredictOptions options{horizon, initial_state, initial_estimate};
+            return without_gil([&] { return predict(model, data, options).y; });
           },
-          nb::arg("data"), nb::arg("horizon"), nb::arg("initial_state").none(),
-          nb::call_guard<nb::gil_scoped_release>())
+          nb::arg("data"), nb::arg("horizon"), nb::arg("initial_state").none(), nb::arg("initial_estimate"))
+      .def("prediction_remarks", &prediction_remarks, nb::arg("data"), nb::arg("predicted"),
+           nb::call_guard<nb::gil_scoped_release>())
       .def(
           "innovations",
           [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
-            const std::vector<Matrix> innovations =
-                without_gil([&] { return model_innovations(model, data, initial_state); });
-            return by_experiment(innovations, data.experiments(), data.outputs());
+            const auto found = without_gil([&] { return model_innovations(model, data, initial_state); });
+            return by_experiment(found, data.experiments(), data.outputs());
           },
           nb::arg("data"), nb::arg("initial_state").none())
       .def("estimate_state",
            [](const Model& model, const Ensemble& data, Index k, Index window) {
              return array_of(without_gil([&] { return Matrix(estimate_state(model, data, k, window)); }));
            })
-      .def("estimation_window", [](const Model& model) { return estimation_window(model); })
-      .def("differences", [](const Model& model, const Ensemble& data) { return differences(model, data); })
+      .def("estimation_window", &estimation_window)
+      .def("differences", &differences)
       .def("markov", &markov_parameters)
       .def("pulse_response",
            [](const Model& model, Index k, Index i) { return array_of(Matrix(pulse_response(model, k, i))); })
@@ -191,21 +182,40 @@ void bind_model(nb::module_& module) {
            [](const Model& model, Index k, Index i) { return array_of(Matrix(gain_pulse_response(model, k, i))); })
       .def("observability",
            [](const Model& model, Index k, Index rows) { return array_of(Matrix(observability(model, k, rows))); })
-      .def("from_step", [](const Model& model, Index k) { return from_step(model, k); })
-      .def("continued", [](const Model& model, Index end) { return continued(model, end); })
+      .def("deadbeat_products",
+           [](const Model& model, Index p) {
+             std::vector<double> norms = deadbeat_products(model, p);
+             const size_t count = norms.size();
+             return array_of(std::move(norms), {count});
+           })
+      .def("kalman_observer", [](const Model& model) { return without_gil([&] { return kalman_observer(model); }); })
+      .def("deadbeat_observer",
+           [](Model model, double tolerance) {
+             DeadbeatGain gain = without_gil([&] { return deadbeat_gain(model, tolerance); });
+             model.G = std::move(gain.G);
+             return std::pair(std::move(model), gain.steps);
+           })
+      .def("from_step", &from_step)
+      .def("continued", &continued)
       .def("transform",
            [](const Model& model, const std::vector<AnyArray>& S) {
              std::vector<Matrix> matrices;
              for (const AnyArray& s : S) matrices.push_back(matrix_of(s));
              return transform(model, matrices);
            })
-      .def(
-          "smooth_frame", [](const Model& model, Index rows) { return smooth_frame(model, rows); },
-          nb::call_guard<nb::gil_scoped_release>())
-      .def(
-          "reference_frame",
-          [](const Model& model, Index s, Index rows) { return reference_frame(model, s, rows).model; },
-          nb::call_guard<nb::gil_scoped_release>());
+      .def("smooth_frame",
+           [](const Model& model, Index rows) { return without_gil([&] { return smooth_frame(model, rows); }); })
+      .def("reference_frame",
+           [](const Model& model, Index s, Index rows) {
+             return without_gil([&] { return reference_frame(model, s, rows).model; });
+           })
+      .def("align", [](const Model& model, const Model& reference,
+                       Index rows) { return without_gil([&] { return align(model, reference, rows).model; }); })
+      .def("difference",
+           [](const Model& model, const Model& other, Index band) {
+             return without_gil([&] { return kinematically_similar(model, other, 0.0, band).max_difference; });
+           })
+      .def("identify_options", &identify_options);
 }
 
 }  // namespace tokid::python

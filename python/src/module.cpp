@@ -12,12 +12,23 @@ NB_MODULE(_tokid, module) {
   module.doc() = "Bindings of the C++ library tokid; private, see the package tokid.";
   module.attr("version") = std::string(tokid::version);
   // std::invalid_argument is a ValueError already, std::bad_alloc a MemoryError, other std::exceptions RuntimeErrors.
-  nb::exception<tokid::IoError>(module, "IoError", PyExc_OSError);
+  const nb::exception<tokid::IoError> io_error(module, "IoError", PyExc_OSError);
+  io_error.attr("__module__") = "tokid";
+  io_error.attr("__doc__") =
+      "A file that can't be read or written, or does not hold what it should: names the file, the data set, what was "
+      "found and what is needed.";
 
   bind_ensemble(module);
   bind_model(module);
   bind_io(module);
-  bind_identify(module);
-  bind_validate(module);
   bind_example(module);
+  bind_report(module);
+  bind_update(module);
+  bind_identify(module);
+  bind_stream(module);
+  bind_validate(module);
+  bind_cross_validate(module);
+  bind_refine(module);
+  bind_confidence(module);
+  bind_plan(module);
 }

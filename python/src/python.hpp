@@ -5,6 +5,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 // A caster that one file lacks shows when it is called, not when it is compiled: all have all of them.
+#include <nanobind/stl/complex.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
@@ -17,11 +18,21 @@ namespace tokid::python {
 
 namespace nb = nanobind;
 
+// An object of which stubs say typing.Any.
+inline nb::any any(nb::object object) { return nb::steal<nb::any>(object.release()); }
+
 void bind_ensemble(nb::module_& module);
 void bind_model(nb::module_& module);
 void bind_identify(nb::module_& module);
 void bind_io(nb::module_& module);
 void bind_example(nb::module_& module);
 void bind_validate(nb::module_& module);
+void bind_refine(nb::module_& module);
+void bind_confidence(nb::module_& module);
+void bind_cross_validate(nb::module_& module);
+void bind_plan(nb::module_& module);
+void bind_report(nb::module_& module);
+void bind_stream(nb::module_& module);
+void bind_update(nb::module_& module);
 
 }  // namespace tokid::python

@@ -5,7 +5,7 @@
 
 namespace tokid::python {
 
-namespace {
+namespace results {
 
 nb::object cast(const std::string& value) { return nb::str(value.c_str(), value.size()); }
 nb::object cast(const char* value) { return nb::str(value); }
@@ -14,28 +14,18 @@ nb::object cast(Index value) { return nb::int_(value); }
 nb::object cast(double value) { return nb::float_(value); }
 nb::object cast(const Vector& value) { return nb::cast(array_of(value)); }
 nb::object cast(const Matrix& value) { return nb::cast(array_of(value)); }
-nb::object cast(const nb::object& value) { return value; }
-nb::object cast(const nb::list& value) { return value; }
 nb::object cast(const std::vector<double>& value) { return nb::cast(array_of(value, {value.size()})); }
-template <class T>
-nb::object cast(const std::vector<T>& values) {
-  nb::list list;
-  for (const T& value : values) list.append(cast(value));
-  return list;
-}
+nb::object cast(nb::object value) { return value; }
 
-struct Field {
-  template <class T>
-  Field(const char* field_name, const T& field_value) : name(field_name), value(cast(field_value)) {}
-  const char* name;
-  nb::object value;
-};
+}  // namespace results
 
-nb::object make(const char* type, std::initializer_list<Field> fields) {
+nb::any make(const char* type, std::initializer_list<Field> fields) {
   nb::dict keywords;
   for (const Field& field : fields) keywords[field.name] = field.value;
-  return nb::module_::import_("tokid.results").attr(type)(**keywords);
+  return any(nb::module_::import_("tokid.results").attr(type)(**keywords));
 }
+
+namespace {
 
 const char* name(Weighting weighting) {
   return weighting == Weighting::one_step     ? "one-step"
@@ -47,52 +37,52 @@ const char* name(Pooling over) {
   return over == Pooling::experiments ? "experiments" : over == Pooling::time ? "time" : "nothing";
 }
 
-nb::object object_of(const TimeVariation& v) {
+nb::any object_of(const TimeVariation& v) {
   return make("TimeVariation", {{"smoothing", v.smoothing}, {"period", v.period}});
 }
 
-nb::object object_of(const Whiteness& w) {
+nb::any object_of(const Whiteness& w) {
   return make("Whiteness",
               {{"p", w.p}, {"z", w.z}, {"correlation", w.correlation}, {"bound", w.bound}, {"over", name(w.over)}});
 }
 
-nb::object object_of(const Independence& i) {
+nb::any object_of(const Independence& i) {
   return make("Independence",
               {{"p", i.p}, {"first", i.first}, {"z", i.z}, {"correlation", i.correlation}, {"over", name(i.over)}});
 }
 
-nb::object object_of(const NormalisedSquares& s) {
+nb::any object_of(const NormalisedSquares& s) {
   return make("NormalisedSquares",
               {{"ratio", s.ratio}, {"p", s.p}, {"normal", s.normal}, {"step", s.step}, {"step_p", s.step_p}});
 }
 
-nb::object object_of(const NominalTest& t) {
+nb::any object_of(const NominalTest& t) {
   return make("NominalTest", {{"statistic", t.statistic}, {"threshold", t.threshold}, {"significant", t.significant}});
 }
 
-nb::object object_of(const InitialStateTest& t) {
+nb::any object_of(const InitialStateTest& t) {
   return make("InitialStateTest", {{"statistic", t.statistic},
                                    {"threshold", t.threshold},
                                    {"decision", to_string(t.decision)},
                                    {"reason", t.reason}});
 }
 
-nb::object object_of(const LagOrderErrors& e) {
+nb::any object_of(const LagOrderErrors& e) {
   return make("LagOrderErrors", {{"steps", e.steps}, {"error", e.error}, {"mean", e.mean}, {"best", e.best}});
 }
 
-nb::object object_of(const SmoothingTrial& t) {
+nb::any object_of(const SmoothingTrial& t) {
   return make("SmoothingTrial", {{"lags", t.lags}, {"smoothing", t.smoothing}, {"error", t.error}});
 }
 
-nb::object object_of(const SmoothingChoice& c) {
+nb::any object_of(const SmoothingChoice& c) {
   nb::list trials;
   for (const SmoothingTrial& t : c.trials) trials.append(object_of(t));
   return make("SmoothingChoice",
               {{"trials", trials}, {"lags", c.lags}, {"smoothing", c.smoothing}, {"error", c.error}});
 }
 
-nb::object object_of(const OrderScores& s) {
+nb::any object_of(const OrderScores& s) {
   return make("OrderScores", {{"states", s.states},
                               {"one_step", s.one_step},
                               {"ahead", s.ahead},
@@ -107,12 +97,12 @@ nb::object object_of(const OrderScores& s) {
                               {"best", s.best}});
 }
 
-nb::object object_of(const RefinementTrial& t) {
+nb::any object_of(const RefinementTrial& t) {
   return make("RefinementTrial",
               {{"states", t.states}, {"smoothing", t.smoothing}, {"iterations", t.iterations}, {"error", t.error}});
 }
 
-nb::object object_of(const RefinementChoice& c) {
+nb::any object_of(const RefinementChoice& c) {
   nb::list trials;
   for (const RefinementTrial& t : c.trials) trials.append(object_of(t));
   return make("RefinementChoice", {{"trials", trials},
@@ -125,9 +115,9 @@ nb::object object_of(const RefinementChoice& c) {
 
 }  // namespace
 
-nb::object object_of(const Fit& f) { return make("Fit", {{"fit", f.fit}, {"rmse", f.rmse}, {"samples", f.samples}}); }
+nb::any object_of(const Fit& f) { return make("Fit", {{"fit", f.fit}, {"rmse", f.rmse}, {"samples", f.samples}}); }
 
-nb::object object_of(const Validation& v) {
+nb::any object_of(const Validation& v) {
   return make("Validation", {{"simulation", object_of(v.simulation)},
                              {"one_step", object_of(v.one_step)},
                              {"horizon", object_of(v.horizon)},
@@ -142,7 +132,7 @@ nb::object object_of(const Validation& v) {
                              {"warnings", texts(v.warnings)}});
 }
 
-nb::object object_of(const NoisyChoices& c) {
+nb::any object_of(const NoisyChoices& c) {
   return make("NoisyChoices", {{"variation", object_of(c.variation)},
                                {"state_smoothing", c.state_smoothing},
                                {"weighting", name(c.weighting)},
@@ -150,7 +140,16 @@ nb::object object_of(const NoisyChoices& c) {
                                {"refinement_iterations", c.refinement_iterations}});
 }
 
-nb::object object_of(const Identification& i) {
+nb::any object_of(const LikelihoodChoice& c) {
+  return make("LikelihoodChoice",
+              {{"smoothing", c.smoothing}, {"log_likelihood", c.log_likelihood}, {"error", c.error}, {"best", c.best}});
+}
+
+nb::any object_of(const Verdict& v) {
+  return make("Verdict", {{"trust", to_string(v.trust)}, {"summary", v.summary}, {"reasons", v.reasons}});
+}
+
+nb::any object_of(const Identification& i) {
   return make("Identification", {{"experiments", i.experiments},
                                  {"steps", i.steps},
                                  {"lags", i.lags},
@@ -165,7 +164,7 @@ nb::object object_of(const Identification& i) {
                                  {"smoothing_choice", object_of(i.smoothing_choice)},
                                  {"order_scores", object_of(i.order_scores)},
                                  {"refinement", object_of(i.refinement)},
-                                 {"choices", i.choices ? object_of(*i.choices) : nb::none()},
+                                 {"choices", i.choices ? nb::object(object_of(*i.choices)) : nb::none()},
                                  {"together", i.together},
                                  {"noisy", i.noisy},
                                  {"nominal", i.nominal},
@@ -178,7 +177,7 @@ nb::object object_of(const Identification& i) {
 
 nb::list texts(const std::vector<std::string>& texts) {
   nb::list list;
-  for (const std::string& text : texts) list.append(cast(text));
+  for (const std::string& text : texts) list.append(results::cast(text));
   return list;
 }
 

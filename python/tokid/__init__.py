@@ -19,28 +19,49 @@ from ._ensemble import Ensemble
 from ._errors import IoError, TokidWarning
 from ._example import example, example_system
 from ._files import load
-from ._identify import identify
+from ._identify import cross_validate, identify, identify_file
 from ._model import MatrixSequence, Model, Step
+from ._paper import paper
+from ._plan import plan
 from ._tokid import version as __version__
+from ._update import UpdateState, update
 from .results import (
+    Confidence,
+    CrossValidation,
     Fit,
     Identification,
+    Interval,
+    Plan,
+    Refinement,
     Validation,
+    Verdict,
 )
 
 __all__ = [
+    "Confidence",
+    "CrossValidation",
     "Ensemble",
     "Fit",
     "Identification",
+    "Interval",
     "IoError",
     "MatrixSequence",
     "Model",
+    "Plan",
+    "Refinement",
     "Step",
     "TokidWarning",
+    "UpdateState",
     "Validation",
+    "Verdict",
     "__version__",
+    "cross_validate",
     "example",
     "example_system",
     "identify",
+    "identify_file",
     "load",
+    "paper",
+    "plan",
+    "update",
 ]

@@ -8,8 +8,6 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._typing import Array
-
 # Read by the extension through their strides, whatever their order in memory.
 _READ_IN_PLACE = frozenset("dfqlihbQLIHB")
 
@@ -23,7 +21,7 @@ def numbers(name: str, values: Any) -> np.ndarray[Any, np.dtype[Any]]:
         For complex numbers, texts and objects.
     """
     if isinstance(values, np.ma.MaskedArray):
-        values = values.astype(np.float64).filled(np.nan)  # what is masked is missing
+        values = np.ma.filled(values.astype(np.float64), np.nan)  # what is masked is missing
     try:
         array = np.asarray(values)
     except ValueError:  # lists of unequal lengths
@@ -47,12 +45,13 @@ def samples(name: str, values: Any, channels: str) -> tuple[np.ndarray[Any, np.d
     return array, False
 
 
-def matching(name: str, values: Any, channels: str, steps: int, experiments: int, single: bool) -> Any:
-    """Samples that go with others of the given size."""
-    array, alone = samples(name, values, channels)
+def outputs_beside(values: Any, inputs: np.ndarray[Any, Any], single: bool) -> np.ndarray[Any, np.dtype[Any]]:
+    """Outputs that go with inputs (N, T, r), which were (T, r) of a `single` experiment."""
+    experiments, steps, r = inputs.shape
+    array, alone = samples("y", values, "m")
     if alone != single or array.shape[:2] != (experiments, steps):
-        wanted = f"({steps}, {channels})" if single else f"({experiments}, {steps}, {channels})"
-        raise ValueError(f"{name}: shape {np.shape(values)} found, {wanted} needed")
+        wanted, beside = (f"({steps}, m)", (steps, r)) if single else (f"({experiments}, {steps}, m)", inputs.shape)
+        raise ValueError(f"y: shape {np.shape(values)} found, {wanted} needed beside u {beside}")
     return array
 
 
@@ -65,6 +64,3 @@ def shaped(name: str, values: Any, shape: Sequence[Optional[int]], letters: str 
         raise ValueError(f"{name}: shape {array.shape} found, ({wanted}{',' if len(shape) == 1 else ''}) needed")
     return array
 
-
-def contiguous(array: Any) -> Array:
-    return np.ascontiguousarray(array, dtype=np.float64)

@@ -156,7 +156,7 @@ class Ensemble:
         mat73 : bool, default False
             Write a .mat of MATLAB version 7.3, which arrays beyond 2 GiB need.
         """
-        _tokid.save_ensemble(self._core, path, mat73)
+        _tokid.save_ensemble(self._ready(), path, mat73)
 
     # Sizes and samples
 
@@ -203,7 +203,7 @@ class Ensemble:
     @property
     def time(self) -> Array:
         """Times (T,) of the steps [s], from 0 on."""
-        return np.arange(self.steps) * self.dt
+        return np.arange(self.steps, dtype=np.float64) * self.dt
 
     @property
     def length(self) -> Optional[np.ndarray[Any, np.dtype[np.int64]]]:
@@ -239,12 +239,24 @@ class Ensemble:
     @property
     def missing(self) -> int:
         """Number of samples that are missing within the lengths of the experiments."""
-        return self._core.missing()
+        return self._ready().missing()
 
     @property
     def fingerprint(self) -> str:
         """16 hexadecimal digits that tell the samples of this ensemble from those of any other."""
-        return self._core.fingerprint()
+        return self._ready().fingerprint()
+
+    def summary(self) -> dict[str, _tokid.ChannelSummary]:
+        """For each channel, inputs first: number of samples, how many are missing, mean, std, min and max."""
+        names = self.input_names + self.output_names
+        core = self._ready()
+        return {name: core.channel_summary(c) for c, name in enumerate(names)}
+
+    def _ready(self) -> _tokid.Ensemble:
+        """The samples as the library wants them: nothing behind the lengths, whatever was written there."""
+        if self._core.length:
+            self._core.length = self._core.length
+        return self._core
 
     def __len__(self) -> int:
         return self.experiments
@@ -266,7 +278,7 @@ class Ensemble:
         for n in numbers:
             if not 0 <= n < self.experiments:
                 raise ValueError(f"rows: {n} found, numbers from 0 to {self.experiments - 1} needed")
-        return Ensemble._of(self._core.subset(numbers))
+        return Ensemble._of(self._ready().subset(numbers))
 
     def split(self, fraction: float, *, period: int = 0) -> tuple[Ensemble, Ensemble]:
         """Experiments for identification, and a share of them, evenly spread, for validation.
@@ -282,25 +294,25 @@ class Ensemble:
         -------
         training, held_out : Ensemble
         """
-        training, held_out = self._core.split(float(fraction), _options.period(period))
+        training, held_out = self._ready().split(float(fraction), _options.period(period))
         return Ensemble._of(training), Ensemble._of(held_out)
 
     def stretch(self, begin: int, end: int) -> Ensemble:
         """The steps begin … end-1 of every experiment as an ensemble of its own. Free responses stay behind."""
-        return Ensemble._of(self._core.stretch(begin, end))
+        return Ensemble._of(self._ready().stretch(begin, end))
 
     def cut(self, length: int) -> Ensemble:
         """Consecutive stretches of the given length as experiments of their own, unfinished ones left out."""
-        return Ensemble._of(self._core.cut(length))
+        return Ensemble._of(self._ready().cut(length))
 
     def nominal(self) -> tuple[Array, Array]:
         """The mean motion over the experiments: inputs (T, r) and outputs (T, m)."""
-        u, y = self._core.nominal()
+        u, y = self._ready().nominal()
         return u, y
 
     def departures(self) -> Ensemble:
         """The experiments less their mean motion."""
-        return Ensemble._of(self._core.departures())
+        return Ensemble._of(self._ready().departures())
 
     # Copies, also in other processes
 
@@ -346,13 +358,16 @@ def core_of(u: Any, y: Any, dt: float) -> tuple[_tokid.Ensemble, bool]:
     """Samples laid out for the library, and whether they were those of a single experiment."""
     if u is None and y is None:
         raise ValueError("u, y: none of them found, inputs (N, T, r) or outputs (N, T, m) needed")
+    inputs: Optional[np.ndarray[Any, Any]] = None
+    outputs: Optional[np.ndarray[Any, Any]] = None
     if u is None:
         outputs, single = _arrays.samples("y", y, "m")
-        shape, inputs = outputs.shape, None
+        shape = outputs.shape
     else:
         inputs, single = _arrays.samples("u", u, "r")
         shape = inputs.shape
-        outputs = None if y is None else _arrays.matching("y", y, "m", shape[1], shape[0], single)
+        if y is not None:
+            outputs = _arrays.outputs_beside(y, inputs, single)
     core = _tokid.Ensemble(
         shape[0],
         shape[1],

@@ -4,14 +4,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Optional, Union
 
 from . import _options, _tokid
 from ._ensemble import Ensemble, core_of, describe
 from ._errors import warn
 from ._model import Model
 from ._progress import listener
-from ._typing import ArrayLike, Progress
+from ._typing import ArrayLike, PathLike, Progress
+from ._update import UpdateState
+from .results import CrossValidation, NoisyChoices, Streamed
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 
 def identify(
@@ -33,6 +38,9 @@ def identify(
     hold_out: float = 0.0,
     rows: Union[int, str] = "auto",
     cols: Union[int, str] = "auto",
+    choices: Optional[NoisyChoices] = None,
+    keep_state: bool = False,
+    report: Optional[PathLike] = None,
     length: Optional[ArrayLike] = None,
     free_y: Optional[ArrayLike] = None,
     input_names: Optional[Sequence[str]] = None,
@@ -79,6 +87,13 @@ def identify(
         Share of the experiments kept for validation, from 0 to below 1.
     rows, cols : int or "auto"
         Blocks of the Hankel matrices of tvera.
+    choices : NoisyChoices, optional
+        `Identification.choices` of an earlier identification of the same kind, to be followed with its `lags` and
+        `states`.
+    keep_state : bool, default False
+        Keep the factors of all regressions in `Model.state`, to which `tokid.update` adds later experiments.
+    report : path, optional
+        Page (.html) to write that shows whether the model can be trusted.
     length, free_y, input_names, output_names, input_units, output_units
         As of `Ensemble`, for arrays.
     threads : int, default 1
@@ -108,24 +123,25 @@ def identify(
     >>> model
     <tokid.Model: n = 4 states, r = 2 inputs, m = 2 outputs, steps 0 to 39, dt = 0.05 s>
     """
-    if reference_step is not None and frame != "reference":
-        raise ValueError("reference_step: needs frame 'reference'")
-    options = _tokid.IdentifyOptions()
-    options.states = _options.count_or_auto("states", states)
-    options.lags = _options.count_or_auto("lags", lags)
-    options.method = _options.choice("method", method, _options.METHODS)
-    penalty = _options.smoothing(smoothing)
-    options.smoothing = -1.0 if penalty is None else penalty
-    options.period = _options.period(period)
-    options.weighting = _options.choice("weighting", weighting, _options.WEIGHTINGS)
-    options.refine = _options.refinement(refine)
-    options.initial_state = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
-    options.nominal = _options.choice("nominal", nominal, _options.NOMINALS)
-    options.frame = _options.choice("frame", frame, _options.FRAMES)
-    options.reference_step = _options.step("reference_step", reference_step)
-    options.hold_out = _options.real("hold_out", hold_out, 0.0, 1.0)
-    options.rows = _options.count_or_auto("rows", rows)
-    options.cols = _options.count_or_auto("cols", cols)
+    options = _options.identification(
+        {
+            "states": states,
+            "lags": lags,
+            "method": method,
+            "smoothing": smoothing,
+            "period": period,
+            "weighting": weighting,
+            "refine": refine,
+            "initial_state": initial_state,
+            "nominal": nominal,
+            "frame": frame,
+            "reference_step": reference_step,
+            "hold_out": hold_out,
+            "rows": rows,
+            "cols": cols,
+            "choices": choices,
+        }
+    )
     described = {
         "length": length,
         "free_y": free_y,
@@ -136,9 +152,140 @@ def identify(
     }
     core = ensemble_core(u, y, dt, described)
     with listener(progress, "identify") as listening:
-        model, evidence = _tokid.identify(core, options, _options.threads(threads), listening)
+        model, evidence, state = _tokid.identify(
+            core, options, _options.threads(threads), listening, keep_state, report, page_options()
+        )
     warn(evidence.warnings)
-    return Model._of(model, evidence, evidence.warnings)
+    kept = None if state is None else UpdateState._of(state)
+    return Model._of(model, evidence.warnings, identification=evidence, state=kept)
+
+
+def cross_validate(
+    u: Union[ArrayLike, Ensemble],
+    y: Optional[ArrayLike] = None,
+    *,
+    folds: int = 5,
+    horizon: int = 1,
+    seed: Optional[int] = None,
+    dt: Optional[float] = None,
+    length: Optional[ArrayLike] = None,
+    free_y: Optional[ArrayLike] = None,
+    threads: int = 1,
+    progress: Progress = False,
+    **options: Unpack[_options.IdentifyOptions],
+) -> CrossValidation:
+    """Judges a way of identification: every experiment by a model that has not seen it.
+
+    Identifies once per fold on the other experiments, leaving to each identification all choices that are left open.
+
+    Parameters
+    ----------
+    u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
+        Experiments.
+    folds : int, default 5
+        Parts that are left out in turn, from 2 to N.
+    horizon : int, default 1
+        Steps ahead of `CrossValidation.horizon`.
+    seed : int, optional
+        Experiments in random order; by default experiment n is in fold n mod `folds`.
+    dt, length, free_y
+        As of `Ensemble`, for arrays.
+    threads, progress
+        As of `identify`.
+    **options
+        How to identify, as of `identify`.
+
+    Returns
+    -------
+    CrossValidation
+
+    See Also
+    --------
+    Model.cross_validate : with the options that a model was identified with.
+    """
+    checked = _options.identification(options)
+    core = ensemble_core(u, y, dt, {"length": length, "free_y": free_y})
+    with listener(progress, "cross-validate") as listening:
+        result: CrossValidation = _tokid.cross_validate(
+            core,
+            checked,
+            folds=_options.integer("folds", folds, 2),
+            horizon=_options.integer("horizon", horizon, 1, 1_000_000),
+            seed=None if seed is None else _options.integer("seed", seed, 0, 2**64 - 1),
+            threads=_options.threads(threads),
+            listener=listening,
+        )
+    warn(result.warnings)
+    return result
+
+
+def identify_file(
+    data: PathLike,
+    model: PathLike,
+    *,
+    block: Union[int, str] = "auto",
+    memory_per_thread: float = 100e6,
+    threads: int = 1,
+    progress: Progress = False,
+    **options: Unpack[_options.IdentifyOptions],
+) -> Streamed:
+    """Identifies an .h5 that is larger than memory, in blocks of steps, and writes the model as they finish.
+
+    Memory depends on N, r + m, the lag order and the length of the blocks, but not on T.
+
+    Parameters
+    ----------
+    data : path
+        Ensemble (.h5).
+    model : path
+        Model to write (.h5), whole or not at all.
+    block : int or "auto"
+        Steps of a block; "auto": as many as `memory_per_thread` holds.
+    memory_per_thread : float, default 100e6
+        Bytes.
+    threads, progress
+        As of `identify`.
+    **options
+        How to identify, as of `identify`; what is left to be chosen is chosen from stretches at the begin, middle and
+        end.
+
+    Returns
+    -------
+    Streamed
+        `Model.load` reads the model.
+
+    Raises
+    ------
+    ValueError
+        As `identify`, and for what needs all steps at once: a period, one model for all steps, the reference frame.
+    IoError
+        For a file that can't be read in blocks, or not be written; an OSError.
+    """
+    checked = _options.identification(options)
+    steps = 0 if block == "auto" else _options.integer("block", block, 1, 1_000_000_000, " or 'auto'")
+    with listener(progress, "identify") as listening:
+        result: Streamed = _tokid.identify_stream(
+            data,
+            model,
+            checked,
+            block=steps,
+            memory_per_thread=_options.real("memory_per_thread", memory_per_thread, 1.0),
+            threads=_options.threads(threads),
+            listener=listening,
+        )
+    warn(result.identification.warnings)
+    return result
+
+
+def page_options(
+    model_name: str = "model", data_name: str = "data", horizon: int = 10, experiments: int = 24
+) -> _tokid.ReportOptions:
+    options = _tokid.ReportOptions()
+    options.model_name = model_name
+    options.data_name = data_name
+    options.horizon = _options.integer("horizon", horizon, 1, 1_000_000)
+    options.experiments = _options.integer("experiments", experiments, 1, 1000)
+    return options
 
 
 def ensemble_core(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
@@ -147,7 +294,7 @@ def ensemble_core(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]
         for name, value in {"y": y, "dt": dt, **described}.items():
             if value is not None:
                 raise ValueError(f"{name}: found beside an Ensemble, which has it already")
-        return u._core
+        return u._ready()
     if y is None:
         raise ValueError("y: none found, outputs (N, T, m) needed")
     core, _ = core_of(u, y, 1.0 if dt is None else dt)

@@ -3,18 +3,23 @@
 
 from __future__ import annotations
 
+import html
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Optional, Union, overload
+from typing import TYPE_CHECKING, Any, Optional, Union, overload
 
 import numpy as np
 
 from . import _arrays, _options, _tokid
 from ._ensemble import Ensemble, core_of, plural
 from ._errors import warn
-from ._typing import Array, ArrayLike, PathLike
-from .results import Identification, Validation
+from ._progress import listener
+from ._typing import Array, ArrayLike, ComplexArray, PathLike, Progress
+from .results import Confidence, CrossValidation, Identification, Refinement, Updated, Validation, Verdict
+
+if TYPE_CHECKING:
+    from ._update import UpdateState
 
 
 class MatrixSequence(Sequence[Array]):
@@ -63,7 +68,7 @@ class MatrixSequence(Sequence[Array]):
         whole = self._core.stack(self._name)
         if self._range == range(len(whole)):
             return whole
-        return whole[self._range.start : self._range.stop : self._range.step] if self._range else whole[:0]
+        return whole[list(self._range)]
 
     def __array__(self, dtype: Any = None, copy: Optional[bool] = None) -> np.ndarray[Any, Any]:
         if copy is False:
@@ -151,9 +156,12 @@ class Model:
     place of both. Arrays come back with as many dimensions as they went in with.
     """
 
-    __slots__ = ("_core", "_identification", "_warnings", "__weakref__")
+    __slots__ = ("_core", "_identification", "_refinement", "_state", "_updated", "_warnings", "__weakref__")
     _core: _tokid.Model
     _identification: Optional[Identification]
+    _refinement: Optional[Refinement]
+    _state: Optional[UpdateState]
+    _updated: Optional[Updated]
     _warnings: tuple[str, ...]
 
     def __init__(self) -> None:
@@ -163,12 +171,22 @@ class Model:
 
     @classmethod
     def _of(
-        cls, core: _tokid.Model, identification: Optional[Identification] = None, warnings: Sequence[str] = ()
+        cls,
+        core: _tokid.Model,
+        warnings: Sequence[str] = (),
+        *,
+        identification: Optional[Identification] = None,
+        refinement: Optional[Refinement] = None,
+        updated: Optional[Updated] = None,
+        state: Optional[UpdateState] = None,
     ) -> Model:
         self = cls.__new__(cls)
         self._core = core
-        self._identification = identification
         self._warnings = tuple(warnings)
+        self._identification = identification
+        self._refinement = refinement
+        self._updated = updated
+        self._state = state
         return self
 
     @classmethod
@@ -351,7 +369,7 @@ class Model:
         s = _options.integer("k", k, self.k_begin, None if core.period else self.k_end - 1) - core.k_begin
         if s >= core.steps:
             s -= -((core.steps - 1 - s) // core.period) * core.period
-        matrices = {name: core.matrix(name, s) if core.count(name) else None for name in _LISTS}
+        matrices: dict[str, Any] = {name: core.matrix(name, s) for name in _LISTS if core.count(name)}
         return Step(k, **matrices)
 
     # What it is
@@ -409,7 +427,7 @@ class Model:
     @property
     def time(self) -> Array:
         """Times (S,) of the steps of the model [s]."""
-        return np.arange(self.k_begin, self.k_end) * self.dt
+        return np.arange(self.k_begin, self.k_end, dtype=np.float64) * self.dt
 
     @property
     def period(self) -> int:
@@ -483,6 +501,21 @@ class Model:
         return self._identification
 
     @property
+    def refinement(self) -> Optional[Refinement]:
+        """What `refine` has done; None for a model that it did not make."""
+        return self._refinement
+
+    @property
+    def updated(self) -> Optional[Updated]:
+        """What `tokid.update` and `UpdateState.identify` found out; None for a model that they did not make."""
+        return self._updated
+
+    @property
+    def state(self) -> Optional[UpdateState]:
+        """What later experiments can be added to; None unless `tokid.identify` was asked to keep it."""
+        return self._state
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What the call that made the model had to say."""
         return self._warnings
@@ -528,31 +561,60 @@ class Model:
         self,
         u: Union[ArrayLike, Ensemble],
         x0: Optional[ArrayLike] = None,
+        *,
+        y: Optional[ArrayLike] = None,
+        estimate_state: bool = False,
+        initial_state: str = "auto",
     ) -> Array:
         """Outputs for inputs alone.
 
         Parameters
         ----------
         u : array_like, shape (N, T, r) or (T, r), or Ensemble
-            Inputs, from step 0 on.
+            Inputs, from step 0 on. Those of an ensemble come with what it says of the initial states.
         x0 : array_like, shape (N, n) or (n,), optional
             States of the experiments at `k_begin`. By default zero, or `x0_mean` where the initial states are unknown
             and the model has estimated them.
+        y : array_like, shape (N, T, m) or (T, m), optional
+            Measured outputs, of which `estimate_state` uses the first ones.
+        estimate_state : bool, default False
+            Unknown initial states by the outputs of the first steps.
+        initial_state : {"auto", "zero", "unknown"}, default "auto"
+            States at step 0. "auto": as the data say, else as the model was identified.
 
         Returns
         -------
         y : ndarray, shape (N, T, m) or (T, m)
             NaN where the model has no step, and behind a missing input. The nominal trajectory is added back.
+
+        Warns
+        -----
+        TokidWarning
+            Where initial states are unknown and not told, or no step has outputs.
         """
-        data, single = self._data(u, None)
-        start = None
-        if x0 is not None:
-            n = int(self._core.state_dim[0])
-            start = _arrays.numbers("x0", x0)
-            if start.ndim == 1:
-                start = np.broadcast_to(start, (data.experiments, len(start)))
-            start = _arrays.shaped("x0", start, (data.experiments, n)).T
-        return _result(self._core.simulate(data, start), single)
+        if y is not None and not estimate_state:
+            raise ValueError("y: found, but used with estimate_state=True alone")
+        data, single = self._data(u, y, outputs=estimate_state)
+        initial = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
+        if initial is not None and not estimate_state:
+            if isinstance(u, Ensemble):
+                raise ValueError("initial_state: found beside an Ensemble, which says it itself")
+            data.initial_state = initial_state
+        if estimate_state:
+            if x0 is not None:
+                raise ValueError("x0: found beside estimate_state=True, which finds it")
+            simulated = self._core.simulate_data(data, initial)
+        else:
+            start = None
+            if x0 is not None:
+                start = _arrays.numbers("x0", x0)
+                if start.ndim == 1:
+                    start = np.broadcast_to(start, (data.experiments, len(start)))
+                start = _arrays.shaped("x0", start, (data.experiments, int(self._core.state_dim[0]))).T
+            simulated = self._core.simulate(data, start)
+        if x0 is None:
+            warn(self._core.simulation_remarks(data, simulated, estimate_state))
+        return _result(simulated, single)
 
     def predict(
         self,
@@ -561,6 +623,7 @@ class Model:
         *,
         horizon: int = 1,
         initial_state: str = "auto",
+        initial_estimate: bool = True,
     ) -> Array:
         """Outputs some steps ahead, with the observer in the loop.
 
@@ -575,6 +638,9 @@ class Model:
             Steps ahead.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
             States at step 0; "auto": as the data say, else as the model was identified.
+        initial_estimate : bool, default True
+            Unknown initial states are distributed as `x0_mean` and `x0_cov` have it, where the model has them; False:
+            they come from elsewhere, and must be estimated.
 
         Returns
         -------
@@ -583,7 +649,10 @@ class Model:
         """
         data, single = self._data(u, y, outputs=True)
         initial = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
-        return _result(self._core.predict(data, _options.integer("horizon", horizon, 1), initial), single)
+        ahead = _options.integer("horizon", horizon, 1, 1_000_000)
+        predicted = self._core.predict(data, ahead, initial, initial_estimate)
+        warn(self._core.prediction_remarks(data, predicted))
+        return _result(predicted, single)
 
     def innovations(
         self, u: Union[ArrayLike, Ensemble], y: Optional[ArrayLike] = None, *, initial_state: str = "auto"
@@ -638,6 +707,228 @@ class Model:
         warn(validation.warnings)
         return validation
 
+    def refine(
+        self,
+        u: Union[ArrayLike, Ensemble],
+        y: Optional[ArrayLike] = None,
+        *,
+        smoothing: Union[float, str] = "auto",
+        period: Union[int, str, None] = None,
+        iterations: int = 60,
+        tolerance: float = 1e-6,
+        initial_state: str = "auto",
+        accelerate: bool = True,
+        warm_up: bool = True,
+        threads: int = 1,
+        progress: Progress = False,
+    ) -> Model:
+        """The maximum-likelihood model, by expectation and maximisation (EM) from this one on.
+
+        Parameters
+        ----------
+        u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
+            Experiments.
+        smoothing : float or "auto"
+            Penalty λ on variation over time. "auto": as the model was identified, else by cross-validation.
+        period : int or "invariant", optional
+            Steps k and k + P share their matrices; by default as the model has it.
+        iterations : int, default 60
+            At most so many.
+        tolerance : float, default 1e-6
+            Converged: two gains in a row below this, of the log-likelihood per output sample.
+        initial_state : {"auto", "zero", "unknown"}, default "auto"
+            States at step 0; "auto": as the data say, else as the model was identified.
+        accelerate : bool, default True
+            Anderson's acceleration, where it raises the likelihood.
+        warm_up : bool, default True
+            Approach a strong penalty by way of weaker ones.
+        threads, progress
+            As of `tokid.identify`.
+
+        Returns
+        -------
+        Model
+            Its `refinement` tells what happened.
+        """
+        data, _ = self._data(u, y, outputs=True)
+        with listener(progress, "refine") as listening:
+            core, evidence = _tokid.refine(
+                self._core,
+                data,
+                smoothing=_options.smoothing(smoothing),
+                period=None if period is None else _options.period(period),
+                iterations=_options.integer("iterations", iterations, 1, 1_000_000),
+                tolerance=_options.real("tolerance", tolerance, 0.0),
+                initial_state=_options.choice("initial_state", initial_state, _options.INITIAL_STATES),
+                accelerate=bool(accelerate),
+                warm_up=bool(warm_up),
+                threads=_options.threads(threads),
+                listener=listening,
+            )
+        warn(evidence.warnings)
+        return Model._of(core, evidence.warnings, refinement=evidence)
+
+    def log_likelihood(
+        self, u: Union[ArrayLike, Ensemble], y: Optional[ArrayLike] = None, *, threads: int = 1
+    ) -> Array:
+        """Log-likelihood (N,) of each experiment: the density of its outputs given its inputs.
+
+        Raises
+        ------
+        ValueError
+            Where the model has no `Q` and `R`, or no `x0_mean` and `x0_cov` for an unknown first state.
+        """
+        data, _ = self._data(u, y, outputs=True)
+        return _tokid.log_likelihoods(self._core, data, threads=_options.threads(threads), listener=None)
+
+    def confidence(
+        self,
+        u: Union[ArrayLike, Ensemble],
+        y: Optional[ArrayLike] = None,
+        *,
+        level: float = 0.95,
+        method: str = "auto",
+        replicates: Optional[int] = None,
+        band: Union[int, str] = "auto",
+        reference_step: Optional[int] = None,
+        seed: Optional[int] = None,
+        threads: int = 1,
+        progress: Progress = False,
+    ) -> Confidence:
+        """How far parameters, outputs and eigenvalues may lie from the truth.
+
+        Parameters
+        ----------
+        u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
+            The experiments of the identification, whole.
+        level : float, default 0.95
+            Probability that an interval holds the truth.
+        method : {"auto", "factors", "bootstrap"}
+            From the factors of the regressions, or by identifying anew. "auto": the latter where steps share a model.
+        replicates : int, optional
+            Of the bootstrap, by default 200.
+        band : int or "auto"
+            Markov parameters up to so many steps apart. "auto": twice as many as tell a state.
+        reference_step : int, optional
+            Step of the frame of the eigenvalues, by default the first with all states.
+        seed : int, optional
+            Of the bootstrap, by default 1.
+        threads, progress
+            As of `tokid.identify`.
+
+        Returns
+        -------
+        Confidence
+        """
+        data, _ = self._data(u, y, outputs=True)
+        methods = {"auto": None, "factors": _tokid.BoundsMethod.factors, "bootstrap": _tokid.BoundsMethod.bootstrap}
+        with listener(progress, "confidence") as listening:
+            result: Confidence = _tokid.confidence(
+                self._core,
+                data,
+                level=_options.real("level", level, 1e-6, 1 - 1e-9),
+                method=_options.choice("method", method, methods),
+                replicates=200 if replicates is None else _options.integer("replicates", replicates, 2, 1_000_000),
+                seed=1 if seed is None else _options.integer("seed", seed, 1, 2**64 - 1),
+                band=_options.count_or_auto("band", band),
+                reference_step=_options.step("reference_step", reference_step),
+                threads=_options.threads(threads),
+                listener=listening,
+            )
+        for name, value in (("replicates", replicates), ("seed", seed)):
+            if value is not None and result.method == "factors":
+                result.warnings.append(f"{name} has no effect on bounds from the factors")
+                break
+        warn(result.warnings)
+        return result
+
+    def cross_validate(
+        self,
+        u: Union[ArrayLike, Ensemble],
+        y: Optional[ArrayLike] = None,
+        *,
+        folds: int = 5,
+        horizon: int = 1,
+        seed: Optional[int] = None,
+        threads: int = 1,
+        progress: Progress = False,
+    ) -> CrossValidation:
+        """Identifies anew, with the options of this model, from all but one part of the experiments at a time.
+
+        Parameters
+        ----------
+        u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
+            Experiments.
+        folds : int, default 5
+            Parts that are left out in turn, from 2 to N.
+        horizon : int, default 1
+            Steps ahead of `CrossValidation.horizon`.
+        seed : int, optional
+            Experiments in random order; by default experiment n is in fold n mod `folds`.
+        threads, progress
+            As of `tokid.identify`.
+
+        Returns
+        -------
+        CrossValidation
+        """
+        data, _ = self._data(u, y, outputs=True)
+        with listener(progress, "cross-validate") as listening:
+            result: CrossValidation = _tokid.cross_validate(
+                data,
+                self._core.identify_options(),
+                folds=_options.integer("folds", folds, 2),
+                horizon=_options.integer("horizon", horizon, 1, 1_000_000),
+                seed=None if seed is None else _options.integer("seed", seed, 0, 2**64 - 1),
+                threads=_options.threads(threads),
+                listener=listening,
+            )
+        warn(result.warnings)
+        return result
+
+    def report(
+        self,
+        u: Union[ArrayLike, Ensemble],
+        y: Optional[ArrayLike] = None,
+        path: Optional[PathLike] = None,
+        *,
+        horizon: int = 10,
+        experiments: int = 24,
+        initial_state: str = "auto",
+        model_name: str = "model",
+        data_name: str = "data",
+    ) -> Verdict:
+        """Whether the model can be trusted, on a page (HTML) that loads nothing.
+
+        Parameters
+        ----------
+        u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
+            Experiments; whether the model has seen them is found out.
+        path : path, optional
+            Page to write; without one there is the verdict alone.
+        horizon : int, default 10
+            Steps ahead of the multi-step fit.
+        experiments : int, default 24
+            In the plots, at most.
+        initial_state : {"auto", "zero", "unknown"}, default "auto"
+            States at step 0.
+        model_name, data_name : str
+            Shown on the page.
+
+        Returns
+        -------
+        Verdict
+        """
+        data, _ = self._data(u, y, outputs=True)
+        options = _tokid.ReportOptions()
+        options.model_name = model_name
+        options.data_name = data_name
+        options.horizon = _options.integer("horizon", horizon, 1, 1_000_000)
+        options.experiments = _options.integer("experiments", experiments, 1, 1000)
+        options.initial_state = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
+        verdict: Verdict = _tokid.report(self._core, data, path, options)
+        return verdict
+
     def estimate_state(
         self, u: Union[ArrayLike, Ensemble], y: Optional[ArrayLike] = None, *, k: int, window: Optional[int] = None
     ) -> Array:
@@ -667,7 +958,7 @@ class Model:
         if isinstance(u, Ensemble):
             if y is not None:
                 raise ValueError("y: found beside an Ensemble, which has the outputs already")
-            return u._core, False
+            return u._ready(), False
         if outputs and y is None:
             raise ValueError(f"y: none found, outputs (N, T, {self.outputs}) needed")
         core, single = core_of(u, y, self.dt)
@@ -729,6 +1020,75 @@ class Model:
         step = core.full_begin if reference_step is None else _options.integer("reference_step", reference_step, 0)
         return self._same(core.reference_frame(step, rows))
 
+    def align(self, reference: Model, *, rows: Optional[int] = None) -> Model:
+        """The model in the coordinates of another one of the same system, with which it can then be compared.
+
+        Parameters
+        ----------
+        reference : Model
+            The other one.
+        rows : int, optional
+            Block rows of the observability matrices; by default as many as tell a state.
+        """
+        count = self._core.estimation_window() if rows is None else _options.integer("rows", rows, 1)
+        return self._same(self._core.align(reference._core, count))
+
+    def difference(self, other: Model, *, band: Optional[int] = None) -> float:
+        """Largest difference of the Markov parameters of two models, over the largest of both at the same step.
+
+        Parameters
+        ----------
+        other : Model
+            Of the same inputs and outputs.
+        band : int, optional
+            Steps between input and output, at most; by default twice the states.
+        """
+        return self._core.difference(other._core, 0 if band is None else _options.integer("band", band, 1))
+
+    def kalman_observer(self) -> Model:
+        """The model with the Kalman filter of its `Q`, `R` and `x0_cov` as observer: `K`, `G`, `innovation_cov`."""
+        return self._same(self._core.kalman_observer())
+
+    def deadbeat_observer(self, *, tolerance: float = 1e-10) -> tuple[Model, int]:
+        """The model with a deadbeat observer, and the steps after which that has forgotten every error.
+
+        Parameters
+        ----------
+        tolerance : float, default 1e-10
+            Directions below this share of C[k] count as unseen, of A[k] as gone.
+        """
+        core, steps = self._core.deadbeat_observer(_options.real("tolerance", tolerance, 0.0))
+        return self._same(core), steps
+
+    def deadbeat_products(self, p: Optional[int] = None) -> Array:
+        """Norms of p successive closed loops, from `k_begin` on: zero for a deadbeat observer; p: the lag order."""
+        return self._core.deadbeat_products(max(1, *self.lags, 1) if p is None else _options.integer("p", p, 1))
+
+    def closed_loop_spectrum(
+        self, *, reference_step: Optional[int] = None, threads: int = 1
+    ) -> tuple[int, ComplexArray]:
+        """Eigenvalues of A + G C in a reference frame, which are the same for every model of a system.
+
+        Parameters
+        ----------
+        reference_step : int, optional
+            Step of the frame, by default the first one with all states.
+        threads : int, default 1
+
+        Returns
+        -------
+        begin : int
+            Step of the first entry.
+        eigenvalues : ndarray of complex, shape (steps, n)
+        """
+        step = _options.step("reference_step", reference_step)
+        begin, values = _tokid.closed_loop_spectrum(self._core, step, _options.threads(threads))
+        return begin, values
+
+    def observability(self, k: int, rows: int) -> Array:
+        """[C[k]; C[k+1] A[k]; …] with the given number of block rows, fewer at the end of the model."""
+        return self._core.observability(k, rows)
+
     def transform(self, S: Sequence[ArrayLike]) -> Model:
         """The model with the states S[k] x[k], which changes no output.
 
@@ -744,7 +1104,7 @@ class Model:
         return self._same(self._core.from_step(k))
 
     def _same(self, core: _tokid.Model) -> Model:
-        return Model._of(core, self._identification, self._warnings)
+        return Model._of(core, self._warnings, identification=self._identification, refinement=self._refinement)
 
     # How it looks
 
@@ -754,6 +1114,22 @@ class Model:
             f"m = {plural(self.outputs, 'output')}, steps {self.k_begin} to {self.k_end - 1}, dt = {self.dt:g} s>"
         )
 
+    def _repr_html_(self) -> str:
+        rows = [
+            ("states", f"n = {self.states}" + ("" if self.steps == 0 else f", all at steps {self.full_begin} to {self.full_end - 1}")),
+            ("inputs", _labels(self.input_names, self.input_units)),
+            ("outputs", _labels(self.output_names, self.output_units)),
+            ("steps", f"{self.k_begin} to {self.k_end - 1}, dt = {self.dt:g} s"),
+            ("method", f"{self.method or 'unknown'}, {self.frame_name} frame"),
+        ]
+        found = self._identification
+        if found is not None:
+            where = "held out" if found.held_out else "training data"
+            for name, fit in (("simulation fit", found.validation.simulation), ("one-step fit", found.validation.one_step)):
+                rows.append((name, ", ".join(f"{x:.2f} %" for x in fit.fit) + f" ({where})"))
+        cells = "".join(f"<tr><th>{html.escape(a)}</th><td>{html.escape(b)}</td></tr>" for a, b in rows)
+        return f"<table><caption>tokid.Model</caption>{cells}</table>"
+
     # Copies, also in other processes
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -762,7 +1138,8 @@ class Model:
         state["initial_state"] = self.initial_state
         arrays = {name: np.asarray(getattr(core, name)) for name in _ARRAYS}
         lists = {name: list(MatrixSequence(core, name)) for name in _LISTS}
-        return _restored, (state, arrays, lists, self.singular_values, self._identification, self._warnings)
+        found = {"identification": self._identification, "refinement": self._refinement, "updated": self._updated}
+        return _restored, (state, arrays, lists, self.singular_values, self._warnings, found)
 
 
 def _restored(
@@ -770,8 +1147,8 @@ def _restored(
     arrays: dict[str, Array],
     lists: dict[str, list[Array]],
     singular_values: list[Array],
-    identification: Optional[Identification],
     warnings: Sequence[str],
+    found: dict[str, Any],
 ) -> Model:
     core = _tokid.Model()
     for name, value in state.items():
@@ -781,13 +1158,17 @@ def _restored(
     for name, matrices in lists.items():
         core.set_matrices(name, matrices)
     core.set_singular_values(singular_values)
-    return Model._of(core, identification, warnings)
+    return Model._of(core, warnings, **found)
 
 
 def _matrices(name: str, values: Sequence[ArrayLike]) -> list[Any]:
     if isinstance(values, np.ndarray) and values.ndim != 3:
         raise ValueError(f"{name}: shape {values.shape} found, a matrix for each step needed: (S, rows, columns)")
     return [_arrays.shaped(f"{name}[{s}]", value, (None, None), "rows, columns") for s, value in enumerate(values)]
+
+
+def _labels(names: Sequence[str], units: Sequence[str]) -> str:
+    return ", ".join(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units))
 
 
 def _result(computed: _tokid.Ensemble, single: bool) -> Array:

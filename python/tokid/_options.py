@@ -6,9 +6,10 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Mapping
-from typing import Any, Optional, TypeVar
+from typing import Any, Optional, TypedDict, TypeVar, Union
 
 from . import _tokid
+from .results import NoisyChoices
 
 T = TypeVar("T")
 
@@ -36,9 +37,10 @@ def integer(name: str, value: Any, smallest: int, largest: Optional[int] = None,
     wanted = f"a whole number from {smallest} {'on' if largest is None else f'to {largest}'}{or_else}"
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise ValueError(f"{name}: {value!r} found, {wanted} needed")
-    if value < smallest or (largest is not None and value > largest):
-        raise ValueError(f"{name}: {value} found, {wanted} needed")
-    return int(value)
+    whole = int(value)
+    if whole < smallest or (largest is not None and whole > largest):
+        raise ValueError(f"{name}: {whole} found, {wanted} needed")
+    return whole
 
 
 def count_or_auto(name: str, value: Any) -> int:
@@ -75,7 +77,9 @@ def refinement(value: Any) -> Optional[bool]:
     """Whether to refine; None: as far as it helps where the data are noisy."""
     if value is None or isinstance(value, bool):
         return value
-    return choice("refine", value, {"auto": None})
+    if isinstance(value, str) and value == "auto":
+        return None
+    raise ValueError(f"refine: {value!r} found, one of True, False, None, 'auto' needed")
 
 
 def step(name: str, value: Any) -> int:
@@ -85,3 +89,53 @@ def step(name: str, value: Any) -> int:
 
 def threads(value: Any) -> int:
     return integer("threads", value, 0, 1024)
+
+
+class IdentifyOptions(TypedDict, total=False):
+    """The options of `tokid.identify` that say how to identify, for the calls that identify more than once."""
+
+    states: Union[int, str]
+    lags: Union[int, str]
+    method: str
+    smoothing: Union[float, str]
+    period: Union[int, str]
+    weighting: str
+    refine: Union[bool, str, None]
+    initial_state: str
+    nominal: str
+    frame: str
+    reference_step: Optional[int]
+    hold_out: float
+    rows: Union[int, str]
+    cols: Union[int, str]
+    choices: Optional[NoisyChoices]
+
+
+def identification(options: IdentifyOptions) -> _tokid.IdentifyOptions:
+    """The options of an identification, each one checked."""
+    unknown = set(options) - set(IdentifyOptions.__annotations__)
+    if unknown:
+        raise TypeError(f"{sorted(unknown)[0]!r} is no option of an identification")
+    get = options.get
+    if get("reference_step") is not None and get("frame", "raw") != "reference":
+        raise ValueError("reference_step: needs frame 'reference'")
+    result = _tokid.IdentifyOptions()
+    result.states = count_or_auto("states", get("states", "auto"))
+    result.lags = count_or_auto("lags", get("lags", "auto"))
+    result.method = choice("method", get("method", "auto"), METHODS)
+    penalty = smoothing(get("smoothing", "auto"))
+    result.smoothing = -1.0 if penalty is None else penalty
+    result.period = period(get("period", 0))
+    result.weighting = choice("weighting", get("weighting", "auto"), WEIGHTINGS)
+    result.refine = refinement(get("refine"))
+    result.initial_state = choice("initial_state", get("initial_state", "auto"), INITIAL_STATES)
+    result.nominal = choice("nominal", get("nominal", "auto"), NOMINALS)
+    result.frame = choice("frame", get("frame", "raw"), FRAMES)
+    result.reference_step = step("reference_step", get("reference_step"))
+    result.hold_out = real("hold_out", get("hold_out", 0.0), 0.0, 1.0)
+    result.rows = count_or_auto("rows", get("rows", "auto"))
+    result.cols = count_or_auto("cols", get("cols", "auto"))
+    choices = get("choices")
+    if choices is not None:
+        result.follow(choices)
+    return result

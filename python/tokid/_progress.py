@@ -59,7 +59,7 @@ class _Tqdm:
 
 def _bar(what: str) -> Any:
     try:
-        from tqdm.auto import tqdm
+        from tqdm.auto import tqdm  # type: ignore[import-untyped,unused-ignore]
     except ImportError:
         return _Line(what)
     return _Tqdm(tqdm, what)

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any, Optional
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
+import numpy.typing as npt
 
-from ._typing import Array
+from ._typing import Array, ComplexArray, PathLike
+
+if TYPE_CHECKING:
+    from ._ensemble import Ensemble
 
 
 def _short(value: Any) -> str:
@@ -27,7 +31,11 @@ class _Result:
     """Arrays by their shapes, numbers by four digits."""
 
     def __repr__(self) -> str:
-        shown = ", ".join(f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self))  # type: ignore[arg-type]
+        shown = ", ".join(
+            f"{f.name}={_short(getattr(self, f.name))}"
+            for f in fields(self)  # type: ignore[arg-type]
+            if f.repr
+        )
         return f"{type(self).__name__}({shown})"
 
 
@@ -441,3 +449,438 @@ class Identification(_Result):
     validation: Validation
     warnings: list[str]
     seconds: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LikelihoodChoice(_Result):
+    """λ of EM by the likelihood of experiments left out.
+
+    Attributes
+    ----------
+    smoothing : ndarray, shape (candidates,)
+        Descending.
+    log_likelihood : ndarray, shape (candidates,)
+        Of each, per output sample.
+    error : ndarray, shape (candidates,)
+        Standard error of its difference from the best.
+    best : float
+    """
+
+    smoothing: Array
+    log_likelihood: Array
+    error: Array
+    best: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RefinementFigures(_Result):
+    """A model on the data of its refinement.
+
+    Attributes
+    ----------
+    simulation, one_step : Fit
+        Over the samples that the models before and after can both compute.
+    whiteness_p : float
+    """
+
+    simulation: Fit
+    one_step: Fit
+    whiteness_p: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Refinement(_Result):
+    """What a refinement by EM has done.
+
+    Attributes
+    ----------
+    smoothing : float
+        λ, and
+    reason : str
+        why.
+    choice : LikelihoodChoice or None
+        Where λ was chosen by cross-validation.
+    start_log_likelihood : float
+        Of the model given.
+    log_likelihood, penalised : ndarray, shape (iterations + 1,)
+        Before the first iteration and after each: the plain one, and the one that EM climbs and that never falls.
+    iterations : int
+    converged : bool
+    noise_segments : int
+        Stretches of steps whose noise has a size of its own.
+    before, after : RefinementFigures
+    warnings : list of str
+    """
+
+    smoothing: float
+    reason: str
+    choice: Optional[LikelihoodChoice]
+    start_log_likelihood: float
+    log_likelihood: Array
+    penalised: Array
+    iterations: int
+    converged: bool
+    noise_segments: int
+    before: RefinementFigures
+    after: RefinementFigures
+    warnings: list[str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fold(_Result):
+    """One part of a cross-validation.
+
+    Attributes
+    ----------
+    experiments : list of int
+        Row numbers of those that were kept back.
+    states, lags : int
+        Of the model of the others.
+    simulation, one_step, horizon : Fit
+    warnings : list of str
+    """
+
+    experiments: list[int]
+    states: int
+    lags: int
+    simulation: Fit
+    one_step: Fit
+    horizon: Fit
+    warnings: list[str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CrossValidation(_Result):
+    """Every experiment judged by a model that has not seen it.
+
+    Attributes
+    ----------
+    folds : list of Fold
+    simulation, one_step, horizon : Fit
+        Over all experiments, as computed in their folds.
+    simulation_spread, one_step_spread, horizon_spread : ndarray, shape (m,)
+        Standard deviations of the fits of the folds [%].
+    warnings : list of str
+        Those of the folds, each of them once.
+    """
+
+    folds: list[Fold]
+    simulation: Fit
+    one_step: Fit
+    horizon: Fit
+    simulation_spread: Array
+    one_step_spread: Array
+    horizon_spread: Array
+    warnings: list[str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Interval(_Result):
+    """Estimates, and between what the truth lies; all arrays have one shape.
+
+    Attributes
+    ----------
+    estimate : ndarray
+        NaN where there is none.
+    deviation : ndarray
+        Standard errors.
+    lower, upper : ndarray
+        Bounds of each entry by itself; infinite where nothing tells the noise.
+    """
+
+    estimate: Array
+    deviation: Array
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MarkovBounds(_Result):
+    """Bounds of the Markov parameters.
+
+    Attributes
+    ----------
+    band : int
+    k_begin : int
+        Pulses before this step have no estimate.
+    interval : Interval of shape (T, band + 1, m, r)
+        Entry [k, g] is h(k, k-g), with h(k, k) = D[k].
+    """
+
+    band: int
+    k_begin: int
+    interval: Interval
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SpectrumBounds(_Result):
+    """Bounds of the eigenvalues of the closed loop in a reference frame, NaN where a step has fewer.
+
+    Attributes
+    ----------
+    begin : int
+        Step of the first entry.
+    eigenvalues : ndarray of complex, shape (S, n)
+    real, imaginary : Interval of shape (S, n)
+        Of their parts.
+    covariance : ndarray, shape (S, n)
+        Of real and imaginary part.
+    simple : ndarray of bool, shape (S, n)
+        False where neighbours are too near for bounds, which are infinite then.
+    """
+
+    begin: int
+    eigenvalues: ComplexArray
+    real: Interval
+    imaginary: Interval
+    covariance: Array
+    simple: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Confidence(_Result):
+    """How far parameters, outputs and eigenvalues of a model may lie from the truth.
+
+    Attributes
+    ----------
+    method : {"factors", "bootstrap"}
+    level : float
+        Probability that an interval holds the truth.
+    dt : float
+        Sample time [s].
+    experiments, lags : int
+    replicates : int
+        Of the bootstrap, that could be identified.
+    freedom : float
+        Degrees of freedom of Student's t.
+    markov : MarkovBounds
+    simulated : Interval of shape (N, T, m)
+        Mean outputs for the inputs of the data.
+    predicted : Interval of shape (N, T, m), or None
+        New measurements one step ahead; of the factors alone.
+    spectrum : SpectrumBounds or None
+    warnings : list of str
+    """
+
+    method: str
+    level: float
+    dt: float
+    experiments: int
+    lags: int
+    replicates: int
+    freedom: float
+    markov: MarkovBounds
+    simulated: Optional[Interval]
+    predicted: Optional[Interval]
+    spectrum: Optional[SpectrumBounds]
+    warnings: list[str]
+    _core: Any = field(repr=False)
+
+    def save(self, path: PathLike, *, mat73: bool = False) -> None:
+        """Writes the bounds to .npz, .h5 or .mat, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            The file; its extension says the format.
+        mat73 : bool, default False
+            Write a .mat of MATLAB version 7.3.
+        """
+        self._core.save(path, mat73)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(_Result):
+    """How many experiments, and inputs for them.
+
+    Attributes
+    ----------
+    inputs : Ensemble
+        N experiments of T steps with r inputs and no outputs.
+    lags : int
+        Lag order p.
+    unknowns : int
+        L = r + p (r + m), per output and step.
+    minimum, recommended : int
+        Numbers of experiments.
+    reasons : list of str
+        Of both numbers, and of the steps that have no full regression.
+    kind : {"gaussian", "binary", "multisine", "orthogonal", "optimised"}
+    peak, rms : ndarray, shape (r,)
+        Of the inputs.
+    first_step : int
+        First step with a regression.
+    excess : float
+        Share that estimated coefficients add to the one-step mean square error.
+    input_condition : ndarray, shape (T,)
+        Condition number of the inputs in a window; NaN without a regression.
+    first_forecast : int
+        With a model: first step whose window it forecasts.
+    condition : ndarray, shape (T,), rank : list of int
+        With a model: of the whole windows; empty without one.
+    start_condition : float
+        Worst condition before the inputs were optimised.
+    output_peak : ndarray, shape (m,)
+        With a model: largest output without noise.
+    noise_floor, markov_error : float
+        With a model and noise levels: best one-step error over the outputs; error of the Markov parameters over
+        themselves.
+    warnings : list of str
+    """
+
+    inputs: Ensemble
+    lags: int
+    unknowns: int
+    minimum: int
+    recommended: int
+    reasons: list[str]
+    kind: str
+    peak: Array
+    rms: Array
+    first_step: int
+    excess: float
+    input_condition: Array
+    first_forecast: int
+    condition: Array
+    rank: list[int]
+    start_condition: float
+    output_peak: Array
+    noise_floor: float
+    markov_error: float
+    warnings: list[str]
+
+    @property
+    def u(self) -> Array:
+        """The inputs (N, T, r), a view."""
+        return self.inputs.u
+
+    @property
+    def experiments(self) -> int:
+        """Number of experiments N of the inputs."""
+        return self.inputs.experiments
+
+    def save(self, path: PathLike, *, mat73: bool = False) -> None:
+        """Writes the inputs as an ensemble, as `Ensemble.save` does."""
+        self.inputs.save(path, mat73=mat73)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Verdict(_Result):
+    """Can the model be trusted?
+
+    Attributes
+    ----------
+    trust : {"good", "look closer", "don't trust"}
+    summary : str
+        One sentence of figures.
+    reasons : list of str
+        Against the model, the gravest first.
+    """
+
+    trust: str
+    summary: str
+    reasons: list[str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Streamed(_Result):
+    """An identification in blocks, whose model is in a file.
+
+    Attributes
+    ----------
+    identification : Identification
+    states : int
+        Largest state dimension n.
+    block, blocks : int
+        Steps of a block, and how many there are.
+    overlap : int
+        Steps that a block shares with its neighbours.
+    missing : int
+        Samples, within the lengths of the experiments.
+    """
+
+    identification: Identification
+    states: int
+    block: int
+    blocks: int
+    overlap: int
+    missing: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Additions(_Result):
+    """What new experiments have added, and how well the model of those before does on them.
+
+    Attributes
+    ----------
+    experiments : list of int
+        Of each ensemble or file.
+    simulation, one_step : Fit
+        Of the model before on all new experiments.
+    """
+
+    experiments: list[int]
+    simulation: Fit
+    one_step: Fit
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Updated(_Result):
+    """The model of all experiments so far.
+
+    Attributes
+    ----------
+    experiments : int
+        All of them.
+    condition_max : float
+        0 where all steps were in one regression.
+    rank_deficient_steps : int
+    added : Additions or None
+        What the last update has added.
+    warnings : list of str
+    """
+
+    experiments: int
+    condition_max: float
+    rank_deficient_steps: int
+    added: Optional[Additions]
+    warnings: list[str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PrintedNumber(_Result):
+    """A number of the paper's Appendix B and the one computed here.
+
+    Attributes
+    ----------
+    equation, quantity : str
+    printed, computed : complex
+    tolerance : float
+        What counts as agreement.
+    """
+
+    equation: str
+    quantity: str
+    printed: complex
+    computed: complex
+    tolerance: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the two are as near as the printed digits can tell."""
+        return abs(self.computed - self.printed) <= self.tolerance
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Paper(_Result):
+    """The paper's example, recomputed.
+
+    Attributes
+    ----------
+    printed : list of PrintedNumber
+    data : dict
+        All that the figures show, as `paper.json` holds it.
+    """
+
+    printed: list[PrintedNumber]
+    data: dict[str, Any]

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <limits>
 #include <optional>
 
 #include "linalg/transposition.hpp"
@@ -9,8 +8,6 @@
 namespace tokid::io {
 
 namespace {
-
-constexpr double missing = std::numeric_limits<double>::quiet_NaN();
 
 struct ChannelField {
   const char* name;
@@ -234,12 +231,7 @@ Ensemble ensemble_of(const Fields& fields, bool outputs_required) {
   take(y, e.outputs(), e.inputs());
   e.names = std::move(outline.names);
   e.initial_state = outline.initial_state;
-  e.length = std::move(outline.length);
-  for (size_t n = 0; n < e.length.size(); ++n)
-    for (Index k = e.length[n]; k < e.steps(); ++k) {
-      e.input(k).row(static_cast<Index>(n)).setConstant(missing);
-      e.output(k).row(static_cast<Index>(n)).setConstant(missing);
-    }
+  set_length(e, std::move(outline.length));
   e.free = std::move(outline.free);
   e.check(outputs_required);
   return e;

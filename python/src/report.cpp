@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/report.hpp"
+
+#include "call.hpp"
+#include "results.hpp"
+#include "tokid/io.hpp"
+
+namespace tokid::python {
+
+namespace {
+
+using Path = std::filesystem::path;
+
+nb::any reported(const Model& model, const Ensemble& data, const std::optional<Path>& path,
+                 const ReportOptions& options) {
+  const Verdict verdict = without_gil([&] {
+    const ReportPage page = report_page(model, data, options);
+    if (path) save_text(page.html, *path);
+    return page.verdict;
+  });
+  return object_of(verdict);
+}
+
+// The page, the figures and their data as files of a directory, and what was found.
+nb::tuple paper(const std::optional<Path>& directory, std::uint64_t seed, int threads, nb::object listener) {
+  Call call(std::move(listener));
+  const auto [numbers, data] = call.run([&] {
+    const Execution execution = call.execution(threads);
+    const auto part = [&execution](double from, double to) {
+      return Execution{execution.threads,
+                       [&execution, from, to](double share) { execution.progress(from + (to - from) * share); }};
+    };
+    const Paper example = paper_example({.seed = seed, .execution = part(0.0, 0.2)});
+    const KalmanStudy study = kalman_study({.seed = seed, .execution = part(0.2, 1.0)});
+    std::string json = paper_json(example, study);
+    if (directory) {
+      std::filesystem::create_directories(*directory);
+      save_text(paper_page(example, study), *directory / "paper.html");
+      save_text(json, *directory / "paper.json");
+      for (const PaperFile& figure : paper_figure_files(example, study))
+        save_text(figure.text, *directory / figure.name);
+    }
+    return std::pair(example.printed, std::move(json));
+  });
+  nb::list printed;
+  for (const PrintedNumber& n : numbers)
+    printed.append(make("PrintedNumber", {{"equation", n.equation},
+                                          {"quantity", n.quantity},
+                                          {"printed", nb::cast(n.printed)},
+                                          {"computed", nb::cast(n.computed)},
+                                          {"tolerance", n.tolerance}}));
+  return nb::make_tuple(printed, data);
+}
+
+}  // namespace
+
+void bind_report(nb::module_& module) {
+  nb::class_<ReportOptions>(module, "ReportOptions", "The options of a page, as the library has them.")
+      .def(nb::init<>())
+      .def_rw("model_name", &ReportOptions::model_name)
+      .def_rw("data_name", &ReportOptions::data_name)
+      .def_rw("warnings", &ReportOptions::warnings)
+      .def_rw("horizon", &ReportOptions::horizon)
+      .def_rw("initial_state", &ReportOptions::initial_state, nb::for_setter(nb::arg().none()))
+      .def_rw("experiments", &ReportOptions::experiments)
+      .def_rw("points", &ReportOptions::points);
+  module.def("report", &reported, nb::arg("model"), nb::arg("data"), nb::arg("path").none(), nb::arg("options"));
+  module.def("paper", &paper, nb::arg("directory").none(), nb::arg("seed"), nb::arg("threads"),
+             nb::arg("listener").none());
+}
+
+}  // namespace tokid::python

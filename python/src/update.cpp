@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/update.hpp"
+
+#include "call.hpp"
+#include "results.hpp"
+
+namespace tokid::python {
+
+namespace {
+
+using Path = std::filesystem::path;
+
+nb::any object_of(const Additions& a) {
+  return make("Additions", {{"experiments", a.experiments},
+                            {"simulation", python::object_of(a.simulation)},
+                            {"one_step", python::object_of(a.one_step)}});
+}
+
+// (model, experiments, condition_max, rank_deficient_steps, warnings)
+nb::tuple identified(const UpdateState& state, int threads, nb::object listener) {
+  Call call(std::move(listener));
+  const Execution execution = call.execution(threads);
+  Updated now = call.run([&] { return identify(state, execution); });
+  const nb::list warnings = texts(now.warnings);
+  return nb::make_tuple(std::move(now.model), now.experiments, now.condition_max, now.rank_deficient_steps, warnings);
+}
+
+}  // namespace
+
+void bind_update(nb::module_& module) {
+  nb::class_<UpdateState>(module, "UpdateState", "The state of the library; tokid.UpdateState is what users see of it.")
+      .def(
+          "copy", [](const UpdateState& state) { return UpdateState(state); }, nb::call_guard<nb::gil_scoped_release>())
+      .def("identify", &identified, nb::kw_only(), nb::arg("threads"), nb::arg("listener").none())
+      // What the experiments have added, judged by the model before. The state is of no use where it throws.
+      .def(
+          "add",
+          [](UpdateState& state, const Model& before, const Ensemble& more, int threads, nb::object listener) {
+            Call call(std::move(listener));
+            const Execution execution = call.execution(threads);
+            return object_of(call.run([&] {
+              check_update(state, more);
+              const Validation found = validate(before, more, {.whiteness_lags = 0});
+              update(state, more, execution);
+              return Additions{{more.experiments()}, found.simulation, found.one_step};
+            }));
+          },
+          nb::arg("before"), nb::arg("more"), nb::kw_only(), nb::arg("threads"), nb::arg("listener").none())
+      .def(
+          "add_files",
+          [](UpdateState& state, const Model& before, const std::vector<Path>& files, std::vector<std::string> inputs,
+             std::vector<std::string> outputs, int threads, nb::object listener) {
+            Call call(std::move(listener));
+            UpdateOptions options;
+            options.read.inputs = std::move(inputs);
+            options.read.outputs = std::move(outputs);
+            options.execution = call.execution(threads);
+            return object_of(call.run([&] { return update(state, before, files, options); }));
+          },
+          nb::arg("before"), nb::arg("files"), nb::kw_only(), nb::arg("inputs"), nb::arg("outputs"), nb::arg("threads"),
+          nb::arg("listener").none())
+      .def(
+          "save", [](const UpdateState& state, const Path& path) { save_update_state(state, path); },
+          nb::call_guard<nb::gil_scoped_release>())
+      .def_prop_ro("experiments", [](const UpdateState& s) { return s.factors.experiments; })
+      .def_prop_ro("steps", [](const UpdateState& s) { return s.factors.steps(); })
+      .def_prop_ro("inputs", [](const UpdateState& s) { return s.factors.inputs; })
+      .def_prop_ro("outputs", [](const UpdateState& s) { return s.factors.outputs; })
+      .def_prop_ro("lags", [](const UpdateState& s) { return s.factors.lags; })
+      .def_prop_ro("states", [](const UpdateState& s) { return s.states; })
+      .def_prop_ro("dt", [](const UpdateState& s) { return s.factors.dt; });
+  module.def("load_update_state", &load_update_state, nb::arg("path"), nb::call_guard<nb::gil_scoped_release>());
+}
+
+}  // namespace tokid::python

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What goes in and what comes out: any layout in memory, one pass, views, and refusals that say what is wanted."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import tokid
+
+
+def samples(N=5, T=7, r=2, m=3, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(N, T, r)), rng.normal(size=(N, T, m))
+
+
+LAYOUTS = {
+    "C": np.ascontiguousarray,
+    "Fortran": np.asfortranarray,
+    "reversed": lambda a: a[::-1].copy()[::-1],
+    "transposed": lambda a: a.transpose(1, 2, 0).copy().transpose(2, 0, 1),
+    "strided": lambda a: np.repeat(a, 2, axis=1)[:, ::2],
+    "list": lambda a: a.tolist(),
+    "read-only": lambda a: np.frombuffer(a.tobytes()).reshape(a.shape),
+    "big-endian": lambda a: a.astype(">f8"),
+    "long double": lambda a: a.astype(np.longdouble),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("N", [1, 5, 37])
+def test_any_layout(layout, N):
+    u, y = samples(N)
+    data = tokid.Ensemble(LAYOUTS[layout](u), LAYOUTS[layout](y))
+    assert np.array_equal(data.u, u) and np.array_equal(data.y, y)
+
+
+@pytest.mark.parametrize("kind", ["f2", "f4", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "?"])
+def test_any_real_numbers(kind):
+    u = (samples()[0] * 3).astype(kind)
+    assert np.array_equal(tokid.Ensemble(u).u, u.astype(float))
+
+
+def test_masks_are_missing_samples():
+    u, y = samples()
+    masked = np.ma.array(y, mask=y > 1)
+    data = tokid.Ensemble(u, masked)
+    assert np.array_equal(np.isnan(data.y), y > 1) and data.missing == (y > 1).sum()
+
+
+def test_views_are_the_samples():
+    data = tokid.Ensemble.empty(4, 6, 2, 1, dt=0.5)
+    assert np.isnan(data.u).all() and np.isnan(data.y).all() and data.missing == 4 * 6 * 3
+    assert data.u.strides == data.y.strides == (8, 8 * 4 * 3, 8 * 4)
+    assert np.shares_memory(data.u, data.u) and not data.u.flags.owndata
+    data.u[...] = 1.0
+    data.y[2, 3] = 5.0
+    assert (data.u == 1).all() and data.y[2, 3, 0] == 5 and data.missing == 23
+    u = data.u
+    del data
+    assert (u == 1).all()  # the view keeps the samples
+
+
+def test_everything_that_is_known():
+    u, y = samples()
+    data = tokid.Ensemble(u, y, dt=0.1, length=[7, 3, 0, 7, 7], free_y=np.ones((2, 4, 3)), initial_state="unknown",
+                          input_names=["a", "b"], output_units=["m", "s", ""])
+    assert (len(data), data.experiments, data.steps, data.inputs, data.outputs) == (5, 5, 7, 2, 3)
+    assert data.length.tolist() == [7, 3, 0, 7, 7] and data.missing == 0
+    assert np.isnan(data.u[1, 3:]).all() and np.array_equal(data.u[1, :3], u[1, :3])
+    assert data.free_y.shape == (2, 4, 3) and (data.free_y == 1).all()
+    assert (data.input_names, data.output_names) == (["a", "b"], ["y1", "y2", "y3"])
+    assert (data.input_units, data.output_units, data.initial_state) == (["", ""], ["m", "s", ""], "unknown")
+    assert data.time.tolist() == pytest.approx([0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    summary = data.summary()
+    assert list(summary) == ["a", "b", "y1", "y2", "y3"]
+    inside = np.concatenate([u[n, :l, 1] for n, l in enumerate([7, 3, 0, 7, 7])])
+    assert summary["b"].samples == inside.size and summary["b"].mean == pytest.approx(inside.mean())
+    data.u[1, 5] = 99.0  # behind its end: ignored wherever the ensemble is used
+    assert data.summary()["b"].max == pytest.approx(inside.max())
+    for other in (pickle.loads(pickle.dumps(data)), copy.deepcopy(data)):
+        assert other.fingerprint == data.fingerprint and other.length.tolist() == data.length.tolist()
+        assert (other.free_y == 1).all() and other.input_names == ["a", "b"] and other.initial_state == "unknown"
+
+
+def test_parts():
+    u, y = samples(10)
+    data = tokid.Ensemble(u, y)
+    training, held_out = data.split(0.3)
+    assert (len(training), len(held_out)) == (7, 3)
+    assert np.array_equal(data.subset([3, 1]).u, u[[3, 1]])
+    assert np.array_equal(data.subset(u[:, 0, 0] > 0).u, u[u[:, 0, 0] > 0])
+    assert np.array_equal(data.stretch(2, 5).y, y[:, 2:5])
+    assert data.cut(3).u.shape == (20, 3, 2)
+    mean_u, mean_y = data.nominal()
+    assert np.allclose(mean_u, u.mean(0)) and np.allclose(data.departures().y, y - y.mean(0))
+    assert data.fingerprint == tokid.Ensemble(u, y).fingerprint != training.fingerprint
+
+
+REFUSED = [
+    (lambda u, y: tokid.Ensemble(u[0, 0], y), "u: shape (2,) found, (N, T, r) needed, or (T, r) for one experiment"),
+    (lambda u, y: tokid.Ensemble(u, y[:3]), "y: shape (3, 7, 3) found, (5, 7, m) needed"),
+    (lambda u, y: tokid.Ensemble(u, y[:, :6]), "y: shape (5, 6, 3) found, (5, 7, m) needed"),
+    (lambda u, y: tokid.Ensemble(u[0], y[0, :6]), "y: shape (6, 3) found, (7, m) needed"),
+    (lambda u, y: tokid.Ensemble(u, y[..., 0]), "y: shape (5, 7) found, (5, 7, m) needed"),
+    (lambda u, y: tokid.Ensemble(u * 1j, y), "u: an array of complex128 found, real numbers needed"),
+    (lambda u, y: tokid.Ensemble(u, y.astype(str)), "y: an array of <U32 found, real numbers needed"),
+    (lambda u, y: tokid.Ensemble(u, y.astype(object)), "y: an array of object found, real numbers needed"),
+    (lambda u, y: tokid.Ensemble([[1, 2], [3]], y), "u: lists of unequal lengths found"),
+    (lambda u, y: tokid.Ensemble(None), "inputs (N, T, r) or outputs (N, T, m) needed"),
+    (lambda u, y: tokid.Ensemble(np.where(u > 1, np.inf, u)), "infinite value in experiment"),
+    (lambda u, y: tokid.Ensemble(np.full_like(u, np.nan), y), "u1"),
+    (lambda u, y: tokid.Ensemble(u, y, dt=0), "dt"),
+    (lambda u, y: tokid.Ensemble(u, y, length=[1, 2]), "length: shape (2,) found, (5,) needed"),
+    (lambda u, y: tokid.Ensemble(u, y, length=[8, 2, 2, 2, 2]), "length: 8 found, 0 to 7 needed"),
+    (lambda u, y: tokid.Ensemble(u, y, length=np.ones(5)), "length: an array of float64 found, whole numbers needed"),
+    (lambda u, y: tokid.Ensemble(u, y, free_y=np.ones((2, 3))), "free_y: shape (2, 3) found, (Nf, Tf, 3) needed"),
+    (lambda u, y: tokid.Ensemble(u, y, input_names=["a"]), "input_names: 1 text found, a list of 2 texts needed"),
+    (lambda u, y: tokid.Ensemble(u, y, input_names="ab"), "input_names: 'ab' found, a list of 2 texts needed"),
+    (lambda u, y: tokid.Ensemble(u, y, initial_state="one"), "initial_state: 'one' found, one of 'zero', 'unknown'"),
+    (lambda u, y: tokid.Ensemble(u, y).subset([5]), "rows: 5 found, numbers from 0 to 4 needed"),
+    (lambda u, y: tokid.Ensemble(u, y).subset([0.5]), "row numbers"),
+    (lambda u, y: tokid.Ensemble(u, y).split(1.5), "1.5"),
+    (lambda u, y: tokid.Ensemble.empty(-1, 2, 1, 1), "experiments: -1 found, a whole number from 0 on needed"),
+    (lambda u, y: tokid.identify(u), "y: none found, outputs (N, T, m) needed"),
+    (lambda u, y: tokid.identify(tokid.Ensemble(u, y), y), "y: found beside an Ensemble"),
+    (lambda u, y: tokid.identify(tokid.Ensemble(u, y), dt=1), "dt: found beside an Ensemble"),
+    (lambda u, y: tokid.identify(u, y, lags=3, method="tvera"), "experiments: 5 found"),  # what the library says
+    (lambda u, y: tokid.identify(u, y, states=0), "states: 0 found, a whole number from 1 on or 'auto' needed"),
+    (lambda u, y: tokid.identify(u, y, states=2.0), "states: 2.0 found, a whole number from 1 on or 'auto' needed"),
+    (lambda u, y: tokid.identify(u, y, lags="all"), "lags: 'all' found, a whole number from 1 on or 'auto' needed"),
+    (lambda u, y: tokid.identify(u, y, method="era"), "method: 'era' found, one of 'auto', 'tvera', 'subspace' needed"),
+    (lambda u, y: tokid.identify(u, y, smoothing=-1), "smoothing: -1 found, a number from 0 on, infinity or 'auto'"),
+    (lambda u, y: tokid.identify(u, y, smoothing=np.nan), "smoothing: nan found"),
+    (lambda u, y: tokid.identify(u, y, period="weekly"), "period: 'weekly' found, a whole number from 0 to 1000000"),
+    (lambda u, y: tokid.identify(u, y, refine="often"), "refine: 'often' found, one of True, False, None, 'auto'"),
+    (lambda u, y: tokid.identify(u, y, hold_out=2), "hold_out: 2 found, a number from 0 to 1 needed"),
+    (lambda u, y: tokid.identify(u, y, reference_step=3), "reference_step: needs frame 'reference'"),
+    (lambda u, y: tokid.identify(u, y, threads=-1), "threads: -1 found, a whole number from 0 to 1024 needed"),
+]
+
+
+@pytest.mark.parametrize("call, words", REFUSED, ids=[words for _, words in REFUSED])
+def test_refusals_say_what_is_wanted(call, words):
+    with pytest.raises(ValueError) as error:
+        call(*samples())
+    assert words in str(error.value)
+
+
+def test_files_that_are_none(tmp_path, model):
+    (tmp_path / "no.npz").write_text("no archive")
+    with pytest.raises(OSError, match="no.npz") as error:
+        tokid.load(tmp_path / "no.npz")
+    assert isinstance(error.value, tokid.IoError)
+    with pytest.raises(tokid.IoError, match="missing.h5: no such file"):
+        tokid.load(tmp_path / "missing.h5")
+    with pytest.raises(tokid.IoError, match="models and bounds don't fit into .csv"):
+        model.save(tmp_path / "model.csv")
+    model.save(tmp_path / "model.npz")
+    with pytest.raises(tokid.IoError):
+        tokid.Ensemble.load(tmp_path / "model.npz")

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The examples of docs/python.md and of the docstrings."""
+
+import doctest
+import importlib
+import pkgutil
+from pathlib import Path
+
+import pytest
+
+import tokid
+
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+# Those of optional packages have tests of their own.
+MODULES = [name for _, name, _ in pkgutil.iter_modules(tokid.__path__) if name.startswith("_") or name == "results"]
+
+
+@pytest.mark.parametrize("name", ["", *MODULES])
+def test_docstrings(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    module = importlib.import_module(f"tokid.{name}" if name else "tokid")
+    names = {"tokid": tokid, "Ensemble": tokid.Ensemble, "Model": tokid.Model}
+    try:
+        assert doctest.testmod(module, extraglobs=names, optionflags=FLAGS).failed == 0
+    except TypeError:  # the extension has no source
+        assert name == "_tokid"
+
+
+def test_guide(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = Path(__file__).resolve().parents[2] / "docs" / "python.md"
+    found = doctest.testfile(str(page), module_relative=False, optionflags=FLAGS)
+    assert found.failed == 0 and found.attempted > 20
+
+
+def test_everything_public_is_documented():
+    for name in tokid.__all__:
+        thing = getattr(tokid, name)
+        if name.startswith("__") or not callable(thing):
+            continue
+        assert thing.__doc__, name
+        if isinstance(thing, type) and thing.__module__.startswith("tokid"):
+            for member, value in vars(thing).items():
+                if not member.startswith("_") and (callable(value) or isinstance(value, (property, classmethod))):
+                    assert (value.__func__ if isinstance(value, classmethod) else value).__doc__, f"{name}.{member}"

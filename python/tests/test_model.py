@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Models: matrices as views, outputs, coordinates, copies."""
+
+import gc
+import pickle
+
+import numpy as np
+import pytest
+
+import tokid
+
+
+def by_hand(model, u, x0=None):
+    """The equations of the model, written down."""
+    y = np.full((len(u), model.outputs), np.nan)
+    x = np.zeros(model.state_dim[0]) if x0 is None else x0
+    for s, k in enumerate(range(model.k_begin, min(model.k_end, len(u)))):
+        y[k] = model.C[s] @ x + model.D[s] @ u[k]
+        x = model.A[s] @ x + model.B[s] @ u[k]
+    return y
+
+
+def random_model(S=12, n=3, r=2, m=2, seed=5, **others):
+    rng = np.random.default_rng(seed)
+    return tokid.Model.from_matrices(0.5 * rng.normal(size=(S, n, n)), rng.normal(size=(S, n, r)),
+                                     rng.normal(size=(S, m, n)), rng.normal(size=(S, m, r)), **others)
+
+
+def test_matrices_are_views(model):
+    a = model.A[20]
+    assert a.flags.f_contiguous and not a.flags.owndata and not a.flags.writeable
+    assert np.shares_memory(a, model.A[20])
+    with pytest.raises(ValueError):
+        a[0, 0] = 1.0
+    assert model.A[-1].shape == (model.state_dim[-1], model.state_dim[-2])
+    stack = model.A.stack()
+    assert stack.shape == (30, 4, 4) and np.array_equal(stack, np.asarray(model.A))
+    for s, matrix in enumerate(model.A):
+        assert np.array_equal(stack[s, : matrix.shape[0], : matrix.shape[1]], matrix)
+        assert stack[s].sum() == pytest.approx(matrix.sum())
+    part = model.A[5:20:3]
+    assert len(part) == 5 and np.array_equal(part[1], model.A[8]) and np.array_equal(part.stack(), stack[5:20:3])
+    assert np.array_equal(model.A[::-1].stack(), stack[::-1])
+    with pytest.raises(IndexError, match="A: entry 30 found, one of 30 needed"):
+        model.A[30]
+    with pytest.raises(ValueError, match="copy"):
+        np.asarray(model.A, copy=False) if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else model.A.__array__(
+            copy=False)
+    assert np.asarray(model.A, dtype=np.float32).dtype == np.float32
+    assert "30 matrices" in repr(model.A) and len(model.Q) == 0
+
+
+def test_views_keep_the_model(data):
+    model = tokid.identify(data)
+    kept, before = model.C[10], model.C[10].copy()
+    del model
+    gc.collect()
+    tokid.identify(data)  # uses the memory that is free
+    assert np.array_equal(kept, before)
+
+
+def test_steps(model):
+    step = model.at(20)
+    assert np.array_equal(step.A, model.A[20 - model.k_begin]) and step.k == 20
+    assert np.allclose(step.closed_loop, step.A + step.G @ step.C) and step.Q is None
+    with pytest.raises(ValueError, match="k: 30 found, a whole number from 0 to 29 needed"):
+        model.at(30)
+    periodic = random_model(7, period=3, k_begin=2)
+    for k in range(2, 30):
+        expected = k - 2 if k < 9 else 4 + (k - 9) % 3
+        assert np.array_equal(periodic.at(k).A, periodic.A[expected])
+    u = np.random.default_rng(0).normal(size=(20, 2))
+    y, x = periodic.simulate(u, np.zeros(3)), np.zeros(3)
+    for k in range(2, 20):
+        step = periodic.at(k)
+        assert np.allclose(y[k], step.C @ x + step.D @ u[k])
+        x = step.A @ x + step.B @ u[k]
+
+
+def test_simulate():
+    model = random_model(k_begin=3)
+    rng = np.random.default_rng(1)
+    u, x0 = rng.normal(size=(4, 20, 2)), rng.normal(size=(4, 3))
+    y = model.simulate(u, x0)
+    assert y.shape == (4, 20, 2) and y.flags.c_contiguous
+    for n in range(4):
+        assert np.allclose(y[n], by_hand(model, u[n], x0[n]), equal_nan=True, rtol=1e-12)
+        assert np.array_equal(model.simulate(u[n], x0[n]), y[n], equal_nan=True)
+    one = model.simulate(u, x0[0])
+    assert np.allclose(one[2], by_hand(model, u[2], x0[0]), equal_nan=True)
+    assert np.array_equal(model.simulate(tokid.Ensemble(u), x0), y, equal_nan=True)
+    with pytest.raises(ValueError, match=r"x0: shape \(3, 3\) found, \(4, 3\) needed"):
+        model.simulate(u, x0[:3])
+    with pytest.raises(ValueError, match="inputs: 1 found, the model has 2"):
+        model.simulate(u[..., :1])
+    with pytest.raises(ValueError, match="estimate_state"):
+        model.simulate(u, y=y)
+
+
+def test_predict_and_innovations(noisy):
+    model = tokid.identify(noisy, refine=False)
+    u, y = np.array(noisy.u), np.array(noisy.y)
+    predicted = model.predict(u, y)
+    assert np.array_equal(predicted, model.predict(noisy), equal_nan=True)
+    assert np.array_equal(model.predict(u[3], y[3]), predicted[3], equal_nan=True)
+    assert np.allclose((y - predicted)[:, 10:], model.innovations(u, y)[:, 10:])
+    assert model.innovations(u[3], y[3]).shape == (30, 2)
+    assert np.nanstd(y - model.predict(u, y, horizon=5)) > np.nanstd(y - predicted)
+    # A later output says nothing of an earlier prediction.
+    later = y.copy()
+    later[:, 20:] += 1
+    assert np.array_equal(model.predict(u, later)[:, :21], predicted[:, :21], equal_nan=True)
+    with pytest.raises(ValueError, match=r"y: none found, outputs \(N, T, 2\) needed"):
+        model.predict(u)
+    with pytest.raises(ValueError, match="horizon: 0 found"):
+        model.predict(u, y, horizon=0)
+
+
+def test_estimate_state(model, data):
+    x = model.estimate_state(data, k=12)
+    assert x.shape == (40, 4)
+    y = model.from_step(12).simulate(data.u, x)
+    assert np.allclose(y[:, 12:], data.y[:, 12:], atol=1e-8) and np.isnan(y[:, :12]).all()
+    assert np.allclose(model.estimate_state(data.u[3], data.y[3], k=12), x[3])
+
+
+def test_markov_parameters(model, data):
+    h = model.markov(4)
+    assert h.shape == (30, 4, 2, 2)
+    assert np.isnan(h[0]).all() and np.isnan(h[2, 2:]).all() and np.isfinite(h[2, :2]).all()
+    assert np.allclose(h[20, 3], model.pulse_response(20, 16), rtol=1e-12)
+    assert np.allclose(h[20, 1], model.C[20] @ model.A[19] @ model.B[18])
+    system = tokid.example_system("oscillator", steps=30)
+    assert np.allclose(h[6:], system.markov(4)[6:], atol=1e-9)
+    assert model.difference(system, band=6) < 1e-8 < model.difference(tokid.example_system(steps=30, dt=0.06))
+
+
+def test_coordinates(model, data):
+    y = model.simulate(data.u)
+    S = np.random.default_rng(2).normal(size=(31, 4, 4)) + 3 * np.eye(4)
+    S = [s[:n, :n] for s, n in zip(S, model.state_dim)]
+    for other in (model.frame("smooth"), model.frame("reference", reference_step=4), model.transform(S)):
+        assert np.allclose(other.simulate(data.u), y, atol=1e-8)
+        assert other.identification is model.identification
+    assert model.frame("smooth").frame_name == "smooth" and model.frame_name == "raw"
+    system = tokid.example_system("oscillator", steps=30)
+    aligned = model.align(system)
+    assert np.allclose(aligned.A[15], system.A[15], atol=1e-8)
+    with pytest.raises(ValueError, match="name: 'round' found, one of 'smooth', 'reference' needed"):
+        model.frame("round")
+    with pytest.raises(ValueError, match="reference_step: needs name 'reference'"):
+        model.frame("smooth", reference_step=2)
+
+
+def test_observers():
+    system = tokid.example_system("oscillator", steps=40)
+    deadbeat, steps = system.deadbeat_observer()
+    assert steps == 2 and np.max(deadbeat.deadbeat_products(2)) < 1e-10
+    known = tokid.example_system("oscillator", steps=40, process_noise=0.1, measurement_noise=0.2)
+    assert np.allclose(known.R[5], 0.04 * np.eye(2)) and len(known.K) == 40
+    assert np.allclose(known.kalman_observer().K.stack(), known.K.stack())
+    assert known.observability(3, 4).shape == (8, 4)
+
+
+def test_from_matrices(tmp_path):
+    rng = np.random.default_rng(3)
+    dims = [2, 3, 3, 1]
+    A = [rng.normal(size=(dims[s + 1], dims[s])) for s in range(3)]
+    B = [rng.normal(size=(dims[s + 1], 1)) for s in range(3)]
+    C = [rng.normal(size=(2, dims[s])) for s in range(3)]
+    model = tokid.Model.from_matrices(A, B, C, dt=0.25, k_begin=4, output_names=["a", "b"], input_units=["N"],
+                                      x0_mean=[1, 2], x0_cov=np.eye(2))
+    assert model.state_dim.tolist() == dims and (model.states, model.k_end, model.method) == (3, 7, "known")
+    assert model.time.tolist() == [1.0, 1.25, 1.5] and model.x0_mean.tolist() == [1, 2]
+    assert model.output_names == ["a", "b"] and model.input_units == ["N"] and (model.D[1] == 0).all()
+    assert repr(model) == "<tokid.Model: n = 3 states, r = 1 input, m = 2 outputs, steps 4 to 6, dt = 0.25 s>"
+    model.save(tmp_path / "model.h5")
+    again = tokid.Model.load(tmp_path / "model.h5")
+    assert all(np.array_equal(a, b) for a, b in zip(again.A, A)) and again.x0_cov.tolist() == np.eye(2).tolist()
+    for wrong, words in [
+        (lambda: tokid.Model.from_matrices(A, B[:2], C), "B"),
+        (lambda: tokid.Model.from_matrices(A, B, [C[0], C[0], C[0]]), r"C\[1\] is 2 x 2, 2 x 3 needed"),
+        (lambda: tokid.Model.from_matrices(A[0], B, C), r"A: shape \(3, 2\) found, a matrix for each step"),
+        (lambda: tokid.Model.from_matrices([], B, C), "A: no matrices found"),
+        (lambda: tokid.Model.from_matrices([a * np.nan for a in A], B, C), "finite"),
+        (lambda: tokid.Model.from_matrices(A, B, C, x0_cov=[1, 2]), r"x0_cov: shape \(2,\) found, \(n, n\) needed"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            wrong()
+    with pytest.raises(TypeError, match="models come from"):
+        tokid.Model()
+
+
+def test_evidence(noisy):
+    model = tokid.identify(noisy, hold_out=0.25)
+    found = model.identification
+    assert (found.experiments, found.steps, found.noisy, found.held_out) == (30, 30, True, True)
+    assert found.order_scores.best in found.order_scores.states and len(found.smoothing_choice.trials) > 3
+    assert found.validation.one_step.fit.shape == (2,) and "one_step=Fit(fit=[" in repr(found.validation)
+    assert model.options["hold_out"] == 0.25 and len(model.lags) == model.steps == len(model.singular_values)
+    followed = tokid.identify(noisy, hold_out=0.25, choices=found.choices, lags=found.lags, states=model.states)
+    assert np.array_equal(followed.A.stack(), model.A.stack())
+    page = model._repr_html_()
+    assert page.startswith("<table>") and "held out" in page
+
+
+def test_copies(model, data, same_model):
+    copy = pickle.loads(pickle.dumps(model))
+    same_model(model, copy)
+    assert np.array_equal(copy.simulate(data.u), model.simulate(data.u))
+    assert copy.identification.lags == model.identification.lags
+    assert all(np.array_equal(a, b) for a, b in zip(copy.singular_values, model.singular_values))
+
+
+def test_warnings_name_the_line_of_the_user(data):
+    other = tokid.Ensemble(data.u, data.y, dt=0.5)
+    model = tokid.identify(data)
+    with pytest.warns(tokid.TokidWarning, match="0.5") as issued:
+        model.predict(other)
+    assert issued[0].filename == __file__
+
+
+def test_paper(tmp_path):
+    found = tokid.paper(tmp_path / "paper", threads=2)
+    assert all(n.agrees for n in found.printed) and len(found.printed) > 20 and found.data
+    assert (tmp_path / "paper" / "paper.html").exists()

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Memory, threads, interruption, import: what a process sees of the package."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import tokid
+
+PEAK = """
+import sys
+import numpy as np
+import tokid
+def peak():  # [MB]
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) / 1024 for line in file if line.startswith("VmHWM"))
+N, T, r, m = 400, 2500, 3, 2
+whole = N * T * (r + m) * 8 / 2**20  # [MB] of all samples
+def some(channels, dtype=np.float64, order="C"):  # made in place, so that nothing larger has been there before
+    array = np.empty((N, T, channels), dtype, order)
+    for n in range(N):
+        array[n] = np.sin(0.1 * np.arange(T)[:, None] * (n + 1) + np.arange(channels))
+    return array
+"""
+
+
+@pytest.mark.parametrize("make", ["some(r), some(m)", "some(r, np.float32), some(m, np.float32)",
+                                  "some(r, order='F'), some(m, order='F')", "some(r + 1)[..., 1:], some(m)[::-1]"])
+def test_arrays_are_copied_once(python, make):
+    """The ensemble's own memory, and no array between it and the caller's."""
+    script = PEAK + f"""
+u, y = {make}
+before = peak()
+data = tokid.Ensemble(u, y)
+print((peak() - before) / whole)
+"""
+    share = float(python(script).stdout)
+    assert 0.9 < share < 1.1, share
+
+
+def test_samples_in_place_are_not_copied(python, tmp_path):
+    script = PEAK + """
+data = tokid.Ensemble.empty(N, T, r, m)
+for n in range(N):
+    data.u[n] = np.sin(0.1 * np.arange(T)[:, None] * (n + 1) + np.arange(r))
+    data.y[n] = np.cos(0.1 * np.arange(T)[:, None] * (n + 1) + np.arange(m))
+before = peak()
+data.fingerprint, data.missing, data.summary(), data.u[3].sum(), data.y.max()
+data.save(sys.argv[1])
+print((peak() - before) / whole)
+"""
+    share = float(python(script, tmp_path / "data.h5").stdout)
+    assert share < 0.1, share
+
+
+def test_identification_adds_nothing_for_an_ensemble(python):
+    """What arrays need beyond an ensemble is the ensemble."""
+    script = PEAK.replace("T, r, m = 400, 2500", "T, r, m = 400, 500") + """
+u, y = some(r), some(m)
+y += 1e-3 * np.random.default_rng(0).standard_normal(y.shape)
+u += np.random.default_rng(1).standard_normal(u.shape)
+data = tokid.Ensemble(u, y) if sys.argv[1] == "ensemble" else None
+before = peak()
+options = dict(lags=2, states=2, method="tvera", nominal="none", initial_state="zero")
+tokid.identify(data, **options) if data else tokid.identify(u, y, **options)
+print((peak() - before) / whole)
+"""
+    of_arrays, of_ensemble = float(python(script, "arrays").stdout), float(python(script, "ensemble").stdout)
+    assert of_arrays - of_ensemble < 1.2, (of_arrays, of_ensemble)
+
+
+def test_a_thousand_identifications_leave_nothing_behind(python):
+    script = """
+import tokid
+def resident():  # [kB]
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS"))
+data = tokid.example("rotating-tube", experiments=12, steps=15)
+u, y = data.u.copy(), data.y.copy()
+def call():
+    model = tokid.identify(u, y, lags=2, states=2, hold_out=0.2)
+    model.simulate(u), model.predict(u, y), model.A.stack(), model.A[3]
+    try:
+        tokid.identify(u, y, lags=9)
+    except ValueError:
+        pass
+for _ in range(200):
+    call()
+before = resident()
+for _ in range(1000):
+    call()
+print(resident() - before)
+"""
+    # A matrix of the smallest size left behind by each call would be more than this.
+    assert int(python(script).stdout) < 400
+
+
+def test_threads_at_once(noisy):
+    alone = tokid.identify(noisy, refine=False)
+    found = [None] * 4
+
+    def work(i):
+        found[i] = tokid.identify(noisy, refine=False)
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(np.array_equal(model.A.stack(), alone.A.stack()) for model in found)
+
+
+def test_python_goes_on_during_a_call(noisy):
+    """Without the GIL released, the other thread would stand still from the first to the last line of a call."""
+    counts, stop = [], threading.Event()
+
+    def count():
+        n = 0
+        while not stop.is_set():
+            n += 1
+            counts.append(n) if n % 1000 == 0 else None
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    try:
+        time.sleep(0.05)
+        before, begin = len(counts), time.monotonic()
+        tokid.identify(noisy)
+        during, seconds = len(counts) - before, time.monotonic() - begin
+        before = len(counts)
+        time.sleep(seconds)
+        alone = len(counts) - before
+    finally:
+        stop.set()
+        thread.join()
+    assert during > 0.1 * alone, (during, alone, seconds)
+
+
+LONG = """
+import sys, time
+import tokid
+data = tokid.example("oscillator", experiments=300, steps=1500, process_noise=0.05, measurement_noise=0.1)
+model = tokid.example_system("oscillator", steps=1500, process_noise=0.05, measurement_noise=0.1)
+print("begin", flush=True)
+try:
+    {call}
+except KeyboardInterrupt:
+    print("stopped", flush=True)
+"""
+
+
+@pytest.mark.parametrize("call", ["tokid.identify(data)", "tokid.identify(data, threads=2)",
+                                  "model.refine(data, iterations=100000, tolerance=0.0, smoothing=0.1)",
+                                  "tokid.cross_validate(data, folds=10)"])
+def test_ctrl_c_stops_a_long_call(call):
+    process = subprocess.Popen([sys.executable, "-c", LONG.format(call=call)], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout.readline() == "begin\n"
+        time.sleep(0.7)
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        begin = time.monotonic()
+        assert process.stdout.readline() == "stopped\n"
+        assert time.monotonic() - begin < 5  # whole, it would take minutes
+        assert process.wait(5) == 0
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_progress(noisy, capfd):
+    shares = []
+    tokid.identify(noisy, progress=shares.append, threads=2)
+    assert shares and shares[-1] == 1.0 and all(0 <= s <= 1 for s in shares)
+    with pytest.raises(ZeroDivisionError):
+        tokid.identify(noisy, progress=lambda share: 1 / 0)
+    tokid.identify(noisy)
+    assert capfd.readouterr().err == ""
+    tokid.identify(noisy, progress=True)
+    assert "identify: " in capfd.readouterr().err
+
+
+def test_import_brings_numpy_alone(python):
+    script = """
+import sys
+import numpy
+before = set(sys.modules)
+import tokid
+print(*sorted({name.split(".")[0] for name in set(sys.modules) - before} - set(sys.stdlib_module_names)))
+"""
+    assert python(script).stdout.split() == ["tokid"]

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The paper's example, recomputed."""
+
+from __future__ import annotations
+
+import json
+from typing import Optional
+
+from . import _options, _tokid
+from ._errors import warn
+from ._progress import listener
+from ._typing import PathLike, Progress
+from .results import Paper
+
+
+def paper(
+    directory: Optional[PathLike] = None, *, seed: int = 1, threads: int = 1, progress: Progress = False
+) -> Paper:
+    """The paper's figures and printed numbers, recomputed from experiments.
+
+    Parameters
+    ----------
+    directory : path, optional
+        Where to write paper.html, paper.json and the figures (.svg).
+    seed : int, default 1
+        Of the experiments.
+    threads, progress
+        As of `tokid.identify`.
+
+    Returns
+    -------
+    Paper
+    """
+    with listener(progress, "paper") as listening:
+        printed, data = _tokid.paper(
+            directory, _options.integer("seed", seed, 0, 2**64 - 1), _options.threads(threads), listening
+        )
+    result = Paper(printed, json.loads(data))
+    warn(
+        f"{n.equation} {n.quantity}: {n.printed.real:.5g} printed, {n.computed.real:.5g} computed"
+        for n in result.printed
+        if not n.agrees
+    )
+    return result

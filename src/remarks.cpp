@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/remarks.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace tokid {
+
+namespace {
+
+InitialState initial_state(const Model& model, const Ensemble& inputs) {
+  return inputs.initial_state.value_or(model.initial_state);
+}
+
+void remark_no_outputs(const Ensemble& computed, std::vector<std::string>& result) {
+  for (Index k = 0; k < computed.steps(); ++k)
+    if (!computed.output(k).array().isNaN().all()) return;
+  result.emplace_back("no step of the data has outputs of the model: all of them are missing (NaN)");
+}
+
+}  // namespace
+
+std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate) {
+  const InitialState initial = initial_state(model, inputs);
+  if (estimate && !starts_from_zero(model, initial)) return "state that the first samples tell";
+  return has_initial_estimate(model, initial) ? "mean initial state" : "zero state";
+}
+
+std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& inputs, const Ensemble& simulated,
+                                            bool estimate) {
+  std::vector<std::string> result = differences(model, inputs);
+  remark_no_outputs(simulated, result);
+  if (!estimate && !starts_from_zero(model, initial_state(model, inputs)))
+    result.push_back(
+        fmt::format("the initial states are unknown: simulated from the {} at step {}, where the model begins",
+                    simulation_start(model, inputs, estimate), model.k_begin));
+  return result;
+}
+
+std::vector<std::string> prediction_remarks(const Model& model, const Ensemble& data, const Ensemble& predicted) {
+  std::vector<std::string> result = differences(model, data);
+  remark_no_outputs(predicted, result);
+  return result;
+}
+
+std::vector<std::string> remarks(const CrossValidation& cross) {
+  std::vector<std::pair<std::string, int>> seen;
+  for (const Fold& fold : cross.folds)
+    for (const std::string& text : fold.warnings) {
+      const auto same = [&text](const auto& entry) { return entry.first == text; };
+      const auto found = std::find_if(seen.begin(), seen.end(), same);
+      if (found == seen.end())
+        seen.emplace_back(text, 1);
+      else
+        ++found->second;
+    }
+  std::vector<std::string> result;
+  for (const auto& [text, count] : seen)
+    result.push_back(fmt::format("cross-validation, {} of {} folds: {}", count, cross.folds.size(), text));
+  return result;
+}
+
+}  // namespace tokid
