@@ -1,14 +1,14 @@
 # %% [markdown]
 # # A swing-up in MuJoCo, stabilised by a model that was identified
 #
-# A cart on a rail swings up a pole. The inputs that do so are known, but they alone do not get the pole up: whoever does
-# not start exactly from rest misses the upright position. Sixty runs that are slightly disturbed tell tokid how
-# departures from the planned motion evolve. A time varying LQR on the identified model, with the observer that comes
-# with the model, then holds the simulation of [MuJoCo](https://mujoco.org) on its course, from starts twenty times
-# as far away as those of the runs.
+# A cart on a rail swings up a pole. The inputs that do so are planned, but applied by themselves they do not get the
+# pole up unless it starts exactly from rest. Sixty slightly disturbed runs tell tokid how departures from the plan
+# evolve. A time varying LQR on the identified model, with the observer that comes with the model, then holds the
+# simulation of [MuJoCo](https://mujoco.org) on its course, from starts that are up to twenty times as far off as those
+# of the runs.
 #
-#     pip install tokid mujoco matplotlib
-#     python mujoco_swing_up.py
+#     pip install . mujoco matplotlib
+#     python examples/python/mujoco_swing_up.py
 #
 # The motor follows its command with a lag that is not measured. Nothing that MuJoCo knows enters the identification:
 # no equation, no mass, no number of states, no velocity, and neither the lag.
@@ -73,8 +73,8 @@ def run(policy, start):
 # %% [markdown]
 # ## The planned motion
 #
-# Up in 2.5 s, then upright for a second: iterative LQR, with derivatives by finite differences of the simulation. This is
-# planning, for which a model is at hand; any other way to a nominal trajectory would do.
+# Up in 2.5 s, then upright for a second: iterative LQR, with derivatives by finite differences of the simulation. Any
+# other way to a nominal trajectory would do; what follows uses its inputs and outputs alone.
 
 # %%
 UPRIGHT = np.array([0, np.pi, 0, 0, 0])
@@ -112,7 +112,8 @@ def plan(forces, iterations=100):
                 curvature = EFFORT + b @ P @ b + damping
                 shift[k], gain[k] = -(EFFORT * forces[k] + b @ p) / curvature, -(b @ P @ a) / curvature
                 F = a + np.outer(b, gain[k])
-                p = weight[k] * (states[k] - UPRIGHT) + EFFORT * gain[k] * (forces[k] + shift[k]) + F.T @ (p + P @ b * shift[k])
+                p = F.T @ (p + P @ b * shift[k]) + EFFORT * gain[k] * (forces[k] + shift[k])
+                p += weight[k] * (states[k] - UPRIGHT)
                 P = np.diag(weight[k]) + EFFORT * np.outer(gain[k], gain[k]) + F.T @ P @ F
             for share in 0.5 ** np.arange(6):
                 trial = run(lambda k, x: forces[k] + share * shift[k] + gain[k] @ (x - states[k]), np.zeros(5))
@@ -129,16 +130,17 @@ def plan(forces, iterations=100):
 
 began = time.perf_counter()
 swing = np.arange(STEPS)
-u_plan, x_plan = plan(np.where(swing < SWING, 5 * np.sin(2 * np.pi * swing / 80), 0))
+u_plan, x_plan = plan(np.where(swing < SWING, 6 * np.sin(2 * np.pi * swing / 60), 0))
 y_plan = x_plan[:, :2]
-print(f"Plan           {STEPS} steps of {1000 * DT:g} ms, at most {np.abs(u_plan).max():.1f} N; ends {x_plan[-1, 1] - np.pi:+.3f} rad from upright")
+print(f"Plan           {STEPS} steps of {1000 * DT:g} ms, at most {np.abs(u_plan).max():.1f} N, "
+      f"ends {x_plan[-1, 1] - np.pi:+.3f} rad from upright")
 
 # %% [markdown]
 # ## The runs
 #
-# Sixty runs from starts near rest, with the planned inputs and a random force of 0.3 N on top. The planned motion is not
-# stable: departures grow, and linear models know small ones only. Therefore a run ends where it is 0.6 m or 0.6 rad
-# off. tokid takes runs of unequal length.
+# Sixty runs from starts near rest, with a random force of 0.3 N on top of the planned one. The motion is not stable:
+# departures grow, and linear models know small ones only. Therefore a run is stopped where it is 0.6 m or 0.6 rad off.
+# tokid takes runs of unequal length.
 
 # %%
 RUNS, DITHER, STOP = 60, 0.3, 0.6
@@ -156,14 +158,15 @@ for n in range(RUNS):
 departures = tokid.Ensemble(u, y, dt=DT, length=length, initial_state="unknown",
                             input_names=["force"], output_names=["cart", "pole"],
                             input_units=["N"], output_units=["m", "rad"])
-print(f"Runs           {RUNS}, of which {np.sum(length < STEPS)} end early, the first after {DT * length.min():.2f} s; noise {1000 * NOISE:g} mm and mrad")
+print(f"Runs           {RUNS}, of which {np.sum(length < STEPS)} end early, the first after {DT * length.min():.2f} s; "
+      f"noise {1000 * NOISE:g} mm and mrad")
 
 # %% [markdown]
 # ## The model
 #
-# The first call identifies a model of every step, eight samples of memory being plenty; tokid finds the number of states and
-# how much neighbouring steps help each other. The second one makes it the most likely model: it then begins at the
-# first step, and its observer is the Kalman filter of the noise that the runs show.
+# The first call identifies a model of every step. A lag order is given, since trying many takes time; tokid finds the
+# number of states, and how much neighbouring steps help each other. The second call makes it the most likely model,
+# which begins at the first step and has as its observer the Kalman filter for the noise that the runs show.
 
 # %%
 with warnings.catch_warnings():
@@ -249,21 +252,24 @@ def rms(values):
 
 
 print(f"Starts         {STARTS}; root mean square over starts and steps of the departures from the plan")
-print(f"{'':15}{'cart [m]':>10}{'pole [rad]':>12}{'both':>10}{'tip [m]':>10}{'both, at the end':>18}{'upright':>10}")
+WIDTHS = 8, 12, 8, 9, 18
+heads = "cart [m]", "pole [rad]", "both", "tip [m]", "both, at the end"
+print(" " * 20 + "".join(f"{head:>{width}}" for head, width in zip(heads, WIDTHS)) + "  upright")
 errors, upright = {}, {}
 for name, states in motions.items():
     e = departure(states)
     upright[name] = int(np.sum(np.abs(e[:, -1, 1]) < 0.1))
     errors[name] = [rms(e[..., 0]), rms(e[..., 1]), rms(e), rms(tip(states)), rms(e[:, -1])]
-    cells = "".join(f"{value:{width}.4f}" for value, width in zip(errors[name], (10, 12, 10, 10, 18)))
-    print(f"  {name:<17}"[:17].ljust(17) + cells[2:] + f"{upright[name]:10}")
+    cells = "".join(f"{value:{width}.4f}" for value, width in zip(errors[name], WIDTHS))
+    print(f"  {name:<18}{cells}{upright[name]:9}")
 ratios = np.divide(errors["open loop"], errors["identified model"])
 ratio, tip_ratio, end_ratio = ratios[2:]
-print(f"Ratio          the identified model keeps departures {ratio:.1f} times below open loop, those of the tip {tip_ratio:.1f} times, at the end {end_ratio:.0f} times")
+print(f"Ratio          with the identified model, departures are {ratio:.1f} times smaller than in open loop,")
+print(f"               those of the tip {tip_ratio:.1f} times, those at the end {end_ratio:.0f} times")
 print(f"Time           {time.perf_counter() - began:.1f} s")
 
 # %% [markdown]
-# Open loop (grey) falls to either side; the controller (blue) brings every start back to the plan (dashed).
+# In open loop (grey) the pole falls to either side; the controller (blue) brings every run back to the plan (dashed).
 
 # %%
 plt.rcParams["svg.fonttype"] = "none"

@@ -5,8 +5,8 @@
 # outputs, not stable. `tokid.example` simulates experiments on it, and since its matrices are known, a model can be
 # compared with the truth.
 #
-#     pip install tokid matplotlib
-#     python paper_example.py
+#     pip install . matplotlib
+#     python examples/python/paper_example.py
 
 # %%
 # SPDX-License-Identifier: BSD-3-Clause
@@ -38,26 +38,27 @@ simulated = model.simulate(fresh)
 output_error = np.abs(simulated - fresh.y).max() / np.abs(fresh.y).max()
 aligned = model.align(truth)
 matrix_error = max(np.abs(aligned.at(k).A - truth.at(k).A).max() for k in range(model.full_begin, model.full_end - 1))
-print(f"Pulse responses agree to {pulse_error:.0e}, outputs of fresh experiments to {output_error:.0e}, A[k] to {matrix_error:.0e}")
+print(f"Largest errors: pulse responses {pulse_error:.0e}, outputs {output_error:.0e}, A[k] {matrix_error:.0e}")
 
 # %% [markdown]
 # The observer that comes with the model forgets every error within two steps, the lag order: the product of two
-# successive closed loops vanishes, although none of them does.
+# successive closed loops vanishes, although neither of them does. (The first two steps have no past to go by.)
 
 # %%
-loops = [model.at(k).closed_loop for k in range(model.full_begin, model.full_end)]
-deadbeat = max(np.linalg.norm(after @ before) for before, after in zip(loops, loops[1:]))
-print(f"Closed loops: norms from {min(map(np.linalg.norm, loops)):.2g} on, those of two in a row at most {deadbeat:.0e}")
+products = model.deadbeat_products()[2:]
+single = min(np.linalg.norm(model.at(k).closed_loop) for k in range(2, model.full_end))
+print(f"Closed loops: norm {single:.1f} at least, products of two in a row {products.max():.0e} at most")
 
 # %% [markdown]
 # ## With noise
 #
-# Noise on states and outputs, a hundred experiments. Everything is left to tokid: lag order, smoothing over time, number
-# of states, maximum likelihood. The yardstick is the true system with its true Kalman filter, which no model can beat.
+# Noise on states and outputs, eighty experiments. Everything is left to tokid: lag order, smoothing over time,
+# number of states, maximum likelihood. The yardstick is the true system with its true Kalman filter, which no model
+# can beat.
 
 # %%
-noise = {"process_noise": 0.02, "measurement_noise": 0.05, "steps": 60}
-noisy = tokid.identify(tokid.example("oscillator", experiments=100, **noise))
+noise = {"process_noise": 0.02, "measurement_noise": 0.05, "steps": 50}
+noisy = tokid.identify(tokid.example("oscillator", experiments=80, **noise))
 best = tokid.example_system("oscillator", **noise)
 judge = tokid.example("oscillator", experiments=50, seed=3, **noise)
 fits = {}
@@ -73,9 +74,10 @@ plt.rcParams["svg.fonttype"] = "none"
 figure, (above, below) = plt.subplots(2, 1, figsize=(8, 6), layout="constrained")
 steps = np.arange(model.full_begin, model.full_end - 1)
 for number, (name, system, style) in enumerate((("true", truth, "k-"), ("identified", aligned, "C1--"))):
-    sizes = np.array([np.sort(np.abs(np.linalg.eigvals(system.at(k).A))) for k in steps])
-    above.plot(steps, sizes, style, lw=2 - number, label=[name] + [None] * (sizes.shape[1] - 1))
-above.set(ylabel="sizes of the eigenvalues of A[k]", xlabel="step k", title="In the coordinates of the true system")
+    eigenvalues = np.array([np.linalg.eigvals(system.at(k).A) for k in steps])
+    angles = np.sort(np.angle(eigenvalues), axis=1)[:, 2:]  # those of the conjugates are the same
+    above.plot(steps, angles, style, lw=2 - number, label=[name, None])
+above.set(xlabel="step k", ylabel="angles of the eigenvalues of A[k]", title="In the coordinates of the true system")
 above.legend()
 below.plot(fresh.time, fresh.y[0], "k-", lw=2, label=["true", None])
 below.plot(fresh.time, simulated[0], "C1--", lw=1, label=["identified", None])

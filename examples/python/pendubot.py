@@ -1,29 +1,28 @@
 # %% [markdown]
 # # Swing-ups of a real robot
 #
-# The pendubot is a double pendulum whose upper joint alone has a motor. Ten measured swing-ups, disturbed by random bumps
-# of the torque, while a feedback controller is at work, the joints stick, and the equilibrium is not stable. No model can
-# simulate the whole manoeuvre; predictions of runs that were left out are judged.
+# The pendubot is a double pendulum whose upper joint alone has a motor. Here are ten measured swing-ups, disturbed by
+# random bumps of the torque. A feedback controller is at work, the joints stick, and the equilibrium is not stable: no
+# model can simulate the whole manoeuvre, so predictions of runs that were left out are judged.
 #
-#     pip install tokid matplotlib
-#     python pendubot.py
+#     pip install . matplotlib
+#     python examples/python/pendubot.py
 #
 # The runs come from github.com/dfki-ric-underactuated-lab/double_pendulum,
 # leaderboard/pendubot/real_hardware_perturbed_v2, ilqr_tvlqr_lqr/experiment01 … 10/trajectory.csv. Please cite Wiebe,
-# Kumar et al., "An Open Source Dual Purpose Acrobot and Pendubot Platform". They are no part of tokid: put them on an even
-# grid of 195 steps of 20 ms into `pendubot.npz`, in the current folder or in the folder `pendubot` of the one that the
-# environment variable `TOKID_DATA` names:
+# Kumar et al., "An Open Source Dual Purpose Acrobot and Pendubot Platform". They are no part of tokid: put them, on an
+# even grid of 195 steps of 20 ms, into `pendubot.npz` in the current folder, or in the folder `pendubot` of the one that
+# the environment variable `TOKID_DATA` names:
 #
 #     u  (10, 195, 2)  measured joint torques [N m], mean from one step to the next
 #     y  (10, 195, 2)  positions of both joints [rad], at the step
 #
-# (A file with a mask `perturbed` may hold other runs, and further outputs behind the positions.)
+# (With a mask `perturbed`, the file may hold other runs, and further outputs behind the positions.)
 
 # %%
 # SPDX-License-Identifier: BSD-3-Clause
 import os
 import sys
-import warnings
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -44,19 +43,15 @@ print(data)
 # %% [markdown]
 # ## Seven runs identify, three are kept back
 #
-# All choices are tokid's: that the mean motion is to be removed, lag order, smoothing over time, states, refinement. Seven
-# runs are fewer than the unknowns of a single step; neighbouring steps help each other.
+# All choices are tokid's: that the mean motion is to be removed, lag order, smoothing over time, states, refinement.
+# Seven runs are fewer than the unknowns of a single step; neighbouring steps help each other.
 
 # %%
 order = np.random.default_rng(0).permutation(len(data))
 training, fresh = (data.subset(np.sort(rows)) for rows in np.split(order, [int(0.7 * len(data))]))
-with warnings.catch_warnings(record=True) as said:
-    warnings.simplefilter("always", tokid.TokidWarning)
-    model = tokid.identify(training)
+model = tokid.identify(training)
 print(model)
-print("mean motion removed" if model.y_nominal is not None else "no mean motion", f"- lag order {model.identification.lags}")
-for warning in said:
-    print("tokid says:", warning.message)
+print(f"Lag order {model.identification.lags}, mean motion {'removed' if model.identification.nominal else 'kept'}")
 
 # %% [markdown]
 # ## Predictions
@@ -75,9 +70,9 @@ plt.rcParams["svg.fonttype"] = "none"
 figure, axes = plt.subplots(2, 1, figsize=(8, 6), sharex=True, layout="constrained")
 predicted = model.predict(fresh, horizon=10)
 for joint, axis in enumerate(axes):
-    axis.plot(fresh.time, fresh.y[:, :, joint].T - model.y_nominal[:, [joint]], "k-", lw=1.5, label=["measured", None, None])
-    axis.plot(fresh.time, predicted[:, :, joint].T - model.y_nominal[:, [joint]], "C0--", lw=1,
-              label=["predicted 0.2 s ahead", None, None])
+    for y, style, label in ((fresh.y, "k-", "measured"), (predicted, "C0--", "predicted 0.2 s ahead")):
+        lines = axis.plot(fresh.time, (y - model.y_nominal)[:, :, joint].T, style, lw=1)
+        lines[0].set_label(label)
     axis.set(ylabel=f"{fresh.output_names[joint]} less the mean motion [rad]")
 axes[0].set(title="Three runs that the model has not seen")
 axes[0].legend()
