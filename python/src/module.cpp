@@ -13,7 +13,6 @@ NB_MODULE(_tokid, module) {
   module.attr("version") = std::string(tokid::version);
   // std::invalid_argument is a ValueError already, std::bad_alloc a MemoryError, other std::exceptions RuntimeErrors.
   const nb::exception<tokid::IoError> io_error(module, "IoError", PyExc_OSError);
-  io_error.attr("__module__") = "tokid";
   io_error.attr("__doc__") =
       "A file that can't be read or written, or does not hold what it should: names the file, the data set, what was "
       "found and what is needed.";

@@ -10,6 +10,8 @@ from collections.abc import Iterable
 
 from ._tokid import IoError as IoError
 
+IoError.__module__ = "tokid"  # as users know it
+
 _PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
 
 
