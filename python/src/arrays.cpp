@@ -9,25 +9,18 @@ namespace tokid::python {
 
 namespace {
 
-// Rows and columns of a table that lies anywhere in memory: what a column is to a row, its neighbour need not be to it.
-constexpr Index tile_rows = 16, tile_cols = 8;
-
-// Entry j of row i: rows lie `stride` entries apart, and column j begins at begin[j].
+// Rows lie `stride` entries apart; entry j of a row is begin[j] behind its first one, and goes to column j. So many
+// rows at a time that their cache lines are still there for the next columns.
 template <class Number>
 void write_columns(const Number* from, Index stride, Index rows, const std::vector<std::int64_t>& begin,
                    const std::vector<double*>& to) {
-  std::array<double, tile_rows * tile_cols> tile;
-  for (Index i = 0; i < rows; i += tile_rows) {
-    const Index height = std::min(tile_rows, rows - i);
-    for (size_t j = 0; j < begin.size(); j += tile_cols) {
-      const size_t width = std::min(size_t(tile_cols), begin.size() - j);
-      for (Index a = 0; a < height; ++a)
-        for (size_t b = 0; b < width; ++b)
-          tile[b * size_t(tile_rows) + size_t(a)] = double(from[(i + a) * stride + begin[j + b]]);
-      for (size_t b = 0; b < width; ++b) {
-        const auto column = tile.begin() + std::ptrdiff_t(b) * tile_rows;
-        std::copy(column, column + height, to[j + b] + i);
-      }
+  constexpr Index block = 128;
+  for (Index i = 0; i < rows; i += block) {
+    const Index count = std::min(block, rows - i);
+    for (size_t j = 0; j < begin.size(); ++j) {
+      const Number* entry = from + i * stride + begin[j];
+      double* column = to[j] + i;
+      for (Index a = 0; a < count; ++a) column[a] = double(entry[a * stride]);
     }
   }
 }

@@ -4,6 +4,7 @@
 import doctest
 import importlib
 import pkgutil
+import re
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,14 @@ def test_guide(tmp_path, monkeypatch):
     page = Path(__file__).resolve().parents[2] / "docs" / "python.md"
     found = doctest.testfile(str(page), module_relative=False, optionflags=FLAGS)
     assert found.failed == 0 and found.attempted > 20
+
+
+def test_readme(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).resolve().parents[2] / "README.md").read_text()
+    (program,) = re.findall(r"^```python\n(import tokid\n.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    exec(compile(program.replace("experiments=200", "experiments=40"), "README.md", "exec"), {})
+    assert (tmp_path / "model.h5").exists() and capsys.readouterr().out.startswith("[9")
 
 
 def test_everything_public_is_documented():
