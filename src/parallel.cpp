@@ -27,6 +27,7 @@ void checkpoint() {
 void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body) {
   const Index total = end - begin;
   if (total <= 0) return;
+  checkpoint();  // also where other threads leave nothing to this one
   const Index threads = std::min<Index>(
       execution.threads > 0 ? execution.threads : std::max(1, int(std::thread::hardware_concurrency())), total);
   // Pieces are smaller than a thread's share so that uneven steps balance and progress is seen.

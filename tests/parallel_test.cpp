@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 namespace tokid {
@@ -45,10 +46,13 @@ struct Enough {};
 
 TEST(ParallelFor, IsStoppedByTheCheckOfItsThread) {
   for (const int threads : {1, 3}) {
-    int checks = 0;
+    std::atomic<int> checks{0};
     std::atomic<Index> done{0};
-    const auto run = [&] {
-      parallel_for(0, 100'000, {threads, {}}, [&](Index begin, Index end) { done += end - begin; });
+    const auto run = [&, own = std::this_thread::get_id()] {
+      parallel_for(0, 100'000, {threads, {}}, [&](Index begin, Index end) {
+        while (checks < 2 && std::this_thread::get_id() != own) std::this_thread::yield();  // or they do it all
+        done += end - begin;
+      });
     };
     {
       const Interruptible never([] { throw Enough(); });
