@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "thread_count.hpp"
+
 namespace tokid {
 
 namespace {
@@ -28,8 +30,7 @@ void parallel_for(Index begin, Index end, const Execution& execution, const std:
   const Index total = end - begin;
   if (total <= 0) return;
   checkpoint();  // also where other threads leave nothing to this one
-  const Index threads = std::min<Index>(
-      execution.threads > 0 ? execution.threads : std::max(1, int(std::thread::hardware_concurrency())), total);
+  const Index threads = std::min(thread_count(execution), total);
   // Pieces are smaller than a thread's share so that uneven steps balance and progress is seen.
   const Index piece = std::max<Index>(1, total / (32 * threads));
 

@@ -54,17 +54,24 @@ TEST_P(Kernels, TallProductsAreThoseOfEigen) {
   const Matrix x = random.matrix(8, 2), w = random.matrix(3, 2);
   Matrix out(8, 3);
   EXPECT_THROW(linalg::tall_products({{x, w}, {x, w}, {x, w}, {x, w}}, out), std::logic_error);
+  EXPECT_THROW(linalg::tall_products({{x, w.topRows(2)}}, out), std::logic_error);
+  EXPECT_THROW(linalg::tall_products({{x, w.leftCols(1)}}, out), std::logic_error);
+  EXPECT_THROW(linalg::tall_products({{x.topRows(7), w}}, out), std::logic_error);
+  EXPECT_THROW(linalg::tall_products(x, {{x, w}}, out), std::logic_error);
 }
 
 TEST_P(Kernels, ARowDoesNotDependOnTheOthers) {
   Random random(2);
-  const Matrix x = random.matrix(64, 5), w = random.matrix(3, 5);
+  const Matrix x = random.matrix(64, 5), w = random.matrix(3, 5), u = random.matrix(64, 2), b = random.matrix(3, 2),
+               y = random.matrix(64, 3);
   Matrix all(64, 3);
-  linalg::tall_products({{x, w}}, all);
+  linalg::tall_products(y, {{x, w, true}, {u, b}, {x, w, true}}, all);
   for (const Index begin : {0, 3, 8, 32})
     for (const Index rows : {1, 3, 7, 13, 16, 31}) {
       Matrix part(rows, 3);
-      linalg::tall_products({{x.middleRows(begin, rows), w}}, part);
+      const auto x_part = x.middleRows(begin, rows);
+      linalg::tall_products(y.middleRows(begin, rows),
+                            {{x_part, w, true}, {u.middleRows(begin, rows), b}, {x_part, w, true}}, part);
       EXPECT_EQ(part, all.middleRows(begin, rows));
     }
 }

@@ -87,9 +87,8 @@ void Hdf5Source::Samples::read(const Hyperslab& part, double* to) const {
   const Handle from = selected(data_, name_, part), memory = memory_of(part);
   checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
   // The library takes what lies behind the end of a file for zeros.
-  if (source_.descriptor_.bytes() < source_.bytes_)
-    fail("'{}': the file became shorter while it was read, from {} to {} bytes", name_, source_.bytes_,
-         source_.descriptor_.bytes());
+  if (const std::int64_t bytes = source_.descriptor_.bytes(); bytes >= 0 && bytes < source_.bytes_)
+    fail("'{}': the file became shorter while it was read, from {} to {} bytes", name_, source_.bytes_, bytes);
 }
 
 void Hdf5Source::Samples::expect(const Hyperslab& part) const {

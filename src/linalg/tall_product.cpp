@@ -92,20 +92,21 @@ HWY_INLINE void columns_of(const Sum& s, size_t row) {
 }
 
 void SumOfProducts(const Sum& s) {
+  const hn::CappedTag<double, 1> one;  // rounds as whole vectors do: a row must not depend on its neighbours
   size_t row = 0;
   for (; row + 2 * lanes <= s.rows; row += 2 * lanes) columns_of<2>(s, row);
   for (; row + lanes <= s.rows; row += lanes) columns_of<1>(s, row);
   for (; row < s.rows; ++row)
     for (size_t c = 0; c < s.columns; ++c) {
-      double sum = s.start ? s.start[row + c * s.start_stride] : 0.0;
+      auto sum = hn::Set(one, s.start ? s.start[row + c * s.start_stride] : 0.0);
       for (size_t p = 0; p < s.count; ++p) {
         const Factors& f = s.products[p];
         for (size_t i = 0; i < f.inner; ++i) {
-          const double term = f.x[i * f.x_stride + row] * f.w[i * f.w_stride + c];
-          sum += f.minus ? -term : term;
+          const auto x = hn::Set(one, f.x[i * f.x_stride + row]), w = hn::Set(one, f.w[i * f.w_stride + c]);
+          sum = f.minus ? hn::NegMulAdd(w, x, sum) : hn::MulAdd(w, x, sum);
         }
       }
-      s.out[row + c * s.out_stride] = sum;
+      s.out[row + c * s.out_stride] = hn::GetLane(sum);
     }
 }
 
@@ -122,10 +123,15 @@ namespace {
 void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
   if (products.size() > most_products)
     throw std::logic_error(fmt::format("tall_products: {} found, up to {} possible", products.size(), most_products));
+  const auto fits = [&](Index rows, Index columns) { return rows == out.rows() && columns == out.cols(); };
+  if (start && !fits(start->rows(), start->cols())) throw std::logic_error("tall_products: start has another shape");
   Sum sum{};
-  for (const TallProduct& p : products)
+  for (const TallProduct& p : products) {
+    if (!fits(p.x.rows(), p.w.rows()) || p.x.cols() != p.w.cols())
+      throw std::logic_error("tall_products: factors have another shape");
     sum.products[sum.count++] = {
         p.x.data(), p.w.data(), size_t(p.x.cols()), size_t(p.x.outerStride()), size_t(p.w.outerStride()), p.minus};
+  }
   sum.rows = size_t(out.rows());
   sum.columns = size_t(out.cols());
   sum.out = out.data();

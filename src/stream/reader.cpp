@@ -2,7 +2,10 @@
 #include "stream/reader.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <future>
+
+#include "tokid/parallel.hpp"
 
 namespace tokid::stream {
 
@@ -28,7 +31,11 @@ Reader::~Reader() {
 
 Ensemble Reader::take(Index i) {
   std::unique_lock lock(mutex_);
-  read_.wait(lock, [&] { return failure_ || waiting_.count(i) > 0; });
+  while (!read_.wait_for(lock, std::chrono::milliseconds(100), [&] { return failure_ || waiting_.count(i) > 0; })) {
+    lock.unlock();
+    checkpoint();
+    lock.lock();
+  }
   const auto found = waiting_.find(i);
   if (found == waiting_.end()) std::rethrow_exception(failure_);
   Ensemble samples = std::move(found->second);

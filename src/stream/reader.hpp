@@ -16,13 +16,14 @@ namespace tokid::stream {
 // processor, and the time of both together is that of the slower one.
 class Reader {
  public:
-  // Up to `ahead` blocks wait.
+  // Up to `ahead` blocks wait, beside those that were taken.
   Reader(const EnsembleFile& file, const Plan& plan, Index first, Index stride, Index ahead);
   ~Reader();
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // The samples of block i, which is asked for once, by any thread. \throws what reading it has thrown
+  // The samples of block i, by any thread, each block once. Who asks for one that more than `ahead` blocks lie before
+  // waits until others have taken some of these. \throws what reading it has thrown
   Ensemble take(Index i);
 
  private:

@@ -14,6 +14,7 @@
 #include "stream/blocks.hpp"
 #include "stream/decide.hpp"
 #include "stream/reader.hpp"
+#include "thread_count.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid {
@@ -26,8 +27,8 @@ using stream::Plan;
 
 Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 
-// What a block makes of its samples is about as large as they are, twice.
-constexpr double copies = 3.0;
+// What a block makes of its samples is about as large as they are, twice; and the next one waits.
+constexpr double copies = 4.0;
 constexpr Index longest_block = 4096;
 // Steps over which the ends of a block still show in models whose steps share what they know.
 constexpr Index fading = 96;
@@ -170,7 +171,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
       plan_of(file, options, archive::unpacked<Settled>(team.broadcast(archive::packed(decision.settled))));
   std::optional<Record> record;
   if (model) record.emplace(file, plan, *model);
-  const Index threads = std::max(1, options.identify.execution.threads);
+  const Index threads = thread_count(options.identify.execution);
   const Index round = blocks_at_a_time * threads;
   stream::Reader reader(file, plan, team.rank, team.size, threads);
   for (Index from = 0; from < plan.count; from += round * team.size) {
