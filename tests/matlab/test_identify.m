@@ -132,6 +132,24 @@ assert(~isempty(strfind(fileread('fresh.html'), '<html'))); %#ok<STREMP>
 throws('tokid:input', 'extension', @() tokid.report('fresh.txt', model, later));
 end
 
+function case_arrays_have_the_sample_time_of_model_or_state()
+data = clean_data();
+assert(data.dt == 0.05);
+state = 'it''s a state.h5';
+model = tokid.identify(data.u(1:20, :, :), data.y(1:20, :, :), 'dt', data.dt, 'lags', 2, 'states', 4, 'state', state);
+silent(@() tokid.update(state, data.u(21:29, :, :), data.y(21:29, :, :)));
+throws('tokid:input', 'dt: 0.1 found, 0.05 needed', ...
+       @() tokid.update(state, data.u, data.y, 'dt', 0.1));
+throws('tokid:input', 'absent.h5', @() tokid.update('absent.h5', data.u, data.y));
+tokid.write('m.npz', model);
+throws('tokid:input', 'm.npz', @() tokid.update('m.npz', data.u, data.y));
+expected = silent(@() tokid.predict(model, data.u, data.y));
+assert(isequaln(silent(@() tokid.predict('m.npz', data.u, data.y)), expected));
+assert(isequaln(silent(@() tokid.predict('m.npz', struct('u', data.u, 'y', data.y, 'dt', []))), expected));
+warns('tokid:predict', 'dt = 0.1 s', @() tokid.predict('m.npz', data.u, data.y, 'dt', 0.1));
+throws('tokid:input', 'absent.npz', @() tokid.predict('absent.npz', data.u, data.y));
+end
+
 function case_blocks_of_a_large_file()
 tokid.write('data.h5', tokid.example_data('oscillator', 'experiments', 40, 'steps', 120));
 [model, evidence] = tokid.identify('data.h5', 'block', 40);
