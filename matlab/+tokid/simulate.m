@@ -26,7 +26,7 @@ if ischar(model) || isa(model, 'string')
   model = tokid.read(model);
 end
 tokid.internal.check_model(model, {'A', 'B', 'C', 'D', 'state_dim'});
-known = {'x0', 'own'; 'estimate_state', 'own'};
+known = {'x0', 'own'; 'estimate_state', 'flag'};
 lengths = [];
 if iscell(u)
   lengths = cellfun(@(c) size(c, 1), u(:));
@@ -39,18 +39,16 @@ else
   data = struct();
   data.u = u;
 end
-if ~isfield(data, 'dt')
-  data.dt = value_of(model, 'dt', 1);
-end
 [data, pairs] = tokid.internal.take_fields(data, varargin);
-[~, own] = tokid.internal.options('simulate', known, pairs, tokid.internal.data_fields());
+[estimate, own] = tokid.internal.options('simulate', known, pairs, tokid.internal.data_fields());
 data = tokid.internal.ensemble(data, false);
+data.dt = value_of(data, 'dt', value_of(model, 'dt', 1));
 
-if isfield(own, 'estimate_state') && isequal(own.estimate_state, true)
-  y = by_tool(model, data);
+if ~isempty(estimate)
   if nargout > 1 || isfield(own, 'x0')
     error('tokid:option', 'simulate: option ''estimate_state'' goes neither with ''x0'' nor with the states x');
   end
+  y = by_tool(model, data);
 else
   tell_differences(model, data);
   [y, x] = natively(model, data, own);

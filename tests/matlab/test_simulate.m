@@ -158,6 +158,25 @@ assert(nnz(seen) >= 30 * 12 && max(abs(y(seen) - data.y(seen))) < 1e-6 * max(abs
 throws('tokid:shape', 'y: none found', @() tokid.simulate(model, data.u, 'estimate_state', true));
 end
 
+function case_what_is_asked_is_checked()
+setenv('TOKID', '/no/such/tool');
+model = known(8, 3, 2, 2);
+data = tokid.ensemble(randn(5, 8, 2), randn(5, 8, 2), 'dt', 0.1);
+throws('tokid:option', 'option ''estimate_state'': true or false', ...
+       @() tokid.simulate(model, data, 'estimate_state', 'yes'));
+throws('tokid:option', 'initial_state: ''auto''', @() tokid.simulate(model, data, 'initial_state', 'auto'));
+throws('tokid:shape', 'length: 99 found', @() tokid.simulate(model, data, 'length', 99 * ones(5, 1)));
+throws('tokid:option', 'neither with ''x0''', ...
+       @() tokid.simulate(model, data, 'estimate_state', 1, 'x0', [0 0 0]));
+try
+  [~, x] = tokid.simulate(model, data, 'estimate_state', true); %#ok<ASGLU>
+catch problem
+end
+assert(strcmp(problem.identifier, 'tokid:option'), problem.message);
+silent(@() tokid.simulate(model, data, 'estimate_state', false));
+silent(@() tokid.simulate(model, data, 'dt', []));
+end
+
 function case_differences_are_told()
 model = known(8, 3, 2, 2);
 model.input_names = {'a'; 'b'};

@@ -37,7 +37,8 @@ else
   end
 end
 [data, pairs] = tokid.internal.take_fields(data, pairs, others);
-if ~isfield(data, 'dt') || isempty(data.dt)
+data = tokid.internal.ensemble(data, needs_outputs);
+if ~isfield(data, 'dt')
   if isstruct(model) && isfield(model, 'dt')
     data.dt = model.dt;
   elseif ischar(model) || isa(model, 'string')
@@ -46,7 +47,6 @@ if ~isfield(data, 'dt') || isempty(data.dt)
     data.dt = tokid.internal.sample_time(folder, tokid.internal.file_name(model{1}), 'state');
   end
 end
-data = tokid.internal.ensemble(data, needs_outputs);
 file = fullfile(folder, 'data.mat');
 files = {file, 'data'};
 tokid.internal.write_ensemble(file, data);
