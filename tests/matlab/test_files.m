@@ -139,6 +139,12 @@ throws('tokid:option', 'write: option ''mat7'' found, one of mat73 needed', ...
        @() tokid.write('a.mat', tokid.ensemble(1, 1), 'mat7', true));
 end
 
+function case_names_of_files_are_texts()
+throws('tokid:input', 'the name of a file needed, 1 x 1 of class double found', @() tokid.read(5));
+throws('tokid:input', '0 x 0 of class char', @() tokid.read(''));
+throws('tokid:input', '2 x 1 of class char', @() tokid.write(['a'; 'b'], tokid.ensemble(1, 1)));
+end
+
 function case_what_is_wrong_with_a_model()
 throws('tokid:model', 'the field B, C, D, G, state_dim is missing', @() tokid.write('a.npz', struct('A', 1)));
 throws('tokid:model', 'a value of class double found', @() tokid.predict(1, ones(3, 4), ones(3, 4)));

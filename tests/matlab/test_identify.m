@@ -225,6 +225,30 @@ setenv('PATH', [fileparts(tool), ':', getenv('PATH')]);
 assert(exist(tokid.tool(), 'file') == 2);
 end
 
+function case_the_tool_stays_when_the_folder_changes()
+tool = getenv('TOKID');
+[folder, name] = fileparts(tool);
+here = pwd();
+ways = {@() tokid.tool(name), @() setenv('TOKID', name), @() setenv('PATH', ['.:', getenv('PATH')])};
+for i = 1:3
+  cd(folder);
+  setenv('TOKID', '');
+  ways{i}();
+  assert(strcmp(tokid.tool(), fullfile(folder, name)));
+  cd(here);
+  assert(strcmp(tokid.tool(), fullfile(folder, name)));
+  tokid.tool('');
+end
+setenv('TOKID', name);
+throws('tokid:toolNotFound', 'environment variable TOKID', @() tokid.tool());
+cd(folder);
+assert(strcmp(tokid.tool(), fullfile(folder, name)));
+tokid.tool(tool);
+throws('tokid:toolNotFound', 'no such file', @() tokid.tool('no/such/tool'));
+throws('tokid:input', 'the name of a file needed, 1 x 1 of class double found', @() tokid.tool(5));
+assert(strcmp(tokid.tool(), tool)); % after a wrong one, that of before
+end
+
 function case_another_program_is_no_tool()
 tokid.tool('/bin/false');
 throws('tokid:tool', '/bin/false ended with status 1', @() tokid.example_data('oscillator'));

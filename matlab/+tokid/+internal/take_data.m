@@ -39,7 +39,7 @@ end
 [data, pairs] = tokid.internal.take_fields(data, pairs, others);
 data = tokid.internal.ensemble(data, needs_outputs);
 if ~isfield(data, 'dt')
-  if isstruct(model) && isfield(model, 'dt')
+  if isstruct(model) && isfield(model, 'dt') && ~isempty(model.dt)
     data.dt = model.dt;
   elseif ischar(model) || isa(model, 'string')
     data.dt = tokid.internal.sample_time(folder, tokid.internal.file_name(model), 'model');
