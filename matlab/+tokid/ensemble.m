@@ -19,6 +19,7 @@ function data = ensemble(u, y, varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'u');
 if nargin < 2
   y = [];
 end

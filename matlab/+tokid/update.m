@@ -15,6 +15,7 @@ function [model, evidence] = update(state, varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'state');
 known = {'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, {state}, {});

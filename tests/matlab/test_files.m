@@ -150,7 +150,11 @@ throws('tokid:model', 'the field B, C, D, G, state_dim is missing', @() tokid.wr
 throws('tokid:model', 'a value of class double found', @() tokid.predict(1, ones(3, 4), ones(3, 4)));
 model = small_model();
 model.B = model.B(1:3, :, :);
-throws('tokid:input', 'model: data set ''B''', @() tokid.write('a.npz', model));
+throws('tokid:model', 'model: B: 3 x 2 x 12 found, 4 x 2 x 12 needed beside A of 4 x 4 x 12', ...
+       @() tokid.write('a.npz', model));
+model = small_model();
+model.G = model.G(:, 1, :);
+throws('tokid:model', 'model: G: 4 x 1 x 12 found', @() tokid.predict(model, ones(2, 12, 2), ones(2, 12, 2)));
 end
 
 function case_quotation_marks_of_cmd()

@@ -39,12 +39,16 @@ end
 [data, pairs] = tokid.internal.take_fields(data, pairs, others);
 data = tokid.internal.ensemble(data, needs_outputs);
 if ~isfield(data, 'dt')
-  if isstruct(model) && isfield(model, 'dt') && ~isempty(model.dt)
-    data.dt = model.dt;
+  dt = [];
+  if isstruct(model) && isfield(model, 'dt')
+    dt = model.dt;
   elseif ischar(model) || isa(model, 'string')
-    data.dt = tokid.internal.sample_time(folder, tokid.internal.file_name(model), 'model');
+    dt = tokid.internal.sample_time(folder, tokid.internal.file_name(model), 'model');
   elseif iscell(model)
-    data.dt = tokid.internal.sample_time(folder, tokid.internal.file_name(model{1}), 'state');
+    dt = tokid.internal.sample_time(folder, tokid.internal.file_name(model{1}), 'state');
+  end
+  if ~isempty(dt)
+    data.dt = dt;
   end
 end
 file = fullfile(folder, 'data.mat');
