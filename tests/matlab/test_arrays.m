@@ -35,6 +35,11 @@ end
 function case_columns_are_no_single_record()
 throws('tokid:shape', '9 experiments of one step; a single record is 1 x T x channels', ...
        @() tokid.ensemble(randn(9, 1), randn(9, 1)));
+data = tokid.ensemble({1, 2}, {3, 4});
+assert(isequal(data.u, [1; 2]) && isequal(data.y, [3; 4]) && isequal(data.length, [1; 1]));
+tokid.write('a.npz', data);
+data = by_tool('convert', 'a.npz', 'a.mat');
+assert(data.experiments == 2 && isequal(data.u, [1; 2]) && isequal(data.y, [3; 4]));
 end
 
 function case_disagreeing_shapes_are_named()
@@ -96,12 +101,4 @@ for i = 1:3
 end
 silent(@() tokid.write('a.mat', data));
 silent(@() tokid.write('b.mat', load('a.mat')));
-end
-
-function case_experiments_of_one_step_are_cells()
-data = tokid.ensemble({1, 2}, {3, 4});
-assert(isequal(data.u, [1; 2]) && isequal(data.y, [3; 4]) && isequal(data.length, [1; 1]));
-tokid.write('a.npz', data);
-data = by_tool('convert', 'a.npz', 'a.mat');
-assert(data.experiments == 2 && isequal(data.u, [1; 2]) && isequal(data.y, [3; 4]));
 end

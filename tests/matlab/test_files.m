@@ -128,6 +128,9 @@ assert(exist(fullfile(pwd(), 'in home.npz'), 'file') == 2);
 end
 
 function case_what_is_wrong_with_a_file()
+throws('tokid:input', 'the name of a file needed, 1 x 1 of class double found', @() tokid.read(5));
+throws('tokid:input', '0 x 0 of class char', @() tokid.read(''));
+throws('tokid:input', '2 x 1 of class char', @() tokid.write(['a'; 'b'], tokid.ensemble(1, 1)));
 throws('tokid:input', 'absent.npz', @() tokid.read('absent.npz'));
 id = fopen('broken.npz', 'w');
 fprintf(id, 'nothing');
@@ -137,12 +140,6 @@ throws('tokid:input', 'a.xyz: extension ''.xyz'' found', @() tokid.write('a.xyz'
 throws('tokid:input', 'no/such/folder', @() tokid.write('no/such/folder/a.npz', tokid.ensemble(1, 1)));
 throws('tokid:option', 'write: option ''mat7'' found, one of mat73 needed', ...
        @() tokid.write('a.mat', tokid.ensemble(1, 1), 'mat7', true));
-end
-
-function case_names_of_files_are_texts()
-throws('tokid:input', 'the name of a file needed, 1 x 1 of class double found', @() tokid.read(5));
-throws('tokid:input', '0 x 0 of class char', @() tokid.read(''));
-throws('tokid:input', '2 x 1 of class char', @() tokid.write(['a'; 'b'], tokid.ensemble(1, 1)));
 end
 
 function case_what_is_wrong_with_a_model()
