@@ -21,6 +21,7 @@ function [bounds, evidence] = confidence(model, varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'model');
 known = {'level', 'value'; 'method', 'value'; 'replicates', 'value'; 'seed', 'value'; 'band', 'value'; ...
          'reference_step', 'value'; 'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>

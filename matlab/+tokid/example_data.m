@@ -18,6 +18,7 @@ function data = example_data(system, varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'system');
 known = {'experiments', 'value'; 'steps', 'value'; 'seed', 'value'; 'process_noise', 'value'; ...
          'measurement_noise', 'value'; 'free_responses', 'value'; 'initial_state', 'value'};
 words = tokid.internal.options('example', known, varargin);

@@ -12,6 +12,7 @@ function contents = read(file, varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'file');
 words = tokid.internal.options('read', {'inputs', 'list'; 'outputs', 'list'}, varargin);
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 copy = fullfile(folder, 'copy.mat');

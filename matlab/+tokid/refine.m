@@ -19,6 +19,7 @@ function [model, evidence] = refine(model, varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'model');
 known = {'smoothing', 'value'; 'period', 'value'; 'iterations', 'value'; 'initial_state', 'value'; ...
          'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>

@@ -18,15 +18,17 @@ function [y, x] = simulate(model, u, varargin)
 %   'dt'              sample time of u, to be compared with the model's
 %
 % The recursion is done here, without the tool, so that it is fast in a loop; only 'estimate_state' and the names of
-% files need the tool. Warnings have the identifier tokid:simulate. Errors: tokid:shape, tokid:model, tokid:option.
+% files need the tool. Warnings have the identifier tokid:simulate. Errors: tokid:shape, tokid:model, tokid:option,
+% tokid:input (an argument is missing).
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'model', 'u');
 if ischar(model) || isa(model, 'string')
   model = tokid.read(model);
 end
 tokid.internal.check_model(model, {'A', 'B', 'C', 'D', 'state_dim'});
-known = {'x0', 'own'; 'estimate_state', 'own'};
+known = {'x0', 'own'; 'estimate_state', 'flag'};
 lengths = [];
 if iscell(u)
   lengths = cellfun(@(c) size(c, 1), u(:));
@@ -39,18 +41,16 @@ else
   data = struct();
   data.u = u;
 end
-if ~isfield(data, 'dt')
-  data.dt = value_of(model, 'dt', 1);
-end
 [data, pairs] = tokid.internal.take_fields(data, varargin);
-[~, own] = tokid.internal.options('simulate', known, pairs, tokid.internal.data_fields());
+[estimate, own] = tokid.internal.options('simulate', known, pairs, tokid.internal.data_fields());
 data = tokid.internal.ensemble(data, false);
+data.dt = value_of(data, 'dt', value_of(model, 'dt', 1));
 
-if isfield(own, 'estimate_state') && isequal(own.estimate_state, true)
-  y = by_tool(model, data);
+if ~isempty(estimate)
   if nargout > 1 || isfield(own, 'x0')
     error('tokid:option', 'simulate: option ''estimate_state'' goes neither with ''x0'' nor with the states x');
   end
+  y = by_tool(model, data);
 else
   tell_differences(model, data);
   [y, x] = natively(model, data, own);
@@ -65,8 +65,8 @@ function [y, x] = natively(model, data, own)
 m = size(model.C, 1);
 n = size(model.A, 1);
 S = size(model.A, 3);
-P = value_of(model, 'period', 0);
-begin = value_of(model, 'k_begin', 0);
+P = double(value_of(model, 'period', 0));
+begin = double(value_of(model, 'k_begin', 0));
 if r ~= size(model.B, 2)
   error('tokid:shape', 'inputs: %d found, the model has %d', r, size(model.B, 2));
 end
@@ -112,8 +112,8 @@ end
 
 function [both, state_dim, varies] = joined(model, n, S)
 % [C D; A B] of every step, with zeros where fewer than n states are in use
-both = cat(1, cat(2, model.C, model.D), cat(2, model.A, model.B));
-state_dim = model.state_dim;
+both = cat(1, cat(2, double(model.C), double(model.D)), cat(2, double(model.A), double(model.B)));
+state_dim = double(model.state_dim);
 varies = any(state_dim < n);
 if varies
   m = size(model.C, 1);
@@ -141,11 +141,15 @@ end
 function state = first_states(model, data, own, N, begin)
 n = 0;
 if ~isempty(model.state_dim)
-  n = model.state_dim(1);
+  n = double(model.state_dim(1));
 end
 state = zeros(n, N);
 if isfield(own, 'x0') && ~isempty(own.x0)
-  x0 = double(own.x0);
+  x0 = own.x0;
+  if ~(isnumeric(x0) || islogical(x0)) || ~isreal(x0)
+    error('tokid:shape', 'x0: a value of class %s found, real numbers needed', class(x0));
+  end
+  x0 = double(x0);
   if isequal(size(x0), [N, n])
     state = x0';
   elseif isvector(x0) && numel(x0) == n

@@ -10,6 +10,7 @@ function sys = to_ss(model, k)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'model');
 if ischar(model) || isa(model, 'string')
   model = tokid.read(model);
 end
@@ -35,6 +36,10 @@ if nargin < 2
     s = find(model.state_dim(1:S) == max(model.state_dim) & model.state_dim(2:S + 1) == max(model.state_dim), 1);
   end
 else
+  if ~isnumeric(k) || ~isreal(k)
+    error('tokid:step', 'a step of class %s found, a whole number needed', class(k));
+  end
+  k = double(k);
   s = k - first + 1;
   if isscalar(k) && k == fix(k) && s > S && period > 0 && S >= period
     s = S - period + 1 + mod(s - S - 1, period);

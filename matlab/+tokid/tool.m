@@ -5,18 +5,24 @@ function path = tool(path)
 %   path = tokid.tool()                  tells which one is taken
 %
 % Looked for in this order: what was set here; the environment variable TOKID; the tool that was installed or built with
-% these files; the folders of PATH. Errors: tokid:toolNotFound.
+% these files; the folders of PATH. A relative path is taken from the folder that is the current one when it is first
+% seen. Errors: tokid:toolNotFound.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-persistent chosen found
+persistent chosen found told resolved
 if nargin > 0
-  path = char(path);
-  if ~isempty(path) && ~is_file(path)
-    error('tokid:toolNotFound', '%s: no such file', path);
+  if isempty(path) || (isa(path, 'string') && all(strlength(path) == 0))
+    path = '';
+  else
+    path = tokid.internal.absolute(tokid.internal.file_name(path));
+    if ~is_file(path)
+      error('tokid:toolNotFound', '%s: no such file', path);
+    end
   end
   chosen = path;
   found = '';
+  told = '';
   if isempty(chosen)
     return
   end
@@ -27,11 +33,16 @@ if ~isempty(chosen)
 end
 named = getenv('TOKID');
 if ~isempty(named)
-  if ~is_file(named)
+  if ~strcmp(named, told)
+    resolved = tokid.internal.absolute(named);
+    told = named;
+  end
+  if ~is_file(resolved)
+    told = '';
     error('tokid:toolNotFound', '%s: no such file; the environment variable TOKID should hold the path of the tool', ...
           named);
   end
-  path = named;
+  path = resolved;
   return
 end
 if isempty(found) || ~is_file(found)
@@ -49,7 +60,7 @@ here = fileparts(fileparts(mfilename('fullpath'))); % the folder of +tokid
 folders = [{fullfile(fileparts(fileparts(fileparts(here))), 'bin'), fullfile(fileparts(here), 'build', 'bin')}, ...
            strsplit(getenv('PATH'), pathsep())];
 for i = 1:numel(folders)
-  path = fullfile(folders{i}, name);
+  path = tokid.internal.absolute(fullfile(folders{i}, name));
   if ~isempty(folders{i}) && is_file(path)
     return
   end

@@ -5,8 +5,9 @@ function [model, evidence] = update(state, varargin)
 %   model = tokid.update('rig.h5', new_u, new_y)
 %   [model, evidence] = tokid.update('rig.h5', new_data, ...)
 %
-% The state, a file, gets the new experiments. The evidence is what 'tokid update --json' prints: among it the fit of
-% the model before, which has not seen them. What can be said of data: see tokid.ensemble. Options:
+% The state, a file, gets the new experiments. Arrays without 'dt' have the sample time of the state. The evidence is
+% what 'tokid update --json' prints: among it the fit of the model before, which has not seen them. What can be said of
+% data: see tokid.ensemble. Options:
 %   'threads'             0 for all of the machine
 %   'inputs', 'outputs'   columns of a .csv
 %
@@ -14,9 +15,10 @@ function [model, evidence] = update(state, varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'state');
 known = {'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
-[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, [], {});
+[data, pairs, files] = tokid.internal.take_data(folder, true, varargin, {state}, {});
 words = tokid.internal.options('update', known, pairs, tokid.internal.data_fields());
 file = fullfile(folder, 'new_model.mat');
 output = tokid.internal.call([{'update', tokid.internal.file_name(state), data, '-o', file, '--json'}, words], ...

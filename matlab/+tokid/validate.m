@@ -16,6 +16,7 @@ function evidence = validate(model, varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'model');
 known = {'horizon', 'value'; 'cross_validate', 'value'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [file, of_model] = tokid.internal.take_model(folder, model);

@@ -12,6 +12,7 @@ function write(file, contents, varargin)
 
 % SPDX-License-Identifier: BSD-3-Clause
 
+tokid.internal.need(nargin, 'file', 'contents');
 words = tokid.internal.options('write', {'mat73', 'flag'}, varargin);
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 copy = fullfile(folder, 'contents.mat');

@@ -1,9 +1,9 @@
-function silent(f)
-% silent(f): does f() end without a warning?
+function varargout = silent(f)
+% [...] = silent(f): what f() gives; it must end without a warning.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
 lastwarn('', '');
-f();
+[varargout{1:nargout}] = f();
 assert(isempty(lastwarn()), 'warning: %s', lastwarn());
 end

@@ -128,6 +128,9 @@ assert(exist(fullfile(pwd(), 'in home.npz'), 'file') == 2);
 end
 
 function case_what_is_wrong_with_a_file()
+throws('tokid:input', 'the name of a file needed, 1 x 1 of class double found', @() tokid.read(5));
+throws('tokid:input', '0 x 0 of class char', @() tokid.read(''));
+throws('tokid:input', '2 x 1 of class char', @() tokid.write(['a'; 'b'], tokid.ensemble(1, 1)));
 throws('tokid:input', 'absent.npz', @() tokid.read('absent.npz'));
 id = fopen('broken.npz', 'w');
 fprintf(id, 'nothing');
@@ -144,7 +147,11 @@ throws('tokid:model', 'the field B, C, D, G, state_dim is missing', @() tokid.wr
 throws('tokid:model', 'a value of class double found', @() tokid.predict(1, ones(3, 4), ones(3, 4)));
 model = small_model();
 model.B = model.B(1:3, :, :);
-throws('tokid:input', 'model: data set ''B''', @() tokid.write('a.npz', model));
+throws('tokid:model', 'model: B: 3 x 2 x 12 found, 4 x 2 x 12 needed beside A of 4 x 4 x 12', ...
+       @() tokid.write('a.npz', model));
+model = small_model();
+model.G = model.G(:, 1, :);
+throws('tokid:model', 'model: G: 4 x 1 x 12 found', @() tokid.predict(model, ones(2, 12, 2), ones(2, 12, 2)));
 end
 
 function case_quotation_marks_of_cmd()

@@ -107,6 +107,8 @@ throws('tokid:option', '--lags: ''x'' found, a whole number from 1 on or auto ne
 throws('tokid:option', '--lags: ''2.5'' found', @() tokid.identify(data, 'lags', 2.5));
 throws('tokid:option', 'identify: option ''lag'' found, one of block, dt,', @() tokid.identify(data, 'lag', 2));
 throws('tokid:option', 'option ''lags'' has no value', @() tokid.identify(data, 'lags'));
+throws('tokid:option', 'option ''dt'' has no value', @() tokid.identify(data.u, data.y, 'dt'));
+throws('tokid:option', 'hold_out, initial_state, input_names,', @() tokid.identify(data, 'lag', 2)); % once each
 throws('tokid:option', 'option ''refine'': true or false needed', @() tokid.identify(data, 'refine', 'perhaps'));
 throws('tokid:option', 'a value of class double and size [1 2] found', @() tokid.identify(data, 'lags', [1 2]));
 throws('tokid:option', 'option ''dt'' found', @() tokid.identify('absent.npz', 'dt', 2));
@@ -130,6 +132,24 @@ near(tokid.simulate(updated, data), tokid.simulate(whole, data), 1e-9);
 tokid.report('fresh.html', model, later, 'experiments', 3, 'horizon', 4);
 assert(~isempty(strfind(fileread('fresh.html'), '<html'))); %#ok<STREMP>
 throws('tokid:input', 'extension', @() tokid.report('fresh.txt', model, later));
+end
+
+function case_arrays_have_the_sample_time_of_model_or_state()
+data = clean_data();
+assert(data.dt == 0.05);
+state = 'it''s a state.h5';
+model = tokid.identify(data.u(1:20, :, :), data.y(1:20, :, :), 'dt', data.dt, 'lags', 2, 'states', 4, 'state', state);
+silent(@() tokid.update(state, data.u(21:29, :, :), data.y(21:29, :, :)));
+throws('tokid:input', 'dt: 0.1 found, 0.05 needed', ...
+       @() tokid.update(state, data.u, data.y, 'dt', 0.1));
+throws('tokid:input', 'absent.h5', @() tokid.update('absent.h5', data.u, data.y));
+tokid.write('m.npz', model);
+throws('tokid:input', 'm.npz', @() tokid.update('m.npz', data.u, data.y));
+expected = silent(@() tokid.predict(model, data.u, data.y));
+assert(isequaln(silent(@() tokid.predict('m.npz', data.u, data.y)), expected));
+assert(isequaln(silent(@() tokid.predict('m.npz', struct('u', data.u, 'y', data.y, 'dt', []))), expected));
+warns('tokid:predict', 'dt = 0.1 s', @() tokid.predict('m.npz', data.u, data.y, 'dt', 0.1));
+throws('tokid:input', 'absent.npz', @() tokid.predict('absent.npz', data.u, data.y));
 end
 
 function case_blocks_of_a_large_file()
@@ -205,6 +225,30 @@ tokid.tool('');
 setenv('TOKID', '');
 setenv('PATH', [fileparts(tool), ':', getenv('PATH')]);
 assert(exist(tokid.tool(), 'file') == 2);
+end
+
+function case_the_tool_stays_when_the_folder_changes()
+tool = getenv('TOKID');
+[folder, name] = fileparts(tool);
+here = pwd();
+ways = {@() tokid.tool(name), @() setenv('TOKID', name), @() setenv('PATH', ['.:', getenv('PATH')])};
+for i = 1:3
+  cd(folder);
+  setenv('TOKID', '');
+  ways{i}();
+  assert(strcmp(tokid.tool(), fullfile(folder, name)));
+  cd(here);
+  assert(strcmp(tokid.tool(), fullfile(folder, name)));
+  tokid.tool('');
+end
+setenv('TOKID', name);
+throws('tokid:toolNotFound', 'environment variable TOKID', @() tokid.tool());
+cd(folder);
+assert(strcmp(tokid.tool(), fullfile(folder, name)));
+tokid.tool(tool);
+throws('tokid:toolNotFound', 'no such file', @() tokid.tool('no/such/tool'));
+throws('tokid:input', 'the name of a file needed, 1 x 1 of class double found', @() tokid.tool(5));
+assert(strcmp(tokid.tool(), tool)); % after a wrong one, that of before
 end
 
 function case_another_program_is_no_tool()

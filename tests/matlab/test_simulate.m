@@ -172,10 +172,67 @@ throws('tokid:option', 'simulate: option ''x'' found', @() tokid.simulate(model,
 throws('tokid:model', 'the field C, D, state_dim is missing', @() tokid.simulate(struct('A', 1, 'B', 1), u));
 end
 
+function case_torn_models_are_told()
+model = known(8, 3, 2, 2);
+u = randn(5, 8, 2);
+wrong = {'A', model.A(:, :, 1:5), 'model: B: 3 x 2 x 8 found, 3 x 2 x 5 needed beside A of 3 x 3 x 5'; ...
+         'A', 'x', 'model: A: 1 x 1 of class char found'; 'C', {1}, 'model: C: 1 x 1 of class cell'; ...
+         'D', 1i * model.D, 'model: D: 2 x 2 x 8 of class double found, real'; ...
+         'D', zeros(2, 1, 8), 'model: D: 2 x 1 x 8 found'; ...
+         'state_dim', model.state_dim(1:4), 'model: state_dim: 4 numbers found, 9 needed'; ...
+         'state_dim', 4 * ones(9, 1), 'model: state_dim: whole numbers from 0 to 3'; ...
+         'state_dim', 2.5 * ones(9, 1), 'model: state_dim: whole'; ...
+         'state_dim', nan(9, 1), 'model: state_dim: whole'; ...
+         'dt', 0, 'model: dt: 0 found'; 'dt', 'x', 'model: dt: 1 x 1 of class char'; ...
+         'k_begin', -1, 'model: k_begin: -1 found'; 'period', [1 2], 'model: period: [1 2] found'; ...
+         'u_nominal', ones(8, 3), 'model: u_nominal: 8 x 3 found, T x 2'; ...
+         'y_nominal', 'x', 'model: y_nominal: 1 x 1 of class char'};
+for i = 1:size(wrong, 1)
+  torn = setfield(model, wrong{i, 1}, wrong{i, 2});
+  throws('tokid:model', wrong{i, 3}, @() tokid.simulate(torn, u));
+end
+names = {'A', 'B', 'C', 'D'};
+for i = 1:4
+  torn = model;
+  torn.(names{i})(1, 1, 3) = NaN;
+  throws('tokid:model', [names{i}, '(:, :, 3) is not finite'], @() tokid.simulate(torn, u));
+end
+throws('tokid:shape', 'x0: a value of class cell', @() tokid.simulate(model, u, 'x0', {1}));
+throws('tokid:shape', 'x0: a value of class char', @() tokid.simulate(model, u, 'x0', 'abc'));
+whole = model;
+whole.B = int8(10 * model.B);
+whole.state_dim = int32(model.state_dim);
+model.B = double(whole.B);
+near(tokid.simulate(whole, u), tokid.simulate(model, u), 1e-15);
+throws('tokid:input', 'u: none found, the arguments are (model, u, ...)', @() tokid.simulate(model));
+throws('tokid:input', 'contents: none found', @() tokid.write('a.npz'));
+throws('tokid:input', 'model: none found', @() tokid.report('a.html'));
+names = {'simulate', 'to_ss', 'predict', 'validate', 'confidence', 'refine', 'report', 'update', 'read', 'write', ...
+         'example_data', 'ensemble'};
+for i = 1:numel(names)
+  throws('tokid:input', 'none found', @() feval(['tokid.', names{i}]));
+end
+
+end
+
 function case_no_tool_is_needed()
 setenv('TOKID', '/no/such/tool');
 model = known(8, 3, 2, 2);
 assert(isequal(size(tokid.simulate(model, randn(5, 8, 2))), [5, 8, 2]));
+data = tokid.ensemble(randn(5, 8, 2), randn(5, 8, 2), 'dt', 0.1);
+throws('tokid:option', 'option ''estimate_state'': true or false', ...
+       @() tokid.simulate(model, data, 'estimate_state', 'yes'));
+throws('tokid:option', 'initial_state: ''auto''', @() tokid.simulate(model, data, 'initial_state', 'auto'));
+throws('tokid:shape', 'length: 99 found', @() tokid.simulate(model, data, 'length', 99 * ones(5, 1)));
+throws('tokid:option', 'neither with ''x0''', ...
+       @() tokid.simulate(model, data, 'estimate_state', 1, 'x0', [0 0 0]));
+try
+  [~, x] = tokid.simulate(model, data, 'estimate_state', true); %#ok<ASGLU>
+catch problem
+end
+assert(strcmp(problem.identifier, 'tokid:option'), problem.message);
+silent(@() tokid.simulate(model, data, 'estimate_state', false));
+silent(@() tokid.simulate(model, data, 'dt', []));
 end
 
 function case_predictions_obey_their_equations()

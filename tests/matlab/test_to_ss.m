@@ -52,6 +52,8 @@ assert(isequal(D, model.D(:, :, 4)) && dt == 0.1);
 assert(isequal(get(sys, 'inname'), model.input_names) && isequal(get(sys, 'outname'), model.output_names));
 throws('tokid:step', 'step 7 found, the model has the steps 2 to 6', @() tokid.to_ss(model, 7));
 throws('tokid:step', 'step 2.5 found', @() tokid.to_ss(model, 2.5));
+throws('tokid:step', 'a step of class char found', @() tokid.to_ss(model, 'a'));
+throws('tokid:step', 'a step of class cell found', @() tokid.to_ss(model, {3}));
 throws('tokid:step', 'the model varies in time', @() tokid.to_ss(model));
 model.state_dim(2) = 2;
 throws('tokid:step', 'step 2 leads from 3 to 2 states', @() tokid.to_ss(model, 2));

@@ -1,7 +1,7 @@
 function data = ensemble(data, needs_outputs)
 % data = tokid.internal.ensemble(data, needs_outputs) checks an ensemble and brings it into the shapes of a file:
 % u N x T x r and y N x T x m of doubles, names as columns of cells. Cells of T_i x channels become padded arrays with
-% 'length'. Errors: tokid:shape.
+% 'length'. Errors: tokid:shape, tokid:option for what can't be said of data.
 
 % SPDX-License-Identifier: BSD-3-Clause
 
@@ -9,6 +9,11 @@ if ~isstruct(data) || numel(data) ~= 1 || ~isfield(data, 'u') || (needs_outputs 
   error('tokid:shape', 'data: a struct with the fields u and y needed, see help tokid.ensemble');
 end
 names = [{'u', 'y'}, tokid.internal.data_fields()];
+foreign = setdiff(fieldnames(data), [names, {'experiments'}]); % which load gives; u has them
+if ~isempty(foreign)
+  error('tokid:option', 'data: the field %s found, only %s have a meaning', strjoin(foreign(:)', ', '), ...
+        strjoin(names, ', '));
+end
 kept = struct();
 for i = 1:numel(names)
   if isfield(data, names{i}) && (i <= 2 || ~isempty(data.(names{i})))
@@ -30,8 +35,9 @@ if isfield(data, 'y') && iscell(data.y)
     error('tokid:shape', 'y: cells of %s steps found, the cells of u have %s', mat2str(of_outputs'), mat2str(lengths'));
   end
 end
-if any(lengths < size(data.u, 2)) && ~isfield(data, 'length')
-  data.length = lengths;
+single_steps = numel(lengths) > 1 && size(data.u, 2) == 1;
+if (single_steps || any(lengths < size(data.u, 2))) && ~isfield(data, 'length')
+  data.length = lengths; % which also tells experiments of one step from a single record
 end
 
 data.u = samples('u', data.u);
@@ -43,24 +49,68 @@ if isfield(data, 'y')
           shape(data.y), shape(data.u));
   end
 end
-if size(data.u, 2) == 1 && size(data.u, 1) > 1
+if size(data.u, 2) == 1 && size(data.u, 1) > 1 && ~isfield(data, 'length')
   error('tokid:shape', ['u: %s found, which is %d experiments of one step; a single record is 1 x T x channels, ' ...
                         'or a cell of T x channels'], shape(data.u), size(data.u, 1));
 end
 if isfield(data, 'free_y')
   data.free_y = samples('free_y', data.free_y);
 end
+if isfield(data, 'dt')
+  data.dt = sample_time(data.dt);
+end
 if isfield(data, 'length')
-  data.length = double(data.length(:));
+  data.length = valid_steps(data.length, size(data.u, 1), size(data.u, 2));
 end
 names = {'input_names', 'output_names', 'input_units', 'output_units'};
 for i = 1:numel(names)
   if isfield(data, names{i})
-    data.(names{i}) = reshape(cellstr(data.(names{i})), [], 1);
+    value = data.(names{i});
+    if ~(ischar(value) || iscellstr(value) || isa(value, 'string'))
+      error('tokid:shape', '%s: a value of class %s found, texts needed', names{i}, class(value));
+    end
+    data.(names{i}) = reshape(cellstr(value), [], 1);
   end
 end
 if isfield(data, 'initial_state')
-  data.initial_state = char(data.initial_state);
+  value = data.initial_state;
+  if isa(value, 'string') && isscalar(value)
+    value = char(value);
+  end
+  if ~ischar(value) || ~any(strcmp(value, {'zero', 'unknown'}))
+    error('tokid:option', 'initial_state: %s found, ''zero'' or ''unknown'' needed', described(value));
+  end
+  data.initial_state = value;
+end
+end
+
+function dt = sample_time(dt)
+if ~isnumeric(dt) || ~isscalar(dt) || ~isreal(dt) || ~(dt > 0) || isinf(dt)
+  error('tokid:option', 'dt: %s found, a positive time in seconds needed', described(dt));
+end
+dt = double(dt);
+end
+
+function lengths = valid_steps(lengths, N, T)
+if ~(isnumeric(lengths) || islogical(lengths)) || ~isreal(lengths) || numel(lengths) ~= N
+  error('tokid:shape', 'length: %s of class %s found, a number for each of %d experiments needed', shape(lengths), ...
+        class(lengths), N);
+end
+lengths = full(double(lengths(:)));
+wrong = find(~(lengths >= 0 & lengths <= T & lengths == fix(lengths)), 1);
+if ~isempty(wrong)
+  error('tokid:shape', 'length: %g found for experiment %d, a whole number from 0 to %d needed', lengths(wrong), ...
+        wrong, T);
+end
+end
+
+function text = described(value)
+if ischar(value) && size(value, 1) == 1
+  text = ['''', value, ''''];
+elseif isnumeric(value) && isscalar(value) && isreal(value)
+  text = sprintf('%g', double(value));
+else
+  text = sprintf('%s of class %s', shape(value), class(value));
 end
 end
 

@@ -1,6 +1,6 @@
 function [words, own] = options(command, known, pairs, others)
 % [words, own] = tokid.internal.options(command, known, pairs, others) makes arguments of the tool out of names and
-% values. `known` has a row {name, kind} for each option; `others` are names for the message only. Kinds:
+% values. `known` has a row {name, kind} for each option; `others` are names for the messages only. Kinds:
 %   value    a number or a word
 %   flag     true or false
 %   switch   true, false or 'auto': --name, --no-name, nothing
@@ -21,8 +21,11 @@ for i = 1:2:numel(pairs)
     if nargin < 4
       others = {};
     end
+    if i == numel(pairs) && any(strcmp(name, others))
+      error('tokid:option', '%s: option ''%s'' has no value', command, name);
+    end
     error('tokid:option', '%s: option ''%s'' found, one of %s needed', command, name, ...
-          strjoin(sort([known(:, 1)', others]), ', '));
+          strjoin(unique([known(:, 1)', others]), ', '));
   end
   if i == numel(pairs)
     error('tokid:option', '%s: option ''%s'' has no value', command, name);

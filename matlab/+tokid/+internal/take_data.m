@@ -2,7 +2,8 @@ function [file, pairs, files, lengths] = take_data(folder, needs_outputs, given,
 % [file, pairs, files, lengths] = tokid.internal.take_data(folder, needs_outputs, given, model, others) gives the file
 % of the data for the tool. `given` begins with the name of a file, the struct of an ensemble, or the arrays or cells u
 % and y (u alone where no outputs are needed), and goes on with names and values; those that don't belong to the data
-% come back in `pairs`. Arrays have the sample time of `model`, where that is a struct and they don't say. `others`: as
+% come back in `pairs`. Where arrays don't say their sample time, it is that of `model`, a struct or the name of a file
+% as the tool takes it; for tokid.update {state}, the name of a state; [] where there is none. `others`: as
 % tokid.internal.take_fields has it. `lengths` of the experiments where they are cells, else [].
 
 % SPDX-License-Identifier: BSD-3-Clause
@@ -35,11 +36,21 @@ else
     lengths = cellfun(@(c) size(c, 1), first(:));
   end
 end
-if ~isfield(data, 'dt') && isstruct(model) && isfield(model, 'dt')
-  data.dt = model.dt;
-end
 [data, pairs] = tokid.internal.take_fields(data, pairs, others);
 data = tokid.internal.ensemble(data, needs_outputs);
+if ~isfield(data, 'dt')
+  dt = [];
+  if isstruct(model) && isfield(model, 'dt')
+    dt = model.dt;
+  elseif ischar(model) || isa(model, 'string')
+    dt = tokid.internal.sample_time(folder, tokid.internal.file_name(model), 'model');
+  elseif iscell(model)
+    dt = tokid.internal.sample_time(folder, tokid.internal.file_name(model{1}), 'state');
+  end
+  if ~isempty(dt)
+    data.dt = dt;
+  end
+end
 file = fullfile(folder, 'data.mat');
 files = {file, 'data'};
 tokid.internal.write_ensemble(file, data);
