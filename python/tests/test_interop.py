@@ -298,13 +298,7 @@ def test_ensemble_comes_back_from_a_table(kind):
     ensemble = ensembles()[kind]
     table = ensemble.to_dataframe()
     same(tokid.Ensemble.from_dataframe(table), ensemble)
-    same(tokid.Ensemble.from_dataframe(table.sample(frac=1, random_state=0)), ensemble_in_order(table, ensemble))
-
-
-def ensemble_in_order(table, ensemble):
-    """The ensemble with its experiments as they appear in the shuffled table."""
-    order = table.sample(frac=1, random_state=0)["experiment"].unique()
-    return ensemble.subset([int(n) for n in order])
+    same(tokid.Ensemble.from_dataframe(table.sample(frac=1, random_state=0)), ensemble)
 
 
 @pytest.mark.parametrize("kind", ensembles())
@@ -410,7 +404,17 @@ BAD = {
         "column 'u1' found among inputs and outputs, one of them needed",
     ),
     "text": ({"u1": ["1", "x"], "y1": [1.0, 2.0]}, {}, "row 1, column 'u1': 'x' found, a number needed"),
-    "dates": ({"time": pd.to_datetime(["2026-01-01"]), "u1": [1.0]}, {}, "column 'time': datetime64"),
+    "dates": ({"k": pd.to_datetime(["2026-01-01"]), "u1": [1.0]}, {}, "column 'k': datetime64"),
+    "no date": (
+        {"time": pd.to_datetime(["2026-01-01", None]), "u1": [1.0, 2.0]},
+        {},
+        "row 1, column 'time': 'NaT' found, a finite time needed",
+    ),
+    "days apart": (
+        {"experiment": [1, 2], "time": pd.to_datetime(["2026-01-01", "2026-01-02"]), "u1": [1.0, 2.0]},
+        {},
+        "column 'time': experiment '2' begins 86400 s behind the end of '1', times from a common origin needed",
+    ),
     "no experiment": (
         {"experiment": ["a", None], "u1": [1.0, 2.0]},
         {},
@@ -455,6 +459,68 @@ def test_what_is_wrong_with_a_table_is_said(kind):
     with pytest.raises(ValueError) as raised:
         tokid.Ensemble.from_dataframe(pd.DataFrame(columns), **options)
     assert text in str(raised.value)
+
+
+TIMES = {
+    "dates": lambda t: pd.Timestamp("2026-11-22 10:00") + pd.to_timedelta(t, unit="s"),
+    "dates of a zone": lambda t: pd.Timestamp(1792889999, unit="s", tz="Europe/Berlin") + pd.to_timedelta(t, unit="s"),
+    "differences": lambda t: pd.to_timedelta(t + 5, unit="s"),
+    "floats": lambda t: pd.Index(t + 0.7),
+}
+
+
+@pytest.mark.parametrize("kind", TIMES)
+@pytest.mark.parametrize("dt", [0.05, 1 / 3, 1 / 30000])
+def test_index_and_column_of_times(kind, dt):
+    k = np.array([0, 1, 3, 4])
+    table = pd.DataFrame({"u1": k * 1.0, "y1": k + 0.5}, index=TIMES[kind](k * dt))
+    # Digits beyond a nanosecond are not there.
+    tolerance = 1e-12 if kind == "floats" else 1e-9 / 4
+    for form in (table, table[::-1], table.rename_axis("time"), table.rename_axis("time").reset_index()):
+        found = tokid.Ensemble.from_dataframe(form)
+        assert found.dt == pytest.approx(dt, abs=tolerance)
+        np.testing.assert_array_equal(found.u[0, :, 0], [0, 1, np.nan, 3, 4])
+    assert tokid.Ensemble.from_dataframe(table, dt=dt / 2).steps == 9
+    both = pd.concat([table.assign(experiment=n) for n in (10, 9)])
+    found = tokid.Ensemble.from_dataframe(both.assign(u1=both["u1"] + both["experiment"]))
+    np.testing.assert_array_equal(found.u[:, 4, 0], [13, 14])
+    if kind != "floats":  # a name says more than numbers do
+        assert tokid.Ensemble.from_dataframe(table.rename_axis("stamp")).dt == pytest.approx(dt, abs=tolerance)
+    period = tokid.Ensemble.from_dataframe(table.set_axis(pd.period_range("2026-01-01", periods=4, freq="h")))
+    assert (period.dt, period.steps) == (3600, 4)
+    timed = tokid.Ensemble.from_dataframe(table.assign(k=k))  # a column says it already
+    assert (timed.dt, timed.steps) == (1, 5)
+
+
+def test_index_that_is_not_understood_is_refused():
+    table = pd.DataFrame({"u1": [1.0, 2.0], "y1": [3.0, 4.0]})
+    dates = table.set_axis(["2026-01-01", "2026-01-02"])
+    needed = "one of times or step numbers with the name 'time' or 'k' needed, or dt"
+    with pytest.raises(ValueError, match=f"index: unnamed, of (str|object) found, {needed}"):
+        tokid.Ensemble.from_dataframe(dates)
+    pressures = table.set_axis(pd.Index([1.0, 1.5], name="pressure"))
+    with pytest.raises(ValueError, match=f"index: 'pressure', of float64 found, {needed}"):
+        tokid.identify(pressures)
+    for known in (dates, pressures):
+        found = tokid.Ensemble.from_dataframe(known, dt=0.5)
+        assert (found.steps, found.dt) == (2, 0.5)
+    records = pd.concat([table, table])
+    with pytest.raises(ValueError, match=r"row 2: index 0 found a second time, a column 'experiment' needed"):
+        tokid.Ensemble.from_dataframe(records, dt=0.5)
+    with pytest.raises(ValueError, match=r"index: levels None, None found, the names 'experiment' and 'time' or 'k'"):
+        tokid.Ensemble.from_dataframe(pd.concat({"a": table, "b": table}))
+    named = pd.concat({"a": table, "b": table}, names=["experiment", "k"])
+    assert len(tokid.Ensemble.from_dataframe(named)) == 2
+    assert len(tokid.Ensemble.from_dataframe(records.assign(experiment=["a", "a", "b", "b"]))) == 2
+    assert tokid.Ensemble.from_dataframe(records.assign(k=range(4))).steps == 4
+    assert tokid.Ensemble.from_dataframe(records.reset_index(drop=True)).steps == 4
+
+
+@pytest.mark.parametrize("kind", ["int64", "float32", "Int64", "uint8"])
+def test_numbers_of_experiments_come_in_their_order(kind):
+    table = pd.DataFrame({"experiment": [10, 2, 9, 2], "k": [0, 1, 0, 0], "u1": [10.0, 2.5, 9.0, 2.0]})
+    found = tokid.Ensemble.from_dataframe(table.astype({"experiment": kind}))
+    np.testing.assert_array_equal(found.u[:, :, 0], [[2, 2.5], [9, np.nan], [10, np.nan]])
 
 
 def test_columns_of_one_name_are_told():

@@ -340,12 +340,15 @@ class Ensemble:
         Parameters
         ----------
         data : pandas.DataFrame
-            A row for each experiment and step, in any order. ``experiment`` (numbers or names) is one experiment where
-            it is absent; ``time`` [s], or ``k`` (whole numbers), holds the step, and where both are absent the rows of
-            an experiment are its steps. They may be levels of the index. All other columns are channels or ignored.
+            A row for each experiment and step, in any order. ``experiment`` (numbers, which come in their order, or
+            names, which come as they first appear) is one experiment where it is absent; ``time`` (numbers [s], dates
+            or time differences), or ``k`` (whole numbers), holds the step, and where both are absent the rows of an
+            experiment are its steps. They may be levels of the index, and an index of dates, of time differences, or of
+            floats without a name is ``time``. All other columns are channels or ignored, also one such as ``trial``.
             Absent rows, NaN, None and "NA" are missing samples.
         inputs, outputs : sequence, optional
-            Columns that are inputs and outputs; by default those whose names begin with u and y.
+            Columns that are inputs and outputs; by default all whose names begin with u and y, ``uid`` and ``year``
+            not excepted.
         dt : float, optional
             Sample time [s]; by default the spacing of ``time``, else 1.
         length, free_y, initial_state, input_units, output_units
@@ -360,7 +363,8 @@ class Ensemble:
         Raises
         ------
         ValueError
-            Names the column and the row, which are counted from 0.
+            Names the column and the row, which are counted from 0. So are refused an index whose meaning is not known,
+            as of texts, and without ``experiment`` and times one whose labels repeat, as of records put together.
 
         Notes
         -----
