@@ -350,7 +350,7 @@ def from_dataframe(
     noted_state = notes.get("initial_state") if initial_state is None else initial_state
     describe(core, None, free_y, noted_state, None, None, input_units, output_units)
     if length is not None:
-        describe(core, length, None, None, None, None, None, None)
+        describe(core, length)
         for n, valid in enumerate(core.length):
             core.u()[n, max(valid, 0) :] = np.nan
             core.y()[n, max(valid, 0) :] = np.nan

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Optional
 import numpy as np
 
 from . import _arrays, _options, _tokid
+from ._errors import warn
 from ._typing import Array, ArrayLike, PathLike
 
 if TYPE_CHECKING:
@@ -75,7 +76,9 @@ class Ensemble:
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
     ) -> None:
-        core, _ = core_of(u, y, dt)
+        core, single = core_of(u, y, dt)
+        if single and u is not None:
+            taken_for_one(core)
         self._core = core
         describe(core, length, free_y, initial_state, input_names, output_names, input_units, output_units)
         core.check(False)
@@ -474,15 +477,27 @@ def core_of(u: Any, y: Any, dt: float) -> tuple[_tokid.Ensemble, bool]:
     return core, single
 
 
+def taken_for_one(core: _tokid.Ensemble) -> str:
+    """How inputs (T, r) were understood; a warning where (N, T) is likelier, which they may have been."""
+    steps, r = core.steps, core.inputs
+    remark = (
+        f"u ({steps}, {r}) was taken for one experiment of {plural(steps, 'step')} with {plural(r, 'input')}; (N, T, 1) "
+        "for N experiments with one input"
+    )
+    if r > steps:
+        warn([remark])
+    return remark
+
+
 def describe(
     core: _tokid.Ensemble,
-    length: Optional[ArrayLike],
-    free_y: Optional[ArrayLike],
-    initial_state: Optional[str],
-    input_names: Optional[Sequence[str]],
-    output_names: Optional[Sequence[str]],
-    input_units: Optional[Sequence[str]],
-    output_units: Optional[Sequence[str]],
+    length: Optional[ArrayLike] = None,
+    free_y: Optional[ArrayLike] = None,
+    initial_state: Optional[str] = None,
+    input_names: Optional[Sequence[str]] = None,
+    output_names: Optional[Sequence[str]] = None,
+    input_units: Optional[Sequence[str]] = None,
+    output_units: Optional[Sequence[str]] = None,
 ) -> None:
     """What goes with the samples."""
     if length is not None:
