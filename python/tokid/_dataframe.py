@@ -46,8 +46,8 @@ def _with_index(table: Any, timed: bool) -> Any:
     levels = [name for name in table.index.names if name in _RESERVED]
     if levels:
         table = table.reset_index(level=levels)
-    names = {str(label) for label in table.columns}
-    if not len(table) or "time" in names or "k" in names:
+    columns = {str(label) for label in table.columns}
+    if not len(table) or "time" in columns or "k" in columns:
         return table
     index = table.index
     if index.nlevels == 1:
@@ -61,10 +61,10 @@ def _with_index(table: Any, timed: bool) -> Any:
                 f"index: {'unnamed' if index.name is None else repr(index.name)}, of {index.dtype} found, one of times "
                 "or step numbers with the name 'time' or 'k' needed, or dt for rows that are steps"
             )
-    if "experiment" not in names:
+    if "experiment" not in columns:
         if index.nlevels > 1:
-            levels = ", ".join(map(repr, index.names))
-            raise ValueError(f"index: levels {levels} found, the names 'experiment' and 'time' or 'k' needed")
+            names = ", ".join(map(repr, index.names))
+            raise ValueError(f"index: levels {names} found, the names 'experiment' and 'time' or 'k' needed")
         if not index.is_unique:
             row = int(np.flatnonzero(index.duplicated())[0])
             raise ValueError(
