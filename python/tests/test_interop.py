@@ -259,6 +259,70 @@ def test_ensemble_as_dataset(data):
     assert isinstance(free.mean("experiment"), xr.Dataset)
 
 
+@pytest.mark.parametrize("kind", ["plain", "with gaps", "of unequal length"])
+def test_ensemble_comes_back_from_a_dataset(kind):
+    ensemble = ensembles()[kind]
+    dataset = ensemble.to_xarray()
+    same(tokid.Ensemble.from_xarray(dataset), ensemble)
+    same(tokid.Ensemble.from_xarray(dataset.transpose()), ensemble)
+    same(tokid.Ensemble.from_xarray(dataset.isel(k=slice(None, None, -1))), ensemble)
+    same(tokid.Ensemble.from_xarray(dataset.isel(experiment=[2, 0])), ensemble.subset([2, 0]))
+    same(tokid.Ensemble.from_xarray(dataset.isel(k=slice(2, 6))), ensemble.stretch(2, 6))
+    same(tokid.Ensemble.from_xarray(dataset.swap_dims(k="time").drop_vars("k")), ensemble)
+    every_second = tokid.Ensemble.from_xarray(dataset.isel(k=slice(None, None, 2)))
+    assert (every_second.steps, every_second.dt) == (5, pytest.approx(2 * ensemble.dt))
+    if ensemble.length is not None:
+        assert every_second.length.tolist() == [(n + 1) // 2 for n in ensemble.length]
+    holed = tokid.Ensemble.from_xarray(dataset.isel(k=[0, 1, 4, 8]))
+    assert holed.steps == 9 and np.isnan(holed.u[:, 2:4]).all()
+    np.testing.assert_array_equal(holed.y[:, [0, 1, 4, 8]], ensemble.y[:, [0, 1, 4, 8]])
+
+
+def test_free_responses_come_back_from_a_dataset():
+    ensemble = tokid.example(experiments=3, steps=5, free_responses=2)
+    dataset = ensemble.to_xarray()
+    np.testing.assert_array_equal(tokid.Ensemble.from_xarray(dataset).free_y, ensemble.free_y)
+    assert tokid.Ensemble.from_xarray(dataset.isel(k=slice(1, 5))).free_y is None  # as of stretch
+
+
+def test_datasets_of_others():
+    time = pd.date_range("2026-11-22", periods=4, freq="250ms")
+    dataset = xr.Dataset({"u": ("time", np.arange(4)), "y": (("output", "time"), np.ones((2, 4)))}, {"time": time})
+    ensemble = tokid.Ensemble.from_xarray(dataset, output_names=["a", "b"])
+    assert (ensemble.u.shape, ensemble.y.shape, ensemble.dt) == ((1, 4, 1), (1, 4, 2), 0.25)
+    assert ensemble.u[0, 3, 0] == 3 and ensemble.output_names == ["a", "b"] and ensemble.initial_state is None
+    assert tokid.Ensemble.from_xarray(dataset.drop_vars("time"), dt=0.5).dt == 0.5
+    for wrong, text in (
+        (dataset.rename(u="force"), None),
+        (dataset.rename(u="force", y="angle"), r"data: variables \['force', 'angle'\] found, 'u' or 'y' needed"),
+        (dataset.rename(time="t"), r"u: dimensions \('t',\) found, 'k' or 'time' needed"),
+        (dataset.expand_dims("trial"), "no others than 'experiment' and 'input' beside it"),
+        (dataset.assign(u=("k", np.ones(3))), "u, y: steps along 'k' and 'time' found, one dimension needed"),
+        (dataset.isel(time=[0, 1, 1]), "time: two entries found for a step, one needed"),
+        (dataset.isel(time=[]), "data: no steps found"),
+        (dataset.assign(u=("time", list("abcd"))), "u: an array of <U1 found, real numbers needed"),
+    ):
+        if text is None:
+            assert tokid.Ensemble.from_xarray(wrong).inputs == 0
+            continue
+        with pytest.raises(ValueError, match=text):
+            tokid.Ensemble.from_xarray(wrong)
+    with pytest.raises(ValueError, match="data: ndarray found, a Dataset needed"):
+        tokid.Ensemble.from_xarray(np.ones(3))
+
+
+def test_identify_takes_datasets():
+    data = tokid.example("oscillator", experiments=30, steps=12)
+    options = {"states": 4, "lags": 2}
+    model, dataset = tokid.identify(data, **options), data.to_xarray()
+    np.testing.assert_array_equal(np.asarray(tokid.identify(dataset, **options).A), np.asarray(model.A))
+    assert tokid.identify(dataset, input_names=["a", "b"], **options).input_names == ["a", "b"]
+    with pytest.raises(ValueError, match="y: found beside a Dataset"):
+        tokid.identify(dataset, data.y)
+    with pytest.raises(ValueError, match="'u' and 'y' needed"):
+        tokid.identify(dataset[["u"]])
+
+
 # ---- pandas ----
 
 

@@ -141,14 +141,18 @@ class _Table:
         if not self.stamped(column):
             return self.numbers(column)
         series = self.series(column)
-        kind = series.dtype.kind
-        stamps = series.to_numpy(dtype="datetime64[ns]" if kind == "M" else "timedelta64[ns]")
-        missing = np.isnat(stamps)
-        nanoseconds = stamps.astype(np.int64)
-        if kind == "M" and not missing.all():
-            nanoseconds = nanoseconds - nanoseconds[~missing].min()
-        times: Array = np.where(missing, np.nan, nanoseconds / 1e9)
-        return times
+        return seconds(series.to_numpy(dtype="datetime64[ns]" if series.dtype.kind == "M" else "timedelta64[ns]"))
+
+
+def seconds(stamps: np.ndarray[Any, Any]) -> Array:
+    """Times [s] of time differences, or of dates from the first one on."""
+    missing = np.isnat(stamps)
+    dates = stamps.dtype.kind == "M"
+    nanoseconds = stamps.astype("datetime64[ns]" if dates else "timedelta64[ns]").astype(np.int64)
+    if dates and not missing.all():
+        nanoseconds = nanoseconds - nanoseconds[~missing].min()
+    times: Array = np.where(missing, np.nan, nanoseconds / 1e9)
+    return times
 
 
 def _number(value: Any, row: int, name: str) -> float:
@@ -194,7 +198,7 @@ def _spacing(times: Array) -> float:
     return rounded if abs(rounded - refined) <= uncertainty else refined
 
 
-class _Grid:
+class Grid:
     def __init__(
         self, times: Array, timed: bool, dt: Optional[float], noted: Optional[float], groups: int, rounded: float
     ) -> None:
@@ -324,7 +328,7 @@ def from_dataframe(
     stamped = table.stamped(time)
     if stamped:
         _same_origin(times, row_experiment, experiments)
-    grid = _Grid(times, time is not None, stated, notes.get("dt"), len(experiments), 1e-9 if stamped else 0.0)
+    grid = Grid(times, time is not None, stated, notes.get("dt"), len(experiments), 1e-9 if stamped else 0.0)
     place = row_experiment * grid.steps + grid.step
     order = np.argsort(place, kind="stable")
     again = order[1:][np.diff(place[order]) == 0]

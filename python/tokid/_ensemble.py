@@ -389,6 +389,64 @@ class Ensemble:
             outputs_required=outputs_required,
         )
 
+    @classmethod
+    def from_xarray(
+        cls,
+        data: xarray.Dataset,
+        *,
+        dt: Optional[float] = None,
+        length: Optional[ArrayLike] = None,
+        free_y: Optional[ArrayLike] = None,
+        initial_state: Optional[str] = None,
+        input_names: Optional[Sequence[str]] = None,
+        output_names: Optional[Sequence[str]] = None,
+        input_units: Optional[Sequence[str]] = None,
+        output_units: Optional[Sequence[str]] = None,
+        outputs_required: bool = False,
+    ) -> Ensemble:
+        """An ensemble of an `xarray.Dataset`, as `to_xarray` makes them.
+
+        Parameters
+        ----------
+        data : xarray.Dataset
+            The variables ``u`` and ``y`` along ``k`` or ``time``, ``experiment`` (one where it is absent) and ``input``
+            or ``output`` (one channel where it is absent), in any order. The coordinate ``time`` (numbers [s], dates or
+            time differences), else ``k`` (whole numbers), says which steps the entries are; absent ones are missing
+            samples. Names and units of the channels, lengths, free responses and what is known of the initial states
+            are taken from where `to_xarray` has them.
+        dt : float, optional
+            Sample time [s]; by default the spacing of ``time``, else the attribute dt, else 1.
+        length, free_y, initial_state, input_names, output_names, input_units, output_units
+            As of the constructor, in the place of what the dataset holds.
+        outputs_required : bool, default False
+            Refuse a dataset without outputs.
+
+        Returns
+        -------
+        Ensemble
+            With the samples of the dataset copied. A stretch that begins later than step 0 has unknown initial states
+            and no free responses, as of `stretch`.
+
+        Raises
+        ------
+        ValueError
+            Names the variable or coordinate.
+        """
+        from . import interop
+
+        return interop.ensemble_from_xarray(
+            data,
+            dt=dt,
+            length=length,
+            free_y=free_y,
+            initial_state=initial_state,
+            input_names=input_names,
+            output_names=output_names,
+            input_units=input_units,
+            output_units=output_units,
+            outputs_required=outputs_required,
+        )
+
     def to_dataframe(self) -> pandas.DataFrame:
         """The ensemble as a tidy `pandas.DataFrame`: ``experiment``, ``time`` [s] and a column for each channel.
 

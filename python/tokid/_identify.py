@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Callable, Optional, Union
 
-from . import _dataframe, _options, _tokid
+from . import _dataframe, _dataset, _options, _tokid
 from ._ensemble import Ensemble, core_of, describe, taken_for_one
 from ._errors import warn
 from ._model import Model
@@ -17,11 +17,12 @@ from .results import CrossValidation, NoisyChoices, Streamed
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    import xarray  # type: ignore[import-not-found, unused-ignore]
     from typing_extensions import Unpack
 
 
 def identify(
-    u: Union[ArrayLike, Ensemble, pandas.DataFrame],
+    u: Union[ArrayLike, Ensemble, pandas.DataFrame, xarray.Dataset],
     y: Optional[ArrayLike] = None,
     *,
     dt: Optional[float] = None,
@@ -55,9 +56,9 @@ def identify(
 
     Parameters
     ----------
-    u : array_like, shape (N, T, r) or (T, r), or Ensemble, or DataFrame
+    u : array_like, shape (N, T, r) or (T, r), or Ensemble, DataFrame or Dataset
         Inputs of N experiments; or an ensemble, which holds everything that is known of the data; or a tidy table of
-        pandas, as of `Ensemble.from_dataframe`.
+        pandas, as of `Ensemble.from_dataframe`, or a dataset of xarray, as of `Ensemble.from_xarray`.
     y : array_like, shape (N, T, m) or (T, m)
         Outputs. NaN marks a missing sample, in `u` as in `y`.
     dt : float, default 1.0
@@ -310,6 +311,10 @@ def ensemble_core(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]
         if y is not None:
             raise ValueError("y: found beside a DataFrame, which has the outputs already")
         return _dataframe.core_from(u, dt, described), ""
+    if _dataset.is_dataset(u):
+        if y is not None:
+            raise ValueError("y: found beside a Dataset, which has the outputs already")
+        return _dataset.from_xarray(u, dt=dt, outputs_required=True, **described), ""
     if isinstance(u, Ensemble):
         for name, value in {"y": y, "dt": dt, **described}.items():
             if value is not None:
