@@ -98,6 +98,42 @@ def test_parts():
     assert data.fingerprint == tokid.Ensemble(u, y).fingerprint != training.fingerprint
 
 
+def test_experiments_by_number():
+    u, y = samples(10)
+    data = tokid.Ensemble(u, y, length=[7, 3, 0, 7, 7, 7, 7, 7, 7, 5])
+    assert np.array_equal(data[3].u, u[[3]]) and np.array_equal(data[-1].y[:, :5], y[[9], :5])
+    assert data[np.int64(1)].length.tolist() == [3]
+    for rows in (slice(2, 8, 2), [0, -1], [-1, -10], slice(None, None, -1), u[:, 0, 0] > 0):
+        for part in (data.subset(rows), data[rows]):
+            assert part.length.tolist() == data.length[rows].tolist()
+            assert np.array_equal(part.u, data.u[rows], equal_nan=True)
+    assert [one.length.tolist() for one in data] == [[n] for n in data.length]
+    assert [len(list(data)), list(data)[2].u.shape] == [10, (1, 7, 2)]
+    for n in (10, -11):
+        with pytest.raises(IndexError, match=f"experiment {n} found, one of 10 needed"):
+            data[n]
+
+
+def test_ensemble_is_no_array():
+    u, y = samples(10)
+    with pytest.raises(TypeError, match=r"an Ensemble found, an array needed: it holds two, u \(N, T, r\) and y"):
+        tokid.identify(u, tokid.Ensemble(u, y))
+
+
+def test_subclasses_stay_what_they_are(tmp_path):
+    class Flights(tokid.Ensemble):
+        pass
+
+    data = Flights(*samples(10))
+    parts = [*data.split(0.3), data.subset([1]), data[0], data[2:4], data.stretch(1, 4), data.cut(3), data.departures(),
+             copy.copy(data), copy.deepcopy(data), Flights.empty(1, 2, 1, 1), next(iter(data))]
+    data.save(tmp_path / "data.npz")
+    parts.append(Flights.load(tmp_path / "data.npz"))
+    assert {type(part) for part in parts} == {Flights}
+    assert repr(data).startswith("<Flights: N = 10 experiments")
+    assert np.array_equal(parts[8].u, data.u)
+
+
 REFUSED = [
     (lambda u, y: tokid.Ensemble(u[0, 0], y), "u: shape (2,) found, (N, T, r) needed, or (T, r) for one experiment"),
     (lambda u, y: tokid.Ensemble(u, y[:3]), "y: shape (3, 7, 3) found, (5, 7, m) needed"),
@@ -119,7 +155,9 @@ REFUSED = [
     (lambda u, y: tokid.Ensemble(u, y, input_names=["a"]), "input_names: 1 text found, a list of 2 texts needed"),
     (lambda u, y: tokid.Ensemble(u, y, input_names="ab"), "input_names: 'ab' found, a list of 2 texts needed"),
     (lambda u, y: tokid.Ensemble(u, y, initial_state="one"), "initial_state: 'one' found, one of 'zero', 'unknown'"),
-    (lambda u, y: tokid.Ensemble(u, y).subset([5]), "rows: 5 found, numbers from 0 to 4 needed"),
+    (lambda u, y: tokid.Ensemble(u, y).subset([5]), "rows: 5 found, numbers from -5 to 4 needed"),
+    (lambda u, y: tokid.Ensemble(u, y).subset([-6]), "rows: -6 found, numbers from -5 to 4 needed"),
+    (lambda u, y: tokid.Ensemble(u, y)[True], "rows"),
     (lambda u, y: tokid.Ensemble(u, y).subset([0.5]), "row numbers"),
     (lambda u, y: tokid.Ensemble(u, y).split(1.5), "1.5"),
     (lambda u, y: tokid.Ensemble.empty(-1, 2, 1, 1), "experiments: -1 found, a whole number from 0 on needed"),

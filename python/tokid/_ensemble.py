@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Optional
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ._typing import Array, ArrayLike, PathLike
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
     import xarray  # type: ignore[import-not-found, unused-ignore]
+    from typing_extensions import Self
 
 
 class Ensemble:
@@ -84,7 +85,7 @@ class Ensemble:
         core.check(False)
 
     @classmethod
-    def _of(cls, core: _tokid.Ensemble) -> Ensemble:
+    def _of(cls, core: _tokid.Ensemble) -> Self:
         self = cls.__new__(cls)
         self._core = core
         return self
@@ -105,7 +106,7 @@ class Ensemble:
         output_names: Optional[Sequence[str]] = None,
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
-    ) -> Ensemble:
+    ) -> Self:
         """An ensemble of the given size in which every sample is missing (NaN), to be written through `u` and `y`.
 
         Written in place, samples are never copied. The other parameters are those of the constructor.
@@ -134,7 +135,7 @@ class Ensemble:
         inputs: Sequence[str] = (),
         outputs: Sequence[str] = (),
         outputs_required: bool = False,
-    ) -> Ensemble:
+    ) -> Self:
         """Reads an ensemble from .npz, .h5, .mat or .csv.
 
         Parameters
@@ -268,13 +269,39 @@ class Ensemble:
     def __len__(self) -> int:
         return self.experiments
 
+    def __getitem__(self, rows: Union[int, slice, ArrayLike]) -> Self:
+        """Experiments as an ensemble of their own: one by its number, or several as of `subset`."""
+        if isinstance(rows, (int, np.integer)) and not isinstance(rows, bool):
+            if not -self.experiments <= rows < self.experiments:
+                raise IndexError(f"experiment {rows} found, one of {self.experiments} needed")
+            rows = [int(rows)]
+        return self.subset(rows)
+
+    def __iter__(self) -> Iterator[Self]:
+        return (self.subset([n]) for n in range(self.experiments))
+
+    def __array__(self, dtype: Any = None, copy: Optional[bool] = None) -> np.ndarray[Any, Any]:
+        # NumPy would take it for a sequence of sequences without end.
+        raise TypeError("an Ensemble found, an array needed: it holds two, u (N, T, r) and y (N, T, m)")
+
     def __repr__(self) -> str:
-        return f"<tokid.Ensemble: {sizes(self)}>"
+        return f"<{'tokid.' if type(self) is Ensemble else ''}{type(self).__name__}: {sizes(self)}>"
 
     # Parts
 
-    def subset(self, rows: ArrayLike) -> Ensemble:
-        """The experiments of the given row numbers, or for which a mask is true; everything else is kept."""
+    def subset(self, rows: Union[slice, ArrayLike]) -> Self:
+        """The experiments of a slice, of the given row numbers, or for which a mask is true; all else is kept.
+
+        Negative numbers count from the end. The samples are copied.
+
+        Examples
+        --------
+        >>> data = tokid.example(experiments=10, steps=20)
+        >>> len(data.subset([0, -1])), len(data.subset(slice(2, 8, 2))), len(data[3])
+        (2, 3, 1)
+        """
+        if isinstance(rows, slice):
+            rows = np.arange(self.experiments)[rows]
         chosen = np.asarray(rows)
         if chosen.dtype == np.bool_:
             _arrays.shaped("rows", chosen, (self.experiments,))
@@ -283,11 +310,11 @@ class Ensemble:
             raise ValueError(f"rows: an array of {chosen.dtype} and shape {chosen.shape} found, row numbers (any,) needed")
         numbers = [int(n) for n in chosen]
         for n in numbers:
-            if not 0 <= n < self.experiments:
-                raise ValueError(f"rows: {n} found, numbers from 0 to {self.experiments - 1} needed")
-        return Ensemble._of(self._ready().subset(numbers))
+            if not -self.experiments <= n < self.experiments:
+                raise ValueError(f"rows: {n} found, numbers from {-self.experiments} to {self.experiments - 1} needed")
+        return self._of(self._ready().subset([n % self.experiments for n in numbers]))
 
-    def split(self, fraction: float, *, period: int = 0) -> tuple[Ensemble, Ensemble]:
+    def split(self, fraction: float, *, period: int = 0) -> tuple[Self, Self]:
         """Experiments for identification, and a share of them, evenly spread, for validation.
 
         Parameters
@@ -302,24 +329,24 @@ class Ensemble:
         training, held_out : Ensemble
         """
         training, held_out = self._ready().split(float(fraction), _options.period(period))
-        return Ensemble._of(training), Ensemble._of(held_out)
+        return self._of(training), self._of(held_out)
 
-    def stretch(self, begin: int, end: int) -> Ensemble:
+    def stretch(self, begin: int, end: int) -> Self:
         """The steps begin … end-1 of every experiment as an ensemble of its own. Free responses stay behind."""
-        return Ensemble._of(self._ready().stretch(begin, end))
+        return self._of(self._ready().stretch(begin, end))
 
-    def cut(self, length: int) -> Ensemble:
+    def cut(self, length: int) -> Self:
         """Consecutive stretches of the given length as experiments of their own, unfinished ones left out."""
-        return Ensemble._of(self._ready().cut(length))
+        return self._of(self._ready().cut(length))
 
     def nominal(self) -> tuple[Array, Array]:
         """The mean motion over the experiments: inputs (T, r) and outputs (T, m)."""
         u, y = self._ready().nominal()
         return u, y
 
-    def departures(self) -> Ensemble:
+    def departures(self) -> Self:
         """The experiments less their mean motion."""
-        return Ensemble._of(self._ready().departures())
+        return self._of(self._ready().departures())
 
     # In the forms of other packages (interop.py)
 
@@ -337,7 +364,7 @@ class Ensemble:
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
         outputs_required: bool = False,
-    ) -> Ensemble:
+    ) -> Self:
         """An ensemble of a tidy `pandas.DataFrame`, by the rules of .csv files.
 
         Parameters
@@ -376,7 +403,7 @@ class Ensemble:
         """
         from . import interop
 
-        return interop.ensemble_from_dataframe(
+        made = interop.ensemble_from_dataframe(
             data,
             inputs=inputs,
             outputs=outputs,
@@ -388,6 +415,7 @@ class Ensemble:
             output_units=output_units,
             outputs_required=outputs_required,
         )
+        return cls._of(made._core)
 
     @classmethod
     def from_xarray(
@@ -403,7 +431,7 @@ class Ensemble:
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
         outputs_required: bool = False,
-    ) -> Ensemble:
+    ) -> Self:
         """An ensemble of an `xarray.Dataset`, as `to_xarray` makes them.
 
         Parameters
@@ -434,7 +462,7 @@ class Ensemble:
         """
         from . import interop
 
-        return interop.ensemble_from_xarray(
+        made = interop.ensemble_from_xarray(
             data,
             dt=dt,
             length=length,
@@ -446,6 +474,7 @@ class Ensemble:
             output_units=output_units,
             outputs_required=outputs_required,
         )
+        return cls._of(made._core)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The ensemble as a tidy `pandas.DataFrame`: ``experiment``, ``time`` [s] and a column for each channel.
@@ -470,7 +499,7 @@ class Ensemble:
 
     def __reduce__(self) -> tuple[Any, ...]:
         state = {name: getattr(self._core, name) for name in _TOLD}
-        return _restored, (np.asarray(self.u), np.asarray(self.y), state)
+        return _restored, (np.asarray(self.u), np.asarray(self.y), state, type(self))
 
 
 _TOLD = (
@@ -485,14 +514,14 @@ _TOLD = (
 )
 
 
-def _restored(u: Array, y: Array, state: dict[str, Any]) -> Ensemble:
+def _restored(u: Array, y: Array, state: dict[str, Any], cls: type[Ensemble] = Ensemble) -> Ensemble:
     core = _tokid.Ensemble(u.shape[0], u.shape[1], u.shape[2], y.shape[2], state["dt"], True)
     core.write_inputs(u)
     core.write_outputs(y)
     for name, value in state.items():
         if name != "free_y" or value is not None:
             setattr(core, name, value)
-    return Ensemble._of(core)
+    return cls._of(core)
 
 
 def plural(count: int, noun: str) -> str:
