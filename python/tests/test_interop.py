@@ -317,6 +317,12 @@ def test_identify_takes_datasets():
     model, dataset = tokid.identify(data, **options), data.to_xarray()
     np.testing.assert_array_equal(np.asarray(tokid.identify(dataset, **options).A), np.asarray(model.A))
     assert tokid.identify(dataset, input_names=["a", "b"], **options).input_names == ["a", "b"]
+    state = tokid.identify(data, **options, refine=False, keep_state=True).state
+    fresh = tokid.example("oscillator", experiments=30, steps=12, seed=2).to_xarray()
+    more = tokid.update(state, fresh.drop_attrs().drop_vars("time"))  # in the sample time of the state
+    assert more.updated.experiments == 60 and more.dt == data.dt
+    with pytest.raises(ValueError, match="y: found beside a Dataset"):
+        tokid.update(state, dataset, data.y)
     with pytest.raises(ValueError, match="y: found beside a Dataset"):
         tokid.identify(dataset, data.y)
     with pytest.raises(ValueError, match="'u' and 'y' needed"):
