@@ -98,6 +98,42 @@ def test_parts():
     assert data.fingerprint == tokid.Ensemble(u, y).fingerprint != training.fingerprint
 
 
+def test_experiments_by_number():
+    u, y = samples(10)
+    data = tokid.Ensemble(u, y, length=[7, 3, 0, 7, 7, 7, 7, 7, 7, 5])
+    assert np.array_equal(data[3].u, u[[3]]) and np.array_equal(data[-1].y[:, :5], y[[9], :5])
+    assert data[np.int64(1)].length.tolist() == [3]
+    for rows in (slice(2, 8, 2), [0, -1], [-1, -10], slice(None, None, -1), u[:, 0, 0] > 0):
+        for part in (data.subset(rows), data[rows]):
+            assert part.length.tolist() == data.length[rows].tolist()
+            assert np.array_equal(part.u, data.u[rows], equal_nan=True)
+    assert [one.length.tolist() for one in data] == [[n] for n in data.length]
+    assert [len(list(data)), list(data)[2].u.shape] == [10, (1, 7, 2)]
+    for n in (10, -11):
+        with pytest.raises(IndexError, match=f"experiment {n} found, one of 10 needed"):
+            data[n]
+
+
+def test_ensemble_is_no_array():
+    u, y = samples(10)
+    with pytest.raises(TypeError, match=r"an Ensemble found, an array needed: it holds two, u \(N, T, r\) and y"):
+        tokid.identify(u, tokid.Ensemble(u, y))
+
+
+def test_subclasses_stay_what_they_are(tmp_path):
+    class Flights(tokid.Ensemble):
+        pass
+
+    data = Flights(*samples(10))
+    parts = [*data.split(0.3), data.subset([1]), data[0], data[2:4], data.stretch(1, 4), data.cut(3), data.departures(),
+             copy.copy(data), copy.deepcopy(data), Flights.empty(1, 2, 1, 1), next(iter(data))]
+    data.save(tmp_path / "data.npz")
+    parts.append(Flights.load(tmp_path / "data.npz"))
+    assert {type(part) for part in parts} == {Flights}
+    assert repr(data).startswith("<Flights: N = 10 experiments")
+    assert np.array_equal(parts[8].u, data.u)
+
+
 REFUSED = [
     (lambda u, y: tokid.Ensemble(u[0, 0], y), "u: shape (2,) found, (N, T, r) needed, or (T, r) for one experiment"),
     (lambda u, y: tokid.Ensemble(u, y[:3]), "y: shape (3, 7, 3) found, (5, 7, m) needed"),
@@ -119,7 +155,9 @@ REFUSED = [
     (lambda u, y: tokid.Ensemble(u, y, input_names=["a"]), "input_names: 1 text found, a list of 2 texts needed"),
     (lambda u, y: tokid.Ensemble(u, y, input_names="ab"), "input_names: 'ab' found, a list of 2 texts needed"),
     (lambda u, y: tokid.Ensemble(u, y, initial_state="one"), "initial_state: 'one' found, one of 'zero', 'unknown'"),
-    (lambda u, y: tokid.Ensemble(u, y).subset([5]), "rows: 5 found, numbers from 0 to 4 needed"),
+    (lambda u, y: tokid.Ensemble(u, y).subset([5]), "rows: 5 found, numbers from -5 to 4 needed"),
+    (lambda u, y: tokid.Ensemble(u, y).subset([-6]), "rows: -6 found, numbers from -5 to 4 needed"),
+    (lambda u, y: tokid.Ensemble(u, y)[True], "rows"),
     (lambda u, y: tokid.Ensemble(u, y).subset([0.5]), "row numbers"),
     (lambda u, y: tokid.Ensemble(u, y).split(1.5), "1.5"),
     (lambda u, y: tokid.Ensemble.empty(-1, 2, 1, 1), "experiments: -1 found, a whole number from 0 on needed"),
@@ -131,11 +169,15 @@ REFUSED = [
     (lambda u, y: tokid.identify(u, y, states=2.0), "states: 2.0 found, a whole number from 1 on or 'auto' needed"),
     (lambda u, y: tokid.identify(u, y, lags="all"), "lags: 'all' found, a whole number from 1 on or 'auto' needed"),
     (lambda u, y: tokid.identify(u, y, method="era"), "method: 'era' found, one of 'auto', 'tvera', 'subspace' needed"),
-    (lambda u, y: tokid.identify(u, y, smoothing=-1), "smoothing: -1 found, a number from 0 on, infinity or 'auto'"),
+    (lambda u, y: tokid.identify(u, y, smoothing=-1), "smoothing: -1 found, a number from 0 on, 'infinity' or 'auto'"),
     (lambda u, y: tokid.identify(u, y, smoothing=np.nan), "smoothing: nan found"),
     (lambda u, y: tokid.identify(u, y, period="weekly"), "period: 'weekly' found, a whole number from 0 to 1000000"),
     (lambda u, y: tokid.identify(u, y, refine="often"), "refine: 'often' found, one of True, False, None, 'auto'"),
-    (lambda u, y: tokid.identify(u, y, hold_out=2), "hold_out: 2 found, a number from 0 to 1 needed"),
+    (lambda u, y: tokid.identify(u, y, hold_out=2), "hold_out: 2 found, a number from 0 to below 1 needed"),
+    (lambda u, y: tokid.identify(u, y, hold_out=1.0), "hold_out: 1.0 found, a number from 0 to below 1 needed"),
+    (lambda u, y: tokid.identify(u[..., 0].T, y[..., 0].T), "u (7, 5) was taken for one experiment of 7 steps with 5 inputs"),
+    (lambda u, y: tokid.cross_validate(u[0], y[0]), "; u (7, 2) was taken for one experiment of 7 steps with 2 inputs; "
+                                                    "(N, T, 1) for N experiments with one input"),
     (lambda u, y: tokid.identify(u, y, reference_step=3), "reference_step: needs frame 'reference'"),
     (lambda u, y: tokid.identify(u, y, threads=-1), "threads: -1 found, a whole number from 0 to 1024 needed"),
 ]
@@ -146,6 +188,45 @@ def test_refusals_say_what_is_wanted(call, words):
     with pytest.raises(ValueError) as error:
         call(*samples())
     assert words in str(error.value)
+
+
+def test_more_inputs_than_steps_are_worth_a_word(recwarn):
+    u, y = samples()
+    with pytest.warns(tokid.TokidWarning, match=r"u \(5, 7\) was taken for one experiment of 5 steps with 7 inputs"):
+        data = tokid.Ensemble(u[..., 0], y[..., 0])
+    assert data.u.shape == (1, 5, 7)
+    with pytest.warns(tokid.TokidWarning, match="5 steps with 7 inputs") as warned, pytest.raises(ValueError):
+        tokid.identify(u[..., 0], y[..., 0])
+    assert warned[0].filename == __file__
+    recwarn.clear()
+    tokid.Ensemble(u[0], y[0]), tokid.Ensemble(u[:, :1], y[:, :1])
+    assert not recwarn
+
+
+def test_errors_of_a_listener_stay_as_they_are(data):
+    def listen(share):
+        raise ValueError("enough")
+
+    with pytest.raises(ValueError) as error:
+        tokid.identify(data.u[0], data.y[0], period=1, states=1, lags=1, refine=False, progress=listen)
+    assert str(error.value) == "enough"
+
+
+def test_options_of_numpy_and_words(data):
+    """As a grid of scikit-learn holds them."""
+    fixed = {"lags": 2, "states": 4, "weighting": "one-step"}
+    first = tokid.identify(data, **fixed, smoothing=0.0, refine=False)
+    same = tokid.identify(data, **fixed, smoothing=np.float32(0), refine=np.False_, keep_state=np.True_)
+    assert np.array_equal(same.A.stack(), first.A.stack()) and same.state is not None
+    constant = [tokid.identify(data, **fixed, smoothing=value, refine=False) for value in ("inf", "infinity", np.inf)]
+    assert all(np.array_equal(model.A.stack(), constant[0].A.stack()) for model in constant)
+
+
+def test_cross_validation_of_arrays(data):
+    options = {"lags": 2, "states": 4, "smoothing": 0.0, "refine": False, "folds": 3}
+    of_arrays = tokid.cross_validate(np.array(data.u), np.array(data.y), dt=data.dt, **options)
+    of_ensemble = tokid.cross_validate(tokid.Ensemble(data.u, data.y, dt=data.dt), **options)
+    assert np.array_equal(of_arrays.one_step.fit, of_ensemble.one_step.fit)
 
 
 def test_files_that_are_none(tmp_path, model):

@@ -259,6 +259,76 @@ def test_ensemble_as_dataset(data):
     assert isinstance(free.mean("experiment"), xr.Dataset)
 
 
+@pytest.mark.parametrize("kind", ["plain", "with gaps", "of unequal length"])
+def test_ensemble_comes_back_from_a_dataset(kind):
+    ensemble = ensembles()[kind]
+    dataset = ensemble.to_xarray()
+    same(tokid.Ensemble.from_xarray(dataset), ensemble)
+    same(tokid.Ensemble.from_xarray(dataset.transpose()), ensemble)
+    same(tokid.Ensemble.from_xarray(dataset.isel(k=slice(None, None, -1))), ensemble)
+    same(tokid.Ensemble.from_xarray(dataset.isel(experiment=[2, 0])), ensemble.subset([2, 0]))
+    same(tokid.Ensemble.from_xarray(dataset.isel(k=slice(2, 6))), ensemble.stretch(2, 6))
+    same(tokid.Ensemble.from_xarray(dataset.swap_dims(k="time").drop_vars("k")), ensemble)
+    every_second = tokid.Ensemble.from_xarray(dataset.isel(k=slice(None, None, 2)))
+    assert (every_second.steps, every_second.dt) == (5, pytest.approx(2 * ensemble.dt))
+    if ensemble.length is not None:
+        assert every_second.length.tolist() == [(n + 1) // 2 for n in ensemble.length]
+    holed = tokid.Ensemble.from_xarray(dataset.isel(k=[0, 1, 4, 8]))
+    assert holed.steps == 9 and np.isnan(holed.u[:, 2:4]).all()
+    np.testing.assert_array_equal(holed.y[:, [0, 1, 4, 8]], ensemble.y[:, [0, 1, 4, 8]])
+
+
+def test_free_responses_come_back_from_a_dataset():
+    ensemble = tokid.example(experiments=3, steps=5, free_responses=2)
+    dataset = ensemble.to_xarray()
+    np.testing.assert_array_equal(tokid.Ensemble.from_xarray(dataset).free_y, ensemble.free_y)
+    assert tokid.Ensemble.from_xarray(dataset.isel(k=slice(1, 5))).free_y is None  # as of stretch
+
+
+def test_datasets_of_others():
+    time = pd.date_range("2026-11-22", periods=4, freq="250ms")
+    dataset = xr.Dataset({"u": ("time", np.arange(4)), "y": (("output", "time"), np.ones((2, 4)))}, {"time": time})
+    ensemble = tokid.Ensemble.from_xarray(dataset, output_names=["a", "b"])
+    assert (ensemble.u.shape, ensemble.y.shape, ensemble.dt) == ((1, 4, 1), (1, 4, 2), 0.25)
+    assert ensemble.u[0, 3, 0] == 3 and ensemble.output_names == ["a", "b"] and ensemble.initial_state is None
+    assert tokid.Ensemble.from_xarray(dataset.drop_vars("time"), dt=0.5).dt == 0.5
+    for wrong, text in (
+        (dataset.rename(u="force"), None),
+        (dataset.rename(u="force", y="angle"), r"data: variables \['force', 'angle'\] found, 'u' or 'y' needed"),
+        (dataset.rename(time="t"), r"u: dimensions \('t',\) found, 'k' or 'time' needed"),
+        (dataset.expand_dims("trial"), "no others than 'experiment' and 'input' beside it"),
+        (dataset.assign(u=("k", np.ones(3))), "u, y: steps along 'k' and 'time' found, one dimension needed"),
+        (dataset.isel(time=[0, 1, 1]), "time: two entries found for a step, one needed"),
+        (dataset.isel(time=[]), "data: no steps found"),
+        (dataset.assign(u=("time", list("abcd"))), "u: an array of <U1 found, real numbers needed"),
+    ):
+        if text is None:
+            assert tokid.Ensemble.from_xarray(wrong).inputs == 0
+            continue
+        with pytest.raises(ValueError, match=text):
+            tokid.Ensemble.from_xarray(wrong)
+    with pytest.raises(ValueError, match="data: ndarray found, a Dataset needed"):
+        tokid.Ensemble.from_xarray(np.ones(3))
+
+
+def test_identify_takes_datasets():
+    data = tokid.example("oscillator", experiments=30, steps=12)
+    options = {"states": 4, "lags": 2}
+    model, dataset = tokid.identify(data, **options), data.to_xarray()
+    np.testing.assert_array_equal(np.asarray(tokid.identify(dataset, **options).A), np.asarray(model.A))
+    assert tokid.identify(dataset, input_names=["a", "b"], **options).input_names == ["a", "b"]
+    state = tokid.identify(data, **options, refine=False, keep_state=True).state
+    fresh = tokid.example("oscillator", experiments=30, steps=12, seed=2).to_xarray()
+    more = tokid.update(state, fresh.drop_attrs().drop_vars("time"))  # in the sample time of the state
+    assert more.updated.experiments == 60 and more.dt == data.dt
+    with pytest.raises(ValueError, match="y: found beside a Dataset"):
+        tokid.update(state, dataset, data.y)
+    with pytest.raises(ValueError, match="y: found beside a Dataset"):
+        tokid.identify(dataset, data.y)
+    with pytest.raises(ValueError, match="'u' and 'y' needed"):
+        tokid.identify(dataset[["u"]])
+
+
 # ---- pandas ----
 
 
@@ -298,13 +368,7 @@ def test_ensemble_comes_back_from_a_table(kind):
     ensemble = ensembles()[kind]
     table = ensemble.to_dataframe()
     same(tokid.Ensemble.from_dataframe(table), ensemble)
-    same(tokid.Ensemble.from_dataframe(table.sample(frac=1, random_state=0)), ensemble_in_order(table, ensemble))
-
-
-def ensemble_in_order(table, ensemble):
-    """The ensemble with its experiments as they appear in the shuffled table."""
-    order = table.sample(frac=1, random_state=0)["experiment"].unique()
-    return ensemble.subset([int(n) for n in order])
+    same(tokid.Ensemble.from_dataframe(table.sample(frac=1, random_state=0)), ensemble)
 
 
 @pytest.mark.parametrize("kind", ensembles())
@@ -410,7 +474,17 @@ BAD = {
         "column 'u1' found among inputs and outputs, one of them needed",
     ),
     "text": ({"u1": ["1", "x"], "y1": [1.0, 2.0]}, {}, "row 1, column 'u1': 'x' found, a number needed"),
-    "dates": ({"time": pd.to_datetime(["2026-01-01"]), "u1": [1.0]}, {}, "column 'time': datetime64"),
+    "dates": ({"k": pd.to_datetime(["2026-01-01"]), "u1": [1.0]}, {}, "column 'k': datetime64"),
+    "no date": (
+        {"time": pd.to_datetime(["2026-01-01", None]), "u1": [1.0, 2.0]},
+        {},
+        "row 1, column 'time': 'NaT' found, a finite time needed",
+    ),
+    "days apart": (
+        {"experiment": [1, 2], "time": pd.to_datetime(["2026-01-01", "2026-01-02"]), "u1": [1.0, 2.0]},
+        {},
+        "column 'time': experiment '2' begins 86400 s behind the end of '1', times from a common origin needed",
+    ),
     "no experiment": (
         {"experiment": ["a", None], "u1": [1.0, 2.0]},
         {},
@@ -457,6 +531,68 @@ def test_what_is_wrong_with_a_table_is_said(kind):
     assert text in str(raised.value)
 
 
+TIMES = {
+    "dates": lambda t: pd.Timestamp("2026-11-22 10:00") + pd.to_timedelta(t, unit="s"),
+    "dates of a zone": lambda t: pd.Timestamp(1792889999, unit="s", tz="Europe/Berlin") + pd.to_timedelta(t, unit="s"),
+    "differences": lambda t: pd.to_timedelta(t + 5, unit="s"),
+    "floats": lambda t: pd.Index(t + 0.7),
+}
+
+
+@pytest.mark.parametrize("kind", TIMES)
+@pytest.mark.parametrize("dt", [0.05, 1 / 3, 1 / 30000])
+def test_index_and_column_of_times(kind, dt):
+    k = np.array([0, 1, 3, 4])
+    table = pd.DataFrame({"u1": k * 1.0, "y1": k + 0.5}, index=TIMES[kind](k * dt))
+    # Digits beyond a nanosecond are not there.
+    tolerance = 1e-12 if kind == "floats" else 1e-9 / 4
+    for form in (table, table[::-1], table.rename_axis("time"), table.rename_axis("time").reset_index()):
+        found = tokid.Ensemble.from_dataframe(form)
+        assert found.dt == pytest.approx(dt, abs=tolerance)
+        np.testing.assert_array_equal(found.u[0, :, 0], [0, 1, np.nan, 3, 4])
+    assert tokid.Ensemble.from_dataframe(table, dt=dt / 2).steps == 9
+    both = pd.concat([table.assign(experiment=n) for n in (10, 9)])
+    found = tokid.Ensemble.from_dataframe(both.assign(u1=both["u1"] + both["experiment"]))
+    np.testing.assert_array_equal(found.u[:, 4, 0], [13, 14])
+    if kind != "floats":  # a name says more than numbers do
+        assert tokid.Ensemble.from_dataframe(table.rename_axis("stamp")).dt == pytest.approx(dt, abs=tolerance)
+    period = tokid.Ensemble.from_dataframe(table.set_axis(pd.period_range("2026-01-01", periods=4, freq="h")))
+    assert (period.dt, period.steps) == (3600, 4)
+    timed = tokid.Ensemble.from_dataframe(table.assign(k=k))  # a column says it already
+    assert (timed.dt, timed.steps) == (1, 5)
+
+
+def test_index_that_is_not_understood_is_refused():
+    table = pd.DataFrame({"u1": [1.0, 2.0], "y1": [3.0, 4.0]})
+    dates = table.set_axis(["2026-01-01", "2026-01-02"])
+    needed = "one of times or step numbers with the name 'time' or 'k' needed, or dt"
+    with pytest.raises(ValueError, match=f"index: unnamed, of (str|object) found, {needed}"):
+        tokid.Ensemble.from_dataframe(dates)
+    pressures = table.set_axis(pd.Index([1.0, 1.5], name="pressure"))
+    with pytest.raises(ValueError, match=f"index: 'pressure', of float64 found, {needed}"):
+        tokid.identify(pressures)
+    for known in (dates, pressures):
+        found = tokid.Ensemble.from_dataframe(known, dt=0.5)
+        assert (found.steps, found.dt) == (2, 0.5)
+    records = pd.concat([table, table])
+    with pytest.raises(ValueError, match=r"row 2: index 0 found a second time, a column 'experiment' needed"):
+        tokid.Ensemble.from_dataframe(records, dt=0.5)
+    with pytest.raises(ValueError, match=r"index: levels None, None found, the names 'experiment' and 'time' or 'k'"):
+        tokid.Ensemble.from_dataframe(pd.concat({"a": table, "b": table}))
+    named = pd.concat({"a": table, "b": table}, names=["experiment", "k"])
+    assert len(tokid.Ensemble.from_dataframe(named)) == 2
+    assert len(tokid.Ensemble.from_dataframe(records.assign(experiment=["a", "a", "b", "b"]))) == 2
+    assert tokid.Ensemble.from_dataframe(records.assign(k=range(4))).steps == 4
+    assert tokid.Ensemble.from_dataframe(records.reset_index(drop=True)).steps == 4
+
+
+@pytest.mark.parametrize("kind", ["int64", "float32", "Int64", "uint8"])
+def test_numbers_of_experiments_come_in_their_order(kind):
+    table = pd.DataFrame({"experiment": [10, 2, 9, 2], "k": [0, 1, 0, 0], "u1": [10.0, 2.5, 9.0, 2.0]})
+    found = tokid.Ensemble.from_dataframe(table.astype({"experiment": kind}))
+    np.testing.assert_array_equal(found.u[:, :, 0], [[2, 2.5], [9, np.nan], [10, np.nan]])
+
+
 def test_columns_of_one_name_are_told():
     table = pd.DataFrame([[1.0, 2.0, 3.0]], columns=["u1", "u1", "y1"])
     with pytest.raises(ValueError, match="columns: 2 columns 'u1' found, one needed"):
@@ -499,6 +635,8 @@ def test_identify_and_models_take_tables():
         model.predict(table, data.y)
     with pytest.raises(ValueError, match="y: found beside a DataFrame"):
         tokid.identify(table, data.y)
+    with pytest.raises(ValueError, match="u, y: two DataFrames found, one that holds all columns needed; input_names"):
+        tokid.identify(table[["u1", "u2"]], table[["y1", "y2"]])
 
 
 def test_computed_outputs_in_a_table(varying):

@@ -184,6 +184,32 @@ def test_progress(noisy, capfd):
     assert "identify: " in capfd.readouterr().err
 
 
+def test_progress_is_a_bar_of_tqdm(noisy, monkeypatch, capfd):
+    auto = pytest.importorskip("tqdm.auto")
+    bars = []
+
+    class Bar(auto.tqdm):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            bars.append(self)
+
+    monkeypatch.setattr(auto, "tqdm", Bar)
+    tokid.identify(noisy, progress=True, refine=False)
+    (bar,) = bars
+    assert bar.desc == "identify" and bar.n == bar.total == 100 and bar.disable  # closed
+    assert "identify: 100%|" in capfd.readouterr().err
+    with pytest.raises(ValueError):
+        tokid.identify(noisy, lags=39, method="tvera", progress=True)
+    assert len(bars) == 2 and bars[1].disable and bars[1].n < 100
+
+
+def test_progress_is_a_line_without_tqdm(noisy, monkeypatch, capfd):
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    tokid.identify(noisy, progress=True, refine=False)
+    lines = capfd.readouterr().err
+    assert lines.startswith("\ridentify: ") and lines.endswith("\ridentify: 100 %\n")
+
+
 def test_import_brings_numpy_alone(python):
     script = """
 import sys

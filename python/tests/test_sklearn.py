@@ -9,12 +9,12 @@ import sklearn.utils.estimator_checks as checks
 import tokid
 from sklearn.base import clone, is_regressor
 from sklearn.exceptions import NotFittedError
-from sklearn.metrics import r2_score
+from sklearn.metrics import get_scorer, max_error, mean_squared_error, r2_score
 from sklearn.model_selection import GridSearchCV, KFold, cross_val_predict, cross_val_score, train_test_split
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from tokid.interop import simulate_ltv
-from tokid.sklearn import LTVIdentifier
+from tokid.sklearn import LTVIdentifier, make_scorer, scorers
 
 # One regression for each step: milliseconds each.
 QUICK = {
@@ -119,6 +119,45 @@ def test_cross_validation_leaves_out_experiments(data):
         assert score == pytest.approx(wanted, rel=1e-12)
     predicted = cross_val_predict(LTVIdentifier(**QUICK), data.u, data.y, cv=folds)
     assert predicted.shape == data.y.shape and not np.isnan(predicted).any()
+
+
+@pytest.mark.parametrize("name", scorers)
+def test_scorers_are_those_of_scikit_learn_for_experiments(data, fitted, name):
+    flat = get_scorer(name)
+    y, y_hat = data.y.reshape(-1, 2), fitted.predict(data.u).reshape(-1, 2)
+    # The root is taken of each output, as scikit-learn does it too.
+    assert scorers[name](fitted, data.u, data.y) == pytest.approx(flat._sign * flat._score_func(y, y_hat))
+    scores = cross_val_score(LTVIdentifier(**QUICK), data.u, data.y, cv=KFold(3), scoring=scorers[name])
+    assert np.isfinite(scores).all()
+    assert pickle.loads(pickle.dumps(scorers[name]))(fitted, data.u, data.y) == scorers[name](fitted, data.u, data.y)
+
+
+def test_scorer_is_score_where_it_is_r2(data, fitted):
+    y = np.array(data.y)
+    y[3, 5:9, 1] = np.nan
+    weights = np.arange(1.0, 46.0)
+    assert scorers["r2"](fitted, data.u, y, weights) == pytest.approx(fitted.score(data.u, y, weights), rel=1e-12)
+    assert np.isnan(scorers["r2"](fitted, data.u, np.full_like(y, np.nan)))
+    ahead = clone(fitted).set_params(horizon=1).fit(data.u, data.y)
+    pipeline = make_pipeline(FunctionTransformer(), ahead)
+    search = GridSearchCV(ahead, {"states": [2, 4]}, cv=3, scoring=scorers["r2"]).fit(data.u, data.y)
+    assert search.best_params_ == {"states": 4}
+    for estimator in (ahead, pipeline, search):
+        assert scorers["r2"](estimator, data.u, y) == pytest.approx(ahead.score(data.u, y), rel=1e-12)
+
+
+def test_scorers_of_other_metrics(data, fitted):
+    worst = make_scorer(max_error, greater_is_better=False)
+    errors = np.abs(data.y - fitted.predict(data.u)).max(axis=(0, 1))
+    assert worst(fitted, data.u, data.y) == pytest.approx(-errors.mean())
+
+    class Zero:
+        def predict(self, X):
+            return np.zeros((*X.shape[:2], 2))
+
+    assert make_scorer(mean_squared_error)(Zero(), data.u, data.y) == pytest.approx((data.y**2).mean())
+    with pytest.raises(ValueError, match=r"y: shape \(45, 24, 2\) found, \(45, 25, m\) needed"):
+        worst(fitted, data.u, data.y[:, 1:])
 
 
 @pytest.mark.filterwarnings("ignore::tokid.TokidWarning")

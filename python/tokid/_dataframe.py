@@ -40,13 +40,45 @@ def _text(number: float) -> str:
     return text[:-2] if text.endswith(".0") else text
 
 
+def _with_index(table: Any, timed: bool) -> Any:
+    """The table with what its index says of experiments and times as columns; an index that says what is not understood
+    is refused, lest it be ignored. Without `timed` the rows are steps of a sample time that was given."""
+    levels = [name for name in table.index.names if name in _RESERVED]
+    if levels:
+        table = table.reset_index(level=levels)
+    columns = {str(label) for label in table.columns}
+    if not len(table) or "time" in columns or "k" in columns:
+        return table
+    index = table.index
+    if index.nlevels == 1:
+        if isinstance(index, pandas().PeriodIndex):
+            index = index.to_timestamp()
+        kind = getattr(index.dtype, "kind", "O")
+        if kind in "Mm" or (kind == "f" and index.name is None):
+            return table.set_axis(index, axis=0).rename_axis("time").reset_index()
+        if kind not in "iu" and timed:
+            raise ValueError(
+                f"index: {'unnamed' if index.name is None else repr(index.name)}, of {index.dtype} found, one of times "
+                "or step numbers with the name 'time' or 'k' needed, or dt for rows that are steps"
+            )
+    if "experiment" not in columns:
+        if index.nlevels > 1:
+            names = ", ".join(map(repr, index.names))
+            raise ValueError(f"index: levels {names} found, the names 'experiment' and 'time' or 'k' needed")
+        if not index.is_unique:
+            row = int(np.flatnonzero(index.duplicated())[0])
+            raise ValueError(
+                f"row {row}: index {index[row]} found a second time, a column 'experiment' needed where there are "
+                "several (or reset_index(drop=True) where all rows are steps of one)"
+            )
+    return table
+
+
 class _Table:
     """Columns by their names, levels of the index among them."""
 
-    def __init__(self, table: Any) -> None:
-        levels = [name for name in table.index.names if name in _RESERVED]
-        if levels:
-            table = table.reset_index(level=levels)
+    def __init__(self, table: Any, timed: bool) -> None:
+        table = _with_index(table, timed)
         self._table = table
         self.names = [str(label) for label in table.columns]
         self.rows = len(table)
@@ -100,6 +132,28 @@ class _Table:
                 values[row] = _number(value, row, name)
         return values
 
+    def stamped(self, column: Optional[int]) -> bool:
+        """Whether times are dates or differences of pandas, which count nanoseconds."""
+        return column is not None and getattr(self.series(column).dtype, "kind", "O") in "Mm"
+
+    def seconds(self, column: int) -> Array:
+        """Times [s]; dates from the first one on."""
+        if not self.stamped(column):
+            return self.numbers(column)
+        series = self.series(column)
+        return seconds(series.to_numpy(dtype="datetime64[ns]" if series.dtype.kind == "M" else "timedelta64[ns]"))
+
+
+def seconds(stamps: np.ndarray[Any, Any]) -> Array:
+    """Times [s] of time differences, or of dates from the first one on."""
+    missing = np.isnat(stamps)
+    dates = stamps.dtype.kind == "M"
+    nanoseconds = stamps.astype("datetime64[ns]" if dates else "timedelta64[ns]").astype(np.int64)
+    if dates and not missing.all():
+        nanoseconds = nanoseconds - nanoseconds[~missing].min()
+    times: Array = np.where(missing, np.nan, nanoseconds / 1e9)
+    return times
+
 
 def _number(value: Any, row: int, name: str) -> float:
     text = str(value).strip()
@@ -144,9 +198,11 @@ def _spacing(times: Array) -> float:
     return rounded if abs(rounded - refined) <= uncertainty else refined
 
 
-class _Grid:
-    def __init__(self, times: Array, timed: bool, dt: Optional[float], noted: Optional[float], groups: int) -> None:
-        resolution = 4 * _EPSILON * max(abs(float(times.min())), abs(float(times.max())))
+class Grid:
+    def __init__(
+        self, times: Array, timed: bool, dt: Optional[float], noted: Optional[float], groups: int, rounded: float
+    ) -> None:
+        resolution = rounded + 4 * _EPSILON * max(abs(float(times.min())), abs(float(times.max())))
         self.begin = float(times.min())
         spacing = 1.0
         if timed:
@@ -180,10 +236,12 @@ class _Grid:
 
 
 def _experiments(table: _Table, column: Optional[int]) -> tuple[Any, list[Any]]:
-    """Numbers of the experiments of all rows, in the order of appearance, and their names."""
+    """Numbers of the experiments of all rows, and their names: numbers in their order, texts as they appear."""
     if column is None:
         return np.zeros(table.rows, dtype=np.int64), [""]
-    codes, names = pandas().factorize(table.series(column))
+    series = table.series(column)
+    # Rows may come in any order; the names of texts would sort 10 before 9.
+    codes, names = pandas().factorize(series, sort=getattr(series.dtype, "kind", "O") in "fiub")
     names = list(names)
     nothing = codes < 0
     if "" in names:
@@ -204,7 +262,7 @@ def _times(table: _Table, time: Optional[int], k: Optional[int], experiment: Any
         times = np.empty(table.rows)
         times[order] = count
         return times
-    times = table.numbers(column)
+    times = table.seconds(column) if time is not None else table.numbers(column)
     wrong = ~np.isfinite(times)
     if time is None:
         wrong |= times != np.floor(times)
@@ -215,6 +273,19 @@ def _times(table: _Table, time: Optional[int], k: Optional[int], experiment: Any
             f"row {row}, column '{table.names[column]}': '{table.series(column).iloc[row]}' found, a {needed} needed"
         )
     return times
+
+
+def _same_origin(times: Array, experiment: Any, names: list[Any]) -> None:
+    """Refuses dates of experiments made one after another: their first steps are not the same step."""
+    begin, end = np.full(len(names), np.inf), np.full(len(names), -np.inf)
+    np.minimum.at(begin, experiment, times)
+    np.maximum.at(end, experiment, times)
+    first, last = int(np.argmin(begin)), int(np.argmax(begin))
+    if begin[last] > end[first]:
+        raise ValueError(
+            f"column 'time': experiment '{names[last]}' begins {_text(begin[last] - end[first])} s behind the end of "
+            f"'{names[first]}', times from a common origin needed: time less the begin of its experiment"
+        )
 
 
 # ---- from tables to ensembles ----
@@ -236,7 +307,7 @@ def from_dataframe(
     pandas()
     if not is_dataframe(data):
         raise ValueError(f"data: {type(data).__name__} found, a DataFrame needed")
-    table = _Table(data)
+    table = _Table(data, dt is None)
     notes = table.notes
     experiment, time, k = (table.find(name) for name in _RESERVED)
     u = table.channels("input", inputs, "u", () if outputs is None else outputs)
@@ -254,7 +325,10 @@ def from_dataframe(
     row_experiment, experiments = _experiments(table, experiment)
     times = _times(table, time, k, row_experiment)
     stated = None if dt is None else _options.real("dt", dt, 0.0)
-    grid = _Grid(times, time is not None, stated, notes.get("dt"), len(experiments))
+    stamped = table.stamped(time)
+    if stamped:
+        _same_origin(times, row_experiment, experiments)
+    grid = Grid(times, time is not None, stated, notes.get("dt"), len(experiments), 1e-9 if stamped else 0.0)
     place = row_experiment * grid.steps + grid.step
     order = np.argsort(place, kind="stable")
     again = order[1:][np.diff(place[order]) == 0]
@@ -280,7 +354,7 @@ def from_dataframe(
     noted_state = notes.get("initial_state") if initial_state is None else initial_state
     describe(core, None, free_y, noted_state, None, None, input_units, output_units)
     if length is not None:
-        describe(core, length, None, None, None, None, None, None)
+        describe(core, length)
         for n, valid in enumerate(core.length):
             core.u()[n, max(valid, 0) :] = np.nan
             core.y()[n, max(valid, 0) :] = np.nan

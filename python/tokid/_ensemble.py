@@ -3,17 +3,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Optional
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
 from . import _arrays, _options, _tokid
+from ._errors import warn
 from ._typing import Array, ArrayLike, PathLike
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
     import xarray  # type: ignore[import-not-found, unused-ignore]
+    from typing_extensions import Self
 
 
 class Ensemble:
@@ -75,13 +77,15 @@ class Ensemble:
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
     ) -> None:
-        core, _ = core_of(u, y, dt)
+        core, single = core_of(u, y, dt)
+        if single and u is not None:
+            taken_for_one(core)
         self._core = core
         describe(core, length, free_y, initial_state, input_names, output_names, input_units, output_units)
         core.check(False)
 
     @classmethod
-    def _of(cls, core: _tokid.Ensemble) -> Ensemble:
+    def _of(cls, core: _tokid.Ensemble) -> Self:
         self = cls.__new__(cls)
         self._core = core
         return self
@@ -102,7 +106,7 @@ class Ensemble:
         output_names: Optional[Sequence[str]] = None,
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
-    ) -> Ensemble:
+    ) -> Self:
         """An ensemble of the given size in which every sample is missing (NaN), to be written through `u` and `y`.
 
         Written in place, samples are never copied. The other parameters are those of the constructor.
@@ -131,7 +135,7 @@ class Ensemble:
         inputs: Sequence[str] = (),
         outputs: Sequence[str] = (),
         outputs_required: bool = False,
-    ) -> Ensemble:
+    ) -> Self:
         """Reads an ensemble from .npz, .h5, .mat or .csv.
 
         Parameters
@@ -265,13 +269,39 @@ class Ensemble:
     def __len__(self) -> int:
         return self.experiments
 
+    def __getitem__(self, rows: Union[int, slice, ArrayLike]) -> Self:
+        """Experiments as an ensemble of their own: one by its number, or several as of `subset`."""
+        if isinstance(rows, (int, np.integer)) and not isinstance(rows, bool):
+            if not -self.experiments <= rows < self.experiments:
+                raise IndexError(f"experiment {rows} found, one of {self.experiments} needed")
+            rows = [int(rows)]
+        return self.subset(rows)
+
+    def __iter__(self) -> Iterator[Self]:
+        return (self.subset([n]) for n in range(self.experiments))
+
+    def __array__(self, dtype: Any = None, copy: Optional[bool] = None) -> np.ndarray[Any, Any]:
+        # NumPy would take it for a sequence of sequences without end.
+        raise TypeError("an Ensemble found, an array needed: it holds two, u (N, T, r) and y (N, T, m)")
+
     def __repr__(self) -> str:
-        return f"<tokid.Ensemble: {sizes(self)}>"
+        return f"<{'tokid.' if type(self) is Ensemble else ''}{type(self).__name__}: {sizes(self)}>"
 
     # Parts
 
-    def subset(self, rows: ArrayLike) -> Ensemble:
-        """The experiments of the given row numbers, or for which a mask is true; everything else is kept."""
+    def subset(self, rows: Union[slice, ArrayLike]) -> Self:
+        """The experiments of a slice, of the given row numbers, or for which a mask is true; all else is kept.
+
+        Negative numbers count from the end. The samples are copied.
+
+        Examples
+        --------
+        >>> data = tokid.example(experiments=10, steps=20)
+        >>> len(data.subset([0, -1])), len(data.subset(slice(2, 8, 2))), len(data[3])
+        (2, 3, 1)
+        """
+        if isinstance(rows, slice):
+            rows = np.arange(self.experiments)[rows]
         chosen = np.asarray(rows)
         if chosen.dtype == np.bool_:
             _arrays.shaped("rows", chosen, (self.experiments,))
@@ -280,11 +310,11 @@ class Ensemble:
             raise ValueError(f"rows: an array of {chosen.dtype} and shape {chosen.shape} found, row numbers (any,) needed")
         numbers = [int(n) for n in chosen]
         for n in numbers:
-            if not 0 <= n < self.experiments:
-                raise ValueError(f"rows: {n} found, numbers from 0 to {self.experiments - 1} needed")
-        return Ensemble._of(self._ready().subset(numbers))
+            if not -self.experiments <= n < self.experiments:
+                raise ValueError(f"rows: {n} found, numbers from {-self.experiments} to {self.experiments - 1} needed")
+        return self._of(self._ready().subset([n % self.experiments for n in numbers]))
 
-    def split(self, fraction: float, *, period: int = 0) -> tuple[Ensemble, Ensemble]:
+    def split(self, fraction: float, *, period: int = 0) -> tuple[Self, Self]:
         """Experiments for identification, and a share of them, evenly spread, for validation.
 
         Parameters
@@ -299,24 +329,24 @@ class Ensemble:
         training, held_out : Ensemble
         """
         training, held_out = self._ready().split(float(fraction), _options.period(period))
-        return Ensemble._of(training), Ensemble._of(held_out)
+        return self._of(training), self._of(held_out)
 
-    def stretch(self, begin: int, end: int) -> Ensemble:
+    def stretch(self, begin: int, end: int) -> Self:
         """The steps begin … end-1 of every experiment as an ensemble of its own. Free responses stay behind."""
-        return Ensemble._of(self._ready().stretch(begin, end))
+        return self._of(self._ready().stretch(begin, end))
 
-    def cut(self, length: int) -> Ensemble:
+    def cut(self, length: int) -> Self:
         """Consecutive stretches of the given length as experiments of their own, unfinished ones left out."""
-        return Ensemble._of(self._ready().cut(length))
+        return self._of(self._ready().cut(length))
 
     def nominal(self) -> tuple[Array, Array]:
         """The mean motion over the experiments: inputs (T, r) and outputs (T, m)."""
         u, y = self._ready().nominal()
         return u, y
 
-    def departures(self) -> Ensemble:
+    def departures(self) -> Self:
         """The experiments less their mean motion."""
-        return Ensemble._of(self._ready().departures())
+        return self._of(self._ready().departures())
 
     # In the forms of other packages (interop.py)
 
@@ -334,18 +364,21 @@ class Ensemble:
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
         outputs_required: bool = False,
-    ) -> Ensemble:
+    ) -> Self:
         """An ensemble of a tidy `pandas.DataFrame`, by the rules of .csv files.
 
         Parameters
         ----------
         data : pandas.DataFrame
-            A row for each experiment and step, in any order. ``experiment`` (numbers or names) is one experiment where
-            it is absent; ``time`` [s], or ``k`` (whole numbers), holds the step, and where both are absent the rows of
-            an experiment are its steps. They may be levels of the index. All other columns are channels or ignored.
+            A row for each experiment and step, in any order. ``experiment`` (numbers, which come in their order, or
+            names, which come as they first appear) is one experiment where it is absent; ``time`` (numbers [s], dates
+            or time differences), or ``k`` (whole numbers), holds the step, and where both are absent the rows of an
+            experiment are its steps. They may be levels of the index, and an index of dates, of time differences, or of
+            floats without a name is ``time``. All other columns are channels or ignored, also one such as ``trial``.
             Absent rows, NaN, None and "NA" are missing samples.
         inputs, outputs : sequence, optional
-            Columns that are inputs and outputs; by default those whose names begin with u and y.
+            Columns that are inputs and outputs; by default all whose names begin with u and y, ``uid`` and ``year``
+            not excepted.
         dt : float, optional
             Sample time [s]; by default the spacing of ``time``, else 1.
         length, free_y, initial_state, input_units, output_units
@@ -360,7 +393,8 @@ class Ensemble:
         Raises
         ------
         ValueError
-            Names the column and the row, which are counted from 0.
+            Names the column and the row, which are counted from 0. So are refused an index whose meaning is not known,
+            as of texts, and without ``experiment`` and times one whose labels repeat, as of records put together.
 
         Notes
         -----
@@ -369,7 +403,7 @@ class Ensemble:
         """
         from . import interop
 
-        return interop.ensemble_from_dataframe(
+        made = interop.ensemble_from_dataframe(
             data,
             inputs=inputs,
             outputs=outputs,
@@ -381,6 +415,66 @@ class Ensemble:
             output_units=output_units,
             outputs_required=outputs_required,
         )
+        return cls._of(made._core)
+
+    @classmethod
+    def from_xarray(
+        cls,
+        data: xarray.Dataset,
+        *,
+        dt: Optional[float] = None,
+        length: Optional[ArrayLike] = None,
+        free_y: Optional[ArrayLike] = None,
+        initial_state: Optional[str] = None,
+        input_names: Optional[Sequence[str]] = None,
+        output_names: Optional[Sequence[str]] = None,
+        input_units: Optional[Sequence[str]] = None,
+        output_units: Optional[Sequence[str]] = None,
+        outputs_required: bool = False,
+    ) -> Self:
+        """An ensemble of an `xarray.Dataset`, as `to_xarray` makes them.
+
+        Parameters
+        ----------
+        data : xarray.Dataset
+            The variables ``u`` and ``y`` along ``k`` or ``time``, ``experiment`` (one where it is absent) and ``input``
+            or ``output`` (one channel where it is absent), in any order. The coordinate ``time`` (numbers [s], dates or
+            time differences), else ``k`` (whole numbers), says which steps the entries are; absent ones are missing
+            samples. Names and units of the channels, lengths, free responses and what is known of the initial states
+            are taken from where `to_xarray` has them.
+        dt : float, optional
+            Sample time [s]; by default the spacing of ``time``, else the attribute dt, else 1.
+        length, free_y, initial_state, input_names, output_names, input_units, output_units
+            As of the constructor, in the place of what the dataset holds.
+        outputs_required : bool, default False
+            Refuse a dataset without outputs.
+
+        Returns
+        -------
+        Ensemble
+            With the samples of the dataset copied. A stretch that begins later than step 0 has unknown initial states
+            and no free responses, as of `stretch`.
+
+        Raises
+        ------
+        ValueError
+            Names the variable or coordinate.
+        """
+        from . import interop
+
+        made = interop.ensemble_from_xarray(
+            data,
+            dt=dt,
+            length=length,
+            free_y=free_y,
+            initial_state=initial_state,
+            input_names=input_names,
+            output_names=output_names,
+            input_units=input_units,
+            output_units=output_units,
+            outputs_required=outputs_required,
+        )
+        return cls._of(made._core)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The ensemble as a tidy `pandas.DataFrame`: ``experiment``, ``time`` [s] and a column for each channel.
@@ -405,7 +499,7 @@ class Ensemble:
 
     def __reduce__(self) -> tuple[Any, ...]:
         state = {name: getattr(self._core, name) for name in _TOLD}
-        return _restored, (np.asarray(self.u), np.asarray(self.y), state)
+        return _restored, (np.asarray(self.u), np.asarray(self.y), state, type(self))
 
 
 _TOLD = (
@@ -420,14 +514,14 @@ _TOLD = (
 )
 
 
-def _restored(u: Array, y: Array, state: dict[str, Any]) -> Ensemble:
+def _restored(u: Array, y: Array, state: dict[str, Any], cls: type[Ensemble] = Ensemble) -> Ensemble:
     core = _tokid.Ensemble(u.shape[0], u.shape[1], u.shape[2], y.shape[2], state["dt"], True)
     core.write_inputs(u)
     core.write_outputs(y)
     for name, value in state.items():
         if name != "free_y" or value is not None:
             setattr(core, name, value)
-    return Ensemble._of(core)
+    return cls._of(core)
 
 
 def plural(count: int, noun: str) -> str:
@@ -470,15 +564,27 @@ def core_of(u: Any, y: Any, dt: float) -> tuple[_tokid.Ensemble, bool]:
     return core, single
 
 
+def taken_for_one(core: _tokid.Ensemble) -> str:
+    """How inputs (T, r) were understood; a warning where (N, T) is likelier, which they may have been."""
+    steps, r = core.steps, core.inputs
+    remark = (
+        f"u ({steps}, {r}) was taken for one experiment of {plural(steps, 'step')} with {plural(r, 'input')}; (N, T, 1) "
+        "for N experiments with one input"
+    )
+    if r > steps:
+        warn([remark])
+    return remark
+
+
 def describe(
     core: _tokid.Ensemble,
-    length: Optional[ArrayLike],
-    free_y: Optional[ArrayLike],
-    initial_state: Optional[str],
-    input_names: Optional[Sequence[str]],
-    output_names: Optional[Sequence[str]],
-    input_units: Optional[Sequence[str]],
-    output_units: Optional[Sequence[str]],
+    length: Optional[ArrayLike] = None,
+    free_y: Optional[ArrayLike] = None,
+    initial_state: Optional[str] = None,
+    input_names: Optional[Sequence[str]] = None,
+    output_names: Optional[Sequence[str]] = None,
+    input_units: Optional[Sequence[str]] = None,
+    output_units: Optional[Sequence[str]] = None,
 ) -> None:
     """What goes with the samples."""
     if length is not None:

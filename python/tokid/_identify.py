@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Callable, Optional, Union
 
-from . import _dataframe, _options, _tokid
-from ._ensemble import Ensemble, core_of, describe
+from . import _dataframe, _dataset, _options, _tokid
+from ._ensemble import Ensemble, core_of, describe, taken_for_one
 from ._errors import warn
 from ._model import Model
 from ._progress import listener
@@ -17,11 +17,12 @@ from .results import CrossValidation, NoisyChoices, Streamed
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    import xarray  # type: ignore[import-not-found, unused-ignore]
     from typing_extensions import Unpack
 
 
 def identify(
-    u: Union[ArrayLike, Ensemble, pandas.DataFrame],
+    u: Union[ArrayLike, Ensemble, pandas.DataFrame, xarray.Dataset],
     y: Optional[ArrayLike] = None,
     *,
     dt: Optional[float] = None,
@@ -55,9 +56,9 @@ def identify(
 
     Parameters
     ----------
-    u : array_like, shape (N, T, r) or (T, r), or Ensemble, or DataFrame
+    u : array_like, shape (N, T, r) or (T, r), or Ensemble, DataFrame or Dataset
         Inputs of N experiments; or an ensemble, which holds everything that is known of the data; or a tidy table of
-        pandas, as of `Ensemble.from_dataframe`.
+        pandas, as of `Ensemble.from_dataframe`, or a dataset of xarray, as of `Ensemble.from_xarray`.
     y : array_like, shape (N, T, m) or (T, m)
         Outputs. NaN marks a missing sample, in `u` as in `y`.
     dt : float, default 1.0
@@ -69,7 +70,7 @@ def identify(
     method : {"auto", "tvera", "subspace"}
         Realisation. "auto": tvera without noise from zero initial states, else subspace.
     smoothing : float or "auto"
-        Penalty λ on variation in time: 0 none, infinity one model. "auto": by errors on experiments left out.
+        Penalty λ on variation in time: 0 none, "infinity" one model. "auto": by errors on experiments left out.
     period : int or "invariant", default 0
         P: the steps k, k + P, … share one model; "invariant" (or 1): all steps, for which a single record is enough;
         0: each has its own.
@@ -152,10 +153,18 @@ def identify(
         "input_units": input_units,
         "output_units": output_units,
     }
-    core = ensemble_core(u, y, dt, described)
+    core, remark = ensemble_core(u, y, dt, described)
     with listener(progress, "identify") as listening:
-        model, evidence, state = _tokid.identify(
-            core, options, _options.threads(threads), listening, keep_state, report, page_options()
+        model, evidence, state = _remarked(
+            remark,
+            _tokid.identify,
+            core,
+            options,
+            _options.threads(threads),
+            listening,
+            bool(keep_state),
+            report,
+            page_options(),
         )
     warn(evidence.warnings)
     kept = None if state is None else UpdateState._of(state)
@@ -206,9 +215,11 @@ def cross_validate(
     Model.cross_validate : with the options that a model was identified with.
     """
     checked = _options.identification(options)
-    core = ensemble_core(u, y, dt, {"length": length, "free_y": free_y})
+    core, remark = ensemble_core(u, y, dt, {"length": length, "free_y": free_y})
     with listener(progress, "cross-validate") as listening:
-        result: CrossValidation = _tokid.cross_validate(
+        result: CrossValidation = _remarked(
+            remark,
+            _tokid.cross_validate,
             core,
             checked,
             folds=_options.integer("folds", folds, 2),
@@ -290,19 +301,38 @@ def page_options(
     return options
 
 
-def ensemble_core(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
-    """The data of a call, an ensemble or arrays with what is said of them."""
+def ensemble_core(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) -> tuple[_tokid.Ensemble, str]:
+    """The data of a call, an ensemble or arrays with what is said of them, and what there is to say of their shapes."""
     if _dataframe.is_dataframe(u):
+        if _dataframe.is_dataframe(y):
+            raise ValueError(
+                "u, y: two DataFrames found, one that holds all columns needed; input_names and output_names choose them"
+            )
         if y is not None:
             raise ValueError("y: found beside a DataFrame, which has the outputs already")
-        return _dataframe.core_from(u, dt, described)
+        return _dataframe.core_from(u, dt, described), ""
+    if _dataset.is_dataset(u):
+        if y is not None:
+            raise ValueError("y: found beside a Dataset, which has the outputs already")
+        return _dataset.from_xarray(u, dt=dt, outputs_required=True, **described), ""
     if isinstance(u, Ensemble):
         for name, value in {"y": y, "dt": dt, **described}.items():
             if value is not None:
                 raise ValueError(f"{name}: found beside an Ensemble, which has it already")
-        return u._ready()
+        return u._ready(), ""
     if y is None:
         raise ValueError("y: none found, outputs (N, T, m) needed")
-    core, _ = core_of(u, y, 1.0 if dt is None else dt)
-    describe(core, initial_state=None, **described)
-    return core
+    core, single = core_of(u, y, 1.0 if dt is None else dt)
+    describe(core, **described)
+    return core, taken_for_one(core) if single else ""
+
+
+def _remarked(remark: str, call: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+    """The result of a call of the extension, to whose own errors a remark is added."""
+    try:
+        return call(*arguments, **options)
+    except ValueError as error:
+        # One that a listener raised comes from frames behind this one.
+        if not remark or error.__traceback__ is None or error.__traceback__.tb_next is not None:
+            raise
+        raise ValueError(f"{error}; {remark}") from None

@@ -8,6 +8,8 @@ import numbers
 from collections.abc import Mapping
 from typing import Any, Optional, TypedDict, TypeVar, Union
 
+import numpy as np
+
 from . import _tokid
 from .results import NoisyChoices
 
@@ -57,13 +59,13 @@ def real(name: str, value: Any, smallest: float, largest: float = math.inf, or_e
 
 
 def smoothing(value: Any) -> Optional[float]:
-    """λ from 0 on, or infinity; None for "auto"."""
+    """λ from 0 on, or "infinity"; None for "auto"."""
     if isinstance(value, str):
         if value == "auto":
             return None
-        if value == "infinity":
+        if value in ("infinity", "inf"):
             return math.inf
-    return real("smoothing", value, 0.0, or_else=", infinity or 'auto'")
+    return real("smoothing", value, 0.0, or_else=", 'infinity' or 'auto'")
 
 
 def period(value: Any) -> int:
@@ -75,11 +77,18 @@ def period(value: Any) -> int:
 
 def refinement(value: Any) -> Optional[bool]:
     """Whether to refine; None: as far as it helps where the data are noisy."""
-    if value is None or isinstance(value, bool):
-        return value
+    if value is None or isinstance(value, (bool, np.bool_)):
+        return None if value is None else bool(value)
     if isinstance(value, str) and value == "auto":
         return None
     raise ValueError(f"refine: {value!r} found, one of True, False, None, 'auto' needed")
+
+
+def share(name: str, value: Any) -> float:
+    """A number from 0 to below 1."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not 0 <= float(value) < 1:
+        raise ValueError(f"{name}: {value!r} found, a number from 0 to below 1 needed")
+    return float(value)
 
 
 def step(name: str, value: Any) -> int:
@@ -132,7 +141,7 @@ def identification(options: IdentifyOptions) -> _tokid.IdentifyOptions:
     result.nominal = choice("nominal", get("nominal", "auto"), NOMINALS)
     result.frame = choice("frame", get("frame", "raw"), FRAMES)
     result.reference_step = step("reference_step", get("reference_step"))
-    result.hold_out = real("hold_out", get("hold_out", 0.0), 0.0, 1.0)
+    result.hold_out = share("hold_out", get("hold_out", 0.0))
     result.rows = count_or_auto("rows", get("rows", "auto"))
     result.cols = count_or_auto("cols", get("cols", "auto"))
     choices = get("choices")

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from typing import Any, Optional, Union
 
-from . import _dataframe, _options, _tokid
+from . import _dataframe, _dataset, _options, _tokid
 from ._ensemble import Ensemble, core_of, plural
 from ._errors import warn
 from ._model import Model
@@ -122,7 +122,7 @@ def update(
     ----------
     state : UpdateState or path
         That of the experiments before, which is not changed; but a file gets the new experiments, once all has worked.
-    u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
+    u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble, DataFrame or Dataset
         New experiments; or the paths of files of them, of which one at a time is in memory.
     inputs, outputs : sequence of str, optional
         Columns of .csv files that are inputs and outputs.
@@ -177,6 +177,10 @@ def _experiments(core: _tokid.UpdateState, u: Any, y: Any) -> _tokid.Ensemble:
         if y is not None:
             raise ValueError("y: found beside a DataFrame, which has the outputs already")
         return _dataframe.from_dataframe(u, dt=core.dt, outputs_required=True)
+    if _dataset.is_dataset(u):
+        if y is not None:
+            raise ValueError("y: found beside a Dataset, which has the outputs already")
+        return _dataset.from_xarray(u, dt=core.dt, outputs_required=True)
     if y is None:
         raise ValueError(f"y: none found, outputs (N, T, {core.outputs}) needed")
     return core_of(u, y, core.dt)[0]

@@ -2,8 +2,8 @@
 """Bridges to python-control, SciPy, xarray and pandas.
 
 The conversions are methods of models and ensembles, too: `Model.to_control`, `Model.to_scipy`, `Model.to_xarray`,
-`Model.to_dataframe`, `Ensemble.to_xarray`, `Ensemble.to_dataframe` and `Ensemble.from_dataframe`. None of the packages
-is needed before its function is called.
+`Model.to_dataframe`, `Ensemble.to_xarray`, `Ensemble.from_xarray`, `Ensemble.to_dataframe` and
+`Ensemble.from_dataframe`. None of the packages is needed before its function is called.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
 import numpy as np
 
-from . import _arrays, _dataframe
+from . import _arrays, _dataframe, _dataset
 from ._ensemble import Ensemble
 from ._model import Model
 from ._optional import need
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "dataframe_of",
     "ensemble_from_dataframe",
+    "ensemble_from_xarray",
     "ensemble_to_dataframe",
     "ensemble_to_xarray",
     "model_to_dataframe",
@@ -437,6 +438,11 @@ def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
         attributes["initial_state"] = ensemble.initial_state
     dataset: xarray.Dataset = xr.Dataset(variables, coordinates, attributes)
     return dataset
+
+
+def ensemble_from_xarray(data: xarray.Dataset, **options: Any) -> Ensemble:
+    """`Ensemble.from_xarray`."""
+    return Ensemble._of(_dataset.from_xarray(data, **options))
 
 
 # ---- pandas ----

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional, Union
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Callable, Optional, Union
 
 import numpy as np
 
@@ -15,10 +17,11 @@ from ._typing import Array, ArrayLike
 
 need("sklearn", "tokid.sklearn", "tokid[sklearn]")
 
+import sklearn.metrics as metrics  # type: ignore[import-untyped, import-not-found, unused-ignore]
 from sklearn.base import BaseEstimator, RegressorMixin  # type: ignore[import-untyped, import-not-found, unused-ignore]
 from sklearn.utils.validation import check_is_fitted  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
-__all__ = ["LTVIdentifier"]
+__all__ = ["LTVIdentifier", "make_scorer", "scorers"]
 
 
 class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused-ignore]
@@ -54,6 +57,10 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
     -----
     `score` is R², see there. `tokid.validate` and the report page tell fits in percent instead, 100 (1 - sqrt(1 - R²))
     for the same means.
+
+    The scorers that scikit-learn has names for, as ``scoring="r2"``, take tables (n_samples, n_outputs) without NaN
+    alone, and make NaN of experiments. `tokid.sklearn.scorers` has them for experiments under the same names, and
+    `make_scorer` makes one of any other metric.
 
     Examples
     --------
@@ -247,6 +254,104 @@ def _experiments(name: str, values: Any, channels: str, inputs: Optional[Array] 
     if array.ndim != 3 or (inputs is not None and array.shape[:2] != inputs.shape[:2]):
         raise ValueError(f"{name}: shape {array.shape} found, ({size}, {channels}) needed: one entry per experiment")
     return array
+
+
+def _of_each_output(
+    metric: Callable[..., float], measured: Array, computed: Array, weights: Optional[Array]
+) -> float:
+    """The mean over the outputs of a metric of the samples that are both measured and computed."""
+    scores = []
+    for j in range(measured.shape[2]):
+        y, y_hat = measured[:, :, j], computed[:, :, j]
+        both = ~(np.isnan(y) | np.isnan(y_hat))
+        options = {}
+        if weights is not None:
+            options["sample_weight"] = np.broadcast_to(weights[:, np.newaxis], y.shape)[both]
+        if not both.any():
+            return float("nan")
+        scores.append(float(metric(y[both], y_hat[both], **options)))
+    return float(np.mean(scores))
+
+
+class _Scorer:
+    """A scorer that goes to other processes if its metric does."""
+
+    def __init__(self, metric: Callable[..., float], sign: int, options: dict[str, Any]) -> None:
+        self._metric = metric
+        self._sign = sign
+        self._options = options
+
+    def __call__(self, estimator: Any, X: ArrayLike, y: ArrayLike, sample_weight: Optional[ArrayLike] = None) -> float:
+        inputs = _experiments("X", X, "r")
+        outputs = _experiments("y", y, "m", inputs)
+        weights = None
+        if sample_weight is not None:
+            weights = _arrays.shaped("sample_weight", sample_weight, (len(inputs),))
+        best = getattr(estimator, "best_estimator_", estimator)
+        last = best[-1] if hasattr(best, "steps") else best
+        # Predictions ahead need what has been measured.
+        computed = best.predict(X, y=outputs) if isinstance(last, LTVIdentifier) else best.predict(X)
+
+        def metric(y: Array, y_hat: Array, **options: Any) -> float:
+            return self._metric(y, y_hat, **options, **self._options)
+
+        return self._sign * _of_each_output(metric, outputs, np.asarray(computed, dtype=np.float64), weights)
+
+    def __repr__(self) -> str:
+        name = getattr(self._metric, "__name__", self._metric)
+        return f"<tokid.sklearn scorer: {'-' if self._sign < 0 else ''}{name}>"
+
+
+def make_scorer(
+    metric: Callable[..., float], *, greater_is_better: bool = True, **options: Any
+) -> Callable[..., float]:
+    """A scorer of experiments, for ``scoring=`` of `GridSearchCV`, `cross_val_score` and their like.
+
+    Parameters
+    ----------
+    metric : callable
+        ``metric(y_true, y_pred, **options)`` of two arrays (samples,), as those of `sklearn.metrics`. It gets the
+        samples of all experiments and steps that are both measured and computed, of one output after another.
+    greater_is_better : bool, default True
+        False for an error, whose sign is turned.
+    **options
+        For the metric.
+
+    Returns
+    -------
+    callable
+        ``scorer(estimator, X, y, sample_weight=None)``, the mean over the outputs; NaN where an output has nothing to
+        compare. `sample_weight` (N,) holds weights of experiments, for metrics that take them. Of an `LTVIdentifier`
+        with a `horizon` it judges predictions, else simulations.
+
+    Examples
+    --------
+    >>> from sklearn.metrics import max_error
+    >>> from sklearn.model_selection import cross_val_score
+    >>> data = tokid.example("oscillator", experiments=60, steps=40, measurement_noise=0.01)
+    >>> estimator = LTVIdentifier(states=4, lags=2, smoothing=0.0, refine=False)
+    >>> worst = cross_val_score(estimator, data.u, data.y, cv=3, scoring=make_scorer(max_error, greater_is_better=False))
+    >>> bool((worst < 0).all())
+    True
+    """
+    return _Scorer(metric, 1 if greater_is_better else -1, options)
+
+
+def _root_mean_squared_error(y_true: Array, y_pred: Array, **options: Any) -> float:
+    return float(np.sqrt(metrics.mean_squared_error(y_true, y_pred, **options)))
+
+
+#: Scorers of experiments by the names that scikit-learn has for those of tables: ``scoring=scorers["r2"]``.
+scorers: Mapping[str, Callable[..., float]] = MappingProxyType(
+    {
+        "r2": make_scorer(metrics.r2_score),
+        "explained_variance": make_scorer(metrics.explained_variance_score),
+        "neg_mean_squared_error": make_scorer(metrics.mean_squared_error, greater_is_better=False),
+        "neg_root_mean_squared_error": make_scorer(_root_mean_squared_error, greater_is_better=False),
+        "neg_mean_absolute_error": make_scorer(metrics.mean_absolute_error, greater_is_better=False),
+        "neg_median_absolute_error": make_scorer(metrics.median_absolute_error, greater_is_better=False),
+    }
+)
 
 
 def _r2(measured: Array, computed: Array, weights: Array) -> float:
