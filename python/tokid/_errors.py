@@ -9,7 +9,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any, Union
+from typing import Any
 
 from ._tokid import IoError as IoError
 
@@ -34,9 +34,9 @@ class _ForbiddenFileError(_NamedFileError, PermissionError):
 
 
 @contextmanager
-def reading(path: Any) -> Iterator[Union[str, bytes]]:
+def reading(path: Any) -> Iterator[str]:
     """The path of a file to read. Where that is missing, or may not be read, Python's own errors are raised too."""
-    file = os.fspath(path)
+    file = os.fsdecode(path)
     try:
         yield file
     except IoError as error:
@@ -48,9 +48,9 @@ def reading(path: Any) -> Iterator[Union[str, bytes]]:
 
 
 @contextmanager
-def writing(path: Any) -> Iterator[Union[str, bytes]]:
+def writing(path: Any) -> Iterator[str]:
     """The path of a file to write; likewise where it or its directory can't be written."""
-    file = os.fspath(path)
+    file = os.fsdecode(path)
     directory = os.path.dirname(os.path.realpath(file))
     try:
         yield file

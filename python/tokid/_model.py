@@ -43,7 +43,7 @@ class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
     <A: 40 matrices (4, 4)>
     >>> model.A[3].shape, np.asarray(model.A).shape
     ((4, 4), (40, 4, 4))
-    >>> model.A[:, 0, 1].shape, (model.A == model.A).all()
+    >>> model.A[:, 0, 1].shape, np.array_equal(model.A, model.A.stack())
     ((40,), True)
     """
 
