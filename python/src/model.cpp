@@ -11,16 +11,16 @@ namespace tokid::python {
 
 namespace {
 
-// The lists of matrices, with the sizes that an array of all steps has: of states, inputs and outputs.
+// The lists of matrices, with their sizes: n states, x of them at the next step, r inputs and m outputs.
 struct List {
   const char* name;
   std::vector<Matrix> Model::*matrices;
   char rows, cols;
 };
-constexpr std::array lists{List{"A", &Model::A, 'n', 'n'}, List{"B", &Model::B, 'n', 'r'},
+constexpr std::array lists{List{"A", &Model::A, 'x', 'n'}, List{"B", &Model::B, 'x', 'r'},
                            List{"C", &Model::C, 'm', 'n'}, List{"D", &Model::D, 'm', 'r'},
-                           List{"G", &Model::G, 'n', 'm'}, List{"innovation_cov", &Model::innovation_cov, 'm', 'm'},
-                           List{"Q", &Model::Q, 'n', 'n'}, List{"R", &Model::R, 'm', 'm'},
+                           List{"G", &Model::G, 'x', 'm'}, List{"innovation_cov", &Model::innovation_cov, 'm', 'm'},
+                           List{"Q", &Model::Q, 'x', 'x'}, List{"R", &Model::R, 'm', 'm'},
                            List{"K", &Model::K, 'n', 'm'}};
 
 const List& list_of(const std::string& name) {
@@ -30,7 +30,7 @@ const List& list_of(const std::string& name) {
 }
 
 Index size_of(const Model& model, char what) {
-  return what == 'n' ? model.states() : what == 'r' ? model.inputs : model.outputs;
+  return what == 'n' || what == 'x' ? model.states() : what == 'r' ? model.inputs : model.outputs;
 }
 
 ReadOnlyArray matrix(nb::handle self, const std::string& name, size_t s) {
@@ -49,9 +49,48 @@ void set_matrices(Model& model, const std::string& name, const std::vector<AnyAr
   for (const AnyArray& array : arrays) matrices.push_back(matrix_of(array));
 }
 
-void set_singular_values(Model& model, const std::vector<AnyArray>& arrays) {
-  model.singular_values.clear();
-  for (const AnyArray& array : arrays) model.singular_values.push_back(vector_of(array));
+// The inverse of stack(), by the state dimensions of the model.
+void set_stack(Model& model, const std::string& name,
+               const nb::ndarray<const double, nb::ndim<3>, nb::c_contig>& whole) {
+  const List& list = list_of(name);
+  const Index rows = Index(whole.shape(1)), cols = Index(whole.shape(2));
+  const auto size = [&model](char what, size_t s) {
+    return what == 'n' || what == 'x' ? model.state_dim.at(s + (what == 'x')) : size_of(model, what);
+  };
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  std::vector<Matrix> matrices;
+  matrices.reserve(whole.shape(0));
+  for (size_t s = 0; s < whole.shape(0); ++s) {
+    const Index used_rows = size(list.rows, s), used_cols = size(list.cols, s);
+    if (used_rows > rows || used_cols > cols) throw std::invalid_argument(name + ": smaller than the state dimensions");
+    matrices.emplace_back(Eigen::Map<const RowMajor>(whole.data() + s * size_t(rows * cols), rows, cols)
+                              .topLeftCorner(used_rows, used_cols));
+  }
+  model.*list.matrices = std::move(matrices);
+}
+
+// Singular values of all steps behind each other, and how many each step has.
+nb::tuple singular_values_joined(const Model& model) {
+  std::vector<double> values;
+  std::vector<size_t> sizes;
+  for (const Vector& step : model.singular_values) {
+    values.insert(values.end(), step.data(), step.data() + step.size());
+    sizes.push_back(size_t(step.size()));
+  }
+  const size_t count = values.size();
+  return nb::make_tuple(array_of(std::move(values), {count}), sizes);
+}
+
+void set_singular_values(Model& model, const nb::ndarray<const double, nb::ndim<1>, nb::c_contig>& values,
+                         const std::vector<size_t>& sizes) {
+  std::vector<Vector> steps;
+  size_t begin = 0;
+  for (const size_t size : sizes) {
+    if (size > values.shape(0) - begin) throw std::invalid_argument("singular_values: fewer than their sizes");
+    steps.emplace_back(Eigen::Map<const Vector>(values.data() + begin, Index(size)));
+    begin += size;
+  }
+  model.singular_values = std::move(steps);
 }
 
 // (S, band, m, r): entry γ-1 of step s is h_{k,k-γ}, k = k_begin + s; NaN where that begins before the model.
@@ -89,10 +128,19 @@ void bind_model(nb::module_& module) {
       .def("matrix", &matrix)
       .def("count", [](const Model& model, const std::string& name) { return (model.*list_of(name).matrices).size(); })
       .def("stack", &stack)
+      .def("stacked_size",
+           [](const Model& model, const std::string& name) {
+             const List& list = list_of(name);
+             return std::pair(size_of(model, list.rows), size_of(model, list.cols));
+           })
       .def("set_matrices", &set_matrices)
+      .def("set_stack", &set_stack)
+      .def(
+          "copy", [](const Model& model) { return Model(model); }, nb::call_guard<nb::gil_scoped_release>())
       .def("singular_values",
            [](nb::handle self, size_t s) { return view_of(nb::cast<const Model&>(self).singular_values.at(s), self); })
       .def("singular_values_count", [](const Model& model) { return model.singular_values.size(); })
+      .def("singular_values_joined", &singular_values_joined)
       .def("set_singular_values", &set_singular_values)
       .def_rw("inputs", &Model::inputs)
       .def_rw("outputs", &Model::outputs)
@@ -184,7 +232,7 @@ void bind_model(nb::module_& module) {
            [](const Model& model, Index k, Index rows) { return array_of(Matrix(observability(model, k, rows))); })
       .def("deadbeat_products",
            [](const Model& model, Index p) {
-             std::vector<double> norms = deadbeat_products(model, p);
+             std::vector<double> norms = without_gil([&] { return deadbeat_products(model, p); });
              const size_t count = norms.size();
              return array_of(std::move(norms), {count});
            })

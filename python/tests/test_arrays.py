@@ -2,12 +2,15 @@
 """What goes in and what comes out: any layout in memory, one pass, views, and refusals that say what is wanted."""
 
 import copy
+import errno
+import os
 import pickle
 
 import numpy as np
 import pytest
 
 import tokid
+from tokid import _arrays
 
 
 def samples(N=5, T=7, r=2, m=3, seed=0):
@@ -40,6 +43,26 @@ def test_any_layout(layout, N):
 def test_any_real_numbers(kind):
     u = (samples()[0] * 3).astype(kind)
     assert np.array_equal(tokid.Ensemble(u).u, u.astype(float))
+
+
+def test_fields_and_shifted_arrays():
+    """Strides that are no multiple of the size of a number, and numbers that begin anywhere."""
+    u, y = samples()
+    records = np.zeros(u.shape, dtype=[("mark", "i1"), ("value", "f8"), ("single", "f4")])
+    records["value"], records["single"] = u, u
+    shifted = np.ndarray(u.shape, np.float64, bytearray(u.nbytes + 1), offset=1)
+    shifted[...] = u
+    assert not shifted.flags.aligned and records["value"].strides[-1] % 8
+    assert np.array_equal(tokid.Ensemble(records["value"], y).u, u)
+    assert np.array_equal(tokid.Ensemble(records["single"], y).u, u.astype(np.float32))
+    assert np.array_equal(tokid.Ensemble(shifted, y).u, u)
+    # Of packed records whose numbers happen to be aligned the strides alone tell.
+    buffer = np.zeros(u.size, dtype=[("value", "f4"), ("rest", "i2")])
+    buffer["value"] = u.ravel()
+    assert np.array_equal(tokid.Ensemble(buffer["value"].reshape(u.shape), y).u, u.astype(np.float32))
+    whole = _arrays.numbers("u", buffer["value"])
+    assert all(stride % whole.itemsize == 0 for stride in whole.strides)
+    assert np.shares_memory(_arrays.numbers("u", u[::2, ::-1]), u)  # as ever without a copy
 
 
 def test_masks_are_missing_samples():
@@ -161,6 +184,11 @@ REFUSED = [
     (lambda u, y: tokid.Ensemble(u, y).subset([0.5]), "row numbers"),
     (lambda u, y: tokid.Ensemble(u, y).split(1.5), "1.5"),
     (lambda u, y: tokid.Ensemble.empty(-1, 2, 1, 1), "experiments: -1 found, a whole number from 0 on needed"),
+    (lambda u, y: tokid.Ensemble(u, y).cut(3.5), "length: 3.5 found, a whole number from 1 to 7 needed"),
+    (lambda u, y: tokid.Ensemble(u, y).stretch(1, 2.0), "end: 2.0 found, a whole number from 2 to 7 needed"),
+    (lambda u, y: tokid.Ensemble(u, y).stretch(None, 2), "begin: None found, a whole number from 0 to 6 needed"),
+    (lambda u, y: tokid.Ensemble(u, y).split("half"), "fraction: 'half' found, a number from 0 to 1 needed"),
+    (lambda u, y: tokid.Ensemble(u, y, input_names=iter("a")), "input_names: 1 text found, a list of 2 texts needed"),
     (lambda u, y: tokid.identify(u), "y: none found, outputs (N, T, m) needed"),
     (lambda u, y: tokid.identify(tokid.Ensemble(u, y), y), "y: found beside an Ensemble"),
     (lambda u, y: tokid.identify(tokid.Ensemble(u, y), dt=1), "dt: found beside an Ensemble"),
@@ -241,3 +269,47 @@ def test_files_that_are_none(tmp_path, model):
     model.save(tmp_path / "model.npz")
     with pytest.raises(tokid.IoError):
         tokid.Ensemble.load(tmp_path / "model.npz")
+
+
+def test_files_that_are_not_there(tmp_path, model, data):
+    """Python's own errors, and tokid's; with the text of the library."""
+    missing, nowhere = tmp_path / "missing.h5", tmp_path / "none" / "file.npz"
+    state = tokid.identify(data, keep_state=True, refine=False).state
+    for call, file in [
+        (lambda: tokid.load(missing), missing),
+        (lambda: tokid.Ensemble.load(missing), missing),
+        (lambda: tokid.Model.load(str(missing)), missing),
+        (lambda: tokid.UpdateState.load(missing), missing),
+        (lambda: tokid.update(missing, data), missing),
+        (lambda: tokid.update(state, missing), missing),
+        (lambda: tokid.identify_file(missing, tmp_path / "model.h5"), missing),
+        (lambda: data.save(nowhere), nowhere),
+        (lambda: model.save(nowhere), nowhere),
+        (lambda: state.save(nowhere), nowhere),
+        (lambda: model.report(data, nowhere.with_suffix(".html")), nowhere.with_suffix(".html")),
+    ]:
+        with pytest.raises(FileNotFoundError) as error:
+            call()
+        assert isinstance(error.value, tokid.IoError)
+        assert error.value.errno == errno.ENOENT and str(error.value.filename) == str(file)
+        assert file.name in str(error.value) and "Errno" not in str(error.value)
+    (tmp_path / "no.npz").write_text("no archive")
+    with pytest.raises(tokid.IoError) as error:
+        tokid.load(tmp_path / "no.npz")
+    assert not isinstance(error.value, FileNotFoundError)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may do anything")
+def test_files_that_are_forbidden(tmp_path, data):
+    data.save(tmp_path / "data.npz")
+    (tmp_path / "data.npz").chmod(0)
+    for call in (lambda: tokid.load(tmp_path / "data.npz"), lambda: data.save(tmp_path / "data.npz")):
+        with pytest.raises(PermissionError) as error:
+            call()
+        assert isinstance(error.value, tokid.IoError) and error.value.errno == errno.EACCES
+
+
+def test_no_paths():
+    for call in (lambda: tokid.load(3), lambda: tokid.Model.load(None), lambda: tokid.UpdateState.load(2.5)):
+        with pytest.raises(TypeError, match="expected str, bytes or os.PathLike object, not"):
+            call()

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Models: matrices as views, outputs, coordinates, copies."""
 
+import copy
 import gc
 import pickle
+import time
 
 import numpy as np
 import pytest
@@ -48,6 +50,27 @@ def test_matrices_are_views(model):
             copy=False)
     assert np.asarray(model.A, dtype=np.float32).dtype == np.float32
     assert "30 matrices" in repr(model.A) and len(model.Q) == 0
+
+
+def test_matrices_as_one_array(model):
+    A, stack = model.A, model.A.stack()
+    assert (A.shape, A.ndim, A.dtype) == (stack.shape, 3, np.float64) and A[3:9].shape == (6, 4, 4)
+    assert A[20, 0, 1] == stack[20, 0, 1] and np.array_equal(A[:, 0, 0], stack[:, 0, 0])
+    for index in ([1, 2], np.array([5, 20]), np.arange(30) > 12, (..., 0), (slice(2, 9), 1), None):
+        assert np.array_equal(A[index], stack[index])
+    assert np.array_equal(A[np.int64(20)], A[20]) and np.shares_memory(A[np.int64(20)], A[20])
+    assert np.array_equal(A[10:][[0, 3]], stack[[10, 13]])
+    assert (A == model.A).all() and not (A[20] == 2 * A)[20].any() and not (A != A).any()
+    assert np.array_equal(2 * A - stack, stack) and np.array_equal(stack @ A, stack @ stack)
+    assert np.array_equal(np.abs(A), np.abs(stack))
+    with pytest.raises(ValueError, match="A: the matrices of a model do not change"):
+        A += 1.0
+    assert A[20] in A and np.eye(7) not in A and "matrix" not in A
+    assert A.index(A[20]) == 20 and A.count(A[20]) == 1 and A.index(A[20].tolist(), 3) == 20
+    with pytest.raises(ValueError, match="A: no entry is that matrix"):
+        A.index(A[20], 21)
+    with pytest.raises(IndexError):
+        A[3.5]
 
 
 def test_views_keep_the_model(data):
@@ -124,6 +147,22 @@ def test_estimate_state(model, data):
     assert np.allclose(model.estimate_state(data.u[3], data.y[3], k=12), x[3])
 
 
+def test_one_state_for_all_experiments(model, data):
+    late = model.from_step(12)
+    x = np.arange(4.0)
+    y = late.simulate(data.u, x)
+    assert np.array_equal(late.simulate(data.u, x[np.newaxis]), y, equal_nan=True)
+    with pytest.raises(ValueError, match=r"x0: shape \(2, 4\) found, \(40, 4\) needed"):
+        late.simulate(data.u, np.ones((2, 4)))
+
+
+def test_report_beside_an_ensemble(model, data, tmp_path):
+    verdict = model.report(data, tmp_path / "page.html")
+    assert (tmp_path / "page.html").stat().st_size > 10000
+    model.report(data, str(tmp_path / "other.html"))
+    assert (tmp_path / "other.html").exists() and repr(verdict) == repr(model.report(data))
+
+
 def test_markov_parameters(model, data):
     h = model.markov(4)
     assert h.shape == (30, 4, 2, 2)
@@ -159,7 +198,29 @@ def test_observers():
     known = tokid.example_system("oscillator", steps=40, process_noise=0.1, measurement_noise=0.2)
     assert np.allclose(known.R[5], 0.04 * np.eye(2)) and len(known.K) == 40
     assert np.allclose(known.kalman_observer().K.stack(), known.K.stack())
-    assert known.observability(3, 4).shape == (8, 4)
+    assert known.observability(3, 4).shape == (8, 4) and known.observability(39, 4).shape == (2, 4)
+    late = known.from_step(5)
+    for of, k, rows, words in [
+        (known, 40, 1, "k: 40 found, a whole number from 0 to 39 needed"),
+        (known, 10**6, 1, "k: 1000000 found"),
+        (known, -1, 1, "k: -1 found"),
+        (late, 4, 1, "k: 4 found, a whole number from 5 to 39 needed"),
+        (known, 3, 0, "rows: 0 found, a whole number from 1"),
+        (known, 3.0, 1, "k: 3.0 found"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            of.observability(k, rows)
+    with pytest.raises(ValueError, match="observability: step 4 found, 5 to 40 needed"):
+        late._core.observability(4, 1)
+    for call, words in [
+        (lambda: known.pulse_response(3.0, 1), "k: 3.0 found, a whole number from 0 to 39 needed"),
+        (lambda: known.pulse_response(3, 3), "i: 3 found, a whole number from 0 to 2 needed"),
+        (lambda: known.align(None), "reference: NoneType found, a tokid.Model needed"),
+        (lambda: known.difference(3), "other: int found, a tokid.Model needed"),
+        (lambda: known.from_step(2.5), "k: 2.5 found, a whole number from 0 to 40 needed"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            call()
 
 
 def test_from_matrices(tmp_path):
@@ -182,11 +243,20 @@ def test_from_matrices(tmp_path):
         (lambda: tokid.Model.from_matrices(A, B, [C[0], C[0], C[0]]), r"C\[1\] is 2 x 2, 2 x 3 needed"),
         (lambda: tokid.Model.from_matrices(A[0], B, C), r"A: shape \(3, 2\) found, a matrix for each step"),
         (lambda: tokid.Model.from_matrices([], B, C), "A: no matrices found"),
+        (lambda: tokid.Model.from_matrices(None, B, C), "A: no matrices found"),
+        (lambda: tokid.Model.from_matrices(3, B, C), "A: 3 found, a matrix for each step"),
+        (lambda: tokid.Model.from_matrices(A, B, C, output_names="ab"), "output_names: 'ab' found, a list of 2 texts"),
+        (lambda: tokid.Model.from_matrices(A, B, C, input_names=["a", "b"]), "input_names: 2 texts found, a list of 1"),
+        (lambda: tokid.Model.from_matrices(A, B, C, output_units=["m"]), "output_units: 1 text found, a list of 2"),
         (lambda: tokid.Model.from_matrices([a * np.nan for a in A], B, C), "finite"),
         (lambda: tokid.Model.from_matrices(A, B, C, x0_cov=[1, 2]), r"x0_cov: shape \(2,\) found, \(n, n\) needed"),
     ]:
         with pytest.raises(ValueError, match=words):
             wrong()
+    assert tokid.Model.from_matrices(A, B, C, output_names=[1, 2]).output_names == ["1", "2"]
+    model._core.output_names = ["a"]
+    with pytest.raises(ValueError, match="model: 1 entries of output_names found, 2 needed"):
+        model._core.check()
     with pytest.raises(TypeError, match="models come from"):
         tokid.Model()
 
@@ -205,11 +275,45 @@ def test_evidence(noisy):
 
 
 def test_copies(model, data, same_model):
-    copy = pickle.loads(pickle.dumps(model))
-    same_model(model, copy)
-    assert np.array_equal(copy.simulate(data.u), model.simulate(data.u))
-    assert copy.identification.lags == model.identification.lags
-    assert all(np.array_equal(a, b) for a, b in zip(copy.singular_values, model.singular_values))
+    copied = pickle.loads(pickle.dumps(model))
+    same_model(model, copied)
+    assert np.array_equal(copied.simulate(data.u), model.simulate(data.u))
+    assert copied.identification.lags == model.identification.lags
+    assert all(np.array_equal(a, b) for a, b in zip(copied.singular_values, model.singular_values))
+    for name in ("A", "C"):
+        sequence = pickle.loads(pickle.dumps(getattr(model, name)))
+        expected = getattr(model, name)
+        assert len(sequence) == model.steps and all(np.array_equal(a, b) for a, b in zip(sequence, expected))
+    part = pickle.loads(pickle.dumps(model.A[4:20:3]))
+    assert np.array_equal(part, model.A[4:20:3].stack()) and part[0].shape == model.A[4].shape
+
+
+def test_copies_with_a_state(data, same_model):
+    kept = tokid.identify(data, keep_state=True, refine=False)
+    later = tokid.example("oscillator", experiments=10, steps=30, seed=8)
+    updated = tokid.update(kept.state, later)
+    for made in (pickle.loads(pickle.dumps(updated)), copy.copy(updated), copy.deepcopy(updated)):
+        same_model(updated, made)
+        assert made._core is not updated._core and made.updated.experiments == 50
+        same_model(made.state.identify(), updated.state.identify())
+        assert made.state.experiments == 50
+        assert made.singular_values and made.state_dim.tolist() == updated.state_dim.tolist()
+    state = pickle.loads(pickle.dumps(kept.state))
+    same_model(tokid.update(state, later), updated)
+    assert copy.deepcopy(state).experiments == state.experiments == 40
+    for other in (updated.frame("smooth"), updated.align(kept)):
+        assert other.updated is updated.updated and other.state is updated.state
+    other = updated.from_step(12)
+    assert other.updated is updated.updated and other.state is None
+
+
+def test_many_steps_are_copied_at_once(same_model):
+    system = tokid.example_system("oscillator", steps=100000, process_noise=0.1, measurement_noise=0.2)
+    for copied in (lambda: pickle.loads(pickle.dumps(system)), lambda: copy.deepcopy(system)):
+        begin = time.process_time()
+        made = copied()
+        assert time.process_time() - begin < 6  # with an array for each matrix, 20
+        same_model(made, system)
 
 
 def test_warnings_name_the_line_of_the_user(data):

@@ -114,6 +114,66 @@ def test_threads_at_once(noisy):
     assert all(np.array_equal(model.A.stack(), alone.A.stack()) for model in found)
 
 
+def test_threads_share_experiments_of_unequal_lengths(python):
+    """Every use looks for what was written beyond the lengths, while other threads read both."""
+    script = """
+import threading
+import numpy as np, tokid
+rng = np.random.default_rng(0)
+u = rng.normal(size=(100, 200, 1))
+data = tokid.Ensemble(u, np.cumsum(u, 1) + rng.normal(size=u.shape), length=[200] * 50 + [199] * 50)
+def found():
+    return repr([(s.samples, s.missing, s.mean, s.std) for s in data.summary().values()])
+alone, differ, stop = found(), [], threading.Event()
+def use():
+    while not stop.is_set():
+        for _ in range(50):
+            data._ready()
+            [b"~" * n for n in range(700, 800, 8)]  # in the memory of lengths that are no more
+def work():
+    for _ in range(3000):
+        if found() != alone:
+            differ.append(1)
+users = [threading.Thread(target=use) for _ in range(2)]
+workers = [threading.Thread(target=work) for _ in range(2)]
+for thread in users + workers:
+    thread.start()
+for thread in workers:
+    thread.join()
+stop.set()
+print("differ:", len(differ))
+data.u[70, 199], data.y[70, 199] = 1e3, np.nan  # beyond its length
+assert data.missing == 0 and np.isnan(data.u[70, 199, 0]) and found() == alone
+"""
+    done = python(script, check=False)
+    assert done.returncode == 0 and done.stdout == "differ: 0\n", done.stderr
+
+
+@pytest.mark.filterwarnings("ignore:not converged")
+def test_threads_in_parallel(noisy):
+    """A thread that sleeps and counts gets the GIL again and again while four calls are under way. Did one of them hold
+    it, no other would be under way when it ends."""
+    model = tokid.identify(noisy, refine=False)
+    begin, within, left, ticks = threading.Barrier(5), set(), set(), 0
+
+    def work(i):
+        begin.wait()
+        within.add(i)
+        model.refine(noisy, smoothing=1.0, iterations=400, tolerance=0.0)
+        left.add(i)
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
+    for thread in threads:
+        thread.start()
+    begin.wait()
+    while not left:
+        time.sleep(0.001)
+        ticks += len(within) == 4 and not left
+    for thread in threads:
+        thread.join()
+    assert ticks >= 20
+
+
 def test_python_goes_on_during_a_call(noisy):
     """Without the GIL released, the other thread would stand still from the first to the last line of a call."""
     counts, stop = [], threading.Event()
@@ -170,6 +230,45 @@ def test_ctrl_c_stops_a_long_call(call):
     finally:
         process.kill()
         process.wait()
+
+
+SHORT_CALLS = """
+import sys
+import numpy as np
+import tokid
+import time
+data = tokid.Ensemble(*np.random.default_rng(0).normal(size=(2, 400, 4000, 1)))
+many = tokid.example_system("oscillator", steps=100000)
+whole = 60.0
+if sys.argv[1:]:
+    data.save("data.csv")
+    begin = time.monotonic()
+    tokid.load("data.csv")
+    whole = time.monotonic() - begin
+print("begin", flush=True)
+begin = time.monotonic()
+try:
+    {call}
+except KeyboardInterrupt:
+    print((time.monotonic() - begin) / whole, flush=True)
+"""
+
+
+@pytest.mark.parametrize("call, file", [("many.difference(many, band=20000)", []), ("data.save('data.csv')", []),
+                                        ("tokid.load('data.csv')", ["data.csv"])])
+def test_ctrl_c_stops_loops_that_report_nothing(tmp_path, call, file):
+    process = subprocess.Popen([sys.executable, "-c", SHORT_CALLS.format(call=call), *file],
+                               stdout=subprocess.PIPE, text=True, cwd=tmp_path)
+    try:
+        assert process.stdout.readline() == "begin\n"
+        time.sleep(0.3)
+        process.send_signal(signal.SIGINT)
+        assert float(process.stdout.readline()) < 0.6  # of the time that it takes otherwise
+        assert process.wait(5) == 0
+    finally:
+        process.kill()
+        process.wait()
+    assert [path.name for path in tmp_path.iterdir()] == file  # nothing half written
 
 
 def test_progress(noisy, capfd):

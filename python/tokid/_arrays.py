@@ -28,7 +28,8 @@ def numbers(name: str, values: Any) -> np.ndarray[Any, np.dtype[Any]]:
         raise ValueError(f"{name}: lists of unequal lengths found, an array of real numbers needed") from None
     if array.dtype.kind not in "fiub":
         raise ValueError(f"{name}: an array of {array.dtype} found, real numbers needed")
-    if array.dtype.char not in _READ_IN_PLACE or not array.dtype.isnative:
+    whole = all(stride % array.itemsize == 0 for stride in array.strides)  # unlike those of a field among others
+    if array.dtype.char not in _READ_IN_PLACE or not (array.dtype.isnative and array.flags.aligned and whole):
         array = array.astype(np.float64)
     return array
 

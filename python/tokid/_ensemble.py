@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 import numpy as np
 
 from . import _arrays, _options, _tokid
-from ._errors import warn
+from ._errors import reading, warn, writing
 from ._typing import Array, ArrayLike, PathLike
 
 if TYPE_CHECKING:
@@ -152,7 +152,8 @@ class Ensemble:
         IoError
             For a file that can't be read or holds something else; an OSError.
         """
-        return cls._of(_tokid.load_ensemble(path, list(inputs), list(outputs), outputs_required))
+        with reading(path) as file:
+            return cls._of(_tokid.load_ensemble(file, list(inputs), list(outputs), bool(outputs_required)))
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
         """Writes the ensemble to .npz, .h5, .mat or .csv, whole or not at all.
@@ -164,7 +165,8 @@ class Ensemble:
         mat73 : bool, default False
             Write a .mat of MATLAB version 7.3, which arrays beyond 2 GiB need.
         """
-        _tokid.save_ensemble(self._ready(), path, mat73)
+        with writing(path) as file:
+            _tokid.save_ensemble(self._ready(), file, bool(mat73))
 
     # Sizes and samples
 
@@ -262,8 +264,7 @@ class Ensemble:
 
     def _ready(self) -> _tokid.Ensemble:
         """The samples as the library wants them: nothing behind the lengths, whatever was written there."""
-        if self._core.length:
-            self._core.length = self._core.length
+        self._core.clear_beyond_lengths()
         return self._core
 
     def __len__(self) -> int:
@@ -328,16 +329,18 @@ class Ensemble:
         -------
         training, held_out : Ensemble
         """
-        training, held_out = self._ready().split(float(fraction), _options.period(period))
+        share = _options.real("fraction", fraction, 0.0, 1.0)
+        training, held_out = self._ready().split(share, _options.period(period))
         return self._of(training), self._of(held_out)
 
     def stretch(self, begin: int, end: int) -> Self:
         """The steps begin … end-1 of every experiment as an ensemble of its own. Free responses stay behind."""
-        return self._of(self._ready().stretch(begin, end))
+        first = _options.integer("begin", begin, 0, self.steps - 1)
+        return self._of(self._ready().stretch(first, _options.integer("end", end, first + 1, self.steps)))
 
     def cut(self, length: int) -> Self:
         """Consecutive stretches of the given length as experiments of their own, unfinished ones left out."""
-        return self._of(self._ready().cut(length))
+        return self._of(self._ready().cut(_options.integer("length", length, 1, self.steps)))
 
     def nominal(self) -> tuple[Array, Array]:
         """The mean motion over the experiments: inputs (T, r) and outputs (T, m)."""
@@ -597,6 +600,17 @@ def describe(
     if initial_state is not None:
         _options.choice("initial_state", initial_state, {"zero": 0, "unknown": 1})
         core.initial_state = initial_state
+    name_channels(core, input_names, output_names, input_units, output_units)
+
+
+def name_channels(
+    core: Any,
+    input_names: Optional[Sequence[str]],
+    output_names: Optional[Sequence[str]],
+    input_units: Optional[Sequence[str]],
+    output_units: Optional[Sequence[str]],
+) -> None:
+    """Names and units of an ensemble or a model, one for each channel."""
     for name, texts, count in (
         ("input_names", input_names, core.inputs),
         ("output_names", output_names, core.outputs),
@@ -604,7 +618,8 @@ def describe(
         ("output_units", output_units, core.outputs),
     ):
         if texts is not None:
-            if isinstance(texts, str) or len(texts) != count:
-                found = repr(texts) if isinstance(texts, str) else f"{plural(len(texts), 'text')}"
+            listed = [texts] if isinstance(texts, str) else list(texts)
+            if isinstance(texts, str) or len(listed) != count:
+                found = repr(texts) if isinstance(texts, str) else f"{plural(len(listed), 'text')}"
                 raise ValueError(f"{name}: {found} found, a list of {plural(count, 'text')} needed")
-            setattr(core, name, [str(text) for text in texts])
+            setattr(core, name, [str(text) for text in listed])

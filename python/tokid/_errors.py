@@ -3,16 +3,63 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 from ._tokid import IoError as IoError
 
 IoError.__module__ = "tokid"  # as users know it
 
 _PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+
+
+class _NamedFileError(IoError):
+    """An IoError with errno and filename, and the text of the library."""
+
+    def __str__(self) -> str:
+        return str(self.strerror)
+
+
+class _MissingFileError(_NamedFileError, FileNotFoundError):
+    pass
+
+
+class _ForbiddenFileError(_NamedFileError, PermissionError):
+    pass
+
+
+@contextmanager
+def reading(path: Any) -> Iterator[str]:
+    """The path of a file to read. Where that is missing, or may not be read, Python's own errors are raised too."""
+    file = os.fsdecode(path)
+    try:
+        yield file
+    except IoError as error:
+        if not os.path.exists(file):
+            raise _MissingFileError(errno.ENOENT, str(error), file) from None
+        if not os.access(file, os.R_OK):
+            raise _ForbiddenFileError(errno.EACCES, str(error), file) from None
+        raise
+
+
+@contextmanager
+def writing(path: Any) -> Iterator[str]:
+    """The path of a file to write; likewise where it or its directory can't be written."""
+    file = os.fsdecode(path)
+    directory = os.path.dirname(os.path.realpath(file))
+    try:
+        yield file
+    except IoError as error:
+        if not os.path.isdir(directory):
+            raise _MissingFileError(errno.ENOENT, str(error), file) from None
+        if not os.access(file if os.path.exists(file) else directory, os.W_OK):
+            raise _ForbiddenFileError(errno.EACCES, str(error), file) from None
+        raise
 
 
 class TokidWarning(UserWarning):

@@ -8,6 +8,7 @@ from typing import Union
 
 from . import _tokid
 from ._ensemble import Ensemble
+from ._errors import reading
 from ._model import Model
 from ._typing import PathLike
 
@@ -27,8 +28,10 @@ def load(path: PathLike, *, inputs: Sequence[str] = (), outputs: Sequence[str] =
     Raises
     ------
     IoError
-        For a file that can't be read or holds neither; an OSError.
+        For a file that can't be read or holds neither; an OSError, and a FileNotFoundError where there is none.
     """
-    if _tokid.is_model(path):
+    with reading(path) as file:
+        is_model = _tokid.is_model(file)
+    if is_model:
         return Model.load(path)
     return Ensemble.load(path, inputs=inputs, outputs=outputs)

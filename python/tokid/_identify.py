@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Callable, Optional, Union
 
 from . import _dataframe, _dataset, _options, _tokid
 from ._ensemble import Ensemble, core_of, describe, taken_for_one
-from ._errors import warn
+from ._errors import reading, warn, writing
 from ._model import Model
 from ._progress import listener
 from ._typing import ArrayLike, PathLike, Progress
@@ -276,10 +276,10 @@ def identify_file(
     """
     checked = _options.identification(options)
     steps = 0 if block == "auto" else _options.integer("block", block, 1, 1_000_000_000, " or 'auto'")
-    with listener(progress, "identify") as listening:
+    with listener(progress, "identify") as listening, writing(model) as to, reading(data) as file:
         result: Streamed = _tokid.identify_stream(
-            data,
-            model,
+            file,
+            to,
             checked,
             block=steps,
             memory_per_thread=_options.real("memory_per_thread", memory_per_thread, 1.0),

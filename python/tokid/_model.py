@@ -3,17 +3,20 @@
 
 from __future__ import annotations
 
+import copy
 import html
 import json
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Optional, Union, overload
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from . import _arrays, _dataframe, _options, _tokid
-from ._ensemble import Ensemble, core_of, plural
-from ._errors import warn
+from ._ensemble import Ensemble, core_of, name_channels, plural
+from ._errors import reading, warn, writing
 from ._progress import listener
 from ._typing import Array, ArrayLike, ComplexArray, PathLike, Progress
 from .results import Confidence, CrossValidation, Identification, Refinement, Updated, Validation, Verdict
@@ -25,11 +28,13 @@ if TYPE_CHECKING:
     from ._update import UpdateState
 
 
-class MatrixSequence(Sequence[Array]):
+class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
     """The matrices of all steps, entry s = 0 … S-1 for the step k = k_begin + s.
 
-    An entry is a read-only view of the model's own matrix, which it keeps alive. State dimensions may vary from step
-    to step, and with them the shapes; `stack` and ``numpy.asarray`` pad them with zeros to one array.
+    An entry is a read-only view of the model's own matrix, which it keeps alive, and so are those of a slice of steps.
+    State dimensions may vary from step to step, and with them the shapes; `stack` and ``numpy.asarray`` pad them with
+    zeros to one array. Any other index, operators and NumPy's functions are those of that array, as are `shape`, `ndim`
+    and `dtype`.
 
     Examples
     --------
@@ -38,6 +43,8 @@ class MatrixSequence(Sequence[Array]):
     <A: 40 matrices (4, 4)>
     >>> model.A[3].shape, np.asarray(model.A).shape
     ((4, 4), (40, 4, 4))
+    >>> model.A[:, 0, 1].shape, np.array_equal(model.A, model.A.stack())
+    ((40,), True)
     """
 
     __slots__ = ("_core", "_name", "_range")
@@ -54,14 +61,57 @@ class MatrixSequence(Sequence[Array]):
     def __getitem__(self, s: int) -> Array: ...
     @overload
     def __getitem__(self, s: slice) -> MatrixSequence: ...
-    def __getitem__(self, s: Union[int, slice]) -> Union[Array, MatrixSequence]:
+    @overload
+    def __getitem__(self, s: Any) -> Any: ...
+    def __getitem__(self, s: Any) -> Any:
         if isinstance(s, slice):
             return MatrixSequence(self._core, self._name, self._range[s])
+        if isinstance(s, (bool, np.bool_)) or not hasattr(s, "__index__") or np.ndim(s) > 0:
+            return self.stack()[s]
         try:
             step = self._range[s]
         except IndexError:
             raise IndexError(f"{self._name}: entry {s} found, one of {len(self)} needed") from None
         return self._core.matrix(self._name, step)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(S, rows, columns) of `stack`."""
+        rows, columns = self._core.stacked_size(self._name)
+        return len(self), rows, columns
+
+    @property
+    def ndim(self) -> int:
+        """Dimensions of `stack`."""
+        return 3
+
+    @property
+    def dtype(self) -> np.dtype[np.float64]:
+        """Type of the numbers."""
+        return np.dtype(np.float64)
+
+    def __contains__(self, matrix: object) -> bool:
+        return any(np.array_equal(entry, np.asarray(matrix)) for entry in self)
+
+    def index(self, matrix: Any, start: int = 0, stop: Optional[int] = None) -> int:
+        """The first entry that equals a matrix."""
+        for s in range(*slice(start, stop).indices(len(self))):
+            if np.array_equal(self[s], np.asarray(matrix)):
+                return s
+        raise ValueError(f"{self._name}: no entry is that matrix")
+
+    def count(self, matrix: Any) -> int:
+        """Number of entries that equal a matrix."""
+        return sum(np.array_equal(entry, np.asarray(matrix)) for entry in self)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **others: Any) -> Any:
+        arrays = [x.stack() if isinstance(x, MatrixSequence) else x for x in inputs]
+        if any(isinstance(x, MatrixSequence) for x in others.get("out", ())):
+            raise ValueError(f"{self._name}: the matrices of a model do not change; see Model.from_matrices")
+        return getattr(ufunc, method)(*arrays, **others)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _sequence, (self._name, self._range, *_state_of(self._core, (self._name,)))
 
     def __iter__(self) -> Iterator[Array]:
         return (self._core.matrix(self._name, s) for s in self._range)
@@ -253,7 +303,7 @@ class Model:
         given = {"A": A, "B": B, "C": C, "D": D, "G": G, "innovation_cov": innovation_cov, "Q": Q, "R": R, "K": K}
         lists = {name: _matrices(name, value) for name, value in given.items() if value is not None}
         for name in "ABC":
-            if not lists[name]:
+            if not lists.get(name):
                 raise ValueError(f"{name}: no matrices found, one for each step needed")
         core.inputs = lists["B"][0].shape[1]
         core.outputs = lists["C"][0].shape[0]
@@ -279,14 +329,7 @@ class Model:
         ):
             if value is not None:
                 setattr(core, name, _arrays.shaped(name, value, shape, "n, n" if name[0] == "x" else "T, m"))
-        for name, texts in (
-            ("input_names", input_names),
-            ("output_names", output_names),
-            ("input_units", input_units),
-            ("output_units", output_units),
-        ):
-            if texts is not None:
-                setattr(core, name, list(texts))
+        name_channels(core, input_names, output_names, input_units, output_units)
         core.check()
         return cls._of(core)
 
@@ -299,7 +342,8 @@ class Model:
         IoError
             For a file that can't be read or holds something else; an OSError.
         """
-        return cls._of(_tokid.load_model(path))
+        with reading(path) as file:
+            return cls._of(_tokid.load_model(file))
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
         """Writes the model to .npz, .h5 or .mat, whole or not at all; the extension says the format.
@@ -311,7 +355,8 @@ class Model:
         mat73 : bool, default False
             Write a .mat of MATLAB version 7.3.
         """
-        _tokid.save_model(self._core, path, mat73)
+        with writing(path) as file:
+            _tokid.save_model(self._core, file, bool(mat73))
 
     # The matrices
 
@@ -515,7 +560,11 @@ class Model:
 
     @property
     def state(self) -> Optional[UpdateState]:
-        """What later experiments can be added to; None unless `tokid.identify` was asked to keep it."""
+        """What later experiments can be added to; None unless `tokid.identify` was asked to keep it.
+
+        The model in other coordinates (`frame`, `align`, `transform`) keeps it, and what it then identifies is in the
+        coordinates of the identification. A model of other steps or with another observer has none.
+        """
         return self._state
 
     @property
@@ -575,7 +624,7 @@ class Model:
         ----------
         u : array_like, shape (N, T, r) or (T, r), or Ensemble
             Inputs, from step 0 on. Those of an ensemble come with what it says of the initial states.
-        x0 : array_like, shape (N, n) or (n,), optional
+        x0 : array_like, shape (N, n), or (n,) or (1, n) for all, optional
             States of the experiments at `k_begin`. By default zero, or `x0_mean` where the initial states are unknown
             and the model has estimated them.
         y : array_like, shape (N, T, m) or (T, m), optional
@@ -611,8 +660,8 @@ class Model:
             start = None
             if x0 is not None:
                 start = _arrays.numbers("x0", x0)
-                if start.ndim == 1:
-                    start = np.broadcast_to(start, (data.experiments, len(start)))
+                if start.ndim == 1 or (start.ndim == 2 and len(start) == 1):
+                    start = np.broadcast_to(start, (data.experiments, start.shape[-1]))
                 start = _arrays.shaped("x0", start, (data.experiments, int(self._core.state_dim[0]))).T
             simulated = self._core.simulate(data, start)
         if x0 is None:
@@ -892,7 +941,7 @@ class Model:
     def report(
         self,
         u: Union[ArrayLike, Ensemble],
-        y: Optional[ArrayLike] = None,
+        y: Union[ArrayLike, PathLike, None] = None,
         path: Optional[PathLike] = None,
         *,
         horizon: int = 10,
@@ -908,7 +957,7 @@ class Model:
         u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
             Experiments; whether the model has seen them is found out.
         path : path, optional
-            Page to write; without one there is the verdict alone.
+            Page to write; without one there is the verdict alone. Beside an Ensemble it may take the place of `y`.
         horizon : int, default 10
             Steps ahead of the multi-step fit.
         experiments : int, default 24
@@ -922,6 +971,8 @@ class Model:
         -------
         Verdict
         """
+        if path is None and isinstance(y, (str, os.PathLike)):
+            y, path = None, y
         data, _ = self._data(u, y, outputs=True)
         options = _tokid.ReportOptions()
         options.model_name = model_name
@@ -929,8 +980,10 @@ class Model:
         options.horizon = _options.integer("horizon", horizon, 1, 1_000_000)
         options.experiments = _options.integer("experiments", experiments, 1, 1000)
         options.initial_state = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
-        verdict: Verdict = _tokid.report(self._core, data, path, options)
-        return verdict
+        if path is None:
+            return _verdict(self._core, data, None, options)
+        with writing(path) as file:
+            return _verdict(self._core, data, file, options)
 
     def estimate_state(
         self, u: Union[ArrayLike, Ensemble], y: Optional[ArrayLike] = None, *, k: int, window: Optional[int] = None
@@ -949,7 +1002,8 @@ class Model:
         Returns
         -------
         x : ndarray, shape (N, n) or (n,)
-            NaN where a sample is missing that the state needs.
+            NaN where a sample is missing that the state needs. n is the state dimension of step k, ``state_dim[k -
+            k_begin]``: fewer than `states`, or none at all, before `full_begin`, the first step with all of them.
         """
         data, single = self._data(u, y, outputs=True)
         steps = self._core.estimation_window() if window is None else _options.integer("window", window, 1)
@@ -998,7 +1052,8 @@ class Model:
 
     def pulse_response(self, k: int, i: int) -> Array:
         """h(k, i), shape (m, r): what an input at step i < k adds to the output at step k."""
-        return self._core.pulse_response(k, i)
+        step = _options.integer("k", k, self.k_begin, self.k_end - 1)
+        return self._core.pulse_response(step, _options.integer("i", i, self.k_begin, step - 1))
 
     def frame(self, name: str, *, reference_step: Optional[int] = None, rows: Optional[int] = None) -> Model:
         """The same model in other coordinates.
@@ -1023,9 +1078,9 @@ class Model:
         if which == "smooth":
             if reference_step is not None:
                 raise ValueError("reference_step: needs name 'reference'")
-            return self._same(core.smooth_frame(rows))
+            return self._same(core.smooth_frame(rows), self._state)
         step = core.full_begin if reference_step is None else _options.integer("reference_step", reference_step, 0)
-        return self._same(core.reference_frame(step, rows))
+        return self._same(core.reference_frame(step, rows), self._state)
 
     def align(self, reference: Model, *, rows: Optional[int] = None) -> Model:
         """The model in the coordinates of another one of the same system, with which it can then be compared.
@@ -1038,7 +1093,7 @@ class Model:
             Block rows of the observability matrices; by default as many as tell a state.
         """
         count = self._core.estimation_window() if rows is None else _options.integer("rows", rows, 1)
-        return self._same(self._core.align(reference._core, count))
+        return self._same(self._core.align(_core_of("reference", reference), count), self._state)
 
     def difference(self, other: Model, *, band: Optional[int] = None) -> float:
         """Largest difference of the Markov parameters of two models, over the largest of both at the same step.
@@ -1050,7 +1105,7 @@ class Model:
         band : int, optional
             Steps between input and output, at most; by default twice the states.
         """
-        return self._core.difference(other._core, 0 if band is None else _options.integer("band", band, 1))
+        return self._core.difference(_core_of("other", other), 0 if band is None else _options.integer("band", band, 1))
 
     def kalman_observer(self) -> Model:
         """The model with the Kalman filter of its `Q`, `R` and `x0_cov` as observer: `K`, `G`, `innovation_cov`."""
@@ -1094,7 +1149,8 @@ class Model:
 
     def observability(self, k: int, rows: int) -> Array:
         """[C[k]; C[k+1] A[k]; …] with the given number of block rows, fewer at the end of the model."""
-        return self._core.observability(k, rows)
+        step = _options.integer("k", k, self.k_begin, self.k_end - 1)
+        return self._core.observability(step, _options.integer("rows", rows, 1, 1_000_000))
 
     def transform(self, S: Sequence[ArrayLike]) -> Model:
         """The model with the states S[k] x[k], which changes no output.
@@ -1104,14 +1160,21 @@ class Model:
         S : sequence of array_like, S+1 matrices (n, n)
             A regular matrix for each step, and one for the state behind the last one.
         """
-        return self._same(self._core.transform(_matrices("S", S)))
+        return self._same(self._core.transform(_matrices("S", S)), self._state)
 
     def from_step(self, k: int) -> Model:
         """The model from step k on, with everything that belongs to those steps."""
-        return self._same(self._core.from_step(k))
+        return self._same(self._core.from_step(_options.integer("k", k, self.k_begin, self.k_end)))
 
-    def _same(self, core: _tokid.Model) -> Model:
-        return Model._of(core, self._warnings, identification=self._identification, refinement=self._refinement)
+    def _same(self, core: _tokid.Model, state: Optional[UpdateState] = None) -> Model:
+        return Model._of(
+            core,
+            self._warnings,
+            identification=self._identification,
+            refinement=self._refinement,
+            updated=self._updated,
+            state=state,
+        )
 
     # In the forms of other packages (interop.py)
 
@@ -1199,39 +1262,81 @@ class Model:
 
     # Copies, also in other processes
 
+    def __copy__(self) -> Model:
+        return Model._of(self._core.copy(), self._warnings, **self._found())
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Model:
+        return Model._of(self._core.copy(), self._warnings, **copy.deepcopy(self._found(), memo))
+
     def __reduce__(self) -> tuple[Any, ...]:
-        core = self._core
-        state: dict[str, Any] = {name: getattr(core, name) for name in _PLAIN}
-        state["initial_state"] = self.initial_state
-        arrays = {name: np.asarray(getattr(core, name)) for name in _ARRAYS}
-        lists = {name: list(MatrixSequence(core, name)) for name in _LISTS}
-        found = {"identification": self._identification, "refinement": self._refinement, "updated": self._updated}
-        return _restored, (state, arrays, lists, self.singular_values, self._warnings, found)
+        return _restored, (*_state_of(self._core, _LISTS), self._warnings, self._found())
+
+    def _found(self) -> dict[str, Any]:
+        return {
+            "identification": self._identification,
+            "refinement": self._refinement,
+            "updated": self._updated,
+            "state": self._state,
+        }
 
 
-def _restored(
-    state: dict[str, Any],
-    arrays: dict[str, Array],
-    lists: dict[str, list[Array]],
-    singular_values: list[Array],
-    warnings: Sequence[str],
-    found: dict[str, Any],
-) -> Model:
+def _state_of(core: _tokid.Model, lists: Iterable[str]) -> tuple[Any, ...]:
+    """All that a model holds, of the matrices those that are named; stacked, for there may be very many steps."""
+    state: dict[str, Any] = {name: getattr(core, name) for name in _PLAIN}
+    state["initial_state"] = str(core.initial_state.name)
+    arrays = {name: np.asarray(getattr(core, name)) for name in _ARRAYS}
+    return state, arrays, {name: core.stack(name) for name in lists}, core.singular_values_joined()
+
+
+def _core_from(
+    state: dict[str, Any], arrays: dict[str, Array], stacks: dict[str, Array], singular_values: tuple[Array, list[int]]
+) -> _tokid.Model:
     core = _tokid.Model()
     for name, value in state.items():
         setattr(core, name, _tokid.InitialState[value] if name == "initial_state" else value)
     for name, array in arrays.items():
         setattr(core, name, array)
-    for name, matrices in lists.items():
-        core.set_matrices(name, matrices)
-    core.set_singular_values(singular_values)
-    return Model._of(core, warnings, **found)
+    for name, stack in stacks.items():
+        core.set_stack(name, np.ascontiguousarray(stack))
+    values, sizes = singular_values
+    core.set_singular_values(np.ascontiguousarray(values), sizes)
+    return core
+
+
+def _restored(
+    state: dict[str, Any],
+    arrays: dict[str, Array],
+    stacks: dict[str, Array],
+    singular_values: tuple[Array, list[int]],
+    warnings: Sequence[str],
+    found: dict[str, Any],
+) -> Model:
+    return Model._of(_core_from(state, arrays, stacks, singular_values), warnings, **found)
+
+
+def _sequence(name: str, steps: range, *state: Any) -> MatrixSequence:
+    return MatrixSequence(_core_from(*state), name, steps)
 
 
 def _matrices(name: str, values: Sequence[ArrayLike]) -> list[Any]:
+    if isinstance(values, MatrixSequence):
+        return list(values)
+    if not isinstance(values, Iterable) or isinstance(values, (str, bytes, Mapping)):
+        raise ValueError(f"{name}: {values!r} found, a matrix for each step needed: (S, rows, columns)")
     if isinstance(values, np.ndarray) and values.ndim != 3:
         raise ValueError(f"{name}: shape {values.shape} found, a matrix for each step needed: (S, rows, columns)")
     return [_arrays.shaped(f"{name}[{s}]", value, (None, None), "rows, columns") for s, value in enumerate(values)]
+
+
+def _core_of(name: str, model: Any) -> _tokid.Model:
+    if not isinstance(model, Model):
+        raise ValueError(f"{name}: {type(model).__name__} found, a tokid.Model needed")
+    return model._core
+
+
+def _verdict(model: _tokid.Model, data: _tokid.Ensemble, path: Any, options: _tokid.ReportOptions) -> Verdict:
+    verdict: Verdict = _tokid.report(model, data, path, options)
+    return verdict
 
 
 def _labels(names: Sequence[str], units: Sequence[str]) -> str:

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any, Optional, Union
 
 from . import _dataframe, _dataset, _options, _tokid
 from ._ensemble import Ensemble, core_of, plural
-from ._errors import warn
+from ._errors import reading, warn, writing
 from ._model import Model
 from ._progress import listener
 from ._typing import ArrayLike, PathLike, Progress
@@ -44,11 +46,13 @@ class UpdateState:
         IoError
             For a file that can't be read or holds something else; an OSError.
         """
-        return cls._of(_tokid.load_update_state(path))
+        with reading(path) as file:
+            return cls._of(_tokid.load_update_state(file))
 
     def save(self, path: PathLike) -> None:
         """Writes the state to .h5, .npz or .mat, whole or not at all."""
-        self._core.save(path)
+        with writing(path) as file:
+            self._core.save(file)
 
     @property
     def experiments(self) -> int:
@@ -91,12 +95,35 @@ class UpdateState:
         with listener(progress, "identify") as listening:
             return _identified(self._core, None, _options.threads(threads), listening)
 
+    # Copies, also in other processes; nothing changes a state, so that a copy is the state itself
+
+    def __copy__(self) -> UpdateState:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> UpdateState:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        with tempfile.TemporaryDirectory() as directory:
+            file = os.path.join(directory, "state.npz")
+            self._core.save(file)
+            with open(file, "rb") as stream:
+                return _restored, (stream.read(),)
+
     def __repr__(self) -> str:
         core = self._core
         return (
             f"<tokid.UpdateState: {plural(core.experiments, 'experiment')} of {plural(core.steps, 'step')}, "
             f"r = {plural(core.inputs, 'input')}, m = {plural(core.outputs, 'output')}, lag order {core.lags}>"
         )
+
+
+def _restored(content: bytes) -> UpdateState:
+    with tempfile.TemporaryDirectory() as directory:
+        file = os.path.join(directory, "state.npz")
+        with open(file, "wb") as stream:
+            stream.write(content)
+        return UpdateState._of(_tokid.load_update_state(file))
 
 
 def _identified(core: _tokid.UpdateState, added: Optional[Additions], threads: int, listening: Any) -> Model:
@@ -141,7 +168,7 @@ def update(
         Names what differs from the experiments before, or says that the state has them already.
     """
     count = _options.threads(threads)
-    core = state._core.copy() if isinstance(state, UpdateState) else _tokid.load_update_state(state)
+    core = state._core.copy() if isinstance(state, UpdateState) else UpdateState.load(state)._core
     files = _paths(u)
     with listener(progress, "update") as listening:
         before = core.identify(threads=count, listener=None)[0]
@@ -150,12 +177,14 @@ def update(
         else:
             if y is not None:
                 raise ValueError("y: found beside files, which have the outputs already")
-            added = core.add_files(
-                before, files, inputs=list(inputs), outputs=list(outputs), threads=count, listener=listening
-            )
+            with ExitStack() as stack:
+                names = [stack.enter_context(reading(path)) for path in files]
+                added = core.add_files(
+                    before, names, inputs=list(inputs), outputs=list(outputs), threads=count, listener=listening
+                )
         model = _identified(core, added, count, None)
     if not isinstance(state, UpdateState):
-        core.save(state)
+        UpdateState._of(core).save(state)
     return model
 
 

@@ -17,6 +17,7 @@
 #include "atomic_file.hpp"
 #include "formats.hpp"
 #include "text.hpp"
+#include "tokid/parallel.hpp"
 
 namespace tokid::io {
 
@@ -412,7 +413,10 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   require_channels(columns, options.outputs_required);
 
   RecordReader reader(columns);
-  while (const auto row = file.next()) reader.add(*row);
+  while (const auto row = file.next()) {
+    checkpoint();
+    reader.add(*row);
+  }
   const Records records = reader.take();
   if (records.time.empty()) fail("no rows after the header found, samples needed");
 
@@ -498,6 +502,7 @@ void write_csv(const Ensemble& e, const std::filesystem::path& path) {
   std::transform(cells.begin(), cells.end(), cells.begin(), csv_cell);
   fmt::format_to(std::back_inserter(out), "{}\n", fmt::join(cells, ","));
   for (Index n = 0; n < e.experiments(); ++n) {
+    checkpoint();
     for (Index k = 0; k < e.steps(); ++k)
       if (is_needed(e, n, k)) write_row(e, n, k, out);
     file.write({out.data(), out.size()});
