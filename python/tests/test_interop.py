@@ -321,6 +321,10 @@ def test_identify_takes_datasets():
     fresh = tokid.example("oscillator", experiments=30, steps=12, seed=2).to_xarray()
     more = tokid.update(state, fresh.drop_attrs().drop_vars("time"))  # in the sample time of the state
     assert more.updated.experiments == 60 and more.dt == data.dt
+    np.testing.assert_array_equal(model.simulate(dataset), model.simulate(data))
+    np.testing.assert_array_equal(model.predict(dataset), model.predict(data))
+    with pytest.raises(ValueError, match="y: found beside a Dataset"):
+        model.predict(dataset, data.y)
     with pytest.raises(ValueError, match="y: found beside a Dataset"):
         tokid.update(state, dataset, data.y)
     with pytest.raises(ValueError, match="y: found beside a Dataset"):

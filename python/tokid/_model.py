@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Optional, Union, overload
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from . import _arrays, _dataframe, _options, _tokid
+from . import _arrays, _dataframe, _dataset, _options, _tokid
 from ._ensemble import Ensemble, core_of, name_channels, plural
 from ._errors import reading, warn, writing
 from ._progress import listener
@@ -1020,6 +1020,10 @@ class Model:
             if y is not None:
                 raise ValueError("y: found beside a DataFrame, which has the outputs already")
             return _dataframe.core_for(self, u, outputs), False
+        if _dataset.is_dataset(u):
+            if y is not None:
+                raise ValueError("y: found beside a Dataset, which has the outputs already")
+            return _dataset.from_xarray(u, dt=None if "dt" in u.attrs else self.dt, outputs_required=outputs), False
         if outputs and y is None:
             raise ValueError(f"y: none found, outputs (N, T, {self.outputs}) needed")
         core, single = core_of(u, y, self.dt)
