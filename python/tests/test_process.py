@@ -215,9 +215,11 @@ except KeyboardInterrupt:
 
 @pytest.mark.parametrize("call", ["tokid.identify(data)", "tokid.identify(data, threads=2)",
                                   "model.refine(data, iterations=100000, tolerance=0.0, smoothing=0.1)",
-                                  "tokid.cross_validate(data, folds=10)"])
-def test_ctrl_c_stops_a_long_call(call):
-    process = subprocess.Popen([sys.executable, "-c", LONG.format(call=call)], stdout=subprocess.PIPE, text=True)
+                                  "tokid.cross_validate(data, folds=10)",
+                                  "data.save('data.h5'); tokid.identify_file('data.h5', 'model.h5', block=400)"])
+def test_ctrl_c_stops_a_long_call(tmp_path, call):
+    process = subprocess.Popen([sys.executable, "-c", LONG.format(call=call)], stdout=subprocess.PIPE, text=True,
+                               cwd=tmp_path)
     try:
         assert process.stdout.readline() == "begin\n"
         time.sleep(0.7)
@@ -230,6 +232,7 @@ def test_ctrl_c_stops_a_long_call(call):
     finally:
         process.kill()
         process.wait()
+    assert {path.name for path in tmp_path.iterdir()} <= {"data.h5"}  # no model, nothing half written
 
 
 SHORT_CALLS = """
