@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 import numpy as np
 
 from . import _arrays, _options, _tokid
+from ._channels import Channels
 from ._errors import reading, warn, writing
 from ._typing import Array, ArrayLike, PathLike
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-class Ensemble:
+class Ensemble(Channels):
     """N repeated experiments of T steps with r inputs and m outputs, their names, units and what is known of them.
 
     Parameters
@@ -181,16 +182,6 @@ class Ensemble:
         return self._core.steps
 
     @property
-    def inputs(self) -> int:
-        """Number of inputs r."""
-        return self._core.inputs
-
-    @property
-    def outputs(self) -> int:
-        """Number of outputs m."""
-        return self._core.outputs
-
-    @property
     def u(self) -> Array:
         """Inputs (N, T, r): a writable view of the samples, of which the experiments lie next to each other."""
         return self._core.u()
@@ -225,26 +216,6 @@ class Ensemble:
     def initial_state(self) -> Optional[str]:
         """What is known of the states at step 0: "zero", "unknown", or None where nothing is stated."""
         return self._core.initial_state
-
-    @property
-    def input_names(self) -> list[str]:
-        """Names (r) of the inputs, u1 … ur where none were given."""
-        return self._core.input_names or [f"u{i + 1}" for i in range(self.inputs)]
-
-    @property
-    def output_names(self) -> list[str]:
-        """Names (m) of the outputs, y1 … ym where none were given."""
-        return self._core.output_names or [f"y{j + 1}" for j in range(self.outputs)]
-
-    @property
-    def input_units(self) -> list[str]:
-        """Units (r) of the inputs, "" where they are not known."""
-        return self._core.input_units or [""] * self.inputs
-
-    @property
-    def output_units(self) -> list[str]:
-        """Units (m) of the outputs, "" where they are not known."""
-        return self._core.output_units or [""] * self.outputs
 
     @property
     def missing(self) -> int:

@@ -222,10 +222,7 @@ def cross_validate(
             _tokid.cross_validate,
             core,
             checked,
-            folds=_options.integer("folds", folds, 2),
-            horizon=_options.integer("horizon", horizon, 1, 1_000_000),
-            seed=None if seed is None else _options.integer("seed", seed, 0, 2**64 - 1),
-            threads=_options.threads(threads),
+            **_options.cross_validation(folds, horizon, seed, threads),
             listener=listening,
         )
     warn(result.warnings)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from . import _arrays, _dataframe, _dataset, _options, _tokid
+from ._channels import Channels
 from ._ensemble import Ensemble, core_of, name_channels, plural
 from ._errors import reading, warn, writing
 from ._progress import listener
@@ -196,7 +197,7 @@ _PLAIN = (
 _ARRAYS = ("u_nominal", "y_nominal", "x0_mean", "x0_cov")
 
 
-class Model:
+class Model(Channels):
     """A model of every step k = k_begin … k_end-1, with its observer::
 
         x[k+1] = A[k] x[k] + B[k] u[k]
@@ -433,16 +434,6 @@ class Model:
         return self._core.states
 
     @property
-    def inputs(self) -> int:
-        """Number of inputs r."""
-        return self._core.inputs
-
-    @property
-    def outputs(self) -> int:
-        """Number of outputs m."""
-        return self._core.outputs
-
-    @property
     def k_begin(self) -> int:
         """First step with a model."""
         return self._core.k_begin
@@ -496,26 +487,6 @@ class Model:
     def initial_state(self) -> str:
         """Initial states that the model was identified from: "zero" or "unknown"."""
         return str(self._core.initial_state.name)
-
-    @property
-    def input_names(self) -> list[str]:
-        """Names (r) of the inputs, u1 … ur where none were given."""
-        return self._core.input_names or [f"u{i + 1}" for i in range(self.inputs)]
-
-    @property
-    def output_names(self) -> list[str]:
-        """Names (m) of the outputs, y1 … ym where none were given."""
-        return self._core.output_names or [f"y{j + 1}" for j in range(self.outputs)]
-
-    @property
-    def input_units(self) -> list[str]:
-        """Units (r) of the inputs, "" where they are not known."""
-        return self._core.input_units or [""] * self.inputs
-
-    @property
-    def output_units(self) -> list[str]:
-        """Units (m) of the outputs, "" where they are not known."""
-        return self._core.output_units or [""] * self.outputs
 
     @property
     def u_nominal(self) -> Optional[Array]:
@@ -929,10 +900,7 @@ class Model:
             result: CrossValidation = _tokid.cross_validate(
                 data,
                 self._core.identify_options(),
-                folds=_options.integer("folds", folds, 2),
-                horizon=_options.integer("horizon", horizon, 1, 1_000_000),
-                seed=None if seed is None else _options.integer("seed", seed, 0, 2**64 - 1),
-                threads=_options.threads(threads),
+                **_options.cross_validation(folds, horizon, seed, threads),
                 listener=listening,
             )
         warn(result.warnings)

@@ -100,6 +100,16 @@ def threads(value: Any) -> int:
     return integer("threads", value, 0, 1024)
 
 
+def cross_validation(folds: Any, horizon: Any, seed: Any, processors: Any) -> dict[str, Any]:
+    """What a cross-validation takes beside the options of the identification."""
+    return {
+        "folds": integer("folds", folds, 2),
+        "horizon": integer("horizon", horizon, 1, 1_000_000),
+        "seed": None if seed is None else integer("seed", seed, 0, 2**64 - 1),
+        "threads": threads(processors),
+    }
+
+
 class IdentifyOptions(TypedDict, total=False):
     """The options of `tokid.identify` that say how to identify, for the calls that identify more than once."""
 

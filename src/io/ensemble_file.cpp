@@ -112,12 +112,9 @@ Ensemble EnsembleFile::read(Index begin, Index end) const {
   });
   part.names = all.names;
   part.initial_state = begin == 0 ? all.initial_state : InitialState::unknown;
-  for (const Index length : all.length) part.length.push_back(std::clamp<Index>(length - begin, 0, end - begin));
-  for (size_t n = 0; n < part.length.size(); ++n)
-    for (Index k = part.length[n]; k < part.steps(); ++k) {
-      part.input(k).row(Index(n)).setConstant(std::numeric_limits<double>::quiet_NaN());
-      part.output(k).row(Index(n)).setConstant(std::numeric_limits<double>::quiet_NaN());
-    }
+  std::vector<Index> length = all.length;
+  for (Index& own : length) own = std::clamp<Index>(own - begin, 0, end - begin);
+  set_length(part, std::move(length));
   if (const Index known = std::min(end, all.free.steps); known > begin) {
     part.free = {all.free.experiments, known - begin, {}};
     part.free.y = all.free.y.middleCols(begin * all.outputs, (known - begin) * all.outputs);
