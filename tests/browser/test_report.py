@@ -38,7 +38,7 @@ def nasty(tokid, folder, typical):
     np.savez(folder / "nasty.npz", **data, input_names=NASTY[:2], output_names=NASTY[2:],
              input_units=["<b>N</b>", "m"], output_units=["</title>", "</style>"])
     page = folder / "nasty <i>.html"
-    tokid("identify", folder / "nasty.npz", "-o", folder / "model & <b>.npz", "--report", page)
+    tokid("identify", folder / "nasty.npz", "-o", folder / "model & <b>.npz", "--report", page, "--no-refine")
     return page
 
 

@@ -158,7 +158,7 @@ def test_normalised_innovations_squared(tokid, noisy):
 
 def test_cross_validation_figures(tokid, tmp_path, noisy):
     """Every fold is what identify and validate say of its experiments."""
-    orders = ["--lags", 3, "--states", 4, "--nominal", "none"]
+    orders = ["--lags", 3, "--states", 4, "--nominal", "none", "--no-refine"]
     tokid("identify", noisy / "data.npz", "-o", tmp_path / "model.npz", *orders, "--hold-out", 0.2)
     found = tokid.json("validate", tmp_path / "model.npz", noisy / "data.npz", "--cross-validate", 3, "--horizon", 4)
     data = load(noisy / "data.npz")
