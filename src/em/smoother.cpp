@@ -106,9 +106,10 @@ Samples samples_of(const Model& model, const Ensemble& data, Tail tail, Index st
 
 namespace {
 
-// Of one step and one pattern. The latent vector l_k = [x_k; inputs that are missing] has q entries.
+// Of one step and one pattern. The latent vector l_k = [x_k; inputs that are missing] has q entries. An output that is
+// missing has an innovation of zero and of variance one that depends on nothing: sizes are the same for all patterns.
 struct StepCovariance {
-  Matrix gain;      // (q × outputs there) of the innovation, for l_k
+  Matrix gain;      // (q × m) of the innovation, for l_k
   Matrix whitener;  // W with W S Wᵀ = I, S the covariance of the innovation
   double log_det = 0.0;
   Matrix filtered;   // (q × q) of l_k given the outputs up to k
@@ -117,12 +118,22 @@ struct StepCovariance {
   Matrix smoothed;   // (q × q) of l_k given everything
 };
 
-Matrix with_columns(const Matrix& a, const Matrix& b, const std::vector<Index>& columns) {
-  if (columns.empty()) return a;
-  Matrix both(a.rows(), a.cols() + Index(columns.size()));
+// a with these columns of b beside it
+void with_columns(const Matrix& a, const Matrix& b, const std::vector<Index>& columns, Matrix& both) {
+  both.resize(a.rows(), a.cols() + Index(columns.size()));
   both.leftCols(a.cols()) = a;
-  both.rightCols(Index(columns.size())) = b(Eigen::all, columns);
-  return both;
+  for (size_t i = 0; i < columns.size(); ++i) both.col(a.cols() + Index(i)) = b.col(columns[i]);
+}
+
+// body(j) for every output that is missing
+template <class Body>
+void each_missing(const std::vector<Index>& there, Index outputs, Body&& body) {
+  auto next = there.begin();
+  for (Index j = 0; j < outputs; ++j)
+    if (next != there.end() && *next == j)
+      ++next;
+    else
+      body(j);
 }
 
 class Covariances {
@@ -143,7 +154,7 @@ class Covariances {
       correct(model, s, there, unknown, c);
       if (t + 1 == group.end) break;
 
-      f_ = with_columns(model.A[s], model.B[s], unknown);
+      with_columns(model.A[s], model.B[s], unknown, f_);
       fp_.noalias() = f_ * c.filtered;
       c.predicted = model.Q[s];
       c.predicted.noalias() += fp_ * f_.transpose();
@@ -151,7 +162,7 @@ class Covariances {
       p = c.predicted;
       if (!smooth) continue;
       inverse_root(p, w_);
-      wfp_.noalias() = w_.triangularView<Eigen::Lower>() * fp_;
+      wfp_.noalias() = w_ * fp_;
       c.smoother.noalias() = wfp_.transpose() * w_;
     }
     if (smooth) smooth_backwards(model, group);
@@ -165,19 +176,23 @@ class Covariances {
     c.log_det = 0.0;
     if (there.empty()) {
       c.filtered = prior_;
-      c.gain.resize(prior_.rows(), 0);
+      c.gain.setZero(prior_.rows(), model.outputs);
       return;
     }
-    const bool all = Index(there.size()) == model.outputs;
-    h_ = with_columns(model.C[s], model.D[s], unknown);
-    if (!all) h_ = Matrix(h_(there, Eigen::all));
-    r_ = all ? model.R[s] : Matrix(model.R[s](there, there));
+    with_columns(model.C[s], model.D[s], unknown, h_);
+    r_ = model.R[s];
+    each_missing(there, model.outputs, [this](Index j) {
+      h_.row(j).setZero();
+      r_.row(j).setZero();
+      r_.col(j).setZero();
+      r_(j, j) = 1.0;
+    });
     hp_.noalias() = h_ * prior_;
     innovation_ = r_;
     innovation_.noalias() += hp_ * h_.transpose();
     symmetrise(innovation_);
     c.log_det = inverse_root(innovation_, c.whitener);
-    whp_.noalias() = c.whitener.triangularView<Eigen::Lower>() * hp_;
+    whp_.noalias() = c.whitener * hp_;
     c.gain.noalias() = whp_.transpose() * c.whitener;
     left_.setIdentity(prior_.rows(), prior_.rows());
     left_.noalias() -= c.gain * h_;
@@ -195,7 +210,7 @@ class Covariances {
       c.smoothed = c.filtered;
       if (t + 1 == group.end) continue;
       const Index n = c.predicted.rows(), q = c.filtered.rows();
-      f_ = with_columns(model.A[size_t(t)], model.B[size_t(t)], group.unknowns[size_t(t)]);
+      with_columns(model.A[size_t(t)], model.B[size_t(t)], group.unknowns[size_t(t)], f_);
       left_.setIdentity(q, q);
       left_.noalias() -= c.smoother * f_;
       product_.noalias() = left_ * c.filtered;
@@ -238,9 +253,9 @@ class Means {
         innovation_ = samples_.y[s].middleCols(first, count);
         innovation_.noalias() -= model_.C[s] * predicted_[s];
         innovation_.noalias() -= model_.D[s] * u;
-        if (Index(there.size()) < model_.outputs) innovation_ = Matrix(innovation_(there, Eigen::all));
+        each_missing(there, model_.outputs, [this](Index j) { innovation_.row(j).setZero(); });
         l.noalias() += c.gain * innovation_;
-        white_.noalias() = c.whitener.triangularView<Eigen::Lower>() * innovation_;
+        white_.noalias() = c.whitener * innovation_;
         log_likelihood.segment(first, count) -=
             0.5 * (white_.colwise().squaredNorm().array() + (c.log_det + double(there.size()) * log_two_pi))
                       .matrix()
@@ -275,14 +290,15 @@ class Means {
       const Index next = goes_on ? model_.state_dim[s + 1] : 0;
 
       // Rows: x_k, u_k, x_{k+1}, y_k.
-      stack_.resize(l + next + m, count);
+      const Index all = l + next + m, known = there.empty() ? l + next : all;
+      stack_.resize(all, count);
       stack_.topRows(n) = filtered_[s].topRows(n);
       stack_.middleRows(n, r) = samples_.u[s].middleCols(first, count);
       for (size_t i = 0; i < unknown.size(); ++i) stack_.row(n + unknown[i]) = filtered_[s].row(n + Index(i));
       if (goes_on) stack_.middleRows(l, next) = filtered_[s + 1].topRows(next);
       stack_.bottomRows(m) = samples_.y[s].middleCols(first, count);
 
-      covariance_.setZero(l + next + m, l + next + m);
+      covariance_.setZero(all, all);
       place(c.smoothed, n, unknown, covariance_);
       if (goes_on) {
         cross_.noalias() =
@@ -295,12 +311,8 @@ class Means {
       }
       if (Index(there.size()) < m && !there.empty()) fill_outputs(s, there, l, next);
 
-      if (there.empty()) {
-        stack_.conservativeResize(l + next, count);
-        covariance_.conservativeResize(l + next, l + next);
-      }
-      total_.noalias() = stack_ * stack_.transpose();
-      total_ += double(count) * covariance_;
+      total_ = double(count) * covariance_;
+      total_.topLeftCorner(known, known).noalias() += stack_.topRows(known) * stack_.topRows(known).transpose();
       if (goes_on) {
         sums.moved[s] += total_.topLeftCorner(l + next, l + next);
         sums.moved_count(t) += double(count);
@@ -335,30 +347,44 @@ class Means {
     }
   }
 
-  // The outputs that are missing beside others, given those and z_k:  y = L y_there + (I - L E) [C D] z + noise, where
-  // L = R_{·,there} R_{there,there}⁻¹.
+  // The outputs that are missing beside others, given those and z_k:  y = L y + (I - L) [C D] z + noise, where
+  // L = R_{·,there} R_{there,there}⁻¹ in the columns of those that are there.
   void fill_outputs(size_t s, const std::vector<Index>& there, Index l, Index next) {
     const Index m = model_.outputs, y = l + next;
     const Matrix& noise = model_.R[s];
-    inverse_root(noise(there, there), w_);
-    const Matrix carry = noise(Eigen::all, there) * w_.transpose() * w_;
-    Matrix select = Matrix::Zero(Index(there.size()), m);
-    for (size_t j = 0; j < there.size(); ++j) select(Index(j), there[j]) = 1.0;
-    const Matrix rest = Matrix::Identity(m, m) - carry * select;
-    Matrix output(m, l);
-    output << model_.C[s], model_.D[s];
-    const Matrix map = rest * output;
-    stack_.bottomRows(m) = carry * Matrix(stack_.bottomRows(m)(there, Eigen::all)) + map * stack_.topRows(l);
-    const Matrix with_z = map * covariance_.topLeftCorner(l, l);
-    covariance_.block(y, 0, m, l) = with_z;
-    covariance_.block(0, y, l, m) = with_z.transpose();
-    covariance_.block(y, y, m, m) = with_z * map.transpose() + rest * noise * rest.transpose();
+    // L (m × m), with columns of zeros for the outputs that are missing
+    cross_ = noise;
+    carry_ = noise;
+    each_missing(there, m, [this](Index j) {
+      cross_.row(j).setZero();
+      cross_.col(j).setZero();
+      cross_(j, j) = 1.0;
+      carry_.col(j).setZero();
+    });
+    inverse_root(cross_, w_);
+    whitened_.noalias() = carry_ * w_.transpose();
+    carry_.noalias() = whitened_ * w_;
+    rest_.setIdentity(m, m);
+    rest_ -= carry_;
+    map_.resize(m, l);
+    map_.leftCols(model_.C[s].cols()).noalias() = rest_ * model_.C[s];
+    map_.rightCols(model_.D[s].cols()).noalias() = rest_ * model_.D[s];
+    white_ = stack_.bottomRows(m);
+    stack_.bottomRows(m).noalias() = carry_ * white_;
+    stack_.bottomRows(m).noalias() += map_ * stack_.topRows(l);
+    with_z_.noalias() = map_ * covariance_.topLeftCorner(l, l);
+    covariance_.block(y, 0, m, l) = with_z_;
+    covariance_.block(0, y, l, m) = with_z_.transpose();
+    covariance_.block(y, y, m, m).noalias() = with_z_ * map_.transpose();
+    whitened_.noalias() = rest_ * noise;
+    covariance_.block(y, y, m, m).noalias() += whitened_ * rest_.transpose();
   }
 
   const Model& model_;
   const Samples& samples_;
   std::vector<Matrix> filtered_, predicted_;
-  Matrix innovation_, white_, stack_, covariance_, cross_, total_, w_;
+  Matrix innovation_, white_, stack_, covariance_, cross_, total_;  // kept for their memory
+  Matrix w_, carry_, whitened_, rest_, map_, with_z_;
 };
 
 struct Piece {
