@@ -30,9 +30,9 @@ struct End {
 struct Results {
   explicit Results(const End& e)
       : folder(fs::temp_directory_path() / fmt::format("tokid-stages-{}-{}", getpid(), e.name)),
-        data(e.noise ? noisy(e.size, e.experiments, e.steps) : example(e.experiments, e.steps)) {
-    tvera_options = {.rows = e.lags + 1, .cols = e.columns, .states = e.size.n};
-    subspace_options = {.states = e.size.n, .noisy = e.noise};
+        data(e.noise ? noisy(e.size, e.experiments, e.steps) : example(e.experiments, e.steps)),
+        tvera_options{.rows = e.lags + 1, .cols = e.columns, .states = e.size.n},
+        subspace_options{.states = e.size.n, .noisy = e.noise} {
     arx = gtv_arx(data, {.lags = {e.lags}});
     parameters = markov(arx, tvera_options.rows + tvera_options.cols - 1);
     hankel = hankel_factors(parameters, {}, tvera_options);

@@ -83,7 +83,7 @@ TEST(Predict, IsTheObserverOfEquationNine) {
     for (Index n = 0; n < 2; ++n) {
       std::vector<Vector> state{Vector::Zero(3)};  // x̂_{k|k-1}
       for (size_t k = 0; k < 12; ++k)
-        state.push_back(model.closed_loop(Index(k)) * state[k] +
+        state.push_back(model.closed_loop(Index(k)) * state.back() +
                         (model.B[k] + model.G[k] * model.D[k]) * e.input(Index(k)).row(n).transpose() -
                         model.G[k] * e.output(Index(k)).row(n).transpose());
       for (Index k = 0; k < 12; ++k) {
@@ -332,7 +332,7 @@ TEST(Coordinates, SmoothFrameAcceptsVaryingStateDimensions) {
 TEST(Model, CheckNamesWhatDisagrees) {
   const Model model = observed_system({2, 1, 1}, 4, 85);
   EXPECT_NO_THROW(model.check());
-  const auto message = [](Model broken) -> std::string {
+  const auto message = [](const Model& broken) -> std::string {
     try {
       broken.check();
     } catch (const std::invalid_argument& error) {

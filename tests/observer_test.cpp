@@ -267,7 +267,7 @@ TEST(Kalman, WithoutAnyNoiseTheStateIsKnownAndNothingIsDivided) {
 
 TEST(Kalman, WhatIsNoCovarianceIsRefused) {
   const Model good = random_noise(random_system({3, 2, 1}, 5, 1.0, 107), 108, 1, 1);
-  const auto refused = [](Model model) { EXPECT_THROW(kalman_filter(model), std::invalid_argument); };
+  const auto refused = [](const Model& model) { EXPECT_THROW(kalman_filter(model), std::invalid_argument); };
   refused(random_system({3, 2, 1}, 5, 1.0, 107));  // no noise given
   refused(Model{});
   Model bad = good;

@@ -73,7 +73,8 @@ nb::any object_of(const SpectrumBounds& b) {
   if (b.step.empty()) return any(nb::none());
   Index n = 0;
   for (const Step& step : b.step) n = std::max(n, step.eigenvalues.size());
-  const auto table = [&]<class Number>(Number none, auto&& entry) {
+  const auto table = [&](auto none, auto&& entry) {
+    using Number = decltype(none);
     std::vector<Number> values;
     for (const Step& step : b.step)
       for (Index e = 0; e < n; ++e) values.push_back(e < step.eigenvalues.size() ? Number(entry(step, e)) : none);

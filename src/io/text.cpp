@@ -59,7 +59,7 @@ std::optional<std::string> utf8_from(std::u16string_view utf16) {
     char32_t c = utf16[i];
     const bool pair =
         c >= 0xD800 && c < 0xDC00 && i + 1 < utf16.size() && utf16[i + 1] >= 0xDC00 && utf16[i + 1] < 0xE000;
-    if (pair) c = 0x10000 + ((c - 0xD800) << 10) + (char32_t{utf16[++i]} - 0xDC00);
+    if (pair) c = 0x10000 + ((c & 0x3FF) << 10) + (utf16[++i] & 0x3FF);
     out += c;
   }
   return utf8_from(out);

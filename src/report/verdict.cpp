@@ -39,9 +39,11 @@ std::string capital(std::string text) {
 class Judge {
  public:
   Judge(const Model& model, const Evidence& found, const ReportOptions& options)
-      : model_(model), found_(found), options_(options) {
-    simulation_ = found.validation.simulation.fit;
-    one_step_ = found.validation.one_step.fit;
+      : model_(model),
+        found_(found),
+        options_(options),
+        simulation_(found.validation.simulation.fit),
+        one_step_(found.validation.one_step.fit) {
     for (const Index j : found.at_rest) simulation_(j) = one_step_(j) = std::numeric_limits<double>::quiet_NaN();
   }
 

@@ -33,7 +33,7 @@ std::vector<Ensemble> stretches(const EnsembleFile& file, const IdentifyOptions&
   const Index total = file.steps();
   const Index length = std::min(
       total, std::max(Index(std::clamp(stretch_bytes / step, double(fewest_steps), double(most_steps))), 8 * o.lags));
-  std::vector<Index> begins{0};
+  std::vector<Index> begins(1, 0);
   for (const Index begin : {(total - length) / 2, total - length})
     if (begin >= length / 2 + begins.back()) begins.push_back(begin);
   for (const Index begin : begins) file.expect(begin, begin + length);
