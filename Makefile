@@ -9,6 +9,7 @@ wheel_packages := $(build_packages) python3-dev python3-venv
 bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-h5py
 cover_packages := $(test_packages) gcovr
+grind_packages := $(test_packages) valgrind
 tidy_packages  := $(test_packages) clang-tidy cppcheck
 
 # $(call install,PACKAGES) installs those that are missing; where there is no dpkg, they are the user's business.
@@ -28,7 +29,7 @@ configure = cmake --log-level=WARNING --preset
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test wheel bench install-test asan tsan coverage tidy format clean
+.PHONY: help build demo test wheel bench install-test asan tsan valgrind coverage tidy format clean
 
 help:
 	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
@@ -39,6 +40,7 @@ help:
 	@echo 'make install-test  only the tests of the installed package'
 	@echo 'make asan          all tests under the address and undefined behaviour sanitizers'
 	@echo 'make tsan          the unit tests under the thread sanitizer'
+	@echo 'make valgrind      the end-to-end tests with the tool under valgrind, but for those of time and memory'
 	@echo 'make coverage      which lines of the library the tests run: build-coverage/report/index.html'
 	@echo 'make tidy          clang-tidy and cppcheck, whose warnings are errors'
 	@echo 'make format        clang-format, in place'
@@ -80,6 +82,15 @@ asan tsan:
 	@cmake --build build-$@
 	@UBSAN_OPTIONS=print_stacktrace=1 TSAN_OPTIONS=halt_on_error=1 \
 	  $(python) tests/run.py build-$@ $(if $(filter tsan,$@),--label-regex unit)
+
+# Half a minute becomes an hour: each call takes two seconds to begin.
+valgrind: build
+	$(call install,$(grind_packages))
+	@cd tests/e2e && \
+	  ls test_bad_input.py test_confidence.py test_data.py test_flow.py test_formats.py test_json.py test_plan.py \
+	     test_refine.py test_report.py test_update.py | \
+	  TOKID=$(CURDIR)/tests/under_valgrind.sh TOKID_UNDER_VALGRIND=$(CURDIR)/build/bin/tokid \
+	  xargs -n 1 -P $$(nproc) $(python) -m pytest -q -p no:cacheprovider
 
 # At least nine lines of ten. What a line is to be left out for stands beside it.
 coverage:
