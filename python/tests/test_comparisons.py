@@ -204,7 +204,8 @@ def all_coefficients():
     """The full number of states realises the coefficients themselves, so that noise is no obstacle."""
     u, y = varying_data(1.0)
     p = VARYING_LAGS
-    model = tokid.identify(u, y, initial_state="unknown", nominal="none", smoothing=0, refine=False, lags=p, states=2 * p)
+    model = tokid.identify(u, y, initial_state="unknown", nominal="none", smoothing=0, weighting="one-step", refine=False,
+                           lags=p, states=2 * p)
     pairs = []
     for k in range(2 * p, VARYING_STEPS):  # the model begins with step p
         w = windows(u, y, k, p)
@@ -252,7 +253,8 @@ def whole_method():
 def arx_coefficients():
     u, y = arx_data()
     p = ARX_LAGS
-    model = tokid.identify(u, y, period="invariant", initial_state="unknown", nominal="none", refine=False, lags=p, states=p)
+    model = tokid.identify(u, y, period="invariant", initial_state="unknown", nominal="none", weighting="one-step",
+                           refine=False, lags=p, states=p)
     found = coefficients(model, p, p)[0]
     w = np.vstack([windows(u, y, k, p) for k in range(p, y.shape[1])])
     step = u.shape[2] + 1
