@@ -52,7 +52,8 @@ def main():
     source, build, directory = (Path(word).resolve() for word in sys.argv[1:4])
     version = version_of(build)
     shutil.rmtree(directory, ignore_errors=True)
-    output("cpack", "--config", build / "CPackConfig.cmake", "-G", "DEB;TGZ", "-B", directory, env=environment_of(source))
+    output("cpack", "--config", build / "CPackConfig.cmake", "-G", "DEB;TGZ", "-B", directory,
+           env=environment_of(source))
     shutil.rmtree(directory / "_CPack_Packages")
 
     files = sorted(directory.iterdir())
@@ -63,12 +64,12 @@ def main():
     libraries = ", ".join(dependencies(package))
     (directory / "RELEASE_NOTES.md").write_text(
         f"# tokid {version}\n\n{changes((source / 'CHANGELOG.md').read_text(), version)}\n\n### Files\n\n"
-        f"- `apt-get install ./{package.name}` installs the tool, the library, and the functions for MATLAB and Octave;\n"
-        f"  with `libtokid-dev` beside it, what programs need that are built with the library.\n"
+        f"- `apt-get install ./{package.name}` installs the tool, the library, and the functions for MATLAB and\n"
+        f"  Octave; with `libtokid-dev` beside it, what programs need that are built with the library.\n"
         f"- `{archive.name}` runs wherever it is unpacked, and needs the Debian packages\n  {libraries}.\n\n"
         f"```\n{sums}```\n")
     for file in sorted(directory.iterdir()):
-        print(f"{file.stat().st_size:>10,} bytes  {file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file}")
+        print(f"{file.stat().st_size:>10,} bytes  {os.path.relpath(file)}")
 
 
 if __name__ == "__main__":

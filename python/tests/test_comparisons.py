@@ -204,8 +204,8 @@ def all_coefficients():
     """The full number of states realises the coefficients themselves, so that noise is no obstacle."""
     u, y = varying_data(1.0)
     p = VARYING_LAGS
-    model = tokid.identify(u, y, initial_state="unknown", nominal="none", smoothing=0, weighting="one-step", refine=False,
-                           lags=p, states=2 * p)
+    model = tokid.identify(u, y, initial_state="unknown", nominal="none", smoothing=0, weighting="one-step",
+                           refine=False, lags=p, states=2 * p)
     pairs = []
     for k in range(2 * p, VARYING_STEPS):  # the model begins with step p
         w = windows(u, y, k, p)
@@ -261,7 +261,7 @@ def arx_coefficients():
     inputs = [np.append(found[i:-2:step], found[i - 2])[::-1] for i in range(2)]
     found = np.concatenate([found[2:-2:step][::-1], *inputs])  # in the order of control_package.m
     wanted = octave()["arx"]["coefficients"]
-    return largest(found - wanted, wanted), EPS * condition(w) ** 2  # arx solves the normal equations of several records
+    return largest(found - wanted, wanted), EPS * condition(w) ** 2  # of several records, arx has the normal equations
 
 
 def pulses_of_n4sid(shape):
@@ -336,12 +336,12 @@ def shape_in_words(states, inputs, outputs):
 EXACT = {
     ("GTV-ARX coefficients of all steps, with noise", "`scipy.linalg.lstsq`"): all_coefficients,
     ("Covariances of their residuals", "`numpy.linalg.lstsq`"): residual_covariances,
-    ("Pulse responses of the method of the paper, with noise", "[numpy_tokid.py](../bench/numpy_tokid.py)"): whole_method,
+    ("Pulse responses by the method of the paper, with noise", "[numpy_tokid.py](../bench/numpy_tokid.py)"):
+        whole_method,
     ("ARX coefficients of six records, with noise", "`arx`"): arx_coefficients,
-    **{(f"Pulse responses of five records, {shape_in_words(*shape)}", "`n4sid`"): functools.partial(pulses_of_n4sid, shape)
-       for shape in EXACT_SHAPES},
-    **{(f"Eigenvalues of these, {shape_in_words(*shape)}", "`n4sid`"): functools.partial(eigenvalues_of_n4sid, shape)
-       for shape in EXACT_SHAPES},
+    **{(f"{what} of five records, {shape_in_words(*shape)}", "`n4sid`"): functools.partial(compare, shape)
+       for shape in EXACT_SHAPES
+       for what, compare in (("Pulse responses", pulses_of_n4sid), ("Eigenvalues", eigenvalues_of_n4sid))},
     ("30 Markov parameters of one record", "`control.markov`"): markov_parameters,
     ("Pulse responses of pulse experiments", "`control.eigensys_realization`"): era_of_pulses,
     ("Eigenvalues of one step by TVERA", "`control.eigensys_realization`"): era_of_repeated_experiments,
@@ -408,7 +408,8 @@ def tables():
     rows.append(("median", *np.median([row[1:] for row in rows], axis=0)))
     yield "noisy", ["| system | simulation: tokid | n4sid | one step: tokid | n4sid | expected |",
                     "| --- | ---: | ---: | ---: | ---: | ---: |",
-                    *("| " + " | ".join([name, *(f"{value:.2f}" for value in values)]) + " |" for name, *values in rows)]
+                    *(" | ".join([f"| {name}", *(f"{value:.2f}" for value in values)]) + " |"
+                      for name, *values in rows)]
 
 
 def alike(shown, found):

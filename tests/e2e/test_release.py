@@ -56,7 +56,8 @@ def test_paper_to_cite():
 
 
 def test_release_notes():
-    text = "# Changelog\n\n## [Unreleased]\n\n- new\n\n## [1.1.0] - 2026-02-01\n\n- b [c]\n\n## [1.0.0] - 2026-01-01\n\n- a\n"
+    text = ("# Changelog\n\n## [Unreleased]\n\n- new\n\n## [1.1.0] - 2026-02-01\n\n- b [c]\n\n"
+            "## [1.0.0] - 2026-01-01\n\n- a\n")
     assert changes(text, "1.1.0") == "- b [c]"
     assert changes(text, "1.0.0") == "- a"
     assert changes(text, "1.2.0") == "- new"
