@@ -112,6 +112,7 @@ def main():
     source, packages, directory = (Path(word).resolve() for word in sys.argv[1:4])
     (tool,), (development,), (archive,) = (
         list(packages.glob(name)) for name in ("tokid_*.deb", "libtokid-dev_*.deb", "*.tar.gz"))
+    need(os.geteuid() == 0, "root is needed for debootstrap and chroot")
     done = Steps()
 
     run("sha256sum", "--check", "--quiet", "SHA256SUMS", cwd=packages)
