@@ -11,6 +11,8 @@ bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libo
 cover_packages := $(test_packages) gcovr
 grind_packages := $(test_packages) valgrind
 tidy_packages  := $(test_packages) clang-tidy cppcheck
+package_packages := $(build_packages) dpkg-dev file help2man python3
+release_packages := $(package_packages) debootstrap lintian python3-venv
 
 # $(call install,PACKAGES) installs those that are missing; where there is no dpkg, they are the user's business.
 install = @wanted="$(strip $(1))"; \
@@ -29,12 +31,14 @@ configure = cmake --log-level=WARNING --preset
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test wheel bench install-test asan tsan valgrind coverage tidy format clean
+.PHONY: help build demo test wheel package release-test bench install-test asan tsan valgrind coverage tidy format clean
 
 help:
 	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
 	@echo 'make test          build with the tests and run all of them'
 	@echo 'make wheel         the Python package as a wheel that carries its libraries (build/wheel)'
+	@echo 'make package       packages for Debian, an archive, their sums, release notes (build/package)'
+	@echo 'make release-test  installs these on a Debian that debootstrap makes; as root, for some minutes'
 	@echo 'make bench         measures time and memory for ten minutes, writes the tables of docs/performance.md'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
 	@echo 'make install-test  only the tests of the installed package'
@@ -63,6 +67,14 @@ test:
 wheel: build
 	$(call install,$(wheel_packages))
 	@$(python) python/make_wheel.py . build build/wheel
+
+package: build
+	$(call install,$(package_packages))
+	@$(python) release/make_packages.py . build build/package
+
+release-test: package
+	$(call install,$(release_packages))
+	@$(python) release/try_packages.py . build/package build/release
 
 bench:
 	$(call install,$(bench_packages))
