@@ -255,7 +255,8 @@ std::string report(const Call& call, const Data& data, const Identification& res
     page.row("Blocks", fmt::format("{} of up to {}, which neighbours share {} of beyond their own", data.blocks,
                                    plural(data.block, "step"), data.overlap));
   if (data.resumed > 0)
-    page.row("", fmt::format("resumed after {} of {} blocks, which an earlier call had finished", data.resumed, data.blocks));
+    page.row("", fmt::format("resumed after {} of {} blocks, which an earlier call had finished", data.resumed,
+                             data.blocks));
   page.row("Initial state", fmt::format("{}: {}", to_string(model.initial_state), result.initial_state_test.reason));
   page.row("Nominal", nominal_text(call, result));
   add_lag_order(call, data, result, page);

@@ -113,6 +113,21 @@ def test_goes_on_behind_the_last_block_that_is_whole(tokid, given, scene, blocks
         assert sorted(os.listdir(scene)) == ["data.h5", "model.h5"]
 
 
+def test_noisy_blocks(tokid, tmp_path):
+    write_ensemble(tmp_path / "data.h5", experiments=16, noise=0.1)
+    call = ["identify", "data.h5", "-o", "model.h5", "--block", "200", "--lags", "2", "--states", "2", "--smoothing",
+            "10", "--weighting", "one-step", "--no-refine", "--frame", "smooth", "--hold-out", "0.25"]
+    tokid(*call, cwd=tmp_path)
+    whole = (tmp_path / "model.h5").read_bytes()
+    os.remove(tmp_path / "model.h5")
+    subprocess.run([tokid.executable, *call, "--resume", "--quiet"], cwd=tmp_path, preexec_fn=dying_at("linkat"))
+    journal = tmp_path / "model.h5.resume"
+    os.truncate(journal, records(journal)[2])
+    told = json.loads(tokid(*call, "--resume", "--json", cwd=tmp_path).stdout)
+    assert (told["resumed_blocks"], told["held_out_experiments"]) == (1, 4)
+    assert (tmp_path / "model.h5").read_bytes() == whole
+
+
 @pytest.mark.parametrize("kept", [0, 3, 8, 20, 100])
 def test_killed_while_the_journal_begins(tokid, given, scene, kept):
     os.truncate(stopped(tokid, scene), kept)
