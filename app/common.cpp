@@ -85,13 +85,17 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
   for (const fs::path& other : kept)
     if (fs::equivalent(path, other, error)) refuse("found among the files to read, another name needed to keep it");
   if (fs::is_directory(path, error)) refuse("a directory found, the name of a file needed");
+  if (error == std::errc::filename_too_long) refuse(fmt::format("can't be written: {}", error.message()));
   const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");
   if (!fs::is_directory(directory, error)) refuse(fmt::format("directory '{}' does not exist", directory.string()));
-  if (access(directory.c_str(), W_OK | X_OK) != 0)
-    refuse(
-        fmt::format("directory '{}' can't be written: {}", directory.string(), std::generic_category().message(errno)));
-  if (fs::exists(path, error) && access(path.c_str(), W_OK) != 0)
-    refuse(fmt::format("can't be written: {}", std::generic_category().message(errno)));
+  const auto check_access = [&path](const fs::path& to, int mode, const std::string& what) {
+    if (access(to.c_str(), mode) == 0) return;
+    const int why = errno;
+    throw WriteError(
+        fmt::format("{}: {}can't be written: {}", path.string(), what, std::generic_category().message(why)), why);
+  };
+  check_access(directory, W_OK | X_OK, fmt::format("directory '{}' ", directory.string()));
+  if (fs::exists(path, error)) check_access(path, W_OK, "");
 }
 
 std::string coverage(const Ensemble& computed) {

@@ -112,7 +112,7 @@ std::string extension_of(const fs::path& path);  // in lower case, with its dot
 
 enum class Content { ensemble, model, bounds, state, page };
 // Before long work: will the file be writable under this name, and is it none of those that are to be kept?
-// \throws IoError
+// \throws IoError for a wrong name, WriteError where the system does not let it be written
 void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept = {});
 
 // The library's complaints about an argument can't know the file that it came from.

@@ -20,6 +20,7 @@ struct Call {
   IdentifyOptions options;
   Index block = automatic;
   fs::path state;
+  bool resume = false;
   bool json = false, quiet = false;
 };
 
@@ -29,6 +30,7 @@ struct Data {
   double dt = 1.0;
   bool says_initial_state = false;
   Index block = 0, blocks = 0, overlap = 0;  // steps; none where all were identified from at once
+  Index resumed = 0;                         // blocks of an earlier call
 };
 
 Data about_data(const Ensemble& e) {
@@ -37,9 +39,9 @@ Data about_data(const Ensemble& e) {
 }
 
 Data about_data(const EnsembleFile& file, const Streamed& streamed) {
-  return {file.experiments(), file.steps(),          file.inputs(),   file.outputs(),
-          streamed.missing,   file.free_responses(), file.dt(),       file.initial_state().has_value(),
-          streamed.block,     streamed.blocks,       streamed.overlap};
+  return {file.experiments(), file.steps(),          file.inputs(),    file.outputs(),
+          streamed.missing,   file.free_responses(), file.dt(),        file.initial_state().has_value(),
+          streamed.block,     streamed.blocks,       streamed.overlap, streamed.resumed};
 }
 
 // RMS errors relative to what they are errors of, from the means of their logarithms.
@@ -252,6 +254,9 @@ std::string report(const Call& call, const Data& data, const Identification& res
   if (data.blocks > 0)
     page.row("Blocks", fmt::format("{} of up to {}, which neighbours share {} of beyond their own", data.blocks,
                                    plural(data.block, "step"), data.overlap));
+  if (data.resumed > 0)
+    page.row("", fmt::format("resumed after {} of {} blocks, which an earlier call had finished", data.resumed,
+                             data.blocks));
   page.row("Initial state", fmt::format("{}: {}", to_string(model.initial_state), result.initial_state_test.reason));
   page.row("Nominal", nominal_text(call, result));
   add_lag_order(call, data, result, page);
@@ -272,6 +277,7 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["model"] = call.model.string();
   j["report"] = call.page.empty() ? Json() : Json(call.page.string());
   j["block"] = data.blocks > 0 ? Json(data.block) : Json();
+  j["resumed_blocks"] = call.resume ? Json(data.resumed) : Json();
   j["experiments"] = result.experiments;
   j["held_out_experiments"] = data.experiments - result.experiments;
   j["steps"] = result.steps;
@@ -371,6 +377,7 @@ void run_in_blocks(const Call& call) {
     options.identify.execution.progress = bar.callback();
     options.block = call.block;
     options.team = team();
+    options.resume = call.resume;
     return identify_stream(file, call.model, options);
   });
   if (team().rank == 0) tell(call, about_data(file, streamed), streamed.identification);
@@ -386,9 +393,11 @@ void run_at_once(const Call& call) {
   });
   std::optional<UpdateState> state;
   if (!call.state.empty()) state = about(call.data, [&] { return update_state(data, result, call.options); });
-  save_model(result.model, call.model);
-  if (state) save_update_state(*state, call.state);
+  FilesTogether files;
   if (!call.page.empty()) save_page(call, data, result);
+  if (state) save_update_state(*state, call.state);
+  save_model(result.model, call.model);  // the last one to appear: where it is there, all are
+  files.commit();
   tell(call, about_data(data), result);
 }
 
@@ -398,7 +407,12 @@ void run(const Call& call) {
   if (!call.state.empty()) check_output(call.state, Content::state, {call.data, call.model});
   if (call.options.reference_step >= 0 && call.options.frame != Frame::reference)
     throw std::invalid_argument("--reference-step: needs --frame reference");
-  if (in_blocks(call))
+  const bool blocks = in_blocks(call);
+  if (call.resume && !blocks)
+    throw std::invalid_argument(
+        "--resume: goes on from finished blocks, but all steps are identified from at once here; --block STEPS makes "
+        "blocks of them");
+  if (blocks)
     run_in_blocks(call);
   else if (team().rank == 0)
     run_at_once(call);
@@ -488,6 +502,9 @@ void add_identify(CLI::App& tool) {
              0.0, 1.0);
   add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
   add_block(command, call->block);
+  command->add_flag("--resume", call->resume,
+                    "Keep finished blocks in FILE.resume until the model is there, and go on from those of a call with "
+                    "--resume that was stopped");
   command->add_option("--report", call->page, "Page to write that shows whether the model can be trusted: .html")
       ->type_name("FILE");
   command

@@ -20,7 +20,7 @@ void make_directory(const fs::path& path) {
   if (fs::is_directory(path, error)) return;
   if (fs::exists(path, error)) throw IoError(fmt::format("{}: a file found, a directory needed", path.string()));
   fs::create_directories(path, error);
-  if (error) throw IoError(fmt::format("{}: can't be made: {}", path.string(), error.message()));
+  if (error) throw WriteError(fmt::format("{}: can't be made: {}", path.string(), error.message()), error.value());
 }
 
 std::string text(const Paper& paper, const KalmanStudy& study, const Call& call, size_t figures, double seconds) {
@@ -55,9 +55,11 @@ void run(const Call& call) {
   const Paper paper = paper_example({.seed = call.seed, .execution = {call.threads, {}}});
   const KalmanStudy study = kalman_study({.seed = call.seed, .execution = {call.threads, {}}});
   const std::vector<PaperFile> figures = paper_figure_files(paper, study);
+  FilesTogether files;
   save_text(paper_page(paper, study), call.directory / "paper.html");
   save_text(paper_json(paper, study), call.directory / "paper.json");
   for (const PaperFile& figure : figures) save_text(figure.text, call.directory / figure.name);
+  files.commit();
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   print(text(paper, study, call, figures.size(), seconds));
 

@@ -14,7 +14,7 @@
 namespace tokid::app {
 namespace {
 
-constexpr int computation_failed = 1, wrong_call = 2;
+constexpr int failed = 1, wrong_call = 2;
 
 // CLI11's own adds how many subcommands it wants.
 class Help : public CLI::Formatter {
@@ -99,14 +99,16 @@ Outcome run_tool(int argc, char** argv) {
   open_standard_streams();
   try {
     return parse_and_run(argc, argv);
+  } catch (const WriteError& error) {
+    return {failed, error.what()};
   } catch (const IoError& error) {
     return {wrong_call, error.what()};
   } catch (const std::invalid_argument& error) {
     return {wrong_call, error.what()};
   } catch (const std::bad_alloc&) {
-    return {computation_failed, "out of memory"};
+    return {failed, "out of memory"};
   } catch (const std::exception& error) {
-    return {computation_failed, error.what()};
+    return {failed, error.what()};
   }
 }
 

@@ -83,6 +83,7 @@ void run_first(const Call& call) {
     kept.push_back(call.state);
     check_output(call.model, Content::model, kept);
   }
+  for (const fs::path& file : call.data) file_kind(file);  // before the work: is it there?
   UpdateState state = load_update_state(call.state);
   const Execution& execution = call.options.execution;
   const Updated then = about(call.state, [&] { return identify(state, execution); });
@@ -92,9 +93,11 @@ void run_first(const Call& call) {
   result.steps = state.factors.steps();
   result.dt = state.factors.dt;
   result.now = identify(state, execution);
-  // The state comes last: where the model can't be written, the experiments can be added once more.
+  // The state comes last: where it has not got the experiments, they can be added once more, to the same model.
+  FilesTogether files;
   if (!call.model.empty()) save_model(result.now.model, call.model);
   save_update_state(state, call.state);
+  files.commit();
   if (call.json)
     print(json(call, result));
   else if (!call.quiet)

@@ -30,10 +30,12 @@ class Writer {
  private:
   template <class T>
   void write(const T& value) {
-    if constexpr (std::is_trivially_copyable_v<T>)
-      bytes_.append(reinterpret_cast<const char*>(&value), sizeof(T));
-    else
+    if constexpr (requires(Writer & writer) { fields(writer, value); })
       fields(*this, value);
+    else {
+      static_assert(std::is_trivially_copyable_v<T>);
+      bytes_.append(reinterpret_cast<const char*>(&value), sizeof(T));
+    }
   }
   template <class T>
   void write(const std::vector<T>& list) {
@@ -84,10 +86,12 @@ class Reader {
   }
   template <class T>
   void read(T& value) {
-    if constexpr (std::is_trivially_copyable_v<T>)
-      take(&value, sizeof(T));
-    else
+    if constexpr (requires(Reader & reader) { fields(reader, value); })
       fields(*this, value);
+    else {
+      static_assert(std::is_trivially_copyable_v<T>);
+      take(&value, sizeof(T));
+    }
   }
   template <class T>
   void read(std::vector<T>& list) {

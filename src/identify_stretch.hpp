@@ -41,6 +41,12 @@ std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Chann
 std::vector<double> singular_value_gaps(const Model& model);
 
 // For messages between processes.
+template <class Archive, class C>
+requires std::is_same_v<std::remove_const_t<C>, NoisyChoices>
+void fields(Archive& archive, C& c) {
+  archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_iterations);
+}
+
 template <class Archive, class S>
 requires std::is_same_v<std::remove_const_t<S>, Settled>
 void fields(Archive& archive, S& s) {

@@ -891,13 +891,43 @@ TEST_P(EveryFormat, FullDiskLeavesTheOldFile) {
   small.rlim_cur = 20000;
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
   setrlimit(RLIMIT_FSIZE, &small);
-  const std::string message =
-      error_of([&] { save_ensemble(random_ensemble(random, 40, 100, 2, 2), target(), options()); });
+  int reason = 0;
+  const std::string message = error_of([&] {
+    try {
+      save_ensemble(random_ensemble(random, 40, 100, 2, 2), target(), options());
+    } catch (const WriteError& error) {
+      reason = error.error();
+      throw;
+    }
+  });
   setrlimit(RLIMIT_FSIZE, &before);
   std::signal(SIGXFSZ, handler);
-  expect_words(message, {target().string(), "written"});
+  expect_words(message, {target().string(), "written", "File too large"});
+  EXPECT_EQ(reason, EFBIG);
   EXPECT_EQ(number_of_files(), 1u);
   expect_same(load_ensemble(target()), old);
+}
+
+TEST_F(Io, FilesTogetherAppearWhenAllAreWritten) {
+  Random random(1);
+  const Ensemble first = random_ensemble(random, 1, 2, 1, 1), second = random_ensemble(random, 2, 3, 1, 1);
+  save_ensemble(first, file("a.npz"));
+  const auto save_both = [&] {
+    save_ensemble(second, file("a.npz"));
+    save_ensemble(second, file("b.h5"));
+    expect_same(load_ensemble(file("a.npz")), first);
+    EXPECT_FALSE(fs::exists(file("b.h5")));
+  };
+  {
+    const FilesTogether files;
+    save_both();
+  }
+  EXPECT_EQ(number_of_files(), 1u);
+  FilesTogether files;
+  save_both();
+  files.commit();
+  EXPECT_EQ(number_of_files(), 2u);
+  for (const char* name : {"a.npz", "b.h5"}) expect_same(load_ensemble(file(name)), second);
 }
 
 TEST_P(EveryFormat, UnwritableDirectory) {

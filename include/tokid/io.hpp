@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -18,6 +19,17 @@ namespace tokid {
 class IoError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
+};
+
+// A file that the system does not let be written: no space left, a read-only target, no permission.
+class WriteError : public IoError {
+ public:
+  // `error`: the errno, or 0 where nobody has told
+  WriteError(const std::string& text, int error) : IoError(text), error_(error) {}
+  int error() const { return error_; }
+
+ private:
+  int error_;
 };
 
 struct ReadOptions {
@@ -38,10 +50,27 @@ struct WriteOptions {
   bool mat73 = false;
 };
 
-// The file appears whole or not at all: written beside its target, then renamed. \throws IoError
+// The file appears whole or not at all: written beside its target without a name, which it gets at the end. \throws
+// IoError where the name is none to write to, WriteError
 void save_ensemble(const Ensemble& ensemble, const std::filesystem::path& path, const WriteOptions& options = {});
 void save_model(const Model& model, const std::filesystem::path& path, const WriteOptions& options = {});
 // Text as it stands, such as a page; any extension.
 void save_text(std::string_view text, const std::filesystem::path& path);
+
+// Results that belong together. While it lives, what this thread saves waits whole, but without its name; commit()
+// gives the names, in the order of saving. Without it, nothing has been written.
+class FilesTogether {
+ public:
+  FilesTogether();
+  ~FilesTogether();
+  FilesTogether(const FilesTogether&) = delete;
+  FilesTogether& operator=(const FilesTogether&) = delete;
+
+  void commit();  // \throws WriteError
+
+ private:
+  struct Content;
+  std::unique_ptr<Content> content_;
+};
 
 }  // namespace tokid

@@ -16,6 +16,17 @@ NB_MODULE(_tokid, module) {
   io_error.attr("__doc__") =
       "A file that can't be read or written, or does not hold what it should: names the file, the data set, what was "
       "found and what is needed.";
+  nb::register_exception_translator(
+      [](const std::exception_ptr& thrown, void* type) {
+        try {
+          std::rethrow_exception(thrown);
+        } catch (const tokid::WriteError& error) {
+          const nb::object raised = nb::borrow(static_cast<PyObject*>(type))(error.what());
+          if (error.error() != 0) raised.attr("errno") = error.error();
+          PyErr_SetObject(static_cast<PyObject*>(type), raised.ptr());
+        }
+      },
+      io_error.ptr());
 
   bind_ensemble(module);
   bind_model(module);

@@ -5,6 +5,7 @@ import copy
 import errno
 import os
 import pickle
+import resource
 
 import numpy as np
 import pytest
@@ -307,6 +308,20 @@ def test_files_that_are_forbidden(tmp_path, data):
         with pytest.raises(PermissionError) as error:
             call()
         assert isinstance(error.value, tokid.IoError) and error.value.errno == errno.EACCES
+
+
+def test_no_space_for_files(tmp_path, data):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    (tmp_path / "data.h5").write_bytes(b"old")
+    for name in ("data.npz", "data.h5", "data.mat", "data.csv"):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
+        try:
+            with pytest.raises(tokid.IoError, match=f"{name}: can't be written: File too large") as error:
+                data.save(tmp_path / name)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert error.value.errno == errno.EFBIG and error.value.filename == str(tmp_path / name)
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("data.h5", b"old")]
 
 
 def test_no_paths():

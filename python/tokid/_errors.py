@@ -49,7 +49,7 @@ def reading(path: Any) -> Iterator[str]:
 
 @contextmanager
 def writing(path: Any) -> Iterator[str]:
-    """The path of a file to write; likewise where it or its directory can't be written."""
+    """The path of a file to write; likewise where it or its directory can't be written, or has no space left."""
     file = os.fsdecode(path)
     directory = os.path.dirname(os.path.realpath(file))
     try:
@@ -59,6 +59,8 @@ def writing(path: Any) -> Iterator[str]:
             raise _MissingFileError(errno.ENOENT, str(error), file) from None
         if not os.access(file if os.path.exists(file) else directory, os.W_OK):
             raise _ForbiddenFileError(errno.EACCES, str(error), file) from None
+        if error.errno and error.filename is None:
+            raise _NamedFileError(error.errno, str(error), file) from None
         raise
 
 

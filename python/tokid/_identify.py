@@ -235,6 +235,7 @@ def identify_file(
     *,
     block: Union[int, str] = "auto",
     memory_per_thread: float = 100e6,
+    resume: bool = False,
     threads: int = 1,
     progress: Progress = False,
     **options: Unpack[_options.IdentifyOptions],
@@ -253,6 +254,9 @@ def identify_file(
         Steps of a block; "auto": as many as `memory_per_thread` holds.
     memory_per_thread : float, default 100e6
         Bytes.
+    resume : bool, default False
+        Keep finished blocks in a journal, the model's path and ".resume", until the model is there; and go on from that
+        of a call that was stopped, to a model of the same bits.
     threads, progress
         As of `identify`.
     **options
@@ -269,7 +273,8 @@ def identify_file(
     ValueError
         As `identify`, and for what needs all steps at once: a period, one model for all steps, the reference frame.
     IoError
-        For a file that can't be read in blocks, or not be written; an OSError.
+        For a file that can't be read in blocks, or not be written, and for a journal of other data or options; an
+        OSError.
     """
     checked = _options.identification(options)
     steps = 0 if block == "auto" else _options.integer("block", block, 1, 1_000_000_000, " or 'auto'")
@@ -280,6 +285,7 @@ def identify_file(
             checked,
             block=steps,
             memory_per_thread=_options.real("memory_per_thread", memory_per_thread, 1.0),
+            resume=bool(resume),
             threads=_options.threads(threads),
             listener=listening,
         )

@@ -170,13 +170,16 @@ def update(
     count = _options.threads(threads)
     core = state._core.copy() if isinstance(state, UpdateState) else UpdateState.load(state)._core
     files = _paths(u)
+    if files is not None and y is not None:
+        raise ValueError("y: found beside files, which have the outputs already")
+    for path in files or []:  # before the work: is it there?
+        with reading(path) as name:
+            _tokid.is_model(name)
     with listener(progress, "update") as listening:
         before = core.identify(threads=count, listener=None)[0]
         if files is None:
             added: Additions = core.add(before, _experiments(core, u, y), threads=count, listener=listening)
         else:
-            if y is not None:
-                raise ValueError("y: found beside files, which have the outputs already")
             with ExitStack() as stack:
                 names = [stack.enter_context(reading(path)) for path in files]
                 added = core.add_files(

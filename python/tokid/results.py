@@ -797,6 +797,8 @@ class Streamed(_Result):
         Steps that a block shares with its neighbours.
     missing : int
         Samples, within the lengths of the experiments.
+    resumed : int
+        Blocks that come from the journal of an earlier call.
     """
 
     identification: Identification
@@ -805,6 +807,7 @@ class Streamed(_Result):
     blocks: int
     overlap: int
     missing: int
+    resumed: int
 
 
 @dataclass(frozen=True, eq=False, repr=False)

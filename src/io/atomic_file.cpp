@@ -5,19 +5,65 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cerrno>
+#include <functional>
 #include <system_error>
+#include <utility>
+#include <vector>
 
 #include "arrays.hpp"
+#include "naming.hpp"
 
 namespace tokid::io {
 
 namespace fs = std::filesystem;
 
-namespace {
+void fail_to_write(int error) {
+  throw WriteError(fmt::format("can't be written: {}", std::generic_category().message(error)), error);
+}
 
-std::string reason(int error) { return std::generic_category().message(error); }
+Descriptor::~Descriptor() {
+  if (number_ >= 0) close(number_);
+}
+
+Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
+  std::swap(number_, other.number_);
+  return *this;
+}
+
+int Descriptor::release() { return std::exchange(number_, -1); }
+
+void write_all(int file, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(file, bytes.data(), bytes.size());
+    if (n < 0 && errno != EINTR) fail_to_write(errno);
+    if (n > 0) bytes.remove_prefix(static_cast<size_t>(n));
+  }
+}
+
+bool read_all(int file, std::string& to, std::int64_t offset) {
+  for (size_t done = 0; done < to.size();) {
+    const ssize_t n = pread(file, to.data() + done, to.size() - done, off_t(offset) + off_t(done));
+    if (n == 0 || (n < 0 && errno != EINTR)) return false;
+    if (n > 0) done += size_t(n);
+  }
+  return true;
+}
+
+bool lock(int file, bool wait) {
+  struct flock whole = {};
+  whole.l_type = F_WRLCK;
+  whole.l_whence = SEEK_SET;
+  return fcntl(file, wait ? F_OFD_SETLKW : F_OFD_SETLK, &whole) == 0;
+}
+
+bool is_at(const fs::path& path, int file) {
+  struct stat there = {}, here = {};
+  return lstat(path.c_str(), &there) == 0 && fstat(file, &here) == 0 && there.st_dev == here.st_dev &&
+         there.st_ino == here.st_ino;
+}
+
+namespace {
 
 // Rename would silently replace what the user can't write to, or what is no file at all.
 fs::path writable_target(const fs::path& path) {
@@ -26,59 +72,129 @@ fs::path writable_target(const fs::path& path) {
   const auto status = fs::status(target, error);
   if (fs::is_directory(status)) fail("a directory found, the name of a file to write needed");
   if (fs::exists(status) && !fs::is_regular_file(status)) fail("a device found, the name of a file to write needed");
-  if (fs::exists(status) && access(target.c_str(), W_OK) != 0) fail("can't be written: {}", reason(errno));
+  if (fs::exists(status) && access(target.c_str(), W_OK) != 0) fail_to_write(errno);
   return target;
 }
 
-// The names are short, so that they fit wherever the target's does.
-fs::path create_beside(const fs::path& target) {
-  static std::atomic<unsigned> counter{0};
-  const fs::path directory = target.has_parent_path() ? target.parent_path() : fs::path(".");
-  for (;;) {
-    fs::path path = directory / fmt::format(".tokid-{}-{}.tmp", getpid(), counter++);
-    const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    if (fd >= 0) return close(fd), path;
-    if (errno != EEXIST) fail("can't be written: directory '{}': {}", directory.string(), reason(errno));
-  }
+fs::path folder_of(const fs::path& target) { return target.has_parent_path() ? target.parent_path() : fs::path("."); }
+
+// The same for every call, so that the next one finds what a killed one has left; and short, so that it fits wherever
+// the target's name does.
+fs::path temporary_name(const fs::path& target, unsigned i) {
+  const size_t name = std::hash<std::string>()(target.filename().string());
+  return folder_of(target) / fmt::format(".tokid-{:016x}-{}.tmp", name, i);
 }
 
-int sync(const fs::path& path, int flags) {
-  const int fd = open(path.c_str(), flags | O_CLOEXEC);
-  if (fd < 0) return errno;
-  const int error = fsync(fd) == 0 ? 0 : errno;
-  close(fd);
-  // Some file systems know no fsync; that is no failure of the writing.
-  return error == EINVAL || error == ENOTSUP ? 0 : error;
+// Takes away what a killed process has left under this name. True: it is free now, unless another call was faster.
+bool remove_abandoned(const fs::path& path) {
+  const Descriptor file(open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  if (file < 0) return errno == ENOENT;
+  struct stat found = {};
+  if (fstat(file, &found) != 0 || !S_ISREG(found.st_mode) || !lock(file, false)) return false;
+  return !is_at(path, file) || unlink(path.c_str()) == 0;
 }
+
+thread_local std::vector<AtomicFile>* together = nullptr;
 
 }  // namespace
 
-AtomicFile::AtomicFile(const fs::path& target) : target_(writable_target(target)), temporary_(create_beside(target_)) {}
+void sync_folder(const fs::path& file) {
+  // The file is in place; that its name outlives a power cut is more than some file systems promise.
+  const Descriptor folder(open(folder_of(file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (folder >= 0) fsync(folder);
+}
+
+AtomicFile::AtomicFile(const fs::path& target) : target_(writable_target(target)) {
+  create_unnamed();
+  if (file_ < 0) create_named();
+}
 
 AtomicFile::~AtomicFile() {
-  if (!temporary_.empty()) unlink(temporary_.c_str());
+  if (file_ >= 0 && !name_.empty()) unlink(name_.c_str());
 }
 
-void AtomicFile::commit() {
-  if (const int error = sync(temporary_, O_RDWR)) fail("can't be written: {}", reason(error));
-  if (rename(temporary_.c_str(), target_.c_str()) != 0) fail("can't be written: {}", reason(errno));
-  temporary_.clear();
-  // The file is in place; that its name outlives a power cut is more than was promised.
-  sync(target_.has_parent_path() ? target_.parent_path() : fs::path("."), O_RDONLY | O_DIRECTORY);
+void AtomicFile::create_unnamed() {
+  remove_abandoned(temporary_name(target_, 0));
+  Descriptor file(open(folder_of(target_).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666));
+  if (file < 0) return;
+  path_ = fmt::format("/proc/self/fd/{}", int(file));
+  if (access(path_.c_str(), W_OK) == 0) file_ = std::move(file);
 }
 
-ByteWriter::ByteWriter(const fs::path& path) : fd_(open(path.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC)) {
-  if (fd_ < 0) fail("can't be written: {}", reason(errno));
-}
-
-ByteWriter::~ByteWriter() { close(fd_); }
-
-void ByteWriter::write(std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
-    if (n < 0 && errno != EINTR) fail("can't be written: {}", reason(errno));
-    if (n > 0) bytes.remove_prefix(static_cast<size_t>(n));
+void AtomicFile::create_named() {
+  for (unsigned i = 0;;) {
+    path_ = temporary_name(target_, i);
+    Descriptor file(open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+    if (file < 0 && errno != EEXIST) fail_to_write(errno);
+    if (file >= 0) {
+      lock(file, true);
+      if (!is_at(path_, file)) continue;  // taken for abandoned before it was locked
+      name_ = path_;
+      file_ = std::move(file);
+      return;
+    }
+    if (!remove_abandoned(path_)) ++i;
   }
 }
 
+void AtomicFile::commit() {
+  // Some file systems know no fsync; that is no failure of the writing.
+  if (fsync(file_) != 0 && errno != EINVAL && errno != ENOTSUP) fail_to_write(errno);
+  if (together)
+    together->push_back(std::move(*this));
+  else
+    publish();
+}
+
+void AtomicFile::take_temporary_name() {
+  lock(file_, true);
+  for (unsigned i = 0;;) {
+    const fs::path name = temporary_name(target_, i);
+    if (linkat(AT_FDCWD, path_.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0) {
+      name_ = name;
+      return;
+    }
+    if (errno != EEXIST) fail_to_write(errno);
+    if (!remove_abandoned(name)) ++i;
+  }
+}
+
+void AtomicFile::publish() {
+  // A link never replaces a file; a name that is renamed does.
+  const bool unnamed = name_.empty();
+  if (!unnamed || linkat(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), AT_SYMLINK_FOLLOW) != 0) {
+    if (unnamed && errno != EEXIST) fail_to_write(errno);
+    if (unnamed) take_temporary_name();
+    if (rename(name_.c_str(), target_.c_str()) != 0) fail_to_write(errno);
+  }
+  name_.clear();
+  file_ = Descriptor();
+  sync_folder(target_);
+}
+
+ByteWriter::ByteWriter(const fs::path& path) : file_(open(path.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC)) {
+  if (file_ < 0) fail_to_write(errno);
+}
+
 }  // namespace tokid::io
+
+namespace tokid {
+
+struct FilesTogether::Content {
+  Content() : outer(std::exchange(io::together, &files)) {}
+  ~Content() { io::together = outer; }
+
+  std::vector<io::AtomicFile> files;
+  std::vector<io::AtomicFile>* outer;
+};
+
+FilesTogether::FilesTogether() : content_(std::make_unique<Content>()) {}
+
+FilesTogether::~FilesTogether() = default;
+
+void FilesTogether::commit() {
+  for (io::AtomicFile& file : content_->files) io::naming(file.target(), [&] { file.publish(); });
+  content_->files.clear();
+}
+
+}  // namespace tokid

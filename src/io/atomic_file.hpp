@@ -2,39 +2,78 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <string>
 #include <string_view>
 
 namespace tokid::io {
 
-// An empty temporary file beside the target, which replaces the target on commit() and is removed otherwise. Its
-// permissions follow the umask.
-class AtomicFile {
- public:
-  explicit AtomicFile(const std::filesystem::path& target);  // \throws IoError where nothing can be written
-  ~AtomicFile();
-  AtomicFile(const AtomicFile&) = delete;
-  AtomicFile& operator=(const AtomicFile&) = delete;
+// \throws WriteError with the system's reason
+[[noreturn]] void fail_to_write(int error);
 
-  const std::filesystem::path& path() const { return temporary_; }  // write here, and close before commit()
-  void commit();
+// A descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int number = -1) : number_(number) {}
+  ~Descriptor();
+  Descriptor(Descriptor&& other) noexcept : number_(other.release()) {}
+  Descriptor& operator=(Descriptor&& other) noexcept;
+
+  int release();
+  operator int() const { return number_; }
 
  private:
-  std::filesystem::path target_, temporary_;
+  int number_;
+};
+
+void write_all(int file, std::string_view bytes);  // \throws WriteError
+// As many bytes as `to` holds, from `offset` on. False: the file has not so many, or can't be read.
+bool read_all(int file, std::string& to, std::int64_t offset);
+
+// A lock of the whole file, which ends with the descriptor. It belongs to this one, not to the process, and locks of
+// other kinds don't see it. False: errno says why.
+bool lock(int file, bool wait);
+bool is_at(const std::filesystem::path& path, int file);
+void sync_folder(const std::filesystem::path& file);  // that this one is in, with its name
+
+// An empty file in the folder of the target that becomes the target on commit() and vanishes otherwise, with the
+// process at the latest. It has no name until then, where the file system knows files without one; else a hidden one,
+// which the next call for the same target takes away if a process was killed meanwhile. Its permissions follow the
+// umask.
+class AtomicFile {
+ public:
+  // \throws IoError for a target that is no file, WriteError where nothing can be written
+  explicit AtomicFile(const std::filesystem::path& target);
+  ~AtomicFile();
+  AtomicFile(AtomicFile&&) = default;
+  AtomicFile& operator=(AtomicFile&&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }  // write here, and close before commit()
+  const std::filesystem::path& target() const { return target_; }
+  // The target is there at once, or when the FilesTogether of this thread are committed.
+  void commit();
+  void publish();
+
+ private:
+  void create_unnamed();
+  void create_named();
+  void take_temporary_name();
+
+  std::filesystem::path target_, path_;
+  std::filesystem::path name_;  // until it is the target's; empty: none
+  Descriptor file_;
 };
 
 // Plain bytes into a file that exists. Unlike streams, it knows why a write failed.
 class ByteWriter {
  public:
   explicit ByteWriter(const std::filesystem::path& path);
-  ~ByteWriter();
-  ByteWriter(const ByteWriter&) = delete;
-  ByteWriter& operator=(const ByteWriter&) = delete;
 
-  void write(std::string_view bytes);
+  void write(std::string_view bytes) { write_all(file_, bytes); }
 
  private:
-  int fd_;
+  Descriptor file_;
 };
 
 }  // namespace tokid::io

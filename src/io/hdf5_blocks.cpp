@@ -7,7 +7,8 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <system_error>
+
+#include "atomic_file.hpp"
 
 namespace tokid::io {
 
@@ -34,13 +35,11 @@ Handle memory_of(const Hyperslab& part) {
 }
 
 void reserve(const std::filesystem::path& path, std::uint64_t bytes) {
-  const int fd = open(path.c_str(), O_WRONLY | O_CLOEXEC);
-  if (fd < 0) fail("can't be written: {}", std::generic_category().message(errno));
-  const int error = posix_fallocate(fd, 0, off_t(bytes));
-  ::close(fd);
+  const Descriptor file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
+  if (file < 0) fail_to_write(errno);
+  const int error = posix_fallocate(file, 0, off_t(bytes));
   // Some file systems know no reservation; there the writing itself will tell.
-  if (error != 0 && error != EINVAL && error != EOPNOTSUPP)
-    fail("can't be written: {}", std::generic_category().message(error));
+  if (error != 0 && error != EINVAL && error != EOPNOTSUPP) fail_to_write(error);
 }
 
 }  // namespace
@@ -110,6 +109,8 @@ Hdf5Sink::Hdf5Sink(const std::filesystem::path& path, std::uint64_t bytes) : pat
   const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose), access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   checked(H5Pset_obj_track_times(creation, false));
   checked(H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_V18));
+  checked(H5Pset_fapl_stdio(access));  // the others want the real name of a file, and this one may have none yet
+  checked(H5Pset_file_locking(access, false, true));  // it is locked, where it has a name
   file_.emplace(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, access), H5Fclose);
   reserve(path, bytes);
 }

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/io.hpp"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cctype>
 #include <fstream>
@@ -61,6 +64,46 @@ void write(const io::Arrays& arrays, const fs::path& path, Format format, const 
   }
 }
 
+// A file whose bytes change while they are read shows something that never was. One that another file takes the name of
+// stays as it is.
+class Unchanged {
+ public:
+  explicit Unchanged(const fs::path& path)
+      : file_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)), before_(look()) {}
+
+  void check() const {
+    const struct stat now = look();
+    if (now.st_size < before_.st_size)
+      fail("the file became shorter while it was read, from {} to {} bytes", before_.st_size, now.st_size);
+    if (now.st_size != before_.st_size || now.st_mtim.tv_sec != before_.st_mtim.tv_sec ||
+        now.st_mtim.tv_nsec != before_.st_mtim.tv_nsec)
+      fail("the file changed while it was read");
+  }
+
+ private:
+  struct stat look() const {
+    struct stat found = {};
+    if (file_ >= 0) fstat(file_, &found);
+    return found;
+  }
+
+  io::Descriptor file_;
+  struct stat before_;
+};
+
+// What a file holds, named where it can't be read.
+template <class Read>
+auto loaded(const fs::path& path, Read&& content) {
+  return naming(path, [&] {
+    const Format format = format_of(path);
+    check_readable(path);
+    const Unchanged file(path);
+    auto result = content(format);
+    file.check();
+    return result;
+  });
+}
+
 io::Layout layout_of(Format format) { return format == Format::mat ? io::Layout::matlab : io::Layout::plain; }
 
 }  // namespace
@@ -90,9 +133,7 @@ FileKind file_kind(const fs::path& path) {
 }
 
 Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
-  return naming(path, [&] {
-    const Format format = format_of(path);
-    check_readable(path);
+  return loaded(path, [&](Format format) {
     if (format == Format::csv) return io::read_csv(path, options);
     if (!options.inputs.empty() || !options.outputs.empty())
       fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
@@ -103,9 +144,7 @@ Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
 }
 
 Model load_model(const fs::path& path) {
-  return naming(path, [&] {
-    const Format format = format_of(path);
-    check_readable(path);
+  return loaded(path, [&](Format format) {
     const io::Fields fields(read(path, format, io::model_names()));
     if (io::is_ensemble(fields.names())) fail("an ensemble found, a model ('A', 'B', 'C', 'D', 'state_dim') needed");
     return io::model_of(fields);
@@ -151,9 +190,7 @@ void save_confidence(const Confidence& confidence, const fs::path& path, const W
 void save_update_state(const UpdateState& state, const fs::path& path) { save_arrays(state, path, {}); }
 
 UpdateState load_update_state(const fs::path& path) {
-  return naming(path, [&] {
-    const Format format = format_of(path);
-    check_readable(path);
+  return loaded(path, [&](Format format) {
     const io::Fields fields(read(path, format, io::update_names()));
     if (!io::is_update_state(fields.names()))
       fail("{} found, what identify --state writes ('window_factors') needed", io::is_model(fields.names()) ? "a model"

@@ -1,14 +1,17 @@
 // MATLAB's .mat: versions 5 and 7 through matio; 7.3 is HDF5 and left to its reader and writer.
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fcntl.h>
 #include <matio.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <fstream>
 #include <memory>
 #include <mutex>
 #include <optional>
 
+#include "atomic_file.hpp"
 #include "formats.hpp"
 #include "matlab.hpp"
 #include "text.hpp"
@@ -290,6 +293,15 @@ bool reads_back(const Arrays& arrays, const std::filesystem::path& path) {
   return std::equal(written.arrays.begin(), written.arrays.end(), arrays.begin(), arrays.end(), same);
 }
 
+// What the rest of a file is refused for, of which the library does not tell.
+[[noreturn]] void fail_incomplete(const Arrays& arrays, const std::filesystem::path& path, std::string_view why) {
+  std::uint64_t bytes = header_bytes;
+  for (const auto& [name, array] : arrays) bytes += header_bytes + checked_product(array.shape, sizeof(double));
+  const Descriptor file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
+  if (const int error = file < 0 ? errno : posix_fallocate(file, 0, off_t(bytes))) fail_to_write(error);
+  throw WriteError(fmt::format("can't be written completely: {}", why), 0);
+}
+
 // matio doesn't look at what becomes of its writes, so that a full disk goes unnoticed.
 void check_written(const Arrays& arrays, const std::filesystem::path& path) {
   std::string why = "other data read back";
@@ -298,7 +310,7 @@ void check_written(const Arrays& arrays, const std::filesystem::path& path) {
   } catch (const IoError& error) {
     why = error.what();
   }
-  fail("can't be written completely, is the disk full? {}", why);
+  fail_incomplete(arrays, path, why);
 }
 
 }  // namespace
@@ -307,15 +319,15 @@ void write_mat(const Arrays& arrays, const std::filesystem::path& path) {
   listen_to_matio();
   // Without the date, which the default header has, the same data give the same bytes.
   File file(Mat_CreateVer(path.c_str(), "MATLAB 5.0 MAT-file, created by tokid", MAT_FT_MAT5));
-  if (!file) fail("can't be written: {}", reason());
+  if (!file) fail_incomplete(arrays, path, reason());
   for (const auto& [name, array] : arrays) {
     if (checked_product(array.shape, sizeof(double)) > version7_bytes)
       fail("data set '{}': shape {} found, at most 2 GiB needed for a .mat of version 7; take version 7.3 or .h5", name,
            text(array.shape));
     if (Mat_VarWrite(file.get(), variable_of(name, array).get(), MAT_COMPRESSION_ZLIB) != 0)
-      fail("can't be written: data set '{}': {}", name, reason());
+      fail_incomplete(arrays, path, fmt::format("data set '{}': {}", name, reason()));
   }
-  if (Mat_Close(file.release()) != 0) fail("can't be written: {}", reason());
+  if (Mat_Close(file.release()) != 0) fail_incomplete(arrays, path, reason());
   check_written(arrays, path);
 }
 

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fcntl.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <system_error>
 
 #include "archive.hpp"
 #include "atomic_file.hpp"
@@ -12,6 +10,7 @@
 #include "naming.hpp"
 #include "schema.hpp"
 #include "text.hpp"
+#include "tokid/parallel.hpp"
 #include "tokid/stream.hpp"
 
 namespace tokid {
@@ -21,27 +20,17 @@ namespace {
 namespace fs = std::filesystem;
 using io::fail;
 
-std::string reason(int error) { return std::generic_category().message(error); }
-
 // Records one after the other in a file without a name, which vanishes with the process.
 class Spool {
  public:
-  explicit Spool(const fs::path& beside) {
-    io::AtomicFile file(beside);  // found free of a name as it goes
-    fd_ = open(file.path().c_str(), O_RDWR | O_CLOEXEC);
-    if (fd_ < 0) fail("can't be written: {}", reason(errno));
+  explicit Spool(const fs::path& beside)
+      : file_(open(io::AtomicFile(beside).path().c_str(), O_RDWR | O_CLOEXEC)) {  // which is never committed
+    if (file_ < 0) io::fail_to_write(errno);
   }
-  ~Spool() { close(fd_); }
-  Spool(const Spool&) = delete;
-  Spool& operator=(const Spool&) = delete;
 
   void add(std::string_view record) {
     sizes_.push_back(record.size());
-    while (!record.empty()) {
-      const ssize_t n = write(fd_, record.data(), record.size());
-      if (n < 0 && errno != EINTR) fail("can't be written: {}", reason(errno));
-      if (n > 0) record.remove_prefix(size_t(n));
-    }
+    io::write_all(file_, record);
   }
 
   template <class Use>
@@ -49,19 +38,16 @@ class Spool {
     off_t at = 0;
     std::string record;
     for (const size_t size : sizes_) {
+      checkpoint();
       record.resize(size);
-      for (size_t done = 0; done < size;) {
-        const ssize_t n = pread(fd_, record.data() + done, size - done, at + off_t(done));
-        if (n == 0 || (n < 0 && errno != EINTR)) fail("can't be read back: {}", n == 0 ? "too short" : reason(errno));
-        if (n > 0) done += size_t(n);
-      }
+      if (!io::read_all(file_, record, at)) fail("what was written so far can't be read back");
       at += off_t(size);
       use(record);
     }
   }
 
  private:
-  int fd_ = -1;
+  io::Descriptor file_;
   std::vector<size_t> sizes_;
 };
 
@@ -122,8 +108,19 @@ struct ModelFile::Content {
     });
 
     io::AtomicFile file(path);
+    try {
+      write(small, shapes, file.path());
+    } catch (const WriteError&) {
+      throw;
+    } catch (const IoError& error) {
+      throw WriteError(error.what(), 0);  // the library's own words for what it could not write
+    }
+    file.commit();
+  }
+
+  void write(const io::Arrays& small, const io::Arrays& shapes, const fs::path& to) const {
     constexpr std::uint64_t around = 1 << 18;  // what the file needs beside the values
-    io::Hdf5Sink sink(file.path(), bytes_of(small) + bytes_of(shapes) + around);
+    io::Hdf5Sink sink(to, bytes_of(small) + bytes_of(shapes) + around);
     for (const auto& [name, array] : small) sink.write(name, array);
     {
       std::vector<io::Hdf5Sink::Rows> large;
@@ -141,7 +138,6 @@ struct ModelFile::Content {
       });
     }
     sink.close();
-    file.commit();
   }
 
   fs::path path;

@@ -15,11 +15,12 @@ namespace tokid::io {
 // Runs f and puts the name of the file in front of whatever it complains about, on one line.
 template <typename F>
 auto naming(const std::filesystem::path& path, F&& f) {
-  const auto rethrow = [&](const std::string& message) {
-    throw IoError(single_line(fmt::format("{}: {}", path.string(), message)));
-  };
+  const auto named = [&](const char* message) { return single_line(fmt::format("{}: {}", path.string(), message)); };
+  const auto rethrow = [&](const char* message) { throw IoError(named(message)); };
   try {
     return f();
+  } catch (const WriteError& error) {
+    throw WriteError(named(error.what()), error.error());
   } catch (const std::bad_alloc&) {
     rethrow("more data found than fits into memory");
   } catch (const std::length_error&) {

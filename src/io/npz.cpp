@@ -1,15 +1,19 @@
 // NumPy's .npz: a zip archive with one .npy file for each array.
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fcntl.h>
+#include <unistd.h>
 #include <zip.h>
 
 #include <algorithm>
 #include <bit>
+#include <cerrno>
 #include <charconv>
 #include <cstring>
 #include <deque>
 #include <memory>
 #include <optional>
 
+#include "atomic_file.hpp"
 #include "formats.hpp"
 #include "text.hpp"
 
@@ -416,16 +420,99 @@ Contents read_npz(const std::filesystem::path& path, const Names& wanted) {
   return contents;
 }
 
+namespace {
+
+// Where libzip writes the archive: a file that is there already. By itself it would make one beside it, under a name
+// that a killed process leaves.
+class Target {
+ public:
+  explicit Target(const std::filesystem::path& path)
+      : file_(open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+    if (file_ < 0) fail_to_write(errno);
+    zip_error_init(&error_);
+  }
+  ~Target() { zip_error_fini(&error_); }
+  Target(const Target&) = delete;
+  Target& operator=(const Target&) = delete;
+
+  zip_source_t* source() { return zip_source_function_create(call, this, &error_); }
+  int error() const { return reason_; }
+
+ private:
+  static zip_int64_t call(void* self, void* data, zip_uint64_t size, zip_source_cmd_t command) {
+    return static_cast<Target*>(self)->answer(data, size, command);
+  }
+
+  zip_int64_t answer(void* data, zip_uint64_t size, zip_source_cmd_t command) {
+    switch (command) {
+      case ZIP_SOURCE_SUPPORTS:
+        return zip_source_make_command_bitmap(
+            ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE, ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE,
+            ZIP_SOURCE_SEEK, ZIP_SOURCE_TELL, ZIP_SOURCE_BEGIN_WRITE, ZIP_SOURCE_WRITE, ZIP_SOURCE_SEEK_WRITE,
+            ZIP_SOURCE_TELL_WRITE, ZIP_SOURCE_COMMIT_WRITE, ZIP_SOURCE_ROLLBACK_WRITE, ZIP_SOURCE_REMOVE, -1);
+      case ZIP_SOURCE_STAT:  // there is no archive so far
+        zip_error_set(&error_, ZIP_ER_READ, ENOENT);
+        return -1;
+      case ZIP_SOURCE_ERROR:
+        return zip_error_to_data(&error_, data, size);
+      case ZIP_SOURCE_WRITE:
+        return write(static_cast<const char*>(data), size);
+      case ZIP_SOURCE_SEEK_WRITE: {
+        const auto* to = ZIP_SOURCE_GET_ARGS(zip_source_args_seek_t, data, size, &error_);
+        return to && lseek(file_, off_t(to->offset), to->whence) >= 0 ? 0 : refuse(ZIP_ER_SEEK);
+      }
+      case ZIP_SOURCE_TELL_WRITE:
+        return lseek(file_, 0, SEEK_CUR);
+      case ZIP_SOURCE_FREE:
+      case ZIP_SOURCE_BEGIN_WRITE:
+      case ZIP_SOURCE_COMMIT_WRITE:
+      case ZIP_SOURCE_ROLLBACK_WRITE:
+        return 0;
+      default:
+        zip_error_set(&error_, ZIP_ER_OPNOTSUPP, 0);
+        return -1;
+    }
+  }
+
+  zip_int64_t write(const char* bytes, zip_uint64_t count) {
+    try {
+      write_all(file_, {bytes, count});
+    } catch (const WriteError& error) {
+      errno = error.error();
+      return refuse(ZIP_ER_WRITE);
+    }
+    return zip_int64_t(count);
+  }
+
+  zip_int64_t refuse(int code) {
+    reason_ = errno;
+    zip_error_set(&error_, code, errno);
+    return -1;
+  }
+
+  Descriptor file_;
+  zip_error_t error_;
+  int reason_ = 0;
+};
+
+}  // namespace
+
 void write_npz(const Arrays& arrays, const std::filesystem::path& path) {
-  int code = 0;
-  Archive archive(zip_open(path.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code));
-  if (!archive) fail("can't be written: {}", reason(code));
+  Target target(path);
+  zip_error_t error;
+  zip_error_init(&error);
+  zip_source_t* source = target.source();
+  Archive archive(source ? zip_open_from_source(source, ZIP_CREATE | ZIP_TRUNCATE, &error) : nullptr);
+  if (!archive) fail("can't be written: {}", zip_error_strerror(&error));
   std::deque<Payload> payloads;  // stay where they are until the archive is closed
   for (const auto& [name, array] : arrays) {
     fill(payloads.emplace_back(), array);
     add_entry(archive.get(), name, payloads.back());
   }
-  if (zip_close(archive.get()) != 0) fail("can't be written: {}", zip_strerror(archive.get()));
+  if (zip_close(archive.get()) != 0) {
+    if (target.error() != 0) fail_to_write(target.error());
+    fail("can't be written: {}", zip_strerror(archive.get()));
+  }
   static_cast<void>(archive.release());
 }
 

@@ -2,17 +2,23 @@
 #include "tokid/stream.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
 
 #include "archive.hpp"
 #include "realisation.hpp"
 #include "statistics.hpp"
 #include "stream/blocks.hpp"
 #include "stream/decide.hpp"
+#include "stream/journal.hpp"
 #include "stream/reader.hpp"
 #include "thread_count.hpp"
 #include "tokid/version.hpp"
@@ -156,6 +162,35 @@ class Record {
   double whiteness_p_ = std::numeric_limits<double>::quiet_NaN();
 };
 
+// All that decides about the bits of the blocks. The choices, made anew from samples, tell data and processors apart
+// that look alike.
+std::string about_blocks(const EnsembleFile& file, const Plan& plan, const std::string& settled,
+                         const StreamOptions& options) {
+  struct stat found = {};
+  stat(file.path().c_str(), &found);
+  nlohmann::ordered_json json;
+  json["version"] = version;
+  json["bytes of the data"] = found.st_size;
+  json["time of the data"] = fmt::format("{}.{:09}", found.st_mtim.tv_sec, found.st_mtim.tv_nsec);
+  json.update(nlohmann::ordered_json::parse(to_json(options.identify, file.experiments())));
+  json["steps"] = plan.steps;
+  json["blocks"] = plan.count;
+  json["choices"] = fmt::format("{:016x}", XXH3_64bits(settled.data(), settled.size()));
+  return json.dump();
+}
+
+// The blocks of an earlier call. \returns how many there are
+Index replay(stream::Journal& journal, Record& record, const Plan& plan) {
+  Index count = 0;
+  for (; count < plan.count; ++count) {
+    checkpoint();
+    const std::optional<std::string> kept = journal.next();
+    if (!kept) break;
+    record.add(archive::unpacked<BlockResult>(*kept));
+  }
+  return count;
+}
+
 }  // namespace
 
 Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& path, const StreamOptions& options) {
@@ -167,14 +202,23 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   stream::Decision decision;
   if (team.rank == 0) decision = stream::decide(file, options.identify);
   // All members follow what the first one has decided, to the last bit.
-  const Plan plan =
-      plan_of(file, options, archive::unpacked<Settled>(team.broadcast(archive::packed(decision.settled))));
+  const std::string settled = team.broadcast(archive::packed(decision.settled));
+  const Plan plan = plan_of(file, options, archive::unpacked<Settled>(settled));
   std::optional<Record> record;
-  if (model) record.emplace(file, plan, *model);
+  std::optional<stream::Journal> journal;
+  Index resumed = 0;
+  if (model) {
+    record.emplace(file, plan, *model);
+    if (options.resume) {
+      journal.emplace(path, about_blocks(file, plan, settled, options));
+      resumed = replay(*journal, *record, plan);
+    }
+  }
+  resumed = archive::unpacked<Index>(team.broadcast(archive::packed(resumed)));
   const Index threads = thread_count(options.identify.execution);
   const Index round = blocks_at_a_time * threads;
-  stream::Reader reader(file, plan, team.rank, team.size, threads);
-  for (Index from = 0; from < plan.count; from += round * team.size) {
+  stream::Reader reader(file, plan, resumed + team.rank, team.size, threads);
+  for (Index from = resumed; from < plan.count; from += round * team.size) {
     const Index to = std::min(plan.count, from + round * team.size);
     std::vector<BlockResult> own(size_t(std::max<Index>(0, ceil_div(to - from - team.rank, team.size))));
     parallel_for(0, Index(own.size()), {int(threads), {}}, [&](Index begin, Index end) {
@@ -187,8 +231,11 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
     if (record) {
       std::vector<std::vector<BlockResult>> of_member;
       for (const std::string& bytes : all) of_member.push_back(archive::unpacked<std::vector<BlockResult>>(bytes));
-      for (Index i = from; i < to; ++i)
-        record->add(std::move(of_member[size_t((i - from) % team.size)][size_t((i - from) / team.size)]));
+      for (Index i = from; i < to; ++i) {
+        BlockResult& block = of_member[size_t((i - from) % team.size)][size_t((i - from) / team.size)];
+        if (journal) journal->add(archive::packed(block));
+        record->add(std::move(block));
+      }
       if (options.identify.execution.progress) options.identify.execution.progress(double(to) / double(plan.count));
     }
   }
@@ -197,7 +244,9 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   result.block = plan.longest();
   result.blocks = plan.count;
   result.overlap = plan.before + plan.behind;
+  result.resumed = resumed;
   if (record) record->finish(options, *model, result);
+  if (journal) journal->remove();
   result.identification.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
 }

@@ -394,12 +394,14 @@ def test_unwritable_example_and_conversion(tokid, tmp_path, oscillator):
 def test_directory_without_permission(tokid, tmp_path, npz):
     data, closed = npz(), tmp_path / "closed"
     closed.mkdir(mode=0o500)
-    refused(tokid, tmp_path, "identify", data, "-o", closed / "model.npz", words=[closed / "model.npz"])
+    refused(tokid, tmp_path, "identify", data, "-o", closed / "model.npz", words=[closed / "model.npz"],
+            status=1)
 
 
 def test_pseudo_file_system(tokid, tmp_path, npz):
     # Even root can't create files here.
-    refused(tokid, tmp_path, "identify", npz(), "-o", "/proc/tokid-test.npz", words=["/proc/tokid-test.npz"])
+    refused(tokid, tmp_path, "identify", npz(), "-o", "/proc/tokid-test.npz", words=["/proc/tokid-test.npz"],
+            status=1)
 
 
 def test_a_failure_leaves_the_old_file_alone(tokid, tmp_path, oscillator, npz):

@@ -78,6 +78,7 @@ def test_refusals_leave_the_state_as_it_was(tokid, campaign):
         ([campaign / "model.npz", campaign / "later.npz"], "what identify --state writes"),
         ([campaign / "later.npz", campaign / "later.npz"], "another name needed"),
         ([campaign / "none.h5", campaign / "later.npz"], "none.h5"),
+        ([campaign / "none.h5", campaign / "later.npz", campaign / "neither.npz"], "neither.npz: no such file"),
         ([state, campaign / "later.npz", campaign / "first.npz"], "first.npz: experiments: the state has these already"),
         ([state, campaign / "later.npz", campaign / "short.npz", "-o", campaign / "m.npz"], "short.npz: steps: 50 found"),
         ([state, campaign / "tuesday.npz", campaign / "later.npz", campaign / "tuesday.npz"], "tuesday.npz: experiments: the same as in"),

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "stream/journal.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include "io/naming.hpp"
+
+namespace tokid::stream {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using io::fail;
+
+constexpr std::string_view magic =
+    "tokid\x1a"
+    "1\n";
+// What the system is given time for to bring records to the disk: a power cut costs the work of so long.
+constexpr auto between_syncs = std::chrono::seconds(1);
+
+struct Head {
+  std::uint64_t size = 0, digest = 0;
+};
+
+// Of a record at its place among the others.
+std::uint64_t digest_of(std::string_view record, std::uint64_t place) {
+  return XXH3_64bits_withSeed(record.data(), record.size(), place);
+}
+
+// "lags: 2 found, 3 needed" for all that differs.
+std::string differences(const Json& found, const Json& needed) {
+  std::vector<std::string> result;
+  for (const auto& [key, value] : needed.items()) {
+    const auto there = found.find(key);
+    if (there == found.end() || *there != value)
+      result.push_back(
+          fmt::format("{}: {} found, {} needed", key, there == found.end() ? "nothing" : there->dump(), value.dump()));
+  }
+  return fmt::format("{}", fmt::join(result, "; "));
+}
+
+}  // namespace
+
+std::filesystem::path Journal::path_of(const std::filesystem::path& model) { return model.string() + ".resume"; }
+
+Journal::Journal(const std::filesystem::path& model, const std::string& about) : path_(path_of(model)) {
+  io::naming(path_, [&] {
+    open();
+    try {
+      begin(about);
+    } catch (const WriteError&) {
+      if (records_ == 0) unlink(path_.c_str());
+      throw;
+    }
+  });
+}
+
+Journal::~Journal() {
+  if (file_ >= 0 && records_ < 2) unlink(path_.c_str());
+}
+
+void Journal::open() {
+  do {
+    file_ = io::Descriptor(::open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666));
+    if (file_ < 0 && errno == ELOOP) fail("a symbolic link found, a journal of its own needed");
+    if (file_ < 0 && errno == EISDIR) fail("a directory found, a journal needed");
+    if (file_ < 0) io::fail_to_write(errno);
+    struct stat found = {};
+    if (fstat(file_, &found) != 0 || !S_ISREG(found.st_mode)) fail("a device found, a journal needed");
+    if (!io::lock(file_, false) && (errno == EAGAIN || errno == EACCES))
+      fail("another process is at the same model, wait for its end");
+  } while (!io::is_at(path_, file_));  // the process before may have removed it meanwhile
+}
+
+void Journal::begin(const std::string& about) {
+  std::string start(magic.size(), '\0');
+  if (!io::read_all(file_, start, 0)) {
+    struct stat found = {};
+    fstat(file_, &found);
+    start.resize(size_t(found.st_size));
+    io::read_all(file_, start, 0);
+    if (!magic.starts_with(start)) fail("another file found, a journal of tokid identify --resume needed");
+    cut(0);
+    io::write_all(file_, magic);
+  } else if (start != magic) {
+    fail("another file found, a journal of this version of tokid identify --resume needed");
+  }
+  end_ = std::int64_t(magic.size());
+  const std::optional<std::string> kept = next();
+  if (!kept) {
+    append(about);
+    return io::sync_folder(path_);
+  }
+  const Json found = Json::parse(*kept, nullptr, false), needed = Json::parse(about);
+  if (found == needed) return;
+  fail("the journal of another identification found ({}); delete it to begin anew, or call as then to go on",
+       differences(found, needed));
+}
+
+void Journal::cut(std::int64_t at) {
+  if (ftruncate(file_, at) != 0 || lseek(file_, at, SEEK_SET) != at) io::fail_to_write(errno);
+  end_ = at;
+}
+
+std::optional<std::string> Journal::next() {
+  std::string bytes(sizeof(Head), '\0');
+  Head head;
+  struct stat found = {};
+  if (io::read_all(file_, bytes, end_) && fstat(file_, &found) == 0) {
+    std::memcpy(&head, bytes.data(), sizeof(Head));
+    const std::int64_t begin = end_ + std::int64_t(sizeof(Head));
+    if (head.size <= std::uint64_t(found.st_size - begin)) {
+      bytes.resize(head.size);
+      if (io::read_all(file_, bytes, begin) && digest_of(bytes, records_) == head.digest) {
+        end_ = begin + std::int64_t(head.size);
+        ++records_;
+        return bytes;
+      }
+    }
+  }
+  cut(end_);  // less what was not finished
+  return std::nullopt;
+}
+
+void Journal::append(std::string_view record) {
+  const Head head{record.size(), digest_of(record, records_)};
+  try {
+    io::write_all(file_, {reinterpret_cast<const char*>(&head), sizeof head});
+    io::write_all(file_, record);
+  } catch (const WriteError&) {
+    cut(end_);
+    throw;
+  }
+  end_ += std::int64_t(sizeof head + record.size());
+  ++records_;
+}
+
+void Journal::add(std::string_view record) {
+  io::naming(path_, [&] {
+    append(record);
+    if (const auto now = std::chrono::steady_clock::now(); now - synced_ > between_syncs) {
+      if (fdatasync(file_) != 0 && errno != EINVAL && errno != ENOTSUP) io::fail_to_write(errno);
+      synced_ = now;
+    }
+  });
+}
+
+void Journal::remove() {
+  unlink(path_.c_str());
+  file_ = io::Descriptor();
+}
+
+}  // namespace tokid::stream
