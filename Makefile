@@ -1,13 +1,14 @@
 # Everything from a bare Debian 12 machine on: what is missing is installed with apt-get, as root or through sudo.
 
-build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev libcsv-dev \
-                  libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
+build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev zlib1g-dev \
+                  libcsv-dev libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
 test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
                   python3-dev python3-venv chromium fonts-dejavu-core octave octave-control
 wheel_packages := $(build_packages) python3-dev python3-venv
 bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-h5py
+fuzz_packages  := $(build_packages) clang-16 libclang-rt-16-dev python3
 tidy_packages  := $(test_packages) clang-tidy
 
 # $(call install,PACKAGES) installs those that are missing; where there is no dpkg, they are the user's business.
@@ -27,17 +28,19 @@ configure = cmake --log-level=WARNING --preset
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test wheel bench install-test asan tsan tidy format clean
+.PHONY: help build demo test wheel bench sbom install-test asan tsan fuzz tidy format clean
 
 help:
 	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
 	@echo 'make test          build with the tests and run all of them'
 	@echo 'make wheel         the Python package as a wheel that carries its libraries (build/wheel)'
 	@echo 'make bench         measures time and memory for ten minutes, writes the tables of docs/performance.md'
+	@echo 'make sbom          what tokid consists of, with versions, in CycloneDX (build/tokid.cdx.json)'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
 	@echo 'make install-test  only the tests of the installed package'
 	@echo 'make asan          all tests under the address and undefined behaviour sanitizers'
 	@echo 'make tsan          the unit tests under the thread sanitizer'
+	@echo 'make fuzz          every fuzzer for FUZZ_SECONDS, ten minutes unless told otherwise'
 	@echo 'make tidy          clang-tidy'
 	@echo 'make format        clang-format, in place'
 	@echo 'make clean         remove what was built'
@@ -66,6 +69,9 @@ bench:
 	@cmake --build build
 	@$(python) bench/performance.py build
 
+sbom: build
+	@$(python) cmake/sbom.py . build build/tokid.cdx.json
+
 install-test:
 	$(call install,$(test_packages))
 	@$(configure) test >/dev/null
@@ -79,14 +85,22 @@ asan tsan:
 	@UBSAN_OPTIONS=print_stacktrace=1 TSAN_OPTIONS=halt_on_error=1 \
 	  $(python) tests/run.py build-$@ $(if $(filter tsan,$@),--label-regex unit)
 
+FUZZ_SECONDS ?= 600
+
+fuzz:
+	$(call install,$(fuzz_packages))
+	@$(configure) fuzz --compile-no-warning-as-error >/dev/null
+	@cmake --build build-fuzz --target fuzzers
+	@$(python) fuzz/run.py build-fuzz $(FUZZ_SECONDS)
+
 tidy:
 	$(call install,$(tidy_packages))
 	@$(configure) dev -B build-tidy >/dev/null
-	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|bench|examples|tests)/'
+	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|bench|examples|tests|fuzz)/'
 
 format:
 	$(call install,clang-format)
-	@find include src app bench examples tests python -name '*.[ch]pp' -exec clang-format -i {} +
+	@find include src app bench examples tests python fuzz -name '*.[ch]pp' -exec clang-format -i {} +
 
 clean:
-	rm -rf build build-asan build-tsan build-tidy build-dev
+	rm -rf build build-asan build-tsan build-fuzz build-tidy build-dev

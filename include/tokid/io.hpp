@@ -44,4 +44,8 @@ void save_model(const Model& model, const std::filesystem::path& path, const Wri
 // Text as it stands, such as a page; any extension.
 void save_text(std::string_view text, const std::filesystem::path& path);
 
+// Text from a file or a name, as one line for people: control characters and line separators, which a terminal would
+// obey, become spaces, marks that turn the direction of the text are left out, and what is not UTF-8 becomes U+FFFD.
+std::string printable(std::string_view text);
+
 }  // namespace tokid

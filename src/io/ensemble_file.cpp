@@ -17,7 +17,9 @@ namespace {
 namespace fs = std::filesystem;
 using io::fail;
 
-io::Fields outlines(const fs::path& path) { return io::Fields(io::read_hdf5(path, io::ensemble_names(), {"u", "y"})); }
+io::Fields outlines(const fs::path& path) {
+  return io::Fields(io::read_whole(path, [&] { return io::read_hdf5(path, io::ensemble_names(), {"u", "y"}); }));
+}
 
 // Names, sizes and the sample time as load_ensemble() checks them, on an ensemble without a step of its own.
 void check(const io::EnsembleOutline& outline) {

@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "atomic_file.hpp"
+#include "descriptor.hpp"
 #include "formats.hpp"
 #include "naming.hpp"
 #include "schema.hpp"
@@ -34,16 +35,18 @@ Format format_of(const fs::path& path) {
 }
 
 io::Contents read(const fs::path& path, Format format, const io::Names& wanted) {
-  switch (format) {
-    case Format::npz:
-      return io::read_npz(path, wanted);
-    case Format::hdf5:
-      return io::read_hdf5(path, wanted);
-    case Format::mat:
-      return io::read_mat(path, wanted);
-    default:
-      fail("a .csv file found, which holds an ensemble; a model in .npz, .h5 or .mat needed");
-  }
+  return io::read_whole(path, [&]() -> io::Contents {
+    switch (format) {
+      case Format::npz:
+        return io::read_npz(path, wanted);
+      case Format::hdf5:
+        return io::read_hdf5(path, wanted);
+      case Format::mat:
+        return io::read_mat(path, wanted);
+      default:
+        fail("a .csv file found, which holds an ensemble; a model in .npz, .h5 or .mat needed");
+    }
+  });
 }
 
 void write(const io::Arrays& arrays, const fs::path& path, Format format, const WriteOptions& options) {
@@ -93,7 +96,7 @@ Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
   return naming(path, [&] {
     const Format format = format_of(path);
     check_readable(path);
-    if (format == Format::csv) return io::read_csv(path, options);
+    if (format == Format::csv) return io::read_whole(path, [&] { return io::read_csv(path, options); });
     if (!options.inputs.empty() || !options.outputs.empty())
       fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
     const io::Fields fields(read(path, format, io::ensemble_names()));

@@ -8,7 +8,6 @@
 #include <stdexcept>
 
 #include "arrays.hpp"
-#include "text.hpp"
 
 namespace tokid::io {
 
@@ -16,7 +15,10 @@ namespace tokid::io {
 template <typename F>
 auto naming(const std::filesystem::path& path, F&& f) {
   const auto rethrow = [&](const std::string& message) {
-    throw IoError(single_line(fmt::format("{}: {}", path.string(), message)));
+    // What a file is made to say may be long.
+    constexpr size_t longest = 2000;
+    throw IoError(printable(
+        fmt::format("{}: {}{}", path.string(), message.substr(0, longest), message.size() > longest ? " …" : "")));
   };
   try {
     return f();
