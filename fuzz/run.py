@@ -26,7 +26,7 @@ def whose(fuzzer, finding):
     result = subprocess.run([fuzzer, *OPTIONS, finding], capture_output=True, text=True, errors="replace", check=False,
                             env={**os.environ, "ASAN_OPTIONS": "fast_unwind_on_fatal=0"}, timeout=120)
     if result.returncode == 0:
-        return "gone"
+        return "nothing when run alone"
     for frame in re.findall(r"^ +#\d+ 0x\w+ +(.*)$", result.stderr, re.MULTILINE):
         if library := re.search(r"lib(hdf5_serial|hdf5|matio)\.so", frame):
             return library.group(1)

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <functional>
+#include <map>
 #include <optional>
 #include <unordered_set>
 
@@ -126,30 +127,88 @@ void* allocate_within(size_t bytes, void* left) {
 }
 void free_text(void* text, void*) { std::free(text); }
 
-// The library takes memory for the length that an entry claims before it looks for the text. Entries are stored as
-// length, address and index, which can be looked at where they lie in one piece.
-void check_lengths(const Node& node, size_t count, const Claims& claims) {
-  constexpr size_t entry = 16;
-  const haddr_t offset = node.is_attribute ? HADDR_UNDEF : H5Dget_offset(node.id);
-  if (offset == HADDR_UNDEF || H5Dget_storage_size(node.id) != count * entry) return;
-  const Handle file(H5Iget_file_id(node.id), H5Fclose, node.name);
-  void* descriptor = nullptr;
-  if (H5Fget_vfd_handle(file, H5P_DEFAULT, &descriptor) < 0 || descriptor == nullptr) return;
-  for (size_t i = 0; i < count; ++i) {
-    std::array<unsigned char, 4> length{};  // the lowest byte first
-    if (pread(*static_cast<const int*>(descriptor), length.data(), length.size(), off_t(offset + i * entry)) != 4)
-      fail("data set '{}': truncated", node.name);
-    std::uint64_t bytes = 0;
-    for (size_t k = 0; k < length.size(); ++k) bytes |= std::uint64_t{length[k]} << (8 * k);
-    if (bytes > claims.file_bytes())
-      fail("data set '{}': a text of {} bytes found in a file of {}", node.name, bytes, claims.file_bytes());
+// Texts of variable length lie in heaps, which the library trusts: it takes memory for the length that an entry claims,
+// walks from object to object wherever their sizes lead, and copies as much as they say. So the heaps are looked at
+// first, where the entries that refer to them lie in one piece.
+class TextHeaps {
+ public:
+  TextHeaps(const Node& node, const Claims& claims) : node_(node), file_bytes_(claims.file_bytes()) {}
+
+  void check(size_t count) {
+    constexpr size_t entry = 16;  // length, address of the heap, number of the object in it
+    const haddr_t offset = node_.is_attribute ? HADDR_UNDEF : H5Dget_offset(node_.id);
+    if (offset == HADDR_UNDEF || H5Dget_storage_size(node_.id) != count * entry || !open()) return;
+    const std::vector<char> entries = read(offset, count * entry);
+    for (const char* at = entries.data(); at != entries.data() + entries.size(); at += entry) {
+      const std::uint64_t length = number(at, 4), heap = number(at + 4, 8), index = number(at + 12, 4);
+      if (length == 0) continue;
+      if (!heaps_.contains(heap)) heaps_[heap] = sizes(heap);
+      const auto object = heaps_[heap].find(index);
+      if (object == heaps_[heap].end() || object->second < length)
+        fail("data set '{}': a text of {} bytes found that its heap does not hold", node_.name, length);
+    }
   }
-}
+
+ private:
+  // The sizes in the file are those of the entry above, as they are almost everywhere.
+  bool open() {
+    const Handle file(H5Iget_file_id(node_.id), H5Fclose, node_.name);
+    const Handle creation(H5Fget_create_plist(file), H5Pclose, node_.name);
+    size_t address_bytes = 0, size_bytes = 0;
+    void* descriptor = nullptr;
+    checked(H5Pget_sizes(creation, &address_bytes, &size_bytes), node_.name);
+    checked(H5Pget_userblock(creation, &before_), node_.name);
+    if (H5Fget_vfd_handle(file, H5P_DEFAULT, &descriptor) < 0 || descriptor == nullptr) return false;
+    descriptor_ = *static_cast<const int*>(descriptor);
+    return address_bytes == 8 && size_bytes == 8;
+  }
+
+  // Of each object by its number.
+  std::map<std::uint64_t, std::uint64_t> sizes(std::uint64_t address) const {
+    constexpr size_t header = 16;  // of a heap and of an object alike
+    const auto damaged = [&] { fail("data set '{}': damaged heap of texts found", node_.name); };
+    if (address > file_bytes_) damaged();
+    const std::vector<char> start = read(before_ + address, header);
+    const std::uint64_t bytes = number(start.data() + 8, 8);
+    if (std::string_view(start.data(), 4) != "GCOL" || bytes < header || bytes > file_bytes_) damaged();
+    const std::vector<char> heap = read(before_ + address, bytes);
+    std::map<std::uint64_t, std::uint64_t> found;
+    for (size_t at = header; at + header <= bytes;) {
+      const std::uint64_t index = number(&heap[at], 2), size = number(&heap[at + 8], 8), left = bytes - at;
+      if (size > left) damaged();
+      const std::uint64_t step = index == 0 ? size : header + (size + 7) / 8 * 8;  // 0: what is free, with its header
+      if (step < header || step > left) damaged();
+      if (index > 0) found[index] = size;
+      at += step;
+    }
+    return found;
+  }
+
+  std::vector<char> read(std::uint64_t offset, std::uint64_t bytes) const {
+    if (offset > file_bytes_ || bytes > file_bytes_ - offset) fail("data set '{}': truncated", node_.name);
+    std::vector<char> result(bytes);
+    if (pread(descriptor_, result.data(), bytes, off_t(offset)) != ssize_t(bytes))
+      fail("data set '{}': truncated", node_.name);
+    return result;
+  }
+
+  static std::uint64_t number(const char* at, size_t bytes) {  // the lowest byte first
+    std::uint64_t value = 0;
+    for (size_t k = 0; k < bytes; ++k) value |= std::uint64_t{static_cast<unsigned char>(at[k])} << (8 * k);
+    return value;
+  }
+
+  const Node& node_;
+  std::uint64_t file_bytes_;
+  hsize_t before_ = 0;  // the block of a user, MATLAB's, from whose end addresses count
+  int descriptor_ = -1;
+  std::map<std::uint64_t, std::map<std::uint64_t, std::uint64_t>> heaps_;
+};
 
 std::vector<std::string> read_variable_texts(const Node& node, size_t count, const Claims& claims) {
   // Attributes are read without a choice of the allocation.
   if (node.is_attribute && count > 1) Claims(claims).add(node.name, {count}, 1, claims.file_bytes());
-  check_lengths(node, count, claims);
+  TextHeaps(node, claims).check(count);
   std::uint64_t left = claims.left();
   const Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose, node.name);
   checked(H5Pset_vlen_mem_manager(transfer, allocate_within, &left, free_text, nullptr), node.name);

@@ -313,12 +313,12 @@ Array read_array(zip_t* archive, zip_uint64_t index, const std::string& name, Cl
 
   // An empty text takes no bytes, whatever the shape claims.
   if (is_text && type->size > (std::uint64_t{1} << 32)) fail("data set '{}': type '{}' found", name, header.descr);
-  claims.add(name, header.shape, type->item_bytes(),
-             is_text ? sizeof(std::string) + type->item_bytes() : std::max(sizeof(double), type->size));
   const size_t bytes = checked_product(header.shape, type->item_bytes());
   if (bytes != entry.left() || (type->size == 0 && checked_product(header.shape) > 65536))
     fail("data set '{}': {} bytes found, {} needed for shape {} of type {}", name, entry.left(), bytes,
          text(header.shape), header.descr);
+  claims.add(name, header.shape, type->item_bytes(),
+             is_text ? sizeof(std::string) + type->item_bytes() : std::max(sizeof(double), type->size));
 
   Array array{header.shape, {}};
   if (header.fortran_order) std::reverse(array.shape.begin(), array.shape.end());
