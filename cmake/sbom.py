@@ -26,24 +26,30 @@ def loaded(program):
     return {Path(path).resolve() for path in found}
 
 
-def owner(path):
-    """The package of a file; the loader may know it by the name before /lib became /usr/lib."""
-    for name in (path, str(path).removeprefix("/usr")):
-        result = subprocess.run(["dpkg-query", "--search", str(name)], capture_output=True, text=True, check=False)
-        if result.returncode == 0:
-            return result.stdout.split(": ")[0].split(",")[0].strip()
-    sys.exit(f"{path}: of no Debian package, one needed")
+def owners(paths):
+    """The packages of files; the loader may know them by the names before /lib became /usr/lib."""
+    names = {name: path for path in paths for name in (str(path), str(path).removeprefix("/usr"))}
+    found = subprocess.run(["dpkg-query", "--search", *names], capture_output=True, text=True, check=False).stdout
+    packages = {names[file]: package.split(",")[0] for package, file in re.findall(r"^(\S+): (\S+)$", found, re.MULTILINE)
+                if file in names}
+    if missing := set(paths) - set(packages):
+        sys.exit(f"{', '.join(map(str, sorted(missing)))}: of no Debian package, one needed")
+    return sorted(set(packages.values()))
 
 
-def debian(package, scope, note):
-    name, version, architecture, homepage = output(
-        "dpkg-query", "--show", "--showformat=${Package}\t${Version}\t${Architecture}\t${Homepage}", package).split("\t")
-    purl = f"pkg:deb/debian/{quote(name)}@{quote(version)}?arch={architecture}"
-    component = {"type": "library", "bom-ref": purl, "name": name, "version": version, "purl": purl, "scope": scope,
-                 "properties": [{"name": "tokid:use", "value": note}]}
-    if homepage:
-        component["externalReferences"] = [{"type": "website", "url": homepage}]
-    return component
+def debian(packages, note):
+    shown = output("dpkg-query", "--show",
+                   "--showformat=${Package}\t${Version}\t${Architecture}\t${Homepage}\n", *packages)
+    components = []
+    for line in shown.splitlines():
+        name, version, architecture, homepage = line.split("\t")
+        purl = f"pkg:deb/debian/{quote(name)}@{quote(version)}?arch={architecture}"
+        component = {"type": "library", "bom-ref": purl, "name": name, "version": version, "purl": purl,
+                     "scope": "required", "properties": [{"name": "tokid:use", "value": note}]}
+        if homepage:
+            component["externalReferences"] = [{"type": "website", "url": homepage}]
+        components.append(component)
+    return components
 
 
 def uplot(source):
@@ -85,9 +91,8 @@ def main():
            "licenses": [{"license": {"id": "BSD-3-Clause"}}]}
     files = [build / "bin" / "tokid", *sorted((build / "lib").glob("libtokid.so"))]
     libraries = {path for file in files for path in loaded(file) if path.name.split(".so")[0] != "libtokid"}
-    components = [debian(package, "required", "loaded at run time") for package in sorted(map(owner, libraries))]
-    components = list({component["bom-ref"]: component for component in components}.values())
-    components += [debian(package, "required", "headers that are compiled in") for package in HEADERS]
+    components = debian(owners(libraries), "loaded at run time")
+    components += debian(HEADERS, "headers that are compiled in")
     components += [uplot(source), *python_packages(source)]
     needed = [component["bom-ref"] for component in components if component["scope"] == "required"]
     bom = {"bomFormat": "CycloneDX", "specVersion": "1.5", "version": 1, "metadata": {"component": own},

@@ -153,9 +153,11 @@ void command_line(std::string_view bytes) {
   for (const std::string& word : words) arguments.push_back(word.c_str());
   CLI::App tool("", "tokid");
   app::add_commands(tool);
-  for (CLI::App* command : tool.get_subcommands({})) command->callback([] {});
+  struct Parsed {};
+  tool.parse_complete_callback([] { throw Parsed{}; });  // before the commands run
   try {
     tool.parse(int(arguments.size()), arguments.data());
+  } catch (const Parsed&) {
   } catch (const CLI::ParseError& error) {
     app::complaint(tool, error);
   }
