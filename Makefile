@@ -1,7 +1,7 @@
 # Everything from a bare Debian 12 machine on: what is missing is installed with apt-get, as root or through sudo.
 
-build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev libcsv-dev \
-                  libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
+build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev zlib1g-dev \
+                  libcsv-dev libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
 test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
                   python3-dev python3-venv chromium fonts-dejavu-core octave octave-control
@@ -10,6 +10,7 @@ bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libo
                   python3 python3-numpy python3-h5py
 cover_packages := $(test_packages) gcovr
 grind_packages := $(test_packages) valgrind
+fuzz_packages  := $(build_packages) clang-16 libclang-rt-16-dev python3
 tidy_packages  := $(test_packages) clang-tidy cppcheck
 package_packages := $(build_packages) dpkg-dev file help2man python3
 release_packages := $(package_packages) debootstrap lintian python3-venv
@@ -31,7 +32,7 @@ configure = cmake --log-level=WARNING --preset
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test wheel package release-test bench install-test asan tsan valgrind coverage tidy format clean
+.PHONY: help build demo test wheel package release-test bench sbom install-test asan tsan valgrind coverage fuzz tidy format clean
 
 help:
 	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
@@ -40,10 +41,12 @@ help:
 	@echo 'make package       packages for Debian, an archive, their sums, release notes (build/package)'
 	@echo 'make release-test  installs these on a Debian that debootstrap makes; as root, for some minutes'
 	@echo 'make bench         measures time and memory for ten minutes, writes the tables of docs/performance.md'
+	@echo 'make sbom          what tokid consists of, with versions, in CycloneDX (build/tokid.cdx.json)'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
 	@echo 'make install-test  only the tests of the installed package'
 	@echo 'make asan          all tests under the address and undefined behaviour sanitizers'
 	@echo 'make tsan          the unit tests under the thread sanitizer'
+	@echo 'make fuzz          every fuzzer for FUZZ_SECONDS, ten minutes unless told otherwise'
 	@echo 'make valgrind      the end-to-end tests with the tool under valgrind, but for those of time and memory'
 	@echo 'make coverage      which lines of the library the tests run: build-coverage/report/index.html'
 	@echo 'make tidy          clang-tidy and cppcheck, whose warnings are errors'
@@ -82,6 +85,9 @@ bench:
 	@cmake --build build
 	@$(python) bench/performance.py build
 
+sbom: build
+	@$(python) cmake/sbom.py . build build/tokid.cdx.json
+
 install-test:
 	$(call install,$(test_packages))
 	@$(configure) test >/dev/null
@@ -115,17 +121,25 @@ coverage:
 	@gcovr --root . --filter src/ --filter include/ --exclude-throw-branches --print-summary --fail-under-line 90 \
 	  --html-details build-$@/report/index.html --txt build-$@/report/lines.txt build-$@
 
+FUZZ_SECONDS ?= 600
+
+fuzz:
+	$(call install,$(fuzz_packages))
+	@$(configure) fuzz --compile-no-warning-as-error >/dev/null
+	@cmake --build build-fuzz --target fuzzers
+	@$(python) fuzz/run.py build-fuzz $(FUZZ_SECONDS)
+
 tidy:
 	$(call install,$(tidy_packages))
 	@$(configure) dev -B build-tidy >/dev/null
 	@cppcheck --std=c++20 --language=c++ --library=googletest --enable=warning,performance,portability --inline-suppr \
 	  --suppress=missingIncludeSystem --error-exitcode=1 -Iinclude -Isrc -Iapp -Ibuild-tidy/include -q \
-	  src app bench examples python/src tests
-	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|bench|examples|tests)/'
+	  src app bench examples python/src tests fuzz
+	@run-clang-tidy -quiet -p build-tidy '$(CURDIR)/(src|app|bench|examples|tests|fuzz)/'
 
 format:
 	$(call install,clang-format)
-	@find include src app bench examples tests python -name '*.[ch]pp' -exec clang-format -i {} +
+	@find include src app bench examples tests python fuzz -name '*.[ch]pp' -exec clang-format -i {} +
 
 clean:
-	rm -rf build build-asan build-tsan build-coverage build-tidy build-dev
+	rm -rf build build-asan build-tsan build-coverage build-fuzz build-tidy build-dev

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <sstream>
 #include <system_error>
 
 namespace tokid::app {
@@ -129,13 +130,6 @@ double median(std::vector<double> values) {
 
 // Text
 
-std::string one_line(std::string_view text) {
-  std::string result(text);
-  for (char& c : result)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  return result;
-}
-
 std::string number(double value) { return std::isnan(value) ? "-" : fmt::format("{:.4g}", value); }
 
 std::string percent(double value) {
@@ -165,7 +159,7 @@ namespace {
 
 std::string with_unit(const std::string& name, const std::vector<std::string>& units, Index i) {
   const size_t at = static_cast<size_t>(i);
-  return one_line(at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name);
+  return printable(at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name);
 }
 
 // Code points stand for columns: good for every script that channels are named in, but not for the widest.
@@ -182,7 +176,7 @@ std::string output_label(const Channels& names, Index j) { return with_unit(name
 std::string input_label(const Channels& names, Index i) { return with_unit(names.input(i), names.input_units, i); }
 
 void Page::row(std::string_view label, std::string_view text) {
-  std::string line = fmt::format("{:<{}}{}", label, label_width, one_line(text));
+  std::string line = fmt::format("{:<{}}{}", label, label_width, printable(text));
   line.erase(line.find_last_not_of(' ') + 1);
   text_ += line + '\n';
 }
@@ -214,12 +208,19 @@ void print(const std::string& text) {
   if (errno != EPIPE) throw std::system_error(errno, std::generic_category(), "standard output");
 }
 
-// NaN and infinity become null; text that is not UTF-8 is repaired rather than refused.
-void print(const Json& json) { print(json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n'); }
+// NaN and infinity become null; text that is not UTF-8 is repaired rather than refused. What printable() would not
+// leave as it is, is written as its number, which says the same.
+void print(const Json& json) {
+  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace);
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);)
+    if (printable(line) != line) return print(json.dump(2, ' ', true, Json::error_handler_t::replace) + '\n');
+  print(text + '\n');
+}
 
 // Nobody is left to tell where stderr can't be written.
 void message(std::string_view text) {
-  const std::string line = one_line(fmt::format("tokid: {}", text)) + '\n';
+  const std::string line = printable(fmt::format("tokid: {}", text)) + '\n';
   std::fwrite(line.data(), 1, line.size(), stderr);
 }
 

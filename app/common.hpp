@@ -35,6 +35,10 @@ struct Outcome {
 };
 Outcome run_tool(int argc, char** argv);
 
+void add_commands(CLI::App& tool);
+// What is wrong with a command line that could not be parsed.
+std::string complaint(const CLI::App& tool, const CLI::ParseError& error);
+
 // One function per subcommand, in a file of its own; the work is done when the command line has been parsed.
 void add_identify(CLI::App& tool);
 void add_validate(CLI::App& tool);
@@ -134,8 +138,7 @@ double median(std::vector<double> values);  // NaN for none
 
 // Text
 
-std::string one_line(std::string_view text);  // without control characters
-std::string number(double value);             // four digits, "-" for NaN
+std::string number(double value);  // four digits, "-" for NaN
 std::string percent(double value);
 std::string penalty(double smoothing);  // lambda, or "infinity"
 std::string plural(Index count, const char* noun);

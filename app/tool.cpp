@@ -34,18 +34,6 @@ std::string joined_names(const CLI::App& tool) {
   return fmt::format("{}", fmt::join(names, ", "));
 }
 
-// CLI11 reports what is missing before what is too much; the latter is more often the cause.
-std::string complaint(const CLI::App& tool, const CLI::ParseError& error) {
-  const std::vector<std::string> unexpected = tool.remaining(true);
-  if (tool.get_subcommands().empty()) {
-    const std::string found = unexpected.empty() ? "no command given" : fmt::format("'{}' found", unexpected.front());
-    return fmt::format("{}, one of {} needed; see 'tokid --help'", found, joined_names(tool));
-  }
-  const std::string what =
-      unexpected.empty() ? error.what() : fmt::format("unexpected argument '{}'", unexpected.front());
-  return fmt::format("{}; see 'tokid {} --help'", what, tool.get_subcommands().front()->get_name());
-}
-
 // A file opened later must not become what is printed to.
 void open_standard_streams() {
   for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
@@ -60,19 +48,7 @@ Outcome parse_and_run(int argc, char** argv) {
   tool.set_help_flag("-h,--help", "Print this help and exit");
   tool.require_subcommand(1);
   tool.footer("Example:\n  tokid example oscillator -o data.npz && tokid identify data.npz -o model.npz");
-  add_identify(tool);
-  add_validate(tool);
-  add_refine(tool);
-  add_update(tool);
-  add_report(tool);
-  add_paper(tool);
-  add_confidence(tool);
-  add_simulate(tool);
-  add_predict(tool);
-  add_info(tool);
-  add_plan(tool);
-  add_example(tool);
-  add_convert(tool);
+  add_commands(tool);
   try {
     tool.parse(argc, argv);
   } catch (const CLI::CallForHelp&) {
@@ -86,6 +62,34 @@ Outcome parse_and_run(int argc, char** argv) {
 }
 
 }  // namespace
+
+void add_commands(CLI::App& tool) {
+  add_identify(tool);
+  add_validate(tool);
+  add_refine(tool);
+  add_update(tool);
+  add_report(tool);
+  add_paper(tool);
+  add_confidence(tool);
+  add_simulate(tool);
+  add_predict(tool);
+  add_info(tool);
+  add_plan(tool);
+  add_example(tool);
+  add_convert(tool);
+}
+
+// CLI11 reports what is missing before what is too much; the latter is more often the cause.
+std::string complaint(const CLI::App& tool, const CLI::ParseError& error) {
+  const std::vector<std::string> unexpected = tool.remaining(true);
+  if (tool.get_subcommands().empty()) {
+    const std::string found = unexpected.empty() ? "no command given" : fmt::format("'{}' found", unexpected.front());
+    return fmt::format("{}, one of {} needed; see 'tokid --help'", found, joined_names(tool));
+  }
+  const std::string what =
+      unexpected.empty() ? error.what() : fmt::format("unexpected argument '{}'", unexpected.front());
+  return fmt::format("{}; see 'tokid {} --help'", what, tool.get_subcommands().front()->get_name());
+}
 
 Outcome run_tool(int argc, char** argv) {
 #ifdef __GLIBC__

@@ -1,10 +1,11 @@
-# The C libraries that read and write the file formats: HDF5, libzip, matio and libcsv, as one target
+# The C libraries that read and write the file formats: HDF5, libzip, matio, libcsv and zlib, as one target
 # TokidFormats::TokidFormats. Used to build tokid, and installed with a static tokid, whose consumers link them too.
 include(FindPackageHandleStandardArgs)
 
 set(_formats_variables)
 # name, header, directories below the include path, library names
-foreach(_format "HDF5|hdf5.h|hdf5/serial|hdf5_serial,hdf5" "libzip|zip.h||zip" "matio|matio.h||matio" "libcsv|csv.h||csv")
+foreach(_format "HDF5|hdf5.h|hdf5/serial|hdf5_serial,hdf5" "libzip|zip.h||zip" "matio|matio.h||matio" "libcsv|csv.h||csv"
+        "zlib|zlib.h||z")
   string(REPLACE "|" ";" _format "${_format}")
   list(GET _format 0 _name)
   list(GET _format 1 _header)
@@ -19,7 +20,7 @@ foreach(_format "HDF5|hdf5.h|hdf5/serial|hdf5_serial,hdf5" "libzip|zip.h||zip" "
 endforeach()
 
 find_package_handle_standard_args(TokidFormats REQUIRED_VARS ${_formats_variables}
-  REASON_FAILURE_MESSAGE "On Debian: libhdf5-dev libzip-dev libmatio-dev libcsv-dev")
+  REASON_FAILURE_MESSAGE "On Debian: libhdf5-dev libzip-dev libmatio-dev libcsv-dev zlib1g-dev")
 
 if(TokidFormats_FOUND AND NOT TARGET TokidFormats::TokidFormats)
   add_library(TokidFormats::TokidFormats INTERFACE IMPORTED)

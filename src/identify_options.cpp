@@ -10,6 +10,7 @@
 #include <string_view>
 #include <utility>
 
+#include "options_json.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid {
@@ -147,7 +148,7 @@ constexpr std::string_view others[] = {experiments_key, data_key, choices_key, r
 
 // What the model holds, or an empty object.
 Json told(const Model& model) {
-  Json json = Json::parse(model.options, nullptr, false);
+  Json json = options_json<Json>(model.options);
   return json.is_object() ? json : Json::object();
 }
 
@@ -167,7 +168,7 @@ std::string to_json(const IdentifyOptions& options, Index experiments) {
 }
 
 IdentifyOptions identify_options(const Model& model) {
-  const Json json = Json::parse(model.options, nullptr, false);
+  const Json json = options_json<Json>(model.options);
   if (!json.is_object())
     throw std::invalid_argument(model.options.empty()
                                     ? "options of the model: none found, those of an identified model needed"

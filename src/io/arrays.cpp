@@ -41,13 +41,6 @@ size_t checked_product(const Shape& shape, size_t item_bytes) {
   return product;
 }
 
-void check_claim(std::string_view name, const Shape& shape, size_t item_bytes, std::uint64_t stored_bytes) {
-  const std::uint64_t claimed = checked_product(shape, item_bytes);
-  if (claimed / 1032 > stored_bytes)
-    fail("data set '{}': shape {} ({} bytes) found in {} stored bytes, a consistent size needed", name, text(shape),
-         claimed, stored_bytes);
-}
-
 Array permuted(const Array& array, const std::vector<size_t>& order) {
   const Shape from = row_major_strides(array.shape);
   Array result;
@@ -82,7 +75,11 @@ Array reversed(const Array& array) {
 std::string text(const Shape& shape) { return fmt::format("({})", fmt::join(shape, ", ")); }
 
 std::string quoted(const Names& names) {
-  return names.empty() ? "nothing" : fmt::format("'{}'", fmt::join(names, "', '"));
+  constexpr size_t most = 30;
+  if (names.empty()) return "nothing";
+  const auto end = names.begin() + std::ptrdiff_t(std::min(names.size(), most));
+  return fmt::format("'{}'{}", fmt::join(names.begin(), end, "', '"),
+                     names.size() > most ? fmt::format(" and {} more", names.size() - most) : "");
 }
 
 }  // namespace tokid::io

@@ -52,16 +52,12 @@ bool contains(const Names& names, std::string_view name);
 // \throws IoError where the product does not fit
 size_t checked_product(const Shape& shape, size_t item_bytes = 1);
 
-// Refuses a data set whose claimed size can't come from so many stored bytes, before memory is taken for it. DEFLATE
-// can't compress better than 1032:1.
-void check_claim(std::string_view name, const Shape& shape, size_t item_bytes, std::uint64_t stored_bytes);
-
 // Axis i of the result is axis order[i] of the argument.
 Array permuted(const Array& array, const std::vector<size_t>& order);
 // All axes reversed: the way from row-major to column-major and back.
 Array reversed(const Array& array);
 
 std::string text(const Shape& shape);    // "(2, 80, 1)"
-std::string quoted(const Names& names);  // "'u', 'y'"; "nothing" for none
+std::string quoted(const Names& names);  // "'u', 'y'", the first of many; "nothing" for none
 
 }  // namespace tokid::io

@@ -22,17 +22,6 @@ void fail_to_write(int error) {
   throw WriteError(fmt::format("can't be written: {}", std::generic_category().message(error)), error);
 }
 
-Descriptor::~Descriptor() {
-  if (number_ >= 0) close(number_);
-}
-
-Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
-  std::swap(number_, other.number_);
-  return *this;
-}
-
-int Descriptor::release() { return std::exchange(number_, -1); }
-
 void write_all(int file, std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t n = ::write(file, bytes.data(), bytes.size());

@@ -7,25 +7,12 @@
 #include <string>
 #include <string_view>
 
+#include "descriptor.hpp"
+
 namespace tokid::io {
 
 // \throws WriteError with the system's reason
 [[noreturn]] void fail_to_write(int error);
-
-// A descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(int number = -1) : number_(number) {}
-  ~Descriptor();
-  Descriptor(Descriptor&& other) noexcept : number_(other.release()) {}
-  Descriptor& operator=(Descriptor&& other) noexcept;
-
-  int release();
-  operator int() const { return number_; }
-
- private:
-  int number_;
-};
 
 void write_all(int file, std::string_view bytes);  // \throws WriteError
 // As many bytes as `to` holds, from `offset` on. False: the file has not so many, or can't be read.

@@ -13,8 +13,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "atomic_file.hpp"
+#include "claims.hpp"
 #include "formats.hpp"
 #include "text.hpp"
 #include "tokid/parallel.hpp"
@@ -117,11 +119,14 @@ std::string trimmed(std::string_view text) {
 
 template <typename T>
 void parse_note(const Row& comment, const std::string& key, const std::string& value, T& to) {
+  const auto json = nlohmann::json::parse(value, nullptr, false);
+  const auto is_whole = [](const auto& count) { return count.is_number_integer(); };
   try {
-    to = nlohmann::json::parse(value).get<typename std::decay_t<T>>();
+    const bool valid = !std::is_same_v<T, std::vector<Index>> || std::all_of(json.begin(), json.end(), is_whole);
+    if (valid) return static_cast<void>(to = json.get<typename std::decay_t<T>>());
   } catch (const nlohmann::json::exception&) {
-    fail("line {}: {} = '{}' found, a value in JSON's notation needed", comment.line, key, value);
   }
+  fail("line {}: {} = '{}' found, a value in JSON's notation needed", comment.line, key, value);
 }
 
 void read_note(const Row& comment, Notes& notes) {
@@ -153,44 +158,60 @@ struct Columns {
   }
 };
 
-std::optional<size_t> find_column(const Cells& names, const std::string& name) {
-  const auto count = std::count(names.begin(), names.end(), name);
-  if (count > 1) fail("header: {} columns '{}' found, one needed", count, name);
-  if (count == 0) return std::nullopt;
-  return static_cast<size_t>(std::find(names.begin(), names.end(), name) - names.begin());
-}
+// Where the columns are.
+class Header {
+ public:
+  explicit Header(const Cells& names) : names_(names) {
+    for (size_t c = 0; c < names.size(); ++c) columns_[names[c]].push_back(c);
+  }
+
+  const Cells& names() const { return names_; }
+
+  std::optional<size_t> find(const std::string& name) const {
+    const auto found = columns_.find(name);
+    if (found == columns_.end()) return std::nullopt;
+    if (found->second.size() > 1) fail("header: {} columns '{}' found, one needed", found->second.size(), name);
+    return found->second.front();
+  }
+
+ private:
+  const Cells& names_;
+  std::unordered_map<std::string, std::vector<size_t>> columns_;
+};
 
 bool is_reserved(const std::string& name) { return name == "experiment" || name == "time" || name == "k"; }
 
-std::vector<size_t> named_columns(const Cells& names, const Names& wanted) {
+std::vector<size_t> named_columns(const Header& header, const Names& wanted) {
   std::vector<size_t> columns;
   for (const auto& name : wanted) {
-    const auto column = find_column(names, name);
-    if (!column) fail("no column '{}' found among {}", name, quoted(names));
+    const auto column = header.find(name);
+    if (!column) fail("no column '{}' found among {}", name, quoted(header.names()));
     columns.push_back(*column);
   }
   return columns;
 }
 
-std::vector<size_t> prefixed_columns(const Cells& names, char prefix, const Names& taken) {
+std::vector<size_t> prefixed_columns(const Header& header, char prefix, const Names& taken) {
+  const std::unordered_set<std::string> others(taken.begin(), taken.end());
   Names wanted;
-  for (const auto& name : names)
-    if (name.starts_with(prefix) && !is_reserved(name) && !contains(taken, name)) wanted.push_back(name);
-  return named_columns(names, wanted);
+  for (const auto& name : header.names())
+    if (name.starts_with(prefix) && !is_reserved(name) && others.count(name) == 0) wanted.push_back(name);
+  return named_columns(header, wanted);
 }
 
 Columns columns_of(const Row& header, const Names& inputs, const Names& outputs) {
   Columns columns;
   columns.names = header.cells;
-  const Cells& names = columns.names;
-  columns.experiment = find_column(names, "experiment");
-  columns.time = find_column(names, "time");
-  columns.k = find_column(names, "k");
-  columns.inputs = inputs.empty() ? prefixed_columns(names, 'u', outputs) : named_columns(names, inputs);
-  columns.outputs = outputs.empty() ? prefixed_columns(names, 'y', inputs) : named_columns(names, outputs);
+  const Header found(columns.names);
+  columns.experiment = found.find("experiment");
+  columns.time = found.find("time");
+  columns.k = found.find("k");
+  columns.inputs = inputs.empty() ? prefixed_columns(found, 'u', outputs) : named_columns(found, inputs);
+  columns.outputs = outputs.empty() ? prefixed_columns(found, 'y', inputs) : named_columns(found, outputs);
+  const std::unordered_set<size_t> outputs_found(columns.outputs.begin(), columns.outputs.end());
   for (const size_t c : columns.inputs)
-    if (std::count(columns.outputs.begin(), columns.outputs.end(), c) > 0)
-      fail("column '{}' found among inputs and outputs, one of them needed", names[c]);
+    if (outputs_found.count(c) > 0)
+      fail("column '{}' found among inputs and outputs, one of them needed", columns.names[c]);
   return columns;
 }
 
@@ -329,8 +350,14 @@ Grid grid_of(const Records& records, std::optional<double> dt) {
   }
   const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.time.size());
   // A wild time or step number would otherwise ask for more memory than the file can be worth.
-  if (!(steps * static_cast<double>(records.experiments.size()) <= 1e6 + 1000 * rows))
-    fail("{} experiments of {} steps found in {} rows, fewer gaps needed", records.experiments.size(), steps, rows);
+  const double channels = static_cast<double>(records.columns.inputs.size() + records.columns.outputs.size());
+  const double samples = steps * static_cast<double>(records.experiments.size()) * channels;
+  if (!(samples <= 1e6 + 1000 * rows * channels))
+    fail("{} experiments of {} steps with {} channels found in {} rows, fewer gaps needed", records.experiments.size(),
+         steps, channels, rows);
+  if (!(samples * sizeof(double) <= static_cast<double>(memory_limit())))
+    fail("{} experiments of {} steps with {} channels found, which take {} bytes of memory; this machine has {}",
+         records.experiments.size(), steps, channels, samples * sizeof(double), memory_limit());
   grid.steps = static_cast<Index>(steps);
   return grid;
 }
@@ -435,12 +462,23 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
 
 namespace {
 
+// A spreadsheet program computes a cell that begins like a formula, and one that calls something can read files and
+// start programs. It also parts the lists in the comments into cells.
+void check_no_formula(const char* key, const Names& texts) {
+  for (const std::string& text : texts)
+    if (!text.empty() && std::string_view("=+-@\t").find(text.front()) != std::string_view::npos &&
+        text.find_first_of("(!|") != std::string::npos)
+      fail("{}: '{}' found, a text that spreadsheet programs don't take for a formula needed in .csv", key, text);
+}
+
 Names column_names(const Ensemble& e) {
   Names names{"experiment", "time"};
   for (Index i = 0; i < e.inputs(); ++i) names.push_back(e.names.input(i));
   for (Index j = 0; j < e.outputs(); ++j) names.push_back(e.names.output(j));
+  std::unordered_map<std::string, int> count;
+  for (const std::string& name : names) ++count[name];
   for (size_t c = 0; c < names.size(); ++c)
-    if (std::count(names.begin(), names.end(), names[c]) > 1 || (c > 1 && is_reserved(names[c])))
+    if (count[names[c]] > 1 || (c > 1 && is_reserved(names[c])))
       fail("channel name '{}' found twice or as the name of a column of its own in .csv; distinct names needed",
            names[c]);
   return names;
@@ -485,10 +523,14 @@ bool is_needed(const Ensemble& e, Index n, Index k) {
 void check_fits(const Ensemble& e) {
   if (e.free.experiments > 0) fail("free responses don't fit into .csv; .npz, .h5 or .mat needed");
   if (e.inputs() == 0) fail("an ensemble without inputs doesn't fit into .csv; .npz, .h5 or .mat needed");
-  check_texts("input_names", e.names.input_names);
-  check_texts("output_names", e.names.output_names);
-  check_texts("input_units", e.names.input_units);
-  check_texts("output_units", e.names.output_units);
+  const std::pair<const char*, const Names&> texts[] = {{"input_names", e.names.input_names},
+                                                        {"output_names", e.names.output_names},
+                                                        {"input_units", e.names.input_units},
+                                                        {"output_units", e.names.output_units}};
+  for (const auto& [key, list] : texts) {
+    check_texts(key, list);
+    check_no_formula(key, list);
+  }
 }
 
 }  // namespace

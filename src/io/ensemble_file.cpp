@@ -3,6 +3,7 @@
 #include <array>
 #include <mutex>
 
+#include "descriptor.hpp"
 #include "formats.hpp"
 #include "hdf5_blocks.hpp"
 #include "linalg/transposition.hpp"
@@ -17,7 +18,12 @@ namespace {
 namespace fs = std::filesystem;
 using io::fail;
 
-io::Fields outlines(const fs::path& path) { return io::Fields(io::read_hdf5(path, io::ensemble_names(), {"u", "y"})); }
+io::Fields outlines(const fs::path& path) {
+  const io::Unchanged file(path);
+  io::Contents found = io::read_hdf5(path, io::ensemble_names(), {"u", "y"});
+  file.check();
+  return io::Fields(std::move(found));
+}
 
 // Names, sizes and the sample time as load_ensemble() checks them, on an ensemble without a step of its own.
 void check(const io::EnsembleOutline& outline) {

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "linalg/transposition.hpp"
+#include "options_json.hpp"
 #include "schema.hpp"
 
 namespace tokid::io {
@@ -123,6 +124,13 @@ FreeResponse free_response_of(const Fields& fields, Index outputs) {
 }
 
 }  // namespace
+
+void check_options(const std::string& options) {
+  if (is_modest(options)) return;
+  const JsonMeasure found = measure_json(options);
+  fail("data set 'options': {} bytes, {} brackets deep, with {} keys found; at most {}, {} and {} needed",
+       options.size(), found.depth, found.keys, longest_options, deepest_options, most_options);
+}
 
 Array scalar(double value) { return {{}, std::vector<double>{value}}; }
 Array scalar(Index value) { return {{}, std::vector<std::int64_t>{value}}; }

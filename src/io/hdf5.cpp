@@ -1,11 +1,18 @@
 // HDF5, and the HDF5 that MATLAB writes as version 7.3 of its .mat.
 // SPDX-License-Identifier: BSD-3-Clause
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
+#include <cstdlib>
 #include <cstring>
 #include <functional>
+#include <map>
 #include <optional>
+#include <unordered_set>
 
 #include "atomic_file.hpp"
+#include "claims.hpp"
 #include "formats.hpp"
 #include "hdf5_handles.hpp"
 #include "matlab.hpp"
@@ -21,7 +28,7 @@ namespace {
 struct Node {
   std::string name;
   Handle id, type, space;
-  std::function<herr_t(hid_t memory_type, void* to)> read;
+  std::function<herr_t(hid_t memory_type, void* to, hid_t transfer)> read;
   bool is_attribute;
 };
 
@@ -33,18 +40,38 @@ Node open_attribute(hid_t object, const std::string& name) {
           std::move(id),
           std::move(type),
           std::move(space),
-          [raw](hid_t memory_type, void* to) { return H5Aread(raw, memory_type, to); },
+          [raw](hid_t memory_type, void* to, hid_t) { return H5Aread(raw, memory_type, to); },
           true};
 }
 
+// Values that lie elsewhere than in the file would have it lead to any other that the user may read. Two filters of the
+// library trust what the file says of the bits to unpack, and write beyond their buffers.
+void check_storage(hid_t data, const std::string& name) {
+  const Handle properties(H5Dget_create_plist(data), H5Pclose, name);
+  if (H5Pget_layout(properties) == H5D_VIRTUAL || H5Pget_external_count(properties) > 0)
+    fail("data set '{}': values in other files found, the values themselves needed", name);
+  const int filters = checked(H5Pget_nfilters(properties), name);
+  for (int i = 0; i < filters; ++i) {
+    size_t values = 0;
+    unsigned flags = 0, config = 0;
+    const H5Z_filter_t filter = H5Pget_filter2(properties, unsigned(i), &flags, &values, nullptr, 0, nullptr, &config);
+    if (filter == H5Z_FILTER_NBIT || filter == H5Z_FILTER_SCALEOFFSET)
+      fail("data set '{}': filter '{}' found, another one needed: h5repack -f GZIP=4", name,
+           filter == H5Z_FILTER_NBIT ? "nbit" : "scaleoffset");
+  }
+}
+
 Node data_set_of(Handle id, const std::string& name) {
+  check_storage(id, name);
   Handle type(H5Dget_type(id), H5Tclose, name), space(H5Dget_space(id), H5Sclose, name);
   const hid_t raw = id;
   return {name,
           std::move(id),
           std::move(type),
           std::move(space),
-          [raw](hid_t memory_type, void* to) { return H5Dread(raw, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, to); },
+          [raw](hid_t memory_type, void* to, hid_t transfer) {
+            return H5Dread(raw, memory_type, H5S_ALL, H5S_ALL, transfer, to);
+          },
           false};
 }
 
@@ -55,20 +82,21 @@ Shape shape_of(const Node& node) {
   return Shape(dims.begin(), dims.end());
 }
 
-hsize_t file_size(hid_t object) {
-  const Handle file(H5Iget_file_id(object), H5Fclose);
-  hsize_t bytes = 0;
-  checked(H5Fget_filesize(file, &bytes));
-  return bytes;
+// Chunks are unpacked whole, however few of their values are in use.
+void check_chunk(const Node& node, hid_t properties, size_t item, const Claims& claims) {
+  std::vector<hsize_t> chunk(size_t(H5Sget_simple_extent_ndims(node.space)), 1);
+  checked(H5Pget_chunk(properties, int(chunk.size()), chunk.data()), node.name);
+  Claims(claims).add(node.name, Shape(chunk.begin(), chunk.end()), item, item);
 }
 
-void check_stored(const Node& node, const Shape& shape) {
+void check_stored(const Node& node, const Shape& shape, size_t memory_item, Claims& claims) {
   const size_t item = H5Tget_size(node.type);
+  claims.add(node.name, shape, item, memory_item);
   const size_t bytes = checked_product(shape, item);
-  check_claim(node.name, shape, item, file_size(node.id));
   if (node.is_attribute || bytes == 0) return;
   const Handle properties(H5Dget_create_plist(node.id), H5Pclose, node.name);
   const H5D_layout_t layout = H5Pget_layout(properties);
+  if (layout == H5D_CHUNKED) check_chunk(node, properties, item, claims);
   const hsize_t stored = H5Dget_storage_size(node.id);
   if ((layout == H5D_CONTIGUOUS && stored < bytes) || stored == 0)
     fail("data set '{}': {} stored bytes found, {} needed for shape {}", node.name, stored, bytes, text(shape));
@@ -83,25 +111,119 @@ std::string fixed_text(const char* bytes, size_t size, H5T_str_t padding) {
 std::vector<std::string> read_fixed_texts(const Node& node, size_t count) {
   const size_t size = H5Tget_size(node.type);
   std::vector<char> bytes(checked_product({count, size}));
-  checked(node.read(node.type, bytes.data()), node.name);
+  checked(node.read(node.type, bytes.data(), H5P_DEFAULT), node.name);
   const H5T_str_t padding = H5Tget_strpad(node.type);
   std::vector<std::string> texts;
   for (size_t i = 0; i < count; ++i) texts.push_back(fixed_text(bytes.data() + i * size, size, padding));
   return texts;
 }
 
-std::vector<std::string> read_variable_texts(const Node& node, size_t count) {
+// Many entries may refer to one long text, and each gets a copy: no more of them than there is memory.
+void* allocate_within(size_t bytes, void* left) {
+  auto& budget = *static_cast<std::uint64_t*>(left);
+  if (bytes > budget) return nullptr;
+  budget -= bytes;
+  return std::malloc(bytes);
+}
+void free_text(void* text, void*) { std::free(text); }
+
+// Texts of variable length lie in heaps, which the library trusts: it takes memory for the length that an entry claims,
+// walks from object to object wherever their sizes lead, and copies as much as they say. So the heaps are looked at
+// first, where the entries that refer to them lie in one piece.
+class TextHeaps {
+ public:
+  TextHeaps(const Node& node, const Claims& claims) : node_(node), file_bytes_(claims.file_bytes()) {}
+
+  void check(size_t count) {
+    constexpr size_t entry = 16;  // length, address of the heap, number of the object in it
+    const haddr_t offset = node_.is_attribute ? HADDR_UNDEF : H5Dget_offset(node_.id);
+    if (offset == HADDR_UNDEF || H5Dget_storage_size(node_.id) != count * entry || !open()) return;
+    const std::vector<char> entries = read(offset, count * entry);
+    for (const char* at = entries.data(); at != entries.data() + entries.size(); at += entry) {
+      const std::uint64_t length = number(at, 4), heap = number(at + 4, 8), index = number(at + 12, 4);
+      if (length == 0) continue;
+      if (!heaps_.contains(heap)) heaps_[heap] = sizes(heap);
+      const auto object = heaps_[heap].find(index);
+      if (object == heaps_[heap].end() || object->second < length)
+        fail("data set '{}': a text of {} bytes found that its heap does not hold", node_.name, length);
+    }
+  }
+
+ private:
+  // The sizes in the file are those of the entry above, as they are almost everywhere.
+  bool open() {
+    const Handle file(H5Iget_file_id(node_.id), H5Fclose, node_.name);
+    const Handle creation(H5Fget_create_plist(file), H5Pclose, node_.name);
+    size_t address_bytes = 0, size_bytes = 0;
+    void* descriptor = nullptr;
+    checked(H5Pget_sizes(creation, &address_bytes, &size_bytes), node_.name);
+    checked(H5Pget_userblock(creation, &before_), node_.name);
+    if (H5Fget_vfd_handle(file, H5P_DEFAULT, &descriptor) < 0 || descriptor == nullptr) return false;
+    descriptor_ = *static_cast<const int*>(descriptor);
+    return address_bytes == 8 && size_bytes == 8;
+  }
+
+  // Of each object by its number.
+  std::map<std::uint64_t, std::uint64_t> sizes(std::uint64_t address) const {
+    constexpr size_t header = 16;  // of a heap and of an object alike
+    const auto damaged = [&] { fail("data set '{}': damaged heap of texts found", node_.name); };
+    if (address > file_bytes_) damaged();
+    const std::vector<char> start = read(before_ + address, header);
+    const std::uint64_t bytes = number(start.data() + 8, 8);
+    if (std::string_view(start.data(), 4) != "GCOL" || bytes < header || bytes > file_bytes_) damaged();
+    const std::vector<char> heap = read(before_ + address, bytes);
+    std::map<std::uint64_t, std::uint64_t> found;
+    for (size_t at = header; at + header <= bytes;) {
+      const std::uint64_t index = number(&heap[at], 2), size = number(&heap[at + 8], 8), left = bytes - at;
+      if (size > left) damaged();
+      const std::uint64_t step = index == 0 ? size : header + (size + 7) / 8 * 8;  // 0: what is free, with its header
+      if (step < header || step > left) damaged();
+      if (index > 0) found[index] = size;
+      at += step;
+    }
+    return found;
+  }
+
+  std::vector<char> read(std::uint64_t offset, std::uint64_t bytes) const {
+    if (offset > file_bytes_ || bytes > file_bytes_ - offset) fail("data set '{}': truncated", node_.name);
+    std::vector<char> result(bytes);
+    if (pread(descriptor_, result.data(), bytes, off_t(offset)) != ssize_t(bytes))
+      fail("data set '{}': truncated", node_.name);
+    return result;
+  }
+
+  static std::uint64_t number(const char* at, size_t bytes) {  // the lowest byte first
+    std::uint64_t value = 0;
+    for (size_t k = 0; k < bytes; ++k) value |= std::uint64_t{static_cast<unsigned char>(at[k])} << (8 * k);
+    return value;
+  }
+
+  const Node& node_;
+  std::uint64_t file_bytes_;
+  hsize_t before_ = 0;  // the block of a user, MATLAB's, from whose end addresses count
+  int descriptor_ = -1;
+  std::map<std::uint64_t, std::map<std::uint64_t, std::uint64_t>> heaps_;
+};
+
+std::vector<std::string> read_variable_texts(const Node& node, size_t count, const Claims& claims) {
+  // Attributes are read without a choice of the allocation.
+  if (node.is_attribute && count > 1) Claims(claims).add(node.name, {count}, 1, claims.file_bytes());
+  TextHeaps(node, claims).check(count);
+  std::uint64_t left = claims.left();
+  const Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose, node.name);
+  checked(H5Pset_vlen_mem_manager(transfer, allocate_within, &left, free_text, nullptr), node.name);
   std::vector<char*> pointers(count, nullptr);
-  checked(node.read(node.type, pointers.data()), node.name);
+  checked(node.read(node.type, pointers.data(), transfer), node.name);
   std::vector<std::string> texts;
   texts.reserve(count);
   for (const char* pointer : pointers) texts.emplace_back(pointer ? pointer : "");
-  checked(H5Dvlen_reclaim(node.type, node.space, H5P_DEFAULT, pointers.data()), node.name);
+  checked(H5Dvlen_reclaim(node.type, node.space, node.is_attribute ? H5P_DEFAULT : hid_t(transfer), pointers.data()),
+          node.name);
   return texts;
 }
 
-std::vector<std::string> read_texts(const Node& node, size_t count) {
-  auto texts = checked(H5Tis_variable_str(node.type), node.name) > 0 ? read_variable_texts(node, count)
+std::vector<std::string> read_texts(const Node& node, size_t count, const Claims& claims) {
+  auto texts = checked(H5Tis_variable_str(node.type), node.name) > 0 ? read_variable_texts(node, count, claims)
                                                                      : read_fixed_texts(node, count);
   for (const auto& text : texts)
     if (!utf32_from(text)) fail("data set '{}': invalid bytes found, UTF-8 text needed", node.name);
@@ -141,42 +263,46 @@ bool is_plain_number(const Node& node, H5T_class_t type) {
 }
 
 // Numbers may be left in the file: their shape alone then.
-Array read_node(const Node& node, bool with_numbers = true) {
+Array read_node(const Node& node, Claims& claims, bool with_numbers = true) {
   const H5S_class_t extent = H5Sget_simple_extent_type(node.space);
   if (extent != H5S_SCALAR && extent != H5S_SIMPLE) return {{0}, Foreign{"nothing (an empty data space)"}};
   const Shape shape = shape_of(node);
-  check_stored(node, shape);
-  const size_t count = checked_product(shape);
   const H5T_class_t type = H5Tget_class(node.type);
-  if (type == H5T_STRING) return {shape, read_texts(node, count)};
-  if (!is_plain_number(node, type)) return {shape, Foreign{foreign_kind(node, type)}};
+  const bool is_text = type == H5T_STRING, is_number = !is_text && is_plain_number(node, type);
+  check_stored(node, shape,
+               is_text                     ? sizeof(std::string) + H5Tget_size(node.type)
+               : is_number && with_numbers ? sizeof(double)
+                                           : 0,
+               claims);
+  const size_t count = checked_product(shape);
+  if (is_text) return {shape, read_texts(node, count, claims)};
+  if (!is_number) return {shape, Foreign{foreign_kind(node, type)}};
   if (!with_numbers) return {shape, std::vector<double>{}};
-  check_claim(node.name, shape, sizeof(double), file_size(node.id) * sizeof(double));
   std::vector<double> numbers(count);
-  if (count > 0) checked(node.read(H5T_NATIVE_DOUBLE, numbers.data()), node.name);
+  if (count > 0) checked(node.read(H5T_NATIVE_DOUBLE, numbers.data(), H5P_DEFAULT), node.name);
   return {shape, std::move(numbers)};
 }
 
 // ---- MATLAB's variables ----
 
-std::optional<std::string> matlab_class(hid_t object) {
+std::optional<std::string> matlab_class(hid_t object, Claims& claims) {
   if (checked(H5Aexists(object, "MATLAB_class")) == 0) return std::nullopt;
-  const Array array = read_node(open_attribute(object, "MATLAB_class"));
+  const Array array = read_node(open_attribute(object, "MATLAB_class"), claims);
   const auto* text = std::get_if<std::vector<std::string>>(&array.values);
   return text && text->size() == 1 ? text->front() : "";
 }
 
-Array matlab_value(Node node, const std::string& kind);
+Array matlab_value(Node node, const std::string& kind, Claims& claims);
 
-Array matlab_cell(const Node& node, const Shape& shape) {
+Array matlab_cell(const Node& node, const Shape& shape, Claims& claims) {
   std::vector<hobj_ref_t> references(checked_product(shape));
-  checked(node.read(H5T_STD_REF_OBJ, references.data()), node.name);
+  checked(node.read(H5T_STD_REF_OBJ, references.data(), H5P_DEFAULT), node.name);
   std::vector<std::string> texts;
   for (const auto& reference : references) {
     Handle object(H5Rdereference2(node.id, H5P_DEFAULT, H5R_OBJECT, &reference), H5Oclose, node.name);
-    if (H5Iget_type(object) != H5I_DATASET || matlab_class(object) != "char")
+    if (H5Iget_type(object) != H5I_DATASET || matlab_class(object, claims) != "char")
       return {shape, Foreign{"a cell array of other things than texts"}};
-    const Array item = matlab_value(data_set_of(std::move(object), node.name), "char");
+    const Array item = matlab_value(data_set_of(std::move(object), node.name), "char", claims);
     const auto* text = std::get_if<std::vector<std::string>>(&item.values);
     if (!text || text->size() != 1) return {shape, Foreign{"a cell array of other things than texts"}};
     texts.push_back(text->front());
@@ -187,8 +313,8 @@ Array matlab_cell(const Node& node, const Shape& shape) {
 // Empty arrays are stored as their sizes.
 bool is_empty(const Node& node) { return checked(H5Aexists(node.id, "MATLAB_empty"), node.name) > 0; }
 
-Array matlab_empty(const Node& node) {
-  const Array sizes = read_node(node);
+Array matlab_empty(const Node& node, Claims& claims) {
+  const Array sizes = read_node(node, claims);
   Shape shape;
   if (const auto* numbers = std::get_if<std::vector<double>>(&sizes.values))
     for (const double n : *numbers) shape.push_back(n >= 0 && n < 9e15 ? static_cast<size_t>(n) : 0);
@@ -196,18 +322,18 @@ Array matlab_empty(const Node& node) {
   return {shape, std::vector<double>{}};
 }
 
-Array matlab_value(Node node, const std::string& kind) {
+Array matlab_value(Node node, const std::string& kind, Claims& claims) {
   if (is_empty(node)) {
-    Array array = matlab_empty(node);
+    Array array = matlab_empty(node, claims);
     return kind == "char" ? char_array(u"", array.shape) : array;
   }
   Shape shape = shape_of(node);
   std::reverse(shape.begin(), shape.end());
   if (kind == "cell" && H5Tget_class(node.type) == H5T_REFERENCE) {
-    check_stored(node, shape);
-    return matlab_cell(node, shape);
+    check_stored(node, shape, sizeof(hobj_ref_t) + sizeof(std::string), claims);
+    return matlab_cell(node, shape, claims);
   }
-  Array array = read_node(node);
+  Array array = read_node(node, claims);
   const auto* numbers = std::get_if<std::vector<double>>(&array.values);
   if (kind != "char" || !numbers) return numbers ? reversed(array) : array;
   std::u16string codes;
@@ -217,43 +343,53 @@ Array matlab_value(Node node, const std::string& kind) {
 
 // ---- the root group ----
 
-Names link_names(hid_t group) {
-  H5G_info_t info;
-  checked(H5Gget_info(group, &info));
-  Names names;
-  for (hsize_t i = 0; i < info.nlinks; ++i) {
-    const auto get = [&](char* to, size_t size) {
-      return checked(H5Lget_name_by_idx(group, ".", H5_INDEX_NAME, H5_ITER_INC, i, to, size, H5P_DEFAULT));
-    };
-    std::string name(static_cast<size_t>(get(nullptr, 0)), '\0');
-    get(name.data(), name.size() + 1);
-    if (!name.starts_with('#')) names.push_back(std::move(name));  // MATLAB's own
+// For the library's iterations, which know no exceptions.
+herr_t keep(const char* name, void* names) {
+  try {
+    static_cast<Names*>(names)->emplace_back(name);
+    return 0;
+  } catch (const std::bad_alloc&) {
+    return -1;
   }
+}
+
+Names link_names(hid_t group) {
+  Names names;
+  const auto add = [](hid_t, const char* name, const H5L_info_t*, void* to) { return keep(name, to); };
+  checked(H5Literate(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &names));
+  std::erase_if(names, [](const std::string& name) { return name.starts_with('#'); });  // MATLAB's own
   return names;
 }
 
 Names attribute_names(hid_t group) {
-  const int count = checked(H5Aget_num_attrs(group));
   Names names;
-  for (int i = 0; i < count; ++i) {
-    const Handle id(
-        H5Aopen_by_idx(group, ".", H5_INDEX_NAME, H5_ITER_INC, static_cast<hsize_t>(i), H5P_DEFAULT, H5P_DEFAULT),
-        H5Aclose);
-    std::string name(static_cast<size_t>(checked(H5Aget_name(id, 0, nullptr))), '\0');
-    checked(H5Aget_name(id, name.size() + 1, name.data()));
-    names.push_back(std::move(name));
-  }
+  const auto add = [](hid_t, const char* name, const H5A_info_t*, void* to) { return keep(name, to); };
+  checked(H5Aiterate2(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &names));
   return names;
 }
 
-Array read_link(hid_t root, const std::string& name, bool with_numbers, Layout& layout) {
-  Handle object(H5Oopen(root, name.c_str(), H5P_DEFAULT), H5Oclose, name);
-  const auto kind = matlab_class(object);
+// A file leads to no other one: neither by a link of its own nor by the name that a soft link holds.
+Handle open_object(hid_t root, const std::string& name) {
+  H5L_info_t link;
+  checked(H5Lget_info(root, name.c_str(), &link, H5P_DEFAULT), name);
+  if (link.type != H5L_TYPE_HARD && link.type != H5L_TYPE_SOFT)
+    fail("data set '{}': a link to another file found, the values themselves needed", name);
+  const auto refuse = [](const char*, const char*, const char*, const char*, unsigned*, hid_t, void*) -> herr_t {
+    return -1;
+  };
+  const Handle access(H5Pcreate(H5P_LINK_ACCESS), H5Pclose, name);
+  checked(H5Pset_elink_cb(access, refuse, nullptr), name);
+  return {H5Oopen(root, name.c_str(), access), H5Oclose, name};
+}
+
+Array read_link(hid_t root, const std::string& name, bool with_numbers, Layout& layout, Claims& claims) {
+  Handle object = open_object(root, name);
+  const auto kind = matlab_class(object, claims);
   if (kind) layout = Layout::matlab;
   if (H5Iget_type(object) != H5I_DATASET) return {{}, Foreign{kind ? "a struct or sparse matrix" : "a group"}};
   Node node = data_set_of(std::move(object), name);
-  if (!with_numbers && kind && *kind != "char" && *kind != "cell") return read_node(node, false);
-  return kind ? matlab_value(std::move(node), *kind) : read_node(node, with_numbers);
+  if (!with_numbers && kind && *kind != "char" && *kind != "cell") return read_node(node, claims, false);
+  return kind ? matlab_value(std::move(node), *kind, claims) : read_node(node, claims, with_numbers);
 }
 
 }  // namespace
@@ -262,15 +398,17 @@ Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const
   const QuietHdf5 quiet;
   const Handle file = open_hdf5(path);
   const Handle root(H5Gopen2(file, "/", H5P_DEFAULT), H5Gclose);
+  Claims claims(std::filesystem::file_size(path));
   Contents contents;
   contents.names = link_names(root);
   for (const auto& name : contents.names)
     if (contains(wanted, name))
-      contents.arrays.emplace_back(name, read_link(root, name, !contains(outlined, name), contents.layout));
+      contents.arrays.emplace_back(name, read_link(root, name, !contains(outlined, name), contents.layout, claims));
+  const std::unordered_set<std::string> known(contents.names.begin(), contents.names.end());
   for (const auto& name : attribute_names(root)) {
-    if (contains(contents.names, name)) continue;
+    if (known.count(name) > 0) continue;
     contents.names.push_back(name);
-    if (contains(wanted, name)) contents.arrays.emplace_back(name, read_node(open_attribute(root, name)));
+    if (contains(wanted, name)) contents.arrays.emplace_back(name, read_node(open_attribute(root, name), claims));
   }
   return contents;
 }

@@ -44,21 +44,7 @@ void reserve(const std::filesystem::path& path, std::uint64_t bytes) {
 
 }  // namespace
 
-// Without one there are no hints.
-Hdf5Source::Descriptor::Descriptor(const std::filesystem::path& path)
-    : number(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {}
-
-Hdf5Source::Descriptor::~Descriptor() {
-  if (number >= 0) ::close(number);
-}
-
-std::int64_t Hdf5Source::Descriptor::bytes() const {
-  struct stat found;
-  return number >= 0 && fstat(number, &found) == 0 ? std::int64_t(found.st_size) : -1;
-}
-
-Hdf5Source::Hdf5Source(const std::filesystem::path& path)
-    : file_(open_for_blocks(path)), descriptor_(path), bytes_(descriptor_.bytes()) {}
+Hdf5Source::Hdf5Source(const std::filesystem::path& path) : file_(open_for_blocks(path)), bytes_(path) {}
 
 Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
     : source_(source), name_(name), data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name) {
@@ -85,13 +71,11 @@ void Hdf5Source::Samples::read(const Hyperslab& part, double* to) const {
   const QuietHdf5 quiet;
   const Handle from = selected(data_, name_, part), memory = memory_of(part);
   checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
-  // The library takes what lies behind the end of a file for zeros.
-  if (const std::int64_t bytes = source_.descriptor_.bytes(); bytes >= 0 && bytes < source_.bytes_)
-    fail("'{}': the file became shorter while it was read, from {} to {} bytes", name_, source_.bytes_, bytes);
+  source_.bytes_.check();
 }
 
 void Hdf5Source::Samples::expect(const Hyperslab& part) const {
-  const int descriptor = source_.descriptor_.number;
+  const int descriptor = source_.bytes_.descriptor();  // without one there are no hints
   if (descriptor < 0 || offset_ < 0 || rank_ < 2) return;
   // Runs of the last two axes, those of each experiment.
   const size_t last = size_t(rank_) - 1;

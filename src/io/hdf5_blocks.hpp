@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "descriptor.hpp"
 #include "hdf5_handles.hpp"
 
 namespace tokid::io {
@@ -40,17 +41,8 @@ class Hdf5Source {
   };
 
  private:
-  struct Descriptor {
-    explicit Descriptor(const std::filesystem::path& path);
-    ~Descriptor();
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
-    std::int64_t bytes() const;  // of the file, or negative
-    int number;
-  };
   Handle file_;
-  Descriptor descriptor_;
-  std::int64_t bytes_;  // when it was opened
+  Unchanged bytes_;
 };
 
 // A file that is written data set by data set, with all of its space reserved before the first of the large ones: a

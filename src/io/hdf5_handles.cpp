@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "text.hpp"
-
 namespace tokid::io {
 
 QuietHdf5::QuietHdf5() {
@@ -21,7 +19,7 @@ std::string hdf5_reason() {
     return 0;
   };
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, innermost, &text);
-  return text.empty() ? "the HDF5 library gives no reason" : single_line(text);
+  return text.empty() ? "the HDF5 library gives no reason" : text;
 }
 
 Handle open_hdf5(const std::string& path, hid_t access) {

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/io.hpp"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <cctype>
 #include <fstream>
 
 #include "atomic_file.hpp"
+#include "descriptor.hpp"
 #include "formats.hpp"
 #include "naming.hpp"
 #include "schema.hpp"
@@ -64,40 +62,13 @@ void write(const io::Arrays& arrays, const fs::path& path, Format format, const 
   }
 }
 
-// A file whose bytes change while they are read shows something that never was. One that another file takes the name of
-// stays as it is.
-class Unchanged {
- public:
-  explicit Unchanged(const fs::path& path)
-      : file_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)), before_(look()) {}
-
-  void check() const {
-    const struct stat now = look();
-    if (now.st_size < before_.st_size)
-      fail("the file became shorter while it was read, from {} to {} bytes", before_.st_size, now.st_size);
-    if (now.st_size != before_.st_size || now.st_mtim.tv_sec != before_.st_mtim.tv_sec ||
-        now.st_mtim.tv_nsec != before_.st_mtim.tv_nsec)
-      fail("the file changed while it was read");
-  }
-
- private:
-  struct stat look() const {
-    struct stat found = {};
-    if (file_ >= 0) fstat(file_, &found);
-    return found;
-  }
-
-  io::Descriptor file_;
-  struct stat before_;
-};
-
 // What a file holds, named where it can't be read.
 template <class Read>
 auto loaded(const fs::path& path, Read&& content) {
   return naming(path, [&] {
     const Format format = format_of(path);
     check_readable(path);
-    const Unchanged file(path);
+    const io::Unchanged file(path);
     auto result = content(format);
     file.check();
     return result;

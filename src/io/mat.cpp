@@ -4,15 +4,15 @@
 #include <matio.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
-#include <fstream>
 #include <memory>
 #include <mutex>
 #include <optional>
 
 #include "atomic_file.hpp"
+#include "claims.hpp"
 #include "formats.hpp"
+#include "mat_frame.hpp"
 #include "matlab.hpp"
 #include "text.hpp"
 
@@ -35,72 +35,11 @@ thread_local std::string last_message;
 
 void listen_to_matio() {
   static std::once_flag once;
-  std::call_once(once,
-                 [] { Mat_LogInitFunc("tokid", [](int, char* message) { last_message = single_line(message); }); });
+  std::call_once(once, [] { Mat_LogInitFunc("tokid", [](int, char* message) { last_message = message; }); });
   last_message.clear();
 }
 
 std::string reason() { return last_message.empty() ? "truncated or damaged" : last_message; }
-
-// ---- the frame of the file, looked at before matio trusts it ----
-
-constexpr std::uint64_t header_bytes = 128;
-
-enum class Container { version5, hdf5 };
-
-template <typename T>
-T load(const char* bytes, bool swap) {
-  T value = 0;
-  for (size_t i = 0; i < sizeof(T); ++i) {
-    const size_t at = swap ? sizeof(T) - 1 - i : i;
-    value = static_cast<T>(value | (T{static_cast<unsigned char>(bytes[at])} << (8 * i)));
-  }
-  return value;
-}
-
-bool is_hdf5(std::istream& file) {
-  constexpr std::string_view signature = "\x89HDF\r\n\x1a\n";
-  for (const int offset : {0, 512}) {
-    std::array<char, 8> start{};
-    file.clear();
-    file.seekg(offset);
-    file.read(start.data(), start.size());
-    if (std::string_view(start.data(), start.size()) == signature) return true;
-  }
-  return false;
-}
-
-// A file of version 5 is a header and a chain of elements with their sizes, the last of which ends where the file does.
-// matio takes a broken chain for the end of the file.
-void check_elements(std::istream& file, std::uint64_t size, bool swap) {
-  constexpr std::uint32_t matrix = 14, compressed = 15;
-  std::uint64_t at = header_bytes;
-  for (int count = 1; at < size; ++count) {
-    std::array<char, 8> tag{};
-    file.clear();
-    file.seekg(static_cast<std::streamoff>(at));
-    if (!file.read(tag.data(), tag.size())) fail("truncated in variable {}", count);
-    const auto type = load<std::uint32_t>(tag.data(), swap), bytes = load<std::uint32_t>(tag.data() + 4, swap);
-    if (type != matrix && type != compressed) fail("variable {} is damaged: element of type {} found", count, type);
-    at += tag.size() + bytes;
-    if (at > size) fail("truncated in variable {}: {} bytes found, {} needed", count, size, at);
-  }
-}
-
-Container check_container(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (is_hdf5(file)) return Container::hdf5;
-  std::array<char, header_bytes> header{};
-  file.clear();
-  file.seekg(0);
-  file.read(header.data(), header.size());
-  const std::string_view order(&header[126], 2);
-  const bool swap = order == "MI";
-  if (!file || (order != "IM" && order != "MI") || load<std::uint16_t>(&header[124], swap) != 0x0100)
-    fail("no header of a .mat file found, MATLAB version 5, 7 or 7.3 needed (save -v7)");
-  check_elements(file, std::filesystem::file_size(path), swap);
-  return Container::version5;
-}
 
 // ---- reading ----
 
@@ -152,7 +91,7 @@ std::u16string utf16_codes(const matvar_t& variable, size_t count) {
   std::u16string codes;
   for (size_t i = 0; i < count; ++i)
     codes += width == 1   ? static_cast<char16_t>(static_cast<unsigned char>(bytes[i]))
-             : width == 2 ? static_cast<char16_t>(load<std::uint16_t>(bytes + 2 * i, false))
+             : width == 2 ? static_cast<char16_t>(load_bytes<std::uint16_t>(bytes + 2 * i, false))
                           : u'\xFFFD';
   return codes;
 }
@@ -212,9 +151,9 @@ Array value_of(const matvar_t& variable) {
   return reversed({Shape(shape.rbegin(), shape.rend()), std::move(*numbers)});
 }
 
-Array read_variable(mat_t* file, matvar_t* variable, std::uint64_t file_bytes) {
+Array read_variable(mat_t* file, matvar_t* variable, Claims& claims) {
   // Numbers may be stored in one byte that take eight in memory.
-  check_claim(variable->name, shape_of(*variable), sizeof(double), file_bytes * sizeof(double));
+  claims.add(variable->name, shape_of(*variable), 1, sizeof(double));
   if (Mat_VarReadDataAll(file, variable) != 0) fail("data set '{}' can't be read: {}", variable->name, reason());
   return value_of(*variable);
 }
@@ -263,18 +202,18 @@ Variable variable_of(const std::string& name, const Array& array) {
 }  // namespace
 
 Contents read_mat(const std::filesystem::path& path, const Names& wanted) {
-  if (check_container(path) == Container::hdf5) return read_hdf5(path, wanted);
+  if (check_mat(path) == MatContainer::hdf5) return read_hdf5(path, wanted);
   listen_to_matio();
   const File file(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
   if (!file) fail("no readable .mat file: {}", reason());
   Contents contents;
   contents.layout = Layout::matlab;
+  Claims claims(std::filesystem::file_size(path));
   while (const Variable variable{Mat_VarReadNextInfo(file.get())}) {
     if (!variable->name) continue;
     const std::string name = variable->name;
     contents.names.push_back(name);
-    if (contains(wanted, name))
-      contents.arrays.emplace_back(name, read_variable(file.get(), variable.get(), std::filesystem::file_size(path)));
+    if (contains(wanted, name)) contents.arrays.emplace_back(name, read_variable(file.get(), variable.get(), claims));
   }
   return contents;
 }
@@ -295,8 +234,8 @@ bool reads_back(const Arrays& arrays, const std::filesystem::path& path) {
 
 // What the rest of a file is refused for, of which the library does not tell.
 [[noreturn]] void fail_incomplete(const Arrays& arrays, const std::filesystem::path& path, std::string_view why) {
-  std::uint64_t bytes = header_bytes;
-  for (const auto& [name, array] : arrays) bytes += header_bytes + checked_product(array.shape, sizeof(double));
+  std::uint64_t bytes = mat_header_bytes;
+  for (const auto& [name, array] : arrays) bytes += mat_header_bytes + checked_product(array.shape, sizeof(double));
   const Descriptor file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
   if (const int error = file < 0 ? errno : posix_fallocate(file, 0, off_t(bytes))) fail_to_write(error);
   throw WriteError(fmt::format("can't be written completely: {}", why), 0);

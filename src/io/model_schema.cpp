@@ -248,6 +248,7 @@ Model model_of(const Fields& fields) {
   if (fields.has("initial_state")) model.initial_state = initial_state_from(fields.text("initial_state"));
   for (const auto& [name, field] : text_fields)
     if (fields.has(name)) model.*field = fields.text(name);
+  check_options(model.options);
   model.names = channels_of(fields);
   for (const auto& stack : stacks)
     if (stack.required || fields.has(stack.name)) model.*stack.list = read_stack(fields, stack, model, steps, states);

@@ -8,15 +8,18 @@
 #include <stdexcept>
 
 #include "arrays.hpp"
-#include "text.hpp"
 
 namespace tokid::io {
 
 // Runs f and puts the name of the file in front of whatever it complains about, on one line.
 template <typename F>
 auto naming(const std::filesystem::path& path, F&& f) {
-  const auto named = [&](const char* message) { return single_line(fmt::format("{}: {}", path.string(), message)); };
-  const auto rethrow = [&](const char* message) { throw IoError(named(message)); };
+  const auto named = [&](std::string_view message) {
+    constexpr size_t longest = 2000;  // what a file is made to say may be long
+    return printable(
+        fmt::format("{}: {}{}", path.string(), message.substr(0, longest), message.size() > longest ? " …" : ""));
+  };
+  const auto rethrow = [&](std::string_view message) { throw IoError(named(message)); };
   try {
     return f();
   } catch (const WriteError& error) {

@@ -12,8 +12,10 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <unordered_set>
 
 #include "atomic_file.hpp"
+#include "claims.hpp"
 #include "formats.hpp"
 #include "text.hpp"
 
@@ -191,7 +193,7 @@ std::string kind_in_words(const std::string& descr) {
     case 'm':
       return fmt::format("dates or times ({})", descr);
     default:
-      return fmt::format("values of type '{}'", single_line(descr));
+      return fmt::format("values of type '{}'", descr);
   }
 }
 
@@ -239,9 +241,6 @@ class Entry {
       fail("data set '{}' can't be read: {}", name_, zip_strerror(archive));
     if (stat.comp_method != ZIP_CM_STORE && stat.comp_method != ZIP_CM_DEFLATE)
       fail("data set '{}': zip method {} found, stored or deflated needed", name_, stat.comp_method);
-    if (stat.comp_size < stat.size / 1032)
-      fail("data set '{}': {} bytes found in {} stored bytes, a consistent size needed", name_, stat.size,
-           stat.comp_size);
     left_ = stat.size;
     file_.reset(zip_fopen_index(archive, index, 0));
     if (!file_) fail("data set '{}' can't be read: {}", name_, zip_strerror(archive));
@@ -285,11 +284,13 @@ NpyHeader read_header(Entry& entry, const std::string& name) {
   unsigned char length[4] = {};
   entry.read(length, version == 1 ? 2 : 4);
   const size_t size = size_t{length[0]} | size_t{length[1]} << 8 | size_t{length[2]} << 16 | size_t{length[3]} << 24;
-  if (size > entry.left()) fail("data set '{}': truncated header found, {} bytes needed", name, size);
+  constexpr size_t most = 1 << 16;
+  if (size > most) fail("data set '{}': header of {} bytes found, at most {} needed", name, size, most);
+  if (size > entry.left()) fail("data set '{}': truncated in its header, {} bytes of {}", name, entry.left(), size);
   std::string text(size, '\0');
   entry.read(text.data(), size);
   const auto header = HeaderParser(text).parse();
-  if (!header) fail("data set '{}': header {} found, a NumPy array's needed", name, single_line(text));
+  if (!header) fail("data set '{}': header {} found, a NumPy array's needed", name, text);
   return *header;
 }
 
@@ -307,7 +308,7 @@ std::vector<double> read_numbers(Entry& entry, const Type& type) {
   return values;
 }
 
-Array read_array(zip_t* archive, zip_uint64_t index, const std::string& name) {
+Array read_array(zip_t* archive, zip_uint64_t index, const std::string& name, Claims& claims) {
   Entry entry(archive, index, name);
   NpyHeader header = read_header(entry, name);
   const auto type = type_from(header.descr);
@@ -320,6 +321,8 @@ Array read_array(zip_t* archive, zip_uint64_t index, const std::string& name) {
   if (bytes != entry.left() || (type->size == 0 && checked_product(header.shape) > 65536))
     fail("data set '{}': {} bytes found, {} needed for shape {} of type {}", name, entry.left(), bytes,
          text(header.shape), header.descr);
+  claims.add(name, header.shape, type->item_bytes(),
+             is_text ? sizeof(std::string) + type->item_bytes() : std::max(sizeof(double), type->size));
 
   Array array{header.shape, {}};
   if (header.fortran_order) std::reverse(array.shape.begin(), array.shape.end());
@@ -406,16 +409,18 @@ Contents read_npz(const std::filesystem::path& path, const Names& wanted) {
   const Archive archive(zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code));
   if (!archive) fail("no complete .npz archive found: {}", reason(code));
   Contents contents;
+  Claims claims(std::filesystem::file_size(path));
   const zip_int64_t count = zip_get_num_entries(archive.get(), 0);
+  std::unordered_set<std::string> known;
   for (zip_int64_t i = 0; i < count; ++i) {
     const auto index = static_cast<zip_uint64_t>(i);
     const char* entry = zip_get_name(archive.get(), index, 0);
     std::string name = entry ? entry : "";
     if (!name.ends_with(".npy")) continue;
     name.resize(name.size() - 4);
-    if (contains(contents.names, name)) continue;
+    if (!known.insert(name).second) continue;
     contents.names.push_back(name);
-    if (contains(wanted, name)) contents.arrays.emplace_back(name, read_array(archive.get(), index, name));
+    if (contains(wanted, name)) contents.arrays.emplace_back(name, read_array(archive.get(), index, name, claims));
   }
   return contents;
 }

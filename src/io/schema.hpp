@@ -50,6 +50,9 @@ UpdateState update_state_of(const Fields& fields);
 void add_channels(const Channels& channels, Arrays& arrays);
 Channels channels_of(const Fields& fields);
 
+// The text of a model's options, which may be any, but not so deep or long that it can't be used. \throws IoError
+void check_options(const std::string& options);
+
 Array scalar(double value);
 Array scalar(Index value);
 Array scalar(const std::string& value);

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "text.hpp"
 
+#include <algorithm>
+
 #include "arrays.hpp"
+#include "tokid/io.hpp"
 
 namespace tokid::io {
 
@@ -67,7 +70,7 @@ std::optional<std::string> utf8_from(std::u16string_view utf16) {
 
 std::u16string utf16_from(std::string_view utf8) {
   const auto utf32 = utf32_from(utf8);
-  if (!utf32) fail("text '{}': invalid bytes found, UTF-8 needed", single_line(utf8));
+  if (!utf32) fail("text '{}': invalid bytes found, UTF-8 needed", printable(utf8));
   std::u16string out;
   for (const char32_t c : *utf32) {
     if (c >= 0x10000) out += static_cast<char16_t>(0xD800 + ((c - 0x10000) >> 10));
@@ -79,14 +82,58 @@ std::u16string utf16_from(std::string_view utf8) {
 void check_texts(std::string_view name, const std::vector<std::string>& texts) {
   for (const auto& text : texts)
     if (!utf32_from(text) || text.find('\0') != std::string::npos)
-      fail("data set '{}': text '{}' found, UTF-8 without NUL needed", name, single_line(text));
+      fail("data set '{}': text '{}' found, UTF-8 without NUL needed", name, printable(text));
 }
 
-std::string single_line(std::string_view text) {
-  std::string out(text);
-  for (char& c : out)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = ' ';
-  return out;
+size_t character_length(std::string_view text) {
+  const auto byte = [&text](size_t i) { return static_cast<unsigned char>(text[i]); };
+  const unsigned char lead = byte(0);
+  if (lead < 0x80) return 1;
+  const size_t length = lead >= 0xC2 && lead <= 0xDF   ? 2
+                        : (lead & 0xF0) == 0xE0        ? 3
+                        : lead >= 0xF0 && lead <= 0xF4 ? 4
+                                                       : 0;
+  if (length == 0 || length > text.size()) return 0;
+  for (size_t i = 1; i < length; ++i)
+    if ((byte(i) & 0xC0) != 0x80) return 0;
+  // Overlong forms, surrogates, and what lies beyond U+10FFFF
+  if ((lead == 0xE0 && byte(1) < 0xA0) || (lead == 0xED && byte(1) > 0x9F) || (lead == 0xF0 && byte(1) < 0x90) ||
+      (lead == 0xF4 && byte(1) > 0x8F))
+    return 0;
+  return length;
 }
+
+bool is_control(std::string_view character) {
+  const auto first = static_cast<unsigned char>(character[0]);
+  return first < 0x20 || first == 0x7F || (first == 0xC2 && static_cast<unsigned char>(character[1]) < 0xA0);
+}
+
+namespace {
+
+// Marks that turn the direction of the text around them.
+bool is_turn(char32_t c) {
+  return c == 0x061C || c == 0x200E || c == 0x200F || (c >= 0x202A && c <= 0x202E) || (c >= 0x2066 && c <= 0x2069);
+}
+
+bool is_separator(char32_t c) { return c == 0x2028 || c == 0x2029; }  // of lines, of paragraphs
+
+}  // namespace
 
 }  // namespace tokid::io
+
+std::string tokid::printable(std::string_view text) {
+  std::string result;
+  while (!text.empty()) {
+    const size_t length = io::character_length(text);
+    const std::string_view character = text.substr(0, std::max<size_t>(1, length));
+    text.remove_prefix(character.size());
+    if (length == 0)
+      result += "\xEF\xBF\xBD";
+    else if (const char32_t code = io::utf32_from(character)->front();
+             io::is_control(character) || io::is_separator(code))
+      result += ' ';
+    else if (!io::is_turn(code))
+      result += character;
+  }
+  return result;
+}

@@ -98,6 +98,7 @@ UpdateState update_state_of(const Fields& fields) {
       for (Index j = 0; j < w; ++j) f.factor(i, k * w + j) = values[size((k * w + i) * w + j)];
   if (!f.factor.allFinite()) fail("data set 'window_factors': infinite or missing values found");
   state.options = fields.text("options");
+  check_options(state.options);
   const std::string method = fields.text("method");
   if (method != "tvera" && method != "subspace")
     fail("data set 'method': '{}' found, tvera or subspace needed", method);

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 
 #include "judged.hpp"
+#include "options_json.hpp"
 #include "tokid/gtv_arx.hpp"
 
 namespace tokid::report {
@@ -194,7 +194,7 @@ void judge_innovations(Evidence& found) {
 // Experiments of the identification, where the model has kept their number.
 Index identified_from(const Model& model, const ReportOptions& options) {
   if (options.identified_from > 0) return options.identified_from;
-  const auto json = nlohmann::json::parse(model.options, nullptr, false);
+  const auto json = options_json(model.options);
   if (!json.is_object() || !json.contains("experiments") || !json["experiments"].is_number_integer()) return 0;
   return json["experiments"].get<Index>();
 }

@@ -7,32 +7,16 @@
 #include <stdexcept>
 
 #include "assets.hpp"
+#include "io/text.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid::report {
 
 namespace {
 
-constexpr std::string_view replacement = "\xEF\xBF\xBD";  // U+FFFD
+using io::character_length;
 
-// Length of the UTF-8 character at the front, 0 where there is none.
-size_t character_length(std::string_view text) {
-  const auto byte = [&text](size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned char lead = byte(0);
-  if (lead < 0x80) return 1;
-  const size_t length = lead >= 0xC2 && lead <= 0xDF   ? 2
-                        : (lead & 0xF0) == 0xE0        ? 3
-                        : lead >= 0xF0 && lead <= 0xF4 ? 4
-                                                       : 0;
-  if (length == 0 || length > text.size()) return 0;
-  for (size_t i = 1; i < length; ++i)
-    if ((byte(i) & 0xC0) != 0x80) return 0;
-  // Overlong forms, surrogates, and what lies beyond U+10FFFF
-  if ((lead == 0xE0 && byte(1) < 0xA0) || (lead == 0xED && byte(1) > 0x9F) || (lead == 0xF0 && byte(1) < 0x90) ||
-      (lead == 0xF4 && byte(1) > 0x8F))
-    return 0;
-  return length;
-}
+constexpr std::string_view replacement = "\xEF\xBF\xBD";  // U+FFFD
 
 void append_escaped(std::string_view character, std::string& result) {
   switch (character[0]) {
@@ -54,10 +38,7 @@ void append_escaped(std::string_view character, std::string& result) {
     default:
       break;
   }
-  const auto first = static_cast<unsigned char>(character[0]);
-  const bool control =
-      first < 0x20 || first == 0x7F || (first == 0xC2 && static_cast<unsigned char>(character[1]) < 0xA0);
-  if (control)
+  if (io::is_control(character))
     result += ' ';
   else
     result += character;

@@ -10,6 +10,7 @@
 
 #include "assets.hpp"
 #include "evidence.hpp"
+#include "options_json.hpp"
 #include "page.hpp"
 #include "provenance.hpp"
 #include "report_data.hpp"
@@ -220,7 +221,7 @@ class Report {
 
   // What was asked for, and what was left to the program.
   std::string option_text() const {
-    const auto json = nlohmann::ordered_json::parse(model_.options, nullptr, false);
+    const auto json = options_json<nlohmann::ordered_json>(model_.options);
     if (!json.is_object()) return model_.options;
     std::vector<std::string> asked, automatic;
     for (const auto& [key, value] : json.items()) {

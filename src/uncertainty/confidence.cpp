@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
 
 #include "channel_sizes.hpp"
 #include "interval.hpp"
+#include "options_json.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
@@ -28,7 +28,7 @@ constexpr Index noisy_columns = 48;
 constexpr double same = 1e-6;
 
 Index recorded_experiments(const Model& model) {
-  const auto json = nlohmann::json::parse(model.options, nullptr, false);
+  const auto json = options_json(model.options);
   return json.is_object() && json.contains("experiments") && json["experiments"].is_number_integer()
              ? json["experiments"].get<Index>()
              : 0;

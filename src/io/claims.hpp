@@ -1,0 +1,31 @@
+// What the data sets of a file claim to be, looked at before memory is taken for them.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "arrays.hpp"
+
+namespace tokid::io {
+
+// Bytes that the data sets of one file may take together: the memory of the machine, or what the process has been given
+// of it.
+std::uint64_t memory_limit();
+void limit_memory(std::uint64_t bytes);  // less than that from now on, 0 for as much again
+
+class Claims {
+ public:
+  explicit Claims(std::uint64_t file_bytes) : file_bytes_(file_bytes), left_(memory_limit()) {}
+
+  // \throws IoError for more dimensions than any format needs, for a size that can't come from the bytes of the file,
+  // and for one that does not fit into memory beside the data sets before
+  void add(std::string_view name, const Shape& shape, size_t stored_item_bytes, size_t memory_item_bytes);
+
+  std::uint64_t file_bytes() const { return file_bytes_; }
+  std::uint64_t left() const { return left_; }
+
+ private:
+  std::uint64_t file_bytes_, left_;
+};
+
+}  // namespace tokid::io

@@ -1,0 +1,66 @@
+// Open files, beside the libraries that read and write them.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <utility>
+
+#include "arrays.hpp"
+
+namespace tokid::io {
+
+// A descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int number = -1) : number_(number) {}
+  ~Descriptor() {
+    if (number_ >= 0) close(number_);
+  }
+  Descriptor(Descriptor&& other) noexcept : number_(other.release()) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(number_, other.number_);
+    return *this;
+  }
+
+  int release() { return std::exchange(number_, -1); }
+  operator int() const { return number_; }  // negative where there is none
+
+ private:
+  int number_;
+};
+
+// A file whose bytes change while they are read shows something that never was: some libraries take what lies behind a
+// new end for zeros, others for all that there is. A file that another one takes the name of stays as it is.
+class Unchanged {
+ public:
+  explicit Unchanged(const std::filesystem::path& path)
+      : file_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)), before_(look()) {}
+
+  int descriptor() const { return file_; }  // negative where it could not be opened
+
+  // \throws IoError where another program has changed the file since it was opened
+  void check() const {
+    const struct stat now = look();
+    if (now.st_size < before_.st_size)
+      fail("the file became shorter while it was read, from {} to {} bytes", before_.st_size, now.st_size);
+    if (now.st_size != before_.st_size || now.st_mtim.tv_sec != before_.st_mtim.tv_sec ||
+        now.st_mtim.tv_nsec != before_.st_mtim.tv_nsec)
+      fail("the file changed while it was read");
+  }
+
+ private:
+  struct stat look() const {
+    struct stat found = {};
+    if (file_ >= 0) fstat(file_, &found);
+    return found;
+  }
+
+  Descriptor file_;
+  struct stat before_;
+};
+
+}  // namespace tokid::io

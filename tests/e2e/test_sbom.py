@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""make sbom: what tokid consists of, in a form that other programs know."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+SOURCE = Path(__file__).parents[2]
+
+
+def test_components(tokid, tmp_path):
+    build = Path(tokid.executable).parents[1]
+    for name in ("one.json", "two.json"):
+        subprocess.run([sys.executable, SOURCE / "cmake" / "sbom.py", SOURCE, build, tmp_path / name], check=True)
+    assert (tmp_path / "one.json").read_bytes() == (tmp_path / "two.json").read_bytes()
+    bom = json.loads((tmp_path / "one.json").read_text())
+    assert (bom["bomFormat"], bom["specVersion"]) == ("CycloneDX", "1.5")
+    own = bom["metadata"]["component"]
+    assert f"tokid {own['version']}\n" == tokid("--version").stdout
+    parts = {part["name"]: part for part in bom["components"]}
+    assert len(parts) == len(bom["components"]) == len({part["bom-ref"] for part in bom["components"]})
+    for name in ("libmatio11", "libzip4", "libcsv3", "zlib1g", "libc6", "libstdc++6", "libeigen3-dev", "uPlot", "numpy"):
+        assert parts[name]["version"] and parts[name]["scope"] == "required", name
+    assert any(name.startswith("libhdf5") for name in parts)
+    for part in parts.values():
+        assert part["type"] == "library" and part["purl"].startswith("pkg:")
+    (dependencies,) = bom["dependencies"]
+    assert dependencies["ref"] == own["bom-ref"]
+    assert set(dependencies["dependsOn"]) < {part["bom-ref"] for part in parts.values()}
