@@ -10,9 +10,12 @@
 #include <stdexcept>
 
 #include "channel_sizes.hpp"
+#include "excitation.hpp"
 #include "folds.hpp"
 #include "identify_stretch.hpp"
+#include "outliers.hpp"
 #include "realisation.hpp"
+#include "repeats.hpp"
 #include "statistics.hpp"
 #include "survey.hpp"
 #include "tokid/markov.hpp"
@@ -89,7 +92,8 @@ class Pipeline {
   Pipeline(const Pipeline&) = delete;
   Pipeline& operator=(const Pipeline&) = delete;
 
-  Identification run(bool validated);
+  // `whole`: the experiments are all there are, and have their own numbers.
+  Identification run(bool validated, bool whole);
   Stretch run_settled(const Settled& settled, Index keep_begin, Index keep_end, bool first);
 
  private:
@@ -117,6 +121,8 @@ class Pipeline {
   void realise_model();
   RegressionSurvey survey_regressions(Index begin, Index end) const;
   void warn_of_regressions();
+  std::vector<Index> warn_of_excitation(const std::vector<Index>& suspects);
+  void warn_of_experiments(const Ensemble& whole);
   void warn_of_states();
   void choose_frame();
   void evaluate();
@@ -697,14 +703,43 @@ RegressionSurvey Pipeline::survey_regressions(Index begin, Index end) const {
 }
 
 void Pipeline::warn_of_regressions() {
-  const RegressionSurvey survey = survey_regressions(0, step_count());
+  RegressionSurvey survey = survey_regressions(0, step_count());
   result_.condition_max = survey.condition_max;
   result_.rank_deficient_steps = survey.rank_deficient;
   result_.noisy = survey.noisy();
+  const std::vector<Index> named = warn_of_excitation(survey.unexcited);
+  std::erase_if(survey.unexcited, [&](Index k) { return std::binary_search(named.begin(), named.end(), k); });
   for (std::string& text : warnings_of(
            survey, {data_->experiments(), effective_experiments(), data_->inputs(), data_->outputs(), result_.lags},
            result_.noisy))
     warn(std::move(text));
+}
+
+// The steps that were spoken of.
+std::vector<Index> Pipeline::warn_of_excitation(const std::vector<Index>& suspects) {
+  Excitation found = excitation(*data_, {.lags = result_.lags,
+                                         .period = options_.period,
+                                         .centred = options_.period == 0 || nominal_,
+                                         .noisy = result_.noisy,
+                                         .suspects = suspects});
+  for (std::string& text : found.warnings) warn(std::move(text));
+  return std::move(found.named);
+}
+
+// Single experiments: those that repeat others, and those that do not fit them.
+void Pipeline::warn_of_experiments(const Ensemble& whole) {
+  const bool exact = !result_.noisy && initial_ == InitialState::zero;
+  const Index r = whole.inputs(), p = result_.lags;
+  // From unknown initial states, and with noise, states vary without the inputs.
+  const Index needed = options_.period > 0 ? 0
+                       : together_         ? r + result_.model.states()
+                       : exact             ? experiments_for(p)
+                                           : r * (p + 1);
+  for (std::string& text : warnings_of(repeats(whole), whole.experiments(), needed, p)) warn(std::move(text));
+  // Without noise each of them obeys the regressions.
+  if (!result_.noisy) return;
+  result_.outliers = outliers(whole, {p, nominal_.has_value(), options_.execution.threads});
+  for (std::string& text : warnings_of(result_.outliers)) warn(std::move(text));
 }
 
 void Pipeline::warn_of_states() {
@@ -778,8 +813,9 @@ Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index ke
   return result;
 }
 
-Identification Pipeline::run(bool validated) {
+Identification Pipeline::run(bool validated, bool whole) {
   const auto begin = std::chrono::steady_clock::now();
+  const Ensemble& all = *data_;
   check_options(options_);
   Survey samples = checked(*data_);
   if (data_->inputs() == 0 || data_->outputs() == 0)
@@ -794,13 +830,18 @@ Identification Pipeline::run(bool validated) {
   if (options_.period == 0)
     for (std::string& text : warnings_of_inputs(samples, data_->names)) warn(std::move(text));
   for (std::string& text : warnings_of_outputs(samples, data_->names)) warn(std::move(text));
+  for (std::string& text : warnings_of_dependent_outputs(*data_)) warn(std::move(text));
   remove_nominal();
   check_method();
   if (options_.lags > 0 && options_.lags * data_->outputs() < options_.states)
     warn(fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", options_.lags,
                      data_->outputs(), options_.lags * data_->outputs(), options_.states));
-  if (!regress_each_step()) regress_together();
+  if (!regress_each_step()) {
+    regress_together();
+    warn_of_excitation({});
+  }
   realise_model();
+  if (whole) warn_of_experiments(all);
   warn_of_states();
   choose_frame();
   check_finite(result_.model);
@@ -826,11 +867,11 @@ Identification Pipeline::run(bool validated) {
 }  // namespace
 
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options) {
-  return Pipeline(ensemble, options).run(true);
+  return Pipeline(ensemble, options).run(true, true);
 }
 
-Identification identify_unvalidated(const Ensemble& ensemble, const IdentifyOptions& options) {
-  return Pipeline(ensemble, options).run(false);
+Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated) {
+  return Pipeline(ensemble, options).run(validated, false);
 }
 
 std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Channels& names) {

@@ -73,7 +73,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     }
   }
 
-  std::vector<Identification> found{identify_unvalidated(data.front(), o)};
+  std::vector<Identification> found{identify_part(data.front(), o, false)};
   for (size_t i = 1; i < data.size(); ++i) {
     IdentifyOptions later = o;
     later.initial_state = InitialState::unknown;
@@ -81,10 +81,10 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     const bool exact = !found.front().noisy && !found.front().together && options.lags == 0;
     if (exact) later.lags = found.front().lags;
     try {
-      Identification own = identify_unvalidated(data[i], later);
+      Identification own = identify_part(data[i], later, false);
       if (exact && own.noisy) {
         later.lags = 0;
-        own = identify_unvalidated(data[i], later);
+        own = identify_part(data[i], later, false);
       }
       found.push_back(std::move(own));
     } catch (const std::invalid_argument&) {
