@@ -199,6 +199,28 @@ bool looks_equal(const Matrix& samples, Index a, Index b) {
   return true;
 }
 
+// An output that stays where it is in one experiment, far longer than in any other.
+std::string standstill(const Ensemble& e, Index j, Index origin) {
+  const Index d = e.channels(), c = e.inputs() + j, count = e.experiments();
+  std::vector<Index> run(size_t(count), 0), longest(size_t(count), 0), end(size_t(count), 0);
+  for (Index k = 1; k < e.steps(); ++k) {
+    const auto before = e.samples().col((k - 1) * d + c), now = e.samples().col(k * d + c);
+    for (Index n = 0; n < count; ++n) {
+      Index& own = run[size_t(n)];
+      own = now(n) == before(n) ? own + 1 : 0;
+      if (own > longest[size_t(n)]) longest[size_t(n)] = own, end[size_t(n)] = k;
+    }
+  }
+  const size_t at = size_t(std::max_element(longest.begin(), longest.end()) - longest.begin());
+  const Index steps = longest[at] + 1;
+  longest[at] = 0;
+  const Index others = *std::max_element(longest.begin(), longest.end()) + 1;
+  if (steps < std::max<Index>(8, e.steps() / 10) || steps < 3 * others) return "";
+  return fmt::format(
+      "output {} stays at {:.3g} in experiment {} at steps {}–{}, which it does nowhere else: is its sensor stuck there?",
+      e.names.output(j), e.y(Index(at), end[at], j), at, origin + end[at] - steps + 1, origin + end[at]);
+}
+
 }  // namespace
 
 Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
@@ -322,6 +344,7 @@ std::vector<std::string> warnings_of_dependent_outputs(const Ensemble& e, Index 
   }
   if (e.experiments() < 2) return result;
   for (Index j = 0; j < m; ++j) {
+    if (std::string text = standstill(e, j, origin); !text.empty()) result.push_back(std::move(text));
     std::vector<Index> still;
     bool moved = false;
     for (Index k = 0; k < e.steps(); ++k) {

@@ -426,10 +426,11 @@ void Pipeline::check_size() const {
   if (found < result_.min_experiments) {
     const Index would_do = largest_lag_order(effective_experiments(), r, m);
     throw std::invalid_argument(fmt::format(
-        "experiments: {} found, lag order {} with {} inputs and {} outputs needs at least {} (r + p(r+m){}); {}", found,
-        p, r, m, result_.min_experiments, nominal_ ? " + 1 for the mean motion" : "",
+        "experiments: {} found, lag order {} with {} inputs and {} outputs needs at least {} (r + p(r+m){}); {}{}",
+        found, p, r, m, result_.min_experiments, nominal_ ? " + 1 for the mean motion" : "",
         would_do > 0 ? fmt::format("{} would do for lag orders up to {}", found, would_do)
-                     : fmt::format("no lag order will do, {} are needed for lag order 1", experiments_for(1))));
+                     : fmt::format("no lag order will do, {} are needed for lag order 1", experiments_for(1)),
+        options_.method == Method::tvera ? "; steps that share what they know need fewer (not --method tvera)" : ""));
   }
   if (data_->steps() < p + 1)
     throw std::invalid_argument(
@@ -751,8 +752,23 @@ void Pipeline::warn_of_states() {
                     "variation stands in for what they don't show; judge the model by other data",
                     words::plural(data_->experiments(), "experiment"), unknowns));
   if (options_.states > 0 && model.states() < options_.states)
-    warn(fmt::format("{} states asked for, but the Hankel matrices have at most rank {}", options_.states,
-                     model.states()));
+    warn(fmt::format("{} states asked for, but the Hankel matrices have at most rank {}: the model has no more",
+                     options_.states, model.states()));
+  // Between the steps that have all of them; before and behind, states are not reached yet, or not seen any more.
+  std::vector<Index> fewer;
+  for (Index k = model.full_begin(), waiting = 0; options_.states > 0 && model.states() > 0 && k < model.k_end(); ++k) {
+    if (model.n(k) < model.states()) {
+      ++waiting;
+      continue;
+    }
+    for (Index i = k - waiting; i < k; ++i) fewer.push_back(i);
+    waiting = 0;
+  }
+  if (!fewer.empty())
+    warn(fmt::format(
+        "the Hankel matrices have not rank {} at {}: the outputs don't show all states, or the inputs don't "
+        "reach them, and the model has fewer there",
+        model.states(), words::step_list(fewer)));
   if (data_->free.experiments > 0 && model.states() > 0 && model.full_begin() > arx_.k_begin)
     warn(fmt::format("the {} free responses don't show all {} states from step {} on, but only from step {}",
                      data_->free.experiments, model.states(), arx_.k_begin, model.full_begin()));

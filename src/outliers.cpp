@@ -430,6 +430,12 @@ class Explanation {
       else if (std::abs(factor) > 1e-9)
         try_with(x, fmt::format("with {} multiplied by {:.3g}", name, factor));
     }
+    if (e_.outputs() < 2) return;
+    Eigen::RowVectorXd outputs = Eigen::RowVectorXd::Zero(x_.size());
+    for (Index j = 0; j < e_.outputs(); ++j) outputs += only(e_.inputs() + j);
+    const double factor = 1 + sketch_.best_share(x_, outputs);
+    if (std::abs(factor) > 1e-9)
+      try_with(x_ + (factor - 1) * outputs, fmt::format("with all outputs multiplied by {:.3g}", factor));
   }
 
   void offsets() {
