@@ -66,7 +66,7 @@ std::optional<Combination> combination(const ConstMatrixRef& columns, const Cons
       std::vector<Index> with = chosen;
       with.push_back(j);
       // Of equally good ones, the first.
-      if (const double rest = left(with); rest < 0.99 * least) least = rest, best = j;
+      if (const double rest = std::max(left(with), nothing_left); rest < 0.99 * least) least = rest, best = j;
     }
     if (best < 0) return std::nullopt;
     chosen.push_back(best);

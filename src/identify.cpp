@@ -766,7 +766,7 @@ void Pipeline::warn_of_states() {
   }
   if (!fewer.empty())
     warn(fmt::format(
-        "the Hankel matrices have not rank {} at {}: the outputs don't show all states, or the inputs don't "
+        "the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the inputs don't "
         "reach them, and the model has fewer there",
         model.states(), words::step_list(fewer)));
   if (data_->free.experiments > 0 && model.states() > 0 && model.full_begin() > arx_.k_begin)

@@ -576,15 +576,25 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
   return result;
 }
 
+namespace {
+
+// Two digits are enough.
+std::string times(double ratio) {
+  if (ratio >= 1e4) return "more than 10000";
+  const double unit = ratio >= 1000 ? 100 : ratio >= 100 ? 10 : ratio >= 10 ? 1 : 0.1;
+  return fmt::format("{:.{}f}", std::round(ratio / unit) * unit, unit < 1 ? 1 : 0);
+}
+
+}  // namespace
+
 std::vector<std::string> warnings_of(const std::vector<Outlier>& outliers) {
   std::vector<std::string> result;
   for (size_t i = 0; i < std::min(most_told, outliers.size()); ++i) {
     const Outlier& o = outliers[i];
-    const std::string ratio = o.ratio < 1e4 ? words::figure(o.ratio, 2) : "more than 10000";
     result.push_back(
         fmt::format("experiment {} does not fit the others: its leave-one-out residuals are {} times as "
                     "large as theirs{}{}",
-                    o.experiment, ratio, o.explanation.empty() ? "" : "; ", o.explanation));
+                    o.experiment, times(o.ratio), o.explanation.empty() ? "" : "; ", o.explanation));
   }
   if (outliers.size() > most_told)
     result.push_back(fmt::format("{} more do not fit the others: are these runs of one system, in the same units?",

@@ -374,6 +374,29 @@ void check_alike(const Records& records) {
         name(last), begin[last], name(first), end[first]);
 }
 
+// Of times that jitter the smallest distance says nothing: the one that is worst off multiples of the usual one is
+// told, where that is an experiment's own doing.
+void fail_uneven(const Records& records) {
+  const std::vector<Spacing> own = own_spacings(records);
+  std::vector<std::optional<size_t>> before(own.size());
+  double worst = 1e-6;
+  std::optional<size_t> row;
+  double gap = 0.0;
+  for (size_t i = 0; i < records.time.size(); ++i) {
+    const size_t n = size_t(records.experiment[i]);
+    if (before[n] && own[n].usual > 0) {
+      const double distance = records.time[i] - records.time[*before[n]], steps = distance / own[n].usual;
+      if (const double off = std::abs(steps - std::round(steps)); off > worst) worst = off, row = i, gap = distance;
+    }
+    before[n] = i;
+  }
+  if (!row) return;
+  fail(
+      "line {}, column 'time': {} found, {:.4g} behind the time before, even steps of {:.4g} needed (or step numbers in a "
+      "column 'k')",
+      records.line[*row], records.time[*row], gap, own[size_t(records.experiment[*row])].usual);
+}
+
 Grid grid_of(const Records& records, std::optional<double> dt) {
   const bool timed = records.columns.time.has_value();
   const auto [first, last] = std::minmax_element(records.time.begin(), records.time.end());
@@ -383,16 +406,12 @@ Grid grid_of(const Records& records, std::optional<double> dt) {
   if (timed) check_alike(records);
   if (timed) grid.dt = dt ? *dt : spacing(distinct(records.time, resolution));
   if (!(grid.dt > 0) || !std::isfinite(grid.dt)) fail("dt: {} found, a positive time in seconds needed", grid.dt);
-  // Times that are not even have some small distance; what is meant is the usual one.
-  double usual = grid.dt;
-  if (timed && !dt)
-    for (const Spacing& own : own_spacings(records)) usual = std::max(usual, own.usual);
   for (size_t i = 0; i < records.time.size(); ++i) {
     const double time = records.time[i];
-    if (timed && !(std::abs(time - grid.begin - grid.step(time) * grid.dt) <= 1e-6 * grid.dt + resolution))
-      fail("line {}, column 'time': {} found, even steps of {} from {} on needed (or step numbers in a column 'k')",
-           records.line[i], time, usual == grid.dt ? fmt::format("{}", usual) : fmt::format("{:.3g}", usual),
-           grid.begin);
+    if (!timed || std::abs(time - grid.begin - grid.step(time) * grid.dt) <= 1e-6 * grid.dt + resolution) continue;
+    if (!dt) fail_uneven(records);
+    fail("line {}, column 'time': {} found, even steps of {} from {} on needed (or step numbers in a column 'k')",
+         records.line[i], time, grid.dt, grid.begin);
   }
   const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.time.size());
   // A wild time or step number would otherwise ask for more memory than the file can be worth.
