@@ -446,7 +446,8 @@ TEST(Identify, DependentInputsAreNamed) {
   Ensemble e = experiments(oscillator(40), {.experiments = 30});
   for (Index k = 0; k < 40; ++k) e.input(k).col(1) = 2 * e.input(k).col(0);
   e = simulate(oscillator(40), e);
-  EXPECT_TRUE(mentions(identify(e, {.lags = 2}).warnings, "linearly dependent over the experiments at steps 2–39"));
+  EXPECT_TRUE(mentions(identify(e, {.lags = 2}).warnings,
+                       "inputs u1 and u2 move together (u1 - 0.5 u2 is zero) in every experiment at steps 0–39"));
 }
 
 TEST(Identify, FreeResponsesOfAMovingRigAreDepartures) {
