@@ -50,13 +50,36 @@ class Inspection {
     bool feedback = false, constant = false;
   };
 
-  // Do a few experiments allow for one? Where they do not, no more are looked at.
-  bool may_be(const std::vector<Index>& steps) const {
-    const Index r = e_.inputs(), rows = r + 5;
-    const Matrix few = window(steps, 0, rows);
-    if (few.rows() < rows || o_.period > 0) return true;
-    for (Index i = 1; i < r; ++i)
-      if (combination(few.leftCols(i), few.col(i), o_.centred)) return true;
+  // Do a few experiments allow for one among the inputs of a step? Where they do not, no more are looked at.
+  bool may_be(Index k) const {
+    const Index r = e_.inputs(), needed = r + 5, count = e_.experiments();
+    few_.clear();
+    Index rows = 0;
+    for (Index i = 0; i < 3 * needed && rows < needed; ++i) {
+      const auto u = e_.input(k).row(Index(i * count / (3 * needed) + i) % count);
+      if (u.array().isNaN().any()) continue;
+      few_.insert(few_.end(), u.begin(), u.end());
+      ++rows;
+    }
+    if (rows < needed) return true;
+    // Gram-Schmidt about the means, by columns.
+    for (Index j = 0; j < r; ++j) {
+      const auto at = [&](Index i, Index c) -> double& { return few_[size_t(i * r + c)]; };
+      double mean = 0.0, before = 0.0, after = 0.0;
+      for (Index i = 0; i < rows; ++i) mean += at(i, j) / double(rows);
+      for (Index i = 0; i < rows; ++i) {
+        at(i, j) -= mean;
+        before += at(i, j) * at(i, j);
+      }
+      for (Index c = 0; c < j; ++c) {
+        double product = 0.0;
+        for (Index i = 0; i < rows; ++i) product += at(i, c) * at(i, j);
+        for (Index i = 0; i < rows; ++i) at(i, j) -= product * at(i, c);
+      }
+      for (Index i = 0; i < rows; ++i) after += at(i, j) * at(i, j);
+      if (!(after > 1e4 * nothing_left * nothing_left * before)) return true;
+      for (Index i = 0; i < rows; ++i) at(i, j) /= std::sqrt(after);
+    }
     return false;
   }
 
@@ -135,6 +158,7 @@ class Inspection {
 
   const Ensemble& e_;
   const ExcitationOptions& o_;
+  mutable std::vector<double> few_;
 };
 
 // Steps at which one thing holds, whatever its numbers are.
@@ -243,7 +267,7 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
   Cases together, before;
   if (r > 1)
     for (const auto& group : groups)
-      if (inspect.may_be(group))
+      if (o.period > 0 || inspect.may_be(group.front()))
         for (auto& found : inspect.of(group, false)) together.add(std::move(found), group.front());
 
   // Of the samples before: where a few values say so, at the suspects, and at some steps; then at all.
