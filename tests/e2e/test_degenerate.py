@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 
+import h5py
 import numpy as np
 import pytest
 from conftest import ROOT
@@ -306,3 +307,22 @@ def test_case(tokid, tmp_path, name):
         GUIDE.write_text(GUIDE.read_text().replace(f"| {name} | {shown} |", f"| {name} | {best} |"))
         pytest.skip("docs/guide.md written anew")
     assert shown in said
+
+
+def test_outliers_are_numbered_as_in_the_data(tokid, tmp_path):
+    arguments = CASES["one experiment with swapped channels"](tmp_path, tokid)
+    for more in ([], ["--hold-out", 0.25]):
+        outlier, = tokid.json(*arguments, *more)["outliers"]
+        assert outlier["experiment"] == 12 and outlier["ratio"] > 10
+        assert outlier["explanation"] == "with outputs y1 and y2 swapped they would be as usual"
+
+
+def test_streams_look_at_the_stretches_that_decide(tokid, tmp_path):
+    u = gaussian(steps=900)
+    y = experiments(u)
+    u[7], y[7] = u[3], y[3]
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file["u"], file["y"], file["initial_state"] = u, y, "zero"
+    assert ("in the stretches that decide, experiments 3 and 7 are the same in every sample: 39 of 40 experiments are "
+            "different, the others add nothing") in messages(
+                tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400])
