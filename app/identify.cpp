@@ -328,6 +328,9 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["one_step_fit"] = numbers(result.validation.one_step.fit);
   j["simulation_fit"] = numbers(result.validation.simulation.fit);
   j["whiteness_p"] = result.validation.whiteness_p;
+  j["outliers"] = Json::array();
+  for (const Outlier& o : result.outliers)
+    j["outliers"].push_back({{"experiment", o.experiment}, {"ratio", o.ratio}, {"explanation", o.explanation}});
   j["warnings"] = result.warnings;
   j["seconds"] = result.seconds;
   j["version"] = version;

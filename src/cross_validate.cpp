@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "identify_stretch.hpp"
 #include "random.hpp"
 
 namespace tokid {
@@ -87,7 +88,7 @@ Vector spread(const std::vector<Fold>& folds, Fit Fold::*fit) {
 
 Identification identify_without(const Ensemble& training, const IdentifyOptions& options, size_t fold, size_t folds) {
   try {
-    return identify(training, options);
+    return identify_part(training, options, true);
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument(fmt::format("fold {} of {}, identified from the other {} experiments: {}", fold + 1,
                                             folds, training.experiments(), error.what()));

@@ -10,9 +10,12 @@
 #include <stdexcept>
 
 #include "channel_sizes.hpp"
+#include "excitation.hpp"
 #include "folds.hpp"
 #include "identify_stretch.hpp"
+#include "outliers.hpp"
 #include "realisation.hpp"
+#include "repeats.hpp"
 #include "statistics.hpp"
 #include "survey.hpp"
 #include "tokid/markov.hpp"
@@ -89,7 +92,8 @@ class Pipeline {
   Pipeline(const Pipeline&) = delete;
   Pipeline& operator=(const Pipeline&) = delete;
 
-  Identification run(bool validated);
+  // `whole`: the experiments are all there are, and have their own numbers.
+  Identification run(bool validated, bool whole);
   Stretch run_settled(const Settled& settled, Index keep_begin, Index keep_end, bool first);
 
  private:
@@ -117,6 +121,8 @@ class Pipeline {
   void realise_model();
   RegressionSurvey survey_regressions(Index begin, Index end) const;
   void warn_of_regressions();
+  std::vector<Index> warn_of_excitation(const std::vector<Index>& suspects);
+  void warn_of_experiments(const Ensemble& whole);
   void warn_of_states();
   void choose_frame();
   void evaluate();
@@ -420,10 +426,11 @@ void Pipeline::check_size() const {
   if (found < result_.min_experiments) {
     const Index would_do = largest_lag_order(effective_experiments(), r, m);
     throw std::invalid_argument(fmt::format(
-        "experiments: {} found, lag order {} with {} inputs and {} outputs needs at least {} (r + p(r+m){}); {}", found,
-        p, r, m, result_.min_experiments, nominal_ ? " + 1 for the mean motion" : "",
+        "experiments: {} found, lag order {} with {} inputs and {} outputs needs at least {} (r + p(r+m){}); {}{}",
+        found, p, r, m, result_.min_experiments, nominal_ ? " + 1 for the mean motion" : "",
         would_do > 0 ? fmt::format("{} would do for lag orders up to {}", found, would_do)
-                     : fmt::format("no lag order will do, {} are needed for lag order 1", experiments_for(1))));
+                     : fmt::format("no lag order will do, {} are needed for lag order 1", experiments_for(1)),
+        options_.method == Method::tvera ? "; steps that share what they know need fewer (not --method tvera)" : ""));
   }
   if (data_->steps() < p + 1)
     throw std::invalid_argument(
@@ -697,14 +704,43 @@ RegressionSurvey Pipeline::survey_regressions(Index begin, Index end) const {
 }
 
 void Pipeline::warn_of_regressions() {
-  const RegressionSurvey survey = survey_regressions(0, step_count());
+  RegressionSurvey survey = survey_regressions(0, step_count());
   result_.condition_max = survey.condition_max;
   result_.rank_deficient_steps = survey.rank_deficient;
   result_.noisy = survey.noisy();
+  const std::vector<Index> named = warn_of_excitation(survey.unexcited);
+  std::erase_if(survey.unexcited, [&](Index k) { return std::binary_search(named.begin(), named.end(), k); });
   for (std::string& text : warnings_of(
            survey, {data_->experiments(), effective_experiments(), data_->inputs(), data_->outputs(), result_.lags},
            result_.noisy))
     warn(std::move(text));
+}
+
+// The steps that were spoken of.
+std::vector<Index> Pipeline::warn_of_excitation(const std::vector<Index>& suspects) {
+  Excitation found = excitation(*data_, {.lags = result_.lags,
+                                         .period = options_.period,
+                                         .centred = options_.period == 0 || nominal_,
+                                         .noisy = result_.noisy,
+                                         .suspects = suspects});
+  for (std::string& text : found.warnings) warn(std::move(text));
+  return std::move(found.named);
+}
+
+// Single experiments: those that repeat others, and those that do not fit them.
+void Pipeline::warn_of_experiments(const Ensemble& whole) {
+  const bool exact = !result_.noisy && initial_ == InitialState::zero;
+  const Index r = whole.inputs(), p = result_.lags;
+  // From unknown initial states, and with noise, states vary without the inputs.
+  const Index needed = options_.period > 0 ? 0
+                       : together_         ? r + result_.model.states()
+                       : exact             ? experiments_for(p)
+                                           : r * (p + 1);
+  for (std::string& text : warnings_of(repeats(whole), whole.experiments(), needed, p)) warn(std::move(text));
+  // Without noise each of them obeys the regressions.
+  if (!result_.noisy) return;
+  result_.outliers = outliers(whole, {p, nominal_.has_value(), options_.execution.threads});
+  for (std::string& text : warnings_of(result_.outliers)) warn(std::move(text));
 }
 
 void Pipeline::warn_of_states() {
@@ -716,8 +752,23 @@ void Pipeline::warn_of_states() {
                     "variation stands in for what they don't show; judge the model by other data",
                     words::plural(data_->experiments(), "experiment"), unknowns));
   if (options_.states > 0 && model.states() < options_.states)
-    warn(fmt::format("{} states asked for, but the Hankel matrices have at most rank {}", options_.states,
-                     model.states()));
+    warn(fmt::format("{} states asked for, but the Hankel matrices have at most rank {}: the model has no more",
+                     options_.states, model.states()));
+  // Between the steps that have all of them; before and behind, states are not reached yet, or not seen any more.
+  std::vector<Index> fewer;
+  for (Index k = model.full_begin(), waiting = 0; options_.states > 0 && model.states() > 0 && k < model.k_end(); ++k) {
+    if (model.n(k) < model.states()) {
+      ++waiting;
+      continue;
+    }
+    for (Index i = k - waiting; i < k; ++i) fewer.push_back(i);
+    waiting = 0;
+  }
+  if (!fewer.empty())
+    warn(fmt::format(
+        "the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the inputs don't "
+        "reach them, and the model has fewer there",
+        model.states(), words::step_list(fewer)));
   if (data_->free.experiments > 0 && model.states() > 0 && model.full_begin() > arx_.k_begin)
     warn(fmt::format("the {} free responses don't show all {} states from step {} on, but only from step {}",
                      data_->free.experiments, model.states(), arx_.k_begin, model.full_begin()));
@@ -778,8 +829,9 @@ Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index ke
   return result;
 }
 
-Identification Pipeline::run(bool validated) {
+Identification Pipeline::run(bool validated, bool whole) {
   const auto begin = std::chrono::steady_clock::now();
+  const Ensemble& all = *data_;
   check_options(options_);
   Survey samples = checked(*data_);
   if (data_->inputs() == 0 || data_->outputs() == 0)
@@ -794,13 +846,18 @@ Identification Pipeline::run(bool validated) {
   if (options_.period == 0)
     for (std::string& text : warnings_of_inputs(samples, data_->names)) warn(std::move(text));
   for (std::string& text : warnings_of_outputs(samples, data_->names)) warn(std::move(text));
+  for (std::string& text : warnings_of_dependent_outputs(*data_)) warn(std::move(text));
   remove_nominal();
   check_method();
   if (options_.lags > 0 && options_.lags * data_->outputs() < options_.states)
     warn(fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", options_.lags,
                      data_->outputs(), options_.lags * data_->outputs(), options_.states));
-  if (!regress_each_step()) regress_together();
+  if (!regress_each_step()) {
+    regress_together();
+    warn_of_excitation({});
+  }
   realise_model();
+  if (whole) warn_of_experiments(all);
   warn_of_states();
   choose_frame();
   check_finite(result_.model);
@@ -826,11 +883,11 @@ Identification Pipeline::run(bool validated) {
 }  // namespace
 
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options) {
-  return Pipeline(ensemble, options).run(true);
+  return Pipeline(ensemble, options).run(true, true);
 }
 
-Identification identify_unvalidated(const Ensemble& ensemble, const IdentifyOptions& options) {
-  return Pipeline(ensemble, options).run(false);
+Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated) {
+  return Pipeline(ensemble, options).run(validated, false);
 }
 
 std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Channels& names) {

@@ -10,8 +10,9 @@
 
 namespace tokid {
 
-// identify() without its validation, where the choices alone are wanted.
-Identification identify_unvalidated(const Ensemble& ensemble, const IdentifyOptions& options);
+// identify() of a part of an ensemble, whose experiments have other numbers there: nothing is said of single ones.
+// Where the choices alone are wanted it is not validated.
+Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated);
 
 struct Settled {
   // With p, n (0: the rank), what the noisy choices are, and whether a mean motion is removed.

@@ -29,6 +29,10 @@ double f_quantile(double probability, double a, double b) {
   return boost::math::quantile(boost::math::fisher_f(a, b), probability);
 }
 
+double student_quantile(double probability, double freedom) {
+  return boost::math::quantile(boost::math::students_t(freedom), probability);
+}
+
 double chi_square_two_sided(double x, double freedom) {
   if (std::isinf(x)) return 0.0;
   const boost::math::chi_squared distribution(freedom);

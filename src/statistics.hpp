@@ -11,6 +11,9 @@ double median(std::vector<double> values);  // NaN for none
 // q with P(F ≤ q) = probability for F distributed with (a, b) degrees of freedom
 double f_quantile(double probability, double a, double b);
 
+// t with P(T ≤ t) = probability for Student's t
+double student_quantile(double probability, double freedom);
+
 // Twice the smaller of P(X ≤ x) and P(X ≥ x) for χ² with the given degrees of freedom
 double chi_square_two_sided(double x, double freedom);
 

@@ -98,6 +98,13 @@ struct RefinementChoice {
   double one_step = 0.0;  // the log of the one-step error alone, where there are iterations
 };
 
+// An experiment that does not obey the model of the others, by the residuals that it has with it.
+struct Outlier {
+  Index experiment = 0;
+  double ratio = 0.0;       // size of its leave-one-out residuals over the usual one
+  std::string explanation;  // what would make it as usual, in words; empty: nothing that was tried
+};
+
 struct Identification {
   Model model;
   Index experiments = 0, steps = 0;  // used for identification
@@ -121,6 +128,8 @@ struct Identification {
   double singular_value_gap = std::numeric_limits<double>::quiet_NaN();
   bool held_out = false;  // else `validation` is on the training data
   Validation validation;
+  // Among all experiments of the data, numbered as there. Looked for where there is noise, and five of them or more.
+  std::vector<Outlier> outliers;
   std::vector<std::string> warnings;
   double seconds = 0.0;
 };

@@ -113,6 +113,10 @@ nb::any object_of(const RefinementChoice& c) {
                                    {"one_step", c.one_step}});
 }
 
+nb::any object_of(const Outlier& o) {
+  return make("Outlier", {{"experiment", o.experiment}, {"ratio", o.ratio}, {"explanation", o.explanation}});
+}
+
 }  // namespace
 
 nb::any object_of(const Fit& f) { return make("Fit", {{"fit", f.fit}, {"rmse", f.rmse}, {"samples", f.samples}}); }
@@ -150,6 +154,8 @@ nb::any object_of(const Verdict& v) {
 }
 
 nb::any object_of(const Identification& i) {
+  nb::list outliers;
+  for (const Outlier& o : i.outliers) outliers.append(object_of(o));
   return make("Identification", {{"experiments", i.experiments},
                                  {"steps", i.steps},
                                  {"lags", i.lags},
@@ -171,6 +177,7 @@ nb::any object_of(const Identification& i) {
                                  {"singular_value_gap", i.singular_value_gap},
                                  {"held_out", i.held_out},
                                  {"validation", object_of(i.validation)},
+                                 {"outliers", outliers},
                                  {"warnings", texts(i.warnings)},
                                  {"seconds", i.seconds}});
 }

@@ -386,6 +386,25 @@ class RefinementChoice(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Outlier(_Result):
+    """An experiment that does not obey the model of the others.
+
+    Attributes
+    ----------
+    experiment : int
+        Its number in the data.
+    ratio : float
+        Size of its leave-one-out residuals over the usual one.
+    explanation : str
+        What would make it as usual, in words; empty where nothing that was tried does.
+    """
+
+    experiment: int
+    ratio: float
+    explanation: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification(_Result):
     """The evidence for every choice of an identification.
 
@@ -422,6 +441,8 @@ class Identification(_Result):
     held_out : bool
         `validation` is on experiments held out, else on the training data.
     validation : Validation
+    outliers : list of Outlier
+        Looked for where there is noise, and five experiments or more.
     warnings : list of str
     seconds : float
     """
@@ -447,6 +468,7 @@ class Identification(_Result):
     singular_value_gap: float
     held_out: bool
     validation: Validation
+    outliers: list[Outlier]
     warnings: list[str]
     seconds: float
 

@@ -334,19 +334,105 @@ double spacing(const std::vector<double>& times) {
   return std::abs(rounded - refined) <= uncertainty ? rounded : refined;
 }
 
+// The median distance of the successive times of each experiment, and whether nearly all of them are that far apart.
+struct Spacing {
+  double usual = 0.0;  // 0: too few times
+  bool even = false;
+};
+
+std::vector<Spacing> own_spacings(const Records& records) {
+  constexpr size_t few = 8;
+  std::vector<std::vector<double>> times(records.experiments.size());
+  for (size_t i = 0; i < records.time.size(); ++i) times[size_t(records.experiment[i])].push_back(records.time[i]);
+  std::vector<Spacing> result;
+  for (std::vector<double>& own : times) {
+    Spacing spacing;
+    std::sort(own.begin(), own.end());
+    std::vector<double> gaps;
+    for (size_t i = 1; i < own.size(); ++i) gaps.push_back(own[i] - own[i - 1]);
+    if (own.size() >= few) {
+      const auto middle = gaps.begin() + std::ptrdiff_t(gaps.size() / 2);
+      std::nth_element(gaps.begin(), middle, gaps.end());
+      spacing.usual = *middle;
+      const auto alike = std::count_if(gaps.begin(), gaps.end(), [usual = spacing.usual](double gap) {
+        return std::abs(gap - usual) <= 1e-3 * usual;
+      });
+      spacing.even = 4 * size_t(alike) >= 3 * gaps.size();
+    }
+    result.push_back(spacing);
+  }
+  return result;
+}
+
+// Experiments of different sample times would have gaps where the others have samples, and those at other times of the
+// day no step in common.
+void check_alike(const Records& records) {
+  const std::vector<Spacing> own = own_spacings(records);
+  std::optional<size_t> fastest, slowest;
+  for (size_t n = 0; n < own.size(); ++n) {
+    if (!own[n].even) continue;
+    if (!fastest || own[n].usual < own[*fastest].usual) fastest = n;
+    if (!slowest || own[n].usual > own[*slowest].usual) slowest = n;
+  }
+  const auto name = [&](size_t n) { return records.experiments[n]; };
+  if (fastest && own[*slowest].usual > 1.01 * own[*fastest].usual)
+    fail(
+        "column 'time': steps of {:.6g} in experiment '{}' and of {:.6g} in experiment '{}' found, one sample time needed",
+        own[*slowest].usual, name(*slowest), own[*fastest].usual, name(*fastest));
+  constexpr double inf = std::numeric_limits<double>::infinity();
+  std::vector<double> begin(own.size(), inf), end(own.size(), -inf);
+  for (size_t i = 0; i < records.time.size(); ++i) {
+    const size_t n = size_t(records.experiment[i]);
+    begin[n] = std::min(begin[n], records.time[i]);
+    end[n] = std::max(end[n], records.time[i]);
+  }
+  const size_t last = size_t(std::max_element(begin.begin(), begin.end()) - begin.begin());
+  const size_t first = size_t(std::min_element(end.begin(), end.end()) - end.begin());
+  if (own[last].usual > 0 && own[first].usual > 0 && begin[last] > end[first])
+    fail(
+        "column 'time': experiment '{}' begins at {:.6g}, when experiment '{}' has ended at {:.6g}; times from the begin "
+        "of each experiment on needed",
+        name(last), begin[last], name(first), end[first]);
+}
+
+// Of times that jitter the smallest distance says nothing: the one that is worst off multiples of the usual one is
+// told, where that is an experiment's own doing.
+void fail_uneven(const Records& records) {
+  const std::vector<Spacing> own = own_spacings(records);
+  std::vector<std::optional<size_t>> before(own.size());
+  double worst = 1e-6;
+  std::optional<size_t> row;
+  double gap = 0.0;
+  for (size_t i = 0; i < records.time.size(); ++i) {
+    const size_t n = size_t(records.experiment[i]);
+    if (before[n] && own[n].usual > 0) {
+      const double distance = records.time[i] - records.time[*before[n]], steps = distance / own[n].usual;
+      if (const double off = std::abs(steps - std::round(steps)); off > worst) worst = off, row = i, gap = distance;
+    }
+    before[n] = i;
+  }
+  if (!row) return;
+  fail(
+      "line {}, column 'time': {} found, {:.4g} behind the time before, even steps of {:.4g} needed (or step numbers in a "
+      "column 'k')",
+      records.line[*row], records.time[*row], gap, own[size_t(records.experiment[*row])].usual);
+}
+
 Grid grid_of(const Records& records, std::optional<double> dt) {
   const bool timed = records.columns.time.has_value();
   const auto [first, last] = std::minmax_element(records.time.begin(), records.time.end());
   const double resolution = 4 * epsilon * std::max(std::abs(*first), std::abs(*last));
   Grid grid;
   grid.begin = *first;
+  if (timed) check_alike(records);
   if (timed) grid.dt = dt ? *dt : spacing(distinct(records.time, resolution));
   if (!(grid.dt > 0) || !std::isfinite(grid.dt)) fail("dt: {} found, a positive time in seconds needed", grid.dt);
   for (size_t i = 0; i < records.time.size(); ++i) {
     const double time = records.time[i];
-    if (timed && !(std::abs(time - grid.begin - grid.step(time) * grid.dt) <= 1e-6 * grid.dt + resolution))
-      fail("line {}, column 'time': {} found, even steps of {} from {} on needed (or step numbers in a column 'k')",
-           records.line[i], time, grid.dt, grid.begin);
+    if (!timed || std::abs(time - grid.begin - grid.step(time) * grid.dt) <= 1e-6 * grid.dt + resolution) continue;
+    if (!dt) fail_uneven(records);
+    fail("line {}, column 'time': {} found, even steps of {} from {} on needed (or step numbers in a column 'k')",
+         records.line[i], time, grid.dt, grid.begin);
   }
   const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.time.size());
   // A wild time or step number would otherwise ask for more memory than the file can be worth.

@@ -8,6 +8,9 @@
 #include <stdexcept>
 
 #include "channel_sizes.hpp"
+#include "excitation.hpp"
+#include "outliers.hpp"
+#include "repeats.hpp"
 
 namespace tokid::stream {
 
@@ -28,7 +31,12 @@ void check(const IdentifyOptions& o) {
   if (o.frame == Frame::reference) refuse("frame", "reference", "raw or smooth");
 }
 
-std::vector<Ensemble> stretches(const EnsembleFile& file, const IdentifyOptions& o) {
+struct Part {
+  Index begin = 0;
+  Ensemble whole;  // all experiments
+};
+
+std::vector<Part> stretches(const EnsembleFile& file, const IdentifyOptions& o) {
   const double step = double(file.experiments() * file.channels()) * sizeof(double);
   const Index total = file.steps();
   const Index length = std::min(
@@ -37,13 +45,43 @@ std::vector<Ensemble> stretches(const EnsembleFile& file, const IdentifyOptions&
   for (const Index begin : {(total - length) / 2, total - length})
     if (begin >= length / 2 + begins.back()) begins.push_back(begin);
   for (const Index begin : begins) file.expect(begin, begin + length);
-  std::vector<Ensemble> result;
+  std::vector<Part> result;
   for (const Index begin : begins) {
-    Ensemble data = file.read(begin, begin + length);
-    data.free = {};
-    result.push_back(o.hold_out > 0 ? split(data, o.hold_out).training : std::move(data));
+    result.push_back({begin, file.read(begin, begin + length)});
+    result.back().whole.free = {};
   }
   return result;
+}
+
+// What is to be said of single experiments, and of inputs that cannot be told apart: of these steps alone.
+void examine(const std::vector<Part>& parts, bool nominal, Identification& result) {
+  std::vector<std::string> texts;
+  Excitation found;
+  for (size_t i = 0; i < parts.size() && found.warnings.empty(); ++i)
+    found = excitation(parts[i].whole, {.lags = result.lags, .noisy = result.noisy, .origin = parts[i].begin});
+  texts = std::move(found.warnings);
+
+  const Ensemble& first = parts.front().whole;
+  const Index width = first.samples().cols(), count = Index(parts.size());
+  Ensemble all(first.experiments(), first.steps() * count, first.inputs(), first.outputs());
+  for (Index i = 0; i < count; ++i) all.samples().middleCols(i * width, width) = parts[size_t(i)].whole.samples();
+  for (std::string& text : warnings_of(repeats(all), all.experiments(), 0, result.lags))
+    texts.push_back(std::move(text));
+
+  for (const Part& part : parts) {
+    if (!result.noisy) break;
+    for (Outlier& own : outliers(part.whole, {result.lags, nominal, 1})) {
+      const auto same = std::find_if(result.outliers.begin(), result.outliers.end(),
+                                     [&](const Outlier& o) { return o.experiment == own.experiment; });
+      if (same == result.outliers.end())
+        result.outliers.push_back(std::move(own));
+      else if (same->ratio < own.ratio)
+        *same = std::move(own);
+    }
+  }
+  for (std::string& text : warnings_of(result.outliers)) texts.push_back(std::move(text));
+  for (const std::string& text : texts)
+    result.warnings.push_back(fmt::format("in the stretches that decide, {}", text));
 }
 
 // Which of two stretches asks for more?
@@ -57,7 +95,10 @@ bool demands_more(const Identification& a, const Identification& b) {
 
 Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   check(options);
-  std::vector<Ensemble> data = stretches(file, options);
+  const std::vector<Part> parts = stretches(file, options);
+  std::vector<Ensemble> data;
+  for (const Part& part : parts)
+    data.push_back(options.hold_out > 0 ? split(part.whole, options.hold_out).training : part.whole);
   IdentifyOptions o = options;
   o.hold_out = 0.0;
   o.frame = Frame::raw;
@@ -73,7 +114,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     }
   }
 
-  std::vector<Identification> found{identify_unvalidated(data.front(), o)};
+  std::vector<Identification> found{identify_part(data.front(), o, false)};
   for (size_t i = 1; i < data.size(); ++i) {
     IdentifyOptions later = o;
     later.initial_state = InitialState::unknown;
@@ -81,10 +122,10 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     const bool exact = !found.front().noisy && !found.front().together && options.lags == 0;
     if (exact) later.lags = found.front().lags;
     try {
-      Identification own = identify_unvalidated(data[i], later);
+      Identification own = identify_part(data[i], later, false);
       if (exact && own.noisy) {
         later.lags = 0;
-        own = identify_unvalidated(data[i], later);
+        own = identify_part(data[i], later, false);
       }
       found.push_back(std::move(own));
     } catch (const std::invalid_argument&) {
@@ -139,6 +180,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   result.evidence.together = settled.together;
   result.evidence.lags = settled.options.lags;
   result.evidence.warnings = std::move(warnings);
+  examine(parts, o.nominal == NominalChoice::mean, result.evidence);
   if (settled.together) {
     result.evidence.variation = settled.options.choices->variation;
     result.evidence.state_smoothing = settled.options.choices->state_smoothing;

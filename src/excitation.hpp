@@ -1,0 +1,35 @@
+// Ensemble → what of its inputs and outputs cannot be told apart, in words: combinations of channels, and of their
+// samples before, that never vary.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tokid/ensemble.hpp"
+
+namespace tokid {
+
+struct ExcitationOptions {
+  Index lags = 1;                    // p: how far back a regression looks
+  Index period = 0;                  // P: the steps k, k+P, … share one model; 0: every step has its own
+  bool centred = true;               // a mean motion is, or may be, removed
+  bool noisy = false;                // outputs that inputs follow from exactly are no work of theirs
+  Index origin = 0;                  // number of the first step
+  std::vector<Index> suspects = {};  // steps whose inputs a regression has found dependent
+};
+
+struct Excitation {
+  std::vector<std::string> warnings;
+  std::vector<Index> named;  // steps that they speak of, ascending
+};
+
+// Inputs of one step that move together, at all steps; inputs that follow from the samples before them, at the suspects
+// and at two dozen steps, and where these tell of any, at all.
+Excitation excitation(const Ensemble& ensemble, const ExcitationOptions& options);
+
+// Outputs that are one combination of others at all steps, and outputs that are the same in every experiment at some
+// steps after they have moved.
+std::vector<std::string> warnings_of_dependent_outputs(const Ensemble& ensemble, Index origin = 0);
+
+}  // namespace tokid

@@ -1,0 +1,24 @@
+// Ensemble → experiments that do not obey the model of the others, by leave-one-out residuals at some of the steps, and
+// what would explain them.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tokid/identify.hpp"
+
+namespace tokid {
+
+struct OutlierOptions {
+  Index lags = 1;        // p
+  bool nominal = false;  // a mean motion is removed: the regressions have a constant
+  int threads = 1;
+};
+
+// Those that stand out, the largest first. None of fewer than five experiments, which do not tell who is right.
+std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
+
+std::vector<std::string> warnings_of(const std::vector<Outlier>& outliers);
+
+}  // namespace tokid

@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tool says of degenerate experiments is what the table in docs/guide.md says that it does, word for word.
+
+With TOKID_UPDATE_DOCS=1 in the environment, the messages of the table are written anew instead of compared.
+"""
+
+import os
+import re
+import subprocess
+
+import h5py
+import numpy as np
+import pytest
+from conftest import ROOT
+
+GUIDE = ROOT / "docs" / "guide.md"
+N, T = 40, 40
+
+
+def experiments(u, noise=0.0, states=2, outputs=2, seed=3):
+    """Outputs of a slowly varying system from rest, (N, T, m), the noise as a share of them."""
+    rng = np.random.default_rng(seed)
+    count, steps, inputs = u.shape
+    A = 0.85 * np.linalg.qr(rng.standard_normal((states, states)))[0]
+    B, C = rng.standard_normal((states, inputs)), rng.standard_normal((outputs, states))
+    D = 0.3 * rng.standard_normal((outputs, inputs))
+    x, y = np.zeros((count, states)), np.empty((count, steps, outputs))
+    for k in range(steps):
+        y[:, k] = x @ C.T + u[:, k] @ D.T
+        x = (1 + 0.1 * np.sin(0.2 * k)) * x @ A.T + u[:, k] @ B.T
+    return y + noise * y.std((0, 1)) * rng.standard_normal(y.shape)
+
+
+def gaussian(inputs=2, count=N, steps=T):
+    return np.random.default_rng(7).standard_normal((count, steps, inputs))
+
+
+def data(folder, u, y, name="data.npz", **more):
+    np.savez(folder / name, **{"u": u, "y": y, "dt": 0.1, "initial_state": "zero", **more})
+    return folder / name
+
+
+def identify(folder, u, y, *options, **more):
+    return ["identify", data(folder, u, y, **more), "-o", folder / "model.npz", *options]
+
+
+CASES = {}
+
+
+def case(name):
+    def add(make):
+        CASES[name] = make
+        return make
+    return add
+
+
+@case("an input at rest")
+def _(folder, tokid):
+    u = gaussian()
+    u[:, 10:15, 1] = 0
+    return identify(folder, u, experiments(u), input_names=["torque", "valve"])
+
+
+@case("an input that is the same in all experiments")
+def _(folder, tokid):
+    u = gaussian()
+    u[:, 20:, 0] = 1.5
+    return identify(folder, u, experiments(u), "--nominal", "none")
+
+
+@case("inputs that move together")
+def _(folder, tokid):
+    u = gaussian(3)
+    u[:, 3:, 2] = 0.5 * u[:, 3:, 0]
+    return identify(folder, u, experiments(u))
+
+
+@case("an input that is held for some steps")
+def _(folder, tokid):
+    u = gaussian(1)
+    u[:, 10:20] = u[:, 10:11]
+    return identify(folder, u, experiments(u))
+
+
+@case("an input that is a feedback and nothing more")
+def _(folder, tokid):
+    u = gaussian(1)
+    for k in range(21, T):
+        u[:, k] = -0.5 * experiments(u)[:, k - 1, :1]
+    return identify(folder, u, experiments(u))
+
+
+@case("one sine as the input of a single record")
+def _(folder, tokid):
+    u = np.sin(0.3 * np.arange(400))[None, :, None]
+    rng = np.random.default_rng(1)
+    y = np.convolve(u[0, :, 0], 0.8 ** np.arange(30))[:400] + 0.01 * rng.standard_normal(400)
+    return identify(folder, u, y[None, :, None], "--time-invariant", "--lags", 3, "--initial-state", "unknown")
+
+
+@case("fewer experiments than a lag order needs")
+def _(folder, tokid):
+    u = gaussian(count=9)
+    return identify(folder, u, experiments(u), "--method", "tvera", "--lags", 2)
+
+
+@case("a single experiment")
+def _(folder, tokid):
+    u = gaussian(count=1)
+    return identify(folder, u, experiments(u))
+
+
+@case("few experiments that smoothing has to help out")
+def _(folder, tokid):
+    u = gaussian(count=3)
+    return identify(folder, u, experiments(u, 0.05), "--states", 2, "--no-refine")
+
+
+@case("an output that never moves")
+def _(folder, tokid):
+    u = gaussian()
+    y = experiments(u)
+    y[:, :, 1] = 3.2
+    return identify(folder, u, y)
+
+
+@case("an output that rests at some steps")
+def _(folder, tokid):
+    u = gaussian()
+    y = experiments(u)
+    y[:, 20:25, 0] = 1
+    return identify(folder, u, y, "--method", "tvera", "--lags", 2)
+
+
+@case("outputs that move together")
+def _(folder, tokid):
+    u = gaussian()
+    y = experiments(u)
+    y[:, :, 1] = 2 * y[:, :, 0]
+    return identify(folder, u, y)
+
+
+@case("more states than the outputs show")
+def _(folder, tokid):
+    u = gaussian()
+    return identify(folder, u, experiments(u), "--states", 6)
+
+
+@case("states that are hidden at some steps")
+def _(folder, tokid):
+    u = gaussian(1)
+    y = np.zeros((N, T, 1))
+    x = np.zeros((N, 2))
+    for k in range(T):
+        seen = k < 15 or k >= 25
+        y[:, k, 0] = x[:, 0] + seen * x[:, 1]
+        x = np.column_stack([0.8 * x[:, 0] + u[:, k, 0], (-0.6 if seen else 0.0) * x[:, 1] + u[:, k, 0]])
+    return identify(folder, u, y, "--states", 2, "--lags", 2)
+
+
+@case("experiments that are in the file twice")
+def _(folder, tokid):
+    u = gaussian()
+    u[7] = u[3]
+    y = experiments(u)
+    return identify(folder, u, y)
+
+
+@case("repetitions of a few experiments")
+def _(folder, tokid):
+    u = np.repeat(gaussian(count=4), 10, axis=0)
+    return identify(folder, u, experiments(u, 0.02), "--method", "tvera", "--lags", 2)
+
+
+def wild(change, noise=0.05):
+    u = gaussian()
+    y = experiments(u, noise)
+    change(u[12], y[12])
+    return u, y
+
+
+@case("one experiment in other units")
+def _(folder, tokid):
+    def change(u, y):
+        y[:, 0] *= 1000
+    return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
+
+
+@case("one experiment with swapped channels")
+def _(folder, tokid):
+    def change(u, y):
+        y[:] = y[:, ::-1].copy()
+    return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
+
+
+@case("one experiment with a wrong sign")
+def _(folder, tokid):
+    def change(u, y):
+        u[:, 0] *= -1
+    return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
+
+
+@case("one experiment out of step")
+def _(folder, tokid):
+    def change(u, y):
+        y[2:] = y[:-2].copy()
+    return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
+
+
+@case("one experiment unlike the others")
+def _(folder, tokid):
+    def change(u, y):
+        y[:] = np.random.default_rng(5).standard_normal(y.shape) * y.std(0)
+    return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
+
+
+@case("a sensor that is stuck in one experiment")
+def _(folder, tokid):
+    def change(u, y):
+        y[17:, 0] = y[17, 0]
+    return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
+
+
+def csv(folder, times, name="data.csv"):
+    """Experiments a, b, … of random samples at these times."""
+    rng = np.random.default_rng(4)
+    with open(folder / name, "w") as file:
+        print("experiment,time,u1,y1", file=file)
+        for n, own in enumerate(times):
+            for t in own:
+                print("abcdefgh"[n], f"{t:.6g}", *(f"{x:.4f}" for x in rng.standard_normal(2)), sep=",", file=file)
+    return ["identify", folder / name, "-o", folder / "model.npz"]
+
+
+@case("another sample time in one experiment")
+def _(folder, tokid):
+    return csv(folder, [0.1 * np.arange(30), 0.2 * np.arange(15), 0.1 * np.arange(30)])
+
+
+@case("experiments at different times of the day")
+def _(folder, tokid):
+    return csv(folder, [0.1 * np.arange(30), 100 + 0.1 * np.arange(30)])
+
+
+@case("times that jitter")
+def _(folder, tokid):
+    rng = np.random.default_rng(2)
+    return csv(folder, [np.round(0.1 * np.arange(30) + 0.002 * rng.standard_normal(30) * (np.arange(30) > 4), 4)] * 2)
+
+
+@case("experiments of another length")
+def _(folder, tokid):
+    u = gaussian()
+    return identify(folder, u, experiments(u)[:, :-1])
+
+
+@case("fresh data of another sample time")
+def _(folder, tokid):
+    u = gaussian()
+    y = experiments(u)
+    tokid(*identify(folder, u, y))
+    return ["validate", folder / "model.npz", data(folder, u[:5], y[:5], "fresh.npz", dt=0.2)]
+
+
+@case("more experiments of another sample time")
+def _(folder, tokid):
+    u = gaussian()
+    y = experiments(u)
+    tokid(*identify(folder, u, y), "--state", folder / "state.npz")
+    return ["update", folder / "state.npz", data(folder, u[:5] + 1, y[:5], "fresh.npz", dt=0.2), "-o",
+            folder / "model.npz"]
+
+
+@case("no sample time")
+def _(folder, tokid):
+    u = gaussian()
+    return identify(folder, u, experiments(u), dt=0.0)
+
+
+def messages(tokid, arguments):
+    """What is said on stderr, without the names of files."""
+    result = subprocess.run([tokid.executable, *map(str, arguments)], capture_output=True, text=True,
+                                          check=False)
+    assert result.returncode in (0, 2), result.stderr
+    assert (result.returncode == 2) == ("warning: " not in result.stderr and result.stderr != "")
+    lines = [line.removeprefix("tokid: ").removeprefix("warning: ") for line in result.stderr.splitlines()]
+    return [re.sub(r"^\S*/(data|fresh)\.(npz|csv): ", "", line) for line in lines]
+
+
+def rows():
+    section = GUIDE.read_text().split("### Degenerate experiments")[1].split("\n## ")[0].split("\n### ")[0]
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in section.splitlines()
+            if line.startswith("| ")][1:]
+
+
+def test_the_table_has_all_cases():
+    assert [row[0] for row in rows()] == list(CASES)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_case(tokid, tmp_path, name):
+    said = messages(tokid, CASES[name](tmp_path, tokid))
+    shown, = (row[1] for row in rows() if row[0] == name)
+    if os.environ.get("TOKID_UPDATE_DOCS") == "1":
+        words = set(shown.split())
+        best = max(said, key=lambda line: len(words & set(line.split())), default="nothing")
+        GUIDE.write_text(GUIDE.read_text().replace(f"| {name} | {shown} |", f"| {name} | {best} |"))
+        pytest.skip("docs/guide.md written anew")
+    assert shown in said
+
+
+def test_outliers_are_numbered_as_in_the_data(tokid, tmp_path):
+    arguments = CASES["one experiment with swapped channels"](tmp_path, tokid)
+    for more in ([], ["--hold-out", 0.25]):
+        outlier, = tokid.json(*arguments, *more)["outliers"]
+        assert outlier["experiment"] == 12 and outlier["ratio"] > 10
+        assert outlier["explanation"] == "with outputs y1 and y2 swapped they would be as usual"
+
+
+def test_streams_look_at_the_stretches_that_decide(tokid, tmp_path):
+    u = gaussian(steps=900)
+    y = experiments(u)
+    u[7], y[7] = u[3], y[3]
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file["u"], file["y"], file["initial_state"] = u, y, "zero"
+    assert ("in the stretches that decide, experiments 3 and 7 are the same in every sample: 39 of 40 experiments are "
+            "different, the others add nothing") in messages(
+                tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400])
