@@ -321,23 +321,6 @@ TEST(Identify, FramesAreAppliedAndNamed) {
   EXPECT_THROW(identify(e, options), std::invalid_argument);
 }
 
-TEST(Identify, SameBitsForAnyNumberOfThreadsAndFromRunToRun) {
-  const Ensemble e = experiments(oscillator(24), {.experiments = 12, .process_noise = 0.1, .measurement_noise = 0.1});
-  const Identification reference = identify(e);
-  for (const int threads : {1, 2, 3, 8}) {
-    IdentifyOptions options;
-    options.execution.threads = threads;
-    const Identification result = identify(e, options);
-    ASSERT_EQ(result.model.steps(), reference.model.steps());
-    for (size_t k = 0; k < result.model.A.size(); ++k) {
-      EXPECT_EQ(result.model.A[k], reference.model.A[k]);
-      EXPECT_EQ(result.model.B[k], reference.model.B[k]);
-      EXPECT_EQ(result.model.C[k], reference.model.C[k]);
-      EXPECT_EQ(result.model.G[k], reference.model.G[k]);
-    }
-  }
-}
-
 TEST(Identify, ProgressRunsFromZeroToOne) {
   std::vector<double> seen;
   IdentifyOptions options;

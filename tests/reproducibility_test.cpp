@@ -1,0 +1,85 @@
+// The same data give the same numbers: from run to run and for any number of threads to the last bit, between the
+// instruction sets of machines to 1e-12.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include "linalg/simd.hpp"
+#include "noisy.hpp"
+#include "tokid/identify.hpp"
+
+namespace tokid {
+namespace {
+
+using testing::noisy_experiments;
+using testing::random_experiments;
+using testing::random_system;
+
+struct Case {
+  const char* name;
+  Ensemble data;
+  IdentifyOptions options = {};
+};
+
+// The routes of an identification: with and without noise, with and without what EM makes of it.
+std::vector<Case> cases() {
+  std::vector<Case> list;
+  list.push_back({"from rest", random_experiments(random_system({4, 2, 2}, 30, 0.95, 3), 60, 4)});
+  list.push_back({"unknown initial states", random_experiments(random_system({4, 2, 2}, 30, 0.95, 3), 60, 4, 1.0)});
+  list.back().options.initial_state = InitialState::unknown;
+  list.push_back({"noise, TVERA", noisy_experiments(oscillator(24), 100, 5)});
+  list.back().options.method = Method::tvera;
+  list.push_back({"noise, steps together, EM", noisy_experiments(oscillator(12), 16, 5)});
+  list.back().options.states = 2;  // of its four, for time
+  list.push_back({"noise, time-invariant, EM", noisy_experiments(oscillator(24), 12, 6)});
+  list.back().options.period = 1;
+  return list;
+}
+
+void expect_same_bits(const Model& a, const Model& b) {
+  EXPECT_EQ(a.state_dim, b.state_dim);
+  EXPECT_EQ(a.lags, b.lags);
+  EXPECT_EQ(a.condition, b.condition);
+  for (auto list :
+       {&Model::A, &Model::B, &Model::C, &Model::D, &Model::G, &Model::K, &Model::Q, &Model::R, &Model::innovation_cov})
+    EXPECT_EQ(a.*list, b.*list);
+  EXPECT_EQ(a.x0_mean, b.x0_mean);
+  EXPECT_EQ(a.x0_cov, b.x0_cov);
+}
+
+TEST(Reproducibility, SameBitsFromRunToRunAndForAnyNumberOfThreads) {
+  for (Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    c.options.execution.threads = 1;
+    const Identification reference = identify(c.data, c.options);
+    for (const int threads : {1, 2, 4}) {
+      c.options.execution.threads = threads;
+      const Identification result = identify(c.data, c.options);
+      expect_same_bits(result.model, reference.model);
+      EXPECT_EQ(result.validation.one_step.fit, reference.validation.one_step.fit);
+      EXPECT_EQ(result.validation.simulation.fit, reference.validation.simulation.fit);
+    }
+  }
+}
+
+// Sums whose products are rounded, or not, before they are added, differ in their last digits; choices don't.
+TEST(Reproducibility, SameNumbersWithEveryInstructionSet) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const Identification best = identify(c.data, c.options);
+    for (const simd::Target target : simd::targets()) {
+      SCOPED_TRACE(simd::to_string(target));
+      simd::limit_target(target);
+      const Identification result = identify(c.data, c.options);
+      simd::limit_target(simd::Target::avx512);
+      EXPECT_EQ(result.lags, best.lags);
+      EXPECT_EQ(result.variation.smoothing, best.variation.smoothing);
+      EXPECT_EQ(result.refinement.iterations, best.refinement.iterations);
+      EXPECT_EQ(result.model.state_dim, best.model.state_dim);
+      EXPECT_LE(kinematically_similar(result.model, best.model, 1e-12, 20).max_difference, 1e-12);
+      EXPECT_LE((result.validation.one_step.fit - best.validation.one_step.fit).norm(), 1e-10);  // of 100 %
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tokid
