@@ -281,8 +281,8 @@ NpyHeader read_header(Entry& entry, const std::string& name) {
   entry.read(length, version == 1 ? 2 : 4);
   const size_t size = size_t{length[0]} | size_t{length[1]} << 8 | size_t{length[2]} << 16 | size_t{length[3]} << 24;
   constexpr size_t most = 1 << 16;
-  if (size > std::min<std::uint64_t>(entry.left(), most))
-    fail("data set '{}': header of {} bytes found in {}, at most {} needed", name, size, entry.left(), most);
+  if (size > entry.left()) fail("data set '{}': truncated header found, {} bytes needed", name, size);
+  if (size > most) fail("data set '{}': header of {} bytes found, at most {} needed", name, size, most);
   std::string text(size, '\0');
   entry.read(text.data(), size);
   const auto header = HeaderParser(text).parse();
