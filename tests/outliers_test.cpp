@@ -44,10 +44,10 @@ const Campaign campaigns[] = {
     {30, 12, {2, 1, 1}, 0.1, 2},  {10, 200, {2, 1, 1}, 0.3, 4}, {100, 40, {3, 3, 1}, 0.01, 6}};
 
 // The threshold lets one in a thousand through, of campaigns that differ in everything but what is wrong with them;
-// bench figures are in docs/math.md. Of these 216, none does.
+// docs/math.md has the figures. Of these 108, none does.
 TEST(Outliers, NoneAmongExperimentsThatAreAsTheyAre) {
   for (const Campaign& c : campaigns)
-    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    for (std::uint64_t seed = 1; seed <= 2; ++seed) {
       SCOPED_TRACE(std::to_string(c.experiments) + " experiments, seed " + std::to_string(seed));
       const OutlierOptions options{.lags = c.lags};
       EXPECT_TRUE(outliers(campaign(c, seed), options).empty());
