@@ -822,12 +822,13 @@ TEST_F(Csv, LinesAndColumnsOfErrors) {
 }
 
 TEST_F(Csv, TimeGrids) {
-  // Printed with rounding errors, from an offset, with gaps.
+  // Printed with rounding errors, from an offset, with gaps that are meant, as the sample time is stated.
   std::string text = "experiment,time,u,y\n";
   for (int n = 0; n < 3; ++n)
     for (int k = n; k < 100; k += n + 1)
       text += std::to_string(n) + "," + std::to_string(1000.0 + k * 0.05) + ",1," + std::to_string(k) + "\n";
-  const Ensemble e = load(text);
+  expect_words(error_of([&] { load(text); }), {"steps of 0.15 in experiment '2'", "'# dt = 0.05'"});
+  const Ensemble e = load("# dt = 0.05\n" + text);
   EXPECT_EQ(e.steps(), 100);
   EXPECT_NEAR(e.dt, 0.05, 1e-12);
   for (Index n = 0; n < 3; ++n)

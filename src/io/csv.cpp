@@ -365,7 +365,7 @@ std::vector<Spacing> own_spacings(const Records& records) {
 }
 
 // Experiments of different sample times would have gaps where the others have samples, and those at other times of the
-// day no step in common.
+// day no step in common. A sample time that is stated tells that the gaps are meant.
 void check_alike(const Records& records) {
   const std::vector<Spacing> own = own_spacings(records);
   std::optional<size_t> fastest, slowest;
@@ -377,8 +377,9 @@ void check_alike(const Records& records) {
   const auto name = [&](size_t n) { return records.experiments[n]; };
   if (fastest && own[*slowest].usual > 1.01 * own[*fastest].usual)
     fail(
-        "column 'time': steps of {:.6g} in experiment '{}' and of {:.6g} in experiment '{}' found, one sample time needed",
-        own[*slowest].usual, name(*slowest), own[*fastest].usual, name(*fastest));
+        "column 'time': steps of {:.6g} in experiment '{}' and of {:.6g} in experiment '{}' found, one sample time needed, "
+        "or a line '# dt = {:.6g}' above the header where samples are missing",
+        own[*slowest].usual, name(*slowest), own[*fastest].usual, name(*fastest), own[*fastest].usual);
   constexpr double inf = std::numeric_limits<double>::infinity();
   std::vector<double> begin(own.size(), inf), end(own.size(), -inf);
   for (size_t i = 0; i < records.time.size(); ++i) {
@@ -424,7 +425,7 @@ Grid grid_of(const Records& records, std::optional<double> dt) {
   const double resolution = 4 * epsilon * std::max(std::abs(*first), std::abs(*last));
   Grid grid;
   grid.begin = *first;
-  if (timed) check_alike(records);
+  if (timed && !dt) check_alike(records);
   if (timed) grid.dt = dt ? *dt : spacing(distinct(records.time, resolution));
   if (!(grid.dt > 0) || !std::isfinite(grid.dt)) fail("dt: {} found, a positive time in seconds needed", grid.dt);
   for (size_t i = 0; i < records.time.size(); ++i) {
@@ -439,8 +440,7 @@ Grid grid_of(const Records& records, std::optional<double> dt) {
   const double channels = static_cast<double>(records.columns.inputs.size() + records.columns.outputs.size());
   const double samples = steps * static_cast<double>(records.experiments.size()) * channels;
   if (!(samples <= 1e6 + 1000 * rows * channels))
-    fail("{} experiments of {} steps with {} channels found in {} rows, fewer gaps needed", records.experiments.size(),
-         steps, channels, rows);
+    fail("{} experiments of {} steps found in {} rows, fewer gaps needed", records.experiments.size(), steps, rows);
   if (!(samples * sizeof(double) <= static_cast<double>(memory_limit())))
     fail("{} experiments of {} steps with {} channels found, which take {} bytes of memory; this machine has {}",
          records.experiments.size(), steps, channels, samples * sizeof(double), memory_limit());
