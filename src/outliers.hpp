@@ -14,9 +14,12 @@ struct OutlierOptions {
   Index lags = 1;        // p
   bool nominal = false;  // a mean motion is removed: the regressions have a constant
   int threads = 1;
+  Index period = 0;              // P: 1 where one model serves all steps
+  const Model* model = nullptr;  // of all experiments: those that it predicts as well as the others are no outliers
 };
 
-// Those that stand out, the largest first. None of fewer than five experiments, which do not tell who is right.
+// Those that stand out, the largest first. None of fewer than five experiments, three where one model serves all steps:
+// they do not tell who is right.
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
 std::vector<std::string> warnings_of(const std::vector<Outlier>& outliers);
