@@ -210,7 +210,7 @@ TEST(Excitation, OutputsThatRestWithTheirInputsAreNotStuck) {
   Ensemble coarse = random_experiments(constant_system({2, 1, 1}, 80, 0.7, 1), 20, 1);
   for (Index k = 30; k < 60; ++k) coarse.input(k).row(3).setZero();
   coarse = simulate(constant_system({2, 1, 1}, 80, 0.7, 1), coarse, Matrix::Zero(2, 20));
-  for (double& y : coarse.samples().reshaped()) y = std::round(y / 0.2) * 0.2;
+  coarse.samples() = ((coarse.samples() / 0.2).array().round() * 0.2).matrix().eval();
   EXPECT_EQ(warnings_of_dependent_outputs(coarse), Texts{});
 }
 
@@ -224,7 +224,7 @@ TEST(Excitation, StuckSensorsDoNotHideEachOther) {
 TEST(Excitation, CoarseOutputsCoincideByChance) {
   for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
     Ensemble e = random_experiments(constant_system({2, 1, 1}, 200, 0.8, seed), 3, seed);
-    for (double& y : e.samples().reshaped()) y = std::round(y / 0.2) * 0.2;
+    e.samples() = ((e.samples() / 0.2).array().round() * 0.2).matrix().eval();
     EXPECT_EQ(warnings_of_dependent_outputs(e), Texts{}) << seed;
   }
 }
