@@ -136,7 +136,7 @@ TEST(Outliers, OneWildSampleIsNoWildExperiment) {
   }
 }
 
-// A sine in place of an output: nothing that is done to it makes it as usual, least of all to shrink it.
+// White noise in place of an output: nothing that is done to it makes it as usual, least of all to shrink it.
 TEST(Outliers, NothingExplainsWhatIsOfAnotherKind) {
   const Campaign c{40, 60, {3, 2, 2}, 0.05, 4};
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
@@ -146,7 +146,7 @@ TEST(Outliers, NothingExplainsWhatIsOfAnotherKind) {
     for (Index k = 0; k < e.steps(); ++k) e.y(12, k, 0) = size * random.normal();
     const std::vector<Outlier> found = outliers(e, {.lags = c.lags});
     ASSERT_EQ(found.size(), 1u);
-    EXPECT_EQ(found.front().explanation, "nearly all of it in output y1");
+    EXPECT_EQ(found.front().explanation.find("they would be as usual"), std::string::npos) << found.front().explanation;
   }
 }
 
