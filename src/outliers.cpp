@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <memory>
 
 #include "outliers/explanation.hpp"
@@ -77,9 +78,8 @@ std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   return result;
 }
 
-// Those that the model of all experiments predicts as well as the others, while it predicts these as well as their own
-// regressions do: regressions may be of too few lags, or extrapolate to inputs of another kind; one model that fits all
-// is the better judge. A wild experiment that has spoilt the model acquits nobody.
+// Without those that the model of all experiments predicts as well as the others, while it predicts these as well as
+// their own regressions do. A wild experiment that has spoilt the model acquits nobody.
 std::vector<Outlier> convicted(std::vector<Outlier> accused, const Ensemble& e, const Model& model,
                                const Vector& usual_residual) {
   const Prediction prediction = predict(model, e);
@@ -130,16 +130,21 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
   if (best) result = outliers_of(e, *best);
   // Many lags leave directions of the windows to the noise, which a wild experiment need not keep away from: what it
   // does there nobody knows. One lag leaves none.
-  if (first && lags > 1)
+  if (first && lags > 1) {
+    std::vector<Outlier> alone;
     for (Outlier& other : outliers_of(e, *first)) {
       const auto same = std::find_if(result.begin(), result.end(),
                                      [&](const Outlier& x) { return x.experiment == other.experiment; });
       if (same == result.end())
-        result.push_back(std::move(other));
+        alone.push_back(std::move(other));
       else if (same->explanation.empty() || same->ratio < other.ratio)
         *same = std::move(other);
     }
-  if (o.model && !result.empty()) result = convicted(std::move(result), e, *o.model, best->usual_residual());
+    // But one lag is of a wrong model, which extrapolates to inputs of another kind. Whom it accuses alone, the model
+    // of all experiments may acquit; not whom more lags accuse too, for a wild experiment may have bent that model.
+    if (o.model && !alone.empty()) alone = convicted(std::move(alone), e, *o.model, best->usual_residual());
+    std::move(alone.begin(), alone.end(), std::back_inserter(result));
+  }
   std::stable_sort(result.begin(), result.end(), [](const Outlier& a, const Outlier& b) { return a.ratio > b.ratio; });
   return result;
 }

@@ -15,7 +15,7 @@ struct OutlierOptions {
   bool nominal = false;  // a mean motion is removed: the regressions have a constant
   int threads = 1;
   Index period = 0;              // P: 1 where one model serves all steps
-  const Model* model = nullptr;  // of all experiments: those that it predicts as well as the others are no outliers
+  const Model* model = nullptr;  // of all experiments, which acquits whom regressions of one lag alone accuse
 };
 
 // Those that stand out, the largest first. None of fewer than five experiments, three where one model serves all steps:
