@@ -51,6 +51,17 @@ std::vector<Index> spread(Index begin, Index end, Index count) {
   return steps;
 }
 
+// How many of them are the same, of the most frequent one.
+Index most_alike(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  size_t most = 0;
+  for (size_t i = 0, begin = 0; i < values.size(); ++i) {
+    if (values[i] != values[begin]) begin = i;
+    most = std::max(most, i - begin + 1);
+  }
+  return Index(most);
+}
+
 // How often a value of channel c is that of another experiment at some step, or of the step before it: the share of the
 // most frequent one, at steps at which the channel varies.
 struct Coincidence {
@@ -73,13 +84,8 @@ Coincidence coincidence(const Ensemble& e, Index c) {
       ++pairs;
     }
   }
-  std::sort(values.begin(), values.end());
-  Index most = 1;
-  for (size_t i = 0, begin = 0; i < values.size(); ++i) {
-    if (values[i] != values[begin]) begin = i;
-    most = std::max(most, Index(i - begin + 1));
-  }
-  return {values.size() > 1 ? double(most - 1) / double(values.size() - 1) : 0.0,
+  const Index all = Index(values.size());
+  return {all > 1 ? double(most_alike(std::move(values)) - 1) / double(all - 1) : 0.0,
           pairs > 0 ? double(held) / double(pairs) : 0.0};
 }
 
@@ -360,17 +366,12 @@ std::vector<Index> resting(const Ensemble& e, Index j) {
   std::vector<Index> still;
   Index fewest = e.experiments();
   double alike = 0.0;  // the share of one value at steps beside those
-  const auto most_alike = [&](Index k) {
+  const auto look_beside = [&](Index k) {
     std::vector<double> values;
     for (const double value : e.samples().col(k * d + c))
       if (!std::isnan(value)) values.push_back(value);
-    std::sort(values.begin(), values.end());
-    size_t most = 0;
-    for (size_t i = 0, begin = 0; i < values.size(); ++i) {
-      if (values[i] != values[begin]) begin = i;
-      most = std::max(most, i - begin + 1);
-    }
-    return std::pair(Index(most), Index(values.size()));
+    const Index all = Index(values.size()), most = most_alike(std::move(values));
+    if (most > 1 && most < all) alike = std::max(alike, double(most) / double(all));
   };
   bool moved = false;
   for (Index k = 0, before = -2; k < e.steps(); ++k) {
@@ -389,11 +390,8 @@ std::vector<Index> resting(const Ensemble& e, Index j) {
       still.push_back(k);
       fewest = std::min(fewest, present);
     }
-    if (!same && moved && before == k - 1)
-      if (const auto [most, all] = most_alike(k); most > 1) alike = std::max(alike, double(most) / double(all));
-    if (rests && k > 0 && before != k - 1)
-      if (const auto [most, all] = most_alike(k - 1); most > 1 && most < all)
-        alike = std::max(alike, double(most) / double(all));
+    if (!same && moved && before == k - 1) look_beside(k);
+    if (rests && before != k - 1) look_beside(k - 1);
     if (rests) before = k;
     moved = moved || !same;
   }
@@ -455,20 +453,6 @@ std::vector<std::string> moving_together(const Ensemble& e) {
     else
       others.push_back(j);
   }
-  return result;
-}
-
-// Single experiments in which an output stays where it is.
-std::vector<std::string> stuck_at(const Ensemble& e, Index j, Index origin) {
-  std::vector<std::string> result;
-  const std::vector<Standstill> stuck = standstills(e, e.inputs() + j);
-  for (size_t i = 0; i < std::min(most_told, stuck.size()); ++i)
-    result.push_back(fmt::format(
-        "output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its sensor stuck there?",
-        e.names.output(j), stuck[i].value, stuck[i].experiment, origin + stuck[i].begin, origin + stuck[i].end - 1));
-  if (stuck.size() > most_told)
-    result.push_back(fmt::format("output {} stays where it is in {} more", e.names.output(j),
-                                 words::plural(Index(stuck.size() - most_told), "experiment")));
   return result;
 }
 
@@ -565,13 +549,29 @@ std::vector<std::string> warnings_of_dependent_outputs(const Ensemble& e, Index 
   std::vector<std::string> result = moving_together(e);
   if (e.experiments() < 2) return result;
   for (Index j = 0; j < e.outputs(); ++j) {
-    for (std::string& text : stuck_at(e, j, origin)) result.push_back(std::move(text));
     std::vector<Index> still = resting(e, j);
     for (Index& k : still) k += origin;
     if (!still.empty())
       result.push_back(
           fmt::format("output {} is the same in every experiment at {}: nothing can be identified of it there",
                       e.names.output(j), words::step_list(still)));
+  }
+  return result;
+}
+
+StuckOutputs stuck_outputs(const Ensemble& e, Index origin) {
+  StuckOutputs result;
+  for (Index j = 0; j < e.outputs(); ++j) {
+    const std::vector<Standstill> stuck = standstills(e, e.inputs() + j);
+    for (const Standstill& s : stuck) result.experiments.push_back(s.experiment);
+    for (size_t i = 0; i < std::min(most_told, stuck.size()); ++i)
+      result.warnings.push_back(fmt::format(
+          "output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its sensor "
+          "stuck there?",
+          e.names.output(j), stuck[i].value, stuck[i].experiment, origin + stuck[i].begin, origin + stuck[i].end - 1));
+    if (stuck.size() > most_told)
+      result.warnings.push_back(fmt::format("output {} stays where it is in {} more", e.names.output(j),
+                                            words::plural(Index(stuck.size() - most_told), "experiment")));
   }
   return result;
 }

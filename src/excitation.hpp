@@ -30,8 +30,15 @@ struct Excitation {
 // inputs of few values.
 Excitation excitation(const Ensemble& ensemble, const ExcitationOptions& options);
 
-// Outputs that are one combination of others at all steps, outputs that are the same in every experiment at some steps
-// after they have moved, and those that stay where they are in single experiments.
+// Outputs that are one combination of others at all steps, and outputs that are the same in every experiment at some
+// steps after they have moved.
 std::vector<std::string> warnings_of_dependent_outputs(const Ensemble& ensemble, Index origin = 0);
+
+// Outputs that stay where they are in single experiments while their inputs move, and which experiments these are.
+struct StuckOutputs {
+  std::vector<std::string> warnings;
+  std::vector<Index> experiments;
+};
+StuckOutputs stuck_outputs(const Ensemble& ensemble, Index origin = 0);
 
 }  // namespace tokid

@@ -728,7 +728,7 @@ std::vector<Index> Pipeline::warn_of_excitation(const std::vector<Index>& suspec
   return std::move(found.named);
 }
 
-// Single experiments: those that repeat others, and those that do not fit them.
+// Single experiments: those that repeat others, those with a stuck sensor, and those that do not fit the others.
 void Pipeline::warn_of_experiments(const Ensemble& whole) {
   const bool exact = !result_.noisy && initial_ == InitialState::zero;
   const Index r = whole.inputs(), p = result_.lags;
@@ -738,6 +738,8 @@ void Pipeline::warn_of_experiments(const Ensemble& whole) {
                        : exact             ? experiments_for(p)
                                            : r * (p + 1);
   for (std::string& text : warnings_of(repeats(whole), whole.experiments(), needed, p)) warn(std::move(text));
+  StuckOutputs stuck = stuck_outputs(whole);
+  for (std::string& text : stuck.warnings) warn(std::move(text));
   // Without noise each of them obeys the regressions.
   if (!result_.noisy) return;
   result_.outliers = outliers(whole, {.lags = p,
@@ -745,7 +747,7 @@ void Pipeline::warn_of_experiments(const Ensemble& whole) {
                                       .threads = options_.execution.threads,
                                       .period = result_.variation.period,
                                       .model = &result_.model});
-  for (std::string& text : warnings_of(result_.outliers)) warn(std::move(text));
+  for (std::string& text : warnings_of(result_.outliers, stuck.experiments)) warn(std::move(text));
 }
 
 void Pipeline::warn_of_states() {

@@ -160,7 +160,8 @@ std::string times(double ratio) {
 
 }  // namespace
 
-std::vector<std::string> warnings_of(const std::vector<Outlier>& outliers) {
+std::vector<std::string> warnings_of(std::vector<Outlier> outliers, const std::vector<Index>& told) {
+  std::erase_if(outliers, [&](const Outlier& o) { return std::count(told.begin(), told.end(), o.experiment) > 0; });
   std::vector<std::string> result;
   for (size_t i = 0; i < std::min(most_told, outliers.size()); ++i) {
     const Outlier& o = outliers[i];

@@ -22,6 +22,7 @@ struct OutlierOptions {
 // they do not tell who is right.
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
-std::vector<std::string> warnings_of(const std::vector<Outlier>& outliers);
+// Without the experiments of which enough is said already.
+std::vector<std::string> warnings_of(std::vector<Outlier> outliers, const std::vector<Index>& told = {});
 
 }  // namespace tokid

@@ -4,15 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "statistics.hpp"
-
 namespace tokid {
 
 namespace {
 
 // Steps, shares of the record, and multiples of what is usual below which nothing is said.
-constexpr Index fewest_steps = 8, times_usual = 3;
-constexpr double least_share = 0.1;
+constexpr double fewest_steps = 8, times_usual = 3, least_share = 0.1;
 // So few ensembles in which values that stay from step to step at random do so for so long.
 constexpr double false_alarms = 1e-3;
 
@@ -66,14 +63,15 @@ std::vector<Standstill> standstills(const Ensemble& e, Index c) {
     held += course.held;
     steps += course.steps;
   }
-  const double least = std::max(double(fewest_steps), least_share * double(e.steps()));
+  if (count < 2) return {};
+  // The median of the others of those that are above it.
+  const auto middle = length.begin() + (count - 1) / 2;
+  std::nth_element(length.begin(), middle, length.end());
+  const double least = std::max(fewest_steps, least_share * double(e.steps()));
   std::vector<Standstill> result;
   for (const Course& course : courses) {
     const double own = double(course.longest.end - course.longest.begin);
-    if (own < least) continue;
-    std::vector<double> others = length;
-    others.erase(others.begin() + course.longest.experiment);
-    if (others.empty() || own < double(times_usual) * statistics::median(others)) continue;
+    if (own < least || own < times_usual * *middle) continue;
     // Outputs in coarse steps stay where they are by themselves, in this experiment or in the others.
     const auto share = [](Index part, Index all) { return all > 0 ? double(part) / double(all) : 0.0; };
     const Index run = Index(own) - 1;

@@ -106,11 +106,12 @@ TEST(Excitation, OutputsThatMoveTogetherOrRest) {
     if (k < 3 || k == 7) e.output(k).col(0).setConstant(1.0);  // the first steps may well be at rest
     if (k > 10) e.y(4, k, 1) = e.y(4, 10, 1) = 2.5;
   }
+  EXPECT_EQ(warnings_of_dependent_outputs(e),
+            (Texts{"output y1 is the same in every experiment at step 7: nothing can be identified of it there"}));
   EXPECT_EQ(
-      warnings_of_dependent_outputs(e),
+      stuck_outputs(e, 100).warnings,
       (Texts{
-          "output y1 is the same in every experiment at step 7: nothing can be identified of it there",
-          "output y2 stays at 2.5 in experiment 4 at steps 10–19, where its inputs move: is its sensor stuck there?"}));
+          "output y2 stays at 2.5 in experiment 4 at steps 110–119, where its inputs move: is its sensor stuck there?"}));
 }
 
 // What nothing is wrong with, and what chance makes of few experiments.
@@ -206,19 +207,21 @@ TEST(Excitation, OutputsThatRestWithTheirInputsAreNotStuck) {
     if (k < 30) e.input(k).row(9).setZero(), e.output(k).row(9).setZero();
   }
   EXPECT_EQ(warnings_of_dependent_outputs(e), Texts{});
+  EXPECT_EQ(stuck_outputs(e).warnings, Texts{});
   // Outputs in steps of their sensors, that come to rest where the inputs do.
   Ensemble coarse = random_experiments(constant_system({2, 1, 1}, 80, 0.7, 1), 20, 1);
   for (Index k = 30; k < 60; ++k) coarse.input(k).row(3).setZero();
   coarse = simulate(constant_system({2, 1, 1}, 80, 0.7, 1), coarse, Matrix::Zero(2, 20));
   coarse.samples() = ((coarse.samples() / 0.2).array().round() * 0.2).matrix().eval();
   EXPECT_EQ(warnings_of_dependent_outputs(coarse), Texts{});
+  EXPECT_EQ(stuck_outputs(coarse).warnings, Texts{});
 }
 
 TEST(Excitation, StuckSensorsDoNotHideEachOther) {
   Ensemble e = inputs(2);
   for (const Index n : {4, 11})
     for (Index k = 10; k < 20; ++k) e.y(n, k, 1) = e.y(n, 9, 1);
-  EXPECT_EQ(warnings_of_dependent_outputs(e).size(), 2u);
+  EXPECT_EQ(stuck_outputs(e).experiments, (std::vector<Index>{4, 11}));
 }
 
 TEST(Excitation, CoarseOutputsCoincideByChance) {
@@ -226,6 +229,7 @@ TEST(Excitation, CoarseOutputsCoincideByChance) {
     Ensemble e = random_experiments(constant_system({2, 1, 1}, 200, 0.8, seed), 3, seed);
     e.samples() = ((e.samples() / 0.2).array().round() * 0.2).matrix().eval();
     EXPECT_EQ(warnings_of_dependent_outputs(e), Texts{}) << seed;
+    EXPECT_EQ(stuck_outputs(e).warnings, Texts{}) << seed;
   }
 }
 

@@ -150,5 +150,18 @@ TEST(Outliers, NothingExplainsWhatIsOfAnotherKind) {
   }
 }
 
+// Long records of one model show it, and who does not obey it.
+TEST(Outliers, OneOfThreeLongRecords) {
+  const Model system = constant_system({2, 1, 1}, 400, 0.9, 1);
+  Ensemble e = with_noise(random_experiments(system, 3, 2), 0.05, 3);
+  EXPECT_TRUE(outliers(e, {.lags = 2, .period = 1}).empty());
+  for (Index k = 0; k < e.steps(); ++k) e.y(1, k, 0) *= 1000;
+  const std::vector<Outlier> found = outliers(e, {.lags = 2, .period = 1});
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found.front().experiment, 1);
+  EXPECT_NE(found.front().explanation.find("with output y1 multiplied by 0.00"), std::string::npos)
+      << found.front().explanation;
+}
+
 }  // namespace
 }  // namespace tokid::testing

@@ -59,6 +59,7 @@ std::vector<Part> stretches(const EnsembleFile& file, const IdentifyOptions& o) 
 void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool nominal,
              bool states_asked, Identification& result) {
   std::vector<std::string> texts;
+  std::vector<Index> stuck;
   const auto add = [&texts](std::vector<std::string> list) {
     for (std::string& text : list)
       if (std::find(texts.begin(), texts.end(), text) == texts.end()) texts.push_back(std::move(text));
@@ -66,6 +67,9 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
   for (size_t i = 0; i < parts.size(); ++i) {
     const Part& part = parts[i];
     add(warnings_of_dependent_outputs(part.whole, part.begin));
+    StuckOutputs own = stuck_outputs(part.whole, part.begin);
+    stuck.insert(stuck.end(), own.experiments.begin(), own.experiments.end());
+    add(std::move(own.warnings));
     add(excitation(part.whole,
                    {.lags = result.lags, .noisy = result.noisy, .shared = result.together, .origin = part.begin})
             .warnings);
@@ -90,7 +94,7 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
       else if (same->ratio < own.ratio)
         *same = std::move(own);
     }
-  add(warnings_of(result.outliers));
+  add(warnings_of(result.outliers, stuck));
   for (const std::string& text : texts)
     result.warnings.push_back(fmt::format("in the stretches that decide, {}", text));
 }
