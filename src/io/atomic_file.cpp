@@ -6,10 +6,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <deque>
 #include <functional>
 #include <system_error>
 #include <utility>
-#include <vector>
 
 #include "arrays.hpp"
 #include "naming.hpp"
@@ -83,7 +83,7 @@ bool remove_abandoned(const fs::path& path) {
   return !is_at(path, file) || unlink(path.c_str()) == 0;
 }
 
-thread_local std::vector<AtomicFile>* together = nullptr;
+thread_local std::deque<AtomicFile>* together = nullptr;
 
 }  // namespace
 
@@ -173,8 +173,8 @@ struct FilesTogether::Content {
   Content() : outer(std::exchange(io::together, &files)) {}
   ~Content() { io::together = outer; }
 
-  std::vector<io::AtomicFile> files;
-  std::vector<io::AtomicFile>* outer;
+  std::deque<io::AtomicFile> files;
+  std::deque<io::AtomicFile>* outer;
 };
 
 FilesTogether::FilesTogether() : content_(std::make_unique<Content>()) {}
@@ -182,8 +182,11 @@ FilesTogether::FilesTogether() : content_(std::make_unique<Content>()) {}
 FilesTogether::~FilesTogether() = default;
 
 void FilesTogether::commit() {
-  for (io::AtomicFile& file : content_->files) io::naming(file.target(), [&] { file.publish(); });
-  content_->files.clear();
+  while (!content_->files.empty()) {
+    io::AtomicFile& file = content_->files.front();
+    io::naming(file.target(), [&] { file.publish(); });
+    content_->files.pop_front();
+  }
 }
 
 }  // namespace tokid

@@ -44,7 +44,10 @@ void reserve(const std::filesystem::path& path, std::uint64_t bytes) {
 
 }  // namespace
 
-Hdf5Source::Hdf5Source(const std::filesystem::path& path) : file_(open_for_blocks(path)), bytes_(path) {}
+Hdf5Source::Hdf5Source(const std::filesystem::path& path, const Unchanged& bytes)
+    : file_(open_for_blocks(path)), bytes_(bytes) {
+  if (!is_at(path, bytes.descriptor())) fail("another file took its name while it was opened");
+}
 
 Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
     : source_(source), name_(name), data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name) {
@@ -133,7 +136,8 @@ void Hdf5Sink::close() {
   checked(H5Fflush(*file_, H5F_SCOPE_GLOBAL));
   checked(H5Fget_filesize(*file_, &bytes));
   file_.reset();
-  std::filesystem::resize_file(path_, bytes);  // less what was reserved and not needed
+  // Less what was reserved and not needed.
+  if (truncate(path_.c_str(), off_t(bytes)) != 0) fail_to_write(errno);
 }
 
 }  // namespace tokid::io

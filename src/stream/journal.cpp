@@ -103,6 +103,11 @@ void Journal::begin(const std::string& about) {
   }
   const Json found = Json::parse(*kept, nullptr, false), needed = Json::parse(about);
   if (found == needed) return;
+  if (!has_more()) {  // nothing is lost
+    cut(std::int64_t(magic.size()));
+    records_ = 0;
+    return append(about);
+  }
   fail("the journal of another identification found ({}); delete it to begin anew, or call as then to go on",
        differences(found, needed));
 }
@@ -110,6 +115,15 @@ void Journal::begin(const std::string& about) {
 void Journal::cut(std::int64_t at) {
   if (ftruncate(file_, at) != 0 || lseek(file_, at, SEEK_SET) != at) io::fail_to_write(errno);
   end_ = at;
+}
+
+bool Journal::has_more() {
+  const std::int64_t end = end_;
+  const std::uint64_t records = records_;
+  const bool found = next().has_value();
+  end_ = end;
+  records_ = records;
+  return found;
 }
 
 std::optional<std::string> Journal::next() {

@@ -37,6 +37,7 @@ class Journal {
   void open();
   void begin(const std::string& about);
   void cut(std::int64_t at);
+  bool has_more();
   void append(std::string_view record);
 
   std::filesystem::path path_;

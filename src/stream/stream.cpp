@@ -2,7 +2,6 @@
 #include "tokid/stream.hpp"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <chrono>
@@ -14,6 +13,7 @@
 #include <xxhash.h>
 
 #include "archive.hpp"
+#include "linalg/simd.hpp"
 #include "realisation.hpp"
 #include "statistics.hpp"
 #include "stream/blocks.hpp"
@@ -162,16 +162,17 @@ class Record {
   double whiteness_p_ = std::numeric_limits<double>::quiet_NaN();
 };
 
-// All that decides about the bits of the blocks. The choices, made anew from samples, tell data and processors apart
-// that look alike.
+// All that decides about the bits of the blocks. The choices, made anew from samples, tell data apart that look alike.
 std::string about_blocks(const EnsembleFile& file, const Plan& plan, const std::string& settled,
                          const StreamOptions& options) {
-  struct stat found = {};
-  stat(file.path().c_str(), &found);
+  const FileState data = file.state();
   nlohmann::ordered_json json;
   json["version"] = version;
-  json["bytes of the data"] = found.st_size;
-  json["time of the data"] = fmt::format("{}.{:09}", found.st_mtim.tv_sec, found.st_mtim.tv_nsec);
+  json["instructions"] = simd::to_string(simd::target());
+  json["number of the file"] = data.number;
+  json["bytes of the data"] = data.bytes;
+  json["time of the data"] = data.modified;
+  json["change of the file"] = data.changed;
   json.update(nlohmann::ordered_json::parse(to_json(options.identify, file.experiments())));
   json["steps"] = plan.steps;
   json["blocks"] = plan.count;

@@ -179,29 +179,58 @@ def test_a_journal_of_other_data_is_refused(tokid, scene):
     before, stat = journal.read_bytes(), (scene / "data.h5").stat()
     os.utime(scene / "data.h5", ns=(stat.st_atime_ns, stat.st_mtime_ns + 1))
     assert "time of the data" in tokid(*CALL, status=2, cwd=scene).stderr
-    # Even where they look like the ones before: the choices tell.
+    # Even where size and time are those of before, and the stretches that decide are the same.
     with h5py.File(scene / "data.h5", "a") as file:
-        file["y"][:] = 1.5 * file["y"][:]
+        file["y"][3, 150, 1] *= 1 + 1e-14
     os.utime(scene / "data.h5", ns=(stat.st_atime_ns, stat.st_mtime_ns))
     assert (scene / "data.h5").stat().st_size == stat.st_size
     result = tokid(*CALL, status=2, cwd=scene)
-    assert "choices" in result.stderr and "time" not in result.stderr
+    assert "change of the file" in result.stderr and "time of the data" not in result.stderr
+    shutil.copy2(scene / "data.h5", scene / "other.h5")
+    os.replace(scene / "other.h5", scene / "data.h5")
+    assert "number of the file" in tokid(*CALL, status=2, cwd=scene).stderr
     assert journal.read_bytes() == before
 
 
-def test_an_error_keeps_the_blocks_before_it(tokid, scene):
-    """Of 40 blocks, the 30th has a sample that is none. Put right, with the time of before, the call goes on."""
+def test_a_journal_is_of_the_file_that_was_read(tokid, scene):
+    """Another file takes the name of the data while they are read: its blocks are none of the journal."""
+    write_ensemble(scene / "other.h5", steps=2400, seed=9)
     write_ensemble(scene / "data.h5", steps=2400)
-    stat = (scene / "data.h5").stat()
+    process = subprocess.Popen([tokid.executable, *CALL, "--quiet"], cwd=scene)
+    journal = scene / "model.h5.resume"
+    while process.poll() is None and not journal.exists():
+        time.sleep(0.0005)
+    os.replace(scene / "other.h5", scene / "data.h5")
+    process.kill()
+    if process.wait() == 0:  # too late to be killed
+        (scene / "model.h5").unlink()
+    tokid("identify", "data.h5", "-o", "right.h5", "--block", "60", "--lags", "2", cwd=scene)
+    result = subprocess.run([tokid.executable, *CALL, "--quiet"], cwd=scene, capture_output=True, text=True)
+    if result.returncode == 0:  # nothing was kept
+        assert (scene / "model.h5").read_bytes() == (scene / "right.h5").read_bytes()
+    else:
+        assert result.returncode == 2 and "number of the file" in result.stderr
+
+
+def test_a_journal_without_blocks_stands_in_nobodys_way(tokid, scene):
+    journal = stopped(tokid, scene)
+    os.truncate(journal, records(journal)[1])
+    call = [word if word != "2" else "3" for word in CALL]
+    assert json.loads(tokid(*call, "--json", cwd=scene).stdout)["resumed_blocks"] == 0
+
+
+def test_an_error_keeps_the_blocks_before_it(tokid, scene):
+    """Of 40 blocks, the 30th has a sample that is none. Put right, it is another file."""
+    write_ensemble(scene / "data.h5", steps=2400)
     with h5py.File(scene / "data.h5", "a") as file:
         right, file["y"][3, 1790, 1] = file["y"][3, 1790, 1], np.inf
-    os.utime(scene / "data.h5", ns=(stat.st_atime_ns, stat.st_mtime_ns))
     assert "infinite value in experiment 3 at step 1790" in tokid(*CALL, status=2, cwd=scene).stderr
     with h5py.File(scene / "data.h5", "a") as file:
         file["y"][3, 1790, 1] = right
-    os.utime(scene / "data.h5", ns=(stat.st_atime_ns, stat.st_mtime_ns))
-    assert resumed(tokid, scene) == 28  # four at a time
-    assert sorted(os.listdir(scene)) == ["data.h5", "model.h5"]
+    assert len(records(scene / "model.h5.resume")) == 1 + 28 + 1  # four at a time
+    assert "time of the data" in tokid(*CALL, status=2, cwd=scene).stderr
+    (scene / "model.h5.resume").unlink()
+    assert resumed(tokid, scene) == 0
 
 
 def test_what_is_no_journal_is_left_alone(tokid, scene):
