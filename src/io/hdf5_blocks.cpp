@@ -34,14 +34,6 @@ Handle memory_of(const Hyperslab& part) {
   return {H5Screate_simple(int(part.count.size()), part.count.data(), nullptr), H5Sclose};
 }
 
-void reserve(const std::filesystem::path& path, std::uint64_t bytes) {
-  const Descriptor file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
-  if (file < 0) fail_to_write(errno);
-  const int error = posix_fallocate(file, 0, off_t(bytes));
-  // Some file systems know no reservation; there the writing itself will tell.
-  if (error != 0 && error != EINVAL && error != EOPNOTSUPP) fail_to_write(error);
-}
-
 }  // namespace
 
 Hdf5Source::Hdf5Source(const std::filesystem::path& path, const Unchanged& bytes)

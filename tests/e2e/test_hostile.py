@@ -109,6 +109,21 @@ def test_a_data_set_without_values(refused, tmp_path, options):
     refused("data.h5", "'u'", arguments=("identify", "-o", "model.h5", "--block", "100"))
 
 
+@pytest.mark.parametrize("options", [{}, {"chunks": (1, 10, 1)}, {"chunks": (1, 10, 1), "compression": "gzip"},
+                                     {"chunks": (3, 400, 1), "compression": "lzf"}])
+def test_inputs_that_were_never_written_are_zeros(tokid, tmp_path, options):
+    """As they are to all others who read them."""
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        u = file.create_dataset("u", (3, 400, 1), "f8", **options)
+        if "chunks" in options:
+            u[0, :10, 0] = 1.5
+        file["y"] = np.ones((3, 400, 1))
+        expected = u[()]
+    tokid("convert", tmp_path / "data.h5", tmp_path / "out.npz")
+    with np.load(tmp_path / "out.npz") as file:
+        np.testing.assert_array_equal(file["u"], expected)
+
+
 def test_a_chunk_that_is_larger_than_its_data_set(refused, tmp_path):
     with h5py.File(tmp_path / "data.h5", "w") as file:
         u = file.create_dataset("u", (3, 4, 1), "f8", chunks=(1 << 14, 1 << 14, 1), maxshape=(None, None, 1),
