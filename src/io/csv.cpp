@@ -451,11 +451,11 @@ std::vector<Axis> axes_of(const Records& records, std::optional<double> stated, 
     ++own.rows;
     own.first = std::min(own.first, records.time[i]);
     own.last = std::max(own.last, records.time[i]);
-    own.unit = std::max(own.unit, records.precision.unit(records.time[i]));
     rows[size_t(records.experiment[i])].push_back(i);
   }
   for (size_t n = 0; n < axes.size(); ++n) {
     Axis& own = axes[n];
+    own.unit = records.precision.unit(std::max(std::abs(own.first), std::abs(own.last)));
     if (!stated && own.rows < few) continue;
     fit(records.time, std::move(rows[n]), stated, own);
     own.is_even = own.dt > 0 && own.rows >= few && own.off <= allowed(own, own.dt, resolution);

@@ -85,6 +85,7 @@ class Record {
 
   // In any order: a block waits for those before it.
   void put(FinishedBlock block) {
+    if (block.number < done_) return;
     waiting_.emplace(block.number, std::move(block.result));
     for (auto next = waiting_.find(done_); next != waiting_.end(); next = waiting_.find(++done_)) {
       add(std::move(next->second));
