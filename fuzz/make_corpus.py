@@ -120,6 +120,7 @@ def journals(tokid, folder):
         if name:
             write(folder("journal"), name, content[at + 16:at + 16 + size])
         at += 16 + size
+    write(folder("journal"), "zeros", bytes(2048))
     data.unlink()
     journal.unlink()
 
