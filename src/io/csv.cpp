@@ -530,7 +530,8 @@ void fail_uneven(const Records& records, const std::vector<Axis>& axes) {
   fail(
       "line {}, column 'time': {} found, {:.4g} off the even steps of {:.6g} of the other rows, which are needed (or step "
       "numbers in a column 'k')",
-      records.line[worst->worst], records.time[worst->worst], worst->off, worst->dt);
+      records.line[worst->worst], records.time[worst->worst], worst->off,
+      with_few_digits(worst->dt, worst->off / std::max(worst->steps, 1.0)));
 }
 
 // Times that were rounded when they were written lie around the grid, not behind its first one.
