@@ -227,7 +227,7 @@ def test_an_error_keeps_the_blocks_before_it(tokid, scene):
     assert "infinite value in experiment 3 at step 1790" in tokid(*CALL, status=2, cwd=scene).stderr
     with h5py.File(scene / "data.h5", "a") as file:
         file["y"][3, 1790, 1] = right
-    assert len(records(scene / "model.h5.resume")) == 1 + 28 + 1  # four at a time
+    assert len(records(scene / "model.h5.resume")) == 1 + 29 + 1  # four at a time
     assert "time of the data" in tokid(*CALL, status=2, cwd=scene).stderr
     (scene / "model.h5.resume").unlink()
     assert resumed(tokid, scene) == 0
