@@ -84,8 +84,9 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
 
   std::error_code error;
   const auto same = [&error](const fs::path& a, const fs::path& b) {
+    if (b.empty()) return false;  // an option that was not given
     return fs::equivalent(a, b, error) ||
-           fs::weakly_canonical(fs::absolute(a), error) == fs::weakly_canonical(fs::absolute(b), error);
+           fs::weakly_canonical(fs::absolute(a, error), error) == fs::weakly_canonical(fs::absolute(b, error), error);
   };
   for (const fs::path& other : kept)
     if (same(path, other)) refuse("found among the other files, another name needed to keep it");
