@@ -99,41 +99,38 @@ class Scene:
         return result
 
 
-KILLS = Counter()
+KILLS = 9  # of each of thirteen commands: more than a hundred
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_killed_at_any_time(tokid, campaign, tmp_path, name):
-    """Twelve times each, most of them towards the end, where files are written."""
+    """Most of the times towards the end, where files are written."""
     scene = Scene(tokid, campaign, tmp_path, COMMANDS[name])
     dice = random.Random(name)
     tally = Counter()
-    for i in range(12):
+    end = scene.seconds
+    for i in range(100):
         scene.reset(**(dict.fromkeys(scene.written, OLD) if i % 2 else {}))
-        moment = scene.seconds * dice.uniform(0.0 if i < 5 else 0.7, 1.0)
         process = subprocess.Popen(scene.command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(moment)
-        process.send_signal({10: signal.SIGTERM, 11: signal.SIGINT}.get(i, signal.SIGKILL))
+        time.sleep(end * dice.uniform(0.0 if i % 12 < 5 else 0.7, 1.0))
+        process.send_signal({10: signal.SIGTERM, 11: signal.SIGINT}.get(i % 12, signal.SIGKILL))
         status = process.wait()
         found = scene.found()
         tally.update(["killed" if status < 0 else "finished", *found.values(), *(".tmp" for _ in leftovers(tmp_path))])
         if status >= 0:
             assert set(found.values()) == {"new"}
+            end *= 0.95  # the machine has become faster
         if name == "update":  # the state never has experiments that the model lacks
             assert (found["state.h5"], found["out.npz"]) in [("old", "old"), ("old", "absent"), ("old", "new"),
                                                              ("new", "new")]
+        if tally["killed"] == KILLS:
+            break
     print(f"{name}: {dict(tally)}, {scene.seconds:.3f} s")
-    KILLS[name] = tally["killed"]
+    assert tally["killed"] == KILLS
     if name == "update":
         scene.reset()
     assert scene.run().returncode == 0
     assert contents(tmp_path) == scene.done
-
-
-def test_enough_was_killed():
-    if len(KILLS) < len(COMMANDS):
-        pytest.skip("not all of the commands were killed in this run")
-    assert KILLS.total() >= 100 and min(KILLS.values()) > 0, KILLS
 
 
 @pytest.mark.parametrize("call", ["fsync", "linkat", "rename"])
@@ -249,7 +246,8 @@ def test_no_memory_to_write(tokid, tmp_path, output):
         else:
             assert output not in result.stderr, result.stderr
     print(output, dict(found))
-    assert found[0] == 1 and found["written"] > 0
+    # An .npz is written from what has been read: it takes no memory of its own.
+    assert found[0] == 1 and (found["written"] > 0 or output == "out.npz")
 
 
 @pytest.fixture(scope="module")
