@@ -228,6 +228,9 @@ class TextHeaps {
 };
 
 std::vector<std::string> read_variable_texts(const Node& node, size_t count, const Claims& claims) {
+  const Handle character(H5Tget_super(node.type), H5Tclose, node.name);
+  if (H5Tget_size(character) != 1)  // the library takes room for so many of them
+    fail("data set '{}': texts with characters of {} bytes found, 1 byte needed", node.name, H5Tget_size(character));
   // Attributes are read without a choice of the allocation.
   if (node.is_attribute && count > 1) claims.check(node.name, {count}, 1, claims.file_bytes());
   TextHeaps(node, claims).check(count);
