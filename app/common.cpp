@@ -83,8 +83,13 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
                                                     : "an ensemble"));
 
   std::error_code error;
+  const auto same = [&error](const fs::path& a, const fs::path& b) {
+    if (b.empty()) return false;  // an option that was not given
+    return fs::equivalent(a, b, error) ||
+           fs::weakly_canonical(fs::absolute(a, error), error) == fs::weakly_canonical(fs::absolute(b, error), error);
+  };
   for (const fs::path& other : kept)
-    if (fs::equivalent(path, other, error)) refuse("found among the files to read, another name needed to keep it");
+    if (same(path, other)) refuse("found among the other files, another name needed to keep it");
   if (fs::is_directory(path, error)) refuse("a directory found, the name of a file needed");
   if (error == std::errc::filename_too_long) refuse(fmt::format("can't be written: {}", error.message()));
   const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");

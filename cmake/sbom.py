@@ -30,7 +30,7 @@ def owners(paths):
     """The packages of files; the loader may know them by the names before /lib became /usr/lib."""
     names = {name: path for path in paths for name in (str(path), str(path).removeprefix("/usr"))}
     found = subprocess.run(["dpkg-query", "--search", *names], capture_output=True, text=True, check=False).stdout
-    packages = {names[file]: package.split(",")[0] for package, file in re.findall(r"^(\S+): (\S+)$", found, re.MULTILINE)
+    packages = {names[file]: package.split(",")[0] for package, file in re.findall(r"^(\S.*): (/\S+)$", found, re.MULTILINE)
                 if file in names}
     if missing := set(paths) - set(packages):
         sys.exit(f"{', '.join(map(str, sorted(missing)))}: of no Debian package, one needed")

@@ -15,6 +15,7 @@
 
 #include "common.hpp"
 #include "io/claims.hpp"
+#include "stream/blocks.hpp"
 #include "tokid/tokid.hpp"
 
 namespace tokid::fuzz {
@@ -120,6 +121,19 @@ void columns(std::string_view bytes) {
   refuses_or_reads([&] { load_ensemble(path, options); });
 }
 
+// A block of a journal, of the record that make_corpus.py makes.
+void journal(std::string_view bytes) {
+  stream::Plan plan;
+  plan.steps = 2400;
+  plan.count = 120;
+  plan.before = 5;
+  try {
+    stream::finished_block(bytes, plan, 1, 1);
+  } catch (const std::invalid_argument&) {
+  } catch (const std::runtime_error&) {
+  }
+}
+
 // ---- options ----
 
 // What is understood is written so that it is understood in the same way.
@@ -175,6 +189,7 @@ constexpr Target table[] = {{"ensemble_npz", ensemble<npz>},
                             {"model_mat", model<mat>},
                             {"state_npz", state<npz>},
                             {"state_h5", state<h5>, true},
+                            {"journal", journal},
                             {"options", options},
                             {"command_line", command_line}};
 

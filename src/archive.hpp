@@ -3,7 +3,9 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <cstring>
+#include <limits>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -63,6 +65,7 @@ class Writer {
   std::string bytes_;
 };
 
+// Takes no more memory than the bytes are worth, whatever sizes they claim. \throws std::runtime_error
 class Reader {
  public:
   explicit Reader(std::string_view bytes) : rest_(bytes) {}
@@ -72,9 +75,27 @@ class Reader {
     (read(values), ...);
   }
 
+  void finish() const {
+    if (!rest_.empty()) damaged();
+  }
+
  private:
+  [[noreturn]] static void damaged() { throw std::runtime_error("a damaged record found"); }
+
+  // Of entries that take at least so many bytes each.
+  size_t taken_count(size_t bytes) {
+    const auto count = taken<size_t>();
+    if (count > rest_.size() / bytes) damaged();
+    return count;
+  }
+  Index taken_dimension() {
+    const auto size = taken<Index>();
+    if (size < 0 || size > std::numeric_limits<std::int32_t>::max()) damaged();
+    return size;
+  }
+
   void take(void* to, size_t count) {
-    if (count > rest_.size()) throw std::runtime_error("a message between the parts of the program is incomplete");
+    if (count > rest_.size()) damaged();
     if (count > 0) std::memcpy(to, rest_.data(), count);
     rest_.remove_prefix(count);
   }
@@ -93,27 +114,38 @@ class Reader {
       take(&value, sizeof(T));
     }
   }
+  void read(bool& value) {
+    const auto byte = taken<std::uint8_t>();
+    if (byte > 1) damaged();
+    value = byte == 1;
+  }
   template <class T>
   void read(std::vector<T>& list) {
-    list.resize(taken<size_t>());
+    constexpr bool plain = std::is_arithmetic_v<T> || std::is_enum_v<T>;
+    list.resize(taken_count(plain ? sizeof(T) : sizeof(size_t)));
     for (T& value : list) read(value);
   }
   template <class T>
   void read(std::optional<T>& value) {
-    if (!taken<bool>()) return value.reset();
+    bool there = false;
+    read(there);
+    if (!there) return value.reset();
     read(value.emplace());
   }
   void read(std::string& text) {
-    text.resize(taken<size_t>());
+    text.resize(taken_count(1));
     take(text.data(), text.size());
   }
   void read(Matrix& a) {
-    const Index rows = taken<Index>(), cols = taken<Index>();
+    const Index rows = taken_dimension(), cols = taken_dimension();
+    if (size_t(rows) * size_t(cols) > rest_.size() / sizeof(double)) damaged();
     a.resize(rows, cols);
     take(a.data(), size_t(a.size()) * sizeof(double));
   }
   void read(Vector& a) {
-    a.resize(taken<Index>());
+    const Index size = taken_dimension();
+    if (size_t(size) > rest_.size() / sizeof(double)) damaged();
+    a.resize(size);
     take(a.data(), size_t(a.size()) * sizeof(double));
   }
 
@@ -132,6 +164,7 @@ T unpacked(std::string_view bytes) {
   T value;
   Reader reader(bytes);
   reader(value);
+  reader.finish();
   return value;
 }
 

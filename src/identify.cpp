@@ -840,6 +840,8 @@ Identification Pipeline::run(bool validated, bool whole) {
   if (options_.period == 0)
     for (std::string& text : warnings_of_inputs(samples, data_->names)) warn(std::move(text));
   for (std::string& text : warnings_of_outputs(samples, data_->names)) warn(std::move(text));
+  if (options_.period == 0 && samples.missing > 0)
+    for (std::string& text : warnings_of_steps(*data_)) warn(std::move(text));
   for (std::string& text : warnings_of_dependent_outputs(*data_)) warn(std::move(text));
   remove_nominal();
   check_method();

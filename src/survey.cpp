@@ -119,6 +119,23 @@ std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channel
   return result;
 }
 
+std::vector<std::string> warnings_of_steps(const Ensemble& e) {
+  std::vector<Index> first(size_t(e.experiments()), e.steps()), last(size_t(e.experiments()), -1);
+  for (Index k = 0; k < e.steps(); ++k)
+    for (Index c = 0; c < e.channels(); ++c)
+      for (Index n = 0; n < e.experiments(); ++n) {
+        if (std::isnan(e.samples()(n, k * e.channels() + c))) continue;
+        first[size_t(n)] = std::min(first[size_t(n)], k);
+        last[size_t(n)] = k;
+      }
+  const auto late = std::max_element(first.begin(), first.end()), early = std::min_element(last.begin(), last.end());
+  if (*early < 0 || *late <= *early) return {};
+  return {fmt::format(
+      "experiment {} begins at step {}, when experiment {} has ended at step {}: where experiments share no step, they "
+      "don't tell one from another; steps or times from the begin of each experiment on make them share",
+      late - first.begin(), *late, early - last.begin(), *early)};
+}
+
 std::uint64_t digest(const Ensemble& e, Index k) {
   const auto samples = e.samples().middleCols(k * e.channels(), e.channels()).reshaped();
   XXH3_state_t state;

@@ -48,6 +48,9 @@ void check_magnitudes(const Survey& survey, const Channels& names, Index inputs)
 std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names);
 std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channels& names);
 
+// Experiments that share no step can't tell what one step does from what the others do. Looks at all samples.
+std::vector<std::string> warnings_of_steps(const Ensemble& ensemble);
+
 // Fingerprints are digests of the digests of all steps, so that they can be taken apart from each other.
 std::uint64_t digest(const Ensemble& ensemble, Index k);
 std::string fingerprint(Index experiments, Index inputs, Index outputs, const std::vector<std::uint64_t>& digests);

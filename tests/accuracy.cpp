@@ -60,7 +60,7 @@ Index draw_experiments(Random& random, Index fewest) {
 void see(Accuracy& accuracy, double error, double unit, double size) {
   if (error == 0 && unit == 0) return;
   const auto raise = [](double& most, double value) {
-    if (!(value <= most)) most = value;  // what is no number, too
+    if (!(value <= most) && !std::isnan(most)) most = value;  // what is no number stays
   };
   raise(accuracy.error, error / size);
   raise(accuracy.growth, unit / size);

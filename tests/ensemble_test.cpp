@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "survey.hpp"
 #include "testing.hpp"
 
 namespace tokid::testing {
@@ -29,6 +30,23 @@ TEST(Ensemble, WindowHoldsTheOldestLagFirstAndTheInputOfTheStepLast) {
   for (Index c = 0; c < w.cols(); ++c) EXPECT_EQ(w(1, c), 10000 + expected[c]);
   EXPECT_EQ(e.window_and_output(4, 2).rightCols(1), e.output(4));
   EXPECT_EQ(e.window(0, 0), e.input(0));
+}
+
+TEST(Ensemble, ExperimentsThatShareNoStepAreWarnedOf) {
+  Ensemble e = numbered(3, 12, 1, 1);
+  EXPECT_TRUE(warnings_of_steps(e).empty());
+  const auto only = [&e](Index n, Index begin, Index end) {
+    for (Index k = 0; k < e.steps(); ++k)
+      if (k < begin || k >= end) e.u(n, k, 0) = e.y(n, k, 0) = nan;
+  };
+  only(1, 3, 8);
+  only(2, 7, 12);
+  EXPECT_TRUE(warnings_of_steps(e).empty());
+  only(1, 3, 7);
+  const std::vector<std::string> found = warnings_of_steps(e);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_NE(found[0].find("experiment 2 begins at step 7, when experiment 1 has ended at step 6"), std::string::npos)
+      << found[0];
 }
 
 TEST(Ensemble, CompleteRowsAreThoseWithoutAMissingSampleInTheWindow) {

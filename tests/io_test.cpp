@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/io.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -18,6 +19,7 @@
 #include <optional>
 #include <random>
 
+#include "../src/io/claims.hpp"
 #include "../src/io/formats.hpp"
 
 // NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming): the sanitizers look for these names
@@ -838,6 +840,64 @@ TEST_F(Csv, TimeGrids) {
               1e-7);
 }
 
+// Experiments that begin at `begin`, with steps of dt, as `text` writes the times.
+std::string table(const std::vector<double>& begin, double dt, const std::function<std::string(double)>& text,
+                  Index steps = 60) {
+  std::string result = "experiment,time,u,y\n";
+  for (size_t n = 0; n < begin.size(); ++n)
+    for (Index k = 0; k < steps; ++k)
+      result += fmt::format("{},{},1,{}\n", char('a' + n), text(begin[n] + double(k) * dt), k);
+  return result;
+}
+
+TEST_F(Csv, TimesThatWereRoundedWhenTheyWereWritten) {
+  const auto fixed = [](int digits) { return [digits](double t) { return fmt::format("{:.{}f}", t, digits); }; };
+  const auto general = [](double t) { return fmt::format("{:.6g}", t); };
+  const auto single = [](double t) { return fmt::format("{}", float(t)); };
+  const auto single_as_double = [](double t) { return fmt::format("{}", double(float(t))); };
+  const std::function<std::string(double)> ways[] = {fixed(2), fixed(3), fixed(5), general, single, single_as_double};
+  for (const auto& way : ways)
+    for (const double rate : {30.0, 29.97, 60.0}) {
+      if (rate == 60.0 && way(0.123456) == "0.12") continue;  // more than a third of a step
+      const std::string text = table({0.0, 0.0, 10.0 / rate}, 1.0 / rate, way);
+      for (const std::string& stated : {std::string(), fmt::format("# dt = {:.12g}\n", 1.0 / rate)}) {
+        const Ensemble e = load(stated + text);
+        EXPECT_EQ(e.steps(), 70) << text.substr(0, 80);
+        // A hundredth of a second at most, over 60 steps.
+        EXPECT_NEAR(e.dt, 1.0 / rate, 0.01 / 60);
+        for (Index k = 0; k < 60; ++k) {
+          EXPECT_EQ(e.y(1, k, 0), double(k));
+          EXPECT_EQ(e.y(2, k + 10, 0), double(k));
+        }
+      }
+    }
+  // Where a frequency explains them, it was meant.
+  EXPECT_EQ(load(table({0.0}, 1.0 / 30.0, fixed(3))).dt, 1.0 / 30.0);
+  EXPECT_EQ(load(table({0.0}, 1.0 / 60.0, single)).dt, 1.0 / 60.0);
+  EXPECT_EQ(load(table({0.0}, 0.05, fixed(3))).dt, 0.05);
+  // What no rounding explains.
+  std::string uneven = table({0.0}, 0.1, fixed(3));
+  uneven.replace(uneven.find("2.000"), 5, "2.004");
+  expect_error(uneven, {"line 22", "2.004", "0.0039", "even steps of 0.1"});
+  expect_error("# dt = 0.1\n" + uneven, {"line 23", "2.004", "even steps of 0.1"});
+}
+
+TEST_F(Csv, ExperimentsThatShareNoSteps) {
+  const auto exactly = [](double t) { return fmt::format("{:.10g}", t); };
+  expect_error(table({0.0, 0.05}, 0.1, exactly), {"experiment 'b' begins 0.05", "a step of experiment 'a'", "0.1"});
+  expect_error(table({0.0, 0.001}, 0.1, exactly), {"experiment 'b' begins 0.001 after"});
+  expect_error(table({0.0, 0.27}, 0.1, exactly), {"experiment 'b' begins 0.03 before"});
+  EXPECT_EQ(load("# dt = 0.05\n" + table({0.0, 0.05}, 0.1, exactly)).dt, 0.05);
+  EXPECT_EQ(load(table({0.0, 0.3}, 0.1, exactly)).steps(), 63);
+  // A clock that goes wrong by half a percent
+  std::string drifting = table({0.0}, 0.1, exactly);
+  for (Index k = 0; k < 60; ++k) drifting += fmt::format("b,{:.10g},1,2\n", 0.1005 * double(k));
+  expect_error(drifting, {"steps of 0.1005 in experiment 'b'", "of 0.1 in experiment 'a'"});
+  // Few rows too
+  expect_error("experiment,time,u,y\na,0,1,2\na,1,1,2\nb,5,1,2\nb,6,1,2\n",
+               {"'b' begins at 5", "'a' has ended at 1", "'# dt = 1'"});
+}
+
 TEST_F(Csv, ByteOrderMarkAndBlanks) {
   const Ensemble e = load("\xEF\xBB\xBFtime, u , y\n0, 1 ,+2\n1,3,4");
   EXPECT_EQ(e.y(0, 0, 0), 2);
@@ -958,6 +1018,48 @@ TEST_F(Io, LinksAreFollowed) {
   save_ensemble(random_ensemble(random, 2, 2, 1, 1), file("link.npz"));
   EXPECT_TRUE(fs::is_symlink(file("link.npz")));
   EXPECT_EQ(load_ensemble(file("there") / "a.npz").experiments(), 2);
+  // Also to where nothing is yet, from link to link.
+  fs::create_symlink("there/b.npz", file("first.npz"));
+  fs::create_symlink("first.npz", file("second.npz"));
+  save_ensemble(e, file("second.npz"));
+  EXPECT_TRUE(fs::is_symlink(file("second.npz")) && fs::is_symlink(file("first.npz")));
+  EXPECT_EQ(load_ensemble(file("there") / "b.npz").experiments(), 1);
+  fs::create_symlink("round.npz", file("round.npz"));
+  expect_words(error_of([&] { save_ensemble(e, file("round.npz")); }), {"round.npz", "symbolic links"});
+}
+
+TEST_P(EveryFormat, PermissionsStay) {
+  Random random(1);
+  const auto mode = [&] { return fs::status(target()).permissions(); };
+  save_ensemble(random_ensemble(random, 1, 2, 1, 1), target(), options());
+  for (const fs::perms kept : {fs::perms(0600), fs::perms(0664), fs::perms(0200)}) {
+    fs::permissions(target(), kept);
+    save_ensemble(random_ensemble(random, 1, 2, 1, 1), target(), options());
+    EXPECT_EQ(mode(), kept);
+  }
+}
+
+TEST_F(Io, MemoryOfControlGroups) {
+  const auto write = [&](const std::string& path, const std::string& text) {
+    fs::create_directories(file(path).parent_path());
+    write_bytes(file(path), text);
+  };
+  constexpr auto none = std::numeric_limits<std::uint64_t>::max();
+  EXPECT_EQ(io::group_memory(file("")), none);
+  write("proc/self/cgroup", "0::/user.slice/job.scope\n");
+  write("sys/fs/cgroup/user.slice/job.scope/memory.max", "max\n");
+  EXPECT_EQ(io::group_memory(file("")), none);
+  write("sys/fs/cgroup/user.slice/memory.max", "3000000\n");
+  EXPECT_EQ(io::group_memory(file("")), 3000000u);
+  write("sys/fs/cgroup/user.slice/job.scope/memory.max", "2000000\n");
+  EXPECT_EQ(io::group_memory(file("")), 2000000u);
+  write("sys/fs/cgroup/memory.max", "1000000\n");
+  EXPECT_EQ(io::group_memory(file("")), 1000000u);
+  write("proc/self/cgroup", "7:cpu,cpuacct:/other\n4:memory:/docker/a:b\n0::/\n");
+  write("sys/fs/cgroup/memory/other/memory.limit_in_bytes", "1\n");
+  write("sys/fs/cgroup/memory/memory.limit_in_bytes", "9223372036854771712\n");
+  write("sys/fs/cgroup/memory/docker/a:b/memory.limit_in_bytes", "500000\n");
+  EXPECT_EQ(io::group_memory(file("")), 500000u);
 }
 
 TEST_P(EveryFormat, NoFileForAnInconsistentEnsemble) {

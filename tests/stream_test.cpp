@@ -96,17 +96,19 @@ TEST_F(Stream, TheReaderHandsOutEachBlockToWhoeverAsks) {
   };
   for (const Index stride : {1, 2, 3})
     for (const Index ahead : {1, 2, 20}) {
-      stream::Reader reader(file, plan, stride - 1, stride, ahead);
-      for (Index i = stride - 1; i < plan.count; i += stride) expect_block(reader.take(i), i);
+      std::vector<Index> blocks;
+      for (Index i = stride - 1; i < plan.count; i += stride) blocks.push_back(i);
+      stream::Reader reader(file, plan, blocks, ahead);
+      for (const Index i : blocks) expect_block(reader.take(i), i);
     }
   {
     // Out of order, as threads may ask: two blocks wait, and a third one comes once one of them is taken.
-    stream::Reader reader(file, plan, 0, 1, 2);
+    stream::Reader reader(file, plan, {0, 1, 2, 4}, 2);
     expect_block(reader.take(1), 1);
     expect_block(reader.take(2), 2);
     expect_block(reader.take(0), 0);
   }
-  const stream::Reader unused(file, plan, 0, 1, 1);  // goes away with blocks that nobody wants
+  const stream::Reader unused(file, plan, {0, 1}, 1);  // goes away with blocks that nobody wants
 }
 
 TEST_F(Stream, TheReaderPassesOnWhatWentWrong) {
@@ -117,7 +119,7 @@ TEST_F(Stream, TheReaderPassesOnWhatWentWrong) {
   stream::Plan plan;
   plan.steps = 3000;
   plan.count = 2;
-  stream::Reader reader(file, plan, 0, 1, 1);
+  stream::Reader reader(file, plan, {0, 1}, 1);
   EXPECT_THROW(reader.take(0), IoError);
   EXPECT_THROW(reader.take(1), IoError);
 }

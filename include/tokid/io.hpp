@@ -66,7 +66,8 @@ class FilesTogether {
   FilesTogether(const FilesTogether&) = delete;
   FilesTogether& operator=(const FilesTogether&) = delete;
 
-  void commit();  // \throws WriteError
+  // \throws WriteError where one can't have its name; those before it keep theirs
+  void commit();
 
  private:
   struct Content;

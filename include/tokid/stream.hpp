@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -15,6 +16,12 @@
 #include "tokid/team.hpp"
 
 namespace tokid {
+
+// Which file it is, and when it last changed: not even programs that set the time of a file can set that of its status.
+struct FileState {
+  std::uint64_t number = 0, bytes = 0;
+  std::string modified, changed;  // in UTC
+};
 
 // An ensemble that stays in its .h5 but for the steps asked for. Free responses are read with the names.
 class EnsembleFile {
@@ -35,6 +42,7 @@ class EnsembleFile {
   const Channels& names() const;
   const std::optional<InitialState>& initial_state() const;
   const std::filesystem::path& path() const;
+  FileState state() const;  // when it was opened
 
   // The steps begin … end-1 as stretch() would have them of the whole ensemble, with the same steps of the free
   // responses. May be called from several threads. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T, IoError

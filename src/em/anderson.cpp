@@ -10,7 +10,7 @@ constexpr double damping = 1e-8;
 }  // namespace
 
 std::optional<Vector> Anderson::next(const Vector& x, const Vector& g) {
-  f_.push_back(g - x);
+  f_.emplace_back(g - x);
   g_.push_back(g);
   if (f_.size() > depth_ + 1) f_.pop_front(), g_.pop_front();
   const Index pairs = Index(f_.size()) - 1;

@@ -6,10 +6,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <deque>
 #include <functional>
 #include <system_error>
 #include <utility>
-#include <vector>
 
 #include "arrays.hpp"
 #include "naming.hpp"
@@ -21,6 +21,8 @@ namespace fs = std::filesystem;
 void fail_to_write(int error) {
   throw WriteError(fmt::format("can't be written: {}", std::generic_category().message(error)), error);
 }
+
+void fail_to_write(std::string_view reason) { throw WriteError(fmt::format("can't be written: {}", reason), 0); }
 
 void write_all(int file, std::string_view bytes) {
   while (!bytes.empty()) {
@@ -52,12 +54,32 @@ bool is_at(const fs::path& path, int file) {
          there.st_ino == here.st_ino;
 }
 
+void reserve(const fs::path& path, std::uint64_t bytes) {
+  const Descriptor file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
+  if (file < 0) fail_to_write(errno);
+  const int error = posix_fallocate(file, 0, off_t(bytes));
+  // Some file systems know no reservation; there the writing itself will tell.
+  if (error != 0 && error != EINVAL && error != EOPNOTSUPP) fail_to_write(error);
+}
+
 namespace {
+
+// Where links lead to, also where nothing is yet.
+fs::path resolved(fs::path path) {
+  constexpr int most_links = 40;  // as the system has it
+  std::error_code error;
+  for (int i = 0; fs::is_symlink(path, error); ++i) {
+    if (i == most_links) fail_to_write(ELOOP);
+    path = path.parent_path() / fs::read_symlink(path, error);
+    if (error) fail_to_write(error.value());
+  }
+  return path;
+}
 
 // Rename would silently replace what the user can't write to, or what is no file at all.
 fs::path writable_target(const fs::path& path) {
   std::error_code error;
-  fs::path target = fs::is_symlink(path, error) ? fs::weakly_canonical(path, error) : path;
+  fs::path target = resolved(path);
   const auto status = fs::status(target, error);
   if (fs::is_directory(status)) fail("a directory found, the name of a file to write needed");
   if (fs::exists(status) && !fs::is_regular_file(status)) fail("a device found, the name of a file to write needed");
@@ -83,7 +105,15 @@ bool remove_abandoned(const fs::path& path) {
   return !is_at(path, file) || unlink(path.c_str()) == 0;
 }
 
-thread_local std::vector<AtomicFile>* together = nullptr;
+struct Waiting {
+  std::deque<AtomicFile> files;
+  std::deque<std::function<void()>> then;
+};
+
+// What nobody else may read they may not read while it is written either.
+mode_t creation_mode(const std::optional<mode_t>& target) { return target ? (*target & 0666) | 0600 : 0666; }
+
+thread_local Waiting* together = nullptr;
 
 }  // namespace
 
@@ -94,6 +124,8 @@ void sync_folder(const fs::path& file) {
 }
 
 AtomicFile::AtomicFile(const fs::path& target) : target_(writable_target(target)) {
+  struct stat old = {};
+  if (stat(target_.c_str(), &old) == 0) mode_ = old.st_mode & 0777;
   create_unnamed();
   if (file_ < 0) create_named();
 }
@@ -104,7 +136,7 @@ AtomicFile::~AtomicFile() {
 
 void AtomicFile::create_unnamed() {
   remove_abandoned(temporary_name(target_, 0));
-  Descriptor file(open(folder_of(target_).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666));
+  Descriptor file(open(folder_of(target_).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, creation_mode(mode_)));
   if (file < 0) return;
   path_ = fmt::format("/proc/self/fd/{}", int(file));
   if (access(path_.c_str(), W_OK) == 0) file_ = std::move(file);
@@ -113,7 +145,7 @@ void AtomicFile::create_unnamed() {
 void AtomicFile::create_named() {
   for (unsigned i = 0;;) {
     path_ = temporary_name(target_, i);
-    Descriptor file(open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+    Descriptor file(open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, creation_mode(mode_)));
     if (file < 0 && errno != EEXIST) fail_to_write(errno);
     if (file >= 0) {
       lock(file, true);
@@ -126,34 +158,57 @@ void AtomicFile::create_named() {
   }
 }
 
-void AtomicFile::commit() {
+void AtomicFile::finish() {
+  struct stat own = {};
+  const bool differs = mode_ && fstat(file_, &own) == 0 && (own.st_mode & 0777) != *mode_;
+  if (differs && fchmod(file_, *mode_) != 0) fail_to_write(errno);
   // Some file systems know no fsync; that is no failure of the writing.
   if (fsync(file_) != 0 && errno != EINVAL && errno != ENOTSUP) fail_to_write(errno);
+}
+
+void AtomicFile::commit() {
+  finish();
   if (together)
-    together->push_back(std::move(*this));
+    together->files.push_back(std::move(*this));
   else
     publish();
 }
 
-void AtomicFile::take_temporary_name() {
+void AtomicFile::when_published(std::function<void()> then) {
+  if (together)
+    together->then.push_back(std::move(then));
+  else
+    then();
+}
+
+// False: the system lets no file have a name that had none.
+bool AtomicFile::take_temporary_name() {
   lock(file_, true);
   for (unsigned i = 0;;) {
     const fs::path name = temporary_name(target_, i);
     if (linkat(AT_FDCWD, path_.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0) {
       name_ = name;
-      return;
+      return true;
     }
-    if (errno != EEXIST) fail_to_write(errno);
+    if (errno != EEXIST) return false;
     if (!remove_abandoned(name)) ++i;
   }
 }
 
+void AtomicFile::move_to_named() {
+  const Descriptor unnamed = std::move(file_);
+  const fs::path from = path_;
+  create_named();
+  std::error_code error;
+  fs::copy_file(from, name_, fs::copy_options::overwrite_existing, error);
+  if (error) fail_to_write(error.value());
+  finish();
+}
+
 void AtomicFile::publish() {
   // A link never replaces a file; a name that is renamed does.
-  const bool unnamed = name_.empty();
-  if (!unnamed || linkat(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), AT_SYMLINK_FOLLOW) != 0) {
-    if (unnamed && errno != EEXIST) fail_to_write(errno);
-    if (unnamed) take_temporary_name();
+  if (!name_.empty() || linkat(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), AT_SYMLINK_FOLLOW) != 0) {
+    if (name_.empty() && !take_temporary_name()) move_to_named();
     if (rename(name_.c_str(), target_.c_str()) != 0) fail_to_write(errno);
   }
   name_.clear();
@@ -170,11 +225,11 @@ ByteWriter::ByteWriter(const fs::path& path) : file_(open(path.c_str(), O_WRONLY
 namespace tokid {
 
 struct FilesTogether::Content {
-  Content() : outer(std::exchange(io::together, &files)) {}
+  Content() : outer(std::exchange(io::together, &waiting)) {}
   ~Content() { io::together = outer; }
 
-  std::vector<io::AtomicFile> files;
-  std::vector<io::AtomicFile>* outer;
+  io::Waiting waiting;
+  io::Waiting* outer;
 };
 
 FilesTogether::FilesTogether() : content_(std::make_unique<Content>()) {}
@@ -182,8 +237,9 @@ FilesTogether::FilesTogether() : content_(std::make_unique<Content>()) {}
 FilesTogether::~FilesTogether() = default;
 
 void FilesTogether::commit() {
-  for (io::AtomicFile& file : content_->files) io::naming(file.target(), [&] { file.publish(); });
-  content_->files.clear();
+  auto& [files, then] = content_->waiting;
+  for (; !files.empty(); files.pop_front()) io::naming_write(files.front().target(), [&] { files.front().publish(); });
+  for (; !then.empty(); then.pop_front()) then.front()();
 }
 
 }  // namespace tokid

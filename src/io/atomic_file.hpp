@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -11,8 +13,9 @@
 
 namespace tokid::io {
 
-// \throws WriteError with the system's reason
+// \throws WriteError with the system's reason, or that of a library
 [[noreturn]] void fail_to_write(int error);
+[[noreturn]] void fail_to_write(std::string_view reason);
 
 void write_all(int file, std::string_view bytes);  // \throws WriteError
 // As many bytes as `to` holds, from `offset` on. False: the file has not so many, or can't be read.
@@ -22,12 +25,14 @@ bool read_all(int file, std::string& to, std::int64_t offset);
 // other kinds don't see it. False: errno says why.
 bool lock(int file, bool wait);
 bool is_at(const std::filesystem::path& path, int file);
+// Room for so many bytes. \throws WriteError where the disk has not got it, and not where it can't tell
+void reserve(const std::filesystem::path& path, std::uint64_t bytes);
 void sync_folder(const std::filesystem::path& file);  // that this one is in, with its name
 
 // An empty file in the folder of the target that becomes the target on commit() and vanishes otherwise, with the
 // process at the latest. It has no name until then, where the file system knows files without one; else a hidden one,
-// which the next call for the same target takes away if a process was killed meanwhile. Its permissions follow the
-// umask.
+// which the next call for the same target takes away if a process was killed meanwhile. Its permissions are those of
+// the target that it replaces; without one they follow the umask.
 class AtomicFile {
  public:
   // \throws IoError for a target that is no file, WriteError where nothing can be written
@@ -40,15 +45,20 @@ class AtomicFile {
   const std::filesystem::path& target() const { return target_; }
   // The target is there at once, or when the FilesTogether of this thread are committed.
   void commit();
+  // Calls what waits for the targets of all commits before: at once, or behind those of the FilesTogether.
+  static void when_published(std::function<void()> then);
   void publish();
 
  private:
   void create_unnamed();
   void create_named();
-  void take_temporary_name();
+  void finish();
+  bool take_temporary_name();
+  void move_to_named();
 
   std::filesystem::path target_, path_;
   std::filesystem::path name_;  // until it is the target's; empty: none
+  std::optional<mode_t> mode_;  // of the target that is there
   Descriptor file_;
 };
 

@@ -8,6 +8,7 @@
 #include <atomic>
 #include <fstream>
 #include <limits>
+#include <string>
 
 namespace tokid::io {
 
@@ -15,8 +16,6 @@ namespace {
 
 constexpr std::uint64_t unlimited = std::numeric_limits<std::uint64_t>::max();
 
-// DEFLATE can't compress better.
-constexpr std::uint64_t best_compression = 1032;
 // What NumPy and HDF5 allow for.
 constexpr size_t most_dimensions = 32;
 
@@ -32,17 +31,41 @@ std::uint64_t process_memory() {
   return getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY ? limit.rlim_cur : unlimited;
 }
 
-// Of a container, which sees its own limits there; "max" is none.
-std::uint64_t container_memory() {
-  std::uint64_t bytes = unlimited;
-  return std::ifstream("/sys/fs/cgroup/memory.max") >> bytes ? bytes : unlimited;
+// "max" is none.
+std::uint64_t limit_in(const std::filesystem::path& file) {
+  std::uint64_t bytes = 0;
+  return std::ifstream(file) >> bytes ? bytes : unlimited;
 }
 
 }  // namespace
 
+// A container may see its own group as the root of all, under a path that is none there: what is missing is passed
+// over.
+std::uint64_t group_memory(const std::filesystem::path& root) {
+  const std::filesystem::path groups = root / "sys/fs/cgroup";
+  std::uint64_t least = std::min(limit_in(groups / "memory.max"), limit_in(groups / "memory/memory.limit_in_bytes"));
+  std::ifstream list(root / "proc/self/cgroup");
+  for (std::string line; std::getline(list, line);) {
+    // number:controllers:path, with the number 0 and no controllers in version 2
+    const size_t first = line.find(':'), second = line.find(':', first + 1);
+    if (second == std::string::npos) continue;
+    const std::string controllers = fmt::format(",{},", line.substr(first + 1, second - first - 1));
+    const bool second_version = controllers == ",,";
+    if (!second_version && controllers.find(",memory,") == std::string::npos) continue;
+    const std::filesystem::path top = second_version ? groups : groups / "memory";
+    const char* file = second_version ? "memory.max" : "memory.limit_in_bytes";
+    std::filesystem::path below;
+    for (const auto& part : std::filesystem::path(line.substr(second + 1)).relative_path()) {
+      below /= part;
+      least = std::min(least, limit_in(top / below / file));
+    }
+  }
+  return least;
+}
+
 std::uint64_t memory_limit() {
   if (const std::uint64_t own = own_limit) return own;
-  return std::min({machine_memory(), process_memory(), container_memory()});
+  return std::min({machine_memory(), process_memory(), group_memory()});
 }
 
 void limit_memory(std::uint64_t bytes) { own_limit = bytes; }

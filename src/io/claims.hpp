@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 
 #include "arrays.hpp"
 
@@ -13,6 +14,13 @@ namespace tokid::io {
 std::uint64_t memory_limit();
 void limit_memory(std::uint64_t bytes);  // less than that from now on, 0 for as much again
 
+// What the control groups of this process, those around them included, allow for; both versions. The system's files are
+// looked for below `root`.
+std::uint64_t group_memory(const std::filesystem::path& root = "/");
+
+// DEFLATE can't compress better.
+constexpr std::uint64_t best_compression = 1032;
+
 class Claims {
  public:
   explicit Claims(std::uint64_t file_bytes) : file_bytes_(file_bytes), left_(memory_limit()) {}
@@ -20,6 +28,10 @@ class Claims {
   // \throws IoError for more dimensions than any format needs, for a size that can't come from the bytes of the file,
   // and for one that does not fit into memory beside the data sets before
   void add(std::string_view name, const Shape& shape, size_t stored_item_bytes, size_t memory_item_bytes);
+  // \throws as that, of what is taken for a while only
+  void check(std::string_view name, const Shape& shape, size_t stored_item_bytes, size_t memory_item_bytes) const {
+    Claims(*this).add(name, shape, stored_item_bytes, memory_item_bytes);
+  }
 
   std::uint64_t file_bytes() const { return file_bytes_; }
   std::uint64_t left() const { return left_; }

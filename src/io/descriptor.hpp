@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "arrays.hpp"
+#include "tokid/stream.hpp"
 
 namespace tokid::io {
 
@@ -41,6 +42,7 @@ class Unchanged {
       : file_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)), before_(look()) {}
 
   int descriptor() const { return file_; }  // negative where it could not be opened
+  FileState state() const;                  // at the beginning
 
   // \throws IoError where another program has changed the file since it was opened
   void check() const {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/chrono.h>
+
 #include <algorithm>
 #include <array>
 #include <mutex>
@@ -18,12 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 using io::fail;
 
-io::Fields outlines(const fs::path& path) {
-  const io::Unchanged file(path);
-  io::Contents found = io::read_hdf5(path, io::ensemble_names(), {"u", "y"});
-  file.check();
-  return io::Fields(std::move(found));
-}
+io::Fields outlines(const fs::path& path) { return io::Fields(io::read_hdf5(path, io::ensemble_names(), {"u", "y"})); }
 
 // Names, sizes and the sample time as load_ensemble() checks them, on an ensemble without a step of its own.
 void check(const io::EnsembleOutline& outline) {
@@ -44,9 +41,18 @@ io::Hyperslab slab(const io::Hdf5Source::Samples& samples, const std::array<Inde
 
 }  // namespace
 
+FileState io::Unchanged::state() const {
+  const auto text = [](const timespec& time) {
+    return fmt::format("{:%Y-%m-%d %H:%M:%S}.{:09}", fmt::gmtime(time.tv_sec), time.tv_nsec);
+  };
+  return {before_.st_ino, std::uint64_t(before_.st_size), text(before_.st_mtim), text(before_.st_ctim)};
+}
+
 struct EnsembleFile::Content {
   explicit Content(const fs::path& file)
-      : path(file), outline(outline_of(file)), source(file), u(source, "u"), y(source, "y") {}
+      : path(file), whole(file), outline(outline_of(file)), source(file, whole), u(source, "u"), y(source, "y") {
+    whole.check();
+  }
 
   static io::EnsembleOutline outline_of(const fs::path& path) {
     const io::Fields fields = outlines(path);
@@ -79,6 +85,7 @@ struct EnsembleFile::Content {
   }
 
   fs::path path;
+  io::Unchanged whole;  // before all that is read of it
   io::EnsembleOutline outline;
   io::Hdf5Source source;
   io::Hdf5Source::Samples u, y;
@@ -104,6 +111,7 @@ double EnsembleFile::dt() const { return content_->outline.dt; }
 const Channels& EnsembleFile::names() const { return content_->outline.names; }
 const std::optional<InitialState>& EnsembleFile::initial_state() const { return content_->outline.initial_state; }
 const fs::path& EnsembleFile::path() const { return content_->path; }
+FileState EnsembleFile::state() const { return content_->whole.state(); }
 
 Ensemble EnsembleFile::read(Index begin, Index end) const {
   const io::EnsembleOutline& all = content_->outline;

@@ -16,6 +16,7 @@
 #include "formats.hpp"
 #include "hdf5_handles.hpp"
 #include "matlab.hpp"
+#include "naming.hpp"
 #include "text.hpp"
 
 namespace tokid::io {
@@ -86,20 +87,42 @@ Shape shape_of(const Node& node) {
 void check_chunk(const Node& node, hid_t properties, size_t item, const Claims& claims) {
   std::vector<hsize_t> chunk(size_t(H5Sget_simple_extent_ndims(node.space)), 1);
   checked(H5Pget_chunk(properties, int(chunk.size()), chunk.data()), node.name);
-  Claims(claims).add(node.name, Shape(chunk.begin(), chunk.end()), item, item);
+  claims.check(node.name, Shape(chunk.begin(), chunk.end()), 0, item);
 }
 
+// How many bytes one that is stored can become; 0 where nobody knows.
+std::uint64_t expansion(hid_t properties, const std::string& name) {
+  std::uint64_t most = 1;
+  const int filters = checked(H5Pget_nfilters(properties), name);
+  for (int i = 0; i < filters; ++i) {
+    size_t values = 0;
+    unsigned flags = 0, config = 0;
+    const H5Z_filter_t filter = H5Pget_filter2(properties, unsigned(i), &flags, &values, nullptr, 0, nullptr, &config);
+    if (filter == H5Z_FILTER_DEFLATE)
+      most *= best_compression;
+    else if (filter != H5Z_FILTER_SHUFFLE && filter != H5Z_FILTER_FLETCHER32)
+      return 0;
+  }
+  return most;
+}
+
+// What was never written are zeros, or another value that the file names: for others too, but not without end.
 void check_stored(const Node& node, const Shape& shape, size_t memory_item, Claims& claims) {
+  constexpr std::uint64_t most_unwritten = std::uint64_t{1} << 28;
   const size_t item = H5Tget_size(node.type);
-  claims.add(node.name, shape, item, memory_item);
-  const size_t bytes = checked_product(shape, item);
+  claims.add(node.name, shape, node.is_attribute ? item : 0, memory_item);
+  const std::uint64_t bytes = checked_product(shape, item);
   if (node.is_attribute || bytes == 0) return;
   const Handle properties(H5Dget_create_plist(node.id), H5Pclose, node.name);
   const H5D_layout_t layout = H5Pget_layout(properties);
   if (layout == H5D_CHUNKED) check_chunk(node, properties, item, claims);
   const hsize_t stored = H5Dget_storage_size(node.id);
-  if ((layout == H5D_CONTIGUOUS && stored < bytes) || stored == 0)
+  if (layout == H5D_CONTIGUOUS && stored > 0 && stored < bytes)
     fail("data set '{}': {} stored bytes found, {} needed for shape {}", node.name, stored, bytes, text(shape));
+  const std::uint64_t factor = layout == H5D_CHUNKED ? expansion(properties, node.name) : 1;
+  if (bytes > most_unwritten && (stored == 0 || (factor > 0 && bytes / factor > stored)))
+    fail("data set '{}': shape {} ({} bytes) found, most of which was never written: write the values", node.name,
+         text(shape), bytes);
 }
 
 std::string fixed_text(const char* bytes, size_t size, H5T_str_t padding) {
@@ -138,7 +161,7 @@ class TextHeaps {
     constexpr size_t entry = 16;  // length, address of the heap, number of the object in it
     const haddr_t offset = node_.is_attribute ? HADDR_UNDEF : H5Dget_offset(node_.id);
     if (offset == HADDR_UNDEF || H5Dget_storage_size(node_.id) != count * entry || !open()) return;
-    const std::vector<char> entries = read(offset, count * entry);
+    const std::string entries = read(offset, count * entry);
     for (const char* at = entries.data(); at != entries.data() + entries.size(); at += entry) {
       const std::uint64_t length = number(at, 4), heap = number(at + 4, 8), index = number(at + 12, 4);
       if (length == 0) continue;
@@ -168,10 +191,10 @@ class TextHeaps {
     constexpr size_t header = 16;  // of a heap and of an object alike
     const auto damaged = [&] { fail("data set '{}': damaged heap of texts found", node_.name); };
     if (address > file_bytes_) damaged();
-    const std::vector<char> start = read(before_ + address, header);
+    const std::string start = read(before_ + address, header);
     const std::uint64_t bytes = number(start.data() + 8, 8);
     if (std::string_view(start.data(), 4) != "GCOL" || bytes < header || bytes > file_bytes_) damaged();
-    const std::vector<char> heap = read(before_ + address, bytes);
+    const std::string heap = read(before_ + address, bytes);
     std::map<std::uint64_t, std::uint64_t> found;
     for (size_t at = header; at + header <= bytes;) {
       const std::uint64_t index = number(&heap[at], 2), size = number(&heap[at + 8], 8), left = bytes - at;
@@ -184,11 +207,10 @@ class TextHeaps {
     return found;
   }
 
-  std::vector<char> read(std::uint64_t offset, std::uint64_t bytes) const {
+  std::string read(std::uint64_t offset, std::uint64_t bytes) const {
     if (offset > file_bytes_ || bytes > file_bytes_ - offset) fail("data set '{}': truncated", node_.name);
-    std::vector<char> result(bytes);
-    if (pread(descriptor_, result.data(), bytes, off_t(offset)) != ssize_t(bytes))
-      fail("data set '{}': truncated", node_.name);
+    std::string result(bytes, '\0');
+    if (!read_all(descriptor_, result, std::int64_t(offset))) fail("data set '{}': truncated", node_.name);
     return result;
   }
 
@@ -206,8 +228,11 @@ class TextHeaps {
 };
 
 std::vector<std::string> read_variable_texts(const Node& node, size_t count, const Claims& claims) {
+  const Handle character(H5Tget_super(node.type), H5Tclose, node.name);
+  if (H5Tget_size(character) != 1)  // the library takes room for so many of them
+    fail("data set '{}': texts with characters of {} bytes found, 1 byte needed", node.name, H5Tget_size(character));
   // Attributes are read without a choice of the allocation.
-  if (node.is_attribute && count > 1) Claims(claims).add(node.name, {count}, 1, claims.file_bytes());
+  if (node.is_attribute && count > 1) claims.check(node.name, {count}, 1, claims.file_bytes());
   TextHeaps(node, claims).check(count);
   std::uint64_t left = claims.left();
   const Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose, node.name);
@@ -518,19 +543,23 @@ std::string matlab_header() {
 
 void write_hdf5(const Arrays& arrays, const std::filesystem::path& path) {
   const QuietHdf5 quiet;
-  MemoryFile file(0);
-  for (const auto& [name, array] : arrays) write_array(file, name, array);
-  ByteWriter(path).write(file.image());
+  written_by_library([&] {
+    MemoryFile file(0);
+    for (const auto& [name, array] : arrays) write_array(file, name, array);
+    ByteWriter(path).write(file.image());
+  });
 }
 
 void write_mat73(const Arrays& arrays, const std::filesystem::path& path) {
   const QuietHdf5 quiet;
   const std::string header = matlab_header();
-  MemoryFile file(header.size());
-  for (const auto& [name, array] : arrays) write_matlab_variable(file, name, array);
-  ByteWriter out(path);
-  out.write(header);
-  out.write(file.image());
+  written_by_library([&] {
+    MemoryFile file(header.size());
+    for (const auto& [name, array] : arrays) write_matlab_variable(file, name, array);
+    ByteWriter out(path);
+    out.write(header);
+    out.write(file.image());
+  });
 }
 
 }  // namespace tokid::io

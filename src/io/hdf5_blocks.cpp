@@ -34,17 +34,12 @@ Handle memory_of(const Hyperslab& part) {
   return {H5Screate_simple(int(part.count.size()), part.count.data(), nullptr), H5Sclose};
 }
 
-void reserve(const std::filesystem::path& path, std::uint64_t bytes) {
-  const Descriptor file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
-  if (file < 0) fail_to_write(errno);
-  const int error = posix_fallocate(file, 0, off_t(bytes));
-  // Some file systems know no reservation; there the writing itself will tell.
-  if (error != 0 && error != EINVAL && error != EOPNOTSUPP) fail_to_write(error);
-}
-
 }  // namespace
 
-Hdf5Source::Hdf5Source(const std::filesystem::path& path) : file_(open_for_blocks(path)), bytes_(path) {}
+Hdf5Source::Hdf5Source(const std::filesystem::path& path, const Unchanged& bytes)
+    : file_(open_for_blocks(path)), bytes_(bytes) {
+  if (!is_at(path, bytes.descriptor())) fail("another file took its name while it was opened");
+}
 
 Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
     : source_(source), name_(name), data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name) {
@@ -133,7 +128,8 @@ void Hdf5Sink::close() {
   checked(H5Fflush(*file_, H5F_SCOPE_GLOBAL));
   checked(H5Fget_filesize(*file_, &bytes));
   file_.reset();
-  std::filesystem::resize_file(path_, bytes);  // less what was reserved and not needed
+  // Less what was reserved and not needed.
+  if (truncate(path_.c_str(), off_t(bytes)) != 0) fail_to_write(errno);
 }
 
 }  // namespace tokid::io

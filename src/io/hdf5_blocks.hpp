@@ -17,7 +17,8 @@ struct Hyperslab {
 
 class Hdf5Source {
  public:
-  explicit Hdf5Source(const std::filesystem::path& path);
+  // `bytes` is the same file, opened before, and outlives this. \throws IoError where another has taken its name
+  Hdf5Source(const std::filesystem::path& path, const Unchanged& bytes);
 
   class Samples {
    public:
@@ -42,7 +43,7 @@ class Hdf5Source {
 
  private:
   Handle file_;
-  Unchanged bytes_;
+  const Unchanged& bytes_;
 };
 
 // A file that is written data set by data set, with all of its space reserved before the first of the large ones: a

@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 using io::check_readable;
 using io::fail;
 using io::naming;
+using io::naming_write;
 
 enum class Format { npz, hdf5, mat, csv };
 
@@ -123,7 +124,7 @@ Model load_model(const fs::path& path) {
 }
 
 void save_ensemble(const Ensemble& ensemble, const fs::path& path, const WriteOptions& options) {
-  naming(path, [&] {
+  naming_write(path, [&] {
     const Format format = format_of(path);
     io::check_sizes(ensemble);
     io::AtomicFile file(path);
@@ -139,7 +140,7 @@ namespace {
 
 template <class Subject>
 void save_arrays(const Subject& subject, const fs::path& path, const WriteOptions& options) {
-  naming(path, [&] {
+  naming_write(path, [&] {
     const Format format = format_of(path);
     io::AtomicFile file(path);
     write(io::arrays_of(subject, layout_of(format)), file.path(), format, options);
@@ -173,7 +174,7 @@ UpdateState load_update_state(const fs::path& path) {
 }
 
 void save_text(std::string_view text, const fs::path& path) {
-  naming(path, [&] {
+  naming_write(path, [&] {
     io::AtomicFile file(path);
     io::ByteWriter(file.path()).write(text);
     file.commit();

@@ -171,7 +171,7 @@ constexpr size_t version7_bytes = (size_t{1} << 31) - 1;
 Variable create(const std::string& name, matio_classes kind, matio_types type, Shape shape, const void* values) {
   Variable variable(Mat_VarCreate(name.c_str(), kind, type, static_cast<int>(shape.size()), shape.data(),
                                   const_cast<void*>(values), 0));
-  if (!variable) fail("can't be written: data set '{}': {}", name, reason());
+  if (!variable) fail_to_write(fmt::format("data set '{}': {}", name, reason()));
   return variable;
 }
 
@@ -236,8 +236,7 @@ bool reads_back(const Arrays& arrays, const std::filesystem::path& path) {
 [[noreturn]] void fail_incomplete(const Arrays& arrays, const std::filesystem::path& path, std::string_view why) {
   std::uint64_t bytes = mat_header_bytes;
   for (const auto& [name, array] : arrays) bytes += mat_header_bytes + checked_product(array.shape, sizeof(double));
-  const Descriptor file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
-  if (const int error = file < 0 ? errno : posix_fallocate(file, 0, off_t(bytes))) fail_to_write(error);
+  reserve(path, bytes);
   throw WriteError(fmt::format("can't be written completely: {}", why), 0);
 }
 

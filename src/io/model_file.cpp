@@ -40,7 +40,7 @@ class Spool {
     for (const size_t size : sizes_) {
       checkpoint();
       record.resize(size);
-      if (!io::read_all(file_, record, at)) fail("what was written so far can't be read back");
+      if (!io::read_all(file_, record, at)) io::fail_to_write("what was written so far can't be read back");
       at += off_t(size);
       use(record);
     }
@@ -108,13 +108,7 @@ struct ModelFile::Content {
     });
 
     io::AtomicFile file(path);
-    try {
-      write(small, shapes, file.path());
-    } catch (const WriteError&) {
-      throw;
-    } catch (const IoError& error) {
-      throw WriteError(error.what(), 0);  // the library's own words for what it could not write
-    }
+    io::written_by_library([&] { write(small, shapes, file.path()); });
     file.commit();
   }
 
@@ -147,7 +141,7 @@ struct ModelFile::Content {
 };
 
 ModelFile::ModelFile(const fs::path& path)
-    : content_(io::naming(path, [&] {
+    : content_(io::naming_write(path, [&] {
         if (!io::is_hdf5(path))
           fail("extension '{}' found, .h5 or .hdf5 needed to write a model in blocks; tokid convert makes others of it",
                path.extension().string());
@@ -163,7 +157,7 @@ void ModelFile::append(const Model& steps) {
     throw std::invalid_argument(fmt::format("model: steps from {} with {} states found, from {} with {} needed",
                                             steps.k_begin, steps.state_dim.front(), known.k_end(),
                                             known.state_dim.back()));
-  io::naming(content_->path, [&] { content_->append(steps); });
+  io::naming_write(content_->path, [&] { content_->append(steps); });
 }
 
 const Model& ModelFile::outline() const { return content_->outline; }
@@ -171,7 +165,7 @@ const Model& ModelFile::outline() const { return content_->outline; }
 void ModelFile::commit(const std::string& options, const std::string& program) {
   content_->outline.options = options;
   content_->outline.version = program;
-  io::naming(content_->path, [&] { content_->commit(); });
+  io::naming_write(content_->path, [&] { content_->commit(); });
 }
 
 }  // namespace tokid

@@ -2,28 +2,32 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cerrno>
 #include <exception>
 #include <filesystem>
 #include <new>
 #include <stdexcept>
+#include <system_error>
 
 #include "arrays.hpp"
 
 namespace tokid::io {
 
-// Runs f and puts the name of the file in front of whatever it complains about, on one line.
+// One line, however long what a file is made to say may be.
+inline std::string named(const std::filesystem::path& path, std::string_view message) {
+  constexpr size_t longest = 2000;
+  return printable(
+      fmt::format("{}: {}{}", path.string(), message.substr(0, longest), message.size() > longest ? " …" : ""));
+}
+
+// Runs f, which reads, and puts the name of the file in front of whatever it complains about.
 template <typename F>
 auto naming(const std::filesystem::path& path, F&& f) {
-  const auto named = [&](std::string_view message) {
-    constexpr size_t longest = 2000;  // what a file is made to say may be long
-    return printable(
-        fmt::format("{}: {}{}", path.string(), message.substr(0, longest), message.size() > longest ? " …" : ""));
-  };
-  const auto rethrow = [&](std::string_view message) { throw IoError(named(message)); };
+  const auto rethrow = [&](std::string_view message) { throw IoError(named(path, message)); };
   try {
     return f();
   } catch (const WriteError& error) {
-    throw WriteError(named(error.what()), error.error());
+    throw WriteError(named(path, error.what()), error.error());
   } catch (const std::bad_alloc&) {
     rethrow("more data found than fits into memory");
   } catch (const std::length_error&) {
@@ -32,6 +36,40 @@ auto naming(const std::filesystem::path& path, F&& f) {
     rethrow(error.what());
   }
   throw std::logic_error("unreachable");
+}
+
+// The same for f that writes: what it throws as an IoError is the caller's mistake, all else a WriteError.
+template <typename F>
+auto naming_write(const std::filesystem::path& path, F&& f) {
+  const auto rethrow = [&](std::string_view reason, int error) {
+    throw WriteError(named(path, fmt::format("can't be written: {}", reason)), error);
+  };
+  try {
+    return f();
+  } catch (const WriteError& error) {
+    throw WriteError(named(path, error.what()), error.error());
+  } catch (const IoError& error) {
+    throw IoError(named(path, error.what()));
+  } catch (const std::bad_alloc&) {
+    rethrow(std::generic_category().message(ENOMEM), ENOMEM);
+  } catch (const std::length_error&) {
+    rethrow(std::generic_category().message(ENOMEM), ENOMEM);
+  } catch (const std::exception& error) {
+    rethrow(error.what(), 0);
+  }
+  throw std::logic_error("unreachable");
+}
+
+// Runs f, in which a library writes: whatever it can't is no mistake of the caller's. \throws WriteError
+template <typename F>
+auto written_by_library(F&& f) {
+  try {
+    return f();
+  } catch (const WriteError&) {
+    throw;
+  } catch (const IoError& error) {
+    throw WriteError(fmt::format("can't be written: {}", error.what()), 0);
+  }
 }
 
 // The libraries' own words for these differ, and some are misleading. \throws IoError

@@ -399,7 +399,7 @@ void add_entry(zip_t* archive, const std::string& name, const Payload& payload) 
   const auto at = static_cast<zip_uint64_t>(index);
   if (index < 0 || zip_set_file_compression(archive, at, ZIP_CM_STORE, 0) != 0 ||
       zip_file_set_dostime(archive, at, 0, january_1980, 0) != 0)
-    fail("can't be written: data set '{}': {}", name, zip_strerror(archive));
+    fail_to_write(fmt::format("data set '{}': {}", name, zip_strerror(archive)));
 }
 
 }  // namespace
@@ -508,7 +508,7 @@ void write_npz(const Arrays& arrays, const std::filesystem::path& path) {
   zip_error_init(&error);
   zip_source_t* source = target.source();
   Archive archive(source ? zip_open_from_source(source, ZIP_CREATE | ZIP_TRUNCATE, &error) : nullptr);
-  if (!archive) fail("can't be written: {}", zip_error_strerror(&error));
+  if (!archive) fail_to_write(zip_error_strerror(&error));
   std::deque<Payload> payloads;  // stay where they are until the archive is closed
   for (const auto& [name, array] : arrays) {
     fill(payloads.emplace_back(), array);
@@ -516,7 +516,7 @@ void write_npz(const Arrays& arrays, const std::filesystem::path& path) {
   }
   if (zip_close(archive.get()) != 0) {
     if (target.error() != 0) fail_to_write(target.error());
-    fail("can't be written: {}", zip_strerror(archive.get()));
+    fail_to_write(zip_strerror(archive.get()));
   }
   static_cast<void>(archive.release());
 }

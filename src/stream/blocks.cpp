@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "archive.hpp"
+
 namespace tokid::stream {
 
 namespace {
@@ -122,6 +124,27 @@ BlockResult identify_block(Ensemble data, const Plan& plan, Index i) {
     result.model.y_nominal = stretch.nominal->y.middleRows(begin, end - begin);
   }
   return result;
+}
+
+FinishedBlock finished_block(std::string_view bytes, const Plan& plan, Index inputs, Index outputs) {
+  auto found = archive::unpacked<FinishedBlock>(bytes);
+  const BlockResult& b = found.result;
+  if (found.number < 0 || found.number >= plan.count)
+    throw std::invalid_argument(fmt::format("block {} found, 0 to {} needed", found.number, plan.count - 1));
+  const Block block = plan.block(found.number);
+  b.model.check();
+  const auto counts = [](const auto& list, Index count) { return Index(list.size()) == count; };
+  const bool fits = b.model.inputs == inputs && b.model.outputs == outputs && b.begin == block.begin &&
+                    b.read_begin == block.first && b.model.steps() > 0 && b.model.k_end() == block.end &&
+                    (found.number == 0 || b.model.k_begin == block.begin) &&
+                    b.opening.cols() == b.model.state_dim.front() &&
+                    (block.end == plan.steps ? b.closing.size() == 0 : b.closing.cols() == b.model.state_dim.back()) &&
+                    counts(b.samples.channel, inputs + outputs) && counts(b.samples.zero, inputs) &&
+                    counts(b.samples.same, inputs) && counts(b.errors.one_step, outputs) &&
+                    counts(b.errors.simulation, outputs) && counts(b.digests, block.end - block.begin);
+  if (!fits)
+    throw std::invalid_argument(fmt::format("block {}: sizes found that are not those of the data", found.number));
+  return found;
 }
 
 void Joint::add(BlockResult block) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
 #include "identify_stretch.hpp"
 #include "stream/evaluate.hpp"
@@ -42,6 +43,16 @@ struct BlockResult {
 // `data` are the steps that block i reads.
 BlockResult identify_block(Ensemble data, const Plan& plan, Index i);
 
+// With its number, as it comes from other processes and from the journal of an earlier call.
+struct FinishedBlock {
+  Index number = -1;
+  BlockResult result;
+};
+
+// Of `inputs` and `outputs`, from bytes that somebody else may have written. \throws std::runtime_error,
+// std::invalid_argument where they are no block of this plan
+FinishedBlock finished_block(std::string_view bytes, const Plan& plan, Index inputs, Index outputs);
+
 // For messages between processes.
 template <class Archive, class B>
 requires std::is_same_v<std::remove_const_t<B>, BlockResult>
@@ -49,6 +60,9 @@ void fields(Archive& archive, B& b) {
   archive(b.model, b.opening, b.closing, b.read_begin, b.begin, b.regressions, b.samples, b.digests, b.errors, b.gaps,
           b.whiteness_p);
 }
+template <class Archive, class B>
+requires std::is_same_v<std::remove_const_t<B>, FinishedBlock>
+void fields(Archive& archive, B& b) { archive(b.number, b.result); }
 
 // The blocks in their order, as one model.
 class Joint {

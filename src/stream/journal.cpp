@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -24,7 +25,7 @@ using io::fail;
 
 constexpr std::string_view magic =
     "tokid\x1a"
-    "1\n";
+    "2\n";
 // What the system is given time for to bring records to the disk: a power cut costs the work of so long.
 constexpr auto between_syncs = std::chrono::seconds(1);
 
@@ -36,6 +37,8 @@ struct Head {
 std::uint64_t digest_of(std::string_view record, std::uint64_t place) {
   return XXH3_64bits_withSeed(record.data(), record.size(), place);
 }
+
+std::filesystem::path path_of(const std::filesystem::path& model) { return model.string() + ".resume"; }
 
 // "lags: 2 found, 3 needed" for all that differs.
 std::string differences(const Json& found, const Json& needed) {
@@ -51,22 +54,20 @@ std::string differences(const Json& found, const Json& needed) {
 
 }  // namespace
 
-std::filesystem::path Journal::path_of(const std::filesystem::path& model) { return model.string() + ".resume"; }
-
-Journal::Journal(const std::filesystem::path& model, const std::string& about) : path_(path_of(model)) {
-  io::naming(path_, [&] {
+Journal::Journal(const std::filesystem::path& model) : path_(path_of(model)) {
+  io::naming_write(path_, [&] {
     open();
-    try {
-      begin(about);
-    } catch (const WriteError&) {
-      if (records_ == 0) unlink(path_.c_str());
-      throw;
-    }
+    check_magic();
+    about_ = next();
+    const std::int64_t end = end_;
+    kept_ = about_ && next();
+    end_ = end;
+    records_ = about_ ? 1 : 0;
   });
 }
 
 Journal::~Journal() {
-  if (file_ >= 0 && records_ < 2) unlink(path_.c_str());
+  if (file_ >= 0 && !kept_) unlink(path_.c_str());
 }
 
 void Journal::open() {
@@ -82,34 +83,36 @@ void Journal::open() {
   } while (!io::is_at(path_, file_));  // the process before may have removed it meanwhile
 }
 
-void Journal::begin(const std::string& about) {
+void Journal::check_magic() {
   std::string start(magic.size(), '\0');
-  if (!io::read_all(file_, start, 0)) {
-    struct stat found = {};
-    fstat(file_, &found);
-    start.resize(size_t(found.st_size));
-    io::read_all(file_, start, 0);
-    if (!magic.starts_with(start)) fail("another file found, a journal of tokid identify --resume needed");
-    cut(0);
-    io::write_all(file_, magic);
-  } else if (start != magic) {
+  struct stat found = {};
+  fstat(file_, &found);
+  start.resize(std::min(start.size(), size_t(found.st_size)));
+  io::read_all(file_, start, 0);
+  if (!magic.starts_with(start)) {
+    kept_ = true;  // by others
     fail("another file found, a journal of this version of tokid identify --resume needed");
   }
   end_ = std::int64_t(magic.size());
-  const std::optional<std::string> kept = next();
-  if (!kept) {
-    append(about);
-    return io::sync_folder(path_);
-  }
-  const Json found = Json::parse(*kept, nullptr, false), needed = Json::parse(about);
-  if (found == needed) return;
-  fail("the journal of another identification found ({}); delete it to begin anew, or call as then to go on",
-       differences(found, needed));
 }
 
-void Journal::cut(std::int64_t at) {
-  if (ftruncate(file_, at) != 0 || lseek(file_, at, SEEK_SET) != at) io::fail_to_write(errno);
-  end_ = at;
+void Journal::begin(const std::string& about) {
+  io::naming_write(path_, [&] {
+    if (!kept_) return restart(about);  // nothing is lost
+    const Json found = Json::parse(*about_, nullptr, false), needed = Json::parse(about);
+    if (found != needed)
+      fail("the journal of another identification found ({}); delete it to begin anew, or call as then to go on",
+           differences(found, needed));
+  });
+}
+
+void Journal::restart(const std::string& about) {
+  if (ftruncate(file_, 0) != 0 || lseek(file_, 0, SEEK_SET) != 0) io::fail_to_write(errno);
+  io::write_all(file_, magic);
+  end_ = std::int64_t(magic.size());
+  records_ = 0;
+  append(about);
+  io::sync_folder(path_);
 }
 
 std::optional<std::string> Journal::next() {
@@ -128,17 +131,21 @@ std::optional<std::string> Journal::next() {
       }
     }
   }
-  cut(end_);  // less what was not finished
   return std::nullopt;
 }
 
 void Journal::append(std::string_view record) {
+  const auto cut = [this] {
+    if (ftruncate(file_, end_) != 0 || lseek(file_, end_, SEEK_SET) != end_) io::fail_to_write(errno);
+  };
+  if (reading_) cut();  // what was not finished
+  reading_ = false;
   const Head head{record.size(), digest_of(record, records_)};
   try {
     io::write_all(file_, {reinterpret_cast<const char*>(&head), sizeof head});
     io::write_all(file_, record);
   } catch (const WriteError&) {
-    cut(end_);
+    cut();
     throw;
   }
   end_ += std::int64_t(sizeof head + record.size());
@@ -146,8 +153,9 @@ void Journal::append(std::string_view record) {
 }
 
 void Journal::add(std::string_view record) {
-  io::naming(path_, [&] {
+  io::naming_write(path_, [&] {
     append(record);
+    kept_ = true;
     if (const auto now = std::chrono::steady_clock::now(); now - synced_ > between_syncs) {
       if (fdatasync(file_) != 0 && errno != EINVAL && errno != ENOTSUP) io::fail_to_write(errno);
       synced_ = now;
@@ -158,6 +166,14 @@ void Journal::add(std::string_view record) {
 void Journal::remove() {
   unlink(path_.c_str());
   file_ = io::Descriptor();
+}
+
+void Journal::discard(const std::filesystem::path& model) {
+  const std::filesystem::path path = path_of(model);
+  const io::Descriptor file(::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  std::string start(magic.size(), '\0');
+  if (file >= 0 && io::lock(file, false) && io::read_all(file, start, 0) && start == magic && io::is_at(path, file))
+    unlink(path.c_str());
 }
 
 }  // namespace tokid::stream

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <future>
+#include <utility>
 
 #include "tokid/parallel.hpp"
 
@@ -16,10 +17,10 @@ constexpr double most_fetched = 512e6;
 
 }  // namespace
 
-Reader::Reader(const EnsembleFile& file, const Plan& plan, Index first, Index stride, Index ahead)
-    : file_(file), plan_(plan), first_(first), stride_(stride), ahead_(ahead) {
+Reader::Reader(const EnsembleFile& file, const Plan& plan, std::vector<Index> blocks, Index ahead)
+    : file_(file), plan_(plan), blocks_(std::move(blocks)), ahead_(ahead) {
   const double block = double(plan.longest() * file.experiments() * file.channels()) * sizeof(double);
-  group_ = std::clamp<Index>(Index(most_fetched / 2 / block), 1, 8);
+  group_ = std::clamp<size_t>(size_t(most_fetched / 2 / block), 1, 8);
   thread_ = std::jthread([this] { run(); });
 }
 
@@ -44,18 +45,20 @@ Ensemble Reader::take(Index i) {
   return samples;
 }
 
-// A group of blocks, the first of which is `from`. Those that follow each other without a gap are asked for as one:
-// longer runs of the file.
-void Reader::expect(Index from) const {
-  const Index to = std::min(plan_.count, from + group_ * stride_);
-  if (stride_ == 1 && from < to) return file_.expect(plan_.block(from).first, plan_.block(to - 1).last);
-  for (Index i = from; i < to; i += stride_) file_.expect(plan_.block(i).first, plan_.block(i).last);
+// A group of blocks, the first of which is number `from` of them. Those that follow each other without a gap are asked
+// for as one: longer runs of the file.
+void Reader::expect(size_t from) const {
+  const size_t to = std::min(blocks_.size(), from + group_);
+  for (size_t i = from, end = from; i < to; i = end) {
+    for (end = i + 1; end < to && blocks_[end] == blocks_[end - 1] + 1;) ++end;
+    file_.expect(plan_.block(blocks_[i]).first, plan_.block(blocks_[end - 1]).last);
+  }
 }
 
 void Reader::run() {
   try {
-    std::future<void> expected = std::async(std::launch::async, [this] { expect(first_); });
-    for (Index i = first_, count = 0; i < plan_.count; i += stride_, ++count) {
+    std::future<void> expected = std::async(std::launch::async, [this] { expect(0); });
+    for (size_t count = 0; count < blocks_.size(); ++count) {
       {
         std::unique_lock lock(mutex_);
         taken_.wait(lock, [&] { return stopped_ || Index(waiting_.size()) < ahead_; });
@@ -63,11 +66,12 @@ void Reader::run() {
       }
       if (count % group_ == 0) {
         expected.wait();
-        expected = std::async(std::launch::async, [this, next = i + group_ * stride_] { expect(next); });
+        expected = std::async(std::launch::async, [this, next = count + group_] { expect(next); });
       }
-      Ensemble samples = file_.read(plan_.block(i).first, plan_.block(i).last);
+      const Block block = plan_.block(blocks_[count]);
+      Ensemble samples = file_.read(block.first, block.last);
       const std::lock_guard lock(mutex_);
-      waiting_.emplace(i, std::move(samples));
+      waiting_.emplace(blocks_[count], std::move(samples));
       read_.notify_all();
     }
   } catch (...) {

@@ -7,17 +7,18 @@
 #include <map>
 #include <mutex>
 #include <thread>
+#include <vector>
 
 #include "stream/blocks.hpp"
 
 namespace tokid::stream {
 
-// The blocks first, first + stride, … in this order, by a thread of its own: the file has other limits than the
-// processor, and the time of both together is that of the slower one.
+// The given blocks in this order, by a thread of its own: the file has other limits than the processor, and the time of
+// both together is that of the slower one.
 class Reader {
  public:
   // Up to `ahead` blocks wait, beside those that were taken.
-  Reader(const EnsembleFile& file, const Plan& plan, Index first, Index stride, Index ahead);
+  Reader(const EnsembleFile& file, const Plan& plan, std::vector<Index> blocks, Index ahead);
   ~Reader();
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
@@ -28,12 +29,13 @@ class Reader {
 
  private:
   void run();
-  void expect(Index from) const;
+  void expect(size_t from) const;
 
   const EnsembleFile& file_;
   const Plan& plan_;
-  const Index first_, stride_, ahead_;
-  Index group_;  // blocks that the system is asked to fetch at once
+  const std::vector<Index> blocks_;
+  const Index ahead_;
+  size_t group_;  // blocks that the system is asked to fetch at once
   std::mutex mutex_;
   std::condition_variable read_, taken_;
   std::map<Index, Ensemble> waiting_;

@@ -2,11 +2,13 @@
 #include "tokid/stream.hpp"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
+#include <memory>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -14,6 +16,9 @@
 #include <xxhash.h>
 
 #include "archive.hpp"
+#include "io/atomic_file.hpp"
+#include "io/naming.hpp"
+#include "linalg/simd.hpp"
 #include "realisation.hpp"
 #include "statistics.hpp"
 #include "stream/blocks.hpp"
@@ -29,6 +34,7 @@ namespace {
 
 using stream::Block;
 using stream::BlockResult;
+using stream::FinishedBlock;
 using stream::Plan;
 
 Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
@@ -77,14 +83,22 @@ class Record {
  public:
   Record(const EnsembleFile& file, const Plan& plan, ModelFile& model) : file_(file), plan_(plan), joint_(model) {}
 
-  void add(BlockResult block) {
-    samples_.append(block.samples, block.begin);
-    regressions_.append(block.regressions, block.read_begin);
-    errors_.add(block.errors);
-    digests_.insert(digests_.end(), block.digests.begin(), block.digests.end());
-    gaps_.insert(gaps_.end(), block.gaps.begin(), block.gaps.end());
-    if (!std::isnan(block.whiteness_p)) whiteness_p_ = block.whiteness_p;
-    joint_.add(std::move(block));
+  // In any order: a block waits for those before it.
+  void put(FinishedBlock block) {
+    if (block.number < done_) return;
+    waiting_.emplace(block.number, std::move(block.result));
+    for (auto next = waiting_.find(done_); next != waiting_.end(); next = waiting_.find(++done_)) {
+      add(std::move(next->second));
+      waiting_.erase(next);
+    }
+  }
+
+  // The numbers of those that are not there.
+  std::vector<Index> missing() const {
+    std::vector<Index> result;
+    for (Index i = done_; i < plan_.count; ++i)
+      if (waiting_.count(i) == 0) result.push_back(i);
+    return result;
   }
 
   void finish(const StreamOptions& options, ModelFile& file, Streamed& streamed) {
@@ -120,6 +134,16 @@ class Record {
   }
 
  private:
+  void add(BlockResult block) {
+    samples_.append(block.samples, block.begin);
+    regressions_.append(block.regressions, block.read_begin);
+    errors_.add(block.errors);
+    digests_.insert(digests_.end(), block.digests.begin(), block.digests.end());
+    gaps_.insert(gaps_.end(), block.gaps.begin(), block.gaps.end());
+    if (!std::isnan(block.whiteness_p)) whiteness_p_ = block.whiteness_p;
+    joint_.add(std::move(block));
+  }
+
   Index experiments() const {
     const Index held = plan_.hold_out > 0 ? std::llround(plan_.hold_out * double(file_.experiments())) : 0;
     return file_.experiments() - held;
@@ -154,6 +178,8 @@ class Record {
   const EnsembleFile& file_;
   const Plan& plan_;
   stream::Joint joint_;
+  std::map<Index, BlockResult> waiting_;
+  Index done_ = 0;  // blocks
   Survey samples_;
   RegressionSurvey regressions_;
   stream::ErrorTotals errors_;
@@ -162,16 +188,17 @@ class Record {
   double whiteness_p_ = std::numeric_limits<double>::quiet_NaN();
 };
 
-// All that decides about the bits of the blocks. The choices, made anew from samples, tell data and processors apart
-// that look alike.
+// All that decides about the bits of the blocks. The choices, made anew from samples, tell data apart that look alike.
 std::string about_blocks(const EnsembleFile& file, const Plan& plan, const std::string& settled,
                          const StreamOptions& options) {
-  struct stat found = {};
-  stat(file.path().c_str(), &found);
+  const FileState data = file.state();
   nlohmann::ordered_json json;
   json["version"] = version;
-  json["bytes of the data"] = found.st_size;
-  json["time of the data"] = fmt::format("{}.{:09}", found.st_mtim.tv_sec, found.st_mtim.tv_nsec);
+  json["instructions"] = simd::to_string(simd::target());
+  json["number of the file"] = data.number;
+  json["bytes of the data"] = data.bytes;
+  json["time of the data"] = data.modified;
+  json["change of the file"] = data.changed;
   json.update(nlohmann::ordered_json::parse(to_json(options.identify, file.experiments())));
   json["steps"] = plan.steps;
   json["blocks"] = plan.count;
@@ -179,16 +206,13 @@ std::string about_blocks(const EnsembleFile& file, const Plan& plan, const std::
   return json.dump();
 }
 
-// The blocks of an earlier call. \returns how many there are
-Index replay(stream::Journal& journal, Record& record, const Plan& plan) {
-  Index count = 0;
-  for (; count < plan.count; ++count) {
+// The blocks of an earlier call.
+void replay(stream::Journal& journal, const EnsembleFile& file, const Plan& plan, Record& record) {
+  while (const std::optional<std::string> kept = journal.next()) {
     checkpoint();
-    const std::optional<std::string> kept = journal.next();
-    if (!kept) break;
-    record.add(archive::unpacked<BlockResult>(*kept));
+    record.put(
+        io::naming(journal.path(), [&] { return stream::finished_block(*kept, plan, file.inputs(), file.outputs()); }));
   }
-  return count;
 }
 
 }  // namespace
@@ -197,7 +221,11 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   const auto start = std::chrono::steady_clock::now();
   const Team& team = options.team;
   std::optional<ModelFile> model;
-  if (team.rank == 0) model.emplace(path);
+  std::shared_ptr<stream::Journal> journal;
+  if (team.rank == 0) {
+    model.emplace(path);
+    if (options.resume) journal = std::make_shared<stream::Journal>(path);
+  }
   if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
   stream::Decision decision;
   if (team.rank == 0) decision = stream::decide(file, options.identify);
@@ -205,38 +233,46 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   const std::string settled = team.broadcast(archive::packed(decision.settled));
   const Plan plan = plan_of(file, options, archive::unpacked<Settled>(settled));
   std::optional<Record> record;
-  std::optional<stream::Journal> journal;
-  Index resumed = 0;
+  std::vector<Index> todo;
   if (model) {
     record.emplace(file, plan, *model);
-    if (options.resume) {
-      journal.emplace(path, about_blocks(file, plan, settled, options));
-      resumed = replay(*journal, *record, plan);
+    if (journal) {
+      journal->begin(about_blocks(file, plan, settled, options));
+      replay(*journal, file, plan, *record);
     }
+    todo = record->missing();
   }
-  resumed = archive::unpacked<Index>(team.broadcast(archive::packed(resumed)));
+  todo = archive::unpacked<std::vector<Index>>(team.broadcast(archive::packed(todo)));
+  const Index count = Index(todo.size()), resumed = plan.count - count;
+  std::vector<Index> share;
+  for (Index i = team.rank; i < count; i += team.size) share.push_back(todo[size_t(i)]);
   const Index threads = thread_count(options.identify.execution);
-  const Index round = blocks_at_a_time * threads;
-  stream::Reader reader(file, plan, resumed + team.rank, team.size, threads);
-  for (Index from = resumed; from < plan.count; from += round * team.size) {
-    const Index to = std::min(plan.count, from + round * team.size);
-    std::vector<BlockResult> own(size_t(std::max<Index>(0, ceil_div(to - from - team.rank, team.size))));
+  // What others have finished is kept when it is gathered: often, where it is to be kept.
+  const Index round = (options.resume && team.size > 1 ? 1 : blocks_at_a_time) * threads;
+  stream::Reader reader(file, plan, share, threads);
+  std::mutex keeping;
+  for (Index from = 0; from < count; from += round * team.size) {
+    const Index to = std::min(count, from + round * team.size);
+    std::vector<FinishedBlock> own(size_t(std::max<Index>(0, ceil_div(to - from - team.rank, team.size))));
     parallel_for(0, Index(own.size()), {int(threads), {}}, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
-        const Index block = from + i * team.size + team.rank;
-        own[size_t(i)] = stream::identify_block(reader.take(block), plan, block);
+        const Index block = todo[size_t(from + i * team.size + team.rank)];
+        own[size_t(i)] = {block, stream::identify_block(reader.take(block), plan, block)};
+        if (!journal) continue;
+        const std::string kept = archive::packed(own[size_t(i)]);
+        const std::lock_guard lock(keeping);
+        journal->add(kept);
       }
     });
     const std::vector<std::string> all = team.gather(archive::packed(own));
     if (record) {
-      std::vector<std::vector<BlockResult>> of_member;
-      for (const std::string& bytes : all) of_member.push_back(archive::unpacked<std::vector<BlockResult>>(bytes));
-      for (Index i = from; i < to; ++i) {
-        BlockResult& block = of_member[size_t((i - from) % team.size)][size_t((i - from) / team.size)];
-        if (journal) journal->add(archive::packed(block));
-        record->add(std::move(block));
-      }
-      if (options.identify.execution.progress) options.identify.execution.progress(double(to) / double(plan.count));
+      for (size_t member = 0; member < all.size(); ++member)
+        for (FinishedBlock& block : archive::unpacked<std::vector<FinishedBlock>>(all[member])) {
+          if (journal && Index(member) != team.rank) journal->add(archive::packed(block));
+          record->put(std::move(block));
+        }
+      if (options.identify.execution.progress)
+        options.identify.execution.progress(double(resumed + to) / double(plan.count));
     }
   }
   Streamed result;
@@ -246,7 +282,8 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   result.overlap = plan.before + plan.behind;
   result.resumed = resumed;
   if (record) record->finish(options, *model, result);
-  if (journal) journal->remove();
+  if (model)  // a journal that is of no use any more may be an earlier call's
+    io::AtomicFile::when_published([path, journal] { journal ? journal->remove() : stream::Journal::discard(path); });
   result.identification.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
 }

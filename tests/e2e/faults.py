@@ -55,6 +55,19 @@ def dying_at(name):
     return install
 
 
+def failing_at(name, error):
+    """Every call of this name fails."""
+    _needed()
+
+    def install():
+        program = [(LOAD, 0, 0, NUMBER)]
+        for number in CALLS[name]:
+            program += [(EQUAL, 0, 1, number), (RETURN, 0, 0, FAIL | error)]
+        _install([*program, (RETURN, 0, 0, ALLOW)])
+
+    return install
+
+
 def without_unnamed_files():
     """As on a file system that knows no O_TMPFILE, such as NFS."""
     _needed()

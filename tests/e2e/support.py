@@ -107,9 +107,9 @@ def random_system(seed, steps, states, inputs, outputs):
             "k_begin": 0}
 
 
-def write_ensemble(path, experiments=40, steps=600, noise=0.0, **options):
+def write_ensemble(path, experiments=40, steps=600, noise=0.0, seed=5, **options):
     """Two states, one input, two outputs."""
-    random = np.random.default_rng(5)
+    random = np.random.default_rng(seed)
     u = random.standard_normal((experiments, steps, 1))
     y = np.empty((experiments, steps, 2))
     x = np.zeros((experiments, 2))

@@ -250,10 +250,17 @@ def test_data_are_not_overwritten_but_a_model_may_be_refined_in_place(tokid, tmp
         for call in (("identify", data), ("refine", model, data), ("simulate", model, data), ("predict", model, data),
                      ("confidence", model, data)):
             run = tokid(*call, "-o", output, status=2)
-            assert f"{output.name}: found among the files to read, another name needed to keep it" in run.stderr
+            assert f"{output.name}: found among the other files, another name needed to keep it" in run.stderr
     assert data.read_bytes() == before
     tokid("refine", model, data, "-o", model, "--iterations", 2)
     assert load(model)["method"] == "em"
+
+
+def test_two_results_do_not_share_a_name(tokid, tmp_path, oscillator):
+    for state in "out.npz", "./out.npz", tmp_path / "out.npz":
+        run = tokid("identify", oscillator / "data.npz", "-o", "out.npz", "--state", state, status=2, cwd=tmp_path)
+        assert "found among the other files" in run.stderr
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("frame", ["reference", "smooth"])

@@ -69,7 +69,7 @@ def test_a_call_that_was_not_stopped(tokid, given, scene):
     assert sorted(os.listdir(scene)) == ["data.h5", "model.h5"]
 
 
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [1, 2, 17])  # the last ones have all blocks at hand at once
 def test_killed_again_and_again(tokid, given, tmp_path, threads):
     """Whenever the journal has grown, and a little later."""
     write_ensemble(tmp_path / "data.h5", experiments=100, steps=4000)
@@ -79,23 +79,28 @@ def test_killed_again_and_again(tokid, given, tmp_path, threads):
     os.remove(tmp_path / "model.h5")
     journal = tmp_path / "model.h5.resume"
     dice = random.Random(threads)
-    kills, size = 0, 1000  # of what stands before the blocks
-    while kills < 6:
-        process = subprocess.Popen([*command, "--resume", "--quiet", "--threads", str(threads)], cwd=tmp_path)
-        while process.poll() is None and not (journal.exists() and journal.stat().st_size > size):
-            time.sleep(0.001)
-        time.sleep(dice.uniform(0.0, 0.02))
-        process.kill()
-        if process.wait() == 0:
+    kills, kept = 0, bytes(1000)  # as long as what stands before the blocks
+    while True:
+        process = subprocess.Popen([*command, "--resume", "--json", "--threads", str(threads)], cwd=tmp_path,
+                                   stdout=subprocess.PIPE)
+        if kills < 6:
+            while process.poll() is None and not (journal.exists() and journal.stat().st_size > len(kept)):
+                time.sleep(0.001)
+            time.sleep(dice.uniform(0.0, 0.02))
+            process.kill()
+        told = process.communicate()[0]
+        if process.returncode == 0:
             break
         kills += 1
-        if journal.exists():  # else killed after the model had its name
-            size = journal.stat().st_size
+        if journal.exists():
+            kept = journal.read_bytes()
             assert sorted(os.listdir(tmp_path)) == ["data.h5", "model.h5.resume"]
-    told = json.loads(subprocess.run([*command, "--resume", "--json"], cwd=tmp_path, check=True,
-                                     capture_output=True).stdout)
-    assert kills > 0 and (told["resumed_blocks"] > 0 or kills < 6)
-    print(f"{kills} kills, then {told['resumed_blocks']} blocks of 67")
+        else:  # killed after the model had its name: as if before
+            (tmp_path / "model.h5").unlink()
+            journal.write_bytes(kept)
+    resumed_blocks = json.loads(told)["resumed_blocks"]
+    assert kills > 0 and resumed_blocks > 0
+    print(f"{kills} kills, then {resumed_blocks} blocks of 67")
     assert (tmp_path / "model.h5").read_bytes() == whole
     assert sorted(os.listdir(tmp_path)) == ["data.h5", "model.h5"]
 
@@ -179,29 +184,58 @@ def test_a_journal_of_other_data_is_refused(tokid, scene):
     before, stat = journal.read_bytes(), (scene / "data.h5").stat()
     os.utime(scene / "data.h5", ns=(stat.st_atime_ns, stat.st_mtime_ns + 1))
     assert "time of the data" in tokid(*CALL, status=2, cwd=scene).stderr
-    # Even where they look like the ones before: the choices tell.
+    # Even where size and time are those of before, and the stretches that decide are the same.
     with h5py.File(scene / "data.h5", "a") as file:
-        file["y"][:] = 1.5 * file["y"][:]
+        file["y"][3, 150, 1] *= 1 + 1e-14
     os.utime(scene / "data.h5", ns=(stat.st_atime_ns, stat.st_mtime_ns))
     assert (scene / "data.h5").stat().st_size == stat.st_size
     result = tokid(*CALL, status=2, cwd=scene)
-    assert "choices" in result.stderr and "time" not in result.stderr
+    assert "change of the file" in result.stderr and "time of the data" not in result.stderr
+    shutil.copy2(scene / "data.h5", scene / "other.h5")
+    os.replace(scene / "other.h5", scene / "data.h5")
+    assert "number of the file" in tokid(*CALL, status=2, cwd=scene).stderr
     assert journal.read_bytes() == before
 
 
-def test_an_error_keeps_the_blocks_before_it(tokid, scene):
-    """Of 40 blocks, the 30th has a sample that is none. Put right, with the time of before, the call goes on."""
+def test_a_journal_is_of_the_file_that_was_read(tokid, scene):
+    """Another file takes the name of the data while they are read: its blocks are none of the journal."""
+    write_ensemble(scene / "other.h5", steps=2400, seed=9)
     write_ensemble(scene / "data.h5", steps=2400)
-    stat = (scene / "data.h5").stat()
+    process = subprocess.Popen([tokid.executable, *CALL, "--quiet"], cwd=scene)
+    journal = scene / "model.h5.resume"
+    while process.poll() is None and not journal.exists():
+        time.sleep(0.0005)
+    os.replace(scene / "other.h5", scene / "data.h5")
+    process.kill()
+    if process.wait() == 0:  # too late to be killed
+        (scene / "model.h5").unlink()
+    tokid("identify", "data.h5", "-o", "right.h5", "--block", "60", "--lags", "2", cwd=scene)
+    result = subprocess.run([tokid.executable, *CALL, "--quiet"], cwd=scene, capture_output=True, text=True)
+    if result.returncode == 0:  # nothing was kept
+        assert (scene / "model.h5").read_bytes() == (scene / "right.h5").read_bytes()
+    else:
+        assert result.returncode == 2 and "number of the file" in result.stderr
+
+
+def test_a_journal_without_blocks_stands_in_nobodys_way(tokid, scene):
+    journal = stopped(tokid, scene)
+    os.truncate(journal, records(journal)[1])
+    call = [word if word != "2" else "3" for word in CALL]
+    assert json.loads(tokid(*call, "--json", cwd=scene).stdout)["resumed_blocks"] == 0
+
+
+def test_an_error_keeps_the_blocks_before_it(tokid, scene):
+    """Of 40 blocks, the 30th has a sample that is none. Put right, it is another file."""
+    write_ensemble(scene / "data.h5", steps=2400)
     with h5py.File(scene / "data.h5", "a") as file:
         right, file["y"][3, 1790, 1] = file["y"][3, 1790, 1], np.inf
-    os.utime(scene / "data.h5", ns=(stat.st_atime_ns, stat.st_mtime_ns))
     assert "infinite value in experiment 3 at step 1790" in tokid(*CALL, status=2, cwd=scene).stderr
     with h5py.File(scene / "data.h5", "a") as file:
         file["y"][3, 1790, 1] = right
-    os.utime(scene / "data.h5", ns=(stat.st_atime_ns, stat.st_mtime_ns))
-    assert resumed(tokid, scene) == 28  # four at a time
-    assert sorted(os.listdir(scene)) == ["data.h5", "model.h5"]
+    assert len(records(scene / "model.h5.resume")) == 1 + 29 + 1
+    assert "time of the data" in tokid(*CALL, status=2, cwd=scene).stderr
+    (scene / "model.h5.resume").unlink()
+    assert resumed(tokid, scene) == 0
 
 
 def test_what_is_no_journal_is_left_alone(tokid, scene):
@@ -219,6 +253,41 @@ def test_what_is_no_journal_is_left_alone(tokid, scene):
     path.mkdir()
     assert "directory found" in tokid(*CALL, status=2, cwd=scene).stderr
     assert not (scene / "model.h5").exists()
+
+
+def test_a_journal_that_is_in_the_way_shows_before_the_work(tokid, scene):
+    """Data that are refused when they are looked at, after the journal."""
+    with h5py.File(scene / "data.h5", "a") as file:
+        file["y"][:, 100, 1] = np.inf
+    (scene / "model.h5.resume").write_bytes(b"important")
+    assert "another file found" in tokid(*CALL, status=2, cwd=scene).stderr
+    (scene / "model.h5.resume").unlink()
+    name = "m" * 247 + ".h5"  # which fits, but not with .resume
+    call = [name if word == "model.h5" else word for word in CALL]
+    assert "too long" in tokid(*call, status=1, cwd=scene).stderr
+    assert os.listdir(scene) == ["data.h5"]
+
+
+def test_a_call_that_fails_keeps_the_journal(tokid, given, scene):
+    journal = stopped(tokid, scene)
+    before = journal.read_bytes()
+    with h5py.File(scene / "data.h5", "a") as file:
+        file["y"][:, 100, 1] = np.inf
+    tokid(*CALL, status=2, cwd=scene)
+    assert journal.read_bytes() == before
+
+
+def test_a_model_without_resume_takes_an_old_journal_away(tokid, given, scene):
+    journal = stopped(tokid, scene)
+    with open(journal, "r+b") as file:
+        fcntl.lockf(file, fcntl.LOCK_EX)
+        tokid(*CALL[:-1], cwd=scene)
+        assert journal.exists()  # another process is at it
+    tokid(*CALL[:-1], cwd=scene)
+    assert sorted(os.listdir(scene)) == ["data.h5", "model.h5"]
+    journal.write_bytes(b"important")
+    tokid(*CALL[:-1], cwd=scene)
+    assert journal.read_bytes() == b"important"
 
 
 def test_two_calls_do_not_share_a_journal(tokid, given, scene):

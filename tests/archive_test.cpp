@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "archive.hpp"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+namespace tokid::archive {
+namespace {
+
+// A size in the place of the first one, before so many bytes.
+std::string claiming(std::uint64_t size, size_t more = 64) {
+  std::string bytes(sizeof size + more, '\0');
+  std::memcpy(bytes.data(), &size, sizeof size);
+  return bytes;
+}
+
+TEST(Archive, ValuesComeBack) {
+  Model model;
+  model.A = {Matrix::Random(2, 3), Matrix(0, 4)};
+  model.state_dim = {3, 2, 0};
+  model.names.input_names = {"force", ""};
+  model.x0_mean = Vector::Random(3);
+  const Model back = unpacked<Model>(packed(model));
+  ASSERT_EQ(back.A.size(), 2u);
+  EXPECT_EQ(back.A[0], model.A[0]);
+  EXPECT_EQ(back.A[1].cols(), 4);
+  EXPECT_EQ(back.state_dim, model.state_dim);
+  EXPECT_EQ(back.names.input_names, model.names.input_names);
+  EXPECT_EQ(back.x0_mean, model.x0_mean);
+}
+
+TEST(Archive, NoMemoryIsTakenThatTheBytesAreNotWorth) {
+  for (const std::uint64_t size :
+       {std::uint64_t{9}, std::uint64_t{1} << 40, std::uint64_t{1} << 63, ~std::uint64_t{0}}) {
+    EXPECT_THROW(unpacked<std::vector<double>>(claiming(size)), std::runtime_error) << size;
+    EXPECT_THROW(unpacked<std::vector<std::string>>(claiming(size)), std::runtime_error) << size;
+    EXPECT_THROW(unpacked<Vector>(claiming(size)), std::runtime_error) << size;
+    EXPECT_THROW(unpacked<Matrix>(claiming(size)), std::runtime_error) << size;
+    EXPECT_THROW(unpacked<std::string>(claiming(size, 8)), std::runtime_error) << size;
+  }
+  std::string both = claiming(1 << 20, 8);  // rows and columns whose product is beyond
+  both.replace(8, 8, both.substr(0, 8));
+  EXPECT_THROW(unpacked<Matrix>(both), std::runtime_error);
+}
+
+TEST(Archive, CutAndLongerBytesAreRefused) {
+  Model model;
+  model.A = {Matrix::Random(2, 2)};
+  const std::string bytes = packed(model);
+  for (size_t size = 0; size < bytes.size(); ++size)
+    EXPECT_THROW(unpacked<Model>(bytes.substr(0, size)), std::runtime_error) << size;
+  EXPECT_THROW(unpacked<Model>(bytes + '\0'), std::runtime_error);
+  EXPECT_THROW(unpacked<std::optional<double>>("\2........"), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace tokid::archive
