@@ -201,6 +201,73 @@ def test_many_texts_that_are_one(refused, tmp_path):
     refused("data.h5", "'input_names'", "HDF5")
 
 
+def changed(path, found, new):
+    """The first place of the file where these bytes are is written anew."""
+    content = path.read_bytes()
+    assert found in content and len(found) == len(new)
+    path.write_bytes(content.replace(found, new, 1))
+
+
+SMALL = np.arange(12.0).reshape(3, 4, 1)
+
+
+@pytest.mark.parametrize("version", ["earliest", "latest"])
+def test_attributes_that_are_larger_than_their_header(tokid, refused, tmp_path, version):
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w", libver=version) as file:
+        file["u"], file["y"] = SMALL, SMALL
+        file.attrs["dt"] = 0.5
+        file["u"].attrs["taken_at"] = 1.0
+        file.attrs["other"] = np.arange(77.0)
+    assert tokid.json("info", path)["dt"] == 0.5
+    if version == "latest":
+        return  # a checksum guards the header there
+    changed(path, struct.pack("<Q", 77), struct.pack("<Q", 79))
+    refused("data.h5", "data set '/'", "damaged attribute")
+    changed(path, struct.pack("<Q", 79), struct.pack("<Q", 77))
+    tokid("info", path)
+    changed(path, b"taken_at\0", b"taken_at!")
+    refused("data.h5", "data set 'u'", "damaged attribute")
+
+
+def test_fewer_values_in_a_header_than_its_shape_has(tokid, refused, tmp_path):
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file["y"] = np.zeros((4, 77, 1))
+        creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        creation.set_layout(h5py.h5d.COMPACT)
+        u = h5py.h5d.create(file.id, b"u", h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple((3, 77, 1)), creation)
+        u.write(h5py.h5s.ALL, h5py.h5s.ALL, np.zeros((3, 77, 1)))
+    sizes = struct.pack("<QQ", 3, 77), struct.pack("<QQ", 4, 77)
+    while sizes[0] in (tmp_path / "data.h5").read_bytes():
+        changed(tmp_path / "data.h5", *sizes)
+    refused("data.h5", "'u'", "1848 stored bytes found, 2464 needed")
+
+
+@pytest.mark.parametrize("where", ["data set", "attribute"])
+@pytest.mark.parametrize("length", [0, 3, 5, 1 << 30])
+def test_texts_of_another_length_than_their_heap_has(tokid, refused, tmp_path, where, length):
+    """The library copies as many bytes as the heap has, to where there is room for as many as the entry has."""
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w") as file:
+        file["u"], file["y"] = SMALL, SMALL
+        (file if where == "data set" else file.attrs)["initial_state"] = "zero"
+    assert tokid.json("info", path)["initial_state"] == "zero"
+    content = path.read_bytes()
+    entry = struct.pack("<IQI", 4, content.index(b"GCOL"), 1)
+    changed(path, entry, struct.pack("<I", length) + entry[4:])
+    refused("data.h5", "'initial_state'", f"a text of {length} bytes found, which its heap does not hold")
+
+
+def test_characters_of_many_bytes(refused, tmp_path):
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w") as file:
+        file["u"], file["y"] = SMALL, SMALL
+        file["initial_state"] = "zero"
+    of_text = struct.pack("<I", 16) + b"\x10\x00\x00\x00"  # 16 bytes for an entry; then the type of a character
+    changed(path, of_text + struct.pack("<I", 1), of_text + struct.pack("<I", 0x7FFFFFFF))
+    refused("data.h5", "'initial_state'", "characters of 2147483647 bytes found, 1 byte needed")
+
+
 def test_options_that_are_deep(tokid, refused, tmp_path, oscillator):
     with np.load(oscillator / "model.npz") as file:
         values = {name: file[name] for name in file.files}
