@@ -1,19 +1,17 @@
 // HDF5, and the HDF5 that MATLAB writes as version 7.3 of its .mat.
 // SPDX-License-Identifier: BSD-3-Clause
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <cstring>
 #include <functional>
-#include <map>
 #include <optional>
 #include <unordered_set>
 
 #include "atomic_file.hpp"
 #include "claims.hpp"
 #include "formats.hpp"
+#include "hdf5_bytes.hpp"
 #include "hdf5_handles.hpp"
 #include "matlab.hpp"
 #include "naming.hpp"
@@ -117,7 +115,8 @@ void check_stored(const Node& node, const Shape& shape, size_t memory_item, Clai
   const H5D_layout_t layout = H5Pget_layout(properties);
   if (layout == H5D_CHUNKED) check_chunk(node, properties, item, claims);
   const hsize_t stored = H5Dget_storage_size(node.id);
-  if (layout == H5D_CONTIGUOUS && stored > 0 && stored < bytes)
+  // The library copies what lies beside the values of a header, or of a file, that are too few.
+  if (((layout == H5D_CONTIGUOUS && stored > 0) || layout == H5D_COMPACT) && stored < bytes)
     fail("data set '{}': {} stored bytes found, {} needed for shape {}", node.name, stored, bytes, text(shape));
   const std::uint64_t factor = layout == H5D_CHUNKED ? expansion(properties, node.name) : 1;
   if (bytes > most_unwritten && (stored == 0 || (factor > 0 && bytes / factor > stored)))
@@ -150,90 +149,18 @@ void* allocate_within(size_t bytes, void* left) {
 }
 void free_text(void* text, void*) { std::free(text); }
 
-// Texts of variable length lie in heaps, which the library trusts: it takes memory for the length that an entry claims,
-// walks from object to object wherever their sizes lead, and copies as much as they say. So the heaps are looked at
-// first, where the entries that refer to them lie in one piece.
-class TextHeaps {
- public:
-  TextHeaps(const Node& node, const Claims& claims) : node_(node), file_bytes_(claims.file_bytes()) {}
-
-  void check(size_t count) {
-    constexpr size_t entry = 16;  // length, address of the heap, number of the object in it
-    const haddr_t offset = node_.is_attribute ? HADDR_UNDEF : H5Dget_offset(node_.id);
-    if (offset == HADDR_UNDEF || H5Dget_storage_size(node_.id) != count * entry || !open()) return;
-    const std::string entries = read(offset, count * entry);
-    for (const char* at = entries.data(); at != entries.data() + entries.size(); at += entry) {
-      const std::uint64_t length = number(at, 4), heap = number(at + 4, 8), index = number(at + 12, 4);
-      if (length == 0) continue;
-      if (!heaps_.contains(heap)) heaps_[heap] = sizes(heap);
-      const auto object = heaps_[heap].find(index);
-      if (object == heaps_[heap].end() || object->second < length)
-        fail("data set '{}': a text of {} bytes found that its heap does not hold", node_.name, length);
-    }
-  }
-
- private:
-  // The sizes in the file are those of the entry above, as they are almost everywhere.
-  bool open() {
-    const Handle file(H5Iget_file_id(node_.id), H5Fclose, node_.name);
-    const Handle creation(H5Fget_create_plist(file), H5Pclose, node_.name);
-    size_t address_bytes = 0, size_bytes = 0;
-    void* descriptor = nullptr;
-    checked(H5Pget_sizes(creation, &address_bytes, &size_bytes), node_.name);
-    checked(H5Pget_userblock(creation, &before_), node_.name);
-    if (H5Fget_vfd_handle(file, H5P_DEFAULT, &descriptor) < 0 || descriptor == nullptr) return false;
-    descriptor_ = *static_cast<const int*>(descriptor);
-    return address_bytes == 8 && size_bytes == 8;
-  }
-
-  // Of each object by its number.
-  std::map<std::uint64_t, std::uint64_t> sizes(std::uint64_t address) const {
-    constexpr size_t header = 16;  // of a heap and of an object alike
-    const auto damaged = [&] { fail("data set '{}': damaged heap of texts found", node_.name); };
-    if (address > file_bytes_) damaged();
-    const std::string start = read(before_ + address, header);
-    const std::uint64_t bytes = number(start.data() + 8, 8);
-    if (std::string_view(start.data(), 4) != "GCOL" || bytes < header || bytes > file_bytes_) damaged();
-    const std::string heap = read(before_ + address, bytes);
-    std::map<std::uint64_t, std::uint64_t> found;
-    for (size_t at = header; at + header <= bytes;) {
-      const std::uint64_t index = number(&heap[at], 2), size = number(&heap[at + 8], 8), left = bytes - at;
-      if (size > left) damaged();
-      const std::uint64_t step = index == 0 ? size : header + (size + 7) / 8 * 8;  // 0: what is free, with its header
-      if (step < header || step > left) damaged();
-      if (index > 0) found[index] = size;
-      at += step;
-    }
-    return found;
-  }
-
-  std::string read(std::uint64_t offset, std::uint64_t bytes) const {
-    if (offset > file_bytes_ || bytes > file_bytes_ - offset) fail("data set '{}': truncated", node_.name);
-    std::string result(bytes, '\0');
-    if (!read_all(descriptor_, result, std::int64_t(offset))) fail("data set '{}': truncated", node_.name);
-    return result;
-  }
-
-  static std::uint64_t number(const char* at, size_t bytes) {  // the lowest byte first
-    std::uint64_t value = 0;
-    for (size_t k = 0; k < bytes; ++k) value |= std::uint64_t{static_cast<unsigned char>(at[k])} << (8 * k);
-    return value;
-  }
-
-  const Node& node_;
-  std::uint64_t file_bytes_;
-  hsize_t before_ = 0;  // the block of a user, MATLAB's, from whose end addresses count
-  int descriptor_ = -1;
-  std::map<std::uint64_t, std::map<std::uint64_t, std::uint64_t>> heaps_;
-};
-
 std::vector<std::string> read_variable_texts(const Node& node, size_t count, const Claims& claims) {
   const Handle character(H5Tget_super(node.type), H5Tclose, node.name);
   if (H5Tget_size(character) != 1)  // the library takes room for so many of them
     fail("data set '{}': texts with characters of {} bytes found, 1 byte needed", node.name, H5Tget_size(character));
+  if (!node.is_attribute && H5Dget_storage_size(node.id) == 0) return std::vector<std::string>(count);
   // Attributes are read without a choice of the allocation.
   if (node.is_attribute && count > 1) claims.check(node.name, {count}, 1, claims.file_bytes());
-  TextHeaps(node, claims).check(count);
+  const Hdf5Bytes bytes(node.id, node.name, claims.file_bytes());
+  const auto entries = node.is_attribute ? bytes.attribute(node.name) : bytes.values();
+  if (entries && entries->bytes < checked_product({count, H5Tget_size(node.type)}))
+    fail("data set '{}': truncated", node.name);
+  if (entries) bytes.check_texts(*entries);
   std::uint64_t left = claims.left();
   const Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose, node.name);
   checked(H5Pset_vlen_mem_manager(transfer, allocate_within, &left, free_text, nullptr), node.name);
@@ -310,7 +237,8 @@ Array read_node(const Node& node, Claims& claims, bool with_numbers = true) {
 
 // ---- MATLAB's variables ----
 
-std::optional<std::string> matlab_class(hid_t object, Claims& claims) {
+std::optional<std::string> matlab_class(hid_t object, const std::string& name, Claims& claims) {
+  Hdf5Bytes(object, name, claims.file_bytes()).check_attributes();
   if (checked(H5Aexists(object, "MATLAB_class")) == 0) return std::nullopt;
   const Array array = read_node(open_attribute(object, "MATLAB_class"), claims);
   const auto* text = std::get_if<std::vector<std::string>>(&array.values);
@@ -325,7 +253,7 @@ Array matlab_cell(const Node& node, const Shape& shape, Claims& claims) {
   std::vector<std::string> texts;
   for (const auto& reference : references) {
     Handle object(H5Rdereference2(node.id, H5P_DEFAULT, H5R_OBJECT, &reference), H5Oclose, node.name);
-    if (H5Iget_type(object) != H5I_DATASET || matlab_class(object, claims) != "char")
+    if (H5Iget_type(object) != H5I_DATASET || matlab_class(object, node.name, claims) != "char")
       return {shape, Foreign{"a cell array of other things than texts"}};
     const Array item = matlab_value(data_set_of(std::move(object), node.name), "char", claims);
     const auto* text = std::get_if<std::vector<std::string>>(&item.values);
@@ -409,7 +337,7 @@ Handle open_object(hid_t root, const std::string& name) {
 
 Array read_link(hid_t root, const std::string& name, bool with_numbers, Layout& layout, Claims& claims) {
   Handle object = open_object(root, name);
-  const auto kind = matlab_class(object, claims);
+  const auto kind = matlab_class(object, name, claims);
   if (kind) layout = Layout::matlab;
   if (H5Iget_type(object) != H5I_DATASET) return {{}, Foreign{kind ? "a struct or sparse matrix" : "a group"}};
   Node node = data_set_of(std::move(object), name);
@@ -429,6 +357,7 @@ Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const
   for (const auto& name : contents.names)
     if (contains(wanted, name))
       contents.arrays.emplace_back(name, read_link(root, name, !contains(outlined, name), contents.layout, claims));
+  Hdf5Bytes(root, "/", claims.file_bytes()).check_attributes();
   const std::unordered_set<std::string> known(contents.names.begin(), contents.names.end());
   for (const auto& name : attribute_names(root)) {
     if (known.count(name) > 0) continue;
