@@ -42,6 +42,10 @@ double left_over(const ConstMatrixRef& columns, const Vector& target) {
 
 }  // namespace
 
+double unexplained(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred) {
+  return left_over(normalised(columns, centred), normalised(target, centred));
+}
+
 std::optional<Combination> combination(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred) {
   const Index rows = columns.rows(), needed = columns.cols() + beyond + (centred ? 1 : 0);
   if (columns.cols() == 0 || rows < needed) return std::nullopt;
@@ -93,6 +97,15 @@ std::optional<Combination> combination(const ConstMatrixRef& columns, const Cons
   const Vector rest = target - columns(Eigen::all, chosen) * x;
   result.constant = centred && std::abs(rest.mean()) > nothing_left * target.cwiseAbs().maxCoeff();
   return result;
+}
+
+bool same_sum(const std::vector<std::pair<std::string, double>>& a,
+              const std::vector<std::pair<std::string, double>>& b) {
+  constexpr double tolerance = 1e-3;
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](const auto& x, const auto& y) {
+    const double own = x.second / a.front().second, other = y.second / b.front().second;
+    return x.first == y.first && std::abs(own - other) <= tolerance * std::abs(own);
+  });
 }
 
 std::string sum_text(const std::vector<std::pair<std::string, double>>& terms) {

@@ -28,7 +28,14 @@ struct Combination {
 // hardly more rows than columns, so that any target would do, or where the target does not vary.
 std::optional<Combination> combination(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred);
 
+// What is left of the target by its best combination of the columns, as a share of its size; 0 where it does not vary.
+double unexplained(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred);
+
 // "u1 - 2 u3" of names and factors, which are divided by the first one.
 std::string sum_text(const std::vector<std::pair<std::string, double>>& terms);
+
+// Do they have the same names and, to a thousandth, the same factors?
+bool same_sum(const std::vector<std::pair<std::string, double>>& a,
+              const std::vector<std::pair<std::string, double>>& b);
 
 }  // namespace tokid

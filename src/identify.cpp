@@ -722,12 +722,13 @@ std::vector<Index> Pipeline::warn_of_excitation(const std::vector<Index>& suspec
                                          .period = options_.period,
                                          .centred = options_.period == 0 || nominal_,
                                          .noisy = result_.noisy,
+                                         .shared = together_ && options_.period == 0,
                                          .suspects = suspects});
   for (std::string& text : found.warnings) warn(std::move(text));
   return std::move(found.named);
 }
 
-// Single experiments: those that repeat others, and those that do not fit them.
+// Single experiments: those that repeat others, those with a stuck sensor, and those that do not fit the others.
 void Pipeline::warn_of_experiments(const Ensemble& whole) {
   const bool exact = !result_.noisy && initial_ == InitialState::zero;
   const Index r = whole.inputs(), p = result_.lags;
@@ -737,10 +738,16 @@ void Pipeline::warn_of_experiments(const Ensemble& whole) {
                        : exact             ? experiments_for(p)
                                            : r * (p + 1);
   for (std::string& text : warnings_of(repeats(whole), whole.experiments(), needed, p)) warn(std::move(text));
+  StuckOutputs stuck = stuck_outputs(whole);
+  for (std::string& text : stuck.warnings) warn(std::move(text));
   // Without noise each of them obeys the regressions.
   if (!result_.noisy) return;
-  result_.outliers = outliers(whole, {p, nominal_.has_value(), options_.execution.threads});
-  for (std::string& text : warnings_of(result_.outliers)) warn(std::move(text));
+  result_.outliers = outliers(whole, {.lags = p,
+                                      .nominal = nominal_.has_value(),
+                                      .threads = options_.execution.threads,
+                                      .period = result_.variation.period,
+                                      .model = &result_.model});
+  for (std::string& text : warnings_of(result_.outliers, stuck.experiments)) warn(std::move(text));
 }
 
 void Pipeline::warn_of_states() {
@@ -754,21 +761,8 @@ void Pipeline::warn_of_states() {
   if (options_.states > 0 && model.states() < options_.states)
     warn(fmt::format("{} states asked for, but the Hankel matrices have at most rank {}: the model has no more",
                      options_.states, model.states()));
-  // Between the steps that have all of them; before and behind, states are not reached yet, or not seen any more.
-  std::vector<Index> fewer;
-  for (Index k = model.full_begin(), waiting = 0; options_.states > 0 && model.states() > 0 && k < model.k_end(); ++k) {
-    if (model.n(k) < model.states()) {
-      ++waiting;
-      continue;
-    }
-    for (Index i = k - waiting; i < k; ++i) fewer.push_back(i);
-    waiting = 0;
-  }
-  if (!fewer.empty())
-    warn(fmt::format(
-        "the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the inputs don't "
-        "reach them, and the model has fewer there",
-        model.states(), words::step_list(fewer)));
+  if (options_.states > 0)
+    for (std::string& text : warnings_of_hidden_states(model)) warn(std::move(text));
   if (data_->free.experiments > 0 && model.states() > 0 && model.full_begin() > arx_.k_begin)
     warn(fmt::format("the {} free responses don't show all {} states from step {} on, but only from step {}",
                      data_->free.experiments, model.states(), arx_.k_begin, model.full_begin()));
@@ -901,6 +895,23 @@ std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Chann
       result.push_back(fmt::format("output {} is predicted no better than by its mean: {:.3g} % fit over one step",
                                    names.output(j), one_step_fit(j)));
   return result;
+}
+
+std::vector<std::string> warnings_of_hidden_states(const Model& model, Index origin) {
+  std::vector<Index> fewer;
+  for (Index k = model.full_begin(), waiting = 0; model.states() > 0 && k < model.k_end(); ++k) {
+    if (model.n(k) < model.states()) {
+      ++waiting;
+      continue;
+    }
+    for (Index i = k - waiting; i < k; ++i) fewer.push_back(origin + i);
+    waiting = 0;
+  }
+  if (fewer.empty()) return {};
+  return {
+      fmt::format("the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the inputs "
+                  "don't reach them, and the model has fewer there",
+                  model.states(), words::step_list(fewer))};
 }
 
 std::vector<double> singular_value_gaps(const Model& model) {

@@ -38,6 +38,10 @@ Stretch identify_stretch(Ensemble data, const Settled& settled, Index keep_begin
 // Outputs that a model does not predict.
 std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Channels& names);
 
+// Of steps of a model, counted from `origin` on, that have fewer states than were asked for, between steps that have
+// all of them. Before and behind, states are not reached yet, or not seen any more.
+std::vector<std::string> warnings_of_hidden_states(const Model& model, Index origin = 0);
+
 // σ_n / σ_{n+1} of the steps of full dimension, where there are both.
 std::vector<double> singular_value_gaps(const Model& model);
 

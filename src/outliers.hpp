@@ -14,11 +14,15 @@ struct OutlierOptions {
   Index lags = 1;        // p
   bool nominal = false;  // a mean motion is removed: the regressions have a constant
   int threads = 1;
+  Index period = 0;              // P: 1 where one model serves all steps
+  const Model* model = nullptr;  // of all experiments, which acquits whom regressions of one lag alone accuse
 };
 
-// Those that stand out, the largest first. None of fewer than five experiments, which do not tell who is right.
+// Those that stand out, the largest first. None of fewer than five experiments, three where one model serves all steps:
+// they do not tell who is right.
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
-std::vector<std::string> warnings_of(const std::vector<Outlier>& outliers);
+// Without the experiments of which enough is said already.
+std::vector<std::string> warnings_of(std::vector<Outlier> outliers, const std::vector<Index>& told = {});
 
 }  // namespace tokid

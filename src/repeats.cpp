@@ -5,7 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <cstdint>
+#include <limits>
+#include <unordered_map>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
 
 #include "words.hpp"
 
@@ -13,26 +18,37 @@ namespace tokid {
 
 namespace {
 
-// Steps whose samples are compared at first.
-constexpr Index sampled_steps = 16;
 constexpr size_t most_told = 4;
 
 bool equal(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
 
+// Of every experiment, of its inputs and of all of its samples; by columns, as they lie in memory.
+struct Hashes {
+  std::vector<std::uint64_t> inputs, all;
+};
+
+Hashes hashes(const Ensemble& e) {
+  const size_t count = size_t(e.experiments());
+  Hashes result{std::vector<std::uint64_t>(count, 0), std::vector<std::uint64_t>(count, 0)};
+  for (Index column = 0; column < e.samples().cols(); ++column)
+    for (Index n = 0; n < e.experiments(); ++n) {
+      const double found = e.samples()(n, column);
+      // One zero, and one NaN.
+      const double value = std::isnan(found) ? std::numeric_limits<double>::quiet_NaN() : found + 0.0;
+      const auto add = [&value](std::uint64_t& hash) { hash = XXH3_64bits_withSeed(&value, sizeof(value), hash); };
+      add(result.all[size_t(n)]);
+      if (column % e.channels() < e.inputs()) add(result.inputs[size_t(n)]);
+    }
+  return result;
+}
+
 // Experiments that agree in the first `channels` of all steps, in groups of one and more.
-std::vector<std::vector<Index>> alike(const Ensemble& e, Index channels) {
-  const Index d = e.channels(), count = std::min(sampled_steps, e.steps());
-  std::map<std::vector<double>, std::vector<std::vector<Index>>> groups;
+std::vector<std::vector<Index>> alike(const Ensemble& e, Index channels, const std::vector<std::uint64_t>& hash) {
+  const Index d = e.channels();
+  std::unordered_map<std::uint64_t, std::vector<std::vector<Index>>> groups;
   std::vector<std::vector<Index>> result;
   for (Index n = 0; n < e.experiments(); ++n) {
-    std::vector<double> key;
-    for (Index s = 0; s < count; ++s)
-      for (Index c = 0; c < channels; ++c) {
-        const double value = e.samples()(n, (2 * s + 1) * e.steps() / (2 * count) * d + c);
-        key.push_back(std::isnan(value) ? std::numeric_limits<double>::infinity()
-                                        : value);  // infinite ones are refused
-      }
-    std::vector<std::vector<Index>>& candidates = groups[key];
+    std::vector<std::vector<Index>>& candidates = groups[hash[size_t(n)]];
     const auto same = std::find_if(candidates.begin(), candidates.end(), [&](const std::vector<Index>& group) {
       for (Index k = 0; k < e.steps(); ++k)
         for (Index c = 0; c < channels; ++c)
@@ -51,22 +67,23 @@ std::vector<std::vector<Index>> alike(const Ensemble& e, Index channels) {
 }
 
 std::string listed(const std::vector<Index>& experiments) {
-  std::string text = fmt::format("{}", experiments.front());
-  const size_t shown = std::min<size_t>(experiments.size(), 6);
-  for (size_t i = 1; i < shown; ++i)
-    text += fmt::format("{}{}", i + 1 == experiments.size() ? " and " : ", ", experiments[i]);
-  if (shown < experiments.size()) text += fmt::format(" and {} more", experiments.size() - shown);
-  return text;
+  constexpr size_t most = 6;
+  std::vector<std::string> names;
+  for (size_t i = 0; i < std::min(experiments.size(), most); ++i) names.push_back(fmt::format("{}", experiments[i]));
+  if (experiments.size() > most)
+    return fmt::format("{} and {} more", fmt::join(names, ", "), experiments.size() - most);
+  return words::listed(names);
 }
 
 }  // namespace
 
 Repeats repeats(const Ensemble& e) {
   Repeats result;
-  result.courses = Index(alike(e, e.inputs()).size());
+  const Hashes hash = hashes(e);
+  result.courses = Index(alike(e, e.inputs(), hash.inputs).size());
   result.different = e.experiments();
   if (result.courses == e.experiments()) return result;
-  for (std::vector<Index>& group : alike(e, e.channels())) {
+  for (std::vector<Index>& group : alike(e, e.channels(), hash.all)) {
     if (group.size() < 2) continue;
     result.different -= Index(group.size()) - 1;
     result.same.push_back(std::move(group));

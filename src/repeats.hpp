@@ -15,7 +15,7 @@ struct Repeats {
   Index courses = 0;                     // different courses of the inputs
 };
 
-// Equal to the last bit; missing samples equal each other. A few samples of each rule most out.
+// Equal to the last bit; missing samples equal each other. Hashes rule most out.
 Repeats repeats(const Ensemble& ensemble);
 
 // `needed` are the experiments that it takes at this lag order, 0 where steps lend each other theirs.

@@ -18,13 +18,9 @@
 
 namespace tokid {
 
-namespace {
-
-std::string channel_name(const Channels& names, Index inputs, size_t c) {
-  return Index(c) < inputs ? "input " + names.input(Index(c)) : "output " + names.output(Index(c) - inputs);
+std::string channel_name(const Channels& names, Index inputs, Index c) {
+  return c < inputs ? "input " + names.input(c) : "output " + names.output(c - inputs);
 }
-
-}  // namespace
 
 void Survey::append(const Survey& later, Index begin) {
   if (channel.empty()) {
@@ -62,7 +58,7 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
           if (std::isinf(column(n)))
             throw std::invalid_argument(
                 fmt::format("{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed",
-                            channel_name(e.names, e.inputs(), size_t(c)), n, origin + k));
+                            channel_name(e.names, e.inputs(), c), n, origin + k));
         present = (column.array() == column.array()).count();
         least = column.minCoeff<Eigen::PropagateNumbers>();
         most = column.maxCoeff<Eigen::PropagateNumbers>();
@@ -84,7 +80,7 @@ void check_presence(const Survey& survey, const Channels& names, Index inputs, I
   for (size_t c = 0; c < survey.channel.size(); ++c)
     if (survey.channel[c].present == 0)
       throw std::invalid_argument(fmt::format("{}: all {} samples are missing (NaN), at least one needed",
-                                              channel_name(names, inputs, c), samples));
+                                              channel_name(names, inputs, Index(c)), samples));
 }
 
 void check_magnitudes(const Survey& survey, const Channels& names, Index inputs) {
@@ -95,7 +91,7 @@ void check_magnitudes(const Survey& survey, const Channels& names, Index inputs)
     if (magnitude > largest || (magnitude > 0 && magnitude < smallest))
       throw std::invalid_argument(
           fmt::format("{}: values up to {:.3g} found, {:.0e} to {:.0e} can be handled: choose another unit",
-                      channel_name(names, inputs, c), magnitude, smallest, largest));
+                      channel_name(names, inputs, Index(c)), magnitude, smallest, largest));
   }
 }
 

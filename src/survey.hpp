@@ -27,6 +27,9 @@ struct Survey {
   void append(const Survey& later, Index begin);
 };
 
+// "input u1", "output y2" of channel c, inputs first.
+std::string channel_name(const Channels& names, Index inputs, Index c);
+
 // Of the steps begin … end-1, which it counts from zero on. \throws std::invalid_argument that names the channel, the
 // experiment and the step, counted from `origin` on, of an infinite value
 Survey survey(const Ensemble& ensemble, Index begin, Index end, Index origin = 0);

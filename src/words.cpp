@@ -52,6 +52,12 @@ std::string superscript(int exponent) {
   return text;
 }
 
+std::string listed(const std::vector<std::string>& names) {
+  std::string text = names.empty() ? "" : names.front();
+  for (size_t i = 1; i < names.size(); ++i) text += (i + 1 == names.size() ? " and " : ", ") + names[i];
+  return text;
+}
+
 std::string step_list(const std::vector<Index>& steps) {
   constexpr size_t most_ranges = 6;
   std::vector<std::string> ranges;

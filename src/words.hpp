@@ -12,6 +12,8 @@ namespace tokid::words {
 
 // "steps 3, 5–9 and 12", a few ranges at most
 std::string step_list(const std::vector<Index>& steps);
+// "u1, u2 and u3"
+std::string listed(const std::vector<std::string>& names);
 // "83 %", "97.1 %", cut rather than rounded, with at least so many digits, and as many as tell it from 100 %
 std::string percent(double fit, int digits = 0);
 // "83–97.1 %"; a dash where there is none

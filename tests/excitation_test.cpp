@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "combination.hpp"
 #include "repeats.hpp"
 #include "testing.hpp"
@@ -50,7 +52,7 @@ TEST(Excitation, InputsThatMoveTogetherAreNamedWithTheirSteps) {
   EXPECT_EQ(found.warnings,
             (Texts{"inputs left, right and both move together (left + 0.5 right - both is zero) in every "
                    "experiment at steps 5–11: their effects there can't be told apart"}));
-  EXPECT_EQ(found.named, (std::vector<Index>{5, 6, 7, 8, 9, 10, 11}));
+  EXPECT_EQ(found.named, (std::vector<Index>{5, 6, 7, 8, 9, 10, 11, 12, 13}));  // windows of two lags more
 }
 
 TEST(Excitation, CombinationsThatChangeAreOneWarning) {
@@ -86,8 +88,9 @@ TEST(Excitation, OfOneRecord) {
   }
   EXPECT_EQ(
       excitation(e, {.lags = 4, .period = 1, .centred = false}).warnings,
-      (Texts{"input u1 follows from inputs before it (u1(k) - 1.76 u1(k-1) + u1(k-2) is zero) all along: its effect "
-             "there can't be told from theirs"}));
+      (Texts{
+          "input u1 follows from inputs before it (u1(k) - 1.76 u1(k-1) + u1(k-2) is zero, as of one frequency where 5 "
+          "are needed at lag order 4) all along: its effect there can't be told from theirs"}));
   for (Index k = 0; k < 300; ++k) e.u(0, k, 0) = random.normal();
   EXPECT_EQ(excitation(e, {.lags = 4, .period = 1, .centred = false}).warnings, Texts{});
 }
@@ -103,11 +106,131 @@ TEST(Excitation, OutputsThatMoveTogetherOrRest) {
     if (k < 3 || k == 7) e.output(k).col(0).setConstant(1.0);  // the first steps may well be at rest
     if (k > 10) e.y(4, k, 1) = e.y(4, 10, 1) = 2.5;
   }
+  EXPECT_EQ(warnings_of_dependent_outputs(e),
+            (Texts{"output y1 is the same in every experiment at step 7: nothing can be identified of it there"}));
   EXPECT_EQ(
-      warnings_of_dependent_outputs(e),
-      (Texts{"output y1 is the same in every experiment at step 7: nothing can be identified of it there",
-             "output y2 stays at 2.5 in experiment 4 at steps 10–19, which it does nowhere else: is its sensor stuck "
-             "there?"}));
+      stuck_outputs(e, 100).warnings,
+      (Texts{
+          "output y2 stays at 2.5 in experiment 4 at steps 110–119, where its inputs move: is its sensor stuck there?"}));
+}
+
+// What nothing is wrong with, and what chance makes of few experiments.
+TEST(Excitation, NothingIsSaidOfOutputsThatFollowFromTheirInputs) {
+  for (const std::uint64_t seed : {1, 2, 3})
+    for (const SystemSize size : {SystemSize{2, 1, 1}, {2, 2, 2}}) {
+      const Ensemble e = random_experiments(constant_system(size, 40, 0.85, seed), 40, seed);
+      Ensemble single = e;
+      single.samples() = Matrix(e.samples()).cast<float>().cast<double>();
+      for (const Index lags : {2, 4}) {
+        EXPECT_EQ(excitation(single, {.lags = lags, .noisy = true}).warnings, Texts{}) << "single precision";
+        EXPECT_EQ(excitation(single, {.lags = lags, .period = 1, .noisy = true}).warnings, Texts{}) << "time-invariant";
+        for (const double noise : {1e-8, 1e-7, 1e-6})
+          EXPECT_EQ(excitation(with_noise(e, noise, seed), {.lags = lags, .noisy = true}).warnings, Texts{}) << noise;
+      }
+    }
+}
+
+TEST(Excitation, FeedbackOfTheSameStepIsSeen) {
+  Ensemble fed = with_noise(random_experiments(random_system({2, 2, 1}, 20, 0.9, 1), 40, 2), 0.1, 3);
+  for (Index k = 3; k < 20; ++k) fed.input(k) = 0.5 * fed.output(k).col(0) - fed.output(k).col(1);
+  const Texts found = excitation(fed, {.lags = 2, .noisy = true}).warnings;
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_NE(found.front().find("(u1(k) - 0.5 y1(k) + y2(k) is zero) in every experiment at steps 3–19: a feedback"),
+            std::string::npos)
+      << found.front();
+}
+
+Ensemble binary(Index experiments, Index steps, Index r, std::uint64_t seed) {
+  Ensemble e = random_experiments(random_system({2, 1, r}, steps, 0.8, seed), experiments, seed);
+  for (Index k = 0; k < steps; ++k) e.input(k) = Matrix(e.input(k)).array().sign();
+  return with_noise(simulate(random_system({2, 1, r}, steps, 0.8, seed), e, Matrix::Zero(2, experiments)), 0.05, seed);
+}
+
+TEST(Excitation, ChanceOfFewExperimentsIsNoWarning) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    EXPECT_EQ(excitation(binary(5, 150, 2, seed), {.lags = 1, .noisy = true}).warnings, Texts{});
+    EXPECT_EQ(excitation(binary(8, 300, 1, seed), {.lags = 1, .noisy = true}).warnings, Texts{});
+    EXPECT_EQ(excitation(binary(6, 150, 3, seed), {.lags = 1, .noisy = true}).warnings, Texts{});
+  }
+  // What holds at all steps is none.
+  Ensemble e = binary(5, 150, 2, 1);
+  for (Index k = 0; k < 150; ++k) e.input(k).col(1) = -e.input(k).col(0);
+  const Texts found = excitation(e, {.lags = 1, .noisy = true}).warnings;
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found.front().find("inputs u1 and u2 move together (u1 + u2 is zero) in every experiment at steps 0"), 0u);
+}
+
+TEST(Excitation, FactorsAreTheSameWhateverTheirLastDigit) {
+  for (const double factor : {1.125, 1.0005, 0.3335}) {
+    Ensemble e = inputs(2);
+    for (Index k = 0; k < 20; ++k) e.input(k).col(0) = factor * e.input(k).col(1);
+    const Texts found = excitation(e, {.lags = 2}).warnings;
+    ASSERT_EQ(found.size(), 1u) << factor;
+    EXPECT_EQ(found.front().find("changes"), std::string::npos) << found.front();
+    e = inputs(2);
+    for (Index k = 0; k < 20; ++k) e.output(k).col(0) = factor * e.output(k).col(1);
+    EXPECT_EQ(warnings_of_dependent_outputs(e).size(), 1u) << factor;
+  }
+}
+
+TEST(Excitation, HeldInputsAreOneWarning) {
+  Ensemble e = inputs(2, 40, 60);
+  for (Index k = 0; k < 60; ++k)
+    if (k % 4 > 0) e.input(k) = Matrix(e.input(k - 1));
+  std::vector<Index> suspects;
+  for (Index k = 6; k < 60; ++k) suspects.push_back(k);  // six lags hold steps that are held
+  const Excitation found = excitation(e, {.lags = 6, .suspects = suspects});
+  EXPECT_EQ(found.warnings.size(), 2u);  // one for each input
+  for (const Index k : suspects) EXPECT_TRUE(std::binary_search(found.named.begin(), found.named.end(), k)) << k;
+}
+
+TEST(Excitation, ASumOfSinesIsCounted) {
+  Ensemble e(1, 400, 1, 1);
+  e.samples().setZero();
+  Random random(3);
+  for (Index k = 0; k < 400; ++k) {
+    for (const double frequency : {0.3, 0.8, 1.5}) e.u(0, k, 0) += std::cos(frequency * double(k));
+    e.y(0, k, 0) = random.normal();
+  }
+  EXPECT_EQ(
+      excitation(e, {.lags = 8, .period = 1, .centred = false}).warnings,
+      (Texts{"input u1 follows from inputs before it (a combination of u1(k) and u1(k-1…6) is zero, as of 3 "
+             "frequencies where 9 are needed at lag order 8) all along: its effect there can't be told from theirs"}));
+}
+
+TEST(Excitation, OutputsThatRestWithTheirInputsAreNotStuck) {
+  // A baseline from the zero state, and one that moves late.
+  Ensemble e = inputs(2, 30, 60);
+  for (Index k = 0; k < 60; ++k) {
+    e.input(k).row(4).setZero();
+    e.output(k).row(4).setZero();
+    if (k < 30) e.input(k).row(9).setZero(), e.output(k).row(9).setZero();
+  }
+  EXPECT_EQ(warnings_of_dependent_outputs(e), Texts{});
+  EXPECT_EQ(stuck_outputs(e).warnings, Texts{});
+  // Outputs in steps of their sensors, that come to rest where the inputs do.
+  Ensemble coarse = random_experiments(constant_system({2, 1, 1}, 80, 0.7, 1), 20, 1);
+  for (Index k = 30; k < 60; ++k) coarse.input(k).row(3).setZero();
+  coarse = simulate(constant_system({2, 1, 1}, 80, 0.7, 1), coarse, Matrix::Zero(2, 20));
+  coarse.samples() = ((coarse.samples() / 0.2).array().round() * 0.2).matrix().eval();
+  EXPECT_EQ(warnings_of_dependent_outputs(coarse), Texts{});
+  EXPECT_EQ(stuck_outputs(coarse).warnings, Texts{});
+}
+
+TEST(Excitation, StuckSensorsDoNotHideEachOther) {
+  Ensemble e = inputs(2);
+  for (const Index n : {4, 11})
+    for (Index k = 10; k < 20; ++k) e.y(n, k, 1) = e.y(n, 9, 1);
+  EXPECT_EQ(stuck_outputs(e).experiments, (std::vector<Index>{4, 11}));
+}
+
+TEST(Excitation, CoarseOutputsCoincideByChance) {
+  for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
+    Ensemble e = random_experiments(constant_system({2, 1, 1}, 200, 0.8, seed), 3, seed);
+    e.samples() = ((e.samples() / 0.2).array().round() * 0.2).matrix().eval();
+    EXPECT_EQ(warnings_of_dependent_outputs(e), Texts{}) << seed;
+    EXPECT_EQ(stuck_outputs(e).warnings, Texts{}) << seed;
+  }
 }
 
 TEST(Repeats, AreCountedOnce) {
@@ -124,6 +247,15 @@ TEST(Repeats, AreCountedOnce) {
   e.y(7, 19, 1) = std::nextafter(e.y(7, 19, 1), 1e9);  // the last sample
   EXPECT_EQ(repeats(e).same, (std::vector<std::vector<Index>>{{0, 1}, {3, 9}}));
   EXPECT_EQ(repeats(e).courses, 7);
+}
+
+// One pulse in each of many experiments, which a few steps tell nothing of.
+TEST(Repeats, AreFoundAmongManyThatAreAlikeAtMostSteps) {
+  Ensemble e(600, 300, 1, 1);
+  e.samples().setZero();
+  for (Index n = 0; n < 600; ++n) e.u(n, n / 2, 0) = 1.0;
+  EXPECT_EQ(repeats(e).different, 300);
+  EXPECT_EQ(repeats(e).same.front(), (std::vector<Index>{0, 1}));
 }
 
 }  // namespace

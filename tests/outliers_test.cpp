@@ -3,40 +3,13 @@
 
 #include <gtest/gtest.h>
 
-#include "testing.hpp"
+#include "campaigns.hpp"
+#include "tokid/identify.hpp"
 
 namespace tokid::testing {
 namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
-Model slow_system(const SystemSize& size, Index steps, std::uint64_t seed) {
-  Model model = constant_system(size, steps, 0.9, seed);
-  for (Index k = 0; k < steps; ++k) model.A[size_t(k)] *= 1 + 0.1 * std::sin(0.1 * double(k));
-  return model;
-}
-
-struct Campaign {
-  Index experiments, steps;
-  SystemSize size;
-  double noise;  // over the outputs
-  Index lags;
-};
-
-// Noise of one size in each output; `spread` is the deviation of the log of its size from experiment to experiment.
-Ensemble campaign(const Campaign& c, std::uint64_t seed, double initial = 0.0, double spread = 0.0) {
-  Ensemble e = random_experiments(slow_system(c.size, c.steps, seed), c.experiments, seed + 100, initial);
-  Random random(seed + 200);
-  Vector square = Vector::Zero(c.size.m);
-  for (Index k = 0; k < c.steps; ++k) square += e.output(k).colwise().squaredNorm().transpose();
-  const Vector sigma = c.noise * (square / double(c.steps * c.experiments)).cwiseSqrt();
-  for (Index n = 0; n < c.experiments; ++n) {
-    const double own = std::exp(spread * random.normal());
-    for (Index k = 0; k < c.steps; ++k)
-      for (Index j = 0; j < c.size.m; ++j) e.y(n, k, j) += own * sigma(j) * random.normal();
-  }
-  return e;
-}
 
 const Campaign campaigns[] = {
     {5, 40, {2, 1, 1}, 0.05, 2},  {8, 40, {2, 2, 2}, 0.05, 2},  {12, 40, {4, 2, 2}, 0.1, 2},
@@ -134,6 +107,60 @@ TEST(Outliers, FourExperimentsDoNotTellWhoIsRight) {
   Ensemble e = campaign({4, 60, {2, 2, 1}, 0.05, 2}, 5);
   for (Index k = 0; k < 60; ++k) e.output(k).row(1) *= 1000;
   EXPECT_TRUE(outliers(e, {.lags = 2}).empty());
+}
+
+// As identify() looks for them.
+std::vector<Outlier> identified(const Ensemble& e, const Campaign& c) {
+  if (outliers(e, {.lags = c.lags}).empty()) return {};
+  return identify(
+             e,
+             {.states = c.size.n, .lags = c.lags, .smoothing = 100.0, .refine = false, .nominal = NominalChoice::none})
+      .outliers;
+}
+
+// Inputs of different kinds, spikes, coarse outputs: bench/outliers.cpp counts them over a larger grid.
+TEST(Outliers, NoneInHealthyCampaignsOfAnyKind) {
+  for (const CampaignKind& kind : healthy_campaigns())
+    for (const Campaign& c : {Campaign{12, 80, {2, 1, 1}, 0.05, 2}, {20, 80, {3, 2, 2}, 0.05, 4}})
+      for (std::uint64_t seed = 1; seed <= 3; ++seed)
+        for (const Outlier& o : identified(kind.make(c, seed), c))
+          ADD_FAILURE() << kind.name << ", seed " << seed << ": " << warnings_of({o}).front();
+}
+
+TEST(Outliers, OneWildSampleIsNoWildExperiment) {
+  const Campaign c{20, 80, {2, 1, 1}, 0.05, 2};
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    Ensemble e = campaign(c, seed);
+    e.y(7, 41, 0) += 50 * c.noise * output_sizes(e)(0);
+    EXPECT_TRUE(identified(e, c).empty()) << "seed " << seed;
+  }
+}
+
+// White noise in place of an output: nothing that is done to it makes it as usual, least of all to shrink it.
+TEST(Outliers, NothingExplainsWhatIsOfAnotherKind) {
+  const Campaign c{40, 60, {3, 2, 2}, 0.05, 4};
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    Ensemble e = campaign(c, seed);
+    Random random(seed);
+    const double size = output_sizes(e)(0);
+    for (Index k = 0; k < e.steps(); ++k) e.y(12, k, 0) = size * random.normal();
+    const std::vector<Outlier> found = outliers(e, {.lags = c.lags});
+    ASSERT_EQ(found.size(), 1u);
+    EXPECT_EQ(found.front().explanation.find("they would be as usual"), std::string::npos) << found.front().explanation;
+  }
+}
+
+// Long records of one model show it, and who does not obey it.
+TEST(Outliers, OneOfThreeLongRecords) {
+  const Model system = constant_system({2, 1, 1}, 400, 0.9, 1);
+  Ensemble e = with_noise(random_experiments(system, 3, 2), 0.05, 3);
+  EXPECT_TRUE(outliers(e, {.lags = 2, .period = 1}).empty());
+  for (Index k = 0; k < e.steps(); ++k) e.y(1, k, 0) *= 1000;
+  const std::vector<Outlier> found = outliers(e, {.lags = 2, .period = 1});
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found.front().experiment, 1);
+  EXPECT_NE(found.front().explanation.find("with output y1 multiplied by 0.00"), std::string::npos)
+      << found.front().explanation;
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "judged.hpp"
 #include "options_json.hpp"
+#include "statistics.hpp"
 #include "tokid/gtv_arx.hpp"
 
 namespace tokid::report {
@@ -252,10 +253,7 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
 
 double median(std::vector<double> values) {
   values.erase(std::remove_if(values.begin(), values.end(), [](double v) { return !std::isfinite(v); }), values.end());
-  if (values.empty()) return nan;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return statistics::median(std::move(values));
 }
 
 }  // namespace tokid::report

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "channel_sizes.hpp"
@@ -53,24 +54,39 @@ std::vector<Part> stretches(const EnsembleFile& file, const IdentifyOptions& o) 
   return result;
 }
 
-// What is to be said of single experiments, and of inputs that cannot be told apart: of these steps alone.
-void examine(const std::vector<Part>& parts, bool nominal, Identification& result) {
+// What is to be said of single experiments, and of channels that cannot be told apart: of these steps alone. `found`
+// are the identifications of the parts, of which some may have failed.
+void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool nominal,
+             bool states_asked, Identification& result) {
   std::vector<std::string> texts;
-  Excitation found;
-  for (size_t i = 0; i < parts.size() && found.warnings.empty(); ++i)
-    found = excitation(parts[i].whole, {.lags = result.lags, .noisy = result.noisy, .origin = parts[i].begin});
-  texts = std::move(found.warnings);
+  std::vector<Index> stuck;
+  const auto add = [&texts](std::vector<std::string> list) {
+    for (std::string& text : list)
+      if (std::find(texts.begin(), texts.end(), text) == texts.end()) texts.push_back(std::move(text));
+  };
+  for (size_t i = 0; i < parts.size(); ++i) {
+    const Part& part = parts[i];
+    add(warnings_of_dependent_outputs(part.whole, part.begin));
+    StuckOutputs own = stuck_outputs(part.whole, part.begin);
+    stuck.insert(stuck.end(), own.experiments.begin(), own.experiments.end());
+    add(std::move(own.warnings));
+    add(excitation(part.whole,
+                   {.lags = result.lags, .noisy = result.noisy, .shared = result.together, .origin = part.begin})
+            .warnings);
+    if (states_asked && found[i]) add(warnings_of_hidden_states(found[i]->model, part.begin));
+  }
 
   const Ensemble& first = parts.front().whole;
   const Index width = first.samples().cols(), count = Index(parts.size());
   Ensemble all(first.experiments(), first.steps() * count, first.inputs(), first.outputs());
   for (Index i = 0; i < count; ++i) all.samples().middleCols(i * width, width) = parts[size_t(i)].whole.samples();
-  for (std::string& text : warnings_of(repeats(all), all.experiments(), 0, result.lags))
-    texts.push_back(std::move(text));
+  add(warnings_of(repeats(all), all.experiments(), 0, result.lags));
 
-  for (const Part& part : parts) {
-    if (!result.noisy) break;
-    for (Outlier& own : outliers(part.whole, {result.lags, nominal, 1})) {
+  for (size_t i = 0; i < parts.size() && result.noisy; ++i)
+    for (Outlier& own : outliers(parts[i].whole, {.lags = result.lags,
+                                                 .nominal = nominal,
+                                                 .period = result.variation.period,
+                                                 .model = found[i] ? &found[i]->model : nullptr})) {
       const auto same = std::find_if(result.outliers.begin(), result.outliers.end(),
                                      [&](const Outlier& o) { return o.experiment == own.experiment; });
       if (same == result.outliers.end())
@@ -78,8 +94,7 @@ void examine(const std::vector<Part>& parts, bool nominal, Identification& resul
       else if (same->ratio < own.ratio)
         *same = std::move(own);
     }
-  }
-  for (std::string& text : warnings_of(result.outliers)) texts.push_back(std::move(text));
+  add(warnings_of(result.outliers, stuck));
   for (const std::string& text : texts)
     result.warnings.push_back(fmt::format("in the stretches that decide, {}", text));
 }
@@ -114,35 +129,41 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     }
   }
 
-  std::vector<Identification> found{identify_part(data.front(), o, false)};
+  std::vector<std::optional<Identification>> identified(parts.size());
+  identified.front() = identify_part(data.front(), o, false);
   for (size_t i = 1; i < data.size(); ++i) {
     IdentifyOptions later = o;
     later.initial_state = InitialState::unknown;
     // An order that is exact elsewhere is likely to be so here.
-    const bool exact = !found.front().noisy && !found.front().together && options.lags == 0;
-    if (exact) later.lags = found.front().lags;
+    const Identification& first = *identified.front();
+    const bool exact = !first.noisy && !first.together && options.lags == 0;
+    if (exact) later.lags = first.lags;
     try {
       Identification own = identify_part(data[i], later, false);
       if (exact && own.noisy) {
         later.lags = 0;
         own = identify_part(data[i], later, false);
       }
-      found.push_back(std::move(own));
+      identified[i] = std::move(own);
     } catch (const std::invalid_argument&) {
       continue;  // too few samples are there to tell
     }
   }
 
+  std::vector<const Identification*> found;
+  for (const auto& own : identified)
+    if (own) found.push_back(&*own);
+
   Decision result;
   Settled& settled = result.settled;
-  const Identification& begin = found.front();
-  for (const Identification& own : found) {
-    settled.noisy = settled.noisy || own.noisy;
-    settled.together = settled.together || own.together;
+  const Identification& begin = *found.front();
+  for (const Identification* own : found) {
+    settled.noisy = settled.noisy || own->noisy;
+    settled.together = settled.together || own->together;
   }
-  const Identification* chosen = &found.front();
-  for (const Identification& own : found)
-    if (demands_more(own, *chosen)) chosen = &own;
+  const Identification* chosen = found.front();
+  for (const Identification* own : found)
+    if (demands_more(*own, *chosen)) chosen = own;
   settled.initial_state = begin.model.initial_state;
   settled.tvera = options.method == Method::tvera || (options.method == Method::automatic && !settled.noisy &&
                                                       !settled.together && settled.initial_state == InitialState::zero);
@@ -151,7 +172,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   settled.options.frame = options.frame;
   settled.options.lags = chosen->lags;
   if (!settled.noisy)
-    for (const Identification& own : found) settled.options.lags = std::max(settled.options.lags, own.lags);
+    for (const Identification* own : found) settled.options.lags = std::max(settled.options.lags, own->lags);
   if (settled.noisy && options.states == 0) settled.options.states = chosen->model.states();
   std::vector<std::string> warnings;
   if (settled.together) {
@@ -180,7 +201,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   result.evidence.together = settled.together;
   result.evidence.lags = settled.options.lags;
   result.evidence.warnings = std::move(warnings);
-  examine(parts, o.nominal == NominalChoice::mean, result.evidence);
+  examine(parts, identified, o.nominal == NominalChoice::mean, options.states > 0, result.evidence);
   if (settled.together) {
     result.evidence.variation = settled.options.choices->variation;
     result.evidence.state_smoothing = settled.options.choices->state_smoothing;

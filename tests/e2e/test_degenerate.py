@@ -317,6 +317,30 @@ def test_outliers_are_numbered_as_in_the_data(tokid, tmp_path):
         assert outlier["explanation"] == "with outputs y1 and y2 swapped they would be as usual"
 
 
+def test_a_stuck_sensor_is_told_once(tokid, tmp_path):
+    """By its number in the data, whichever experiments are held out."""
+    arguments = CASES["a sensor that is stuck in one experiment"](tmp_path, tokid)
+    for more in ([], ["--hold-out", 0.25]):
+        text, = (line for line in messages(tokid, [*arguments, *more]) if "experiment 12" in line)
+        assert "is its sensor stuck there?" in text
+
+
+def test_streams_tell_what_every_stretch_shows(tokid, tmp_path):
+    """Outputs and inputs of the later stretches too, with their steps of the whole record."""
+    u = gaussian(steps=900)
+    u[:, 600:610, 0] = u[:, 600:601, 0]
+    y = experiments(u, 0.05)
+    y[12, 700:800, 0] = y[12, 700, 0]
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file["u"], file["y"], file["initial_state"] = u, y, "zero"
+    said = messages(tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400,
+                            "--lags", 2, "--states", 2, "--no-refine"])
+    assert any(line.startswith("in the stretches that decide, input u1 follows from inputs before it") and
+               "601–609" in line for line in said), said
+    text, = (line for line in said if "experiment 12" in line)
+    assert text.startswith("in the stretches that decide, output y1 stays at ") and "steps 700–799" in text
+
+
 def test_streams_look_at_the_stretches_that_decide(tokid, tmp_path):
     u = gaussian(steps=900)
     y = experiments(u)
