@@ -12,53 +12,9 @@
 #include <sstream>
 #include <system_error>
 
+#include "tool.hpp"
+
 namespace tokid::app {
-
-Team& team() {
-  static Team processes;
-  return processes;
-}
-
-// Options
-
-CLI::App* add_command(CLI::App& tool, const char* name, const char* description, const char* example) {
-  CLI::App* command = tool.add_subcommand(name, description);
-  command->group("Commands");
-  command->footer(fmt::format("Example:\n  {}", example));
-  return command;
-}
-
-void add_column_options(CLI::App* command, ReadOptions& options) {
-  const auto add = [command](const char* name, std::vector<std::string>& target, const char* description) {
-    const auto set = [&target, name](const std::string& text) {
-      target = CLI::detail::split(text, ',');
-      for (const std::string& column : target)
-        if (column.empty()) throw CLI::ValidationError(name, fmt::format("'{}' holds an empty name", text));
-    };
-    command->add_option_function<std::string>(name, set, description)->type_name("A,B,...");
-  };
-  add("--inputs", options.inputs, "Columns of a .csv that are inputs (default: names beginning with u)");
-  add("--outputs", options.outputs, "Columns of a .csv that are outputs (default: names beginning with y)");
-}
-
-void add_output_option(CLI::App* command, fs::path& path, const char* description) {
-  command->add_option("-o,--output", path, description)->required()->type_name("FILE");
-}
-
-void add_horizon_option(CLI::App* command, Index& horizon) {
-  add_number<Index>(command, "--horizon", horizon, "H", "Steps ahead that outputs are predicted (default 1)", 1,
-                    1'000'000);
-}
-
-void add_count_or_auto(CLI::App* command, const char* name, Index& target, const char* description) {
-  const auto set = [&target, name](const std::string& text) {
-    const auto count = text == "auto" ? 0 : parse_number<Index>(text, 1, std::numeric_limits<Index>::max());
-    if (!count)
-      throw CLI::ValidationError(name, fmt::format("'{}' found, a whole number from 1 on or auto needed", text));
-    target = *count;
-  };
-  command->add_option_function<std::string>(name, set, description)->type_name("N|auto");
-}
 
 // Files
 
@@ -221,12 +177,6 @@ void print(const Json& json) {
   for (std::string line; std::getline(lines, line);)
     if (printable(line) != line) return print(json.dump(2, ' ', true, Json::error_handler_t::replace) + '\n');
   print(text + '\n');
-}
-
-// Nobody is left to tell where stderr can't be written.
-void message(std::string_view text) {
-  const std::string line = printable(fmt::format("tokid: {}", text)) + '\n';
-  std::fwrite(line.data(), 1, line.size(), stderr);
 }
 
 void warn(const std::vector<std::string>& warnings) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -201,32 +202,29 @@ void run(const Call& call) {
 void add_confidence(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   ConfidenceOptions& o = call->options;
-  CLI::App* command = add_command(tool, "confidence", "Confidence bounds of a model, its outputs and eigenvalues",
-                                  "tokid confidence model.npz data.npz -o bounds.npz --level 0.99");
-  command->add_option("MODEL", call->model, "Model that tokid identified: .npz, .h5 or .mat")
-      ->required()
-      ->type_name("");
-  command->add_option("DATA", call->data, "The ensemble of its identification, whole: .npz, .h5, .mat or .csv")
-      ->required()
-      ->type_name("");
-  add_output_option(command, call->output, "Bounds to write: .npz, .h5 or .mat");
-  add_column_options(command, call->read);
-  add_number<double>(command, "--level", o.level, "P", "Probability that an interval holds the truth (default 0.95)",
-                     1e-6, 1 - 1e-9);
-  add_choice(command, "--method", o.method,
-             Choices<std::optional<BoundsMethod>>{
-                 {"auto", std::nullopt}, {"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
-             "From the factors of the regressions, or by identifying anew (auto: where steps share a model)");
-  add_number<Index>(command, "--replicates", call->replicates, "B", "Replicates of the bootstrap (default 200)", 2,
-                    1'000'000);
-  add_count_or_auto(command, "--band", o.band,
-                    "Markov parameters up to so many steps apart (auto: twice as many as tell a state)");
-  add_number<Index>(command, "--reference-step", o.reference_step, "s",
-                    "Step of the frame of the eigenvalues (default: the first with all states)", 0, 1'000'000);
-  add_number<std::uint64_t>(command, "--seed", call->seed, "S", "Seed of the bootstrap (default 1)", 1);
-  add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
-  command->add_flag("--json", call->json, "Print one JSON object");
-  command->callback([call] { run(*call); });
+  Command command(tool, "confidence", "Confidence bounds of a model, its outputs and eigenvalues",
+                  "tokid confidence model.npz data.npz -o bounds.npz --level 0.99");
+  command.argument("MODEL", call->model, "Model that tokid identified: .npz, .h5 or .mat");
+  command.argument("DATA", call->data, "The ensemble of its identification, whole: .npz, .h5, .mat or .csv");
+  command.output(call->output, "Bounds to write: .npz, .h5 or .mat");
+  command.columns(call->read);
+  command.number<double>("--level", o.level, "P", "Probability that an interval holds the truth (default 0.95)", 1e-6,
+                         1 - 1e-9);
+  command.choice(
+      "--method", o.method,
+      Choices<std::optional<BoundsMethod>>{
+          {"auto", std::nullopt}, {"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
+      "From the factors of the regressions, or by identifying anew (auto: where steps share a model)");
+  command.number<Index>("--replicates", call->replicates, "B", "Replicates of the bootstrap (default 200)", 2,
+                        1'000'000);
+  command.count_or_auto("--band", o.band,
+                        "Markov parameters up to so many steps apart (auto: twice as many as tell a state)");
+  command.number<Index>("--reference-step", o.reference_step, "s",
+                        "Step of the frame of the eigenvalues (default: the first with all states)", 0, 1'000'000);
+  command.number<std::uint64_t>("--seed", call->seed, "S", "Seed of the bootstrap (default 1)", 1);
+  command.threads(o.execution.threads);
+  command.flag("--json", call->json, "Print one JSON object");
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

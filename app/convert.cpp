@@ -1,5 +1,6 @@
 // tokid convert: ensembles and models from one format to another.
 // SPDX-License-Identifier: BSD-3-Clause
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -32,13 +33,13 @@ void run(const Call& call) {
 
 void add_convert(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  CLI::App* command = add_command(tool, "convert", "Convert an ensemble or a model to another format",
-                                  "tokid convert data.csv data.mat --mat73");
-  command->add_option("IN", call->input, "Ensemble or model to read")->required()->type_name("");
-  command->add_option("OUT", call->output, "File to write; its extension says the format")->required()->type_name("");
-  add_column_options(command, call->read);
-  command->add_flag("--mat73", call->write.mat73, "Write a .mat of MATLAB version 7.3");
-  command->callback([call] { run(*call); });
+  Command command(tool, "convert", "Convert an ensemble or a model to another format",
+                  "tokid convert data.csv data.mat --mat73");
+  command.argument("IN", call->input, "Ensemble or model to read");
+  command.argument("OUT", call->output, "File to write; its extension says the format");
+  command.columns(call->read);
+  command.flag("--mat73", call->write.mat73, "Write a .mat of MATLAB version 7.3");
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

@@ -6,7 +6,9 @@
 #include <map>
 #include <set>
 
+#include "command.hpp"
 #include "common.hpp"
+#include "tool.hpp"
 
 namespace tokid::app {
 
@@ -421,37 +423,14 @@ void run(const Call& call) {
     run_at_once(call);
 }
 
-void add_block(CLI::App* command, Index& block) {
-  const auto set = [&block](const std::string& text) {
-    const auto steps = text == "auto"  ? automatic
-                       : text == "all" ? all_at_once
-                                       : parse_number<Index>(text, 1, 1'000'000'000);
-    if (!steps)
-      throw CLI::ValidationError("--block",
-                                 fmt::format("'{}' found, a whole number from 1 on, auto or all needed", text));
-    block = *steps;
-  };
-  command
-      ->add_option_function<std::string>(
-          "--block", set, "Steps of an .h5 in memory at a time, or all (auto: all, in blocks beyond 512 MB of samples)")
-      ->type_name("STEPS|auto|all");
+std::optional<Index> block_steps(const std::string& text) {
+  return text == "auto" ? automatic : text == "all" ? all_at_once : parse_number<Index>(text, 1, 1'000'000'000);
 }
 
-void add_smoothing(CLI::App* command, double& smoothing) {
-  const auto set = [&smoothing](const std::string& text) {
-    const auto value = text == "auto"       ? -1.0
-                       : text == "infinity" ? std::numeric_limits<double>::infinity()
-                                            : parse_number<double>(text, 0.0, std::numeric_limits<double>::max());
-    if (!value)
-      throw CLI::ValidationError("--smoothing",
-                                 fmt::format("'{}' found, a number from 0 on, infinity or auto needed", text));
-    smoothing = *value;
-  };
-  command
-      ->add_option_function<std::string>(
-          "--smoothing", set,
-          "Penalty lambda on variation in time: 0 none, infinity one model (auto: by errors on experiments left out)")
-      ->type_name("L|auto");
+std::optional<double> smoothing(const std::string& text) {
+  return text == "auto"       ? -1.0
+         : text == "infinity" ? std::numeric_limits<double>::infinity()
+                              : parse_number<double>(text, 0.0, std::numeric_limits<double>::max());
 }
 
 }  // namespace
@@ -459,63 +438,65 @@ void add_smoothing(CLI::App* command, double& smoothing) {
 void add_identify(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   IdentifyOptions& o = call->options;
-  CLI::App* command = add_command(tool, "identify", "Identify a time varying model from an ensemble of experiments",
-                                  "tokid identify data.npz -o model.npz --hold-out 0.2");
-  command->add_option("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv")->required()->type_name("");
-  add_output_option(command, call->model, "Model to write: .npz, .h5 or .mat");
-  add_column_options(command, call->read);
-  add_count_or_auto(command, "--states", o.states,
-                    "State dimension n (auto: the rank of the Hankel matrices, or by errors where the data are noisy)");
-  add_count_or_auto(command, "--lags", o.lags, "Lag order p (auto: the smallest leave-one-out error)");
-  add_choice(command, "--method", o.method,
-             Choices<Method>{{"auto", Method::automatic}, {"tvera", Method::tvera}, {"subspace", Method::subspace}},
-             "Realisation (auto: tvera without noise from zero initial states, else subspace)");
-  add_smoothing(command, o.smoothing);
-  auto* invariant = command->add_flag_callback(
+  Command command(tool, "identify", "Identify a time varying model from an ensemble of experiments",
+                  "tokid identify data.npz -o model.npz --hold-out 0.2");
+  command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
+  command.output(call->model, "Model to write: .npz, .h5 or .mat");
+  command.columns(call->read);
+  command.count_or_auto(
+      "--states", o.states,
+      "State dimension n (auto: the rank of the Hankel matrices, or by errors where the data are noisy)");
+  command.count_or_auto("--lags", o.lags, "Lag order p (auto: the smallest leave-one-out error)");
+  command.choice("--method", o.method,
+                 Choices<Method>{{"auto", Method::automatic}, {"tvera", Method::tvera}, {"subspace", Method::subspace}},
+                 "Realisation (auto: tvera without noise from zero initial states, else subspace)");
+  command.value(
+      "--smoothing", o.smoothing, "L|auto",
+      "Penalty lambda on variation in time: 0 none, infinity one model (auto: by errors on experiments left out)",
+      smoothing, "a number from 0 on, infinity or auto needed");
+  command.flag(
       "--time-invariant", [&o] { o.period = 1; }, "One model for all steps; a single record is enough");
-  add_number<Index>(command, "--period", o.period, "P", "Steps k, k+P, ... share one model", 1, 1'000'000)
-      ->excludes(invariant);
-  auto* refine = command->add_flag_callback(
+  command.number<Index>("--period", o.period, "P", "Steps k, k+P, ... share one model", 1, 1'000'000);
+  command.excludes("--period", "--time-invariant");
+  command.flag(
       "--refine", [&o] { o.refine = true; },
       "Maximum likelihood by EM, as far as it lowers errors on experiments left out (default for noisy data)");
-  command
-      ->add_flag_callback(
-          "--no-refine", [&o] { o.refine = false; }, "No EM")
-      ->excludes(refine);
-  add_choice(command, "--weighting", o.weighting,
-             Choices<std::optional<Weighting>>{{"auto", std::nullopt},
-                                               {"one-step", Weighting::one_step},
-                                               {"many-steps", Weighting::many_steps},
-                                               {"projection", Weighting::projection}},
-             "What the states must explain (auto: by errors on experiments left out); projection: PO-MOESP");
-  add_choice(command, "--initial-state", o.initial_state,
-             Choices<std::optional<InitialState>>{
-                 {"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
-             "States at step 0 (auto: as the data say, else by test)");
-  add_choice(command, "--frame", o.frame,
-             Choices<Frame>{{"raw", Frame::raw}, {"reference", Frame::reference}, {"smooth", Frame::smooth}},
-             "Coordinates of the states (default raw)");
-  add_number<Index>(command, "--reference-step", o.reference_step, "S",
-                    "Step of the reference frame (default: first of full dimension)", 0, 1'000'000'000);
-  add_choice(command, "--nominal", o.nominal,
-             Choices<NominalChoice>{
-                 {"auto", NominalChoice::automatic}, {"none", NominalChoice::none}, {"mean", NominalChoice::mean}},
-             "Mean motion to remove (auto: where it is significant)");
-  add_number(command, "--hold-out", o.hold_out, "FRACTION", "Share of the experiments kept for validation (default 0)",
-             0.0, 1.0);
-  add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
-  add_block(command, call->block);
-  command->add_flag("--resume", call->resume,
-                    "Keep finished blocks in FILE.resume until the model is there, and go on from those of a call with "
-                    "--resume that was stopped");
-  command->add_option("--report", call->page, "Page to write that shows whether the model can be trusted: .html")
-      ->type_name("FILE");
-  command
-      ->add_option("--state", call->state, "State to write, to which update adds later experiments: .h5, .npz or .mat")
-      ->type_name("FILE");
-  command->add_flag("--json", call->json, "Print one JSON object");
-  command->add_flag("--quiet", call->quiet, "Print warnings and errors only");
-  command->callback([call] { run(*call); });
+  command.flag(
+      "--no-refine", [&o] { o.refine = false; }, "No EM");
+  command.excludes("--no-refine", "--refine");
+  command.choice("--weighting", o.weighting,
+                 Choices<std::optional<Weighting>>{{"auto", std::nullopt},
+                                                   {"one-step", Weighting::one_step},
+                                                   {"many-steps", Weighting::many_steps},
+                                                   {"projection", Weighting::projection}},
+                 "What the states must explain (auto: by errors on experiments left out); projection: PO-MOESP");
+  command.choice("--initial-state", o.initial_state,
+                 Choices<std::optional<InitialState>>{
+                     {"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
+                 "States at step 0 (auto: as the data say, else by test)");
+  command.choice("--frame", o.frame,
+                 Choices<Frame>{{"raw", Frame::raw}, {"reference", Frame::reference}, {"smooth", Frame::smooth}},
+                 "Coordinates of the states (default raw)");
+  command.number<Index>("--reference-step", o.reference_step, "S",
+                        "Step of the reference frame (default: first of full dimension)", 0, 1'000'000'000);
+  command.choice("--nominal", o.nominal,
+                 Choices<NominalChoice>{
+                     {"auto", NominalChoice::automatic}, {"none", NominalChoice::none}, {"mean", NominalChoice::mean}},
+                 "Mean motion to remove (auto: where it is significant)");
+  command.number("--hold-out", o.hold_out, "FRACTION", "Share of the experiments kept for validation (default 0)", 0.0,
+                 1.0);
+  command.threads(o.execution.threads);
+  command.value("--block", call->block, "STEPS|auto|all",
+                "Steps of an .h5 in memory at a time, or all (auto: all, in blocks beyond 512 MB of samples)",
+                block_steps, "a whole number from 1 on, auto or all needed");
+  command.flag("--resume", call->resume,
+               "Keep finished blocks in FILE.resume until the model is there, and go on from those of a call with "
+               "--resume that was stopped");
+  command.file("--report", call->page, "Page to write that shows whether the model can be trusted: .html");
+  command.file("--state", call->state, "State to write, to which update adds later experiments: .h5, .npz or .mat");
+  command.flag("--json", call->json, "Print one JSON object");
+  command.flag("--quiet", call->quiet, "Print warnings and errors only");
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -216,11 +217,11 @@ void run(const Call& call) {
 
 void add_info(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  CLI::App* command = add_command(tool, "info", "What is in an ensemble or a model", "tokid info data.h5");
-  command->add_option("FILE", call->file, "Ensemble or model")->required()->type_name("");
-  add_column_options(command, call->read);
-  command->add_flag("--json", call->json, "Print one JSON object");
-  command->callback([call] { run(*call); });
+  Command command(tool, "info", "What is in an ensemble or a model", "tokid info data.h5");
+  command.argument("FILE", call->file, "Ensemble or model");
+  command.columns(call->read);
+  command.flag("--json", call->json, "Print one JSON object");
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

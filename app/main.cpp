@@ -1,6 +1,6 @@
 // tokid, in a process of its own.
 // SPDX-License-Identifier: BSD-3-Clause
-#include "common.hpp"
+#include "tool.hpp"
 
 int main(int argc, char** argv) {
   const tokid::app::Outcome outcome = tokid::app::run_tool(argc, argv);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <chrono>
 
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -78,14 +79,11 @@ void run(const Call& call) {
 
 void add_paper(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  CLI::App* command =
-      add_command(tool, "paper", "The paper's figures and printed numbers, recomputed", "tokid paper -o paper");
-  command->add_option("-o,--output", call->directory, "Directory for paper.html, paper.json and the figures")
-      ->required()
-      ->type_name("DIR");
-  add_number<std::uint64_t>(command, "--seed", call->seed, "S", "Seed of the experiments (default 1)", 0);
-  add_number(command, "--threads", call->threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
-  command->callback([call] { run(*call); });
+  Command command(tool, "paper", "The paper's figures and printed numbers, recomputed", "tokid paper -o paper");
+  command.output(call->directory, "Directory for paper.html, paper.json and the figures", "DIR");
+  command.number<std::uint64_t>("--seed", call->seed, "S", "Seed of the experiments (default 1)", 0);
+  command.threads(call->threads);
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -152,39 +153,25 @@ void run(const Call& call) {
 }
 
 // "0.5" or "0.5,2,1"
-void add_amplitude_option(CLI::App* command, std::vector<double>& amplitude) {
-  const auto set = [&amplitude](const std::string& text) {
-    amplitude.clear();
-    for (const std::string& part : CLI::detail::split(text, ',')) {
-      const auto value = parse_number(part, std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
-      if (!value)
-        throw CLI::ValidationError("--amplitude",
-                                   fmt::format("'{}' found, positive numbers needed, such as 2 or 0.5,2", text));
-      amplitude.push_back(*value);
-    }
-  };
-  command->add_option_function<std::string>("--amplitude", set, "Limit of |u|, one or one for each input (default 1)")
-      ->type_name("A,...");
+std::optional<std::vector<double>> amplitudes(const std::string& text) {
+  std::vector<double> values;
+  for (const std::string& part : split_at_commas(text)) {
+    const auto value = parse_number(part, std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
+    if (!value) return std::nullopt;
+    values.push_back(*value);
+  }
+  return values;
 }
 
 // "0.01:0.1"
-void add_noise_option(CLI::App* command, std::optional<NoiseLevel>& noise) {
-  const auto set = [&noise](const std::string& text) {
-    const size_t colon = text.find(':');
-    const auto part = [](const std::string& level) {
-      return parse_number(level, 0.0, std::numeric_limits<double>::max());
-    };
-    const auto input = part(text.substr(0, colon)),
-               output = part(colon == std::string::npos ? "" : text.substr(colon + 1));
-    if (!input || !output)
-      throw CLI::ValidationError("--noise",
-                                 fmt::format("'{}' found, two standard deviations needed, such as 0.01:0.1", text));
-    noise = NoiseLevel{*input, *output};
+std::optional<NoiseLevel> noise_level(const std::string& text) {
+  const size_t colon = text.find(':');
+  const auto part = [](const std::string& level) {
+    return parse_number(level, 0.0, std::numeric_limits<double>::max());
   };
-  command
-      ->add_option_function<std::string>("--noise", set,
-                                         "Standard deviations of the noise on inputs and outputs (default: not known)")
-      ->type_name("SD:SD");
+  const auto input = part(text.substr(0, colon)),
+             output = part(colon == std::string::npos ? "" : text.substr(colon + 1));
+  return input && output ? std::optional<NoiseLevel>({*input, *output}) : std::nullopt;
 }
 
 }  // namespace
@@ -193,37 +180,38 @@ void add_plan(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   PlanOptions& o = call->options;
   constexpr Index most = 1'000'000;
-  CLI::App* command =
-      add_command(tool, "plan", "How many experiments, and inputs for them",
+  Command command(tool, "plan", "How many experiments, and inputs for them",
                   "tokid plan --states 4 --inputs 2 --outputs 2 --steps 80 --amplitude 0.5 -o inputs.npz");
-  add_number<Index>(command, "--states", o.states, "n", "States (default with --model: as it has)", 1, most);
-  add_number<Index>(command, "--inputs", o.inputs, "r", "Inputs (default with --model: as it has)", 1, most);
-  add_number<Index>(command, "--outputs", o.outputs, "m", "Outputs (default with --model: as it has)", 1, most);
-  add_number<Index>(command, "--steps", o.steps, "T", "Time steps (default with --model: as it has)", 1, most);
-  add_count_or_auto(command, "--lags", o.lags, "Lag order p (auto: the smallest, n/m rounded up)");
-  add_count_or_auto(command, "--experiments", o.experiments, "Experiments N (auto: as many as recommended)");
-  add_choice(command, "--kind", o.kind,
-             Choices<std::optional<InputKind>>{{"orthogonal", InputKind::orthogonal},
-                                               {"gaussian", InputKind::gaussian},
-                                               {"binary", InputKind::binary},
-                                               {"multisine", InputKind::multisine},
-                                               {"optimised", InputKind::optimised}},
-             "Inputs (default optimised with --model, else orthogonal)");
-  add_amplitude_option(command, o.amplitude);
-  add_noise_option(command, o.noise);
-  command->add_option("--model", call->model, "Preliminary model: .npz, .h5 or .mat")->type_name("FILE");
-  add_choice(command, "--initial-state", o.initial_state,
-             Choices<std::optional<InitialState>>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
-             "States at step 0 (default zero; with --model: as it says)");
-  command->add_flag("--nominal", o.nominal,
-                    "The experiments depart from a mean motion, which is removed from the data");
-  add_number(command, "--dt", o.dt, "SECONDS", "Sample time (default 1; with --model: its own)",
-             std::numeric_limits<double>::min());
-  add_number<std::uint64_t>(command, "--seed", o.seed, "S", "Seed of the random numbers (default 1)", 0);
-  add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
-  add_output_option(command, call->output, "Ensemble to write, inputs only: .npz, .h5, .mat or .csv");
-  command->add_flag("--json", call->json, "Print one JSON object");
-  command->callback([call] { run(*call); });
+  command.number<Index>("--states", o.states, "n", "States (default with --model: as it has)", 1, most);
+  command.number<Index>("--inputs", o.inputs, "r", "Inputs (default with --model: as it has)", 1, most);
+  command.number<Index>("--outputs", o.outputs, "m", "Outputs (default with --model: as it has)", 1, most);
+  command.number<Index>("--steps", o.steps, "T", "Time steps (default with --model: as it has)", 1, most);
+  command.count_or_auto("--lags", o.lags, "Lag order p (auto: the smallest, n/m rounded up)");
+  command.count_or_auto("--experiments", o.experiments, "Experiments N (auto: as many as recommended)");
+  command.choice("--kind", o.kind,
+                 Choices<std::optional<InputKind>>{{"orthogonal", InputKind::orthogonal},
+                                                   {"gaussian", InputKind::gaussian},
+                                                   {"binary", InputKind::binary},
+                                                   {"multisine", InputKind::multisine},
+                                                   {"optimised", InputKind::optimised}},
+                 "Inputs (default optimised with --model, else orthogonal)");
+  command.value("--amplitude", o.amplitude, "A,...", "Limit of |u|, one or one for each input (default 1)", amplitudes,
+                "positive numbers needed, such as 2 or 0.5,2");
+  command.value("--noise", o.noise, "SD:SD",
+                "Standard deviations of the noise on inputs and outputs (default: not known)", noise_level,
+                "two standard deviations needed, such as 0.01:0.1");
+  command.file("--model", call->model, "Preliminary model: .npz, .h5 or .mat");
+  command.choice("--initial-state", o.initial_state,
+                 Choices<std::optional<InitialState>>{{"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
+                 "States at step 0 (default zero; with --model: as it says)");
+  command.flag("--nominal", o.nominal, "The experiments depart from a mean motion, which is removed from the data");
+  command.number("--dt", o.dt, "SECONDS", "Sample time (default 1; with --model: its own)",
+                 std::numeric_limits<double>::min());
+  command.number<std::uint64_t>("--seed", o.seed, "S", "Seed of the random numbers (default 1)", 0);
+  command.threads(o.execution.threads);
+  command.output(call->output, "Ensemble to write, inputs only: .npz, .h5, .mat or .csv");
+  command.flag("--json", call->json, "Print one JSON object");
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

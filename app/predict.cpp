@@ -1,5 +1,6 @@
 // tokid predict: outputs with the observer in the loop.
 // SPDX-License-Identifier: BSD-3-Clause
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -33,14 +34,14 @@ void run(const Call& call) {
 
 void add_predict(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  CLI::App* command = add_command(tool, "predict", "Predictions of a model with its observer in the loop",
-                                  "tokid predict model.npz data.npz -o predicted.npz --horizon 5");
-  command->add_option("MODEL", call->model, "Model: .npz, .h5 or .mat")->required()->type_name("");
-  command->add_option("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv")->required()->type_name("");
-  add_output_option(command, call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
-  add_column_options(command, call->read);
-  add_horizon_option(command, call->options.horizon);
-  command->callback([call] { run(*call); });
+  Command command(tool, "predict", "Predictions of a model with its observer in the loop",
+                  "tokid predict model.npz data.npz -o predicted.npz --horizon 5");
+  command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
+  command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
+  command.output(call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
+  command.columns(call->read);
+  command.horizon(call->options.horizon);
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -107,20 +108,12 @@ void run(const Call& call) {
   warn(outcome.warnings);
 }
 
-void add_smoothing_option(CLI::App* command, std::optional<double>& target) {
-  const auto set = [&target](const std::string& text) {
-    target.reset();
-    if (text == "auto") return;
-    target = text == "infinity" ? std::numeric_limits<double>::infinity() : parse_number(text, 0.0, 1e12);
-    if (!target)
-      throw CLI::ValidationError("--smoothing",
-                                 fmt::format("'{}' found, a number from 0 on, infinity or auto needed", text));
-  };
-  command
-      ->add_option_function<std::string>("--smoothing", set,
-                                         "Penalty on variation over time (auto: as the model was identified, else by "
-                                         "cross-validation)")
-      ->type_name("LAMBDA|auto");
+// "auto" is a choice too: none is made here.
+std::optional<std::optional<double>> smoothing(const std::string& text) {
+  if (text == "auto") return std::optional<double>();
+  const auto value = text == "infinity" ? std::numeric_limits<double>::infinity() : parse_number(text, 0.0, 1e12);
+  if (!value) return std::nullopt;
+  return value;
 }
 
 }  // namespace
@@ -128,24 +121,25 @@ void add_smoothing_option(CLI::App* command, std::optional<double>& target) {
 void add_refine(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   RefineOptions& o = call->options.refine;
-  CLI::App* command = add_command(tool, "refine", "Maximum likelihood by EM, from a model on",
-                                  "tokid refine model.npz data.npz -o refined.npz");
-  command->add_option("MODEL", call->model, "Model to start from: .npz, .h5 or .mat")->required()->type_name("");
-  command->add_option("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv")->required()->type_name("");
-  add_output_option(command, call->output, "Model to write: .npz, .h5 or .mat");
-  add_column_options(command, call->read);
-  add_smoothing_option(command, call->options.smoothing);
-  add_number<Index>(command, "--period", call->period, "P", "Steps k and k+P share their matrices, 1: all steps", 1,
-                    1'000'000'000);
-  add_number<Index>(command, "--iterations", o.iterations, "N", "At most so many iterations (default 60)", 1,
-                    1'000'000);
-  add_choice(command, "--initial-state", o.initial_state,
-             Choices<std::optional<InitialState>>{
-                 {"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
-             "States at step 0 (auto: as the data say, else as the model was identified)");
-  add_number(command, "--threads", o.execution.threads, "N", "Threads, 0 for all of the machine (default 1)", 0, 1024);
-  command->add_flag("--json", call->json, "Print one JSON object");
-  command->callback([call] {
+  Command command(tool, "refine", "Maximum likelihood by EM, from a model on",
+                  "tokid refine model.npz data.npz -o refined.npz");
+  command.argument("MODEL", call->model, "Model to start from: .npz, .h5 or .mat");
+  command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
+  command.output(call->output, "Model to write: .npz, .h5 or .mat");
+  command.columns(call->read);
+  command.value("--smoothing", call->options.smoothing, "LAMBDA|auto",
+                "Penalty on variation over time (auto: as the model was identified, else by cross-validation)",
+                smoothing, "a number from 0 on, infinity or auto needed");
+  command.number<Index>("--period", call->period, "P", "Steps k and k+P share their matrices, 1: all steps", 1,
+                        1'000'000'000);
+  command.number<Index>("--iterations", o.iterations, "N", "At most so many iterations (default 60)", 1, 1'000'000);
+  command.choice("--initial-state", o.initial_state,
+                 Choices<std::optional<InitialState>>{
+                     {"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
+                 "States at step 0 (auto: as the data say, else as the model was identified)");
+  command.threads(o.execution.threads);
+  command.flag("--json", call->json, "Print one JSON object");
+  command.runs([call] {
     if (call->period > 0) call->options.refine.period = call->period;
     run(*call);
   });

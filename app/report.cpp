@@ -1,5 +1,6 @@
 // tokid report: one page that shows whether a model can be trusted.
 // SPDX-License-Identifier: BSD-3-Clause
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -34,17 +35,17 @@ void run(const Call& call) {
 
 void add_report(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  CLI::App* command = add_command(tool, "report", "A page (HTML) that shows whether a model can be trusted",
-                                  "tokid report model.npz fresh.npz -o page.html");
-  command->add_option("MODEL", call->model, "Model: .npz, .h5 or .mat")->required()->type_name("");
-  command->add_option("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv")->required()->type_name("");
-  add_output_option(command, call->output, "Page to write: .html");
-  add_column_options(command, call->read);
-  add_number<Index>(command, "--horizon", call->options.horizon, "H", "Steps ahead of the multi-step fit (default 10)",
-                    1, 1'000'000);
-  add_number<Index>(command, "--experiments", call->options.experiments, "N",
-                    "Experiments in the plots, at most (default 24)", 1, 1000);
-  command->callback([call] { run(*call); });
+  Command command(tool, "report", "A page (HTML) that shows whether a model can be trusted",
+                  "tokid report model.npz fresh.npz -o page.html");
+  command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
+  command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
+  command.output(call->output, "Page to write: .html");
+  command.columns(call->read);
+  command.number<Index>("--horizon", call->options.horizon, "H", "Steps ahead of the multi-step fit (default 10)", 1,
+                        1'000'000);
+  command.number<Index>("--experiments", call->options.experiments, "N",
+                        "Experiments in the plots, at most (default 24)", 1, 1000);
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

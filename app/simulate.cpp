@@ -1,5 +1,6 @@
 // tokid simulate: outputs of a model for new inputs, from the zero state, the mean initial one or an estimate.
 // SPDX-License-Identifier: BSD-3-Clause
+#include "command.hpp"
 #include "common.hpp"
 #include "tokid/validate.hpp"
 
@@ -36,17 +37,14 @@ void run(const Call& call) {
 
 void add_simulate(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  CLI::App* command = add_command(tool, "simulate", "Outputs of a model for new inputs",
-                                  "tokid simulate model.npz inputs.npz -o simulated.npz");
-  command->add_option("MODEL", call->model, "Model: .npz, .h5 or .mat")->required()->type_name("");
-  command
-      ->add_option("INPUTS", call->inputs, "Ensemble with the inputs; its outputs are used by --estimate-state alone")
-      ->required()
-      ->type_name("");
-  add_output_option(command, call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
-  command->add_flag("--estimate-state", call->estimate, "Unknown initial states by the outputs of the first steps");
-  add_column_options(command, call->read);
-  command->callback([call] { run(*call); });
+  Command command(tool, "simulate", "Outputs of a model for new inputs",
+                  "tokid simulate model.npz inputs.npz -o simulated.npz");
+  command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
+  command.argument("INPUTS", call->inputs, "Ensemble with the inputs; its outputs are used by --estimate-state alone");
+  command.output(call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
+  command.flag("--estimate-state", call->estimate, "Unknown initial states by the outputs of the first steps");
+  command.columns(call->read);
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

@@ -1,14 +1,19 @@
 // The command line tool: one subcommand for each use of the library.
 // SPDX-License-Identifier: BSD-3-Clause
+#include "tool.hpp"
+
 #include <fcntl.h>
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <csignal>
+#include <cstdio>
 #include <new>
 
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -41,28 +46,6 @@ void open_standard_streams() {
       ;
 }
 
-Outcome parse_and_run(int argc, char** argv) {
-  CLI::App tool("Identifies linear time varying systems from repeated experiments.", "tokid");
-  tool.formatter(std::make_shared<Help>());
-  tool.set_version_flag("--version", fmt::format("tokid {}", version), "Print the version and exit");
-  tool.set_help_flag("-h,--help", "Print this help and exit");
-  tool.require_subcommand(1);
-  tool.footer("Example:\n  tokid example oscillator -o data.npz && tokid identify data.npz -o model.npz");
-  add_commands(tool);
-  try {
-    tool.parse(argc, argv);
-  } catch (const CLI::CallForHelp&) {
-    print(tool.help());
-  } catch (const CLI::CallForVersion& call) {
-    print(std::string(call.what()) + '\n');
-  } catch (const CLI::ParseError& error) {
-    return {wrong_call, complaint(tool, error)};
-  }
-  return {};
-}
-
-}  // namespace
-
 void add_commands(CLI::App& tool) {
   add_identify(tool);
   add_validate(tool);
@@ -91,6 +74,33 @@ std::string complaint(const CLI::App& tool, const CLI::ParseError& error) {
   return fmt::format("{}; see 'tokid {} --help'", what, tool.get_subcommands().front()->get_name());
 }
 
+Outcome parse_and_run(int argc, char** argv) {
+  CLI::App tool("Identifies linear time varying systems from repeated experiments.", "tokid");
+  tool.formatter(std::make_shared<Help>());
+  tool.set_version_flag("--version", fmt::format("tokid {}", version), "Print the version and exit");
+  tool.set_help_flag("-h,--help", "Print this help and exit");
+  tool.require_subcommand(1);
+  tool.footer("Example:\n  tokid example oscillator -o data.npz && tokid identify data.npz -o model.npz");
+  add_commands(tool);
+  try {
+    tool.parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    print(tool.help());
+  } catch (const CLI::CallForVersion& call) {
+    print(std::string(call.what()) + '\n');
+  } catch (const CLI::ParseError& error) {
+    return {wrong_call, complaint(tool, error)};
+  }
+  return {};
+}
+
+}  // namespace
+
+Team& team() {
+  static Team processes;
+  return processes;
+}
+
 Outcome run_tool(int argc, char** argv) {
 #ifdef __GLIBC__
   // Memory that one stage or block has given back serves the next one: what comes from the system costs a fault for
@@ -114,6 +124,26 @@ Outcome run_tool(int argc, char** argv) {
   } catch (const std::exception& error) {
     return {failed, error.what()};
   }
+}
+
+std::string complaint(int argc, const char* const* argv) {
+  CLI::App tool("", "tokid");
+  add_commands(tool);
+  struct Parsed {};
+  tool.parse_complete_callback([] { throw Parsed{}; });  // before the command runs
+  try {
+    tool.parse(argc, argv);
+  } catch (const Parsed&) {
+  } catch (const CLI::ParseError& error) {
+    return complaint(tool, error);
+  }
+  return {};
+}
+
+// Nobody is left to tell where stderr can't be written.
+void message(std::string_view text) {
+  const std::string line = printable(fmt::format("tokid: {}", text)) + '\n';
+  std::fwrite(line.data(), 1, line.size(), stderr);
 }
 
 }  // namespace tokid::app

@@ -4,7 +4,9 @@
 
 #include <numeric>
 
+#include "command.hpp"
 #include "common.hpp"
+#include "tool.hpp"
 
 namespace tokid::app {
 
@@ -116,22 +118,16 @@ void run(Call call) {
 
 void add_update(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  CLI::App* command = add_command(tool, "update", "Add experiments to those that identify --state has kept",
-                                  "tokid update state.h5 tuesday.npz wednesday.npz -o model.npz");
-  command->add_option("STATE", call->state, "State that identify --state has written; gets the new experiments")
-      ->required()
-      ->type_name("");
-  command->add_option("NEWDATA", call->data, "Ensembles of the new experiments: .npz, .h5, .mat or .csv")
-      ->required()
-      ->type_name("");
-  command->add_option("-o,--output", call->model, "Model of all experiments to write: .npz, .h5 or .mat")
-      ->type_name("FILE");
-  add_column_options(command, call->options.read);
-  add_number(command, "--threads", call->options.execution.threads, "N",
-             "Threads, 0 for all of the machine (default 1)", 0, 1024);
-  command->add_flag("--json", call->json, "Print one JSON object");
-  command->add_flag("--quiet", call->quiet, "Print warnings and errors only");
-  command->callback([call] { run(*call); });
+  Command command(tool, "update", "Add experiments to those that identify --state has kept",
+                  "tokid update state.h5 tuesday.npz wednesday.npz -o model.npz");
+  command.argument("STATE", call->state, "State that identify --state has written; gets the new experiments");
+  command.argument("NEWDATA", call->data, "Ensembles of the new experiments: .npz, .h5, .mat or .csv");
+  command.file("-o,--output", call->model, "Model of all experiments to write: .npz, .h5 or .mat");
+  command.columns(call->options.read);
+  command.threads(call->options.execution.threads);
+  command.flag("--json", call->json, "Print one JSON object");
+  command.flag("--quiet", call->quiet, "Print warnings and errors only");
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

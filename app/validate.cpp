@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "command.hpp"
 #include "common.hpp"
 
 namespace tokid::app {
@@ -234,18 +235,19 @@ void run(const Call& call) {
 
 void add_validate(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  CLI::App* command = add_command(tool, "validate", "How good a model is on data: fits, and tests of its innovations",
-                                  "tokid validate model.npz fresh.npz --horizon 10");
-  command->add_option("MODEL", call->model, "Model: .npz, .h5 or .mat")->required()->type_name("");
-  command->add_option("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv")->required()->type_name("");
-  add_column_options(command, call->read);
-  add_horizon_option(command, call->options.horizon);
-  add_number<Index>(command, "--cross-validate", call->folds, "K",
-                    "Also identify anew, with the options of the model, from all but one of K parts of DATA at a time, "
-                    "and judge by the part left out",
-                    2, 1'000'000);
-  command->add_flag("--json", call->json, "Print one JSON object");
-  command->callback([call] { run(*call); });
+  Command command(tool, "validate", "How good a model is on data: fits, and tests of its innovations",
+                  "tokid validate model.npz fresh.npz --horizon 10");
+  command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
+  command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
+  command.columns(call->read);
+  command.horizon(call->options.horizon);
+  command.number<Index>(
+      "--cross-validate", call->folds, "K",
+      "Also identify anew, with the options of the model, from all but one of K parts of DATA at a time, "
+      "and judge by the part left out",
+      2, 1'000'000);
+  command.flag("--json", call->json, "Print one JSON object");
+  command.runs([call] { run(*call); });
 }
 
 }  // namespace tokid::app

@@ -5,7 +5,6 @@
 #include <hdf5.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
 #include <stdexcept>
@@ -13,10 +12,11 @@
 #include <system_error>
 #include <vector>
 
-#include "common.hpp"
+#include "command.hpp"
 #include "io/claims.hpp"
 #include "stream/blocks.hpp"
 #include "tokid/tokid.hpp"
+#include "tool.hpp"
 
 namespace tokid::fuzz {
 
@@ -114,7 +114,7 @@ void columns(std::string_view bytes) {
   ReadOptions options;
   for (auto* names : {&options.inputs, &options.outputs}) {
     const size_t end = std::min(bytes.find('\n'), bytes.size());
-    *names = CLI::detail::split(std::string(bytes.substr(0, end)), ',');
+    *names = app::split_at_commas(std::string(bytes.substr(0, end)));
     bytes.remove_prefix(std::min(end + 1, bytes.size()));
   }
   const fs::path& path = file_of<csv>(bytes);
@@ -165,16 +165,7 @@ void command_line(std::string_view bytes) {
   }
   std::vector<const char*> arguments;
   for (const std::string& word : words) arguments.push_back(word.c_str());
-  CLI::App tool("", "tokid");
-  app::add_commands(tool);
-  struct Parsed {};
-  tool.parse_complete_callback([] { throw Parsed{}; });  // before the commands run
-  try {
-    tool.parse(int(arguments.size()), arguments.data());
-  } catch (const Parsed&) {
-  } catch (const CLI::ParseError& error) {
-    app::complaint(tool, error);
-  }
+  app::complaint(int(arguments.size()), arguments.data());
 }
 
 constexpr Target table[] = {{"ensemble_npz", ensemble<npz>},

@@ -3,9 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/observer.hpp"
@@ -115,7 +112,7 @@ TEST(Identify, TimeInvariantSystemsGiveTheModelOfClassicalEra) {
     for (Index k = gap; k < 40; ++k)
       EXPECT_LE((pulse_response(result.model, k, k - gap) - c * power).norm(), 1e-9) << k << " " << gap;
   // The poles are those of the system.
-  Eigen::VectorXcd poles = a.eigenvalues(), truth = system.A[0].eigenvalues();
+  Eigen::VectorXcd poles = linalg::eigenvalues(a), truth = linalg::eigenvalues(system.A[0]);
   const auto order = [](auto x, auto y) { return std::pair(x.real(), x.imag()) < std::pair(y.real(), y.imag()); };
   std::sort(poles.begin(), poles.end(), order);
   std::sort(truth.begin(), truth.end(), order);

@@ -1,15 +1,19 @@
 // tokid-mpi: identify, its blocks, and update, its files, shared by the processes of mpirun. All other commands are
 // left to the first process.
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
 #include <mpi.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
+#include <vector>
 
-#include "common.hpp"
+#include "tool.hpp"
 
 namespace {
 

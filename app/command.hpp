@@ -1,0 +1,122 @@
+// A subcommand: its arguments and options, and what it does when the command line has been parsed.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "tokid/io.hpp"
+
+namespace CLI {
+class App;  // known to command.cpp and tool.cpp alone: CLI11 takes longer to compile than what the commands do
+}
+
+namespace tokid::app {
+
+namespace fs = std::filesystem;
+
+// The whole text as a number from `smallest` to `largest`, or nothing.
+template <class T>
+std::optional<T> parse_number(const std::string& text, T smallest, T largest) {
+  T value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  const bool whole = error == std::errc() && end == text.data() + text.size();
+  return whole && value >= smallest && value <= largest ? std::optional<T>(value) : std::nullopt;
+}
+
+std::vector<std::string> split_at_commas(const std::string& text);
+
+template <class T>
+using Choices = std::vector<std::pair<std::string, T>>;
+
+// What the command line says goes to the targets, which must outlive the parsing. Names without a dash are arguments,
+// which are required.
+class Command {
+ public:
+  // With its help text and one example of its use.
+  Command(CLI::App& tool, const char* name, const char* description, const char* example);
+
+  void argument(const char* name, fs::path& file, const char* description);
+  void argument(const char* name, std::vector<fs::path>& files, const char* description);  // one or more
+  void file(const char* name, fs::path& target, const char* description);
+  void output(fs::path& target, const char* description, const char* type = "FILE");  // -o, required
+  void columns(ReadOptions& options);  // --inputs and --outputs, the columns of a .csv
+  void horizon(Index& target);
+  void threads(int& target);
+  void flag(const char* name, bool& target, const char* description);
+  void flag(const char* name, std::function<void()> set, const char* description);
+  // A positive whole number, or "auto", which is 0.
+  void count_or_auto(const char* name, Index& target, const char* description);
+
+  template <class T>
+  void number(const char* name, T& target, const char* type, const char* description, T smallest,
+              T largest = std::numeric_limits<T>::max()) {
+    const std::string range = largest == std::numeric_limits<T>::max()
+                                  ? fmt::format("from {} on", smallest)
+                                  : fmt::format("from {} to {}", smallest, largest);
+    value(
+        name, target, type, description, [=](const std::string& text) { return parse_number(text, smallest, largest); },
+        fmt::format("a {}number {} needed", std::is_integral_v<T> ? "whole " : "", range));
+  }
+
+  // One of several words; a wrong one is answered with the list.
+  template <class T>
+  void choice(const char* name, T& target, const Choices<T>& choices, const char* description) {
+    std::string words;
+    for (const auto& [word, meaning] : choices) words += (words.empty() ? "" : "|") + word;
+    const auto choose = [choices](const std::string& text) -> std::optional<T> {
+      for (const auto& [word, meaning] : choices)
+        if (word == text) return meaning;
+      return std::nullopt;
+    };
+    value(name, target, words.c_str(), description, choose, fmt::format("one of {} needed", words));
+  }
+
+  // What `parse` makes of the text; where that is nothing, the complaint says what was found, and `needed`.
+  template <class T, class Parse>
+  void value(const char* name, T& target, const char* type, const char* description, Parse parse, std::string needed) {
+    const auto set = [&target, parse](const std::string& text) {
+      auto parsed = parse(text);
+      if (parsed) target = std::move(*parsed);
+      return parsed.has_value();
+    };
+    text(name, type, description, set, std::move(needed));
+  }
+
+  void excludes(const char* name, const char* other);  // options of which one may be given, not both
+  void runs(std::function<void()> work);
+
+ private:
+  // `set` says whether it took the text.
+  void text(const char* name, const char* type, const char* description, std::function<bool(const std::string&)> set,
+            std::string needed);
+
+  CLI::App* parser_;
+};
+
+// One function per subcommand, in a file of its own.
+void add_identify(CLI::App& tool);
+void add_validate(CLI::App& tool);
+void add_confidence(CLI::App& tool);
+void add_simulate(CLI::App& tool);
+void add_predict(CLI::App& tool);
+void add_info(CLI::App& tool);
+void add_plan(CLI::App& tool);
+void add_example(CLI::App& tool);
+void add_convert(CLI::App& tool);
+void add_refine(CLI::App& tool);
+void add_update(CLI::App& tool);
+void add_report(CLI::App& tool);
+void add_paper(CLI::App& tool);
+
+}  // namespace tokid::app
