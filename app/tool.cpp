@@ -3,6 +3,7 @@
 #include "tool.hpp"
 
 #include <fcntl.h>
+#include <hdf5.h>
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
@@ -108,6 +109,7 @@ Outcome run_tool(int argc, char** argv) {
   mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that it takes
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
 #endif
+  H5dont_atexit();  // all files are closed by then; about damaged ones it would print words of its own
   // A reader that goes away shows as an error of the write.
   std::signal(SIGPIPE, SIG_IGN);
   open_standard_streams();

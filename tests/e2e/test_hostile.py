@@ -19,6 +19,8 @@ import numpy as np
 import pytest
 import scipy.io
 
+from conftest import ROOT
+
 GIGABYTE = 1 << 30
 
 
@@ -425,3 +427,9 @@ def test_files_that_are_cut_while_they_are_read(tokid, tmp_path, name):
             assert name in found[1] and len(found[1].splitlines()) == 1
             return
     pytest.fail("always read too fast to be cut")
+
+
+def test_nothing_is_told_behind_the_message(tokid):
+    """The HDF5 library complains when it is closed about what a damaged file has left open."""
+    found = ROOT / "fuzz" / "corpus" / "ensemble_h5" / "found-superblock-beyond-file.h5"
+    assert len(tokid("info", found, status=2).stderr.splitlines()) == 1
