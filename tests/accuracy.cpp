@@ -751,10 +751,10 @@ const std::vector<AccuracyStudy>& accuracy_studies() {
                                                   {"RegularisedRegressions", regularised_regressions, 40, 1.0},
                                                   {"MarkovParameters", markov_parameters, 60, 1.0},
                                                   {"Realisations", realisations, 60, 1.0},
-                                                  {"PredictorSubspaces", predictor_subspaces, 30, 1.0},
+                                                  {"PredictorSubspaces", predictor_subspaces, 20, 1.0},
                                                   {"Simulations", simulations, 60, 1.0},
                                                   {"KalmanFilters", kalman_filters, 60, 1.0},
-                                                  {"Likelihoods", likelihoods, 30, 1.0},
+                                                  {"Likelihoods", likelihoods, 20, 1.0},
                                                   {"ConfidenceBounds", confidence_bounds, 30, 1.0},
                                                   {"Identifications", identifications, 24, 1.0}};
   return studies;

@@ -5,8 +5,10 @@
 
 #include "accuracy_cases.hpp"
 #include "em/estimator.hpp"
+#include "em/symmetric.hpp"
 #include "oracle.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/observer.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/uncertainty.hpp"
 
@@ -19,6 +21,8 @@ using oracle::Exact;
 
 // Their standard deviation: so small that results move in proportion, so large that double precision holds it.
 constexpr double nudge = 1e-10;
+// How often they move: a single draw may miss what a result depends on.
+constexpr int draws = 3;
 
 class Nudged {
  public:
@@ -31,12 +35,19 @@ class Nudged {
     const Matrix moved = (*this)(a);
     return (moved + moved.transpose()) / 2;
   }
-  Ensemble operator()(Ensemble e) {
-    for (Index i = 0; i < e.samples().cols(); ++i) {
-      auto column = e.samples().col(i);
-      const Vector there = column.array().isFinite().select(column, 0.0);
-      column += (*this)(there)-there;
+  Matrix columns(Matrix a) {
+    for (Index i = 0; i < a.cols(); ++i) {
+      const Vector there = a.col(i).array().isFinite().select(a.col(i), 0.0);
+      a.col(i) += (*this)(there)-there;
     }
+    return a;
+  }
+  std::vector<Exact> columns(std::vector<Exact> list) {
+    for (Exact& a : list) a = exact(columns(Matrix(a.cast<double>())));
+    return list;
+  }
+  Ensemble operator()(Ensemble e) {
+    e.samples() = columns(e.samples());
     return e;
   }
   GtvArx operator()(GtvArx arx) {
@@ -47,11 +58,15 @@ class Nudged {
     }
     return arx;
   }
+  // Noise is added to what the states bring about, and is off by as much as their sum.
   Model operator()(Model model) {
+    const KalmanFilter filter = kalman_filter(model);
     for (auto* list : {&model.A, &model.B, &model.C, &model.D})
       for (Matrix& a : *list) a = (*this)(a);
-    for (auto* list : {&model.Q, &model.R})
-      for (Matrix& a : *list) a = symmetric(a);
+    for (size_t s = 0; s < model.A.size(); ++s) {
+      model.Q[s] += symmetric(filter.P[s + 1]) - filter.P[s + 1];
+      model.R[s] += symmetric(filter.innovation_cov[s]) - filter.innovation_cov[s];
+    }
     model.x0_mean = (*this)(model.x0_mean);
     model.x0_cov = symmetric(model.x0_cov);
     return model;
@@ -61,10 +76,28 @@ class Nudged {
   Random& random_;
 };
 
-// A result beside the true one, and beside that of the numbers that were moved.
-void see(Accuracy& accuracy, const Exact& found, const Exact& truth, const Exact& moved) {
+// A result beside the true one, and beside those of the numbers that were moved.
+void see(Accuracy& accuracy, const Exact& found, const Exact& truth, const std::vector<Exact>& moved) {
   const double size = double(truth.norm());
-  see(accuracy, double(Exact(found - truth).norm()), double(Exact(moved - truth).norm()) / nudge + size, size);
+  double square = 0.0;
+  for (const Exact& other : moved) square += double(Exact(other - truth).squaredNorm()) / double(moved.size());
+  see(accuracy, double(Exact(found - truth).norm()), std::sqrt(square) / nudge + size, size);
+  accuracy.ratio = accuracy.error / (epsilon * accuracy.growth);
+}
+
+// result() of every draw
+template <class Result>
+auto every_draw(Result&& result) {
+  std::vector<decltype(result())> all;
+  for (int i = 0; i < draws; ++i) all.push_back(result());
+  return all;
+}
+// part(result) of them
+template <class Result, class Part>
+std::vector<Exact> each(const std::vector<Result>& results, Part&& part) {
+  std::vector<Exact> parts;
+  for (const Result& result : results) parts.emplace_back(part(result));
+  return parts;
 }
 
 Accuracy stage_of(const char* stage, const char* route) {
@@ -90,14 +123,17 @@ Observer observer_of(const oracle::Realised& realised, Index band) {
 }
 
 void see(Accuracy& pulses, Accuracy& gains, Accuracy& innovations, const Observer& found, const Observer& truth,
-         const Observer& moved) {
+         const std::vector<Observer>& moved) {
   const size_t steps = truth.responses.system.size(), begin = steps - truth.innovation_cov.size();
   for (size_t k = begin + 1; k < steps; ++k) {
-    see(pulses, found.responses.system[k], truth.responses.system[k], moved.responses.system[k]);
-    see(gains, found.responses.gain[k], truth.responses.gain[k], moved.responses.gain[k]);
+    see(pulses, found.responses.system[k], truth.responses.system[k],
+        each(moved, [k](const Observer& o) { return o.responses.system[k]; }));
+    see(gains, found.responses.gain[k], truth.responses.gain[k],
+        each(moved, [k](const Observer& o) { return o.responses.gain[k]; }));
   }
   for (size_t s = 0; s < truth.innovation_cov.size(); ++s)
-    see(innovations, found.innovation_cov[s], truth.innovation_cov[s], moved.innovation_cov[s]);
+    see(innovations, found.innovation_cov[s], truth.innovation_cov[s],
+        each(moved, [s](const Observer& o) { return o.innovation_cov[s]; }));
 }
 
 }  // namespace
@@ -115,7 +151,6 @@ AccuracyFindings predictor_subspaces(int cases) {
     const Index experiments = std::min(3 * fewest, draw_experiments(random, fewest));
     const Ensemble data = with_noise(random_experiments(system, experiments, std::uint64_t(8700 + c), 1.0),
                                      power(random, -2.0, 0.0), std::uint64_t(8900 + c));
-    const Ensemble moved_data = nudged(data);
 
     GtvArxOptions regressions;
     regressions.lags = {p};
@@ -129,29 +164,38 @@ AccuracyFindings predictor_subspaces(int cases) {
 
     // States are the same but for orthogonal coordinates.
     Accuracy values = stage_of("subspace: singular values", route), maps = stage_of("subspace: states", route);
-    const oracle::States truth = oracle::states(oracle::arx(arx), data, most, many_steps);
-    const oracle::States moved = oracle::states(oracle::arx(nudged(arx)), moved_data, most, many_steps);
-    std::vector<Exact> map(static_cast<size_t>(steps)), moved_map = map;
+    const auto states_of = [&](const oracle::Arx& from, const Ensemble& e) {
+      return oracle::states(from, e, most, many_steps);
+    };
+    const oracle::States truth = states_of(oracle::arx(arx), data);
+    const auto moved = every_draw([&] { return states_of(oracle::arx(nudged(arx)), nudged(data)); });
+    oracle::States given = truth;
     for (size_t k = size_t(p); k < size_t(steps); ++k) {
       const PredictorFactor& factor = factors.group[k];
       const Index n = truth.map[k].rows();
       const auto gram = [n](const Exact& of, const Exact& sizes) -> Exact {
         return of.topRows(n).transpose() * sizes.col(0).head(n).asDiagonal() * of.topRows(n);
       };
-      see(values, exact(factor.singular_values), truth.singular_values[k], moved.singular_values[k]);
+      see(values, exact(factor.singular_values), truth.singular_values[k],
+          each(moved, [k](const oracle::States& s) { return s.singular_values[k]; }));
       see(maps, gram(exact(factor.state), exact(factor.singular_values)), gram(truth.map[k], truth.singular_values[k]),
-          gram(moved.map[k], moved.singular_values[k]));
-      map[k] = exact(factor.state.topRows(n));
-      moved_map[k] = exact(nudged(factor.state.topRows(n)));
+          each(moved, [&](const oracle::States& s) { return gram(s.map[k], s.singular_values[k]); }));
+      given.map[k] = exact(factor.state.topRows(n));
     }
     findings.all.push_back(values);
     findings.all.push_back(maps);
 
     Accuracy pulses = stage_of("subspace: A, B, C", route), gains = stage_of("subspace: gains G", route);
     Accuracy innovations = stage_of("subspace: innovations", route);
-    see(pulses, gains, innovations, observer_of(realise(data, arx, factors, o), steps),
-        observer_of(oracle::realise(map, data, p), steps),
-        observer_of(oracle::realise(moved_map, moved_data, p), steps));
+    // Samples of the states are rounded, too.
+    const auto realised = [&](const oracle::States& states, const Ensemble& e) {
+      return observer_of(oracle::realise(oracle::samples(states, e, p), e, p), steps);
+    };
+    const auto realised_nearby = [&](const oracle::States& states, const Ensemble& e) {
+      return observer_of(oracle::realise(nudged.columns(oracle::samples(states, e, p)), e, p), steps);
+    };
+    see(pulses, gains, innovations, observer_of(realise(data, arx, factors, o), steps), realised(given, data),
+        every_draw([&] { return realised_nearby(given, nudged(data)); }));
     findings.all.insert(findings.all.end(), {pulses, gains, innovations});
 
     IdentifyOptions options;
@@ -163,12 +207,13 @@ AccuracyFindings predictor_subspaces(int cases) {
     options.refine = false;
     options.initial_state = InitialState::unknown;
     options.nominal = NominalChoice::none;
-    const auto all_of = [&](const Ensemble& e) {
-      return observer_of(oracle::realise(oracle::states(oracle::arx(e, p), e, most, many_steps).map, e, p), steps);
-    };
     Accuracy whole = stage_of("whole identification with noise", route);
     for (Index k = p; k < steps; ++k) whole.condition = std::max(whole.condition, arx.step[size_t(k)].condition);
-    see(whole, whole, whole, observer_of(identify(data, options).model, steps), all_of(data), all_of(moved_data));
+    see(whole, whole, whole, observer_of(identify(data, options).model, steps),
+        realised(states_of(oracle::arx(data, p), data), data), every_draw([&] {
+          const Ensemble e = nudged(data);
+          return realised_nearby(states_of(oracle::arx(e, p), e), e);
+        }));
     findings.all.push_back(whole);
     ++findings.judged;
   }
@@ -180,7 +225,7 @@ AccuracyFindings likelihoods(int cases) {
   for (int c = 0; c < cases; ++c) {
     Random random(std::uint64_t(9000 + c));
     Nudged nudged(random);
-    const Index n = whole(random, 1, 12), m = whole(random, 1, 3), r = whole(random, 1, 2), steps = 5, experiments = 5;
+    const Index n = whole(random, 1, 12), m = whole(random, 1, 3), r = whole(random, 1, 2), steps = 4, experiments = 5;
     Model model = random_system({n, m, r}, steps, random.uniform(0.5, 1.2), std::uint64_t(9500 + c));
     for (Index k = 0; k < steps; ++k) {
       model.Q.push_back(draw_covariance(random, n));
@@ -204,17 +249,20 @@ AccuracyFindings likelihoods(int cases) {
     const em::Samples samples = em::samples_of(model, data);
     const em::Smoothed found = em::smooth(model, samples);
     const oracle::Expectation truth = oracle::expectation(model, data);
-    const oracle::Expectation moved = oracle::expectation(nudged(model), nudged(data));
+    const auto moved = every_draw([&] { return oracle::expectation(nudged(model), nudged(data)); });
     Accuracy moments = stage_of("EM: expected moments", "smoother"), density = stage_of("EM: log-likelihood", "filter");
     for (size_t s = 0; s < size_t(steps); ++s) {
       if (found.moments.measured_count(Index(s)) > 0)
-        see(moments, exact(found.moments.measured[s]), truth.measured[s], moved.measured[s]);
+        see(moments, exact(found.moments.measured[s]), truth.measured[s],
+            each(moved, [s](const oracle::Expectation& e) { return e.measured[s]; }));
       if (found.moments.moved_count(Index(s)) > 0)
-        see(moments, exact(found.moments.moved[s]), truth.moved[s], moved.moved[s]);
+        see(moments, exact(found.moments.moved[s]), truth.moved[s],
+            each(moved, [s](const oracle::Expectation& e) { return e.moved[s]; }));
     }
     Exact of_experiment(experiments, 1);
     for (Index i = 0; i < experiments; ++i) of_experiment(samples.experiment[size_t(i)], 0) = found.log_likelihood(i);
-    see(density, of_experiment, truth.log_likelihood, moved.log_likelihood);
+    see(density, of_experiment, truth.log_likelihood,
+        each(moved, [](const oracle::Expectation& e) { return e.log_likelihood; }));
 
     em::Estimator estimator(model, samples, {0.0, 0, true, Matrix::Identity(m, m)});
     estimator.set_scales(found.moments, samples);
@@ -222,18 +270,25 @@ AccuracyFindings likelihoods(int cases) {
     Accuracy matrices = stage_of("EM: maximising A, B, C, D", "Cholesky roots");
     Accuracy noise = stage_of("EM: maximising Q, R", "Cholesky roots");
     const auto see_regression = [&](const Matrix& moment, double count, const Matrix& coefficients,
-                                    const Matrix& covariance) {
+                                    const Matrix& covariance, const Vector& floor) {
       const oracle::Regression exactly = oracle::regression(moment, n + r);
-      const oracle::Regression otherwise = oracle::regression(nudged.symmetric(moment), n + r);
-      see(matrices, exact(coefficients), exactly.coefficients, otherwise.coefficients);
-      see(noise, exact(covariance) * oracle::Real(count), exactly.residual, otherwise.residual);
+      const auto otherwise = every_draw([&] { return oracle::regression(nudged.symmetric(moment), n + r); });
+      see(matrices, exact(coefficients), exactly.coefficients,
+          each(otherwise, [](const oracle::Regression& g) { return g.coefficients; }));
+      bool raised = false;
+      em::bounded_below(exactly.residual.cast<double>() / count, floor, &raised);
+      if (raised) return;  // a covariance at the floor is the floor's
+      see(noise, exact(covariance) * oracle::Real(count), exactly.residual,
+          each(otherwise, [](const oracle::Regression& g) { return g.residual; }));
     };
     for (Index k = 0; k < steps; ++k) {
       const size_t s = size_t(k);
       const em::Moments& sums = found.moments;
-      if (sums.moved_count(k) > 0) see_regression(sums.moved[s], sums.moved_count(k), next.ab[s], next.process.of(k));
+      if (sums.moved_count(k) > 0)
+        see_regression(sums.moved[s], sums.moved_count(k), next.ab[s], next.process.of(k), estimator.process_floor());
       if (sums.measured_count(k) > 0)
-        see_regression(sums.measured[s], sums.measured_count(k), next.cd[s], next.measurement.of(k));
+        see_regression(sums.measured[s], sums.measured_count(k), next.cd[s], next.measurement.of(k),
+                       estimator.measurement_floor());
     }
     findings.all.insert(findings.all.end(), {moments, density, matrices, noise});
     ++findings.judged;
@@ -255,7 +310,8 @@ AccuracyFindings confidence_bounds(int cases) {
     const GtvArx arx = gtv_arx(with_noise(random_experiments(system, measured, std::uint64_t(10700 + c)),
                                           power(random, -2.0, 0.0), std::uint64_t(10900 + c)),
                                o);
-    const GtvArx moved_arx = nudged(arx);
+    std::vector<GtvArx> others;
+    for (int i = 0; i < draws; ++i) others.push_back(nudged(arx));
 
     Accuracy pulses = stage_of("standard errors", "Markov parameters");
     const MarkovBounds bounds = markov_bounds(arx, steps - 1);
@@ -263,9 +319,11 @@ AccuracyFindings confidence_bounds(int cases) {
       std::vector<Matrix> pulse(size_t(steps), Matrix::Zero(r, r));
       pulse[size_t(i)].setIdentity();
       const std::vector<Exact> truth = oracle::deviations(arx, pulse, i, false);
-      const std::vector<Exact> moved = oracle::deviations(moved_arx, pulse, i, false);
+      std::vector<std::vector<Exact>> moved;
+      for (const GtvArx& other : others) moved.push_back(oracle::deviations(other, pulse, i, false));
       for (size_t k = size_t(i); k < size_t(steps); ++k)
-        see(pulses, exact(bounds.step[k].deviation.middleCols((Index(k) - i) * r, r)), truth[k], moved[k]);
+        see(pulses, exact(bounds.step[k].deviation.middleCols((Index(k) - i) * r, r)), truth[k],
+            each(moved, [k](const std::vector<Exact>& d) { return d[k]; }));
     }
     Accuracy outputs = stage_of("standard errors", "simulated outputs");
     const Ensemble fresh = random_experiments(system, experiments, std::uint64_t(10800 + c));
@@ -273,9 +331,11 @@ AccuracyFindings confidence_bounds(int cases) {
     std::vector<Matrix> inputs;
     for (Index k = 0; k < steps; ++k) inputs.emplace_back(fresh.input(k).transpose());
     const std::vector<Exact> truth = oracle::deviations(arx, inputs, 0, true);
-    const std::vector<Exact> moved = oracle::deviations(moved_arx, inputs, 0, true);
+    std::vector<std::vector<Exact>> moved;
+    for (const GtvArx& other : others) moved.push_back(oracle::deviations(other, inputs, 0, true));
     for (size_t k = 0; k < size_t(steps); ++k)
-      see(outputs, exact(found.step[k].deviation.transpose()), truth[k], moved[k]);
+      see(outputs, exact(found.step[k].deviation.transpose()), truth[k],
+          each(moved, [k](const std::vector<Exact>& d) { return d[k]; }));
     findings.all.push_back(pulses);
     findings.all.push_back(outputs);
     ++findings.judged;

@@ -13,10 +13,11 @@ namespace tokid::testing::oracle {
 
 namespace {
 
-// aᵀb column by column: numbers this long gain nothing from blocks.
+// aᵀb column by column: numbers this long gain nothing from blocks, but much from zeros that are left out.
 Real product(const Exact& a, Index i, const Exact& b, Index j) {
   Real sum = 0;
-  for (Index n = 0; n < a.rows(); ++n) sum += a(n, i) * b(n, j);
+  for (Index n = 0; n < a.rows(); ++n)
+    if (a(n, i) != 0 && b(n, j) != 0) sum += a(n, i) * b(n, j);
   return sum;
 }
 
@@ -257,19 +258,26 @@ States states(const Arx& arx, const Ensemble& data, Index most, bool many_steps)
   return result;
 }
 
-Realised realise(const std::vector<Exact>& map, const Ensemble& data, Index lags) {
+std::vector<Exact> samples(const States& states, const Ensemble& data, Index lags) {
+  std::vector<Exact> result(states.map.size());
+  for (Index k = lags; k < data.steps(); ++k)
+    result[size_t(k)] = past(data, k, lags) * states.map[size_t(k)].transpose();
+  return result;
+}
+
+Realised realise(const std::vector<Exact>& states, const Ensemble& data, Index lags) {
   const Index r = data.inputs(), m = data.outputs(), steps = data.steps();
   Realised result{{r, m, lags, {}, {}, {}, {}}, {}};
   System& model = result.system;
-  Exact p = Exact::Zero(map[size_t(lags)].rows(), map[size_t(lags)].rows());
+  Exact p = Exact::Zero(states[size_t(lags)].cols(), states[size_t(lags)].cols());
   for (Index k = lags; k < steps; ++k) {
-    const Exact x = past(data, k, lags) * map[size_t(k)].transpose(), known = beside(x, exact(data.input(k)));
-    const Index n = x.cols(), next = k + 1 < steps ? map[size_t(k + 1)].rows() : 0;
+    const Exact &x = states[size_t(k)], known = beside(x, exact(data.input(k)));
+    const Index n = x.cols(), next = k + 1 < steps ? states[size_t(k + 1)].cols() : 0;
     const Fit output = fit(known, exact(data.output(k)));
     const Exact c = output.coefficients.leftCols(n), sigma = covariance(output.residuals, n + r);
     Exact of_state = Exact::Zero(next, n + r + m), noise = Exact::Zero(next, next);
     if (next > 0) {
-      const Fit state = fit(beside(known, output.residuals), past(data, k + 1, lags) * map[size_t(k + 1)].transpose());
+      const Fit state = fit(beside(known, output.residuals), states[size_t(k + 1)]);
       of_state = state.coefficients;
       noise = covariance(state.residuals, n + r + m);
     }

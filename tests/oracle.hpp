@@ -72,12 +72,14 @@ struct States {
 };
 States states(const Arx& arx, const Ensemble& data, Index most, bool many_steps);
 
-// The regressions on these states and the gains of the Kalman filter that goes with what they leave.
+std::vector<Exact> samples(const States& states, const Ensemble& data, Index lags);  // (T) x_k (N × n_k)
+
+// The regressions on samples of the states, and the gains of the Kalman filter that goes with what they leave.
 struct Realised {
   System system;
   std::vector<Exact> innovation_cov;  // (S)
 };
-Realised realise(const std::vector<Exact>& map, const Ensemble& data, Index lags);
+Realised realise(const std::vector<Exact>& states, const Ensemble& data, Index lags);
 
 // Expectation: the second moments of [x_k; u_k; y_k] and [x_k; u_k; x_{k+1}] summed over the experiments, given all
 // samples that are there. All others, and the states, are the unknowns of one least-squares problem per experiment,
