@@ -405,6 +405,7 @@ Expectation expectation(const Model& model, const Ensemble& data) {
     const auto any_output = [&](Index k) { return data.output(k).row(experiment).array().isFinite().any(); };
     Index end = steps, unknowns = 0;
     while (end > 0 && !any_output(end - 1)) --end;
+    if (end == 0) continue;
     std::vector<Part> x, u, y;
     for (Index k = 0; k < end; ++k) {
       x.push_back(unknown(n, unknowns));
