@@ -187,12 +187,12 @@ AccuracyFindings predictor_subspaces(int cases) {
 
     Accuracy pulses = stage_of("subspace: A, B, C", route), gains = stage_of("subspace: gains G", route);
     Accuracy innovations = stage_of("subspace: innovations", route);
-    // Samples of the states are rounded, too.
+    // Samples of the states are rounded, and residuals of outputs that do not go with them.
     const auto realised = [&](const oracle::States& states, const Ensemble& e) {
       return observer_of(oracle::realise(oracle::samples(states, e, p), e, p), steps);
     };
     const auto realised_nearby = [&](const oracle::States& states, const Ensemble& e) {
-      return observer_of(oracle::realise(nudged.columns(oracle::samples(states, e, p)), e, p), steps);
+      return observer_of(oracle::realise(nudged.columns(oracle::samples(states, e, p)), nudged(e), p), steps);
     };
     see(pulses, gains, innovations, observer_of(realise(data, arx, factors, o), steps), realised(given, data),
         every_draw([&] { return realised_nearby(given, nudged(data)); }));
