@@ -61,12 +61,13 @@ TEST_P(AccuracyOf, EveryStageAndRouteIsWithinOneBound) {
       EXPECT_TRUE(std::any_of(rows.begin(), rows.end(), same(shown))) << shown.stage << ", " << shown.route;
   }
 
+  // Of fewer cases the worst is not as bad: no fewer digits than the page shows, but for one.
   const std::vector<DigitsRow> digits = digits_rows(found.all), shown_digits = read_digits_rows(page());
   ASSERT_EQ(digits.size(), shown_digits.size());
   for (size_t i = 0; i < digits.size(); ++i)
     for (size_t j = 0; j < digits[i].digits.size(); ++j)
       if (!std::isnan(digits[i].digits[j]))
-        EXPECT_NEAR(digits[i].digits[j], shown_digits[i].digits[j], 1.5) << i << ", " << j;
+        EXPECT_GE(digits[i].digits[j], shown_digits[i].digits[j] - 1) << i << ", " << j;
 }
 
 TEST(Accuracy, CasesCoverEveryConditionAndRoute) {
