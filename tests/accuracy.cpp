@@ -11,6 +11,7 @@
 #include <numeric>
 #include <optional>
 
+#include "accuracy_cases.hpp"
 #include "linalg/lane_regression.hpp"
 #include "linalg/simd.hpp"
 #include "members.hpp"
@@ -37,34 +38,11 @@ namespace fs = std::filesystem;
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double worst_condition = 1e12;  // double precision sees the rank up to there
 
-Index whole(Random& random, Index from, Index to) { return Index(random.uniform(double(from), double(to) + 1)); }
-double power(Random& random, double from, double to) { return std::pow(10.0, random.uniform(from, to)); }
-
-// n ≤ 12, with p m = n.
-struct Sizes {
-  Index n, m, r, p;
-  Index channels() const { return r + m; }
-  Index regressors() const { return minimum_experiments(r, m, p); }
-};
-Sizes draw_sizes(Random& random) {
-  const Index m = whole(random, 1, 3), r = whole(random, 1, 3), p = whole(random, 1, 4);
-  return {p * m, m, r, p};
-}
-
-// N_min to 10 N_min experiments, as many small ensembles as large ones.
-Index draw_experiments(Random& random, Index fewest) {
-  return Index(std::lround(double(fewest) * power(random, 0.0, 1.0)));
-}
-
-// An error of a result, what ε may make of it to first order, in units of ε, and the size of the result itself.
-void see(Accuracy& accuracy, double error, double unit, double size) {
-  if (error == 0 && unit == 0) return;
-  const auto raise = [](double& most, double value) {
-    if (!(value <= most) && !std::isnan(most)) most = value;  // what is no number stays
-  };
-  raise(accuracy.error, error / size);
-  raise(accuracy.growth, unit / size);
-  raise(accuracy.ratio, error / (epsilon * unit));
+// Is a problem of this condition to be judged? It is counted either way.
+bool within_reach(double condition, AccuracyFindings& findings) {
+  const bool within = condition < worst_condition;
+  ++(within ? findings.judged : findings.left_out);
+  return within;
 }
 
 // A directory for files, removed with what is in it.
@@ -223,8 +201,8 @@ void judge(const GtvArx& arx, Index k, const Matrix& a, const Vector& scale, con
   add("condition number", std::abs(step.condition - condition), condition * condition, condition);
 }
 
-std::vector<Accuracy> regressions(int cases) {
-  std::vector<Accuracy> all;
+AccuracyFindings regressions(int cases) {
+  AccuracyFindings findings;
   const Folder folder;
   for (int c = 0; c < cases; ++c) {
     Random random(std::uint64_t(1000 + c));
@@ -232,7 +210,7 @@ std::vector<Accuracy> regressions(int cases) {
     const Index p = size.p, d = size.channels(), steps = p + 9 + whole(random, 0, 3);
     const Index experiments = draw_experiments(random, size.regressors());
     const Weakness weakness = Weakness(c % 4);
-    Ensemble e = ill_conditioned_experiments(size, experiments, steps, weakness, power(random, 0.0, 12.0), random);
+    Ensemble e = ill_conditioned_experiments(size, experiments, steps, weakness, power(random, 0.0, 11.7), random);
     const double noise = c % 3 == 0 ? 0.0 : power(random, -8.0, 0.0);
     for (Index k = 0; k < steps; ++k)
       e.output(k) += noise * e.output(k).norm() / std::sqrt(double(experiments)) * random.matrix(experiments, size.m);
@@ -252,19 +230,19 @@ std::vector<Accuracy> regressions(int cases) {
       for (Index j = 0; j < a.cols(); ++j) scaled.col(j) *= Real(scale(j));
       a *= scale.asDiagonal();
       const oracle::LeastSquares truth = oracle::least_squares(scaled, exact(rows.rightCols(size.m)));
-      if (!(truth.condition < worst_condition)) continue;
+      if (!within_reach(truth.condition, findings)) continue;
       for (const auto& [name, arx] : routes) {
         Accuracy about;
         about.route = name;
-        judge(arx, k, a, scale, truth, about, all);
+        judge(arx, k, a, scale, truth, about, findings.all);
       }
     }
   }
-  return all;
+  return findings;
 }
 
-std::vector<Accuracy> regularised_regressions(int cases) {
-  std::vector<Accuracy> all;
+AccuracyFindings regularised_regressions(int cases) {
+  AccuracyFindings findings;
   for (int c = 0; c < cases; ++c) {
     Random random(std::uint64_t(2000 + c));
     const Index m = whole(random, 1, 2), r = whole(random, 1, 2), p = whole(random, 1, 2), steps = p + 3;
@@ -297,7 +275,7 @@ std::vector<Accuracy> regularised_regressions(int cases) {
       }
     }
     const oracle::LeastSquares truth = oracle::least_squares(a, b);
-    if (!(truth.condition < worst_condition)) continue;
+    if (!within_reach(truth.condition, findings)) continue;
 
     WindowFactors factors = window_factors(e.subset(range(0, experiments / 2)), p, InitialState::zero);
     merge(factors, window_factors(e.subset(range(experiments / 2, experiments)), p, InitialState::zero));
@@ -322,12 +300,12 @@ std::vector<Accuracy> regularised_regressions(int cases) {
                                                truth.condition * truth.residual(j) / truth.size);
         see(about, std::sqrt(error), unit, std::sqrt(x));
       }
-      all.push_back(about);
+      findings.all.push_back(about);
     };
     judge_route("all steps together", smooth_arx(windows, o));
     judge_route("streamed update", smooth_arx(Windows(factors), o));
   }
-  return all;
+  return findings;
 }
 
 // What an error at the steps up to k adds up to at step k: the ARX recursion hands it on as the answer to a pulse at
@@ -362,8 +340,8 @@ Terms terms(const GtvArx& arx, const Markov& markov, Index k, Index i) {
   return t;
 }
 
-std::vector<Accuracy> markov_parameters(int cases) {
-  std::vector<Accuracy> all;
+AccuracyFindings markov_parameters(int cases) {
+  AccuracyFindings findings;
   for (int c = 0; c < cases; ++c) {
     Random random(std::uint64_t(3000 + c));
     Sizes size = draw_sizes(random);
@@ -393,10 +371,11 @@ std::vector<Accuracy> markov_parameters(int cases) {
         see(gain, oracle::distance(found.h_gain(k, i), truth.gain[size_t(k)].middleCols(at * m, m)),
             handed_on(found, k, i, [&](Index l) { return terms(arx, found, l, i).gain; }), largest(found, k, true));
       }
-    all.push_back(pulse);
-    all.push_back(gain);
+    findings.all.push_back(pulse);
+    findings.all.push_back(gain);
+    ++findings.judged;
   }
-  return all;
+  return findings;
 }
 
 // First-order errors of the matrices of a TVERA model in its own, balanced coordinates, O_k = U Σ^{1/2},
@@ -452,18 +431,18 @@ double pulse_error(const Model& model, const RealisationErrors& errors, Index k,
   return sum + row.norm() * (gain ? errors.g : errors.b)[first];
 }
 
-// Do all H_k have the rank of the system, and a condition that leaves digits?
-bool sound(const Model& model, const RealisationErrors& errors, Index n, Index rows, Index cols, Index free) {
+// Do all H_k have the rank of the system?
+bool has_rank(const Model& model, Index n, Index rows, Index cols, Index free) {
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
     const Index past = std::min(cols, k - model.k_begin) * model.inputs + free;
     const Index future = std::min(rows, model.k_end() - k) * model.outputs;
     if (model.n(k) != std::min({n, past, future})) return false;
   }
-  return errors.condition < worst_condition;
+  return true;
 }
 
-std::vector<Accuracy> realisations(int cases) {
-  std::vector<Accuracy> all;
+AccuracyFindings realisations(int cases) {
+  AccuracyFindings findings;
   for (int c = 0; c < cases; ++c) {
     Random random(std::uint64_t(4000 + c));
     const Index m = whole(random, 1, 3), r = whole(random, 1, 3), n = whole(random, 1, 12);
@@ -503,11 +482,13 @@ std::vector<Accuracy> realisations(int cases) {
         gain[size_t(k)] = std::hypot(gain[size_t(k)], given.h_gain(k + a, k - 1).norm());
     }
     const RealisationErrors errors = realisation_errors(model, rows, error, gain);
-    if (!sound(model, errors, n, rows, cols, free.experiments)) continue;
+    if (!within_reach(errors.condition, findings)) continue;
+    const double wrong = has_rank(model, n, rows, cols, free.experiments) ? 0.0 : inf;
     Accuracy about;
     about.route = free.experiments > 0 ? "general routines" : "SIMD lanes";
     about.stage = "realisation: A, B, C";
     about.condition = errors.condition;
+    see(about, wrong, 0.0, 1.0);
     Accuracy pulse = about;
     about.stage = "realisation: gains G";
     Accuracy observer = about;
@@ -521,14 +502,14 @@ std::vector<Accuracy> realisations(int cases) {
           see(observer, oracle::distance(gain_pulse_response(model, k, i), truth.gain[size_t(k)].middleCols(at * m, m)),
               pulse_error(model, errors, k, i, true), largest(given, k, true));
       }
-    all.push_back(pulse);
-    all.push_back(observer);
+    findings.all.push_back(pulse);
+    findings.all.push_back(observer);
   }
-  return all;
+  return findings;
 }
 
-std::vector<Accuracy> simulations(int cases) {
-  std::vector<Accuracy> all;
+AccuracyFindings simulations(int cases) {
+  AccuracyFindings findings;
   for (int c = 0; c < cases; ++c) {
     Random random(std::uint64_t(5000 + c));
     const Index n = whole(random, 1, 12), m = whole(random, 1, 3), r = whole(random, 1, 3), steps = 30, experiments = 2;
@@ -564,31 +545,24 @@ std::vector<Accuracy> simulations(int cases) {
           if (corrected) x -= model.G[s] * (y - expected);
         }
       }
-      all.push_back(about);
+      findings.all.push_back(about);
     }
+    ++findings.judged;
   }
-  return all;
+  return findings;
 }
 
-std::vector<Accuracy> kalman_filters(int cases) {
-  std::vector<Accuracy> all;
+AccuracyFindings kalman_filters(int cases) {
+  AccuracyFindings findings;
   for (int c = 0; c < cases; ++c) {
     Random random(std::uint64_t(6000 + c));
     const Index n = whole(random, 1, 12), m = whole(random, 1, 3), steps = 12;
     Model model = random_system({n, m, 1}, steps, random.uniform(0.5, 1.3), std::uint64_t(6500 + c));
-    const auto covariance = [&](Index size) {
-      Vector s(size);
-      for (double& value : s) value = power(random, -3.0, 0.0);
-      const Matrix f = random.orthogonal(size) * s.asDiagonal();
-      return Matrix(f * f.transpose());
-    };
     for (Index k = 0; k < steps; ++k) {
-      const Matrix q = covariance(n), r = covariance(m);
-      model.Q.emplace_back((q + q.transpose()) / 2);
-      model.R.emplace_back((r + r.transpose()) / 2);
+      model.Q.push_back(draw_covariance(random, n));
+      model.R.push_back(draw_covariance(random, m));
     }
-    const Matrix start = covariance(n);
-    model.x0_cov = (start + start.transpose()) / 2;
+    model.x0_cov = draw_covariance(random, n);
     model.x0_mean = Vector::Zero(n);
     const KalmanFilter found = kalman_filter(model);
     const oracle::Filter truth = oracle::kalman_filter(model);
@@ -625,10 +599,11 @@ std::vector<Accuracy> kalman_filters(int cases) {
                           (2 * p.trace() + k.squaredNorm() * (2 * innovation.trace() + own_m * model.R[s].trace())) +
                       own_n * model.Q[s].trace());
     }
-    all.push_back(covariances);
-    all.push_back(gains);
+    findings.all.push_back(covariances);
+    findings.all.push_back(gains);
+    ++findings.judged;
   }
-  return all;
+  return findings;
 }
 
 // First-order errors of the Markov parameters of data without noise, in units of ε: h_{k,i} = M_k ω with ω the window
@@ -679,8 +654,8 @@ class DataErrors {
   std::vector<std::vector<double>> own_;  // of each step, by k - i
 };
 
-std::vector<Accuracy> identifications(int cases) {
-  std::vector<Accuracy> all;
+AccuracyFindings identifications(int cases) {
+  AccuracyFindings findings;
   const Folder folder;
   for (int c = 0; c < cases; ++c) {
     Random random(std::uint64_t(7000 + c));
@@ -726,7 +701,8 @@ std::vector<Accuracy> identifications(int cases) {
           error[s] = std::hypot(error[s], data_errors(k + a, k - 1 - b));
     }
     const RealisationErrors errors = realisation_errors(whole_model, rows, error, error);
-    if (!sound(whole_model, errors, n, rows, cols, 0)) continue;
+    if (!within_reach(errors.condition, findings)) continue;
+    const double wrong = has_rank(whole_model, n, rows, cols, 0) ? 0.0 : inf;
 
     const auto judge_route = [&](const std::string& route, const Model& model) {
       Accuracy about;
@@ -735,13 +711,14 @@ std::vector<Accuracy> identifications(int cases) {
       for (Index k = arx.k_begin; k < steps; ++k)
         about.condition = std::max(about.condition, arx.step[size_t(k)].condition);
       about.condition *= errors.condition;
+      see(about, wrong, 0.0, 1.0);
 
       for (Index k = model.k_begin + 1; k < steps; ++k)
         for (Index i = std::max(model.k_begin, k - band); i < k; ++i)
           see(about,
               oracle::distance(pulse_response(model, k, i), truth.system[size_t(k)].middleCols((k - i - 1) * r, r)),
               pulse_error(whole_model, errors, k, i, false), largest(estimated, k, false));
-      all.push_back(about);
+      findings.all.push_back(about);
     };
     judge_route("identify", identify(e, options).model);
     {
@@ -764,19 +741,22 @@ std::vector<Accuracy> identifications(int cases) {
     add_from_files(from_files, identify(state).model, more, 3, folder);
     judge_route("update from files (MPI)", identify(from_files).model);
   }
-  return all;
+  return findings;
 }
 
 }  // namespace
 
 const std::vector<AccuracyStudy>& accuracy_studies() {
-  static const std::vector<AccuracyStudy> studies{{"Regressions", regressions, 240},
-                                                  {"RegularisedRegressions", regularised_regressions, 40},
-                                                  {"MarkovParameters", markov_parameters, 60},
-                                                  {"Realisations", realisations, 60},
-                                                  {"Simulations", simulations, 60},
-                                                  {"KalmanFilters", kalman_filters, 60},
-                                                  {"Identifications", identifications, 24}};
+  static const std::vector<AccuracyStudy> studies{{"Regressions", regressions, 240, 0.95},
+                                                  {"RegularisedRegressions", regularised_regressions, 40, 1.0},
+                                                  {"MarkovParameters", markov_parameters, 60, 1.0},
+                                                  {"Realisations", realisations, 60, 1.0},
+                                                  {"PredictorSubspaces", predictor_subspaces, 20, 1.0},
+                                                  {"Simulations", simulations, 60, 1.0},
+                                                  {"KalmanFilters", kalman_filters, 60, 1.0},
+                                                  {"Likelihoods", likelihoods, 20, 1.0},
+                                                  {"ConfidenceBounds", confidence_bounds, 30, 1.0},
+                                                  {"Identifications", identifications, 24, 1.0}};
   return studies;
 }
 

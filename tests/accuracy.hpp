@@ -20,11 +20,19 @@ struct Accuracy {
   double ratio = 0.0;      // error / (ε × condition × growth); each the largest where a case has many results
 };
 
-// One kind of stages over so many random cases. What is not of full rank, or above a condition of 1e12, is left out.
+// What a study found, and how many of the problems that it set itself it judged. Left out is what is above a condition
+// of 1e12 by 50 digits; a rank that is wrong below that is an infinite error.
+struct AccuracyFindings {
+  std::vector<Accuracy> all;
+  int judged = 0, left_out = 0;
+};
+
+// One kind of stages over so many random cases.
 struct AccuracyStudy {
   const char* name;
-  std::vector<Accuracy> (*run)(int cases);
-  int cases;  // of the test
+  AccuracyFindings (*run)(int cases);
+  int cases;      // of the test
+  double judged;  // least share of the problems
 };
 const std::vector<AccuracyStudy>& accuracy_studies();
 

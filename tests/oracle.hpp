@@ -23,18 +23,27 @@ double distance(const ConstMatrixRef& a, const Exact& truth);
 // min ‖A x - b‖ for A (rows × L) of full rank. Normal equations: their condition, at most 1e24 here, leaves 26 digits.
 struct LeastSquares {
   Exact x;                 // (L × m)
+  Exact inverse_root;      // (L × L) X, XᵀX = (AᵀA)⁻¹
   double size = 0.0;       // ‖A‖_F
   double condition = 0.0;  // ‖A‖_F ‖A⁺‖_F
   Vector right, residual;  // (m) ‖b‖, ‖b - A x‖ of each column
 };
 LeastSquares least_squares(const Exact& a, const Exact& b);
 
+// Matrices of a model as Model has them.
+struct System {
+  Index inputs = 0, outputs = 0, k_begin = 0;
+  std::vector<Exact> A, B, C, G;  // (S)
+};
+System system(const Model& model);
+
 // Pulse responses, blocks as in Markov: γ-1 of step k is that of a pulse at step k-γ.
 struct Responses {
   std::vector<Exact> system, gain;  // (T) of (m × band·r), (m × band·m)
 };
 Responses responses(const GtvArx& arx, Index band);
-Responses responses(const Model& model, Index band);
+Responses responses(const System& system, Index band);
+inline Responses responses(const Model& model, Index band) { return responses(system(model), band); }
 
 // (S) of (N × m): outputs from the state x0 (N × n_0) on; with `corrected`, the predictions of the observer from the
 // outputs of the data.
@@ -45,5 +54,50 @@ struct Filter {
   std::vector<Exact> P, K;
 };
 Filter kalman_filter(const Model& model);
+
+// The predictor subspace, every step by itself, from samples without gaps and unknown initial states.
+
+struct Arx {
+  Index inputs = 0, outputs = 0, lags = 0;
+  std::vector<Exact> coefficients, residual_cov;  // (T), empty before step p
+};
+Arx arx(const GtvArx& arx);  // of one lag order
+Arx arx(const Ensemble& data, Index lags);
+
+// Of the predictor M_k of every step from p on: x_k = map · z_k, from the eigenvectors of Σ^{-1/2} M_k ZᵀZ M_kᵀ
+// Σ^{-T/2}.
+struct States {
+  std::vector<Exact> singular_values;  // (T) of (q × 1)
+  std::vector<Exact> map;              // (T) of (n_k × p·d)
+};
+States states(const Arx& arx, const Ensemble& data, Index most, bool many_steps);
+
+std::vector<Exact> samples(const States& states, const Ensemble& data, Index lags);  // (T) x_k (N × n_k)
+
+// The regressions on samples of the states, and the gains of the Kalman filter that goes with what they leave.
+struct Realised {
+  System system;
+  std::vector<Exact> innovation_cov;  // (S)
+};
+Realised realise(const std::vector<Exact>& states, const Ensemble& data, Index lags);
+
+// Expectation: the second moments of [x_k; u_k; y_k] and [x_k; u_k; x_{k+1}] summed over the experiments, given all
+// samples that are there. All others, and the states, are the unknowns of one least-squares problem per experiment,
+// whose inverse normal matrix is their covariance.
+struct Expectation {
+  std::vector<Exact> measured, moved;  // (T)
+  Exact log_likelihood;                // (N × 1)
+};
+Expectation expectation(const Model& model, const Ensemble& data);
+
+// Maximisation: the regression of the last entries of [z; y] on the first ones (L), from their second moments.
+struct Regression {
+  Exact coefficients, residual;  // (q × L), (q × q) sum of squares
+};
+Regression regression(const ConstMatrixRef& moments, Index regressors);
+
+// (T) of (m × N): standard errors of the outputs of the ARX recursion for these inputs ((T) of r × N), from step
+// `begin` on; `noise`: those of measured outputs.
+std::vector<Exact> deviations(const GtvArx& arx, const std::vector<Matrix>& inputs, Index begin, bool noise);
 
 }  // namespace tokid::testing::oracle
