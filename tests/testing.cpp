@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "testing.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace tokid::testing {
@@ -64,8 +66,6 @@ double output_error(const Ensemble& truth, const Ensemble& computed, Index from)
   return compared > 0 ? worst : std::numeric_limits<double>::infinity();
 }
 
-std::string name(const SystemSize& s) {
-  return "n" + std::to_string(s.n) + "m" + std::to_string(s.m) + "r" + std::to_string(s.r);
-}
+std::string name(const SystemSize& s) { return fmt::format("n{}m{}r{}", s.n, s.m, s.r); }
 
 }  // namespace tokid::testing
