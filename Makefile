@@ -45,7 +45,7 @@ help:
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
 	@echo 'make install-test  only the tests of the installed package'
 	@echo 'make asan          all tests under the address and undefined behaviour sanitizers'
-	@echo 'make tsan          the unit tests under the thread sanitizer'
+	@echo 'make tsan          all tests under the thread sanitizer'
 	@echo 'make fuzz          every fuzzer for FUZZ_SECONDS, ten minutes unless told otherwise'
 	@echo 'make valgrind      the end-to-end tests with the tool under valgrind, but for those of time and memory'
 	@echo 'make coverage      which lines of the library the tests run: build-coverage/report/index.html'
@@ -99,7 +99,7 @@ asan tsan:
 	@$(configure) $@ >/dev/null
 	@cmake --build build-$@
 	@UBSAN_OPTIONS=print_stacktrace=1 TSAN_OPTIONS=halt_on_error=1 \
-	  $(python) tests/run.py build-$@ $(if $(filter tsan,$@),--label-regex unit)
+	  $(python) tests/run.py build-$@
 
 # Half a minute becomes an hour: each call takes two seconds to begin.
 valgrind: build

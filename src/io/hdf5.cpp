@@ -81,11 +81,22 @@ Shape shape_of(const Node& node) {
   return Shape(dims.begin(), dims.end());
 }
 
-// Chunks are unpacked whole, however few of their values are in use.
-void check_chunk(const Node& node, hid_t properties, size_t item, const Claims& claims) {
-  std::vector<hsize_t> chunk(size_t(H5Sget_simple_extent_ndims(node.space)), 1);
+// Chunks are unpacked whole, however few of their values are in use. Of each one the library keeps about a kilobyte,
+// also of those that were never written; those that were have at least their addresses in the file.
+void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t item, const Claims& claims) {
+  constexpr std::uint64_t kept = 1024, address = 8, most_unwritten = 65536;
+  std::vector<hsize_t> chunk(shape.size(), 1);
   checked(H5Pget_chunk(properties, int(chunk.size()), chunk.data()), node.name);
   claims.check(node.name, Shape(chunk.begin(), chunk.end()), 0, item);
+  Shape chunks;
+  for (size_t i = 0; i < shape.size(); ++i) {
+    const size_t size = std::max<size_t>(1, chunk[i]);
+    chunks.push_back(shape[i] / size + (shape[i] % size > 0 ? 1 : 0));
+  }
+  claims.check(node.name, chunks, 0, kept);
+  if (const std::uint64_t count = checked_product(chunks);
+      count > std::max(most_unwritten, claims.file_bytes() / address))
+    fail("data set '{}': {} chunks found in a file of {} bytes", node.name, count, claims.file_bytes());
 }
 
 // How many bytes one that is stored can become; 0 where nobody knows.
@@ -113,7 +124,7 @@ void check_stored(const Node& node, const Shape& shape, size_t memory_item, Clai
   if (node.is_attribute || bytes == 0) return;
   const Handle properties(H5Dget_create_plist(node.id), H5Pclose, node.name);
   const H5D_layout_t layout = H5Pget_layout(properties);
-  if (layout == H5D_CHUNKED) check_chunk(node, properties, item, claims);
+  if (layout == H5D_CHUNKED) check_chunks(node, shape, properties, item, claims);
   const hsize_t stored = H5Dget_storage_size(node.id);
   // The library copies what lies beside the values of a header, or of a file, that are too few.
   if (((layout == H5D_CONTIGUOUS && stored > 0) || layout == H5D_COMPACT) && stored < bytes)

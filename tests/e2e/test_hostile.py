@@ -220,6 +220,14 @@ def changed(path, found, new):
 SMALL = np.arange(12.0).reshape(3, 4, 1)
 
 
+def test_chunks_without_end(refused, tmp_path):
+    """The library keeps a kilobyte of each, also of those that were never written."""
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file.create_dataset("u", (1000, 10000, 1), chunks=(1, 1, 1))
+        file["y"] = np.ones((1000, 10000, 1), "i1")
+    refused("data.h5", "'u'", "10000000 chunks found in a file of")
+
+
 @pytest.mark.parametrize("version", ["earliest", "latest"])
 def test_attributes_that_are_larger_than_their_header(tokid, refused, tmp_path, version):
     path = tmp_path / "data.h5"
