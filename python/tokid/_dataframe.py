@@ -221,9 +221,10 @@ class Grid:
             uneven = ~(np.abs(times - self.begin - step * spacing) <= 1e-6 * spacing + resolution)
         if timed and uneven.any():
             row = int(np.flatnonzero(uneven)[0])
+            off = abs(times[row] - self.begin - step[row] * spacing)
             raise ValueError(
-                f"row {row}, column 'time': {_text(times[row])} found, even steps of {_text(spacing)} from "
-                f"{_text(self.begin)} on needed (or step numbers in a column 'k')"
+                f"row {row}, column 'time': {_text(times[row])} found, {off:.4g} off the even steps of {_text(spacing)} "
+                f"from {_text(self.begin)} on, which are needed (or step numbers in a column 'k')"
             )
         steps = float(step.max()) + 1
         # A wild time or step number would otherwise ask for more memory than the table can be worth.

@@ -92,7 +92,15 @@ class Inflated : public Source {
 // ---- elements ----
 
 enum Type : std::uint32_t { int8 = 1, int32 = 5, uint32 = 6, matrix = 14, compressed = 15 };
-enum Class : std::uint32_t { cell = 1, structure = 2, object = 3, characters = 4, sparse = 5, last_numbers = 15 };
+enum Class : std::uint32_t {
+  cell = 1,
+  structure = 2,
+  object = 3,
+  characters = 4,
+  sparse = 5,
+  function = 16,
+  opaque = 17
+};
 
 // Elements of one variable, which may hold others. Each is taken from what is left of the one that it is in.
 class Walker {
@@ -108,16 +116,18 @@ class Walker {
     std::uint64_t left = bytes;
     const auto flags = words(left, uint32, 2, 2);
     const std::uint32_t kind = flags[0] & 0xFF;
-    if (kind > last_numbers) return source_.skip(left);  // a function or an object of MATLAB, which nobody asks for
+    if (kind > opaque) fail("class {}", kind);
     std::uint64_t count = 1;
-    for (const std::uint32_t n : words(left, int32, 1, most_dimensions)) {
-      if (n > 0x7FFFFFFF) fail("a negative dimension");
-      if (n > 0 && count > (std::uint64_t{1} << 62) / n) fail("sizes beyond any memory");
-      count *= n;
-    }
-    const std::uint32_t name = tag(left).bytes;
-    if (name > longest_name) fail("a name of {} bytes", name);
+    if (kind != opaque)
+      for (const std::uint32_t n : words(left, int32, 1, most_dimensions)) {
+        if (n > 0x7FFFFFFF) fail("a negative dimension");
+        if (n > 0 && count > (std::uint64_t{1} << 62) / n) fail("sizes beyond any memory");
+        count *= n;
+      }
+    const Tag name = tag(left);
+    if (name.type != int8 || name.bytes > longest_name) fail("a name of type {} with {} bytes", name.type, name.bytes);
     skip(left);
+    if (kind >= function) return source_.skip(left);  // an object of MATLAB, which nobody asks for
     if (kind == cell) return check_matrices(count, left, depth);
     if (kind == structure || kind == object) return check_structure(kind, count, left, depth);
     // Numbers follow, which matter by their size alone; those of a sparse matrix behind its indices.
