@@ -1,6 +1,7 @@
 // Pooled data → A, B, C, D of a time-invariant or periodic model by projections: PO-MOESP (M. Verhaegen,
 // "Identification of the deterministic part of MIMO state space models given in innovations form from input-output
-// data", Automatica 30, 1994), here for ensembles of any length and for periods. SPDX-License-Identifier: BSD-3-Clause
+// data", Automatica 30, 1994), here for ensembles of any length and for periods.
+// SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include "tokid/subspace.hpp"

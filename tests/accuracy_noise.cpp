@@ -1,6 +1,7 @@
 // The stages that serve noisy data: predictor subspaces, maximum likelihood, confidence bounds. No simple formula
 // bounds their rounding errors closely. What ε may do is measured instead, with 50 digits: how far a result moves when
-// every number that it comes from moves by a random share of itself. SPDX-License-Identifier: BSD-3-Clause
+// every number that it comes from moves by a random share of itself.
+// SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 
 #include "accuracy_cases.hpp"

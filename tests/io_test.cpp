@@ -1024,8 +1024,27 @@ TEST_F(Io, LinksAreFollowed) {
   save_ensemble(e, file("second.npz"));
   EXPECT_TRUE(fs::is_symlink(file("second.npz")) && fs::is_symlink(file("first.npz")));
   EXPECT_EQ(load_ensemble(file("there") / "b.npz").experiments(), 1);
+  fs::create_symlink("/dev/null", file("null.npz"));
+  expect_words(error_of([&] { save_ensemble(e, file("null.npz")); }), {"null.npz", "a device found"});
   fs::create_symlink("round.npz", file("round.npz"));
   expect_words(error_of([&] { save_ensemble(e, file("round.npz")); }), {"round.npz", "symbolic links"});
+}
+
+TEST_P(EveryFormat, TheGroupStays) {
+  Random random(1);
+  save_ensemble(random_ensemble(random, 1, 2, 1, 1), target(), options());
+  std::vector<gid_t> groups(size_t(std::max(0, getgroups(0, nullptr))));
+  groups.resize(size_t(std::max(0, getgroups(int(groups.size()), groups.data()))));
+  std::erase(groups, getegid());
+  if (groups.empty() && geteuid() != 0) GTEST_SKIP() << "no other group to belong to";
+  const gid_t group = groups.empty() ? 4 : groups.front();
+  ASSERT_EQ(chown(target().c_str(), uid_t(-1), group), 0);
+  ASSERT_EQ(chmod(target().c_str(), 0640), 0);
+  save_ensemble(random_ensemble(random, 2, 2, 1, 1), target(), options());
+  struct stat status {};
+  ASSERT_EQ(stat(target().c_str(), &status), 0);
+  EXPECT_EQ(status.st_gid, group);
+  EXPECT_EQ(status.st_mode & 0777, 0640u);
 }
 
 TEST_P(EveryFormat, PermissionsStay) {

@@ -79,10 +79,10 @@ fs::path resolved(fs::path path) {
 // Rename would silently replace what the user can't write to, or what is no file at all.
 fs::path writable_target(const fs::path& path) {
   std::error_code error;
-  fs::path target = resolved(path);
-  const auto status = fs::status(target, error);
+  const auto status = fs::status(path, error);  // of what links lead to, which may have no name
   if (fs::is_directory(status)) fail("a directory found, the name of a file to write needed");
   if (fs::exists(status) && !fs::is_regular_file(status)) fail("a device found, the name of a file to write needed");
+  fs::path target = resolved(path);
   if (fs::exists(status) && access(target.c_str(), W_OK) != 0) fail_to_write(errno);
   return target;
 }
@@ -111,7 +111,9 @@ struct Waiting {
 };
 
 // What nobody else may read they may not read while it is written either.
-mode_t creation_mode(const std::optional<mode_t>& target) { return target ? (*target & 0666) | 0600 : 0666; }
+mode_t creation_mode(const std::optional<struct stat>& target) {
+  return target ? (target->st_mode & 0666) | 0600 : 0666;
+}
 
 thread_local Waiting* together = nullptr;
 
@@ -125,7 +127,7 @@ void sync_folder(const fs::path& file) {
 
 AtomicFile::AtomicFile(const fs::path& target) : target_(writable_target(target)) {
   struct stat old = {};
-  if (stat(target_.c_str(), &old) == 0) mode_ = old.st_mode & 0777;
+  if (stat(target_.c_str(), &old) == 0) old_ = old;
   create_unnamed();
   if (file_ < 0) create_named();
 }
@@ -136,7 +138,7 @@ AtomicFile::~AtomicFile() {
 
 void AtomicFile::create_unnamed() {
   remove_abandoned(temporary_name(target_, 0));
-  Descriptor file(open(folder_of(target_).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, creation_mode(mode_)));
+  Descriptor file(open(folder_of(target_).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, creation_mode(old_)));
   if (file < 0) return;
   path_ = fmt::format("/proc/self/fd/{}", int(file));
   if (access(path_.c_str(), W_OK) == 0) file_ = std::move(file);
@@ -145,7 +147,7 @@ void AtomicFile::create_unnamed() {
 void AtomicFile::create_named() {
   for (unsigned i = 0;;) {
     path_ = temporary_name(target_, i);
-    Descriptor file(open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, creation_mode(mode_)));
+    Descriptor file(open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, creation_mode(old_)));
     if (file < 0 && errno != EEXIST) fail_to_write(errno);
     if (file >= 0) {
       lock(file, true);
@@ -160,8 +162,14 @@ void AtomicFile::create_named() {
 
 void AtomicFile::finish() {
   struct stat own = {};
-  const bool differs = mode_ && fstat(file_, &own) == 0 && (own.st_mode & 0777) != *mode_;
-  if (differs && fchmod(file_, *mode_) != 0) fail_to_write(errno);
+  if (old_ && fstat(file_, &own) == 0) {
+    const uid_t owner = geteuid() == 0 ? old_->st_uid : own.st_uid;
+    mode_t mode = old_->st_mode & 0777;
+    // Another group than the target's may do nothing.
+    const bool kept = own.st_uid == owner && own.st_gid == old_->st_gid;
+    if (!kept && fchown(file_, owner, old_->st_gid) != 0) mode &= ~mode_t{S_IRWXG};
+    if ((own.st_mode & 0777) != mode && fchmod(file_, mode) != 0) fail_to_write(errno);
+  }
   // Some file systems know no fsync; that is no failure of the writing.
   if (fsync(file_) != 0 && errno != EINVAL && errno != ENOTSUP) fail_to_write(errno);
 }

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <sys/stat.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -31,8 +33,9 @@ void sync_folder(const std::filesystem::path& file);  // that this one is in, wi
 
 // An empty file in the folder of the target that becomes the target on commit() and vanishes otherwise, with the
 // process at the latest. It has no name until then, where the file system knows files without one; else a hidden one,
-// which the next call for the same target takes away if a process was killed meanwhile. Its permissions are those of
-// the target that it replaces; without one they follow the umask.
+// which the next call for the same target takes away if a process was killed meanwhile. Its permissions and
+// group are those of the target that it replaces, the group's permissions none where it can't be given that group;
+// without a target they follow the umask.
 class AtomicFile {
  public:
   // \throws IoError for a target that is no file, WriteError where nothing can be written
@@ -57,8 +60,8 @@ class AtomicFile {
   void move_to_named();
 
   std::filesystem::path target_, path_;
-  std::filesystem::path name_;  // until it is the target's; empty: none
-  std::optional<mode_t> mode_;  // of the target that is there
+  std::filesystem::path name_;      // until it is the target's; empty: none
+  std::optional<struct stat> old_;  // of the target that is there
   Descriptor file_;
 };
 

@@ -93,10 +93,10 @@ void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t
     const size_t size = std::max<size_t>(1, chunk[i]);
     chunks.push_back(shape[i] / size + (shape[i] % size > 0 ? 1 : 0));
   }
-  claims.check(node.name, chunks, 0, kept);
-  if (const std::uint64_t count = checked_product(chunks);
-      count > std::max(most_unwritten, claims.file_bytes() / address))
-    fail("data set '{}': {} chunks found in a file of {} bytes", node.name, count, claims.file_bytes());
+  const std::uint64_t count = checked_product(chunks);
+  if (count > std::min(claims.left() / kept, std::max(most_unwritten, claims.file_bytes() / address)))
+    fail("data set '{}': {} chunks found in a file of {} bytes, fewer and larger ones needed: h5repack -l CONTI",
+         node.name, count, claims.file_bytes());
 }
 
 // How many bytes one that is stored can become; 0 where nobody knows.

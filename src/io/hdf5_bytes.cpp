@@ -10,7 +10,12 @@ namespace tokid::io {
 
 namespace {
 
-enum Message : unsigned { layout_message = 0x08, attribute_message = 0x0C, continuation_message = 0x10 };
+enum Message : unsigned {
+  datatype_message = 0x03,
+  layout_message = 0x08,
+  attribute_message = 0x0C,
+  continuation_message = 0x10
+};
 constexpr unsigned is_shared = 0x02;  // of the flags of a message: it lies elsewhere
 
 // Some bytes of the file. What lies beyond them is empty, and its numbers 0.
@@ -85,15 +90,17 @@ std::string Hdf5Bytes::read(std::uint64_t offset, std::uint64_t bytes) const {
 
 // ---- the header of the object ----
 
-void Hdf5Bytes::each_message(const std::function<void(unsigned, unsigned, const Piece&)>& see) const {
+std::uint64_t Hdf5Bytes::address() const {
 #if H5_VERSION_GE(1, 12, 0)
   H5O_info1_t info;
 #else
   H5O_info_t info;
 #endif
   checked(H5Oget_info2(object_, &info, H5O_INFO_BASIC), name_);
-  const std::uint64_t address = base_ + info.addr;
+  return base_ + info.addr;
+}
 
+void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
   // Version 1 begins with its sizes, version 2 with a signature, and has a checksum behind each block.
   constexpr size_t most_start = 34;
   const std::string start =
@@ -133,8 +140,20 @@ void Hdf5Bytes::each_message(const std::function<void(unsigned, unsigned, const 
   }
 }
 
+// Of one value of a type that has a name of its own in the file.
+std::optional<std::uint64_t> Hdf5Bytes::committed_bytes(std::string_view reference) const {
+  const View at(reference);
+  const std::uint64_t header = at.number(at.number(0, 1) == 1 ? 8 : 2, 8);
+  if (header > file_bytes_) return std::nullopt;
+  std::optional<std::uint64_t> found;
+  each_message(base_ + header, [&](unsigned type, unsigned flags, const Piece& piece) {
+    if (type == datatype_message && !(flags & is_shared)) found = value_bytes(read(piece.offset, piece.bytes));
+  });
+  return found;
+}
+
 void Hdf5Bytes::each_attribute(const std::function<void(std::string_view, const Piece&)>& see) const {
-  each_message([&](unsigned type, unsigned flags, const Piece& piece) {
+  each_message(address(), [&](unsigned type, unsigned flags, const Piece& piece) {
     if (type != attribute_message || (flags & is_shared)) return;
     const std::string bytes = read(piece.offset, piece.bytes);
     const View message(bytes);
@@ -146,8 +165,10 @@ void Hdf5Bytes::each_attribute(const std::function<void(std::string_view, const 
                  space_at = type_at + room(type_bytes), values_at = space_at + room(space_bytes);
     const std::string_view name = message.part(name_at, name_bytes);
     if (values_at > message.size() || !name.ends_with('\0')) damaged("attribute");
-    if (shared) fail("attribute '{}': a type or size that lies elsewhere found, its own needed", name.data());
-    const auto item = value_bytes(message.part(type_at, type_bytes));
+    constexpr unsigned shared_type = 1, shared_space = 2;
+    if (shared & shared_space) fail("attribute '{}': a size that lies elsewhere found, its own needed", name.data());
+    const std::string_view type_part = message.part(type_at, type_bytes);
+    const auto item = (shared & shared_type) ? committed_bytes(type_part) : value_bytes(type_part);
     const auto count = value_count(message.part(space_at, space_bytes));
     if (!item || !count) damaged("attribute");
     const std::uint64_t needed = checked_product({*item, *count});
@@ -176,7 +197,7 @@ std::optional<Hdf5Bytes::Piece> Hdf5Bytes::values() const {
     if (const haddr_t offset = H5Dget_offset(object_); offset != HADDR_UNDEF)
       found = Piece{offset, H5Dget_storage_size(object_)};
   } else if (layout == H5D_COMPACT) {
-    each_message([&](unsigned type, unsigned, const Piece& piece) {
+    each_message(address(), [&](unsigned type, unsigned, const Piece& piece) {
       if (type != layout_message) return;
       constexpr size_t values_at = 4;  // behind version, class and size, from version 3 on
       const std::string bytes = read(piece.offset, piece.bytes);

@@ -1,5 +1,6 @@
 // An HDF5 file as the bytes that it consists of: what the library trusts is looked at before the library decodes it.
-// Terms and layouts are those of the HDF5 File Format Specification, version 3. SPDX-License-Identifier: BSD-3-Clause
+// Terms and layouts are those of the HDF5 File Format Specification, version 3.
+// SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <cstdint>
@@ -40,7 +41,11 @@ class Hdf5Bytes {
 
  private:
   void each_attribute(const std::function<void(std::string_view name, const Piece& values)>& see) const;
-  void each_message(const std::function<void(unsigned type, unsigned flags, const Piece&)>& see) const;
+  // Of the header at this place of the file.
+  using Use = std::function<void(unsigned type, unsigned flags, const Piece&)>;
+  void each_message(std::uint64_t address, const Use& see) const;
+  std::uint64_t address() const;
+  std::optional<std::uint64_t> committed_bytes(std::string_view reference) const;
   std::map<std::uint64_t, std::uint64_t> heap(std::uint64_t address) const;
   std::string read(std::uint64_t offset, std::uint64_t bytes) const;
   [[noreturn]] void damaged(std::string_view what) const;

@@ -105,7 +105,7 @@ std::vector<WeakInput> weak_inputs(const Ensemble& data) {
     for (const double s : spread)
       if (s > 0) moving.push_back(s);
     WeakInput weak{i, {}, 1.0};
-    const double usual = median(moving);  // of the steps at which it moves at all
+    const double usual = finite_median(moving);  // of the steps at which it moves at all
     if (std::isnan(usual)) {
       weak.always = std::any_of(spread.begin(), spread.end(), [](double s) { return s == 0; });
       weak.spread = 0.0;
@@ -134,7 +134,7 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
       found.at_rest.push_back(j);
   }
 
-  const double usual = median(found.step_error);
+  const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
     const double error = k < data.steps() ? found.step_error[size_t(k)] : nan;
@@ -156,14 +156,14 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
     if (count > 0 && std::sqrt(sum / double(count)) > bounds::beyond_noise) found.beyond_noise.push_back(k);
   }
 
-  const double typical = median(found.experiment_error);
+  const double typical = finite_median(found.experiment_error);
   for (size_t n = 0; n < found.experiment_error.size(); ++n)
     if (found.experiment_error[n] > std::max(bounds::error_floor, bounds::outlier * typical))
       found.outliers.push_back(Index(n));
 }
 
 void judge_regressions(const Model& model, Evidence& found) {
-  found.condition_median = median(model.condition);
+  found.condition_median = finite_median(model.condition);
   found.condition_max = nan;
   for (const double c : model.condition) found.condition_max = std::fmax(found.condition_max, c);
   for (size_t s = 0; s < model.condition.size(); ++s) {
@@ -245,13 +245,13 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
   const Vector spread = output_spread(model, data);
   found.step_error = relative_errors(data, found.prediction.y, spread).step;
   found.experiment_error = relative_errors(data, found.simulated, spread).experiment;
-  if (!std::isfinite(median(found.experiment_error)))
+  if (!std::isfinite(finite_median(found.experiment_error)))
     found.experiment_error = relative_errors(data, found.prediction.y, spread).experiment;
   judge_errors(model, data, spread, found);
   return found;
 }
 
-double median(std::vector<double> values) {
+double finite_median(std::vector<double> values) {
   values.erase(std::remove_if(values.begin(), values.end(), [](double v) { return !std::isfinite(v); }), values.end());
   return statistics::median(std::move(values));
 }

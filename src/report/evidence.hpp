@@ -76,6 +76,6 @@ Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions&
 Verdict verdict_of(const Model& model, const Evidence& found, const ReportOptions& options);
 
 // The median of what is finite; NaN for none.
-double median(std::vector<double> values);
+double finite_median(std::vector<double> values);
 
 }  // namespace tokid::report

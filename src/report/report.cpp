@@ -334,14 +334,14 @@ class Report {
     Facts facts;
     facts.row("States", fmt::format("{}", n));
     if (size.size() >= size_t(n) && n > 0)
-      facts.row("Last one kept", figure(median(size[size_t(n - 1)]), 3) + " of the largest, median over steps");
+      facts.row("Last one kept", figure(finite_median(size[size_t(n - 1)]), 3) + " of the largest, median over steps");
     if (size.size() > size_t(n) && n > 0)
-      facts.row("First left out", figure(median(size[size_t(n)]), 3) + " of the largest");
+      facts.row("First left out", figure(finite_median(size[size_t(n)]), 3) + " of the largest");
     std::vector<double> falls;
     falls.reserve(fall.size());
-    for (const auto& values : fall) falls.push_back(values.empty() ? 0.0 : median(values));
+    for (const auto& values : fall) falls.push_back(values.empty() ? 0.0 : finite_median(values));
     // The end of what the window can carry is a fall too, but says nothing about the system.
-    const auto informative = [&](size_t i) { return i + 1 < size.size() && median(size[i + 1]) > 1e-12; };
+    const auto informative = [&](size_t i) { return i + 1 < size.size() && finite_median(size[i + 1]) > 1e-12; };
     size_t clearest = 0;
     for (size_t i = 0; i < falls.size(); ++i)
       if (informative(i) && (!informative(clearest) || falls[i] > falls[clearest])) clearest = i;

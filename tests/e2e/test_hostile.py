@@ -247,6 +247,19 @@ def test_attributes_that_are_larger_than_their_header(tokid, refused, tmp_path, 
     refused("data.h5", "data set 'u'", "damaged attribute")
 
 
+@pytest.mark.parametrize("version", ["earliest", "latest"])
+def test_attributes_of_a_named_type(tokid, refused, tmp_path, version):
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w", libver=version) as file:
+        file["u"], file["y"] = SMALL, SMALL
+        file["metres"] = np.dtype("f8")
+        file["u"].attrs.create("offset", np.arange(77.0), dtype=file["metres"])
+    tokid("info", path)
+    if version == "earliest":
+        changed(path, struct.pack("<Q", 77), struct.pack("<Q", 79))
+        refused("data.h5", "data set 'u'", "damaged attribute")
+
+
 def test_fewer_values_in_a_header_than_its_shape_has(tokid, refused, tmp_path):
     with h5py.File(tmp_path / "data.h5", "w") as file:
         file["y"] = np.zeros((4, 77, 1))
