@@ -225,7 +225,7 @@ double slack(const Axis& axis, double resolution) {
 }
 
 double meant(const Axis& axis, double resolution) {
-  return with_few_digits(axis.dt, 0.5 * slack(axis, resolution) / std::max(axis.steps, 1.0));
+  return with_few_digits(axis.dt, 2 * epsilon * axis.dt + 0.5 * slack(axis, resolution) / std::max(axis.steps, 1.0));
 }
 
 // ---- the times of all ----
@@ -259,11 +259,12 @@ void check_spacings(const TimeColumn& rows, const std::vector<Axis>& axes, size_
   if (other == longest) return;
   const size_t slow = axes[other].dt > common.dt ? other : longest, fast = slow == other ? longest : other;
   const bool may_be_gaps = std::round(axes[slow].dt / axes[fastest].dt) > 1.0;
-  fail("column 'time': steps of {} in experiment '{}' and of {} in experiment '{}' found, one sample time needed{}",
-       meant(axes[slow], resolution), rows.experiments[slow], meant(axes[fast], resolution), rows.experiments[fast],
-       may_be_gaps ? fmt::format(", or a line '# dt = {}' above the header where samples are missing",
-                                 meant(axes[fastest], resolution))
-                   : "");
+  fail(
+      "column 'time': steps of {:.10g} in experiment '{}' and of {:.10g} in experiment '{}' found, one sample time needed{}",
+      meant(axes[slow], resolution), rows.experiments[slow], meant(axes[fast], resolution), rows.experiments[fast],
+      may_be_gaps ? fmt::format(", or a line '# dt = {}' above the header where samples are missing",
+                                meant(axes[fastest], resolution))
+                  : " (or step numbers in a column 'k')");
 }
 
 // Steps that lie between those of others are no steps in common.
@@ -332,8 +333,8 @@ void fail_uneven(const TimeColumn& rows, const std::vector<Axis>& axes) {
   for (const Axis& axis : axes)
     if (axis.uncounted > 0)
       fail(
-          "line {}, column 'time': {} found, beside a gap of about {} steps of {:.6g}, more than times that were rounded "
-          "to {:.3g} can tell; a line '# dt = …' above the header or step numbers in a column 'k' needed",
+          "line {}, column 'time': {} found, beside a gap of about {} steps of {:.6g}, more than times in units of "
+          "{:.3g} can tell; a line '# dt = …' above the header or step numbers in a column 'k' needed",
           rows.line[axis.worst], rows.time[axis.worst], axis.uncounted, axis.dt, axis.unit);
   const auto worst = std::max_element(axes.begin(), axes.end(),
                                       [&](const Axis& a, const Axis& b) { return relative(a) < relative(b); });
@@ -347,6 +348,9 @@ void fail_uneven(const TimeColumn& rows, const std::vector<Axis>& axes) {
 
 void check_rows(const TimeColumn& rows, const std::vector<Axis>& axes, const Fit& fit, bool stated) {
   const Grid& grid = fit.grid;
+  // Beside a gap that is too large all other times look like one.
+  if (std::any_of(axes.begin(), axes.end(), [&](const Axis& a) { return a.uncounted > 0 && grid.dt > 1.5 * a.dt; }))
+    fail_uneven(rows, axes);
   for (size_t i = 0; i < rows.time.size(); ++i) {
     const size_t n = size_t(rows.experiment[i]);
     const double time = rows.time[i], off = std::abs(time - grid.begin - grid.step(time) * grid.dt);
@@ -395,15 +399,12 @@ double Precision::unit(double value) const {
 }
 
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt) {
-  const auto require_positive = [](double spacing) {
-    if (!(spacing > 0) || !std::isfinite(spacing)) fail("dt: {} found, a positive time in seconds needed", spacing);
-  };
-  if (dt) require_positive(*dt);
   const auto [first, last] = std::minmax_element(rows.time.begin(), rows.time.end());
   const double resolution = 4 * epsilon * std::max(std::abs(*first), std::abs(*last));
   const std::vector<Axis> axes = axes_of(rows, dt, resolution);
   const Fit fit = fitted(rows, axes, dt, resolution);
-  require_positive(fit.grid.dt);
+  const double spacing = fit.grid.dt;
+  if (!(spacing > 0) || !std::isfinite(spacing)) fail("dt: {} found, a positive time in seconds needed", spacing);
   check_rows(rows, axes, fit, dt.has_value());
   return fit.grid;
 }

@@ -37,7 +37,7 @@ struct Grid {
 };
 
 // The grid whose steps the times [s] are: even to 1e-6 of a step, or to what rounding has cost where that is a sixth of
-// a step at most; with a dt [s] that is stated, or the one that they tell.
+// a step at most; with a dt [s] > 0 that is stated, or the one that they tell.
 // \throws IoError that names the line of a time off the grid or behind a gap whose steps can't be counted, and
 // experiments that share no steps
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
