@@ -882,6 +882,71 @@ TEST_F(Csv, TimesThatWereRoundedWhenTheyWereWritten) {
   expect_error("# dt = 0.1\n" + uneven, {"line 23", "2.004", "even steps of 0.1"});
 }
 
+TEST_F(Csv, GapsBetweenTimesThatWereRounded) {
+  const auto with_gap = [](double dt, int digits, Index rows, Index gap) {
+    std::string text = "time,u,y\n";
+    for (Index i = 0; i < 2 * rows; ++i) {
+      const Index k = i < rows ? i : i + gap;
+      text += fmt::format("{:.{}f},1,{}\n", double(k) * dt, digits, k);
+    }
+    return text;
+  };
+  const auto expect_steps = [&](const std::string& text, Index rows, Index gap) {
+    const Ensemble e = load(text);
+    ASSERT_EQ(e.steps(), 2 * rows + gap) << text;
+    for (Index i = 0; i < 2 * rows; ++i) {
+      const Index k = i < rows ? i : i + gap;
+      EXPECT_EQ(e.y(0, k, 0), double(k)) << text;
+    }
+  };
+  // Those that can be counted, and those of times that are even as they stand.
+  expect_steps(with_gap(1.0 / 30.0, 2, 60, 30), 60, 30);
+  expect_steps(with_gap(1.0 / 60.0, 3, 12, 60), 12, 60);
+  expect_steps(with_gap(0.04, 2, 12, 500), 12, 500);
+  expect_steps(with_gap(1.0 / 3.0, 9, 12, 100000), 12, 100000);
+  for (const auto& [rate, digits, rows, gap] : {std::tuple{30.0, 2, 12, 300},
+                                                {30.0, 2, 30, 1000},
+                                                {60.0, 3, 12, 300},
+                                                {60.0, 3, 60, 10000},
+                                                {3.0, 1, 12, 200}}) {
+    const std::string text = with_gap(1.0 / rate, digits, rows, gap);
+    expect_error(text, {fmt::format("line {}", rows + 2), "gap of about", "'# dt = …'", "'k'"});
+    expect_steps(fmt::format("# dt = {}\n", 1.0 / rate) + text, rows, gap);
+  }
+  // Gaps that hide one another: the longest run counts the next, and both together the one behind.
+  std::string text = "time,u,y\n";
+  for (const Index k : {0, 1, 2, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 26, 27, 40})
+    text += fmt::format("{:.2f},1,{}\n", double(k) / 30.0, k);
+  EXPECT_EQ(load(text).y(0, 40, 0), 40.0);
+}
+
+TEST_F(Csv, OneWildTimeIsTold) {
+  const auto text = [](double t) { return fmt::format("{:.10g}", t); };
+  const std::string ten = table({0.0}, 0.1, text, 10), two = table({0.0, 0.0}, 0.1, text, 10);
+  expect_error(ten + "a,77.77,1,2\n", {"line 12", "77.77 found", "steps of 0.1"});
+  expect_error(ten + "a,-30.03,1,2\n", {"line 12", "-30.03 found", "steps of 0.1"});
+  expect_error(ten + "a,1e9,1,2\n", {"line 12", "1000000000 found"});
+  expect_error(two + "b,77.77000001,1,2\n", {"line 22", "77.77000001 found", "0.03", "even steps of 0.1"});
+  expect_error("# dt = 0.1\n" + ten + "a,77.77,1,2\n", {"line 13", "77.77 found"});
+}
+
+TEST_F(Csv, TimesOfSinglePrecisionOfAnyLength) {
+  const auto single = [](double t) { return fmt::format("{}", double(float(t))); };
+  for (const double dt : {0.01, 0.02, 0.05, 1.0 / 30.0})
+    for (Index rows = 16; rows < 64; ++rows) EXPECT_EQ(load(table({0.0}, dt, single, rows)).steps(), rows);
+}
+
+TEST_F(Csv, FewTimesThatWereRounded) {
+  const std::string five = table(
+      {0.0}, 1.0 / 3.0, [](double t) { return fmt::format("{:.3f}", t); }, 5);
+  expect_error(five, {"line 3", "0.333", "'# dt = …'", "fewer than 8 times"});
+  EXPECT_EQ(load("# dt = 0.3333333\n" + five).steps(), 5);
+  expect_error("# dt = 0.3\n" + five, {"line 4", "0.333"});
+  // Zero may be written with any power.
+  EXPECT_EQ(load("time,u,y\n0e-2147483648,1,2\n1,1,2\n").steps(), 2);
+  EXPECT_EQ(load("time,u,y\n0.0e-2147483647,1,2\n1,1,2\n").steps(), 2);
+}
+
 TEST_F(Csv, ExperimentsThatShareNoSteps) {
   const auto exactly = [](double t) { return fmt::format("{:.10g}", t); };
   expect_error(table({0.0, 0.05}, 0.1, exactly), {"experiment 'b' begins 0.05", "a step of experiment 'a'", "0.1"});
@@ -893,6 +958,23 @@ TEST_F(Csv, ExperimentsThatShareNoSteps) {
   std::string drifting = table({0.0}, 0.1, exactly);
   for (Index k = 0; k < 60; ++k) drifting += fmt::format("b,{:.10g},1,2\n", 0.1005 * double(k));
   expect_error(drifting, {"steps of 0.1005 in experiment 'b'", "of 0.1 in experiment 'a'"});
+  // One that goes wrong by little, in either order
+  std::string little = table({0.0}, 0.1, exactly), swapped = table({0.0}, 0.100005, exactly);
+  for (Index k = 0; k < 60; ++k) {
+    little += fmt::format("b,{:.10g},1,2\n", 0.100005 * double(k));
+    swapped += fmt::format("b,{:.10g},1,2\n", 0.1 * double(k));
+  }
+  expect_error(little, {"steps of 0.100005 in experiment 'b'", "of 0.1 in experiment 'a'", "'k'"});
+  expect_error(swapped, {"steps of 0.100005 in experiment 'a'", "of 0.1 in experiment 'b'", "'k'"});
+  // The advice holds for spacings of many digits.
+  for (const double dt : {1.0 / 3.0, 1.0 / 30.0, 1.0 / 44100.0}) {
+    const auto shortest = [](double t) { return fmt::format("{}", t); };
+    std::string gaps = table({0.0}, dt, shortest);
+    for (Index k = 0; k < 30; ++k) gaps += fmt::format("b,{},1,2\n", double(2 * k) * dt);
+    const std::string advice = fmt::format("# dt = {}", dt);
+    expect_error(gaps, {"'" + advice + "'"});
+    EXPECT_EQ(load(advice + "\n" + gaps).steps(), 60);
+  }
   // Few rows too
   expect_error("experiment,time,u,y\na,0,1,2\na,1,1,2\nb,5,1,2\nb,6,1,2\n",
                {"'b' begins at 5", "'a' has ended at 1", "'# dt = 1'"});

@@ -19,6 +19,7 @@
 #include "claims.hpp"
 #include "formats.hpp"
 #include "text.hpp"
+#include "time_axis.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid::io {
@@ -26,7 +27,6 @@ namespace tokid::io {
 namespace {
 
 constexpr double missing = std::numeric_limits<double>::quiet_NaN();
-constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 // ---- rows of cells ----
 
@@ -224,50 +224,10 @@ void require_channels(const Columns& columns, bool outputs_required) {
 
 // ---- samples ----
 
-// How finely a column of numbers is written. Programs leave out zeros at the end: its longest numbers tell.
-class Precision {
- public:
-  void add(std::string_view text, double value) {
-    const size_t mantissa = std::min(text.find_first_of("eE"), text.size());
-    int digits = 0, decimals = 0, power = 0;
-    bool fraction = false;
-    for (const char c : text.substr(0, mantissa)) {
-      if (c == '.') fraction = true;
-      if (c < '0' || c > '9') continue;
-      if (digits > 0 || c != '0') ++digits;
-      if (fraction) ++decimals;
-    }
-    if (mantissa < text.size()) {
-      const size_t sign = text[mantissa + 1] == '+' ? 1 : 0;
-      std::from_chars(text.data() + mantissa + 1 + sign, text.data() + text.size(), power);
-    }
-    digits_ = std::max(digits_, digits);
-    decimals_ = std::max(decimals_, decimals - power);
-    constexpr int most_of_single = 9;
-    single_ = single_ && (digits <= most_of_single || double(float(value)) == value);
-  }
-
-  // What a number of this size is a multiple of.
-  double unit(double value) const {
-    const double size = std::abs(value);
-    const double of_digits = size > 0 ? std::pow(10.0, std::floor(std::log10(size)) + 1 - digits_) : 0.0;
-    constexpr double single_epsilon = std::numeric_limits<float>::epsilon();
-    return std::max({std::pow(10.0, -decimals_), of_digits, single_ ? single_epsilon * size : 0.0});
-  }
-
- private:
-  int digits_ = 1, decimals_ = 0;
-  bool single_ = true;  // as numbers of single precision are
-};
-
 struct Records {
   Columns columns;
-  std::vector<Index> experiment;  // of each row
-  std::vector<double> time;       // of each row: time, step or number of the row in its experiment
-  Precision precision;            // of the times
-  std::vector<Index> line;        // of each row
-  std::vector<double> samples;    // (rows, r + m)
-  Names experiments;              // in the order of appearance
+  TimeColumn rows;
+  std::vector<double> samples;  // (rows, r + m)
 };
 
 double number_of(std::string_view text, const Row& row, const std::string& column) {
@@ -297,9 +257,9 @@ class RecordReader {
     const Columns& columns = records_.columns;
     check_width(row, columns.names);
     const Index n = experiment_of(row);
-    records_.experiment.push_back(n);
-    records_.line.push_back(row.line);
-    records_.time.push_back(time_of(row, n));
+    records_.rows.experiment.push_back(n);
+    records_.rows.line.push_back(row.line);
+    records_.rows.time.push_back(time_of(row, n));
     for (const auto* chosen : {&columns.inputs, &columns.outputs})
       for (const size_t c : *chosen) records_.samples.push_back(number_of(row.cells[c], row, columns.names[c]));
   }
@@ -313,7 +273,7 @@ class RecordReader {
     if (column && id.empty()) fail("line {}, column 'experiment': nothing found, a number or name needed", row.line);
     const auto [at, is_new] = numbers_.try_emplace(id, static_cast<Index>(numbers_.size()));
     if (is_new) {
-      records_.experiments.push_back(id);
+      records_.rows.experiments.push_back(id);
       rows_.push_back(0);
     }
     return at->second;
@@ -328,7 +288,7 @@ class RecordReader {
     if (!std::isfinite(time) || !whole)
       fail("line {}, column '{}': '{}' found, a {} needed", row.line, columns.names[*column], row.cells[*column],
            columns.time ? "finite time" : "whole number");
-    records_.precision.add(row.cells[*column], time);
+    records_.rows.precision.add(row.cells[*column], time);
     return time;
   }
 
@@ -337,265 +297,29 @@ class RecordReader {
   std::vector<Index> rows_;  // of each experiment so far
 };
 
-// ---- the grid of time ----
+// ---- the steps ----
 
-struct Grid {
-  double begin = 0.0, dt = 1.0;
-  Index steps = 1;
-
-  double step(double time) const { return std::round((time - begin) / dt); }
+// Steps of the rows, from that of the smallest time or number on.
+struct Steps {
+  Grid grid;
+  Index count = 1;
 };
 
-constexpr double inf = std::numeric_limits<double>::infinity();
-
-// Distinct times; those closer than rounding errors make them are one.
-std::vector<double> distinct(std::vector<double> times, double resolution) {
-  std::sort(times.begin(), times.end());
-  double largest = 0.0;
-  for (size_t i = 1; i < times.size(); ++i) largest = std::max(largest, times[i] - times[i - 1]);
-  const double same = std::max(resolution, 1e-6 * largest);
-  times.erase(std::unique(times.begin(), times.end(), [&](double a, double b) { return b - a <= same; }), times.end());
-  return times;
-}
-
-// Of the spacings that the times allow for, the one that was meant has few digits, or is that of a frequency that has.
-double with_few_digits(double dt, double uncertainty) {
-  const auto rounded = [](double value, int digits) {
-    const std::string text = fmt::format("{:.{}g}", value, digits);
-    double result = 0.0;
-    std::from_chars(text.data(), text.data() + text.size(), result);
-    return result;
-  };
-  for (int digits = 1; digits <= 12; ++digits)
-    for (const double meant : {rounded(dt, digits), 1.0 / rounded(1.0 / dt, digits)})
-      if (std::abs(meant - dt) <= uncertainty) return meant;
-  return dt;
-}
-
-// The even spacing: the smallest distance counts the steps of the others, and the whole range refines it.
-double spacing(const std::vector<double>& times) {
-  if (times.size() < 2) return 1.0;
-  double smallest = inf, steps = 0.0;
-  for (size_t i = 1; i < times.size(); ++i) smallest = std::min(smallest, times[i] - times[i - 1]);
-  for (size_t i = 1; i < times.size(); ++i) steps += std::round((times[i] - times[i - 1]) / smallest);
-  const double refined = (times.back() - times.front()) / steps;
-  return with_few_digits(refined,
-                         2 * epsilon * (refined + std::max(std::abs(times.front()), std::abs(times.back())) / steps));
-}
-
-// The time of one experiment, t = begin + k dt, and how far the row that is worst off lies from it.
-struct Axis {
-  Index rows = 0;
-  double first = inf, last = -inf;
-  double unit = 0.0;           // that its times are written in
-  double begin = 0.0, dt = 0;  // 0: too few rows to tell
-  double steps = 0.0;          // dt from first to last
-  double off = 0.0;
-  size_t worst = 0;      // row
-  bool is_even = false;  // but for what the writing of the times has cost
-};
-
-// Fewer rows don't tell even times from others that have been rounded.
-constexpr Index few = 8;
-// Of a step: what even times may be off by themselves, and rounded ones at most.
-constexpr double exact = 1e-6, roughest = 1.0 / 3.0;
-
-// Half a unit is what rounding costs, and half of that again the line through rounded times.
-double allowed(const Axis& axis, double dt, double resolution) {
-  const double rounding = axis.rows >= few && axis.unit <= roughest * dt ? 0.75 * axis.unit : 0.0;
-  return std::max(exact * dt + resolution, rounding);
-}
-
-// Least squares through the times, whose steps are counted by the distances that are single ones; or with a dt that is
-// stated.
-void fit(const std::vector<double>& time, std::vector<size_t> rows, std::optional<double> stated, Axis& axis) {
-  std::sort(rows.begin(), rows.end(), [&](size_t a, size_t b) { return time[a] < time[b]; });
-  double sum = 0.0, count = 0.0;
-  std::vector<double> gaps;
-  for (size_t i = 1; i < rows.size(); ++i)
-    if (const double gap = time[rows[i]] - time[rows[i - 1]]; gap > 0) gaps.push_back(gap);
-  if (gaps.empty()) return;
-  // Neither a gap nor a row that is there twice is usual.
-  std::nth_element(gaps.begin(), gaps.begin() + std::ptrdiff_t(gaps.size() / 4), gaps.end());
-  const double usual = gaps[gaps.size() / 4];
-  for (const double gap : gaps)
-    if (std::abs(gap - usual) < 0.5 * usual) sum += gap, count += 1.0;
-  const double single = stated ? *stated : sum / count;
-  if (!(single > 0)) return;
-  std::vector<double> step(rows.size(), 0.0);
-  double mean_step = 0.0, mean_time = 0.0;
-  for (size_t i = 0; i < rows.size(); ++i) {
-    if (i > 0) step[i] = step[i - 1] + std::round((time[rows[i]] - time[rows[i - 1]]) / single);
-    mean_step += step[i] / double(rows.size());
-    mean_time += (time[rows[i]] - axis.first) / double(rows.size());
-  }
-  double squares = 0.0, products = 0.0;
-  for (size_t i = 0; i < rows.size(); ++i) {
-    squares += (step[i] - mean_step) * (step[i] - mean_step);
-    products += (step[i] - mean_step) * (time[rows[i]] - axis.first - mean_time);
-  }
-  axis.dt = stated ? *stated : products / squares;
-  axis.steps = step.back();
-  const double offset = mean_time - axis.dt * mean_step;
-  axis.begin = axis.first + offset;
-  for (size_t i = 0; i < rows.size(); ++i)
-    if (const double off = std::abs(time[rows[i]] - axis.first - offset - step[i] * axis.dt); off > axis.off)
-      axis.off = off, axis.worst = rows[i];
-}
-
-std::vector<Axis> axes_of(const Records& records, std::optional<double> stated, double resolution) {
-  std::vector<Axis> axes(records.experiments.size());
-  std::vector<std::vector<size_t>> rows(axes.size());
-  for (size_t i = 0; i < records.time.size(); ++i) {
-    Axis& own = axes[size_t(records.experiment[i])];
-    ++own.rows;
-    own.first = std::min(own.first, records.time[i]);
-    own.last = std::max(own.last, records.time[i]);
-    rows[size_t(records.experiment[i])].push_back(i);
-  }
-  for (size_t n = 0; n < axes.size(); ++n) {
-    Axis& own = axes[n];
-    own.unit = records.precision.unit(std::max(std::abs(own.first), std::abs(own.last)));
-    if (!stated && own.rows < few) continue;
-    fit(records.time, std::move(rows[n]), stated, own);
-    own.is_even = own.dt > 0 && own.rows >= few && own.off <= allowed(own, own.dt, resolution);
-  }
-  return axes;
-}
-
-bool is_rounded(const Axis& axis, double resolution) { return axis.off > exact * axis.dt + resolution; }
-
-// What the spacing of an axis may be off.
-double uncertainty(const Axis& axis, double resolution) {
-  return (is_rounded(axis, resolution) ? axis.unit : resolution) / std::max(axis.steps, 1.0);
-}
-
-// Experiments that share no step can't show how one step differs from another. A sample time that is stated tells that
-// the gaps are meant.
-void check_overlap(const Records& records, const std::vector<Axis>& axes, double dt) {
-  const auto by = [](double Axis::*time) { return [time](const Axis& a, const Axis& b) { return a.*time < b.*time; }; };
-  const auto last = std::max_element(axes.begin(), axes.end(), by(&Axis::first));
-  const auto first = std::min_element(axes.begin(), axes.end(), by(&Axis::last));
-  if (last->first <= first->last) return;
-  const auto& name = records.experiments;
-  fail(
-      "column 'time': experiment '{}' begins at {:.6g}, when experiment '{}' has ended at {:.6g}; times from the begin of "
-      "each experiment on needed, or a line '# dt = {:.6g}' above the header where samples are missing",
-      name[size_t(last - axes.begin())], last->first, name[size_t(first - axes.begin())], first->last, dt);
-}
-
-// Experiments of different sample times would have gaps where the others have samples, and those whose steps lie
-// between the steps of others no step in common, unless a sample time is stated. \returns the axis with the most steps,
-// if any is even
-std::optional<Axis> common_axis(const Records& records, const std::vector<Axis>& axes, double resolution, bool stated) {
-  std::optional<size_t> fastest, slowest, longest;
-  for (size_t n = 0; n < axes.size(); ++n) {
-    if (!axes[n].is_even) continue;
-    if (!fastest || axes[n].dt < axes[*fastest].dt) fastest = n;
-    if (!slowest || axes[n].dt > axes[*slowest].dt) slowest = n;
-    if (!longest || axes[n].steps > axes[*longest].steps) longest = n;
-  }
-  if (!fastest) return std::nullopt;
-  if (stated) return axes[*longest];
-  const auto& name = records.experiments;
-  const Axis &fast = axes[*fastest], &slow = axes[*slowest], &common = axes[*longest];
-  constexpr double same = 1e-4;
-  if (slow.dt - fast.dt > same * fast.dt + uncertainty(fast, resolution) + uncertainty(slow, resolution))
-    fail(
-        "column 'time': steps of {:.6g} in experiment '{}' and of {:.6g} in experiment '{}' found, one sample time needed, "
-        "or a line '# dt = {:.6g}' above the header where samples are missing",
-        slow.dt, name[*slowest], fast.dt, name[*fastest], fast.dt);
-  for (size_t n = 0; n < axes.size(); ++n) {
-    if (!axes[n].is_even) continue;
-    const double distance = axes[n].begin - common.begin, steps = std::round(distance / common.dt);
-    const double behind = distance - steps * common.dt;
-    double most = std::abs(steps) * uncertainty(common, resolution);
-    for (const Axis* axis : {&axes[n], &common})
-      most += is_rounded(*axis, resolution) ? axis->unit : exact * common.dt + resolution;
-    if (std::abs(behind) > most)
-      fail(
-          "column 'time': experiment '{}' begins {:.4g} {} a step of experiment '{}', the same steps of {:.6g} needed: "
-          "times from the begin of each experiment on",
-          name[n], std::abs(behind), behind > 0 ? "after" : "before", name[*longest], common.dt);
-  }
-  return common;
-}
-
-// Of times that jitter, the row that is worst off is told, where that is an experiment's own doing.
-void fail_uneven(const Records& records, const std::vector<Axis>& axes) {
-  const auto relative = [](const Axis& axis) { return axis.dt > 0 ? axis.off / axis.dt : 0.0; };
-  const auto worst = std::max_element(axes.begin(), axes.end(),
-                                      [&](const Axis& a, const Axis& b) { return relative(a) < relative(b); });
-  if (!(relative(*worst) > exact)) return;
-  fail(
-      "line {}, column 'time': {} found, {:.4g} off the even steps of {:.6g} of the other rows, which are needed (or step "
-      "numbers in a column 'k')",
-      records.line[worst->worst], records.time[worst->worst], worst->off,
-      with_few_digits(worst->dt, worst->off / std::max(worst->steps, 1.0)));
-}
-
-// Times that were rounded when they were written lie around the grid, not behind its first one.
-void centre(const Axis& axis, Grid& grid) {
-  grid.begin = axis.begin - std::round((axis.begin - grid.begin) / grid.dt) * grid.dt;
-}
-
-// The grid of the times, and what the rows of each experiment may be off it.
-Grid timed_grid(const Records& records, const std::vector<Axis>& axes, std::optional<double> dt, double first,
-                double last, double resolution, std::vector<double>& most) {
-  Grid grid{first, dt.value_or(1.0), 1};
-  std::optional<Axis> common = common_axis(records, axes, resolution, dt.has_value());
-  const bool rounded = common && std::any_of(axes.begin(), axes.end(), [&](const Axis& axis) {
-                         return axis.is_even && is_rounded(axis, resolution);
-                       });
-  if (!dt && common && rounded) {
-    grid.dt = with_few_digits(common->dt, 0.5 * common->unit / common->steps);
-  } else if (!dt && common) {
-    const double steps = std::round((last - first) / common->dt), refined = (last - first) / steps;
-    grid.dt = with_few_digits(refined, 2 * epsilon * (refined + std::max(std::abs(first), std::abs(last)) / steps));
-  } else if (!dt) {
-    grid.dt = spacing(distinct(records.time, resolution));
-  }
-  if (!dt) check_overlap(records, axes, grid.dt);
-  if (rounded) centre(*common, grid);
-  for (const Axis& axis : axes) {
-    // Rounded times, from the line through those of another experiment whose times were rounded too.
-    const bool by_rounding = rounded && (axis.is_even || axis.rows < few);
-    most.push_back(std::max(exact * grid.dt + resolution, by_rounding ? 1.5 * std::max(axis.unit, common->unit) : 0.0));
-  }
-  return grid;
-}
-
-Grid grid_of(const Records& records, std::optional<double> dt) {
+Steps steps_of(const Records& records, std::optional<double> dt) {
+  const auto [first, last] = std::minmax_element(records.rows.time.begin(), records.rows.time.end());
   if (dt && (!(*dt > 0) || !std::isfinite(*dt))) fail("dt: {} found, a positive time in seconds needed", *dt);
-  const auto [first, last] = std::minmax_element(records.time.begin(), records.time.end());
-  Grid grid{*first, 1.0, 1};
-  if (records.columns.time) {
-    const double resolution = 4 * epsilon * std::max(std::abs(*first), std::abs(*last));
-    const std::vector<Axis> axes = axes_of(records, dt, resolution);
-    std::vector<double> most;
-    grid = timed_grid(records, axes, dt, *first, *last, resolution, most);
-    if (!(grid.dt > 0) || !std::isfinite(grid.dt)) fail("dt: {} found, a positive time in seconds needed", grid.dt);
-    for (size_t i = 0; i < records.time.size(); ++i) {
-      const double time = records.time[i], off = std::abs(time - grid.begin - grid.step(time) * grid.dt);
-      if (off <= most[size_t(records.experiment[i])]) continue;
-      if (!dt) fail_uneven(records, axes);
-      fail(
-          "line {}, column 'time': {} found, {:.4g} off the even steps of {} from {} on, which are needed (or step "
-          "numbers in a column 'k')",
-          records.line[i], time, off, grid.dt, grid.begin);
-    }
-  }
-  const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.time.size());
+  const Grid grid = records.columns.time ? time_grid(records.rows, dt) : Grid{*first, 1.0};
+  const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.rows.time.size());
+  const size_t experiments = records.rows.experiments.size();
   // A wild time or step number would otherwise ask for more memory than the file can be worth.
   const double channels = static_cast<double>(records.columns.inputs.size() + records.columns.outputs.size());
-  const double samples = steps * static_cast<double>(records.experiments.size()) * channels;
+  const double samples = steps * static_cast<double>(experiments) * channels;
   if (!(samples <= 1e6 + 1000 * rows * channels))
-    fail("{} experiments of {} steps found in {} rows, fewer gaps needed", records.experiments.size(), steps, rows);
+    fail("{} experiments of {} steps found in {} rows, fewer gaps needed", experiments, steps, rows);
   if (!(samples * sizeof(double) <= static_cast<double>(memory_limit())))
     fail("{} experiments of {} steps with {} channels found, which take {} bytes of memory; this machine has {}",
-         records.experiments.size(), steps, channels, samples * sizeof(double), memory_limit());
-  grid.steps = static_cast<Index>(steps);
-  return grid;
+         experiments, steps, channels, samples * sizeof(double), memory_limit());
+  return {grid, static_cast<Index>(steps)};
 }
 
 // ---- the ensemble ----
@@ -603,12 +327,12 @@ Grid grid_of(const Records& records, std::optional<double> dt) {
 void fill(const Records& records, const Grid& grid, Ensemble& e) {
   std::vector<bool> seen(static_cast<size_t>(e.experiments() * e.steps()));
   auto sample = records.samples.begin();
-  for (size_t i = 0; i < records.time.size(); ++i) {
-    const Index n = records.experiment[i], k = static_cast<Index>(grid.step(records.time[i]));
+  for (size_t i = 0; i < records.rows.time.size(); ++i) {
+    const Index n = records.rows.experiment[i], k = static_cast<Index>(grid.step(records.rows.time[i]));
     auto cell = seen[static_cast<size_t>(n * e.steps() + k)];
     if (cell)
-      fail("line {}: a second row for step {} of experiment '{}' found, one needed", records.line[i], k,
-           records.experiments[static_cast<size_t>(n)]);
+      fail("line {}: a second row for step {} of experiment '{}' found, one needed", records.rows.line[i], k,
+           records.rows.experiments[static_cast<size_t>(n)]);
     cell = true;
     for (Index j = 0; j < e.inputs(); ++j) e.u(n, k, j) = *sample++;
     for (Index j = 0; j < e.outputs(); ++j) e.y(n, k, j) = *sample++;
@@ -681,12 +405,13 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
     reader.add(*row);
   }
   const Records records = reader.take();
-  if (records.time.empty()) fail("no rows after the header found, samples needed");
+  if (records.rows.time.empty()) fail("no rows after the header found, samples needed");
 
-  const Grid grid = grid_of(records, notes.dt);
-  Ensemble e(static_cast<Index>(records.experiments.size()), grid.steps, static_cast<Index>(columns.inputs.size()),
-             static_cast<Index>(columns.outputs.size()), notes.dt.value_or(grid.dt));
-  fill(records, grid, e);
+  const Steps steps = steps_of(records, notes.dt);
+  Ensemble e(static_cast<Index>(records.rows.experiments.size()), steps.count,
+             static_cast<Index>(columns.inputs.size()), static_cast<Index>(columns.outputs.size()),
+             notes.dt.value_or(steps.grid.dt));
+  fill(records, steps.grid, e);
   e.names = channels_of(columns, *header, notes);
   e.initial_state = notes.initial_state;
   apply_length(notes.length, e);

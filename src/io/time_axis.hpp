@@ -1,0 +1,45 @@
+// The column 'time' of a table: from the times of its rows, as they were written, to steps of one grid.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cmath>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "arrays.hpp"
+
+namespace tokid::io {
+
+// How finely a column of numbers is written. Programs leave out zeros at the end: its longest numbers tell.
+class Precision {
+ public:
+  void add(std::string_view text, double value);
+  double unit(double value) const;  // what a number of this size is a multiple of
+
+ private:
+  int digits_ = 1, decimals_ = 0;
+  bool single_ = true;  // as numbers of single precision are
+};
+
+struct TimeColumn {
+  std::vector<double> time;       // of each row: time [s], step or number of the row in its experiment
+  std::vector<Index> experiment;  // of each row
+  std::vector<Index> line;        // of each row
+  Names experiments;              // in the order of appearance
+  Precision precision;            // of the times
+};
+
+struct Grid {
+  double begin = 0.0, dt = 1.0;
+
+  double step(double time) const { return std::round((time - begin) / dt); }
+};
+
+// The grid whose steps the times [s] are: even to 1e-6 of a step, or to what rounding has cost where that is a sixth of
+// a step at most; with a dt [s] > 0 that is stated, or the one that they tell.
+// \throws IoError that names the line of a time off the grid or behind a gap whose steps can't be counted, and
+// experiments that share no steps
+Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
+
+}  // namespace tokid::io
