@@ -245,7 +245,8 @@ FilesTogether::FilesTogether() : content_(std::make_unique<Content>()) {}
 FilesTogether::~FilesTogether() = default;
 
 void FilesTogether::commit() {
-  auto& [files, then] = content_->waiting;
+  std::deque<io::AtomicFile>& files = content_->waiting.files;
+  std::deque<std::function<void()>>& then = content_->waiting.then;
   for (; !files.empty(); files.pop_front()) io::naming_write(files.front().target(), [&] { files.front().publish(); });
   for (; !then.empty(); then.pop_front()) then.front()();
 }

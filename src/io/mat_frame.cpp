@@ -69,7 +69,7 @@ class Inflated : public Source {
     }
   }
   void skip(std::uint64_t bytes) override {
-    std::array<char, 4096> unused;
+    std::array<char, 4096> unused{};
     for (; bytes > 0; bytes -= std::min<std::uint64_t>(bytes, unused.size()))
       read(unused.data(), size_t(std::min<std::uint64_t>(bytes, unused.size())));
   }
@@ -85,7 +85,7 @@ class Inflated : public Source {
 
   std::istream& file_;
   std::uint64_t left_;
-  std::array<char, 4096> packed_;
+  std::array<char, 4096> packed_{};
   z_stream stream_{};
 };
 
