@@ -99,6 +99,7 @@ asan tsan:
 	@$(configure) $@ >/dev/null
 	@cmake --build build-$@
 	@UBSAN_OPTIONS=print_stacktrace=1 TSAN_OPTIONS=halt_on_error=1 \
+	  LSAN_OPTIONS=suppressions=$(CURDIR)/tests/leaks.supp:print_suppressions=0 \
 	  $(python) tests/run.py build-$@
 
 # Half a minute becomes an hour: each call takes two seconds to begin.

@@ -114,7 +114,7 @@ std::string sum_text(const std::vector<std::pair<std::string, double>>& terms) {
     const double value = factor / terms.front().second;
     const std::string size = fmt::format("{:.3g}", std::abs(value));
     if (!text.empty()) text += value < 0 ? " - " : " + ";
-    text += size == "1" ? name : size + " " + name;
+    text += size == "1" ? name : fmt::format("{} {}", size, name);
   }
   return text;
 }

@@ -321,7 +321,7 @@ void Pipeline::regress_together() {
   o.execution = share(0.4, 0.6);
   const Index regressors = minimum_experiments(data_->inputs(), data_->outputs(), o.lags.back());
   o.folds = regressors > 100 ? 3 : fold_count(measure.experiments());
-  o.steps = std::clamp<Index>(256 * 60 * 60 / (regressors * regressors), 64, 256);
+  o.steps = std::clamp<Index>(Index{256} * 60 * 60 / (regressors * regressors), 64, 256);
   if (o.lags.back() >= measure.steps())
     throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", measure.steps(),
                                             o.lags.back(), o.lags.back() + 1));

@@ -325,6 +325,7 @@ Independence independence_over_time(const Innovations& innovations, const Ensemb
           inputs[size_t(j - first)].add(missing);
     }
   std::vector<Matrix> bases;
+  bases.reserve(inputs.size());
   for (const Stack& u : inputs) bases.push_back(input_basis(u.matrix()));
   IndependenceSums sums(last - first + 1);
   sums.add(centred(e.matrix()), bases);

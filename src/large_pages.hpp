@@ -6,7 +6,7 @@
 #endif
 
 #include <cstddef>
-#include <cstdint>
+#include <memory>
 
 namespace tokid {
 
@@ -14,10 +14,9 @@ namespace tokid {
 // the time is that of small ones. A hint, whose failure is of no consequence.
 inline void prefer_large_pages([[maybe_unused]] const void* memory, [[maybe_unused]] size_t bytes) {
 #ifdef __linux__
-  constexpr std::uintptr_t page = size_t{2} << 20;
-  const auto from = reinterpret_cast<std::uintptr_t>(memory);
-  const std::uintptr_t begin = (from + page - 1) / page * page, end = (from + bytes) / page * page;
-  if (begin < end) madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
+  constexpr size_t page = size_t{2} << 20;
+  void* begin = const_cast<void*>(memory);
+  if (std::align(page, page, begin, bytes)) madvise(begin, bytes / page * page, MADV_HUGEPAGE);
 #endif
 }
 
