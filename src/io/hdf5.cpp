@@ -43,21 +43,27 @@ Node open_attribute(hid_t object, const std::string& name) {
           true};
 }
 
+std::vector<H5Z_filter_t> filters_of(hid_t properties, const std::string& name) {
+  std::vector<H5Z_filter_t> result;
+  const int count = checked(H5Pget_nfilters(properties), name);
+  for (int i = 0; i < count; ++i) {
+    size_t values = 0;
+    unsigned flags = 0, config = 0;
+    result.push_back(H5Pget_filter2(properties, unsigned(i), &flags, &values, nullptr, 0, nullptr, &config));
+  }
+  return result;
+}
+
 // Values that lie elsewhere than in the file would have it lead to any other that the user may read. Two filters of the
 // library trust what the file says of the bits to unpack, and write beyond their buffers.
 void check_storage(hid_t data, const std::string& name) {
   const Handle properties(H5Dget_create_plist(data), H5Pclose, name);
   if (H5Pget_layout(properties) == H5D_VIRTUAL || H5Pget_external_count(properties) > 0)
     fail("data set '{}': values in other files found, the values themselves needed", name);
-  const int filters = checked(H5Pget_nfilters(properties), name);
-  for (int i = 0; i < filters; ++i) {
-    size_t values = 0;
-    unsigned flags = 0, config = 0;
-    const H5Z_filter_t filter = H5Pget_filter2(properties, unsigned(i), &flags, &values, nullptr, 0, nullptr, &config);
+  for (const H5Z_filter_t filter : filters_of(properties, name))
     if (filter == H5Z_FILTER_NBIT || filter == H5Z_FILTER_SCALEOFFSET)
       fail("data set '{}': filter '{}' found, another one needed: h5repack -f GZIP=4", name,
            filter == H5Z_FILTER_NBIT ? "nbit" : "scaleoffset");
-  }
 }
 
 Node data_set_of(Handle id, const std::string& name) {
@@ -102,11 +108,7 @@ void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t
 // How many bytes one that is stored can become; 0 where nobody knows.
 std::uint64_t expansion(hid_t properties, const std::string& name) {
   std::uint64_t most = 1;
-  const int filters = checked(H5Pget_nfilters(properties), name);
-  for (int i = 0; i < filters; ++i) {
-    size_t values = 0;
-    unsigned flags = 0, config = 0;
-    const H5Z_filter_t filter = H5Pget_filter2(properties, unsigned(i), &flags, &values, nullptr, 0, nullptr, &config);
+  for (const H5Z_filter_t filter : filters_of(properties, name)) {
     if (filter == H5Z_FILTER_DEFLATE)
       most *= best_compression;
     else if (filter != H5Z_FILTER_SHUFFLE && filter != H5Z_FILTER_FLETCHER32)
