@@ -84,7 +84,8 @@ class Command {
 
   // What `parse` makes of the text; where that is nothing, the complaint says what was found, and `needed`.
   template <class T, class Parse>
-  void value(const char* name, T& target, const char* type, const char* description, Parse parse, std::string needed) {
+  void value(const char* name, T& target, const char* type, const char* description, const Parse& parse,
+             std::string needed) {
     const auto set = [&target, parse](const std::string& text) {
       auto parsed = parse(text);
       if (parsed) target = std::move(*parsed);

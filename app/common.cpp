@@ -126,7 +126,7 @@ std::string with_unit(const std::string& name, const std::vector<std::string>& u
 // Code points stand for columns: good for every script that channels are named in, but not for the widest.
 size_t width(std::string_view text) {
   return static_cast<size_t>(
-      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) >> 6) != 2; }));
+      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
 }
 
 constexpr size_t label_width = 15;

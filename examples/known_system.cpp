@@ -8,12 +8,10 @@ int main() {
   // The time invariant example of Appendix B (73), ten steps of it. The matrices may differ from step to step.
   tokid::Model model;
   model.inputs = model.outputs = 1;
-  for (int k = 0; k < 10; ++k) {
-    model.A.push_back(tokid::Matrix{{1, 0}, {1, 2}});
-    model.B.push_back(tokid::Matrix{{1}, {0}});
-    model.C.push_back(tokid::Matrix{{0, 1}});
-    model.D.push_back(tokid::Matrix{{0}});
-  }
+  model.A.assign(10, tokid::Matrix{{1, 0}, {1, 2}});
+  model.B.assign(10, tokid::Matrix{{1}, {0}});
+  model.C.assign(10, tokid::Matrix{{0, 1}});
+  model.D.assign(10, tokid::Matrix{{0}});
   model.state_dim.assign(11, 2);
 
   const tokid::DeadbeatGain deadbeat = tokid::deadbeat_gain(model);

@@ -135,7 +135,7 @@ int in_processes(int begin, int end, const std::function<void(int)>& each) {
 
 int main(int argc, char** argv) {
   if (argc != 3) return std::fputs("replay CORPUS ROUNDS\n", stderr), 2;
-  const int rounds = std::atoi(argv[2]);
+  const int rounds = std::stoi(argv[2]);
   for (const auto& [name, run, hdf5] : tokid::fuzz::targets()) {
     const auto begin = std::chrono::steady_clock::now();
     const std::vector<std::string> inputs = corpus(fs::path(argv[1]) / name);

@@ -134,9 +134,4 @@ Matrix procrustes(const ConstMatrixRef& a, const ConstMatrixRef& b) {
   return d.u * d.v.transpose();
 }
 
-Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a) {
-  if (a.size() == 0) return {};
-  return Eigen::EigenSolver<Matrix>(a, false).eigenvalues();
-}
-
 }  // namespace tokid::linalg

@@ -152,6 +152,24 @@ TEST(CovarianceFactor, SquaresToTheCovarianceOrRefuses) {
   EXPECT_FALSE(linalg::covariance_factor(Matrix::Constant(1, 1, std::numeric_limits<double>::quiet_NaN())));
 }
 
+// Random matrices have distinct eigenvalues; the rounding errors of the left vectors grow with the condition of the
+// right.
+TEST(Eigensystem, DiagonalisesFromBothSides) {
+  Random random(8);
+  for (const Index n : {1, 2, 3, 6, 12}) {
+    const Matrix a = random.matrix(n, n);
+    const linalg::Eigensystem system = linalg::eigensystem(a);
+    const Eigen::MatrixXcd identity = Eigen::MatrixXcd::Identity(n, n);
+    const double condition = system.right.norm() * system.left.norm();
+    EXPECT_LE((a * system.right - system.right * system.values.asDiagonal()).norm(),
+              1e2 * epsilon * double(n) * a.norm())
+        << n;
+    EXPECT_LE((system.left * system.right - identity).norm(), 1e2 * epsilon * double(n) * condition) << n;
+    EXPECT_LE((system.values - linalg::eigenvalues(a)).norm(), 1e2 * epsilon * double(n) * a.norm() * condition) << n;
+  }
+  EXPECT_EQ(linalg::eigensystem(Matrix(0, 0)).values.size(), 0);
+}
+
 TEST(Procrustes, FindsTheRotation) {
   Random random(6);
   const Matrix a = random.matrix(10, 4), q = random.orthogonal(4);

@@ -75,6 +75,14 @@ std::optional<Matrix> covariance_factor(const ConstMatrixRef& s);
 // Eigenvalues of a square matrix, in no order of meaning; conjugate pairs stand together.
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a);
 
+// The same eigenvalues with their vectors: a·right = right·diag(values), left = right⁻¹ (rows, so that left·right = I).
+// Where a has no basis of eigenvectors, left is not finite or huge.
+struct Eigensystem {
+  Eigen::VectorXcd values;
+  Eigen::MatrixXcd right, left;
+};
+Eigensystem eigensystem(const ConstMatrixRef& a);
+
 // Orthogonal matrix Q (a.cols × b.cols, a.cols = b.cols) that minimises ‖a·Q - b‖_F (orthogonal Procrustes).
 Matrix procrustes(const ConstMatrixRef& a, const ConstMatrixRef& b);
 

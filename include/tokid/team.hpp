@@ -15,9 +15,9 @@ namespace tokid {
 struct Team {
   Index rank = 0, size = 1;
   // What the first member says, at all of them; and what each of them says in turn, at the first one.
-  std::function<std::string(std::string)> broadcast = [](std::string own) { return own; };
-  std::function<std::vector<std::string>(std::string)> gather = [](std::string own) {
-    return std::vector<std::string>{std::move(own)};
+  std::function<std::string(std::string)> broadcast = [](const std::string& own) { return own; };
+  std::function<std::vector<std::string>(std::string)> gather = [](const std::string& own) {
+    return std::vector<std::string>{own};
   };
 };
 

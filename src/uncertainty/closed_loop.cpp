@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -17,7 +16,6 @@ namespace tokid {
 
 namespace {
 
-using Eigen::MatrixXcd;
 using Eigen::VectorXcd;
 using uncertainty::Rows;
 using uncertainty::StudentT;
@@ -236,18 +234,6 @@ class ClosedLoop {
   Matrix projection_, to_frame_, next_to_frame_, loop_;
 };
 
-// Eigenvalues in the order of linalg::eigenvalues, right and left eigenvectors with ω v = 1.
-struct Decomposition {
-  VectorXcd values;
-  MatrixXcd right, left;
-};
-Decomposition decompose(const Matrix& a) {
-  const Eigen::EigenSolver<Matrix> solver(a);
-  MatrixXcd right = solver.eigenvectors();
-  MatrixXcd left = right.inverse();
-  return {solver.eigenvalues(), std::move(right), std::move(left)};
-}
-
 void check_model(const GtvArx& arx, const Model& model, const TveraOptions& o) {
   if (arx.inputs != model.inputs || arx.outputs != model.outputs || model.k_begin < arx.k_begin ||
       model.k_end() != arx.steps())
@@ -284,7 +270,7 @@ SpectrumBounds closed_loop_bounds(const GtvArx& arx, const Model& model, const T
     for (Index i = begin; i < end; ++i) {
       const Index k = result.begin + i;
       const Matrix closed = frame.framed.model.closed_loop(k);
-      const Decomposition d = decompose(closed);
+      const linalg::Eigensystem d = linalg::eigensystem(closed);
       const ClosedLoop loop(arx, model, factors, frame, k);
       const Index n = d.values.size();
       Variance real(n, 1), imaginary(n, 1);
