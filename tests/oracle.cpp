@@ -319,11 +319,10 @@ Part samples(const Matrix& row, Index& unknowns) {
 }
 
 Part stacked(std::initializer_list<const Part*> parts) {
-  Part all;
+  Part all{Exact(0, 1), {}};
   for (const Part* part : parts) {
-    Exact value(all.value.rows() + part->value.rows(), 1);
-    value << all.value, part->value;
-    all.value = value;
+    all.value.conservativeResize(all.value.rows() + part->value.rows(), 1);
+    all.value.bottomRows(part->value.rows()) = part->value;
     all.at.insert(all.at.end(), part->at.begin(), part->at.end());
   }
   return all;
