@@ -124,7 +124,7 @@ class Inspection {
     few_.clear();
     Index rows = 0;
     for (Index i = 0; i < 3 * needed && rows < needed; ++i) {
-      const auto u = e_.input(k).row(Index(i * count / (3 * needed) + i) % count);
+      const auto u = e_.input(k).row((i * count / (3 * needed) + i) % count);
       if (u.array().isNaN().any()) continue;
       few_.insert(few_.end(), u.begin(), u.end());
       ++rows;

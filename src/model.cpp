@@ -165,12 +165,11 @@ void Model::check() const {
     if (!R.empty()) check_shape("R", s, R[i], outputs, outputs);
     if (!K.empty()) check_shape("K", s, K[i], now, outputs);
   }
-  if (u_nominal.size() > 0 || y_nominal.size() > 0) {
-    if (u_nominal.cols() != inputs || y_nominal.cols() != outputs || u_nominal.rows() != y_nominal.rows())
-      throw std::invalid_argument(fmt::format(
-          "model: u_nominal is {} x {} and y_nominal {} x {}, equal steps with {} inputs and {} outputs needed",
-          u_nominal.rows(), u_nominal.cols(), y_nominal.rows(), y_nominal.cols(), inputs, outputs));
-  }
+  if ((u_nominal.size() > 0 || y_nominal.size() > 0) &&
+      (u_nominal.cols() != inputs || y_nominal.cols() != outputs || u_nominal.rows() != y_nominal.rows()))
+    throw std::invalid_argument(fmt::format(
+        "model: u_nominal is {} x {} and y_nominal {} x {}, equal steps with {} inputs and {} outputs needed",
+        u_nominal.rows(), u_nominal.cols(), y_nominal.rows(), y_nominal.cols(), inputs, outputs));
   if (!u_nominal.allFinite() || !y_nominal.allFinite() || !x0_mean.allFinite() || !x0_cov.allFinite())
     throw std::invalid_argument("model: u_nominal, y_nominal, x0_mean or x0_cov has a value that is not finite");
 }
@@ -633,7 +632,7 @@ namespace {
 template <class Coordinates>
 FramedModel framed(const Model& model, Index s, Coordinates&& coordinates) {
   std::vector<Matrix> S;
-  for (Index k = model.k_begin; k <= model.k_end(); ++k) S.push_back(Matrix::Identity(model.n(k), model.n(k)));
+  for (Index k = model.k_begin; k <= model.k_end(); ++k) S.emplace_back(Matrix::Identity(model.n(k), model.n(k)));
   const auto enters = [&](Index k) {
     if (k < model.k_begin || k > model.k_end()) return false;
     const Matrix candidate = coordinates(k);
@@ -704,7 +703,7 @@ Model smooth_frame(const Model& model, Index rows) {
     target.leftCols(shared) = previous.topLeftCorner(common, shared);
     const Matrix rotation =
         common > 0 && n > 0 ? linalg::procrustes(o.topRows(common), target) : Matrix(Matrix::Identity(n, n));
-    S.push_back(rotation.transpose());  // x' = Qᵀ x, so O' = O Q
+    S.emplace_back(rotation.transpose());  // x' = Qᵀ x, so O' = O Q
     previous = o * rotation;
   }
   Model result = transform(model, S);

@@ -72,7 +72,8 @@ Estimator::Estimator(const Model& start, const Samples& samples, const Estimator
   start_.cd.assign(size_t(phases_), Matrix::Zero(m_, n_ + r_));
   for (Index t = 0; t < steps_; ++t) {
     const size_t s = size_t(t), g = size_t(t % phases_);
-    const double share = 1.0 / double((steps_ - 1 - t % phases_) / phases_ + 1);
+    const Index times = (steps_ - 1 - t % phases_) / phases_ + 1;
+    const double share = 1.0 / double(times);
     start_.ab[g] += share * beside(start.A[s], start.B[s]);
     start_.cd[g] += share * beside(start.C[s], start.D[s]);
     q[g] += share * start.Q[s];

@@ -433,8 +433,8 @@ Moments empty_moments(const Model& model, Index steps) {
   Moments sums;
   for (size_t s = 0; s < size_t(steps); ++s) {
     const Index l = model.state_dim[s] + model.inputs, moved = l + model.state_dim[s + 1];
-    sums.measured.push_back(Matrix::Zero(l + model.outputs, l + model.outputs));
-    sums.moved.push_back(Matrix::Zero(moved, moved));
+    sums.measured.emplace_back(Matrix::Zero(l + model.outputs, l + model.outputs));
+    sums.moved.emplace_back(Matrix::Zero(moved, moved));
   }
   sums.measured_count = sums.moved_count = Vector::Zero(steps);
   sums.x0 = Vector::Zero(model.state_dim[0]);

@@ -119,7 +119,8 @@ void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
 
   std::uint64_t total = 0;  // blocks that lead back to each other are more than there is in the file
   for (size_t i = 0; i < blocks.size(); ++i) {
-    if ((i > 0 && blocks[i].bytes < head) || (total += blocks[i].bytes) > file_bytes_) damaged("header");
+    total += blocks[i].bytes;
+    if ((i > 0 && blocks[i].bytes < head) || total > file_bytes_) damaged("header");
     const std::string bytes = read(blocks[i].offset, blocks[i].bytes);
     const View block(bytes);
     for (size_t at = 0; at + head <= block.size();) {
@@ -163,17 +164,18 @@ void Hdf5Bytes::each_attribute(const std::function<void(std::string_view, const 
                  space_bytes = message.number(6, 2);
     const size_t name_at = version == 3 ? 9 : 8, type_at = name_at + room(name_bytes),
                  space_at = type_at + room(type_bytes), values_at = space_at + room(space_bytes);
-    const std::string_view name = message.part(name_at, name_bytes);
+    std::string_view name = message.part(name_at, name_bytes);
     if (values_at > message.size() || !name.ends_with('\0')) damaged("attribute");
+    name = name.substr(0, name.find('\0'));
     constexpr unsigned shared_type = 1, shared_space = 2;
-    if (shared & shared_space) fail("attribute '{}': a size that lies elsewhere found, its own needed", name.data());
+    if (shared & shared_space) fail("attribute '{}': a size that lies elsewhere found, its own needed", name);
     const std::string_view type_part = message.part(type_at, type_bytes);
     const auto item = (shared & shared_type) ? committed_bytes(type_part) : value_bytes(type_part);
     const auto count = value_count(message.part(space_at, space_bytes));
     if (!item || !count) damaged("attribute");
     const std::uint64_t needed = checked_product({*item, *count});
     if (needed > message.size() - values_at) damaged("attribute");
-    see(name.data(), {piece.offset + values_at, needed});
+    see(name, {piece.offset + values_at, needed});
   });
 }
 

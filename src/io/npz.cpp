@@ -496,7 +496,7 @@ class Target {
   }
 
   Descriptor file_;
-  zip_error_t error_;
+  zip_error_t error_{};
   int reason_ = 0;
 };
 
@@ -518,7 +518,7 @@ void write_npz(const Arrays& arrays, const std::filesystem::path& path) {
     if (target.error() != 0) fail_to_write(target.error());
     fail_to_write(zip_strerror(archive.get()));
   }
-  static_cast<void>(archive.release());
+  [[maybe_unused]] const zip_t* const closed = archive.release();
 }
 
 }  // namespace tokid::io

@@ -20,7 +20,8 @@ class LaneMemory {
     for (const auto& [pointer, size] : arrays) total += size * lanes;
     memory_.resize(size_t(total) + cache_line / sizeof(double));
     const auto address = reinterpret_cast<std::uintptr_t>(memory_.data());
-    double* next = memory_.data() + (cache_line - address % cache_line) % cache_line / sizeof(double);
+    const std::uintptr_t skipped = (cache_line - address % cache_line) % cache_line / sizeof(double);
+    double* next = memory_.data() + skipped;
     for (const auto& [pointer, size] : arrays) {
       *pointer = next;
       next += size * lanes;

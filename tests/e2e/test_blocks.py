@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pytest
 
+from faults import UNCOUNTED
 from support import leftovers, markov, write_ensemble
 
 
@@ -139,6 +140,7 @@ def test_no_room_for_the_model(tokid, tmp_path):
     def little_room():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+        os.environ.update(UNCOUNTED)
 
     result = tokid("identify", data, "-o", tmp_path / "model.h5", "--block", 200, status=1, preexec_fn=little_room)
     assert "can't be written: File too large" in result.stderr

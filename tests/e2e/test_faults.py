@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faults import dying_at, failing_at, without_unnamed_files
+from faults import UNCOUNTED, dying_at, failing_at, without_unnamed_files
 from support import leftovers, write_ensemble
 
 OLD = b"what was there before"
@@ -111,7 +111,8 @@ def test_killed_at_any_time(tokid, campaign, tmp_path, name):
     end = scene.seconds
     for i in range(100):
         scene.reset(**(dict.fromkeys(scene.written, OLD) if i % 2 else {}))
-        process = subprocess.Popen(scene.command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(scene.command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                   env=os.environ | UNCOUNTED)
         time.sleep(end * dice.uniform(0.0 if i % 12 < 5 else 0.7, 1.0))
         process.send_signal({10: signal.SIGTERM, 11: signal.SIGINT}.get(i % 12, signal.SIGKILL))
         status = process.wait()
@@ -159,7 +160,7 @@ def test_where_files_must_have_names(tokid, campaign, tmp_path, name):
     left = 0
     for _ in range(5):
         process = subprocess.Popen(scene.command, cwd=tmp_path, stdout=subprocess.DEVNULL, preexec_fn=named,
-                                   stderr=subprocess.DEVNULL)
+                                   stderr=subprocess.DEVNULL, env=os.environ | UNCOUNTED)
         time.sleep(scene.seconds * dice.uniform(0.5, 1.0))
         process.kill()
         process.wait()
@@ -212,6 +213,7 @@ def room(size):
     def install():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+        os.environ.update(UNCOUNTED)
 
     return install
 
