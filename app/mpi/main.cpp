@@ -19,7 +19,7 @@ namespace {
 
 constexpr int sizes_tag = 1, bytes_tag = 2;
 // MPI counts bytes in an int.
-constexpr std::int64_t most_at_once = 1073741824;  // 2^30
+constexpr std::int64_t most_at_once = std::int64_t{1} << 30;
 
 void send(const std::string& bytes, int to) {
   std::int64_t rest = std::int64_t(bytes.size());

@@ -518,7 +518,7 @@ void write_npz(const Arrays& arrays, const std::filesystem::path& path) {
     if (target.error() != 0) fail_to_write(target.error());
     fail_to_write(zip_strerror(archive.get()));
   }
-  [[maybe_unused]] const zip_t* const closed = archive.release();
+  static_cast<void>(archive.release());
 }
 
 }  // namespace tokid::io
