@@ -416,8 +416,9 @@ NUMBER = re.compile(r"-?\d+\.\d+(?:e-\d+)?")
 
 
 def same_size(shown, found):
-    """Rounding errors belong to the machine, but not their order of magnitude."""
-    return shown / 10 <= found <= 10 * shown
+    """Rounding errors belong to the machine: on two processors, for which BLAS has other kernels, one was 17 times the
+    other. That they stay below their bounds is tested above."""
+    return shown / 100 <= found <= 100 * shown
 
 
 def same_loss(shown, found):
@@ -433,8 +434,8 @@ def alike(shown, found, same):
 
 
 @pytest.mark.parametrize(("found", "same"), [
-    ("3.5e-15 | 5.7e-14", True), ("9.0e-15 | 5.7e-14", True), ("4.0e-16 | 5.7e-14", True),
-    ("3.6e-14 | 5.7e-14", False), ("3.4e-16 | 5.7e-14", False), ("3.5e-15 | 5.8e-13", False), ("3.5e-15", False)])
+    ("3.5e-15 | 5.7e-14", True), ("9.0e-14 | 5.7e-14", True), ("4.0e-17 | 5.7e-14", True),
+    ("3.6e-13 | 5.7e-14", False), ("3.4e-17 | 5.7e-14", False), ("3.5e-15 | 5.8e-12", False), ("3.5e-15", False)])
 def test_exact_figures_are_compared_by_size(found, same):
     assert alike("3.5e-15 | 5.7e-14", found, same_size) == same
 
