@@ -23,7 +23,7 @@ file(RELATIVE_PATH bin_to_lib ${CMAKE_INSTALL_FULL_BINDIR} ${CMAKE_INSTALL_FULL_
 set(CMAKE_INSTALL_RPATH $ORIGIN/${bin_to_lib})
 
 # A source file missing from the list shows when the library is linked, not in the programs that use it.
-if(CMAKE_SYSTEM_NAME STREQUAL Linux AND NOT CMAKE_CXX_FLAGS MATCHES -fsanitize)
+if(CMAKE_SYSTEM_NAME STREQUAL Linux AND NOT TOKID_SANITIZED)
   string(APPEND CMAKE_SHARED_LINKER_FLAGS " -Wl,--no-undefined")
   # Calls within the library are bound when it is linked, and not each time a program starts.
   string(APPEND CMAKE_SHARED_LINKER_FLAGS " -Wl,-Bsymbolic-functions")

@@ -535,7 +535,7 @@ AccuracyFindings simulations(int cases) {
           double unit = output;
           Matrix row = model.C[s];  // C_k Φ(k,l+1)
           for (size_t l = s; l-- > 0;) {
-            unit += row.norm() * local[l];
+            unit += row.norm() * local[l];  // cppcheck-suppress containerOutOfBounds; it grows below
             row = (row * (corrected ? model.closed_loop(Index(l)) : model.A[l])).eval();
           }
           see(about, oracle::distance(found.output(k).row(i), truth[s].row(i)), unit, expected.norm());
@@ -582,7 +582,7 @@ AccuracyFindings kalman_filters(int cases) {
       double unit = local[s];
       Matrix product = Matrix::Identity(n, n);  // of closed loops
       for (size_t l = s; l-- > 0;) {
-        product = (product * closed[l]).eval();
+        product = (product * closed[l]).eval();  // cppcheck-suppress containerOutOfBounds; it grows below
         unit += product.squaredNorm() * local[l];
       }
       see(covariances, oracle::distance(p, truth.P[s]), unit, p.norm());

@@ -37,12 +37,13 @@ std::vector<std::vector<std::string>> cells(const std::string& document, const s
   std::istringstream lines(document.substr(begin, end - begin));
   std::vector<std::vector<std::string>> rows;
   for (std::string line; std::getline(lines, line);) {
-    std::vector<std::string>& row = rows.emplace_back();
+    std::vector<std::string> row;
     for (size_t from = 1, to; (to = line.find('|', from)) != std::string::npos; from = to + 1) {
       const std::string cell = line.substr(from, to - from);
       const size_t first = cell.find_first_not_of(' '), last = cell.find_last_not_of(' ');
       row.push_back(first == std::string::npos ? "" : cell.substr(first, last - first + 1));
     }
+    rows.push_back(std::move(row));
   }
   rows.erase(rows.begin(), rows.begin() + std::min<std::ptrdiff_t>(2, std::ssize(rows)));
   return rows;

@@ -163,14 +163,30 @@ TEST(Eigensystem, DiagonalisesFromBothSides) {
     const linalg::Eigensystem system = linalg::eigensystem(a);
     const Eigen::MatrixXcd identity = Eigen::MatrixXcd::Identity(n, n);
     const double condition = system.right.norm() * system.left.norm();
-    EXPECT_LE(
-        (a.cast<std::complex<double>>().lazyProduct(system.right) - system.right * system.values.asDiagonal()).norm(),
-        1e2 * epsilon * double(n) * a.norm())
+    EXPECT_LE((a * system.right - system.right * system.values.asDiagonal()).norm(), 1e2 * epsilon * double(n) * a.norm())
         << n;
-    EXPECT_LE((system.left.lazyProduct(system.right) - identity).norm(), 1e2 * epsilon * double(n) * condition) << n;
+    EXPECT_LE((system.left * system.right - identity).norm(), 1e2 * epsilon * double(n) * condition) << n;
     EXPECT_LE((system.values - linalg::eigenvalues(a)).norm(), 1e2 * epsilon * double(n) * a.norm() * condition) << n;
   }
   EXPECT_EQ(linalg::eigensystem(Matrix(0, 0)).values.size(), 0);
+}
+
+TEST(Eigensystem, SaysWhereThereIsNone) {
+  const Matrix chain{{1, 1}, {0, 1}};  // one eigenvector for two eigenvalues
+  const linalg::Eigensystem none = linalg::eigensystem(chain);
+  EXPECT_EQ(none.values, Eigen::VectorXcd::Ones(2));
+  EXPECT_FALSE(none.left.norm() < 1 / (10 * epsilon));
+  for (const double wrong : {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
+    Matrix a = Random(9).matrix(6, 6);
+    a(3, 1) = wrong;
+    EXPECT_TRUE(linalg::eigenvalues(a).array().isNaN().all());
+    const linalg::Eigensystem system = linalg::eigensystem(a);
+    EXPECT_TRUE(system.values.array().isNaN().all());
+    EXPECT_TRUE(system.right.array().isNaN().all() && system.left.array().isNaN().all());
+    EXPECT_EQ(system.values.size(), 6);
+  }
+  EXPECT_THROW(linalg::eigenvalues(Matrix(2, 3)), std::invalid_argument);
+  EXPECT_THROW(linalg::eigensystem(Matrix(3, 2)), std::invalid_argument);
 }
 
 TEST(Procrustes, FindsTheRotation) {

@@ -509,6 +509,22 @@ TEST(ReportPage, EigenvaluesAreThoseOfTheFrame) {
   }
 }
 
+TEST(ReportPage, StepsWithoutFiniteEigenvaluesAreLeftOutAndCounted) {
+  Model system = random_system({3, 2, 2}, 30, 0.9, 17);
+  for (Matrix& G : system.G) G = Random(18).matrix(3, 2);
+  const Ensemble data = random_experiments(system, 4, 18);
+  const size_t wild = 10;
+  system.C[wild] *= 1e6;
+  system.G[wild].setConstant(1e306);  // what a file may hold, and G·C is infinite
+  const std::string html = report_page(system, data).html;
+  EXPECT_TRUE(contains(html, "not shown at one step: A or A + GC has none that are finite there"));
+  const nlohmann::json poles = page_data(html)["poles"];
+  EXPECT_GT(poles["k"].size(), 20u);
+  for (const Index k : poles["k"]) EXPECT_NE(k, system.k_begin + Index(wild));
+  for (const auto& step : poles["closed"])
+    for (const auto& number : step) EXPECT_TRUE(number.is_number()) << number;
+}
+
 TEST(ReportPage, TakesModelsOfEveryKind) {
   // States that come and go, one step, one experiment, no states.
   ExperimentOptions options;

@@ -74,7 +74,7 @@ struct ClosedLoopOptions {
 };
 struct Spectrum {
   Index begin = 0;                            // step of the first entry
-  std::vector<Eigen::VectorXcd> eigenvalues;  // (n) at each step
+  std::vector<Eigen::VectorXcd> eigenvalues;  // (n) at each step; NaN where A + G·C is not finite
 };
 // \throws std::invalid_argument where step s has no state or too few block rows
 Spectrum closed_loop_spectrum(const Model& model, const ClosedLoopOptions& options = {});

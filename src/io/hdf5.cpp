@@ -49,7 +49,8 @@ std::vector<H5Z_filter_t> filters_of(hid_t properties, const std::string& name) 
   for (int i = 0; i < count; ++i) {
     size_t values = 0;
     unsigned flags = 0, config = 0;
-    result.push_back(H5Pget_filter2(properties, unsigned(i), &flags, &values, nullptr, 0, nullptr, &config));
+    result.push_back(
+        checked(H5Pget_filter2(properties, unsigned(i), &flags, &values, nullptr, 0, nullptr, &config), name));
   }
   return result;
 }
@@ -58,7 +59,7 @@ std::vector<H5Z_filter_t> filters_of(hid_t properties, const std::string& name) 
 // library trust what the file says of the bits to unpack, and write beyond their buffers.
 void check_storage(hid_t data, const std::string& name) {
   const Handle properties(H5Dget_create_plist(data), H5Pclose, name);
-  if (H5Pget_layout(properties) == H5D_VIRTUAL || H5Pget_external_count(properties) > 0)
+  if (checked(H5Pget_layout(properties), name) == H5D_VIRTUAL || checked(H5Pget_external_count(properties), name) > 0)
     fail("data set '{}': values in other files found, the values themselves needed", name);
   for (const H5Z_filter_t filter : filters_of(properties, name))
     if (filter == H5Z_FILTER_NBIT || filter == H5Z_FILTER_SCALEOFFSET)
@@ -171,19 +172,27 @@ std::vector<std::string> read_variable_texts(const Node& node, size_t count, con
   if (node.is_attribute && count > 1) claims.check(node.name, {count}, 1, claims.file_bytes());
   const Hdf5Bytes bytes(node.id, node.name, claims.file_bytes());
   const auto entries = node.is_attribute ? bytes.attribute(node.name) : bytes.values();
-  if (entries && entries->bytes < checked_product({count, H5Tget_size(node.type)}))
-    fail("data set '{}': truncated", node.name);
-  if (entries) bytes.check_texts(*entries);
+  // The library trusts entries, and writes beyond its buffers: those that can't be checked are not read.
+  if (!entries && node.is_attribute)
+    fail("attribute '{}': a text that its object's header has no room for found, fewer attributes or a data set needed",
+         node.name);
+  if (!entries)
+    fail("data set '{0}': texts of variable length in chunks found, contiguous ones needed: "
+         "h5repack -l {0}:CONTI -f {0}:NONE", node.name);
+  if (entries->bytes < checked_product({count, H5Tget_size(node.type)})) fail("data set '{}': truncated", node.name);
+  bytes.check_texts(*entries);
   std::uint64_t left = claims.left();
   const Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose, node.name);
   checked(H5Pset_vlen_mem_manager(transfer, allocate_within, &left, free_text, nullptr), node.name);
   std::vector<char*> pointers(count, nullptr);
+  const auto reclaim = [&](char** read) {
+    H5Dvlen_reclaim(node.type, node.space, node.is_attribute ? H5P_DEFAULT : hid_t(transfer), read);
+  };
+  const std::unique_ptr<char*, decltype(reclaim)> owner(pointers.data(), reclaim);
   checked(node.read(node.type, pointers.data(), transfer), node.name);
   std::vector<std::string> texts;
   texts.reserve(count);
   for (const char* pointer : pointers) texts.emplace_back(pointer ? pointer : "");
-  checked(H5Dvlen_reclaim(node.type, node.space, node.is_attribute ? H5P_DEFAULT : hid_t(transfer), pointers.data()),
-          node.name);
   return texts;
 }
 

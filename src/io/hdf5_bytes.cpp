@@ -2,6 +2,9 @@
 #include "hdf5_bytes.hpp"
 
 #include <algorithm>
+#include <functional>
+#include <map>
+#include <set>
 #include <vector>
 
 #include "atomic_file.hpp"
@@ -117,10 +120,12 @@ void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
     blocks.push_back({address + 16, prefix.number(8, 4)});
   }
 
-  std::uint64_t total = 0;  // blocks that lead back to each other are more than there is in the file
+  std::uint64_t total = 0;  // blocks that overlap may be more than there is in the file
+  std::set<std::uint64_t> seen;  // blocks that lead back to each other have no end
   for (size_t i = 0; i < blocks.size(); ++i) {
     total += blocks[i].bytes;
-    if ((i > 0 && blocks[i].bytes < head) || total > file_bytes_) damaged("header");
+    if ((i > 0 && blocks[i].bytes < head) || total > file_bytes_ || !seen.insert(blocks[i].offset).second)
+      damaged("header");
     const std::string bytes = read(blocks[i].offset, blocks[i].bytes);
     const View block(bytes);
     for (size_t at = 0; at + head <= block.size();) {
@@ -154,6 +159,7 @@ std::optional<std::uint64_t> Hdf5Bytes::committed_bytes(std::string_view referen
 }
 
 void Hdf5Bytes::each_attribute(const std::function<void(std::string_view, const Piece&)>& see) const {
+  std::map<std::string, std::optional<std::uint64_t>, std::less<>> committed;  // thousands may share one type
   each_message(address(), [&](unsigned type, unsigned flags, const Piece& piece) {
     if (type != attribute_message || (flags & is_shared)) return;
     const std::string bytes = read(piece.offset, piece.bytes);
@@ -170,7 +176,12 @@ void Hdf5Bytes::each_attribute(const std::function<void(std::string_view, const 
     constexpr unsigned shared_type = 1, shared_space = 2;
     if (shared & shared_space) fail("attribute '{}': a size that lies elsewhere found, its own needed", name);
     const std::string_view type_part = message.part(type_at, type_bytes);
-    const auto item = (shared & shared_type) ? committed_bytes(type_part) : value_bytes(type_part);
+    const auto shared_bytes = [&] {
+      auto known = committed.find(type_part);
+      if (known == committed.end()) known = committed.emplace(type_part, committed_bytes(type_part)).first;
+      return known->second;
+    };
+    const auto item = (shared & shared_type) ? shared_bytes() : value_bytes(type_part);
     const auto count = value_count(message.part(space_at, space_bytes));
     if (!item || !count) damaged("attribute");
     const std::uint64_t needed = checked_product({*item, *count});
@@ -193,7 +204,7 @@ std::optional<Hdf5Bytes::Piece> Hdf5Bytes::attribute(std::string_view name) cons
 
 std::optional<Hdf5Bytes::Piece> Hdf5Bytes::values() const {
   const Handle properties(H5Dget_create_plist(object_), H5Pclose, name_);
-  const H5D_layout_t layout = H5Pget_layout(properties);
+  const H5D_layout_t layout = checked(H5Pget_layout(properties), name_);
   std::optional<Piece> found;
   if (layout == H5D_CONTIGUOUS) {
     if (const haddr_t offset = H5Dget_offset(object_); offset != HADDR_UNDEF)
@@ -218,23 +229,27 @@ void Hdf5Bytes::check_texts(const Piece& entries) const {
   const std::string bytes = read(entries.offset, entries.bytes);
   const View view(bytes);
   std::map<std::uint64_t, std::map<std::uint64_t, std::uint64_t>> heaps;
+  std::uint64_t total = 0;
   for (size_t at = 0; at + entry <= view.size(); at += entry) {
     const std::uint64_t length = view.number(at, 4), address = view.number(at + 4, 8), index = view.number(at + 12, 4);
     if (address == 0) continue;  // none
-    if (!heaps.contains(address)) heaps[address] = heap(address);
+    if (!heaps.contains(address)) heaps[address] = heap(address, total);
     const auto object = heaps[address].find(index);
     if (object == heaps[address].end() || object->second != length)
       fail("data set '{}': a text of {} bytes found, which its heap does not hold", name_, length);
   }
 }
 
-// The bytes of each object by its number.
-std::map<std::uint64_t, std::uint64_t> Hdf5Bytes::heap(std::uint64_t address) const {
+// The bytes of each object by its number. Heaps that overlap are more in all than there is in the file, and would each
+// take the memory of the whole.
+std::map<std::uint64_t, std::uint64_t> Hdf5Bytes::heap(std::uint64_t address, std::uint64_t& total) const {
   constexpr size_t head = 16;  // of a heap and of an object alike
   if (address > file_bytes_) damaged("heap of texts");
   const std::string start = read(base_ + address, head);
   const std::uint64_t bytes = View(start).number(8, 8);
-  if (!start.starts_with("GCOL") || bytes < head || bytes > file_bytes_) damaged("heap of texts");
+  if (!start.starts_with("GCOL") || bytes < head || bytes > file_bytes_ - std::min(file_bytes_, total))
+    damaged("heap of texts");
+  total += bytes;
   const std::string all = read(base_ + address, bytes);
   const View view(all);
   std::map<std::uint64_t, std::uint64_t> found;

@@ -46,7 +46,7 @@ class Hdf5Bytes {
   void each_message(std::uint64_t address, const Use& see) const;
   std::uint64_t address() const;
   std::optional<std::uint64_t> committed_bytes(std::string_view reference) const;
-  std::map<std::uint64_t, std::uint64_t> heap(std::uint64_t address) const;
+  std::map<std::uint64_t, std::uint64_t> heap(std::uint64_t address, std::uint64_t& total) const;
   std::string read(std::uint64_t offset, std::uint64_t bytes) const;
   [[noreturn]] void damaged(std::string_view what) const;
 

@@ -1,21 +1,45 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <limits>
+#include <stdexcept>
+#include <utility>
 
 #include "tokid/linalg.hpp"
 
 namespace tokid::linalg {
 
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+// Where it does not solve, Eigen would leave its results as it found the memory.
+bool solves(Eigen::EigenSolver<Matrix>& solver, const ConstMatrixRef& a, bool with_vectors) {
+  if (a.rows() != a.cols())
+    throw std::invalid_argument(fmt::format("a: {} rows and {} columns found, a square one needed", a.rows(), a.cols()));
+  return a.allFinite() && solver.compute(a, with_vectors).info() == Eigen::Success;
+}
+
+}  // namespace
+
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a) {
   if (a.size() == 0) return {};
-  return Eigen::EigenSolver<Matrix>(a, false).eigenvalues();
+  Eigen::EigenSolver<Matrix> solver;
+  if (!solves(solver, a, false)) return Eigen::VectorXcd::Constant(a.rows(), nan);
+  return solver.eigenvalues();
 }
 
 Eigensystem eigensystem(const ConstMatrixRef& a) {
   if (a.size() == 0) return {};
-  const Eigen::EigenSolver<Matrix> solver(a);
-  const Eigen::MatrixXcd right = solver.eigenvectors();
-  return {solver.eigenvalues(), right, right.inverse()};
+  Eigen::EigenSolver<Matrix> solver;
+  if (!solves(solver, a, true)) {
+    const Eigen::MatrixXcd none = Eigen::MatrixXcd::Constant(a.rows(), a.rows(), nan);
+    return {none.col(0), none, none};
+  }
+  Eigen::MatrixXcd right = solver.eigenvectors(), left = right.inverse();
+  return {solver.eigenvalues(), std::move(right), std::move(left)};
 }
 
 }  // namespace tokid::linalg

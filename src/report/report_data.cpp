@@ -322,27 +322,32 @@ class Collector {
   void poles() {
     const Framed& frame = plots_.frame;
     const Model& model = frame.model;
-    std::vector<Index> square;
-    Index mixed = 0;
+    std::vector<Eigen::VectorXcd> open, closed;
+    Index mixed = 0, infinite = 0;
     for (Index k = model.k_begin; k < model.k_end(); ++k) {
-      const bool eigenvalues = model.n(k) == model.n(k + 1) && model.n(k) > 0;
-      if (eigenvalues && k >= frame.begin && k < frame.end)
-        square.push_back(k);
-      else
+      const bool square = model.n(k) == model.n(k + 1) && model.n(k) > 0;
+      if (!square || k < frame.begin || k >= frame.end) {
         ++mixed;
+        continue;
+      }
+      Eigen::VectorXcd of_a = linalg::eigenvalues(model.A[model.at(k)]);
+      Eigen::VectorXcd of_observer = linalg::eigenvalues(model.closed_loop(k));
+      if (!of_a.allFinite() || !of_observer.allFinite()) {
+        ++infinite;
+        continue;
+      }
+      plots_.radius.push_back({k, of_a.cwiseAbs().maxCoeff(), of_observer.cwiseAbs().maxCoeff()});
+      open.push_back(std::move(of_a));
+      closed.push_back(std::move(of_observer));
     }
+    const auto steps = [](Index count) { return count == 1 ? "one step" : fmt::format("{} steps", count); };
     if (mixed > 0 && model.states() > 0)
       omit("Eigenvalues are not shown at {}: the state dimension changes there, or the {} frame does not reach them.",
-           mixed == 1 ? "one step" : fmt::format("{} steps", mixed), frame.name);
-    std::vector<Eigen::VectorXcd> open, closed;
-    for (const Index k : square) {
-      open.push_back(linalg::eigenvalues(model.A[model.at(k)]));
-      closed.push_back(linalg::eigenvalues(model.closed_loop(k)));
-      plots_.radius.push_back({k, open.back().cwiseAbs().maxCoeff(), closed.back().cwiseAbs().maxCoeff()});
-    }
+           steps(mixed), frame.name);
+    if (infinite > 0) omit("Eigenvalues are not shown at {}: A or A + GC has none that are finite there.", steps(infinite));
 
     // Of too many steps, those of every stretch that go farthest, once for A and once for A + GC.
-    const Index count = Index(square.size());
+    const Index count = Index(plots_.radius.size());
     const Index most = std::max<Index>(2, most_poles / std::max<Index>(1, 4 * model.states()));
     const Index stride = count <= most ? 1 : (2 * count + most - 1) / most;
     if (stride > 1)
@@ -366,7 +371,7 @@ class Collector {
       for (const auto size : {&Radius::open, &Radius::closed})
         shown.insert(std::max_element(from, to, farther(size)) - begin);
       for (const Index at : shown) {
-        k_list.push_back(square[size_t(at)]);
+        k_list.push_back(plots_.radius[size_t(at)].k);
         open_list.push_back(list(open[size_t(at)]));
         closed_list.push_back(list(closed[size_t(at)]));
       }

@@ -248,6 +248,29 @@ def _(folder, tokid):
     return csv(folder, [np.round(0.1 * np.arange(30) + 0.002 * rng.standard_normal(30) * (np.arange(30) > 4), 4)] * 2)
 
 
+@case("a gap in rounded times")
+def _(folder, tokid):
+    k = np.r_[:12, 312:324]
+    return csv(folder, [np.round(k / 30, 2)] * 2)
+
+
+@case("one wild time")
+def _(folder, tokid):
+    wild = 0.1 * np.arange(30)
+    wild[17] = 77.77
+    return csv(folder, [wild, 0.1 * np.arange(30)])
+
+
+@case("experiments that begin between the steps of others")
+def _(folder, tokid):
+    return csv(folder, [0.1 * np.arange(30), 0.03 + 0.1 * np.arange(30)])
+
+
+@case("a clock that goes wrong")
+def _(folder, tokid):
+    return csv(folder, [0.1 * np.arange(60), 0.1005 * np.arange(60)])
+
+
 @case("experiments of another length")
 def _(folder, tokid):
     u = gaussian()

@@ -345,7 +345,7 @@ def wait_until_read(process, file):
     """It is open twice then: for whoever reads it, and to see whether it stays as it is."""
     descriptors = Path(f"/proc/{process.pid}/fd")
     while process.poll() is None and list(links(descriptors)).count(str(file)) < 2:
-        pass
+        time.sleep(0.0005)
 
 
 @pytest.mark.parametrize("name", ["data.npz", "data.mat", "data.csv", "data.h5"])

@@ -288,6 +288,73 @@ def test_texts_of_another_length_than_their_heap_has(tokid, refused, tmp_path, w
     refused("data.h5", "'initial_state'", f"a text of {length} bytes found, which its heap does not hold")
 
 
+def test_a_name_that_ends_early(refused, tmp_path):
+    """By another name than the library's, a text would be read that was not checked."""
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w") as file:
+        file["u"], file["y"] = SMALL, SMALL
+        file.attrs["initial_state!!"] = "zero"
+    changed(path, b"initial_state!!\0", b"initial_state\0!\0")
+    entry = struct.pack("<IQI", 4, path.read_bytes().index(b"GCOL"), 1)
+    changed(path, entry, struct.pack("<I", 1) + entry[4:])
+    refused("data.h5")
+
+
+def test_texts_that_cannot_be_checked(tokid, refused, tmp_path):
+    """Their lengths stand in chunks, which may be packed, or in a heap of attributes."""
+    path = tmp_path / "data.h5"
+    for options in {"chunks": (1,)}, {"chunks": (1,), "compression": "gzip"}:
+        with h5py.File(path, "w") as file:
+            file["u"], file["y"] = SMALL, SMALL
+            file.create_dataset("input_names", data=["torque"], **options)
+        refused("data.h5", "'input_names'", "in chunks found", "h5repack -l input_names:CONTI")
+    for count, status in (5, 0), (20, 2):
+        with h5py.File(path, "w", libver="latest") as file:
+            file["u"], file["y"] = SMALL, SMALL
+            file.attrs["initial_state"] = "zero"
+            for i in range(count):
+                file.attrs[f"remark {i}"] = "none"
+        if status == 0:
+            assert tokid.json("info", path)["initial_state"] == "zero"
+        else:
+            refused("data.h5", "attribute 'initial_state'", "fewer attributes or a data set needed")
+
+
+def test_a_size_of_an_attribute_that_lies_elsewhere(tokid, refused, tmp_path):
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w") as file:
+        file["u"], file["y"] = SMALL, SMALL
+        file.attrs["seventh"] = 1.0
+    tokid("info", path)
+    first = struct.pack("<BBHHH", 1, 0, 8, 20, 8)  # version, nothing, bytes of name, type and size
+    changed(path, first + b"seventh\0", struct.pack("<BBHHH", 2, 2, 8, 24, 8) + b"seventh\0")
+    refused("data.h5", "attribute 'seventh'", "a size that lies elsewhere found, its own needed")
+
+
+def test_heaps_of_texts_that_overlap(refused, tmp_path):
+    """Each of them ends with the same empty objects, and would take as much memory for them as all of the file."""
+    path = tmp_path / "data.h5"
+    heaps, objects = 300, 20000
+    with h5py.File(path, "w") as file:
+        file["u"], file["y"] = np.ones((3, 4, heaps)), SMALL
+        file["input_names"] = ["x"] * heaps
+        file["space"] = np.zeros(4 * heaps + 2 * objects, "u8")
+        begin = file["space"].id.get_offset()
+    content = bytearray(path.read_bytes())
+    shared = begin + 32 * heaps
+    end = shared + 16 * objects
+    own = content.index(b"GCOL")
+    for n in range(heaps):
+        at = begin + 32 * n
+        content[at:at + 32] = struct.pack("<4sIQ", b"GCOL", 1, end - at) + struct.pack("<HHIQ", 1, 1, 0, shared - at - 32)
+        entry = content.index(struct.pack("<IQI", 1, own, 1 + n))
+        content[entry:entry + 16] = struct.pack("<IQI", 0, at, 2)
+    for n in range(objects):
+        content[shared + 16 * n:shared + 16 * (n + 1)] = struct.pack("<HHIQ", 2 + n, 1, 0, 0)
+    path.write_bytes(content)
+    refused("data.h5", "'input_names'", "damaged heap of texts")
+
+
 def test_characters_of_many_bytes(refused, tmp_path):
     path = tmp_path / "data.h5"
     with h5py.File(path, "w") as file:
@@ -354,12 +421,17 @@ def test_names_in_archives_are_no_paths(tokid, tmp_path):
     assert os.listdir(tmp_path) == ["data.npz"]
 
 
-@pytest.mark.parametrize("filters", [{"scaleoffset": 4}])
-def test_filters_that_are_not_safe(refused, tmp_path, filters):
+@pytest.mark.parametrize(("name", "number", "values"), [("nbit", h5py.h5z.FILTER_NBIT, ()),
+                                                        ("scaleoffset", h5py.h5z.FILTER_SCALEOFFSET, (2, 4))])
+def test_filters_that_are_not_safe(refused, tmp_path, name, number, values):
     with h5py.File(tmp_path / "data.h5", "w") as file:
-        file.create_dataset("u", data=np.arange(12).reshape(3, 4, 1), chunks=(3, 4, 1), **filters)
+        creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        creation.set_chunk((3, 4, 1))
+        creation.set_filter(number, 0, values)
+        u = h5py.h5d.create(file.id, b"u", h5py.h5t.STD_I32LE, h5py.h5s.create_simple((3, 4, 1)), creation)
+        u.write(h5py.h5s.ALL, h5py.h5s.ALL, np.arange(12, dtype="i4").reshape(3, 4, 1))
         file["y"] = np.ones((3, 4, 1))
-    refused("data.h5", "'u'", "'scaleoffset'", "h5repack")
+    refused("data.h5", "'u'", f"'{name}'", "h5repack")
 
 
 # Texts
