@@ -374,6 +374,10 @@ void run_in_blocks(const Call& call) {
     throw std::invalid_argument("--state: holds the factors of all steps at once, which --block never has");
   if (!call.read.inputs.empty() || !call.read.outputs.empty())
     throw std::invalid_argument("--inputs, --outputs: columns of a .csv, which can't be read in blocks");
+  if (const std::string extension = extension_of(call.data); extension != ".h5" && extension != ".hdf5")
+    throw std::invalid_argument(fmt::format(
+        "--block: '{}' found, an .h5 needed, the only format that can be read in blocks; tokid convert makes one",
+        call.data.string()));
   const EnsembleFile file(call.data);
   const Streamed streamed = about(call.data, [&] {
     ProgressBar bar(!call.quiet && team().rank == 0);

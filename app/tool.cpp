@@ -110,8 +110,9 @@ Outcome run_tool(int argc, char** argv) {
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
 #endif
   H5dont_atexit();  // all files are closed by then; about damaged ones it would print words of its own
-  // A reader that goes away shows as an error of the write.
+  // A reader that goes away, or a file beyond the limit, shows as an error of the write.
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
   open_standard_streams();
   try {
     return parse_and_run(argc, argv);

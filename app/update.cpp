@@ -95,6 +95,7 @@ void run_first(const Call& call) {
   result.steps = state.factors.steps();
   result.dt = state.factors.dt;
   result.now = identify(state, execution);
+  result.now.warnings.insert(result.now.warnings.begin(), result.added.warnings.begin(), result.added.warnings.end());
   // The state comes last: where it has not got the experiments, they can be added once more, to the same model.
   FilesTogether files;
   if (!call.model.empty()) save_model(result.now.model, call.model);

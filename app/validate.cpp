@@ -51,8 +51,10 @@ std::string squares_text(const Validation& v) {
   if (!v.noisy) return untested(v);
   if (std::isnan(s.ratio)) return "not tested, the model stating no covariance";
   // Much data make any difference certain, however small.
-  constexpr double little = 1.2;
-  const char* meaning = s.p >= unlikely        ? "no sign of another size than the model says"
+  constexpr double little = 1.2, wild = 10.0;
+  const char* meaning = s.p >= unlikely && s.ratio > wild
+                            ? "much larger than the model says in single experiments, if not in all"
+                        : s.p >= unlikely      ? "no sign of another size than the model says"
                         : s.ratio > little     ? "larger than the model says: it is overconfident"
                         : s.ratio < 1 / little ? "smaller than the model says: it is too careful"
                         : s.ratio > 1          ? "a little larger than the model says"
@@ -128,6 +130,9 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
                       ? fmt::format("from step {} on", v.first_predicted)
                       : fmt::format("simulations from step {} on, predictions from step {} on", v.first_simulated,
                                     v.first_predicted));
+  if (model.period == 0 && data.steps() > model.k_end())
+    page.row("", fmt::format("to step {}, with which the model ends; the data have {} more", model.k_end() - 1,
+                             plural(data.steps() - model.k_end(), "step")));
   add_table(call, model, v, &Fit::fit, percent, page);
   page.row("RMS error", "");
   add_table(call, model, v, &Fit::rmse, number, page);

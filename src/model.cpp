@@ -337,6 +337,18 @@ std::vector<std::string> differences(const Model& model, const Ensemble& data) {
   };
   compare("inputs", data.names.input_names, model.names.input_names);
   if (data.outputs() > 0) compare("outputs", data.names.output_names, model.names.output_names);
+  const auto compare_units = [&result](const auto& name, const std::vector<std::string>& found,
+                                       const std::vector<std::string>& known) {
+    for (size_t c = 0; c < std::min(found.size(), known.size()); ++c)
+      if (!found[c].empty() && !known[c].empty() && found[c] != known[c])
+        result.push_back(fmt::format("the data's {} is in {}, the model's in {}: nothing is converted", name(Index(c)),
+                                     found[c], known[c]));
+  };
+  compare_units([&](Index i) { return "input " + model.names.input(i); }, data.names.input_units,
+                model.names.input_units);
+  if (data.outputs() > 0)
+    compare_units([&](Index j) { return "output " + model.names.output(j); }, data.names.output_units,
+                  model.names.output_units);
   return result;
 }
 

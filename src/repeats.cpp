@@ -101,8 +101,9 @@ std::vector<std::string> warnings_of(const Repeats& repeats, Index experiments, 
     for (size_t i = 1; i < std::min(most_told, repeats.same.size()); ++i)
       text += fmt::format(", and so are {}", listed(repeats.same[i]));
     if (repeats.same.size() > most_told) text += ", and so on";
-    result.push_back(fmt::format("{}: {} of {} experiments are different, the others add nothing{}", text,
-                                 repeats.different, experiments, shortage(repeats.different)));
+    result.push_back(fmt::format(
+        "{}: {} of {} experiments are different, the others add nothing, and errors on experiments left out look too small{}",
+        text, repeats.different, experiments, shortage(repeats.different)));
   }
   if (repeats.courses > 1 && repeats.courses < repeats.different && repeats.courses < needed)
     result.push_back(

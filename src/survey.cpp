@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <stdexcept>
 
 #define XXH_INLINE_ALL
@@ -27,6 +28,7 @@ void Survey::append(const Survey& later, Index begin) {
     channel.resize(later.channel.size());
     zero.resize(later.zero.size());
     same.resize(later.same.size());
+    absent.resize(later.absent.size());
   }
   for (size_t c = 0; c < channel.size(); ++c) {
     channel[c].present += later.channel[c].present;
@@ -37,6 +39,8 @@ void Survey::append(const Survey& later, Index begin) {
     for (const Index k : later.zero[i]) zero[i].push_back(begin + k);
     for (const Index k : later.same[i]) same[i].push_back(begin + k);
   }
+  for (size_t c = 0; c < absent.size(); ++c)
+    for (const Index k : later.absent[c]) absent[c].push_back(begin + k);
   missing += later.missing;
 }
 
@@ -46,6 +50,7 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
   result.channel.resize(size_t(d));
   result.zero.resize(size_t(e.inputs()));
   result.same.resize(size_t(e.inputs()));
+  result.absent.resize(size_t(d));
   Index absent = 0;
   for (Index k = begin; k < end; ++k)
     for (Index c = 0; c < d; ++c) {
@@ -65,7 +70,10 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
       }
       absent += column.size() - present;
       range.present += present;
-      if (present == 0) continue;
+      if (present == 0) {
+        result.absent[size_t(c)].push_back(k - begin);
+        continue;
+      }
       range.min = std::min(range.min, least);
       range.max = std::max(range.max, most);
       if (c < e.inputs() && least == most) (least == 0 ? result.zero : result.same)[size_t(c)].push_back(k - begin);
@@ -116,6 +124,19 @@ std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channel
     if (const ChannelRange& range = survey.channel[c]; range.present > 0 && range.min == range.max)
       result.push_back(
           fmt::format("output {} never moves: nothing can be identified of it", names.output(Index(c - inputs))));
+  return result;
+}
+
+std::vector<std::string> warnings_of_absence(const Survey& survey, const Channels& names) {
+  std::map<std::vector<Index>, std::vector<std::string>> channels;
+  for (size_t c = 0; c < survey.absent.size(); ++c)
+    if (!survey.absent[c].empty())
+      channels[survey.absent[c]].push_back(channel_name(names, Index(survey.zero.size()), Index(c)));
+  std::vector<std::string> result;
+  for (const auto& [steps, missing] : channels)
+    result.push_back(fmt::format(
+        "{} {} missing in every experiment at {}: what the model says there is a guess from the steps around",
+        words::listed(missing), missing.size() == 1 ? "is" : "are", words::step_list(steps)));
   return result;
 }
 

@@ -20,8 +20,9 @@ struct ChannelRange {
 struct Survey {
   std::vector<ChannelRange> channel;  // (d) inputs first
   std::vector<std::vector<Index>> zero,
-      same;           // (r) steps at which the input is zero, or otherwise the same, everywhere
-  Index missing = 0;  // within the lengths of the experiments
+      same;                                // (r) steps at which the input is zero, or otherwise the same, everywhere
+  std::vector<std::vector<Index>> absent;  // (d) steps at which every experiment lacks the sample
+  Index missing = 0;                       // within the lengths of the experiments
 
   // Of later steps, which that survey counts from `begin` on.
   void append(const Survey& later, Index begin);
@@ -48,6 +49,9 @@ void check_magnitudes(const Survey& survey, const Channels& names, Index inputs)
 std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names);
 std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channels& names);
 
+// Where every experiment has a gap, and steps lend each other theirs, the model is a guess.
+std::vector<std::string> warnings_of_absence(const Survey& survey, const Channels& names);
+
 // Experiments that share no step can't tell what one step does from what the others do. Looks at all samples.
 std::vector<std::string> warnings_of_steps(const Ensemble& ensemble);
 
@@ -58,6 +62,6 @@ std::string fingerprint(Index experiments, Index inputs, Index outputs, const st
 // For messages between processes.
 template <class Archive, class S>
 requires std::is_same_v<std::remove_const_t<S>, Survey>
-void fields(Archive& archive, S& s) { archive(s.channel, s.zero, s.same, s.missing); }
+void fields(Archive& archive, S& s) { archive(s.channel, s.zero, s.same, s.absent, s.missing); }
 
 }  // namespace tokid

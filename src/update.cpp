@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <optional>
 #include <stdexcept>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 
 #include "archive.hpp"
+#include "identify_stretch.hpp"
 #include "realisation.hpp"
 #include "regressions.hpp"
 #include "stream/evaluate.hpp"
@@ -91,6 +93,8 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   state.states = options.states > 0 ? options.states : result.noisy ? result.model.states() : 0;
   NoisyChoices choices = result.choices.value_or(
       NoisyChoices{result.variation, result.state_smoothing, options.weighting.value_or(Weighting::one_step), 0.0, 0});
+  // Where EM began is not what does best without it.
+  if (choices.refinement_iterations > 0 && !options.choices) choices.state_smoothing = result.order_scores.smoothing;
   choices.refinement_smoothing = 0.0;
   choices.refinement_iterations = 0;
   if ((result.together && choices.weighting == Weighting::projection) || options.weighting == Weighting::projection)
@@ -274,6 +278,23 @@ Portion portion_of_file(const Needs& needs, const std::filesystem::path& file, c
 
 }  // namespace
 
+Additions additions(std::vector<Index> experiments, Fit simulation, Fit one_step, const Channels& names) {
+  Additions result{std::move(experiments), std::move(simulation), std::move(one_step), {}};
+  const auto warn = [&](std::string_view text) {
+    result.warnings.push_back(fmt::format(
+        "new experiments, by the model before: {}; are they of the same system, with the same channels?", text));
+  };
+  for (const std::string& text : warnings_of_fit(result.one_step.fit, names)) warn(text);
+  if (!result.warnings.empty()) return result;
+  // Outputs that change slowly are predicted by themselves, whatever the system.
+  constexpr double much_worse = -20.0;
+  for (Index j = 0; j < result.simulation.fit.size(); ++j)
+    if (result.simulation.fit(j) < much_worse)
+      warn(fmt::format("output {} is simulated worse than by its mean: {:.3g} % fit", names.output(j),
+                       result.simulation.fit(j)));
+  return result;
+}
+
 Additions update(UpdateState& state, const Model& before, const std::vector<std::filesystem::path>& files,
                  const UpdateOptions& options) {
   const Team& team = options.team;
@@ -281,7 +302,7 @@ Additions update(UpdateState& state, const Model& before, const std::vector<std:
   // All members follow what the first one knows, to the last bit.
   const Needs needs =
       archive::unpacked<Needs>(team.broadcast(first ? archive::packed(needs_of(state, before)) : std::string()));
-  Additions result;
+  std::vector<Index> experiments;
   std::vector<std::string> fingerprints;
   stream::ErrorTotals errors;
   // In the order of the files; meanwhile each member is at the next of its own. So the first one holds one portion.
@@ -299,12 +320,12 @@ Additions update(UpdateState& state, const Model& before, const std::vector<std:
                                               files[i].string(), files[size_t(same - fingerprints.begin())].string()));
     fingerprints.push_back(own->fingerprint);
     about(files[i], [&] { add(state, *own, options.execution); });
-    result.experiments.push_back(own->factors.experiments);
+    experiments.push_back(own->factors.experiments);
     errors.add(own->errors);
   }
-  result.simulation = stream::fit_of(errors.simulation, needs.mean.y.size() > 0);
-  result.one_step = stream::fit_of(errors.one_step, needs.mean.y.size() > 0);
-  return result;
+  const bool centred = needs.mean.y.size() > 0;
+  return additions(std::move(experiments), stream::fit_of(errors.simulation, centred),
+                   stream::fit_of(errors.one_step, centred), state.factors.names);
 }
 
 }  // namespace tokid

@@ -241,9 +241,11 @@ TEST(Repeats, AreCountedOnce) {
   Repeats found = repeats(e);
   EXPECT_EQ(found.same, (std::vector<std::vector<Index>>{{0, 1}, {3, 7, 9}}));
   EXPECT_EQ(found.different, 7);
-  EXPECT_EQ(warnings_of(found, 10, 8, 2),
-            (Texts{"experiments 0 and 1 are the same in every sample, and so are 3, 7 and 9: 7 of 10 experiments are "
-                   "different, the others add nothing; 8 needed at lag order 2"}));
+  EXPECT_EQ(
+      warnings_of(found, 10, 8, 2),
+      (Texts{"experiments 0 and 1 are the same in every sample, and so are 3, 7 and 9: 7 of 10 experiments are "
+             "different, the others add nothing, and errors on experiments left out look too small; 8 needed at lag "
+             "order 2"}));
   e.y(7, 19, 1) = std::nextafter(e.y(7, 19, 1), 1e9);  // the last sample
   EXPECT_EQ(repeats(e).same, (std::vector<std::vector<Index>>{{0, 1}, {3, 9}}));
   EXPECT_EQ(repeats(e).courses, 7);

@@ -55,7 +55,10 @@ struct UpdateOptions {
 struct Additions {
   std::vector<Index> experiments;  // of each file
   Fit simulation, one_step;        // as validate() finds them on all new experiments in one ensemble
+  std::vector<std::string> warnings;
 };
+// With a warning of each output that the model before predicts no better than by its mean, or simulates far worse.
+Additions additions(std::vector<Index> experiments, Fit simulation, Fit one_step, const Channels& names);
 
 // Each file as update() of its experiments, in this order and with one of them in memory at a time: the same state, to
 // the last bit, for any number of members and threads. `before` is identify() of the state. Every member of the team

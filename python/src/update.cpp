@@ -13,7 +13,8 @@ using Path = std::filesystem::path;
 nb::any object_of(const Additions& a) {
   return make("Additions", {{"experiments", a.experiments},
                             {"simulation", python::object_of(a.simulation)},
-                            {"one_step", python::object_of(a.one_step)}});
+                            {"one_step", python::object_of(a.one_step)},
+                            {"warnings", texts(a.warnings)}});
 }
 
 // (model, experiments, condition_max, rank_deficient_steps, warnings)
@@ -42,7 +43,7 @@ void bind_update(nb::module_& module) {
               check_update(state, more);
               const Validation found = validate(before, more, {.whiteness_lags = 0});
               update(state, more, execution);
-              return Additions{{more.experiments()}, found.simulation, found.one_step};
+              return additions({more.experiments()}, found.simulation, found.one_step, before.names);
             }));
           },
           nb::arg("before"), nb::arg("more"), nb::kw_only(), nb::arg("threads"), nb::arg("listener").none())

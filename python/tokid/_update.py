@@ -128,6 +128,8 @@ def _restored(content: bytes) -> UpdateState:
 
 def _identified(core: _tokid.UpdateState, added: Optional[Additions], threads: int, listening: Any) -> Model:
     model, experiments, condition, deficient, warnings = core.identify(threads=threads, listener=listening)
+    if added is not None:
+        warnings = added.warnings + warnings
     found = Updated(experiments, condition, deficient, added, warnings)
     warn(warnings)
     return Model._of(model, warnings, updated=found, state=UpdateState._of(core))

@@ -842,11 +842,14 @@ class Additions(_Result):
         Of each ensemble or file.
     simulation, one_step : Fit
         Of the model before on all new experiments.
+    warnings : list of str
+        Of outputs that the model before predicts no better than by their mean, or simulates far worse.
     """
 
     experiments: list[int]
     simulation: Fit
     one_step: Fit
+    warnings: list[str]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

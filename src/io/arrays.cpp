@@ -25,6 +25,12 @@ void gather(const std::vector<T>& in, size_t offset, const Shape& shape, const S
 
 }  // namespace
 
+// A message ends with its first zero, which texts from files may have within.
+void fail_with(std::string text) {
+  for (size_t at = 0; (at = text.find('\0', at)) != std::string::npos;) text.replace(at, 1, "\uFFFD");
+  throw IoError(text);
+}
+
 bool contains(const Names& names, std::string_view name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }

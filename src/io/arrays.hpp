@@ -20,9 +20,10 @@ using Names = std::vector<std::string>;
 using Shape = std::vector<size_t>;  // empty: a scalar
 
 // Messages in src/io leave out the name of the file; the entry points in io.cpp put it in front.
+[[noreturn]] void fail_with(std::string text);
 template <typename... T>
 [[noreturn]] void fail(fmt::format_string<T...> text, T&&... values) {
-  throw IoError(fmt::format(text, std::forward<T>(values)...));
+  fail_with(fmt::format(text, std::forward<T>(values)...));
 }
 
 // Values of a kind that tokid has no use for: harmless unless someone asks for them.

@@ -158,17 +158,32 @@ struct Columns {
   }
 };
 
+std::string in_lower_case(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return c < 128 ? std::tolower(c) : c; });
+  return text;
+}
+
+// Time may be written with capitals; K is a channel, or nothing.
+std::string canonical(const std::string& name) {
+  const std::string lower = in_lower_case(name);
+  return lower == "experiment" || lower == "time" ? lower : name;
+}
+
+bool is_reserved(const std::string& name) {
+  return name == "k" || canonical(name) == "experiment" || canonical(name) == "time";
+}
+
 // Where the columns are.
 class Header {
  public:
   explicit Header(const Cells& names) : names_(names) {
-    for (size_t c = 0; c < names.size(); ++c) columns_[names[c]].push_back(c);
+    for (size_t c = 0; c < names.size(); ++c) columns_[canonical(names[c])].push_back(c);
   }
 
   const Cells& names() const { return names_; }
 
   std::optional<size_t> find(const std::string& name) const {
-    const auto found = columns_.find(name);
+    const auto found = columns_.find(canonical(name));
     if (found == columns_.end()) return std::nullopt;
     if (found->second.size() > 1) fail("header: {} columns '{}' found, one needed", found->second.size(), name);
     return found->second.front();
@@ -178,8 +193,6 @@ class Header {
   const Cells& names_;
   std::unordered_map<std::string, std::vector<size_t>> columns_;
 };
-
-bool is_reserved(const std::string& name) { return name == "experiment" || name == "time" || name == "k"; }
 
 std::vector<size_t> named_columns(const Header& header, const Names& wanted) {
   std::vector<size_t> columns;

@@ -289,6 +289,8 @@ HEADER = "experiment,k,u1,y1\n"
     (HEADER + "0,0,1,2\n0,0,1,2\n", ["line 3"]),
     ("experiment,k,a,b\n0,0,1,2\n", ["u", "'a'"]),
     ("experiment,k,u1,u1,y1\n0,0,1,2,3\n", ["u1"]),
+    (HEADER + "0,0,1,\0002\n", ["line 2, column 'y1'", "'\ufffd2' found, a number needed"]),
+    ((HEADER + "0,0,1,2\n").encode("utf-16").decode("latin-1"), ["no column whose name begins with u found among", "name the"]),
 ])
 def test_csv(identify_refused, tmp_path, text, words):
     (tmp_path / "data.csv").write_text(text)

@@ -116,6 +116,14 @@ def _(folder, tokid):
     return identify(folder, u, experiments(u, 0.05), "--states", 2, "--no-refine")
 
 
+@case("steps that no experiment has samples of")
+def _(folder, tokid):
+    u = gaussian()
+    y = experiments(u, 0.02)
+    y[:, 20:30] = np.nan
+    return identify(folder, u, y, "--states", 2, "--no-refine")
+
+
 @case("an output that never moves")
 def _(folder, tokid):
     u = gaussian()
@@ -191,6 +199,13 @@ def _(folder, tokid):
     def change(u, y):
         y[:] = y[:, ::-1].copy()
     return identify(folder, *wild(change), "--states", 2, "--lags", 2, "--no-refine")
+
+
+@case("one experiment with swapped channels, without noise")
+def _(folder, tokid):
+    u, y = wild(lambda u, y: y.__setitem__(slice(None), y[:, ::-1].copy()), noise=0.0)
+    np.savez(folder / "data.npz", u=u, y=y, dt=0.1)
+    return ["identify", folder / "data.npz", "-o", folder / "model.npz"]
 
 
 @case("one experiment with a wrong sign")
@@ -371,5 +386,5 @@ def test_streams_look_at_the_stretches_that_decide(tokid, tmp_path):
     with h5py.File(tmp_path / "data.h5", "w") as file:
         file["u"], file["y"], file["initial_state"] = u, y, "zero"
     assert ("in the stretches that decide, experiments 3 and 7 are the same in every sample: 39 of 40 experiments are "
-            "different, the others add nothing") in messages(
+            "different, the others add nothing, and errors on experiments left out look too small") in messages(
                 tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400])

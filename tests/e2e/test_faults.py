@@ -211,7 +211,6 @@ def room(size):
     """For preexec_fn: no file grows beyond so many bytes. The same as a full disk, everywhere."""
 
     def install():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
         os.environ.update(UNCOUNTED)
 

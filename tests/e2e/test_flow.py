@@ -226,6 +226,41 @@ def test_channel_names_go_along(tokid, tmp_path):
         assert list(out[key]) == value
 
 
+def test_other_units_are_told(tokid, tmp_path, oscillator):
+    values = load(oscillator / "data.npz")
+    for name, units in ("model", {"input_units": ["N", ""], "output_units": ["m", "m"]}), ("newton", {}), (
+            "pound", {"input_units": ["lbf", "kg"], "output_units": ["m", "ft"]}):
+        np.savez(tmp_path / f"{name}.npz", **{**values, **units})
+    tokid("identify", tmp_path / "model.npz", "-o", tmp_path / "made.npz")
+    for call in ("simulate", "predict"):
+        assert tokid(call, tmp_path / "made.npz", tmp_path / "newton.npz", "-o", tmp_path / "out.npz").stderr == ""
+        said = tokid(call, tmp_path / "made.npz", tmp_path / "pound.npz", "-o", tmp_path / "out.npz").stderr
+        assert said.splitlines() == [
+            "tokid: warning: the data's input u1 is in lbf, the model's in N: nothing is converted",
+            "tokid: warning: the data's output y2 is in ft, the model's in m: nothing is converted"]
+    assert "is in lbf" in "".join(tokid.json("validate", tmp_path / "made.npz", tmp_path / "pound.npz")["warnings"])
+
+
+def test_validation_tells_where_the_model_ends(tokid, tmp_path, oscillator):
+    values = load(oscillator / "data.npz")
+    for name in "u", "y":
+        values[name] = np.concatenate([values[name]] * 2, axis=1)
+    np.savez(tmp_path / "long.npz", **values)
+    page = tokid("validate", oscillator / "model.npz", tmp_path / "long.npz").stdout
+    assert "to step 39, with which the model ends; the data have 40 steps more" in page
+    assert "the model ends" not in tokid("validate", oscillator / "model.npz", oscillator / "data.npz").stdout
+
+
+def test_one_wild_experiment_is_no_agreement(tokid, tmp_path, noisy):
+    values = load(noisy / "fresh.npz")
+    values["y"][0] *= 1e6
+    np.savez(tmp_path / "wild.npz", **values)
+    result = tokid.json("validate", noisy / "model.npz", tmp_path / "wild.npz")
+    assert result["nis"] > 1e6 and result["nis_p"] > 0.01  # of the spread over the experiments
+    page = tokid("validate", noisy / "model.npz", tmp_path / "wild.npz").stdout
+    assert "much larger than the model says in single experiments, if not in all" in page
+
+
 def test_columns_of_a_csv_by_name(tokid, tmp_path, oscillator):
     data = load(oscillator / "data.npz")
     experiments, steps = data["u"].shape[:2]
@@ -248,8 +283,8 @@ def test_data_are_not_overwritten_but_a_model_may_be_refined_in_place(tokid, tmp
     before = data.read_bytes()
     for output in (data, alias):
         for call in (("identify", data), ("refine", model, data), ("simulate", model, data), ("predict", model, data),
-                     ("confidence", model, data)):
-            run = tokid(*call, "-o", output, status=2)
+                     ("confidence", model, data), ("convert", data)):
+            run = tokid(*call, *(["-o"] if call[0] != "convert" else []), output, status=2)
             assert f"{output.name}: found among the other files, another name needed to keep it" in run.stderr
     assert data.read_bytes() == before
     tokid("refine", model, data, "-o", model, "--iterations", 2)

@@ -339,6 +339,17 @@ def test_csv_of_pandas(tokid, tmp_path):
     check_read(tokid, tmp_path, tmp_path / "in.csv", expected)
 
 
+def test_csv_with_capitals(tokid, tmp_path):
+    header, rows = "experiment,time,u1,y1\n", "a,0,1,2\na,0.5,1,2\nb,0,1,2\nb,0.5,1,2\n"
+    shown = []
+    for text in header, "Experiment,TIME,u1,y1\n":
+        (tmp_path / "data.csv").write_text(text + rows)
+        shown.append(tokid.json("info", tmp_path / "data.csv"))
+    assert shown[0] == shown[1] and (shown[0]["experiments"], shown[0]["dt"]) == (2, 0.5)
+    (tmp_path / "data.csv").write_text("k,K,u1,y1\n0,20,1,2\n1,20,1,2\n")  # a gain, or a temperature
+    assert tokid.json("info", tmp_path / "data.csv")["steps"] == 2
+
+
 def test_csv_of_step_numbers(tokid, tmp_path):
     expected = ensemble() | {"dt": 1.0}
     rows = [[k + 1, n, *expected["u"][n, k], *expected["y"][n, k]] for n in range(N) for k in range(T)]

@@ -34,6 +34,39 @@ def test_the_model_is_that_of_all_experiments(tokid, campaign, extension):
     assert min(fit["simulation_fit"]) > 99.9999
 
 
+@pytest.fixture
+def noisy(tokid, tmp_path):
+    """Two campaigns with noise, of which EM wants another start than what is best without it."""
+    for name, seed in ("first", 1), ("later", 2), ("fresh", 3):
+        tokid("example", "oscillator", "-o", tmp_path / f"{name}.npz", "--experiments", 40, "--steps", 60, "--seed", seed,
+              "--measurement-noise", 0.05, "--process-noise", 0.01)
+    return tmp_path
+
+
+def test_a_state_is_not_bent_to_what_refines(tokid, noisy):
+    """The model of an update is not refined: its choices are those of identify --no-refine, to the last bit."""
+    models = []
+    for options in [], ["--no-refine"]:
+        told = tokid.json("identify", noisy / "first.npz", "-o", noisy / "model.npz", "--state", noisy / "state.h5", *options)
+        assert (told["method"] == "em") == (not options)
+        tokid("update", noisy / "state.h5", noisy / "later.npz", "-o", noisy / "updated.npz")
+        models.append(markov(noisy / "updated.npz"))
+    assert np.array_equal(*models)
+
+
+def test_experiments_of_another_system_are_told(tokid, noisy):
+    tokid("identify", noisy / "first.npz", "-o", noisy / "model.npz", "--state", noisy / "state.h5", "--no-refine")
+    shutil.copy(noisy / "state.h5", noisy / "other.h5")
+    assert tokid.json("update", noisy / "state.h5", noisy / "later.npz")["warnings"] == []
+    values = dict(np.load(noisy / "later.npz"))
+    np.savez(noisy / "later.npz", **{**values, "y": -values["y"]})
+    told = tokid("update", noisy / "other.h5", noisy / "later.npz").stderr.splitlines()
+    assert len(told) == values["y"].shape[2]
+    for j, line in enumerate(told, 1):
+        assert line.startswith(f"tokid: warning: new experiments, by the model before: output y{j} is simulated worse")
+        assert line.endswith("are they of the same system, with the same channels?")
+
+
 def test_several_files_are_added_one_by_one(tokid, campaign):
     first, days = campaign / "state.h5", [campaign / "tuesday.npz", campaign / "wednesday.npz"]
     tokid("identify", campaign / "first.npz", "-o", campaign / "first-model.npz", "--state", first)
