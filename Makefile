@@ -98,7 +98,7 @@ asan tsan:
 	$(call install,$(test_packages))
 	@$(configure) $@ >/dev/null
 	@cmake --build build-$@
-	@UBSAN_OPTIONS=print_stacktrace=1 TSAN_OPTIONS=halt_on_error=1 \
+	@UBSAN_OPTIONS=print_stacktrace=1 TSAN_OPTIONS=halt_on_error=1:suppressions=$(CURDIR)/tests/races.supp \
 	  LSAN_OPTIONS=suppressions=$(CURDIR)/tests/leaks.supp:print_suppressions=0 \
 	  $(python) tests/run.py build-$@
 

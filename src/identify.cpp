@@ -740,19 +740,8 @@ void Pipeline::warn_of_experiments(const Ensemble& whole) {
   for (std::string& text : warnings_of(repeats(whole), whole.experiments(), needed, p)) warn(std::move(text));
   StuckOutputs stuck = stuck_outputs(whole);
   for (std::string& text : stuck.warnings) warn(std::move(text));
-  OutlierOptions o{p, nominal_.has_value(), options_.execution.threads, result_.variation.period, &result_.model};
-  if (result_.noisy) {
-    result_.outliers = outliers(whole, o);
-  } else {
-    // Without noise all of them obey the regressions, a wrong one too, which takes lags and states of its own: fewer
-    // lags explain the others, to their last digits.
-    constexpr double beyond_doubt = 1e6;
-    o.model = nullptr;
-    for (o.lags = p - 1; o.lags > 0 && result_.outliers.empty(); --o.lags) {
-      result_.outliers = outliers(whole, o);
-      std::erase_if(result_.outliers, [](const Outlier& found) { return !(found.ratio > beyond_doubt); });
-    }
-  }
+  const OutlierOptions o{p, nominal_.has_value(), options_.execution.threads, result_.variation.period, &result_.model};
+  result_.outliers = result_.noisy ? outliers(whole, o) : outliers_without_noise(whole, o);
   for (std::string& text : warnings_of(result_.outliers, stuck.experiments)) warn(std::move(text));
 }
 

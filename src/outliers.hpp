@@ -22,6 +22,10 @@ struct OutlierOptions {
 // they do not tell who is right.
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
+// Without noise a wrong experiment obeys the regressions of so many lags as all others do: by states of its own. The
+// one without which fewer lags explain all others to their last digits, windows from rest among them; none of several.
+std::vector<Outlier> outliers_without_noise(const Ensemble& ensemble, const OutlierOptions& options);
+
 // Without the experiments of which enough is said already.
 std::vector<std::string> warnings_of(std::vector<Outlier> outliers, const std::vector<Index>& told = {});
 

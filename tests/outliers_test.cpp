@@ -103,6 +103,22 @@ TEST_F(Fault, OfSeveralDoesNotHideThem) {
   EXPECT_EQ(experiments, (std::vector<Index>{3, 12, 21, 30}));
 }
 
+// Without noise a wrong experiment fits, by states of its own.
+TEST(Outliers, OfIdentifyWithoutNoise) {
+  for (const Campaign& c : campaigns)
+    for (const double initial : {0.0, 3.0}) {
+      SCOPED_TRACE(std::to_string(c.experiments) + " experiments, initial states " + std::to_string(initial));
+      Ensemble e = campaign({c.experiments, c.steps, c.size, 0.0, c.lags}, 1, initial);
+      EXPECT_TRUE(identify(e).outliers.empty());
+      if (c.experiments < 20) continue;
+      const Index wrong = 7;
+      for (Index k = 0; k < e.steps(); ++k) e.output(k).row(wrong) *= -1;
+      const Identification found = identify(e);
+      ASSERT_EQ(found.outliers.size(), 1u);
+      EXPECT_EQ(found.outliers.front().experiment, wrong);
+    }
+}
+
 TEST(Outliers, FourExperimentsDoNotTellWhoIsRight) {
   Ensemble e = campaign({4, 60, {2, 2, 1}, 0.05, 2}, 5);
   for (Index k = 0; k < 60; ++k) e.output(k).row(1) *= 1000;

@@ -86,7 +86,7 @@ int main(int argc, char** argv) {
   if (team.rank == 0 || for_all(argc, argv)) outcome = tokid::app::run_tool(argc, argv);
   if (outcome.status != 0) {
     // What is wrong for all of them is said once, by the first one, which ends the others.
-    std::this_thread::sleep_for(std::chrono::milliseconds(500) * team.rank);
+    if (team.rank > 0) std::this_thread::sleep_for(std::chrono::milliseconds(2000 + 100 * team.rank));
     tokid::app::message(team.rank == 0 ? outcome.complaint
                                        : fmt::format("process {}: {}", team.rank, outcome.complaint));
     MPI_Abort(MPI_COMM_WORLD, outcome.status);
