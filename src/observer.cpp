@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <ranges>
 #include <stdexcept>
 
 namespace tokid {
@@ -81,8 +82,8 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
     // Lift from the smallest subspace outwards, so that the outputs of S_j are answered by states of S_j.
     Matrix lift = Matrix::Zero(n, m), outputs(m, 0);
     std::vector<Stage> survivors;
-    for (auto stage = flag.rbegin(); stage != flag.rend(); ++stage) {
-      const Lift part = split_by_output(c, stage->basis, outputs, see);
+    for (const Stage& stage : std::views::reverse(flag)) {
+      const Lift part = split_by_output(c, stage.basis, outputs, see);
       // States whose outputs reach into what is lifted already are corrected by those lifts.
       const Matrix states = part.states - lift * (c * part.states - part.outputs);
       lift += states * part.outputs.transpose();
@@ -91,15 +92,15 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
       outputs = std::move(joined);
       const linalg::Svd image = linalg::svd(a * part.unseen);
       const Index dim = (image.s.array() > move).count();
-      if (dim > 0) survivors.push_back({image.u.leftCols(dim), stage->age + 1});
+      if (dim > 0) survivors.push_back({image.u.leftCols(dim), stage.age + 1});
     }
     result.G.emplace_back(-a * lift);
 
-    for (auto survivor = survivors.rbegin(); survivor != survivors.rend(); ++survivor) {
-      if (survivor->basis.cols() == following.back().basis.cols())
-        following.back() = std::move(*survivor);
+    for (Stage& survivor : std::views::reverse(survivors)) {
+      if (survivor.basis.cols() == following.back().basis.cols())
+        following.back() = std::move(survivor);
       else
-        following.push_back(std::move(*survivor));
+        following.push_back(std::move(survivor));
     }
     flag = std::move(following);
     result.steps = std::max(result.steps, flag.back().age + 1);

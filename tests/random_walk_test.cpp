@@ -32,7 +32,7 @@ std::vector<Matrix> dense(const std::vector<Matrix>& rows, Index l, const Vector
   }
   const Matrix x = linalg::minimum_norm(a, b, 1e-14).x;
   std::vector<Matrix> result;
-  for (Index g = 0; g < steps; ++g) result.push_back(x.middleRows(g * l, l));
+  for (Index g = 0; g < steps; ++g) result.emplace_back(x.middleRows(g * l, l));
   return result;
 }
 

@@ -22,11 +22,11 @@ Model random_system(const SystemSize& size, Index steps, double growth, std::uin
   for (Index k = 0; k < steps; ++k) {
     Vector s(size.n);
     for (double& value : s) value = growth * random.uniform(0.7, 1.0);
-    model.A.push_back(random.orthogonal(size.n) * s.asDiagonal() * random.orthogonal(size.n));
+    model.A.emplace_back(random.orthogonal(size.n) * s.asDiagonal() * random.orthogonal(size.n));
     model.B.push_back(random.matrix(size.n, size.r));
     model.C.push_back(random.matrix(size.m, size.n));
     model.D.push_back(random.matrix(size.m, size.r));
-    model.G.push_back(Matrix::Zero(size.n, size.m));
+    model.G.emplace_back(Matrix::Zero(size.n, size.m));
   }
   model.state_dim.assign(size_t(steps) + 1, size.n);
   return model;
