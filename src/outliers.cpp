@@ -186,8 +186,8 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p, bool constant
 
 std::vector<Outlier> outliers_without_noise(const Ensemble& e, const OutlierOptions& options) {
   std::optional<Outlier> found;
-  for (Index k = 0; k < std::min(options.lags, e.steps()) && !found; ++k) found = misfit(e, k, k, options.nominal);
-  for (Index p = options.lags - 1; p > 0 && !found; --p)
+  for (Index k = 0; k <= std::min(options.lags, e.steps() - 1) && !found; ++k) found = misfit(e, k, k, options.nominal);
+  for (Index p = std::min(options.lags, e.steps() - 1); p > 0 && !found; --p)
     for (Index i = 0; i < fewest_places && !found; ++i)
       found = misfit(e, p + i * (e.steps() - 1 - p) / (fewest_places - 1), p, options.nominal);
   if (!found) return {};

@@ -23,7 +23,8 @@ struct OutlierOptions {
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
 // Without noise a wrong experiment obeys the regressions of so many lags as all others do: by states of its own. The
-// one without which fewer lags explain all others to their last digits, windows from rest among them; none of several.
+// one without which so many lags or fewer, or windows from rest, explain all others to their last digits, but not with
+// it; none of several.
 std::vector<Outlier> outliers_without_noise(const Ensemble& ensemble, const OutlierOptions& options);
 
 // Without the experiments of which enough is said already.

@@ -116,6 +116,12 @@ TEST(Outliers, OfIdentifyWithoutNoise) {
       const Identification found = identify(e);
       ASSERT_EQ(found.outliers.size(), 1u);
       EXPECT_EQ(found.outliers.front().experiment, wrong);
+      // Also among those held out, where the model owes nothing to it.
+      IdentifyOptions options;
+      options.hold_out = 0.5;
+      const Identification other = identify(e, options);
+      ASSERT_EQ(other.outliers.size(), 1u);
+      EXPECT_EQ(other.outliers.front().experiment, wrong);
     }
 }
 
