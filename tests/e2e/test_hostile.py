@@ -228,6 +228,16 @@ def test_chunks_without_end(refused, tmp_path):
     refused("data.h5", "'u'", "10000000 chunks found in a file of")
 
 
+def test_chunks_that_are_too_small(tokid, refused, tmp_path):
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("u", data=np.zeros((6, 4, 1)), chunks=(3, 4, 1))
+        file["y"] = np.zeros((6, 4, 1))
+    tokid("info", path)
+    changed(path, struct.pack("<II4Q", 96, 0, 3, 0, 0, 0), struct.pack("<II4Q", 40, 0, 3, 0, 0, 0))
+    refused("data.h5", "'u'", "136 stored bytes found, 192 needed for its 2 chunks")
+
+
 @pytest.mark.parametrize("version", ["earliest", "latest"])
 def test_attributes_that_are_larger_than_their_header(tokid, refused, tmp_path, version):
     path = tmp_path / "data.h5"
