@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The model's equations in NumPy, from the arrays of a model file, written independently of the library."""
 
+import contextlib
 import os
 
 import h5py
@@ -127,3 +128,11 @@ def write_ensemble(path, experiments=40, steps=600, noise=0.0, seed=5, **options
 
 def leftovers(folder):
     return sorted(name for name in os.listdir(folder) if name.endswith(".tmp"))
+
+
+def links(folder):
+    """Where the links in it lead to; some may be gone by now."""
+    with contextlib.suppress(PermissionError):  # a process that has just ended does not tell
+        for link in folder.iterdir():
+            with contextlib.suppress(FileNotFoundError):
+                yield os.readlink(link)

@@ -2,7 +2,6 @@
 """What no fault may leave: half a result. Processes that are killed at any time, disks that are full or read-only,
 files that others shorten while they are read."""
 
-import contextlib
 import errno
 import os
 import random
@@ -18,7 +17,7 @@ import numpy as np
 import pytest
 
 from faults import UNCOUNTED, dying_at, failing_at, without_unnamed_files
-from support import leftovers, write_ensemble
+from support import leftovers, links, write_ensemble
 
 OLD = b"what was there before"
 
@@ -306,14 +305,6 @@ def test_all_files_of_a_command_or_none(tokid, campaign, tmp_path):
     scene.reset(**dict.fromkeys(scene.written, OLD))
     refused(scene.run(preexec_fn=room(sizes[-1] - 1)), scene, "File too large")
     assert contents(tmp_path) == scene.before
-
-
-def links(folder):
-    """Where the links in it lead to; some may be gone by now."""
-    with contextlib.suppress(PermissionError):  # a process that has just ended does not tell
-        for link in folder.iterdir():
-            with contextlib.suppress(FileNotFoundError):
-                yield os.readlink(link)
 
 
 def test_a_folder_that_vanishes(tokid, campaign, tmp_path):
