@@ -354,14 +354,18 @@ void tell(const Call& call, const Data& data, const Identification& result) {
   warn(result.warnings);
 }
 
+bool is_hdf5(const fs::path& path) {
+  const std::string extension = extension_of(path);
+  return extension == ".h5" || extension == ".hdf5";
+}
+
 // Are blocks asked for, or better? They are where all samples would take much memory, or processes share the work.
 bool in_blocks(const Call& call) {
   constexpr double much = 512e6;
   if (call.block != automatic) return call.block > 0;
   const IdentifyOptions& o = call.options;
-  const std::string extension = extension_of(call.model);
-  const bool possible = (extension == ".h5" || extension == ".hdf5") && call.page.empty() && call.state.empty() &&
-                        o.period == 0 && !std::isinf(o.smoothing) && o.frame != Frame::reference;
+  const bool possible = is_hdf5(call.model) && call.page.empty() && call.state.empty() && o.period == 0 &&
+                        !std::isinf(o.smoothing) && o.frame != Frame::reference;
   const std::optional<double> bytes = possible ? bytes_in_blocks(call.data) : std::nullopt;
   return bytes && (*bytes > much || team().size > 1);
 }
@@ -374,7 +378,7 @@ void run_in_blocks(const Call& call) {
     throw std::invalid_argument("--state: holds the factors of all steps at once, which --block never has");
   if (!call.read.inputs.empty() || !call.read.outputs.empty())
     throw std::invalid_argument("--inputs, --outputs: columns of a .csv, which can't be read in blocks");
-  if (const std::string extension = extension_of(call.data); extension != ".h5" && extension != ".hdf5")
+  if (!is_hdf5(call.data))
     throw std::invalid_argument(fmt::format(
         "--block: '{}' found, an .h5 needed, the only format that can be read in blocks; tokid convert makes one",
         call.data.string()));

@@ -161,11 +161,12 @@ constexpr double exact = 1e-9, beyond_doubt = 1e6;
 // smaller the residuals are without it.
 std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p, bool constant) {
   const std::vector<Index> rows = e.complete_rows(k, p);
-  const Index count = Index(rows.size()), regressors = p * e.channels() + e.inputs() + (constant ? 1 : 0);
+  const Index count = Index(rows.size()), samples = p * e.channels() + e.inputs();
+  const Index regressors = samples + (constant ? 1 : 0);
   constexpr Index to_spare = 4;
   if (count < regressors + to_spare) return std::nullopt;
   Matrix w = Matrix::Ones(count, regressors);
-  w.leftCols(p * e.channels() + e.inputs()) = e.window(k, p)(rows, Eigen::all);
+  w.leftCols(samples) = e.window(k, p)(rows, Eigen::all);
   for (auto column : w.colwise()) column /= std::max(column.norm(), std::numeric_limits<double>::min());
   const Matrix y = e.output(k)(rows, Eigen::all);
   Eigen::ColPivHouseholderQR<Matrix> qr(w);
@@ -188,15 +189,13 @@ std::vector<Outlier> outliers_without_noise(const Ensemble& e, const OutlierOpti
   std::optional<Outlier> found;
   for (Index k = 0; k <= std::min(options.lags, e.steps() - 1) && !found; ++k) found = misfit(e, k, k, options.nominal);
   for (Index p = std::min(options.lags, e.steps() - 1); p > 0 && !found; --p)
-    for (Index i = 0; i < fewest_places && !found; ++i)
+    for (Index i = 1; i < fewest_places && !found; ++i)  // step p is done
       found = misfit(e, p + i * (e.steps() - 1 - p) / (fewest_places - 1), p, options.nominal);
   if (!found) return {};
-  for (OutlierOptions o = options; o.lags > 0; --o.lags) {
-    o.model = nullptr;
+  OutlierOptions o = options;
+  for (o.model = nullptr; o.lags > 0 && found->explanation.empty(); --o.lags)
     for (const Outlier& other : outliers(e, o))
-      if (other.experiment == found->experiment && found->explanation.empty()) found->explanation = other.explanation;
-    if (!found->explanation.empty()) break;
-  }
+      if (other.experiment == found->experiment) found->explanation = other.explanation;
   return {*found};
 }
 

@@ -422,7 +422,7 @@ def same_bound(shown, found):
 
 def same_losses(shown, found):
     """What is lost, in percent: the last digit belongs to the machine."""
-    return np.allclose(shown, found, rtol=0.02, atol=0.05)
+    return np.allclose(found, shown, rtol=0.02, atol=0.05)
 
 
 def alike(shown, found, same):

@@ -136,7 +136,7 @@ void check_stored(const Node& node, const Shape& shape, size_t memory_item, Clai
   const std::uint64_t bytes = checked_product(shape, item);
   if (node.is_attribute || bytes == 0) return;
   const Handle properties(H5Dget_create_plist(node.id), H5Pclose, node.name);
-  const H5D_layout_t layout = H5Pget_layout(properties);
+  const H5D_layout_t layout = checked(H5Pget_layout(properties), node.name);
   if (layout == H5D_CHUNKED) check_chunks(node, shape, properties, item, claims);
   const hsize_t stored = H5Dget_storage_size(node.id);
   // The library copies what lies beside the values of a header, or of a file, that are too few.

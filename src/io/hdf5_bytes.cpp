@@ -120,7 +120,7 @@ void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
     blocks.push_back({address + 16, prefix.number(8, 4)});
   }
 
-  std::uint64_t total = 0;  // blocks that overlap may be more than there is in the file
+  std::uint64_t total = 0;       // blocks that overlap may be more than there is in the file
   std::set<std::uint64_t> seen;  // blocks that lead back to each other have no end
   for (size_t i = 0; i < blocks.size(); ++i) {
     total += blocks[i].bytes;

@@ -47,7 +47,8 @@ struct Plots {
   std::string json;
   std::vector<std::string> omitted;  // what the page does not show, in words
   Framed frame;
-  std::vector<Radius> radius;  // of all steps in the frame with as many states before as after them, where they are finite
+  std::vector<Radius>
+      radius;  // of all steps in the frame with as many states before as after them, where they are finite
 };
 Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options);
 

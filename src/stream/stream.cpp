@@ -155,8 +155,9 @@ class Record {
     };
     add(warnings_of_inputs(samples_, file_.names()));
     add(warnings_of_outputs(samples_, file_.names()));
-    if (plan_.settled.together) add(warnings_of_absence(samples_, file_.names()));
-    if (!plan_.settled.together) {
+    if (plan_.settled.together) {
+      add(warnings_of_absence(samples_, file_.names()));
+    } else {
       const Index spent = result.nominal ? 1 : 0;
       add(warnings_of(regressions_,
                       {result.experiments, result.experiments - spent, file_.inputs(), file_.outputs(), result.lags},

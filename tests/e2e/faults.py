@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Faults of the system at a chosen call, by seccomp: what preexec_fn of subprocess takes."""
+"""Faults of the system, at a chosen call by seccomp, or of space: what preexec_fn of subprocess takes."""
 
 import ctypes
 import errno
@@ -79,5 +79,15 @@ def without_unnamed_files():
         (number,) = CALLS["openat"]
         _install([(LOAD, 0, 0, NUMBER), (EQUAL, 0, 3, number), (LOAD, 0, 0, THIRD_ARGUMENT), (ANY_BIT, 0, 1, UNNAMED),
                   (RETURN, 0, 0, FAIL | errno.EOPNOTSUPP), (RETURN, 0, 0, ALLOW)])
+
+    return install
+
+
+def room(size):
+    """No file grows beyond so many bytes. The same as a full disk, everywhere."""
+
+    def install():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+        os.environ.update(UNCOUNTED)
 
     return install

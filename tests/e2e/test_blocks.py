@@ -4,7 +4,6 @@ all."""
 
 import os
 import re
-import resource
 import shutil
 import signal
 import subprocess
@@ -14,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
-from faults import UNCOUNTED
+from faults import room
 from support import leftovers, markov, write_ensemble
 
 
@@ -137,12 +136,7 @@ def test_truncated_files(tokid, tmp_path, kept):
 def test_no_room_for_the_model(tokid, tmp_path):
     data = write_ensemble(tmp_path / "data.h5", experiments=20, steps=3000)
 
-    def little_room():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
-        os.environ.update(UNCOUNTED)
-
-    result = tokid("identify", data, "-o", tmp_path / "model.h5", "--block", 200, status=1, preexec_fn=little_room)
+    result = tokid("identify", data, "-o", tmp_path / "model.h5", "--block", 200, status=1, preexec_fn=room(300_000))
     assert "can't be written: File too large" in result.stderr
     assert sorted(os.listdir(tmp_path)) == ["data.h5"]
 

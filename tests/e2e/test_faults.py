@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faults import UNCOUNTED, dying_at, failing_at, without_unnamed_files
+from faults import UNCOUNTED, dying_at, failing_at, room, without_unnamed_files
 from support import leftovers, links, write_ensemble
 
 OLD = b"what was there before"
@@ -204,16 +204,6 @@ def refused(result, scene, reason):
     assert result.returncode == 1, result.stderr
     (line,) = result.stderr.splitlines()
     assert line.startswith("tokid: ") and reason in line and any(name in line for name in scene.written)
-
-
-def room(size):
-    """For preexec_fn: no file grows beyond so many bytes. The same as a full disk, everywhere."""
-
-    def install():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-        os.environ.update(UNCOUNTED)
-
-    return install
 
 
 @pytest.mark.parametrize("name", COMMANDS)
