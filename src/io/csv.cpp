@@ -158,11 +158,6 @@ struct Columns {
   }
 };
 
-std::string in_lower_case(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return c < 128 ? std::tolower(c) : c; });
-  return text;
-}
-
 // Time may be written with capitals; K is a channel, or nothing.
 std::string canonical(const std::string& name) {
   const std::string lower = in_lower_case(name);

@@ -2,7 +2,6 @@
 #include "tokid/io.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <fstream>
 
 #include "atomic_file.hpp"
@@ -19,15 +18,14 @@ namespace {
 namespace fs = std::filesystem;
 using io::check_readable;
 using io::fail;
+using io::in_lower_case;
 using io::naming;
 using io::naming_write;
 
 enum class Format { npz, hdf5, mat, csv };
 
 Format format_of(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string extension = in_lower_case(path.extension().string());
   if (extension == ".npz") return Format::npz;
   if (extension == ".h5" || extension == ".hdf5") return Format::hdf5;
   if (extension == ".mat") return Format::mat;

@@ -85,6 +85,12 @@ void check_texts(std::string_view name, const std::vector<std::string>& texts) {
       fail("data set '{}': text '{}' found, UTF-8 without NUL needed", name, printable(text));
 }
 
+std::string in_lower_case(std::string text) {
+  for (char& c : text)
+    if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
+  return text;
+}
+
 size_t character_length(std::string_view text) {
   const auto byte = [&text](size_t i) { return static_cast<unsigned char>(text[i]); };
   const unsigned char lead = byte(0);
