@@ -104,16 +104,9 @@ void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t
   if (count > std::min(claims.left() / kept, std::max(most_unwritten, claims.file_bytes() / address)))
     fail("data set '{}': {} chunks found in a file of {} bytes, fewer and larger ones needed: h5repack -l CONTI",
          node.name, count, claims.file_bytes());
-#if H5_VERSION_GE(1, 10, 5)
-  // Without filters each one has all of its bytes; of those with fewer, the library reads what lies beside them.
-  if (!filters_of(properties, node.name).empty()) return;
-  hsize_t written = 0;
-  checked(H5Dget_num_chunks(node.id, node.space, &written), node.name);
-  const std::uint64_t needed =
-      checked_product({size_t(written), checked_product(Shape(chunk.begin(), chunk.end()), item)});
-  if (const hsize_t stored = H5Dget_storage_size(node.id); stored < needed)
-    fail("data set '{}': {} stored bytes found, {} needed for its {} chunks", node.name, stored, needed, written);
-#endif
+  if (filters_of(properties, node.name).empty())
+    Hdf5Bytes(node.id, node.name, claims.file_bytes())
+        .check_chunks(checked_product(Shape(chunk.begin(), chunk.end()), item));
 }
 
 // How many bytes one that is stored can become; 0 where nobody knows.

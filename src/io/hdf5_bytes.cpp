@@ -153,7 +153,9 @@ std::optional<std::uint64_t> Hdf5Bytes::committed_bytes(std::string_view referen
   if (header > file_bytes_) return std::nullopt;
   std::optional<std::uint64_t> found;
   each_message(base_ + header, [&](unsigned type, unsigned flags, const Piece& piece) {
-    if (type == datatype_message && !(flags & is_shared)) found = value_bytes(read(piece.offset, piece.bytes));
+    if (type != datatype_message || (flags & is_shared)) return;
+    if (found) damaged("datatype");
+    found = value_bytes(read(piece.offset, piece.bytes));
   });
   return found;
 }
@@ -197,9 +199,22 @@ void Hdf5Bytes::check_attributes() const {
 std::optional<Hdf5Bytes::Piece> Hdf5Bytes::attribute(std::string_view name) const {
   std::optional<Piece> found;
   each_attribute([&](std::string_view other, const Piece& values) {
-    if (other == name) found = values;
+    if (other != name) return;
+    if (found) damaged("attribute");  // twice: the library may read the one that is not looked at
+    found = values;
   });
   return found;
+}
+
+Hdf5Bytes::Piece Hdf5Bytes::layout_piece() const {
+  std::optional<Piece> found;
+  each_message(address(), [&](unsigned type, unsigned, const Piece& piece) {
+    if (type != layout_message) return;
+    if (found) damaged("layout");
+    found = piece;
+  });
+  if (!found) damaged("layout");
+  return *found;
 }
 
 std::optional<Hdf5Bytes::Piece> Hdf5Bytes::values() const {
@@ -210,16 +225,49 @@ std::optional<Hdf5Bytes::Piece> Hdf5Bytes::values() const {
     if (const haddr_t offset = H5Dget_offset(object_); offset != HADDR_UNDEF)
       found = Piece{offset, H5Dget_storage_size(object_)};
   } else if (layout == H5D_COMPACT) {
-    each_message(address(), [&](unsigned type, unsigned, const Piece& piece) {
-      if (type != layout_message) return;
-      constexpr size_t values_at = 4;  // behind version, class and size, from version 3 on
-      const std::string bytes = read(piece.offset, piece.bytes);
-      const View message(bytes);
-      if (message.number(0, 1) < 3 || message.number(2, 2) + values_at > message.size()) damaged("layout");
-      found = Piece{piece.offset + values_at, message.number(2, 2)};
-    });
+    constexpr size_t values_at = 4;  // behind version, class and size, from version 3 on
+    const Piece piece = layout_piece();
+    const std::string bytes = read(piece.offset, piece.bytes);
+    const View message(bytes);
+    if (message.number(0, 1) < 3 || message.number(2, 2) + values_at > message.size()) damaged("layout");
+    found = Piece{piece.offset + values_at, message.number(2, 2)};
   }
   return found;
+}
+
+void Hdf5Bytes::check_chunks(std::uint64_t needed) const {
+  const Piece piece = layout_piece();
+  const std::string bytes = read(piece.offset, piece.bytes);
+  const View message(bytes);
+  const auto version = message.number(0, 1);
+  if (version > 3) return;  // the indexes of these hold addresses alone, where there are no filters
+  const auto rank = message.number(version == 3 ? 2 : 1, 1);  // one more than that of the data set
+  constexpr std::uint64_t nowhere = ~std::uint64_t{0};
+  const std::uint64_t root = message.number(version == 3 ? 3 : 8, 8);
+  if (root == nowhere) return;
+
+  constexpr size_t head = 24, child = 8;  // of a node; an address in it
+  const size_t key = 8 + 8 * rank;        // bytes, filters that were left out, place
+  std::uint64_t total = 0;                // nodes that lead back to each other have no end
+  std::vector<std::uint64_t> nodes(1, root);
+  while (!nodes.empty()) {
+    const std::uint64_t address = nodes.back();
+    nodes.pop_back();
+    if (address > file_bytes_) damaged("index of chunks");
+    const std::string start = read(base_ + address, head);
+    const View node(start);
+    const auto level = node.number(5, 1), used = node.number(6, 2), size = used * (key + child);
+    total += head + size;
+    if (!start.starts_with("TREE\1") || total > file_bytes_) damaged("index of chunks");
+    const std::string entries = read(base_ + address + head, size);
+    for (size_t at = 0; at < size; at += key + child) {
+      const View entry(std::string_view(entries).substr(at, key + child));
+      if (level > 0)
+        nodes.push_back(entry.number(key, child));
+      else if (const auto stored = entry.number(0, 4); stored < needed)
+        fail("data set '{}': a chunk of {} stored bytes found, {} needed", name_, stored, needed);
+    }
+  }
 }
 
 // ---- texts ----

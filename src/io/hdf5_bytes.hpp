@@ -34,6 +34,10 @@ class Hdf5Bytes {
   // Of a data set in one piece; empty for one in chunks, and for one that was never written.
   std::optional<Piece> values() const;
 
+  // Of a data set whose chunks no filter packs: each is read as if it had all of its bytes, and of one with fewer the
+  // library reads what lies beside them. \throws IoError for one that has fewer than are needed
+  void check_chunks(std::uint64_t needed) const;
+
   // Entries refer to texts of variable length in heaps. The library takes memory for the length that an entry claims,
   // walks from one object of a heap to the next wherever their sizes lead, and copies as much as the object says.
   // \throws IoError for a text that its heap does not hold
@@ -45,6 +49,7 @@ class Hdf5Bytes {
   using Use = std::function<void(unsigned type, unsigned flags, const Piece&)>;
   void each_message(std::uint64_t address, const Use& see) const;
   std::uint64_t address() const;
+  Piece layout_piece() const;
   std::optional<std::uint64_t> committed_bytes(std::string_view reference) const;
   std::map<std::uint64_t, std::uint64_t> heap(std::uint64_t address, std::uint64_t& total) const;
   std::string read(std::uint64_t offset, std::uint64_t bytes) const;

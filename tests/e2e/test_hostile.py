@@ -230,12 +230,28 @@ def test_chunks_without_end(refused, tmp_path):
 
 def test_chunks_that_are_too_small(tokid, refused, tmp_path):
     path = tmp_path / "data.h5"
+    for version in "earliest", "latest":
+        with h5py.File(path, "w", libver=version) as file:
+            file.create_dataset("u", data=np.zeros((200, 4, 1)), chunks=(1, 4, 1))  # more than a node of their index holds
+            file["y"] = np.zeros((200, 4, 1))
+            file.create_dataset("spare", (6, 4, 1), chunks=(3, 4, 1))  # nothing written
+        tokid("info", path)
+
+    def size(chunk, stored):
+        return struct.pack("<II4Q", stored, 0, chunk, 0, 0, 0)
+
     with h5py.File(path, "w") as file:
-        file.create_dataset("u", data=np.zeros((6, 4, 1)), chunks=(3, 4, 1))
-        file["y"] = np.zeros((6, 4, 1))
-    tokid("info", path)
-    changed(path, struct.pack("<II4Q", 96, 0, 3, 0, 0, 0), struct.pack("<II4Q", 40, 0, 3, 0, 0, 0))
-    refused("data.h5", "'u'", "136 stored bytes found, 192 needed for its 2 chunks")
+        file.create_dataset("u", data=np.zeros((200, 4, 1)), chunks=(1, 4, 1))
+        file["y"] = np.zeros((200, 4, 1))
+    whole = path.read_bytes()
+    changed(path, size(133, 32), size(133, 8))
+    refused("data.h5", "'u'", "a chunk of 8 stored bytes found, 32 needed")
+    changed(path, size(134, 32), size(134, 56))  # together they have as many as they should
+    refused("data.h5", "'u'", "a chunk of 8 stored bytes found, 32 needed")
+    path.write_bytes(whole)
+    leaf = whole.index(b"TREE\1\0")
+    path.write_bytes(whole[:leaf] + b"TREE\1\1" + whole[leaf + 6:])  # places of chunks are taken for nodes
+    refused("data.h5", "'u'", "damaged index of chunks")
 
 
 @pytest.mark.parametrize("version", ["earliest", "latest"])
@@ -308,6 +324,32 @@ def test_a_name_that_ends_early(refused, tmp_path):
     entry = struct.pack("<IQI", 4, path.read_bytes().index(b"GCOL"), 1)
     changed(path, entry, struct.pack("<I", 1) + entry[4:])
     refused("data.h5")
+
+
+def test_what_is_there_twice(tokid, refused, tmp_path):
+    """The library reads the first of two, whichever was checked."""
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w") as file:
+        file["u"], file["y"] = SMALL, SMALL
+        file.attrs["initial_state"], file.attrs["initial_statX"] = "zero", "zero"
+    changed(path, b"initial_statX", b"initial_state")
+    refused("data.h5", "damaged attribute")
+    with h5py.File(path, "w") as file:
+        file["u"], file["y"] = SMALL, SMALL
+        compact = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        compact.set_layout(h5py.h5d.COMPACT)
+        text = h5py.h5d.create(file.id, b"input_names", h5py.h5t.py_create(h5py.string_dtype(), logical=True),
+                               h5py.h5s.create_simple((1,)), compact)
+        text.write(h5py.h5s.ALL, h5py.h5s.ALL, np.array(["torque"], dtype=object))
+        file["input_names"].attrs["pad"] = np.arange(8.0)
+    tokid("info", path)
+    data = path.read_bytes()
+    pad = data.index(b"pad\0") - 8  # the message begins with its sizes
+    assert data[pad - 8:pad - 6] == b"\x0c\0"
+    entry = struct.pack("<IQI", 6, data.index(b"GCOL"), 1)
+    layout = b"\x03\0\x10\0" + entry
+    path.write_bytes(data[:pad - 8] + b"\x08\0" + data[pad - 6:pad] + layout + data[pad + len(layout):])
+    refused("data.h5", "'input_names'", "damaged layout")
 
 
 def test_texts_that_cannot_be_checked(tokid, refused, tmp_path):
