@@ -740,7 +740,12 @@ void Pipeline::warn_of_experiments(const Ensemble& whole) {
   for (std::string& text : warnings_of(repeats(whole), whole.experiments(), needed, p)) warn(std::move(text));
   StuckOutputs stuck = stuck_outputs(whole);
   for (std::string& text : stuck.warnings) warn(std::move(text));
-  const OutlierOptions o{p, nominal_.has_value(), options_.execution.threads, result_.variation.period, &result_.model};
+  const OutlierOptions o{.lags = p,
+                         .nominal = nominal_.has_value(),
+                         .at_rest = initial_ == InitialState::zero,
+                         .threads = options_.execution.threads,
+                         .period = result_.variation.period,
+                         .model = &result_.model};
   result_.outliers = result_.noisy ? outliers(whole, o) : outliers_without_noise(whole, o);
   for (std::string& text : warnings_of(result_.outliers, stuck.experiments)) warn(std::move(text));
 }

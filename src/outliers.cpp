@@ -156,9 +156,11 @@ namespace {
 
 // Of amplitudes: what is left of exact data, and what is not.
 constexpr double exact = 1e-9, beyond_doubt = 1e6;
+// More is rounding: squares are subtracted.
+constexpr double most_ratio = 1e8;
 
-// Where the windows of p lags before step k leave residuals, and none without one experiment: that one, and how much
-// smaller the residuals are without it.
+// Where the windows of p lags before step k leave residuals, and none without one experiment: that one, and how many
+// times as large all residuals are as those without it.
 std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p, bool constant) {
   const std::vector<Index> rows = e.complete_rows(k, p);
   const Index count = Index(rows.size()), samples = p * e.channels() + e.inputs();
@@ -180,17 +182,23 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p, bool constant
   Index worst = 0;
   const double without = all - alone.maxCoeff(&worst);
   if (!(without < all / (beyond_doubt * beyond_doubt))) return std::nullopt;
-  return Outlier{rows[size_t(worst)], beyond_doubt, ""};
+  const double ratio = without > 0 ? std::min(most_ratio, std::sqrt(all / without)) : most_ratio;
+  return Outlier{rows[size_t(worst)], ratio, ""};
 }
 
 }  // namespace
 
 std::vector<Outlier> outliers_without_noise(const Ensemble& e, const OutlierOptions& options) {
   std::optional<Outlier> found;
-  for (Index k = 0; k <= std::min(options.lags, e.steps() - 1) && !found; ++k) found = misfit(e, k, k, options.nominal);
-  for (Index p = std::min(options.lags, e.steps() - 1); p > 0 && !found; --p)
-    for (Index i = 1; i < fewest_places && !found; ++i)  // step p is done
-      found = misfit(e, p + i * (e.steps() - 1 - p) / (fewest_places - 1), p, options.nominal);
+  const Index last = e.steps() - 1;
+  if (options.at_rest)
+    for (Index k = 0; k <= std::min(options.lags, last) && !found; ++k) found = misfit(e, k, k, options.nominal);
+  // At the begin an initial state that the others have not looks wrong: later it has been reached by inputs.
+  for (Index p = std::min(options.lags, last); p > 0 && !found; --p)
+    for (Index i = 1; i < fewest_places && !found; ++i) {
+      const Index first = options.at_rest ? p : std::max(p, last / 2);
+      found = misfit(e, first + i * (last - first) / (fewest_places - 1), p, options.nominal);
+    }
   if (!found) return {};
   OutlierOptions o = options;
   for (o.model = nullptr; o.lags > 0 && found->explanation.empty(); --o.lags)

@@ -13,6 +13,7 @@ namespace tokid {
 struct OutlierOptions {
   Index lags = 1;        // p
   bool nominal = false;  // a mean motion is removed: the regressions have a constant
+  bool at_rest = false;  // at the first step
   int threads = 1;
   Index period = 0;              // P: 1 where one model serves all steps
   const Model* model = nullptr;  // of all experiments, which acquits whom regressions of one lag alone accuse
@@ -23,8 +24,8 @@ struct OutlierOptions {
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
 // Without noise a wrong experiment obeys the regressions of so many lags as all others do: by states of its own. The
-// one without which so many lags or fewer, or windows from rest, explain all others to their last digits, but not with
-// it; none of several.
+// one without which so many lags or fewer, or windows from rest where experiments begin there, explain all others to
+// their last digits, but not with it; none of several.
 std::vector<Outlier> outliers_without_noise(const Ensemble& ensemble, const OutlierOptions& options);
 
 // Without the experiments of which enough is said already.

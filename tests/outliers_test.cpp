@@ -84,10 +84,9 @@ TEST_F(Fault, OfScaleIsFoundWhateverItIs) {
         found([factor](Ensemble& e, const Ensemble&, Index k) { e.y(12, k, 1) *= factor; });
     ASSERT_EQ(result.size(), 1u) << factor;
     EXPECT_EQ(result.front().experiment, 12);
-    double told = 0.0;
-    ASSERT_EQ(std::sscanf(result.front().explanation.c_str(), "with output y2 multiplied by %lf they", &told), 1)
-        << result.front().explanation;
-    EXPECT_NEAR(told * factor, 1, 0.05);
+    const std::string start = "with output y2 multiplied by ", &told = result.front().explanation;
+    ASSERT_EQ(told.substr(0, start.size()), start);
+    EXPECT_NEAR(std::stod(told.substr(start.size())) * factor, 1, 0.05);
   }
 }
 
@@ -122,6 +121,27 @@ TEST(Outliers, OfIdentifyWithoutNoise) {
       const Identification other = identify(e, options);
       ASSERT_EQ(other.outliers.size(), 1u);
       EXPECT_EQ(other.outliers.front().experiment, wrong);
+    }
+}
+
+// The others tell nothing of the state that it begins with.
+TEST(Outliers, OneThatBeginsElsewhereIsHealthy) {
+  for (const double displaced : {1e-3, 1.0})
+    for (const Index resting : {0, 5}) {
+      const Model system = constant_system({2, 1, 1}, 60, 0.9, 3);
+      Ensemble e(40, 60, 1, 1);
+      Random random(4);
+      for (Index k = 0; k < 60; ++k) e.input(k) = (k < resting ? 0.0 : 1.0) * random.matrix(40, 1);
+      Matrix x0 = Matrix::Zero(2, 40);
+      x0.col(12) << displaced, -2 * displaced;
+      e = simulate(system, e, x0);
+      e.initial_state = InitialState::unknown;
+      EXPECT_TRUE(identify(e).outliers.empty()) << displaced << ", inputs at rest for " << resting << " steps";
+      for (Index k = 0; k < 60; ++k) e.output(k).row(7) *= -1;
+      const Identification found = identify(e);
+      ASSERT_EQ(found.outliers.size(), 1u);
+      EXPECT_EQ(found.outliers.front().experiment, 7);
+      EXPECT_GE(found.outliers.front().ratio, 1e6);
     }
 }
 

@@ -82,18 +82,22 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
   for (Index i = 0; i < count; ++i) all.samples().middleCols(i * width, width) = parts[size_t(i)].whole.samples();
   add(warnings_of(repeats(all), all.experiments(), 0, result.lags));
 
-  for (size_t i = 0; i < parts.size() && result.noisy; ++i)
-    for (Outlier& own : outliers(parts[i].whole, {.lags = result.lags,
-                                                 .nominal = nominal,
-                                                 .period = result.variation.period,
-                                                 .model = found[i] ? &found[i]->model : nullptr})) {
+  for (size_t i = 0; i < parts.size(); ++i) {
+    const Ensemble& whole = parts[i].whole;
+    const OutlierOptions o{.lags = result.lags,
+                           .nominal = nominal,
+                           .at_rest = found[i] && found[i]->model.initial_state == InitialState::zero,
+                           .period = result.variation.period,
+                           .model = found[i] ? &found[i]->model : nullptr};
+    for (Outlier& own : result.noisy ? outliers(whole, o) : outliers_without_noise(whole, o)) {
       const auto same = std::find_if(result.outliers.begin(), result.outliers.end(),
-                                     [&](const Outlier& o) { return o.experiment == own.experiment; });
+                                     [&](const Outlier& other) { return other.experiment == own.experiment; });
       if (same == result.outliers.end())
         result.outliers.push_back(std::move(own));
       else if (same->ratio < own.ratio)
         *same = std::move(own);
     }
+  }
   add(warnings_of(result.outliers, stuck));
   for (const std::string& text : texts)
     result.warnings.push_back(fmt::format("in the stretches that decide, {}", text));

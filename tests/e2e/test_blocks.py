@@ -103,7 +103,9 @@ def test_other_formats_are_not_read_in_blocks(tokid, tmp_path):
     for name in ("data.npz", "data.mat"):
         tokid("convert", data, tmp_path / name)
         result = tokid("identify", tmp_path / name, "-o", tmp_path / "model.h5", "--block", 100, status=2)
-        assert name in result.stderr
+        assert name in result.stderr and "--block" in result.stderr and "an .h5 needed" in result.stderr
+    result = tokid("identify", tmp_path / "none.npz", "-o", tmp_path / "model.h5", "--block", 100, status=2)
+    assert "none.npz: no such file" in result.stderr
     tokid("convert", data, tmp_path / "mat.mat", "--mat73")
     shutil.copy(tmp_path / "mat.mat", tmp_path / "mat.h5")
     result = tokid("identify", tmp_path / "mat.h5", "-o", tmp_path / "model.h5", "--block", 100, status=2)
@@ -166,3 +168,13 @@ def test_noisy_blocks(tokid, tmp_path):
     assert found["states"] == whole["states"]
     assert found["one_step_fit"] == pytest.approx(whole["one_step_fit"], abs=0.5)
     assert found["whiteness_p"] is not None
+
+
+def test_a_wrong_experiment_is_told_without_noise(tokid, tmp_path):
+    data = write_ensemble(tmp_path / "data.h5")
+    assert tokid.json("identify", data, "-o", tmp_path / "model.h5", "--block", 200)["outliers"] == []
+    with h5py.File(data, "a") as file:
+        file["y"][7] *= -1
+    found = tokid.json("identify", data, "-o", tmp_path / "model.h5", "--block", 200)
+    assert [other["experiment"] for other in found["outliers"]] == [7]
+    assert any("in the stretches that decide, experiment 7 does not fit the others" in text for text in found["warnings"])
