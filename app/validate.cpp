@@ -130,9 +130,6 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
                       ? fmt::format("from step {} on", v.first_predicted)
                       : fmt::format("simulations from step {} on, predictions from step {} on", v.first_simulated,
                                     v.first_predicted));
-  if (model.period == 0 && data.steps() > model.k_end())
-    page.row("", fmt::format("to step {}, with which the model ends; the data have {} more", model.k_end() - 1,
-                             plural(data.steps() - model.k_end(), "step")));
   add_table(call, model, v, &Fit::fit, percent, page);
   page.row("RMS error", "");
   add_table(call, model, v, &Fit::rmse, number, page);

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "words.hpp"
+
 namespace tokid {
 
 namespace {
@@ -28,9 +30,16 @@ std::string simulation_start(const Model& model, const Ensemble& inputs, bool es
   return has_initial_estimate(model, initial) ? "mean initial state" : "zero state";
 }
 
+std::optional<std::string> steps_beyond(const Model& model, const Ensemble& data) {
+  if (model.period > 0 || data.steps() <= model.k_end()) return std::nullopt;
+  return fmt::format("the model ends with step {}: it says nothing of the last {} of the data", model.k_end() - 1,
+                     words::plural(data.steps() - model.k_end(), "step"));
+}
+
 std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& inputs, const Ensemble& simulated,
                                             bool estimate) {
   std::vector<std::string> result = differences(model, inputs);
+  if (auto beyond = steps_beyond(model, inputs)) result.push_back(*std::move(beyond));
   remark_no_outputs(simulated, result);
   if (!estimate && !starts_from_zero(model, initial_state(model, inputs)))
     result.push_back(
@@ -41,6 +50,7 @@ std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& 
 
 std::vector<std::string> prediction_remarks(const Model& model, const Ensemble& data, const Ensemble& predicted) {
   std::vector<std::string> result = differences(model, data);
+  if (auto beyond = steps_beyond(model, data)) result.push_back(*std::move(beyond));
   remark_no_outputs(predicted, result);
   return result;
 }

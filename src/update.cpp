@@ -89,12 +89,15 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   state.noisy = result.noisy;
   state.nominal = result.nominal;
   state.method = result.model.method == "tvera" ? Method::tvera : Method::subspace;
-  // Without noise the rank goes on to tell n; with it, what was chosen.
-  state.states = options.states > 0 ? options.states : result.noisy ? result.model.states() : 0;
   NoisyChoices choices = result.choices.value_or(
       NoisyChoices{result.variation, result.state_smoothing, options.weighting.value_or(Weighting::one_step), 0.0, 0});
+  // Without noise the rank goes on to tell n; with it, what was chosen.
+  state.states = options.states > 0 ? options.states : result.noisy ? result.model.states() : 0;
   // Where EM began is not what does best without it.
-  if (choices.refinement_iterations > 0 && !options.choices) choices.state_smoothing = result.order_scores.smoothing;
+  if (choices.refinement_iterations > 0 && !options.choices) {
+    choices.state_smoothing = result.order_scores.smoothing;
+    if (options.states == 0) state.states = result.order_scores.best;
+  }
   choices.refinement_smoothing = 0.0;
   choices.refinement_iterations = 0;
   if ((result.together && choices.weighting == Weighting::projection) || options.weighting == Weighting::projection)

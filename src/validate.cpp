@@ -10,6 +10,7 @@
 
 #include "em/smoother.hpp"
 #include "judged.hpp"
+#include "tokid/remarks.hpp"
 
 namespace tokid {
 
@@ -163,10 +164,11 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
         fmt::format("no step could be predicted: the model covers steps {} to {}, and {} steps are "
                     "needed to find an unknown initial state",
                     model.k_begin, model.k_end() - 1, estimation_window(model)));
+  if (auto beyond = steps_beyond(model, data)) result.warnings.push_back(*std::move(beyond));
   if (options.horizon > 1 && result.horizon.samples == 0)
     result.warnings.push_back(fmt::format("no step could be predicted {} steps ahead", options.horizon));
   if (!result.simulation.rmse.allFinite() && result.simulation.samples > 0)
-    result.warnings.push_back("the simulation overflows: the model is unstable over its steps");
+    result.warnings.emplace_back("the simulation overflows: the model is unstable over its steps");
   return judged;
 }
 

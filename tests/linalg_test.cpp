@@ -163,7 +163,8 @@ TEST(Eigensystem, DiagonalisesFromBothSides) {
     const linalg::Eigensystem system = linalg::eigensystem(a);
     const Eigen::MatrixXcd identity = Eigen::MatrixXcd::Identity(n, n);
     const double condition = system.right.norm() * system.left.norm();
-    EXPECT_LE((a * system.right - system.right * system.values.asDiagonal()).norm(), 1e2 * epsilon * double(n) * a.norm())
+    EXPECT_LE((a * system.right - system.right * system.values.asDiagonal()).norm(),
+              1e2 * epsilon * double(n) * a.norm())
         << n;
     EXPECT_LE((system.left * system.right - identity).norm(), 1e2 * epsilon * double(n) * condition) << n;
     EXPECT_LE((system.values - linalg::eigenvalues(a)).norm(), 1e2 * epsilon * double(n) * a.norm() * condition) << n;
@@ -187,6 +188,7 @@ TEST(Eigensystem, SaysWhereThereIsNone) {
   }
   EXPECT_THROW(linalg::eigenvalues(Matrix(2, 3)), std::invalid_argument);
   EXPECT_THROW(linalg::eigensystem(Matrix(3, 2)), std::invalid_argument);
+  EXPECT_THROW(linalg::eigenvalues(Matrix(0, 3)), std::invalid_argument);
 }
 
 TEST(Procrustes, FindsTheRotation) {

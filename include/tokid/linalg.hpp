@@ -72,8 +72,8 @@ Matrix whitener(const ConstMatrixRef& s);
 // largest correlation.
 std::optional<Matrix> covariance_factor(const ConstMatrixRef& s);
 
-// Eigenvalues (n) of a (n × n), in no order of meaning; conjugate pairs stand together. NaN, all of them, where a is not
-// finite or the iteration does not converge. \throws std::invalid_argument where a is not square
+// Eigenvalues (n) of a (n × n), in no order of meaning; conjugate pairs stand together. NaN, all of them, where a is
+// not finite or the iteration does not converge. \throws std::invalid_argument where a is not square
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a);
 
 // The same eigenvalues with their vectors: a·right = right·diag(values), left = right⁻¹ (rows, so that left·right = I).

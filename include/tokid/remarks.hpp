@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,10 @@ namespace tokid {
 // Where a simulation of these inputs begins: "zero state", "mean initial state", or, with `estimate`, as
 // simulate_data() does it, "state that the first samples tell".
 std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate);
+
+// Of steps of the data that lie behind the last one of the model, where nothing is computed; empty where there are
+// none.
+std::optional<std::string> steps_beyond(const Model& model, const Ensemble& data);
 
 // Of simulate() or simulate_data() and its result, and of predict(). The differences of model and data come first.
 std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& inputs, const Ensemble& simulated,

@@ -428,3 +428,18 @@ def test_what_can_not_be_drawn(data):
     with pytest.raises(ValueError, match="there are no eigenvalues"):
         plot.poles(static)
     assert plt.get_fignums() == []  # no empty figure stays behind
+
+
+def test_eigenvalues_that_overflow_are_left_out():
+    def model(huge):
+        gains = [np.full((1, 1), 1e200 if k in huge else 0.1) for k in range(30)]
+        return tokid.Model.from_matrices(
+            [np.full((1, 1), 0.5)] * 30, [np.ones((1, 1))] * 30, [np.full((1, 1), 1e200)] * 30, G=gains
+        )
+
+    # Gains of 0.1 make eigenvalues that are large and finite, 1e200 by 1e200 is neither.
+    drawn = [line(plot.poles(model(huge)), "Open loop, A").get_xdata() for huge in ((), {7})]
+    assert len(drawn[1]) == len(drawn[0]) - 1
+    assert 7 not in line(plot.pole_radius(model({7}), over="step"), "Open loop").get_xdata()
+    with pytest.raises(ValueError, match="there are no eigenvalues"):
+        plot.poles(model(range(30)))

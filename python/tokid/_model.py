@@ -1114,6 +1114,7 @@ class Model(Channels):
         begin : int
             Step of the first entry.
         eigenvalues : ndarray of complex, shape (steps, n)
+            NaN where A + G C is not finite.
         """
         step = _options.step("reference_step", reference_step)
         begin, values = _tokid.closed_loop_spectrum(self._core, step, _options.threads(threads))

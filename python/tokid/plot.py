@@ -670,7 +670,9 @@ def _reach(reference: Model, s: int, rows: int) -> tuple[int, int]:
 
 
 def _eigenvalues(model: Model) -> tuple[Any, Any, Any]:
-    """Steps in the frame with as many states behind as before, and the eigenvalues of A and of A + GC there."""
+    """Steps in the frame with as many states behind as before, and the eigenvalues of A and of A + GC there.
+
+    Without those at which one of the two overflows, which has none."""
     frame = _pole_frame(model)
     k = [
         k
@@ -679,10 +681,19 @@ def _eigenvalues(model: Model) -> tuple[Any, Any, Any]:
     ]
     if not k:
         raise ValueError("no step has as many states before as after it: there are no eigenvalues")
-    steps = [frame.model.at(step) for step in k]
-    opened = [np.linalg.eigvals(step.A) for step in steps]
-    closed = [np.linalg.eigvals(step.closed_loop) for step in steps]
-    return np.asarray(k), opened, closed
+    finite, opened, closed = [], [], []
+    for step in k:
+        at = frame.model.at(step)
+        with np.errstate(over="ignore", invalid="ignore"):
+            both = at.A, at.closed_loop
+        if not all(np.isfinite(a).all() for a in both):
+            continue
+        finite.append(step)
+        opened.append(np.linalg.eigvals(both[0]))
+        closed.append(np.linalg.eigvals(both[1]))
+    if not finite:
+        raise ValueError("A or A + GC is not finite at any step: there are no eigenvalues")
+    return np.asarray(finite), opened, closed
 
 
 def poles(model: Model, *, k: Optional[int] = None, ax: Optional[Axes] = None) -> Axes:

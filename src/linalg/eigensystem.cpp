@@ -15,16 +15,21 @@ namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
+void check_square(const ConstMatrixRef& a) {
+  if (a.rows() != a.cols())
+    throw std::invalid_argument(
+        fmt::format("a: {} rows and {} columns found, a square one needed", a.rows(), a.cols()));
+}
+
 // Where it does not solve, Eigen would leave its results as it found the memory.
 bool solves(Eigen::EigenSolver<Matrix>& solver, const ConstMatrixRef& a, bool with_vectors) {
-  if (a.rows() != a.cols())
-    throw std::invalid_argument(fmt::format("a: {} rows and {} columns found, a square one needed", a.rows(), a.cols()));
   return a.allFinite() && solver.compute(a, with_vectors).info() == Eigen::Success;
 }
 
 }  // namespace
 
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a) {
+  check_square(a);
   if (a.size() == 0) return {};
   Eigen::EigenSolver<Matrix> solver;
   if (!solves(solver, a, false)) return Eigen::VectorXcd::Constant(a.rows(), nan);
@@ -32,6 +37,7 @@ Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a) {
 }
 
 Eigensystem eigensystem(const ConstMatrixRef& a) {
+  check_square(a);
   if (a.size() == 0) return {};
   Eigen::EigenSolver<Matrix> solver;
   if (!solves(solver, a, true)) {

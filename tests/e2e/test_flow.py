@@ -241,14 +241,17 @@ def test_other_units_are_told(tokid, tmp_path, oscillator):
     assert "is in lbf" in "".join(tokid.json("validate", tmp_path / "made.npz", tmp_path / "pound.npz")["warnings"])
 
 
-def test_validation_tells_where_the_model_ends(tokid, tmp_path, oscillator):
+def test_steps_beyond_the_model_are_told(tokid, tmp_path, oscillator):
     values = load(oscillator / "data.npz")
     for name in "u", "y":
         values[name] = np.concatenate([values[name]] * 2, axis=1)
     np.savez(tmp_path / "long.npz", **values)
-    page = tokid("validate", oscillator / "model.npz", tmp_path / "long.npz").stdout
-    assert "to step 39, with which the model ends; the data have 40 steps more" in page
-    assert "the model ends" not in tokid("validate", oscillator / "model.npz", oscillator / "data.npz").stdout
+    told = "the model ends with step 39: it says nothing of the last 40 steps of the data"
+    assert tokid.json("validate", oscillator / "model.npz", tmp_path / "long.npz")["warnings"] == [told]
+    for call in "simulate", "predict":
+        computed = tokid(call, oscillator / "model.npz", tmp_path / "long.npz", "-o", tmp_path / "computed.npz")
+        assert f"tokid: warning: {told}\n" in computed.stderr
+    assert "the model ends" not in tokid("validate", oscillator / "model.npz", oscillator / "data.npz").stderr
 
 
 def test_one_wild_experiment_is_no_agreement(tokid, tmp_path, noisy):

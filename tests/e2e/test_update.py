@@ -43,15 +43,22 @@ def noisy(tokid, tmp_path):
     return tmp_path
 
 
-def test_a_state_is_not_bent_to_what_refines(tokid, noisy):
+@pytest.mark.parametrize("few", [False, True])
+def test_a_state_is_not_bent_to_what_refines(tokid, noisy, few):
     """The model of an update is not refined: its choices are those of identify --no-refine, to the last bit."""
-    models = []
+    if few:
+        for name, seed in ("first", 1), ("later", 51):
+            tokid("example", "oscillator", "-o", noisy / f"{name}.npz", "--experiments", 15, "--steps", 30, "--seed", seed,
+                  "--measurement-noise", 0.2, "--process-noise", 0.1)
+    models, states = [], []
     for options in [], ["--no-refine"]:
         told = tokid.json("identify", noisy / "first.npz", "-o", noisy / "model.npz", "--state", noisy / "state.h5", *options)
         assert (told["method"] == "em") == (not options)
+        states.append(told["states"])
         tokid("update", noisy / "state.h5", noisy / "later.npz", "-o", noisy / "updated.npz")
         models.append(markov(noisy / "updated.npz"))
     assert np.array_equal(*models)
+    assert (states[0] != states[1]) == few  # EM does with another number
 
 
 def test_experiments_of_another_system_are_told(tokid, noisy):
