@@ -86,10 +86,7 @@ void study(const Case& c, double multiple, int runs, Index replicates, double sp
         bo.seed = std::uint64_t(run);
         const Bootstrap b = bootstrap(
             data, [&](const Ensemble& e) { return realised(regressions(e, p), o); }, layout, bo);
-        const Vector right = [&] {
-          Layout of_truth = layout;
-          return of_truth(system);
-        }();
+        const Vector right = layout(system);
         const Index nm = steps * c.size.m * (band + 1) * c.size.r, no = steps * 4 * c.size.m;
         for (Index i = 0; i < right.size(); ++i)
           (i < nm ? markov_b : i < nm + no ? output_b : loop_b).add(right(i), b.interval.lower(i), b.interval.upper(i));

@@ -10,8 +10,8 @@
 namespace tokid::fuzz {
 
 struct Target {
-  const char* name;  // of its folder in corpus/ too
-  void (*run)(std::string_view bytes);
+  const char* name = nullptr;  // of its folder in corpus/ too
+  void (*run)(std::string_view bytes) = nullptr;
   bool hdf5 = false;  // decoded by the HDF5 library, which damaged files upset (README.md)
 };
 

@@ -31,7 +31,7 @@ TveraOptions tvera_options(const IdentifyOptions& options, Index p, Index m, boo
 void note_regressions(const GtvArx& arx, Model& model) {
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
     const GtvArxStep& step = arx.step[size_t(k)];
-    model.innovation_cov.push_back(arx.residual_cov(k));
+    model.innovation_cov.emplace_back(arx.residual_cov(k));
     model.condition.push_back(step.condition);
     model.rank.push_back(step.rank);
     model.lags.push_back(step.lags);

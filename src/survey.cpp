@@ -161,7 +161,7 @@ std::uint64_t digest(const Ensemble& e, Index k) {
   const auto samples = e.samples().middleCols(k * e.channels(), e.channels()).reshaped();
   XXH3_state_t state;
   XXH3_64bits_reset(&state);
-  std::array<double, 512> piece;
+  std::array<double, 512> piece = {};
   for (Index begin = 0; begin < samples.size(); begin += Index(piece.size())) {
     const Index count = std::min(Index(piece.size()), samples.size() - begin);
     linalg::copy_canonical(samples.data() + begin, count, piece.data());

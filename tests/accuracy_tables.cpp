@@ -85,7 +85,7 @@ std::vector<DigitsRow> digits_rows(const std::vector<Accuracy>& all) {
     const auto fewest = [&](const char* stage, bool noisy) {
       double error = 0.0;
       for (const Accuracy& a : all)
-        if (a.stage == stage && a.noisy == noisy && std::floor(std::log10(a.condition) / 2) == decade / 2)
+        if (a.stage == stage && a.noisy == noisy && 2 * std::floor(std::log10(a.condition) / 2) == decade)
           error = std::max(error, a.error);
       return error > 0 ? -std::log10(error) : nan;
     };

@@ -21,7 +21,7 @@ struct AccuracyRow {
 // without and with noise, and of pulse responses of the model. NaN where no case was.
 struct DigitsRow {
   int decade = 0;
-  std::array<double, 5> digits;
+  std::array<double, 5> digits = {};
 };
 
 std::vector<AccuracyRow> accuracy_rows(const std::vector<Accuracy>& all);

@@ -170,7 +170,7 @@ inline Ensemble in_single_precision(Ensemble e) {
 
 // What nothing is wrong with.
 inline std::vector<CampaignKind> healthy_campaigns() {
-  const auto of = [](Inputs inputs) {
+  const auto of = [](const Inputs& inputs) {
     return [inputs](const Campaign& c, std::uint64_t seed) { return noisy(c, noiseless(c, seed, inputs), seed); };
   };
   return {

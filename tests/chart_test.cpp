@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <functional>
 
 #include "testing.hpp"
 
@@ -69,6 +71,11 @@ TEST(Ticks, LinearOnesAreRoundAndCoverTheRange) {
   }
   EXPECT_TRUE(linear_ticks(1, 1, 5).empty());
   EXPECT_TRUE(linear_ticks(0, std::numeric_limits<double>::infinity(), 5).empty());
+  // Where not even a tick can be told from the next one, and where a step underflows.
+  const std::vector<double> ticks = linear_ticks(1e20, 1e20 + 65536, 5);
+  EXPECT_LE(ticks.size(), 8u);
+  EXPECT_EQ(std::adjacent_find(ticks.begin(), ticks.end(), std::greater_equal<>()), ticks.end());
+  EXPECT_TRUE(linear_ticks(0, 4e-323, 5).empty());
 }
 
 TEST(Ticks, DecadesAreThinnedToTheNumberWanted) {

@@ -105,7 +105,7 @@ Innovations innovations(Index experiments, Index steps, Index outputs, double co
   Matrix previous = random.matrix(experiments, outputs);
   for (Index k = 0; k < steps; ++k) {
     const Matrix fresh = random.matrix(experiments, outputs);
-    e.push_back((correlation * previous + fresh) * mix);
+    e.emplace_back((correlation * previous + fresh) * mix);
     previous = fresh;
   }
   return e;
@@ -121,7 +121,7 @@ TEST(Whiteness, CorrelationsAreThoseOfEachLag) {
   for (int pair = 0; pair < 40; ++pair) {
     const Matrix first = random.matrix(200, 1);
     e.push_back(first);
-    e.push_back(c * first + random.matrix(200, 1));
+    e.emplace_back(c * first + random.matrix(200, 1));
   }
   const Whiteness w = whiteness(e, 3);
   // Every second pair of steps is correlated, 40 of 79. Bounds of 99 %: twice that leaves no doubt.
@@ -266,7 +266,7 @@ TEST(NormalisedSquares, ManyExperimentsNeedNoNormalDistribution) {
   for (int run = 0; run < runs; ++run) {
     Random random(std::uint64_t(run) + 900);
     Innovations e;
-    for (Index k = 0; k < 10; ++k) e.push_back(random.matrix(60, 1).cwiseProduct(random.matrix(60, 1)));
+    for (Index k = 0; k < 10; ++k) e.emplace_back(random.matrix(60, 1).cwiseProduct(random.matrix(60, 1)));
     const NormalisedSquares squares = normalised_squares(model, e);
     EXPECT_FALSE(squares.normal);
     p.push_back(squares.p);
@@ -352,7 +352,7 @@ TEST(Independence, CorrelationsAreThoseOfEachLag) {
   }
   for (const Index count : {500, 3}) {
     Innovations part;
-    for (const Matrix& a : e) part.push_back(a.topRows(count));
+    for (const Matrix& a : e) part.emplace_back(a.topRows(count));
     std::vector<Index> rows;
     for (Index n = 0; n < count; ++n) rows.push_back(n);
     const Independence found = independence(part, data.subset(rows), 0, 3);

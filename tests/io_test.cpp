@@ -639,7 +639,7 @@ TEST_P(EveryFormat, DamagedFilesNeverCrash) {
   const std::string bytes = bytes_of(target());
   const fs::path damaged = file(std::string("damaged") + GetParam().extension);
   const char* rounds = std::getenv("TOKID_FUZZ_ROUNDS");
-  const int count = rounds ? std::atoi(rounds) : 300;
+  const int count = rounds ? std::stoi(rounds) : 300;
   for (int round = 0; round < count; ++round) {
     std::string copy = bytes;
     for (Index flips = between(random, 1, 3); flips > 0; --flips) {
@@ -973,7 +973,7 @@ TEST_F(Csv, ExperimentsThatShareNoSteps) {
     for (Index k = 0; k < 30; ++k) gaps += fmt::format("b,{},1,2\n", double(2 * k) * dt);
     const std::string advice = fmt::format("# dt = {}", dt);
     expect_error(gaps, {"'" + advice + "'"});
-    EXPECT_EQ(load(advice + "\n" + gaps).steps(), 60);
+    EXPECT_EQ(load(fmt::format("{}\n{}", advice, gaps)).steps(), 60);
   }
   // Few rows too
   expect_error("experiment,time,u,y\na,0,1,2\na,1,1,2\nb,5,1,2\nb,6,1,2\n",

@@ -27,8 +27,8 @@ std::vector<Matrix> bases(const Model& model, std::uint64_t seed) {
   Random random(seed);
   std::vector<Matrix> S;
   for (const Index n : model.state_dim)
-    S.push_back(random.orthogonal(n) * (1 + random.matrix(n, 1).array().abs()).matrix().asDiagonal() *
-                random.orthogonal(n));
+    S.emplace_back(random.orthogonal(n) * (1 + random.matrix(n, 1).array().abs()).matrix().asDiagonal() *
+                   random.orthogonal(n));
   return S;
 }
 
@@ -83,9 +83,9 @@ TEST(Predict, IsTheObserverOfEquationNine) {
     for (Index n = 0; n < 2; ++n) {
       std::vector<Vector> state{Vector::Zero(3)};  // x̂_{k|k-1}
       for (size_t k = 0; k < 12; ++k)
-        state.push_back(model.closed_loop(Index(k)) * state.back() +
-                        (model.B[k] + model.G[k] * model.D[k]) * e.input(Index(k)).row(n).transpose() -
-                        model.G[k] * e.output(Index(k)).row(n).transpose());
+        state.emplace_back(model.closed_loop(Index(k)) * state.back() +
+                           (model.B[k] + model.G[k] * model.D[k]) * e.input(Index(k)).row(n).transpose() -
+                           model.G[k] * e.output(Index(k)).row(n).transpose());
       for (Index k = 0; k < 12; ++k) {
         const Index origin = std::max<Index>(0, k - horizon + 1);
         Vector x = state[size_t(origin)];
@@ -270,7 +270,7 @@ TEST(Coordinates, AlignedModelsHaveTheMatricesOfTheReference) {
     for (Matrix& G : reference.G) G = random.matrix(size.n, size.m);
     std::vector<Matrix> S;
     for (Index k = 0; k <= 20; ++k)
-      S.push_back(random.orthogonal(size.n) * Vector::LinSpaced(size.n, 0.5, 2).asDiagonal());
+      S.emplace_back(random.orthogonal(size.n) * Vector::LinSpaced(size.n, 0.5, 2).asDiagonal());
     const Index rows = smallest_lag_order(size) + 1;
     const FramedModel aligned = align(transform(reference, S), reference, rows);
     EXPECT_EQ(aligned.begin, 0);

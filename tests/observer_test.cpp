@@ -146,8 +146,8 @@ TEST(Kalman, CovariancesStaySymmetricAndPositiveWhereTheTextbookFormFails) {
   // Exact outputs of an uncertain state: P falls by 24 orders of magnitude, and P - K C P would be all rounding errors.
   Model model = random_system({6, 2, 1}, 40, 1.0, 102);
   for (Index k = 0; k < 40; ++k) {
-    model.Q.push_back(Matrix::Zero(6, 6));
-    model.R.push_back(1e-12 * Matrix::Identity(2, 2));
+    model.Q.emplace_back(Matrix::Zero(6, 6));
+    model.R.emplace_back(1e-12 * Matrix::Identity(2, 2));
   }
   model.x0_cov = 1e12 * Matrix::Identity(6, 6);
   const KalmanFilter filter = kalman_filter(model);
@@ -165,8 +165,8 @@ TEST(Kalman, CovariancesStaySymmetricAndPositiveWhereTheTextbookFormFails) {
 TEST(Kalman, ReachesTheSteadyStateOfAConstantSystem) {
   Model model = constant_system({4, 2, 1}, 200, 1.0, 103);
   for (Index k = 0; k < 200; ++k) {
-    model.Q.push_back(0.1 * Matrix::Identity(4, 4));
-    model.R.push_back(0.2 * Matrix::Identity(2, 2));
+    model.Q.emplace_back(0.1 * Matrix::Identity(4, 4));
+    model.R.emplace_back(0.2 * Matrix::Identity(2, 2));
   }
   const KalmanFilter filter = kalman_filter(model);
   const Matrix &P = filter.P.back(), &A = model.A[0], &C = model.C[0];

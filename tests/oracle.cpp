@@ -285,7 +285,7 @@ Realised realise(const std::vector<Exact>& states, const Ensemble& data, Index l
     const Exact cp = c * p, innovation = cp * c.transpose() + sigma;
     const Eigen::LLT<Exact> cholesky(innovation);
     model.A.push_back(a);
-    model.B.push_back(of_state.middleCols(n, r));
+    model.B.emplace_back(of_state.middleCols(n, r));
     model.C.push_back(c);
     model.G.emplace_back(cholesky.solve(Exact((g * sigma - a * cp.transpose()).transpose())).transpose());
     result.innovation_cov.push_back(innovation);
@@ -450,9 +450,9 @@ std::vector<Exact> deviations(const GtvArx& arx, const std::vector<Matrix>& inpu
   std::vector<Exact> u, y, leverages, result;
   for (Index k = 0; k < steps; ++k) {
     u.push_back(exact(inputs[size_t(k)]));
-    y.push_back(Exact::Zero(m, runs));
-    leverages.push_back(Exact::Zero(1, runs));
-    result.push_back(Exact::Zero(m, runs));
+    y.emplace_back(Exact::Zero(m, runs));
+    leverages.emplace_back(Exact::Zero(1, runs));
+    result.emplace_back(Exact::Zero(m, runs));
     if (k < begin) continue;
     const Index lags = arx.step[size_t(k)].lags, d = arx.inputs + m;
     Exact window(arx.regressors(k), runs);

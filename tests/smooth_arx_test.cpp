@@ -79,7 +79,7 @@ std::vector<Matrix> dense_solution(const Ensemble& e, Index p, double smoothing,
     }
   const Matrix x = left.colPivHouseholderQr().solve(right);
   std::vector<Matrix> result;
-  for (Index k = 0; k < steps; ++k) result.push_back(x.middleRows(k * l, l).transpose());
+  for (Index k = 0; k < steps; ++k) result.emplace_back(x.middleRows(k * l, l).transpose());
   return result;
 }
 

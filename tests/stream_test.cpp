@@ -18,12 +18,13 @@ namespace fs = std::filesystem;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 class Stream : public ::testing::Test {
- protected:
+ public:
   Stream() : folder_(fs::temp_directory_path() / ("tokid-stream-" + std::to_string(getpid()))) {
     fs::create_directories(folder_);
   }
   ~Stream() override { fs::remove_all(folder_); }
 
+ protected:
   fs::path data(const Ensemble& e) const {
     save_ensemble(e, folder_ / "data.h5");
     return folder_ / "data.h5";

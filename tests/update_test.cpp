@@ -72,7 +72,7 @@ TEST(WindowFactors, MergeToThoseOfAllExperiments) {
 }
 
 struct UpdateCase {
-  const char* name;
+  const char* name = nullptr;
   double noise = 0.0, initial = 0.0, offset = 0.0;
   bool gaps = false;
   IdentifyOptions options = {};

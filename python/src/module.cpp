@@ -7,7 +7,7 @@
 
 NB_MODULE(_tokid, module) {
   namespace nb = nanobind;
-  using namespace tokid::python;
+  namespace python = tokid::python;
 
   module.doc() = "Bindings of the C++ library tokid; private, see the package tokid.";
   module.attr("version") = std::string(tokid::version);
@@ -28,17 +28,17 @@ NB_MODULE(_tokid, module) {
       },
       io_error.ptr());
 
-  bind_ensemble(module);
-  bind_model(module);
-  bind_io(module);
-  bind_example(module);
-  bind_report(module);
-  bind_update(module);
-  bind_identify(module);
-  bind_stream(module);
-  bind_validate(module);
-  bind_cross_validate(module);
-  bind_refine(module);
-  bind_confidence(module);
-  bind_plan(module);
+  python::bind_ensemble(module);
+  python::bind_model(module);
+  python::bind_io(module);
+  python::bind_example(module);
+  python::bind_report(module);
+  python::bind_update(module);
+  python::bind_identify(module);
+  python::bind_stream(module);
+  python::bind_validate(module);
+  python::bind_cross_validate(module);
+  python::bind_refine(module);
+  python::bind_confidence(module);
+  python::bind_plan(module);
 }

@@ -209,8 +209,12 @@ std::vector<double> linear_ticks(double least, double most, int count) {
   if (!(rough > 0) || !std::isfinite(rough)) return result;
   const double decade = std::pow(10.0, std::floor(std::log10(rough))), share = rough / decade;
   const double step = decade * (share < 1.5 ? 1 : share < 3.5 ? 2 : share < 7.5 ? 5 : 10);
+  if (!(step > 0)) return result;    // a range of numbers that underflow
   const double slack = 1e-9 * step;  // ends that miss a tick by rounding only
-  for (double i = std::ceil((least - slack) / step); i * step <= most + slack; ++i) result.push_back(i * step);
+  const double first = std::ceil((least - slack) / step), last = std::floor((most + slack) / step);
+  // Far from zero neighbours may round to one.
+  for (int i = 0; i <= int(last - first); ++i)
+    if (const double tick = (first + i) * step; result.empty() || tick > result.back()) result.push_back(tick);
   return result;
 }
 

@@ -344,7 +344,8 @@ class Collector {
     if (mixed > 0 && model.states() > 0)
       omit("Eigenvalues are not shown at {}: the state dimension changes there, or the {} frame does not reach them.",
            steps(mixed), frame.name);
-    if (infinite > 0) omit("Eigenvalues are not shown at {}: A or A + GC has none that are finite there.", steps(infinite));
+    if (infinite > 0)
+      omit("Eigenvalues are not shown at {}: A or A + GC has none that are finite there.", steps(infinite));
 
     // Of too many steps, those of every stretch that go farthest, once for A and once for A + GC.
     const Index count = Index(plots_.radius.size());

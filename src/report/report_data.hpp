@@ -47,8 +47,7 @@ struct Plots {
   std::string json;
   std::vector<std::string> omitted;  // what the page does not show, in words
   Framed frame;
-  std::vector<Radius>
-      radius;  // of all steps in the frame with as many states before as after them, where they are finite
+  std::vector<Radius> radius;  // where they are finite, of steps in the frame with as many states before as after them
 };
 Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options);
 

@@ -86,7 +86,7 @@ class Judge {
     else
       text = fmt::format("No simulation could be compared on {}", tested());
     if (v.one_step.samples > 0) text += fmt::format("; one-step prediction fit {}", percent_range(one_step_));
-    text += ".";
+    text += '.';
     if (!remark_.empty()) text += " " + remark_;
     return text;
   }

@@ -72,10 +72,12 @@ Journal::~Journal() {
 
 void Journal::open() {
   do {
-    file_ = io::Descriptor(::open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666));
-    if (file_ < 0 && errno == ELOOP) fail("a symbolic link found, a journal of its own needed");
-    if (file_ < 0 && errno == EISDIR) fail("a directory found, a journal needed");
-    if (file_ < 0) io::fail_to_write(errno);
+    const int opened = ::open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
+    const int reason = opened < 0 ? errno : 0;  // before the file that was open is closed
+    file_ = io::Descriptor(opened);
+    if (reason == ELOOP) fail("a symbolic link found, a journal of its own needed");
+    if (reason == EISDIR) fail("a directory found, a journal needed");
+    if (reason != 0) io::fail_to_write(reason);
     struct stat found = {};
     if (fstat(file_, &found) != 0 || !S_ISREG(found.st_mode)) fail("a device found, a journal needed");
     if (!io::lock(file_, false) && (errno == EAGAIN || errno == EACCES))

@@ -32,7 +32,6 @@ namespace tokid {
 
 namespace {
 
-using stream::Block;
 using stream::BlockResult;
 using stream::FinishedBlock;
 using stream::Plan;
