@@ -51,8 +51,8 @@ std::string squares_text(const Validation& v) {
   if (!v.noisy) return untested(v);
   if (std::isnan(s.ratio)) return "not tested, the model stating no covariance";
   // Much data make any difference certain, however small.
-  constexpr double little = 1.2, wild = 10.0;
-  const char* meaning = s.p >= unlikely && s.ratio > wild
+  constexpr double little = 1.2;
+  const char* meaning = s.p >= unlikely && s.ratio > NormalisedSquares::wild
                             ? "much larger than the model says in single experiments, if not in all"
                         : s.p >= unlikely      ? "no sign of another size than the model says"
                         : s.ratio > little     ? "larger than the model says: it is overconfident"

@@ -3,13 +3,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <limits>
 #include <memory>
-#include <optional>
 
 #include "outliers/explanation.hpp"
 #include "outliers/sketch.hpp"
@@ -150,61 +148,6 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
   }
   std::stable_sort(result.begin(), result.end(), [](const Outlier& a, const Outlier& b) { return a.ratio > b.ratio; });
   return result;
-}
-
-namespace {
-
-// Of amplitudes: what is left of exact data, and what is not.
-constexpr double exact = 1e-9, beyond_doubt = 1e6;
-// More is rounding: squares are subtracted.
-constexpr double most_ratio = 1e8;
-
-// Where the windows of p lags before step k leave residuals, and none without one experiment: that one, and how many
-// times as large all residuals are as those without it.
-std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p, bool constant) {
-  const std::vector<Index> rows = e.complete_rows(k, p);
-  const Index count = Index(rows.size()), samples = p * e.channels() + e.inputs();
-  const Index regressors = samples + (constant ? 1 : 0);
-  constexpr Index to_spare = 4;
-  if (count < regressors + to_spare) return std::nullopt;
-  Matrix w = Matrix::Ones(count, regressors);
-  w.leftCols(samples) = e.window(k, p)(rows, Eigen::all);
-  for (auto column : w.colwise()) column /= std::max(column.norm(), std::numeric_limits<double>::min());
-  const Matrix y = e.output(k)(rows, Eigen::all);
-  Eigen::ColPivHouseholderQR<Matrix> qr(w);
-  qr.setThreshold(exact);
-  const Matrix q = qr.householderQ() * Matrix::Identity(count, qr.rank());
-  const Matrix residual = y - q * (q.transpose() * y);
-  const double all = residual.squaredNorm();
-  if (!(all > exact * exact * y.squaredNorm())) return std::nullopt;
-  // The squares without row i are all - |e_i|²/(1 - h_i).
-  const Vector alone = residual.rowwise().squaredNorm().array() / (1.0 - q.rowwise().squaredNorm().array()).max(exact);
-  Index worst = 0;
-  const double without = all - alone.maxCoeff(&worst);
-  if (!(without < all / (beyond_doubt * beyond_doubt))) return std::nullopt;
-  const double ratio = without > 0 ? std::min(most_ratio, std::sqrt(all / without)) : most_ratio;
-  return Outlier{rows[size_t(worst)], ratio, ""};
-}
-
-}  // namespace
-
-std::vector<Outlier> outliers_without_noise(const Ensemble& e, const OutlierOptions& options) {
-  std::optional<Outlier> found;
-  const Index last = e.steps() - 1;
-  if (options.at_rest)
-    for (Index k = 0; k <= std::min(options.lags, last) && !found; ++k) found = misfit(e, k, k, options.nominal);
-  // At the begin an initial state that the others have not looks wrong: later it has been reached by inputs.
-  for (Index p = std::min(options.lags, last); p > 0 && !found; --p)
-    for (Index i = 1; i < fewest_places && !found; ++i) {
-      const Index first = options.at_rest ? p : std::max(p, last / 2);
-      found = misfit(e, first + i * (last - first) / (fewest_places - 1), p, options.nominal);
-    }
-  if (!found) return {};
-  OutlierOptions o = options;
-  for (o.model = nullptr; o.lags > 0 && found->explanation.empty(); --o.lags)
-    for (const Outlier& other : outliers(e, o))
-      if (other.experiment == found->experiment) found->explanation = other.explanation;
-  return {*found};
 }
 
 namespace {

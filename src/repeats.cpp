@@ -102,7 +102,8 @@ std::vector<std::string> warnings_of(const Repeats& repeats, Index experiments, 
       text += fmt::format(", and so are {}", listed(repeats.same[i]));
     if (repeats.same.size() > most_told) text += ", and so on";
     result.push_back(fmt::format(
-        "{}: {} of {} experiments are different, the others add nothing, and errors on experiments left out look too small{}",
+        "{}: {} of {} experiments are different, the others add nothing, and errors on experiments left out look too "
+        "small{}",
         text, repeats.different, experiments, shortage(repeats.different)));
   }
   if (repeats.courses > 1 && repeats.courses < repeats.different && repeats.courses < needed)

@@ -287,6 +287,9 @@ Additions additions(std::vector<Index> experiments, Fit simulation, Fit one_step
     result.warnings.push_back(fmt::format(
         "new experiments, by the model before: {}; are they of the same system, with the same channels?", text));
   };
+  for (Index j = 0; j < result.one_step.fit.size(); ++j)
+    if (result.one_step.samples > 0 && std::isnan(result.one_step.fit(j)))
+      warn(fmt::format("output {} never moves in them", names.output(j)));
   for (const std::string& text : warnings_of_fit(result.one_step.fit, names)) warn(text);
   if (!result.warnings.empty()) return result;
   // Outputs that change slowly are predicted by themselves, whatever the system.

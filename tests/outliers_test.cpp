@@ -145,6 +145,25 @@ TEST(Outliers, OneThatBeginsElsewhereIsHealthy) {
     }
 }
 
+// It reaches a state that the others never do.
+TEST(Outliers, OneThatAloneMovesAnInputIsHealthy) {
+  Model system = constant_system({2, 1, 2}, 60, 0.9, 1);
+  system.A.assign(60, Vector{{0.9, 0.95}}.asDiagonal());
+  system.B.assign(60, Matrix::Identity(2, 2));
+  system.C.assign(60, Matrix::Ones(1, 2));
+  Ensemble e(40, 60, 2, 1);
+  Random random(6);
+  for (Index k = 0; k < 60; ++k) {
+    e.input(k) << random.matrix(40, 1), Vector::Zero(40);
+    if (k < 8) e.u(12, k, 1) = 1.0;
+  }
+  e = simulate(system, e);
+  for (const InitialState initial : {InitialState::zero, InitialState::unknown}) {
+    e.initial_state = initial;
+    EXPECT_TRUE(identify(e).outliers.empty());
+  }
+}
+
 TEST(Outliers, FourExperimentsDoNotTellWhoIsRight) {
   Ensemble e = campaign({4, 60, {2, 2, 1}, 0.05, 2}, 5);
   for (Index k = 0; k < 60; ++k) e.output(k).row(1) *= 1000;

@@ -65,6 +65,8 @@ Independence independence(const Innovations& innovations, const Ensemble& data, 
 // Normalised innovations squared, ε_kᵀ S_k⁻¹ ε_k with the innovation covariance S_k of the model: m in the mean if S_k
 // is right.
 struct NormalisedSquares {
+  // A larger ratio is no agreement, whatever p says of the spread over the experiments: single ones are wild.
+  static constexpr double wild = 10.0;
   // Mean over the number of outputs: 1 if S_k is right, more if the model is overconfident, less if it is too careful;
   // NaN where the model has no covariance.
   double ratio = std::numeric_limits<double>::quiet_NaN();

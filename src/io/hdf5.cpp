@@ -182,7 +182,7 @@ std::vector<std::string> read_variable_texts(const Node& node, size_t count, con
   if (!entries)
     fail(
         "data set '{0}': texts of variable length in chunks found, contiguous ones needed: "
-        "h5repack -l {0}:CONTI -f {0}:NONE",
+        "h5repack -l {0}:CONTI -f {0}:NONE, or texts of a fixed length",
         node.name);
   if (entries->bytes < checked_product({count, H5Tget_size(node.type)})) fail("data set '{}': truncated", node.name);
   bytes.check_texts(*entries);

@@ -490,9 +490,11 @@ class Report {
     if (std::isnan(s.ratio)) return "Size: not tested, the model states no covariance of its innovations.";
     return fmt::format(
         "Size: {} times the covariance that the model states ({}), {}. {}", figure(s.ratio, 3), probability(s.p),
-        s.p >= bounds::whiteness ? "as it should be"
-        : s.ratio > 1            ? "more than it should be: the model is overconfident"
-                                 : "less than it should be: the model is too careful",
+        s.p >= bounds::whiteness && s.ratio > NormalisedSquares::wild
+            ? "much more than it should be in single experiments, if not in all"
+        : s.p >= bounds::whiteness ? "as it should be"
+        : s.ratio > 1              ? "more than it should be: the model is overconfident"
+                                   : "less than it should be: the model is too careful",
         s.normal ? "The test presumes normal noise." : "The test presumes nothing but independent experiments.");
   }
 

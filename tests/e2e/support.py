@@ -132,7 +132,7 @@ def leftovers(folder):
 
 def links(folder):
     """Where the links in it lead to; some may be gone by now."""
-    with contextlib.suppress(PermissionError):  # a process that has just ended does not tell
+    with contextlib.suppress(PermissionError, FileNotFoundError, ProcessLookupError):  # of a process that has ended
         for link in folder.iterdir():
             with contextlib.suppress(FileNotFoundError):
                 yield os.readlink(link)

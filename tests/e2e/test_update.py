@@ -74,6 +74,16 @@ def test_experiments_of_another_system_are_told(tokid, noisy):
         assert line.endswith("are they of the same system, with the same channels?")
 
 
+@pytest.mark.parametrize("value", [0.0, 3.0])
+def test_an_output_that_rests_in_new_experiments_is_told(tokid, noisy, value):
+    tokid("identify", noisy / "first.npz", "-o", noisy / "model.npz", "--state", noisy / "state.h5", "--no-refine")
+    values = dict(np.load(noisy / "later.npz"))
+    values["y"][:, :, 1] = value
+    np.savez(noisy / "later.npz", **values)
+    told = tokid.json("update", noisy / "state.h5", noisy / "later.npz")["warnings"]
+    assert any("new experiments, by the model before: output y2 never moves in them" in text for text in told)
+
+
 def test_several_files_are_added_one_by_one(tokid, campaign):
     first, days = campaign / "state.h5", [campaign / "tuesday.npz", campaign / "wednesday.npz"]
     tokid("identify", campaign / "first.npz", "-o", campaign / "first-model.npz", "--state", first)
