@@ -145,6 +145,16 @@ TEST(Outliers, OneThatBeginsElsewhereIsHealthy) {
     }
 }
 
+// Few experiments and many regressors: without any one of them, the others are explained.
+TEST(Outliers, FewOfManyRegressorsAreHealthyWithoutNoise) {
+  for (Index count = 5; count <= 24; ++count)
+    for (const std::uint64_t seed : {1, 2, 3}) {
+      const Ensemble e = random_experiments(random_system({8, 1, 2}, 30, 1.0, seed), count, seed);
+      for (const bool at_rest : {false, true})
+        EXPECT_TRUE(outliers_without_noise(e, {.lags = 8, .at_rest = at_rest}).empty()) << count << " experiments";
+    }
+}
+
 // It reaches a state that the others never do.
 TEST(Outliers, OneThatAloneMovesAnInputIsHealthy) {
   Model system = constant_system({2, 1, 2}, 60, 0.9, 1);

@@ -56,8 +56,9 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p
   Regression regression(y, w.cols() + 1);
   if (constant) regression.add(Vector::Ones(count));
   for (Index i = 0; i < r; ++i) regression.add(w.col(p_most * d + i));
-  for (Index p = 0; p <= p_most && count >= regression.rank() + to_spare; ++p) {
+  for (Index p = 0; p <= p_most; ++p) {
     for (Index i = 0; p > 0 && i < d; ++i) regression.add(w.col((p_most - p) * d + i));
+    if (count < regression.rank() + to_spare) break;  // with one to spare, it explains itself whoever is left out
     const double all = regression.residual().squaredNorm();
     if (p < p_least || !(all > exact * exact * y.squaredNorm())) continue;
     // The squares without row i are all - |e_i|²/(1 - h_i).
