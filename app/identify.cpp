@@ -378,11 +378,12 @@ void run_in_blocks(const Call& call) {
     throw std::invalid_argument("--state: holds the factors of all steps at once, which --block never has");
   if (!call.read.inputs.empty() || !call.read.outputs.empty())
     throw std::invalid_argument("--inputs, --outputs: columns of a .csv, which can't be read in blocks");
-  file_kind(call.data);  // is it there?
-  if (!is_hdf5(call.data))
+  if (!is_hdf5(call.data)) {
+    file_kind(call.data);  // is it there?
     throw std::invalid_argument(fmt::format(
         "--block: '{}' found, an .h5 needed, the only format that can be read in blocks; tokid convert makes one",
         call.data.string()));
+  }
   const EnsembleFile file(call.data);
   const Streamed streamed = about(call.data, [&] {
     ProgressBar bar(!call.quiet && team().rank == 0);

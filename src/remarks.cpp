@@ -22,6 +22,12 @@ void remark_no_outputs(const Ensemble& computed, std::vector<std::string>& resul
   result.emplace_back("no step of the data has outputs of the model: all of them are missing (NaN)");
 }
 
+std::vector<std::string> remarks_on_data(const Model& model, const Ensemble& data) {
+  std::vector<std::string> result = differences(model, data);
+  if (auto beyond = steps_beyond(model, data)) result.push_back(*std::move(beyond));
+  return result;
+}
+
 }  // namespace
 
 std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate) {
@@ -38,8 +44,7 @@ std::optional<std::string> steps_beyond(const Model& model, const Ensemble& data
 
 std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& inputs, const Ensemble& simulated,
                                             bool estimate) {
-  std::vector<std::string> result = differences(model, inputs);
-  if (auto beyond = steps_beyond(model, inputs)) result.push_back(*std::move(beyond));
+  std::vector<std::string> result = remarks_on_data(model, inputs);
   remark_no_outputs(simulated, result);
   if (!estimate && !starts_from_zero(model, initial_state(model, inputs)))
     result.push_back(
@@ -49,8 +54,7 @@ std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& 
 }
 
 std::vector<std::string> prediction_remarks(const Model& model, const Ensemble& data, const Ensemble& predicted) {
-  std::vector<std::string> result = differences(model, data);
-  if (auto beyond = steps_beyond(model, data)) result.push_back(*std::move(beyond));
+  std::vector<std::string> result = remarks_on_data(model, data);
   remark_no_outputs(predicted, result);
   return result;
 }

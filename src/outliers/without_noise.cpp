@@ -77,7 +77,7 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p
 // the others don't.
 bool excites_more(const Ensemble& e, Index n, Index lags, bool centred) {
   const Index r = e.inputs(), d = e.channels();
-  const Index steps = std::clamp<Index>(lags + 1, 1, std::min(e.steps(), std::max<Index>(1, most_regressors / r)));
+  const Index steps = std::min({lags + 1, e.steps(), std::max<Index>(1, most_regressors / r)});
   Matrix squares = Matrix::Zero(r * steps, r * steps), own(0, r * steps);
   for (Index k = 0; k + steps <= e.steps(); k += std::max<Index>(1, steps / 2)) {
     Matrix u(e.experiments(), r * steps);
