@@ -18,7 +18,7 @@ SEEDS = Path(__file__).parent / "corpus"
 OPTIONS = ["-max_len=65536", "-timeout=20", "-rss_limit_mb=2048", "-detect_leaks=0"]
 # What the sanitizers put in front of the function that is to blame
 WRAPPERS = re.compile(r"interceptor|__asan|__sanitizer|fuzzer::|operator new|\bmalloc\b|\bcalloc\b|\brealloc\b|libc\.so|"
-                      r"/fuzz_\w+\+0x\w+\) \(BuildId")
+                      r"/sysdeps/|/fuzz_\w+\+0x\w+\) \(BuildId")
 
 
 def whose(fuzzer, finding):

@@ -5,19 +5,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <utility>
 
 #include "identify_stretch.hpp"
+#include "nan.hpp"
 #include "random.hpp"
 
 namespace tokid {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 std::vector<std::vector<Index>> fold_members(Index experiments, const CrossValidateOptions& options) {
   if (experiments < 2)

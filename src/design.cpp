@@ -12,6 +12,7 @@
 #include "design/forecast.hpp"
 #include "design/inputs.hpp"
 #include "design/optimise.hpp"
+#include "nan.hpp"
 #include "words.hpp"
 
 namespace tokid {
@@ -34,7 +35,6 @@ const char* to_string(InputKind kind) {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 // Squares and ratios of amplitudes and noise must stay within the range of double precision.
 constexpr double smallest_size = 1e-60, largest_size = 1e60;
 

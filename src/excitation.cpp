@@ -5,12 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <optional>
 #include <utility>
 
 #include "combination.hpp"
+#include "nan.hpp"
 #include "standstill.hpp"
 #include "words.hpp"
 
@@ -18,7 +18,6 @@ namespace tokid {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 // Terms that a message names; more are as good as none.
 constexpr size_t most_terms = 4;
 // Columns that a combination is looked for in: its time grows with their cube.

@@ -28,7 +28,6 @@ namespace tokid {
 
 namespace {
 
-constexpr double arithmetic = rounding_share;
 // Lag orders that a leave-one-out choice looks at.
 constexpr Index most_lags = 16;
 // Orders that a choice for noisy data looks at, and the experiments that it judges them by.
@@ -388,7 +387,7 @@ void Pipeline::regress_together() {
   // As many unknowns as windows leave no residual of any noise.
   const Index models = result_.variation.smoothing > 0 ? 1 : result_.variation.groups(data_->steps());
   result_.noisy =
-      residual > arithmetic * arithmetic * square ||
+      residual > rounding_share * rounding_share * square ||
       whole_windows(*data_, result_.lags) <=
           models * (minimum_experiments(data_->inputs(), data_->outputs(), result_.lags) + data_->outputs());
 }
@@ -456,7 +455,7 @@ void Pipeline::decide_initial_state() {
   }
   for (Index k = 0; k < last; ++k) square = square.cwiseMax(arx_.output_rms(k).cwiseAbs2());
   if (freedom > 0) later /= double(freedom);
-  later = later.cwiseMax(arithmetic * arithmetic * square);
+  later = later.cwiseMax(rounding_share * rounding_share * square);
 
   test.threshold = std::numeric_limits<double>::infinity();
   for (Index k = 0; k < std::min(p, last); ++k) {

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 
+#include "nan.hpp"
 #include "statistics.hpp"
 
 namespace tokid {
@@ -19,8 +19,6 @@ namespace {
 constexpr double smallest_variance = 1e-140;
 
 using statistics::Cumulants;
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 // Samples less their mean: columns of norm 1, and an orthonormal basis of what they span.
 struct Centred {

@@ -5,19 +5,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <stdexcept>
 
 #include "em/smoother.hpp"
 #include "linalg/tall_product.hpp"
+#include "nan.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 void check_shape(const char* name, Index s, const Matrix& a, Index rows, Index cols) {
   if (a.rows() != rows || a.cols() != cols)

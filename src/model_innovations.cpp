@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "nan.hpp"
 #include "tokid/innovations.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 // Rows of the nominal trajectory beyond its end are zero.
 Eigen::RowVectorXd nominal(const Matrix& trajectory, Index k, Index size) {

@@ -6,9 +6,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
+#include "nan.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/markov.hpp"
@@ -18,7 +18,6 @@ namespace tokid {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr Index states = 4, lags = 2, reference_step = 0, block_rows = 3;
 
 // Appendix B as it is printed. The paper counts steps from 1, so that its 35, 36, 37 are steps 34, 35, 36 here.

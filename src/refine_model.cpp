@@ -4,8 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <limits>
 
+#include "nan.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid {
@@ -40,7 +40,6 @@ void choose(const Model& model, const Ensemble& data, const RefineModelOptions& 
 // Both models on the samples that both can compute.
 void compare(const Model& model, const Ensemble& data, std::optional<InitialState> initial, RefinedModel& result) {
   const Model& refined = result.refinement.model;
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   const auto fits = [&](Ensemble own, Ensemble other, Fit RefinementFigures::*target) {
     for (Index k = 0; k < data.steps(); ++k) {
       const auto neither = (own.output(k).array().isNaN() || other.output(k).array().isNaN()).eval();

@@ -7,6 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "nan.hpp"
 #include "uncertainty/interval.hpp"
 #include "uncertainty/recursion.hpp"
 
@@ -19,7 +20,6 @@ using uncertainty::StudentT;
 using uncertainty::Variance;
 
 constexpr double inf = std::numeric_limits<double>::infinity();
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 Interval unknown(Index rows, Index cols) {
   const Matrix none = Matrix::Constant(rows, cols, nan);

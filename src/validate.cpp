@@ -10,15 +10,13 @@
 
 #include "em/smoother.hpp"
 #include "judged.hpp"
+#include "nan.hpp"
+#include "regressions.hpp"
 #include "tokid/remarks.hpp"
 
 namespace tokid {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-// Innovations below this share of the outputs are errors of arithmetic, which no test of noise applies to.
-constexpr double arithmetic = 1e-9;
 
 // Calls use(y, ŷ, k) with arrays of the samples of output j that are both measured and computed, step by step.
 template <class Use>
@@ -149,7 +147,8 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
     if (predicted && !any) result.first_predicted = k;
     any = any || predicted;
   }
-  result.noisy = innovation > arithmetic * arithmetic * output;
+  // No test of noise applies to errors of arithmetic.
+  result.noisy = innovation > rounding_share * rounding_share * output;
   if (result.noisy && options.whiteness_lags > 0) {
     const Innovations e = model_innovations(model, data, options.initial_state);
     const Innovations scaled = standardised(model, e);

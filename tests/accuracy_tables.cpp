@@ -6,15 +6,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <sstream>
 #include <stdexcept>
+
+#include "testing.hpp"
 
 namespace tokid::testing {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr const char* none = "–";
 
 // Where the table of that name begins and ends in the document.

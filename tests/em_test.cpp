@@ -14,7 +14,6 @@
 namespace tokid::testing {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 Matrix covariance(Index n, double size, Random& random) {

@@ -9,8 +9,6 @@
 namespace tokid::testing {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
 // Every sample tells where it belongs: 10000·experiment + 100·step + channel.
 Ensemble numbered(Index experiments, Index steps, Index inputs, Index outputs) {
   Ensemble e(experiments, steps, inputs, outputs);

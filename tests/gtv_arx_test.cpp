@@ -10,8 +10,6 @@
 namespace tokid::testing {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
 TEST(GtvArx, ExplainsNoiseFreeDataCompletely) {
   for (const SystemSize size : {SystemSize{1, 1, 1}, {4, 2, 2}, {3, 1, 2}, {3, 2, 1}, {2, 3, 1}, {6, 2, 3}})
     for (const Index extra : {0, 2}) {

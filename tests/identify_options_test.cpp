@@ -16,7 +16,7 @@ Model model_with(const std::string& options) {
   return model;
 }
 
-std::string message(const std::string& options) {
+std::string refusal(const std::string& options) {
   try {
     identify_options(model_with(options));
   } catch (const std::invalid_argument& error) {
@@ -151,19 +151,19 @@ TEST(IdentifyOptions, WhatIsNotNamedHasItsDefault) {
 }
 
 TEST(IdentifyOptions, OthersThanTheKnownAreRefused) {
-  EXPECT_NE(message("").find("none found"), std::string::npos);
-  EXPECT_NE(message("{").find("JSON"), std::string::npos);
-  EXPECT_NE(message("[1]").find("JSON"), std::string::npos);
-  EXPECT_NE(message(R"({"wisdom": 3})").find("\"wisdom\" is not known"), std::string::npos);
-  EXPECT_NE(message(R"({"states": 0})").find("whole number from 1 on"), std::string::npos);
-  EXPECT_NE(message(R"({"lags": 2.5})").find("2.5 found"), std::string::npos);
-  EXPECT_NE(message(R"({"reference_step": -1})").find("from 0 on"), std::string::npos);
-  EXPECT_NE(message(R"({"hold_out": "much"})").find("a number needed"), std::string::npos);
-  EXPECT_NE(message(R"({"frame": "golden"})").find("raw|reference|smooth"), std::string::npos);
-  EXPECT_NE(message(R"({"method": "era"})").find("auto|tvera|subspace"), std::string::npos);
-  EXPECT_NE(message(R"({"smoothing": -1})").find("\"infinity\" or a number from 0 on"), std::string::npos);
-  EXPECT_NE(message(R"({"refine": true})").find("auto|yes|no"), std::string::npos);
-  EXPECT_NE(message(R"({"nominal": null})").find("auto|none|mean"), std::string::npos);
+  EXPECT_NE(refusal("").find("none found"), std::string::npos);
+  EXPECT_NE(refusal("{").find("JSON"), std::string::npos);
+  EXPECT_NE(refusal("[1]").find("JSON"), std::string::npos);
+  EXPECT_NE(refusal(R"({"wisdom": 3})").find("\"wisdom\" is not known"), std::string::npos);
+  EXPECT_NE(refusal(R"({"states": 0})").find("whole number from 1 on"), std::string::npos);
+  EXPECT_NE(refusal(R"({"lags": 2.5})").find("2.5 found"), std::string::npos);
+  EXPECT_NE(refusal(R"({"reference_step": -1})").find("from 0 on"), std::string::npos);
+  EXPECT_NE(refusal(R"({"hold_out": "much"})").find("a number needed"), std::string::npos);
+  EXPECT_NE(refusal(R"({"frame": "golden"})").find("raw|reference|smooth"), std::string::npos);
+  EXPECT_NE(refusal(R"({"method": "era"})").find("auto|tvera|subspace"), std::string::npos);
+  EXPECT_NE(refusal(R"({"smoothing": -1})").find("\"infinity\" or a number from 0 on"), std::string::npos);
+  EXPECT_NE(refusal(R"({"refine": true})").find("auto|yes|no"), std::string::npos);
+  EXPECT_NE(refusal(R"({"nominal": null})").find("auto|none|mean"), std::string::npos);
 }
 
 }  // namespace

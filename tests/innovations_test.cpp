@@ -10,8 +10,6 @@
 namespace tokid::testing {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
 // √runs times the largest distance of the sample from the uniform distribution (Kolmogorov and Smirnov), with Stephens'
 // correction for its size. 1.95 is exceeded by one in a thousand.
 double distance_from_uniform(std::vector<double> p) {

@@ -12,8 +12,6 @@
 namespace tokid::testing {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
 Model observed_system(const SystemSize& size, Index steps, std::uint64_t seed, double growth = 1.0) {
   Model model = random_system(size, steps, growth, seed);
   Random random(seed + 1);

@@ -6,14 +6,13 @@
 #include <filesystem>
 
 #include "noisy.hpp"
+#include "testing.hpp"
 #include "tokid/em.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/io.hpp"
 
 namespace tokid::testing {
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 // One-step errors over those of the exact Kalman filter, from many experiments to fewer than there are unknowns.
 struct Size {

@@ -4,12 +4,11 @@
 #include <gtest/gtest.h>
 
 #include "campaigns.hpp"
+#include "testing.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid::testing {
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 const Campaign campaigns[] = {
     {5, 40, {2, 1, 1}, 0.05, 2},  {8, 40, {2, 2, 2}, 0.05, 2},  {12, 40, {4, 2, 2}, 0.1, 2},

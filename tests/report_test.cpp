@@ -18,8 +18,6 @@ namespace {
 
 using report::escape;
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
 bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 std::string all_reasons(const Verdict& verdict) {

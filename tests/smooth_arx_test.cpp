@@ -6,11 +6,11 @@
 #include <Eigen/QR>
 
 #include "noisy.hpp"
+#include "testing.hpp"
 
 namespace tokid::testing {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 SmoothArxOptions with(Index lags, double smoothing, Index period = 0, InitialState initial = InitialState::zero) {

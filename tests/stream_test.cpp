@@ -15,7 +15,6 @@ namespace tokid::testing {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 class Stream : public ::testing::Test {
  public:

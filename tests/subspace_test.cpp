@@ -17,7 +17,7 @@ SubspaceOptions noise_free(TimeVariation variation = {}) {
   return o;
 }
 
-GtvArx regressions(const Ensemble& e, Index lags, InitialState initial, TimeVariation variation = {}) {
+GtvArx arx_of(const Ensemble& e, Index lags, InitialState initial, TimeVariation variation = {}) {
   SmoothArxOptions o;
   o.lags = lags;
   o.initial_state = initial;
@@ -49,7 +49,7 @@ class SubspaceRecovery : public ::testing::TestWithParam<Case> {
 
 TEST_P(SubspaceRecovery, FromUnknownInitialStatesTheStateIsFullAsSoonAsTheSamplesTellIt) {
   for_each_lag_order(30.0, [](const Model& system, Index p, const Ensemble& e, const Ensemble& fresh) {
-    Model model = subspace(e, regressions(e, p, InitialState::unknown), noise_free());
+    Model model = subspace(e, arx_of(e, p, InitialState::unknown), noise_free());
     model.initial_state = InitialState::unknown;
     model.check();
     const Index n = system.states(), seen = smallest_lag_order({n, system.outputs, system.inputs});
@@ -67,7 +67,7 @@ TEST_P(SubspaceRecovery, FromUnknownInitialStatesTheStateIsFullAsSoonAsTheSample
 
 TEST_P(SubspaceRecovery, FromRestEveryStepHasAModel) {
   for_each_lag_order(0.0, [](const Model& system, Index p, const Ensemble& e, const Ensemble& fresh) {
-    const Model model = subspace(e, regressions(e, p, InitialState::zero), noise_free());
+    const Model model = subspace(e, arx_of(e, p, InitialState::zero), noise_free());
     model.check();
     EXPECT_EQ(model.k_begin, 0);
     EXPECT_EQ(model.states(), system.states());
@@ -93,7 +93,7 @@ TEST(Subspace, OneRecordOfATimeInvariantSystemIsEnough) {
     const Model system = constant_system({4, 2, 1}, 200, 0.95, 20);
     const TimeVariation invariant{0.0, 1};
     const Ensemble record = random_experiments(system, 1, 21, size), first = stretch(record, 0, 120);
-    Model model = subspace(first, regressions(first, 3, initial, invariant), noise_free(invariant));
+    Model model = subspace(first, arx_of(first, 3, initial, invariant), noise_free(invariant));
     model.check();
     model.initial_state = initial;
     EXPECT_EQ(model.period, 1);
@@ -109,7 +109,7 @@ TEST(Subspace, OneRecordOfAPeriodicSystemIsEnough) {
   const Model system = periodic_system({4, 2, 1}, 260, 3, 0.95, 22);
   const TimeVariation periodic{0.0, 3};
   const Ensemble record = random_experiments(system, 1, 23), first = stretch(record, 0, 200);
-  const Model model = subspace(first, regressions(first, 3, InitialState::zero, periodic), noise_free(periodic));
+  const Model model = subspace(first, arx_of(first, 3, InitialState::zero, periodic), noise_free(periodic));
   model.check();
   EXPECT_EQ(model.period, 3);
   EXPECT_EQ(model.states(), 4);
@@ -129,7 +129,7 @@ TEST(Subspace, ProjectionsAreExactWithoutNoise) {
       // A missing input ends a stretch that is simulated, a missing output is left out.
       Ensemble first = stretch(record, 0, 300);
       first.u(0, 120, 0) = first.y(1, 50, 1) = std::numeric_limits<double>::quiet_NaN();
-      Model model = subspace(first, regressions(first, 3, initial, o.variation), o);
+      Model model = subspace(first, arx_of(first, 3, initial, o.variation), o);
       model.check();
       model.initial_state = initial;
       EXPECT_EQ(model.period, period);
@@ -153,7 +153,7 @@ TEST(Subspace, ProjectionsSimulateBetterInColouredNoise) {
       record.y(0, k, 0) += noise;
     }
     const TimeVariation invariant{0.0, 1};
-    const GtvArx arx = regressions(record, 6, InitialState::zero, invariant);
+    const GtvArx arx = arx_of(record, 6, InitialState::zero, invariant);
     const auto error = [&](Weighting weighting) {
       SubspaceOptions o;
       o.states = 3;
@@ -174,7 +174,7 @@ TEST(Subspace, StatesAskedForAreAnUpperBound) {
   SubspaceOptions o = noise_free();
   for (const Index states : {1, 2, 3, 4, 9}) {
     o.states = states;
-    const Model model = subspace(e, regressions(e, 4, InitialState::unknown), o);
+    const Model model = subspace(e, arx_of(e, 4, InitialState::unknown), o);
     model.check();
     EXPECT_EQ(model.states(), std::min<Index>(states, 4));
   }
@@ -183,7 +183,7 @@ TEST(Subspace, StatesAskedForAreAnUpperBound) {
 TEST(Subspace, SameBitsForAnyNumberOfThreads) {
   const Ensemble e = noisy_experiments(oscillator(30), 40, 26);
   for (const TimeVariation& variation : {TimeVariation{0.0, 0}, {1.0, 0}, {0.0, 1}, {0.0, 4}}) {
-    const GtvArx arx = regressions(e, 4, InitialState::zero, variation);
+    const GtvArx arx = arx_of(e, 4, InitialState::zero, variation);
     SubspaceOptions o;
     o.variation = variation;
     o.states = 4;
@@ -208,7 +208,7 @@ TEST(Subspace, SmoothModelsHaveAllStatesAtAllSteps) {
   SubspaceOptions o;
   o.variation.smoothing = 1.0;
   o.states = 4;
-  const Model model = subspace(e, regressions(e, 4, InitialState::zero, o.variation), o);
+  const Model model = subspace(e, arx_of(e, 4, InitialState::zero, o.variation), o);
   model.check();
   EXPECT_EQ(model.frame, "smooth");
   for (Index k = 0; k <= 30; ++k) EXPECT_EQ(model.n(k), 4);
@@ -235,7 +235,7 @@ TEST(Subspace, NoisyModelsPredictNearlyAsWellAsTheKalmanFilter) {
       SubspaceOptions o;
       o.variation = c.variation;
       o.states = c.system.states();
-      const Model model = subspace(e, regressions(e, 8, InitialState::zero, c.variation), o);
+      const Model model = subspace(e, arx_of(e, 8, InitialState::zero, c.variation), o);
       EXPECT_LE(ratio_to_kalman(model, c.system, seed + 100), c.bound) << c.name << " " << seed;
     }
 }
@@ -247,7 +247,7 @@ TEST(Subspace, ObserversAreStableHoweverNoisyTheData) {
       SubspaceOptions o;
       o.variation = c.variation;
       o.states = c.system.states();
-      const Model model = subspace(e, regressions(e, 8, InitialState::zero, c.variation), o);
+      const Model model = subspace(e, arx_of(e, 8, InitialState::zero, c.variation), o);
       Matrix product = Matrix::Identity(o.states, o.states);
       for (Index k = 0; k < 60; ++k) product = model.closed_loop(k) * product;
       EXPECT_LT(product.norm(), 1e-2) << c.name << " " << experiments;
@@ -256,7 +256,7 @@ TEST(Subspace, ObserversAreStableHoweverNoisyTheData) {
 
 TEST(Subspace, FactorsSplitThePredictor) {
   const Ensemble e = noisy_experiments(oscillator(30), 60, 30);
-  const GtvArx arx = regressions(e, 4, InitialState::zero);
+  const GtvArx arx = arx_of(e, 4, InitialState::zero);
   SubspaceOptions o;
   o.future = 3;
   for (const Weighting weighting : {Weighting::one_step, Weighting::many_steps}) {
@@ -279,25 +279,25 @@ TEST(Subspace, FactorsSplitThePredictor) {
 
 TEST(Subspace, MistakesAreNamed) {
   const Ensemble e = noisy_experiments(oscillator(20), 20, 31), shorter = stretch(e, 0, 15);
-  EXPECT_THROW(subspace(shorter, regressions(e, 2, InitialState::zero)), std::invalid_argument);
+  EXPECT_THROW(subspace(shorter, arx_of(e, 2, InitialState::zero)), std::invalid_argument);
   SubspaceOptions o;
   o.variation.period = 19;  // p + P samples are needed to see x after every phase
   const TimeVariation long_period{0.0, 19};
   try {
-    subspace(e, regressions(e, 2, InitialState::zero, long_period), o);
+    subspace(e, arx_of(e, 2, InitialState::zero, long_period), o);
     FAIL() << "accepted";
   } catch (const std::invalid_argument& error) {
     EXPECT_STREQ(error.what(), "steps: 20 found, at least 21 needed (lag order and period)");
   }
   o.weighting = Weighting::projection;
   try {
-    subspace(e, regressions(e, 2, InitialState::zero, long_period), o);
+    subspace(e, arx_of(e, 2, InitialState::zero, long_period), o);
     FAIL() << "accepted";
   } catch (const std::invalid_argument& error) {
     EXPECT_STREQ(error.what(), "steps: 20 found, at least 22 needed (twice the lag order, and the period)");
   }
   o.variation = {};
-  EXPECT_THROW(subspace(e, regressions(e, 2, InitialState::zero), o), std::invalid_argument);
+  EXPECT_THROW(subspace(e, arx_of(e, 2, InitialState::zero), o), std::invalid_argument);
 }
 
 }  // namespace

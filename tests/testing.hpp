@@ -17,6 +17,7 @@
 namespace tokid::testing {
 
 inline constexpr double epsilon = std::numeric_limits<double>::epsilon();
+inline constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 // What a refused call says of it.
 template <class Call>

@@ -9,8 +9,6 @@
 namespace tokid::testing {
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
 TEST(Fit, IsOneHundredPercentLessTheRelativeError) {
   Ensemble y(1, 4, 1, 1), computed = y;
   const double values[] = {1, 2, 3, 6};

@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <limits>
 
+#include "nan.hpp"
 #include "schema.hpp"
 
 namespace tokid::io {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
-size_t size(Index n) { return static_cast<size_t>(n); }
 
 struct Part {
   const char* suffix;

@@ -21,8 +21,6 @@ constexpr ChannelField channel_fields[] = {{"input_names", &Channels::input_name
 
 // ---- shapes: (N, T, channels), however the file spells it ----
 
-size_t size(Index n) { return static_cast<size_t>(n); }
-
 Shape one_experiment(const Shape& shape) { return {1, shape[0], shape[1]}; }
 Shape one_channel(const Shape& shape) { return {shape[0], shape[1], 1}; }
 

@@ -9,8 +9,6 @@ namespace tokid::io {
 
 namespace {
 
-size_t size(Index n) { return static_cast<size_t>(n); }
-
 // ---- stacks of one matrix for each step ----
 
 enum class Axis { next_states, states, inputs, outputs };  // n_{k+1}, n_k, r, m

@@ -53,6 +53,7 @@ Channels channels_of(const Fields& fields);
 // The text of a model's options, which may be any, but not so deep or long that it can't be used. \throws IoError
 void check_options(const std::string& options);
 
+inline size_t size(Index n) { return static_cast<size_t>(n); }  // in a shape
 Array scalar(double value);
 Array scalar(Index value);
 Array scalar(const std::string& value);

@@ -7,8 +7,6 @@ namespace tokid::io {
 
 namespace {
 
-size_t size(Index n) { return static_cast<size_t>(n); }
-
 Array vector_array(const Vector& v, Index rows) {
   return {{size(rows), size(v.size() / std::max<Index>(1, rows))}, std::vector<double>(v.begin(), v.end())};
 }

@@ -3,17 +3,15 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 
+#include "nan.hpp"
 #include "tokid/linalg.hpp"
 
 namespace tokid::linalg {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 void check_square(const ConstMatrixRef& a) {
   if (a.rows() != a.cols())

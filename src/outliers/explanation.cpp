@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "nan.hpp"
 #include "standstill.hpp"
 #include "survey.hpp"
 #include "words.hpp"
@@ -15,7 +15,6 @@ namespace tokid {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 // What is explained is as usual: no more than this.
 constexpr double usual = 2.0;
 // A factor nearer to one is none.

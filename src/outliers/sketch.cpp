@@ -4,8 +4,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "nan.hpp"
 #include "statistics.hpp"
 #include "tokid/parallel.hpp"
 
@@ -13,7 +13,6 @@ namespace tokid {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 // Places of the record that are looked at, and how many residuals of an experiment there have to be.
 constexpr Index most_places = 16, costly_places = 8, fewest_residuals = 6;
 // Rows for each regressor: more of them say little more of single experiments, and take longer.

@@ -5,19 +5,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "judged.hpp"
+#include "nan.hpp"
 #include "options_json.hpp"
+#include "regressions.hpp"
 #include "statistics.hpp"
 #include "tokid/gtv_arx.hpp"
 
 namespace tokid::report {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-constexpr double arithmetic = 1e-9;  // innovations below this share of the outputs are rounding errors
 
 // Spread of each output about the nominal trajectory, or about its mean: what errors are compared with.
 Vector output_spread(const Model& model, const Ensemble& data) {
@@ -149,7 +147,7 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
     Index count = 0;
     for (Index j = 0; j < data.outputs(); ++j) {
       const double variance = model.innovation_cov[model.at(k)](j, j);
-      if (!(std::sqrt(variance) > arithmetic * spread(j))) continue;
+      if (!(std::sqrt(variance) > rounding_share * spread(j))) continue;
       for (const double e : found.prediction.innovations[size_t(k)].col(j))
         if (!std::isnan(e)) sum += e * e / variance, ++count;
     }

@@ -86,7 +86,7 @@ std::string kalman_table(const KalmanStudy& study) {
   return table.html();
 }
 
-std::string paragraph(std::string_view text) { return element("p", text, "note"); }
+std::string note(std::string_view text) { return element("p", text, "note"); }
 
 std::string page(const Paper& paper, const KalmanStudy& study) {
   const std::vector<Figure> figures = paper_figures(paper), kalman = kalman_figures(study);
@@ -106,7 +106,7 @@ std::string page(const Paper& paper, const KalmanStudy& study) {
                 known)
           : fmt::format("{} of the {} numbers printed in Appendix B are not met.", wrong, paper.printed.size()),
       "summary");
-  verdict += paragraph(
+  verdict += note(
       "The numerical example of M. Majji, J.-N. Juang and J. L. Junkins, Observer/Kalman Filter Time Varying System "
       "Identification: an oscillator of four states, two inputs and two outputs, whose stiffness varies by 3/4 and "
       "3/7 of its mean with a period of 0.63 s. tokid simulates repeated experiments on it, identifies A, B, C, D "
@@ -130,7 +130,7 @@ std::string page(const Paper& paper, const KalmanStudy& study) {
   body += section("errors", "Markov parameters and outputs", figures_html(figures, {{1, 3}, {2, 4}}));
   body += section(
       "appendix-b", "Appendix B",
-      paragraph(fmt::format(
+      note(fmt::format(
           "The coordinates of the paper are known up to one similarity, which is fitted to the 48 entries of "
           "(79)-(81) at once; its equations leave one singular value {:.1e} times the next. Eigenvalues need none. "
           "Products of two closed-loop matrices, and half of the eigenvalues, are zero but for rounding errors, here "
@@ -140,7 +140,7 @@ std::string page(const Paper& paper, const KalmanStudy& study) {
   const KalmanStudyOptions& o = study.options;
   body += section(
       "kalman", "The observer and the Kalman filter",
-      paragraph(fmt::format(
+      note(fmt::format(
           "Section V argues that with noise the identified observer tends to the Kalman filter. Here it does: the "
           "same oscillator over {} steps with process noise {:g} on each state and measurement noise {:g} on each "
           "output; observers identified from N experiments with p lags predict {} fresh experiments, steps {} to {}. "

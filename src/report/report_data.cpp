@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "report_data.hpp"
+#include "nan.hpp"
 
 #include <fmt/format.h>
 
@@ -18,7 +19,6 @@ namespace tokid::report {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 // The page holds at most so many numbers of each kind; seven bytes each, more or less.
 constexpr Index most_trace_numbers = 400'000;

@@ -7,12 +7,11 @@
 #include <optional>
 
 #include "linalg/tall_product.hpp"
+#include "nan.hpp"
 
 namespace tokid::stream {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 // Of an output without an error; nothing where a sample is missing.
 ErrorSums sums_of_all(const Eigen::Ref<const Vector>& y) {

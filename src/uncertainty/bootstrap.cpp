@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 
 #include "interval.hpp"
+#include "nan.hpp"
 #include "random.hpp"
 #include "tokid/uncertainty.hpp"
 #include "words.hpp"
@@ -117,7 +117,6 @@ Eigen::VectorXcd matched(const Eigen::VectorXcd& found, const Eigen::VectorXcd& 
   for (Index i = 0; i < reference.size(); ++i)
     for (Index j = 0; j < found.size(); ++j) pairs.push_back({std::abs(found(j) - reference(i)), i, j});
   std::stable_sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) { return a.distance < b.distance; });
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   Eigen::VectorXcd result = Eigen::VectorXcd::Constant(reference.size(), std::complex<double>(nan, nan));
   std::vector<bool> placed(size_t(reference.size())), taken(size_t(found.size()));
   for (const Pair& pair : pairs) {
@@ -187,7 +186,6 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
   result.covariance.setZero(estimate.size(), 1);
   for (Index i = 0; i < estimate.size(); ++i) {
     const double count = moments.count(i);
-    const double nan = std::numeric_limits<double>::quiet_NaN();
     if (2 * count < double(result.replicates)) {
       variance.sum(i) = variance.spread(i) = nan;
       continue;

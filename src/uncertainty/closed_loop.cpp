@@ -21,19 +21,19 @@ using uncertainty::Rows;
 using uncertainty::StudentT;
 using uncertainty::Variance;
 
-struct Frame {
+struct CommonFrame {
   FramedModel framed;
   Index step = 0, rows = 0;
 };
 
-Frame frame_of(const Model& model, const ClosedLoopOptions& options) {
+CommonFrame frame_of(const Model& model, const ClosedLoopOptions& options) {
   const Index s = options.reference_step >= 0 ? options.reference_step : model.full_begin();
   const Index rows = options.rows > 0 ? options.rows : estimation_window(model);
   return {reference_frame(model, s, rows), s, rows};
 }
 
 // Steps whose state and next state are in the frame.
-Index count(const Frame& frame) { return frame.framed.end - 1 - frame.framed.begin; }
+Index count(const CommonFrame& frame) { return frame.framed.end - 1 - frame.framed.begin; }
 
 // How errors of Markov parameters enter O_k: dO_k = dH_k · from_inputs up to a change of coordinates, and how outputs
 // are read back: x = from_outputs · (O_k x).
@@ -166,7 +166,7 @@ class Gradient {
 // Everything that the eigenvalues of one step depend on.
 class ClosedLoop {
  public:
-  ClosedLoop(const GtvArx& arx, const Model& model, const Factors& factors, const Frame& frame, Index k)
+  ClosedLoop(const GtvArx& arx, const Model& model, const Factors& factors, const CommonFrame& frame, Index k)
       : arx_(arx),
         model_(model),
         factors_(factors),
@@ -249,7 +249,7 @@ void check_model(const GtvArx& arx, const Model& model, const TveraOptions& o) {
 }  // namespace
 
 Spectrum closed_loop_spectrum(const Model& model, const ClosedLoopOptions& options) {
-  const Frame frame = frame_of(model, options);
+  const CommonFrame frame = frame_of(model, options);
   Spectrum result{frame.framed.begin, {}};
   for (Index k = result.begin; k < result.begin + count(frame); ++k)
     result.eigenvalues.push_back(linalg::eigenvalues(frame.framed.model.closed_loop(k)));
@@ -261,7 +261,7 @@ SpectrumBounds closed_loop_bounds(const GtvArx& arx, const Model& model, const T
   check_model(arx, model, realisation);
   arx.require_noise_shape();
   const StudentT t(options.level);
-  const Frame frame = frame_of(model, options);
+  const CommonFrame frame = frame_of(model, options);
   const Factors factors(arx, model, realisation);
   SpectrumBounds result;
   result.begin = frame.framed.begin;

@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 
 #include "channel_sizes.hpp"
 #include "interval.hpp"
+#include "nan.hpp"
 #include "options_json.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
@@ -21,7 +21,6 @@ const char* to_string(BoundsMethod method) { return method == BoundsMethod::fact
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 // Block columns of H_k where identify() chooses them for noisy data.
 constexpr Index noisy_columns = 48;
 // Models that differ by less are the same up to rounding and what it does to noisy Hankel matrices.

@@ -1,0 +1,11 @@
+// What stands where there is no number.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <limits>
+
+namespace tokid {
+
+inline constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+}  // namespace tokid
