@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "report_data.hpp"
-#include "nan.hpp"
 
 #include <fmt/format.h>
 
@@ -13,6 +12,8 @@
 #include <numeric>
 #include <set>
 #include <stdexcept>
+
+#include "nan.hpp"
 
 namespace tokid::report {
 
