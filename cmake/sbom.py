@@ -65,8 +65,8 @@ def uplot(source):
 def python_packages(source):
     """Those that pyproject.toml names, in the versions that the tests run with."""
     project = tomllib.loads((source / "pyproject.toml").read_text())
-    tested = dict(re.findall(r"^([A-Za-z0-9_-]+)==(\S+)$",
-                             (source / "python" / "requirements-test.txt").read_text(), re.MULTILINE))
+    files = [source / "python" / f"requirements-{use}.txt" for use in ("build", "test")]
+    tested = dict(re.findall(r"^([A-Za-z0-9_-]+)==(\S+)$", "".join(file.read_text() for file in files), re.MULTILINE))
     wanted = [(text, "required", "the Python package") for text in project["project"]["dependencies"]]
     for extra, texts in project["project"]["optional-dependencies"].items():
         wanted += [(text, "optional", f"the Python package, tokid[{extra}]") for text in texts]

@@ -71,12 +71,16 @@ def ensembles(tokid, folder):
         file.create_dataset("u", data=ENSEMBLE["u"], chunks=(2, 2, 1), compression="gzip", shuffle=True, fletcher32=True)
         file.create_dataset("y", data=np.ones((N, T, M), "<f2"), chunks=(3, 4, 2))
         file["input_names"] = np.array(["F"], "S1")
+    with h5py.File(folder("ensemble_h5") / "packed.h5", "w", libver="latest") as file:
+        file.create_dataset("u", data=ENSEMBLE["u"], chunks=(2, 2, 1), compression="gzip", shuffle=True)
+        file.create_dataset("y", data=np.ones((N, T, M), "i2"), chunks=(3, 4, 2), maxshape=(None, None, M), fillvalue=2,
+                            compression="gzip", fletcher32=True)
     for name in ("version5.mat", "version7.mat"):
         mat(folder("ensemble_mat") / name, experiments=N, **ENSEMBLE, **NAMES)
     mat(folder("ensemble_mat") / "others.mat", u=np.ones((N, T), "i1"), y=np.ones((N, T, M), "f4"), s={"a": 1.0},
         c=1j, e=np.zeros((0, 3)), output_names=["x", "v"])
     tokid("convert", folder("ensemble_npz") / "plain.npz", folder("ensemble_mat73") / "plain.mat", "--mat73")
-    for name in ("plain.h5", "new.h5", "chunks.h5"):
+    for name in ("plain.h5", "new.h5", "chunks.h5", "packed.h5"):
         write(folder("blocks"), name, (folder("ensemble_h5") / name).read_bytes())
 
 

@@ -1,7 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A virtual environment with what the tests take from PyPI, made once: set_up.py DIRECTORY REQUIREMENTS ..."""
+"""A virtual environment with packages from PyPI, made once: set_up.py DIRECTORY REQUIREMENTS ...
 
+What is in it already stays; files of requirements that are new or were changed are installed.
+"""
+
+import json
 import subprocess
 import sys
 import venv
@@ -10,15 +14,17 @@ from pathlib import Path
 
 def main():
     directory, files = Path(sys.argv[1]), [Path(name) for name in sys.argv[2:]]
-    wanted = "".join(file.read_text() for file in files)
-    stamp = directory / "installed.txt"
-    if stamp.exists() and stamp.read_text() == wanted:
+    stamp = directory / "installed.json"
+    installed = json.loads(stamp.read_text()) if stamp.exists() else {}
+    wanted = {file.name: file.read_text() for file in files}
+    if wanted.items() <= installed.items():
         return
-    venv.create(directory, clear=True, with_pip=True)
+    if not installed:
+        venv.create(directory, clear=True, with_pip=True)
     requirements = [word for file in files for word in ("--requirement", file)]
     subprocess.run([directory / "bin" / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check",
                     *requirements], check=True)
-    stamp.write_text(wanted)
+    stamp.write_text(json.dumps(installed | wanted))
 
 
 if __name__ == "__main__":

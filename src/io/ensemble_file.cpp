@@ -64,7 +64,7 @@ struct EnsembleFile::Content {
     return outline;
   }
 
-  void read(const io::Hdf5Source::Samples& samples, Index channels, Index first_channel, Index begin, Ensemble& to) {
+  void read(io::Hdf5Source::Samples& samples, Index channels, Index first_channel, Index begin, Ensemble& to) {
     // As many experiments at a time as the second cache level holds, and whole chunks of a data set that has them.
     constexpr Index bytes = 1 << 19;
     const Index row = to.steps() * channels * Index(sizeof(double));

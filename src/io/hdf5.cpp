@@ -12,6 +12,7 @@
 #include "claims.hpp"
 #include "formats.hpp"
 #include "hdf5_bytes.hpp"
+#include "hdf5_chunks.hpp"
 #include "hdf5_handles.hpp"
 #include "matlab.hpp"
 #include "naming.hpp"
@@ -43,28 +44,16 @@ Node open_attribute(hid_t object, const std::string& name) {
           true};
 }
 
-std::vector<H5Z_filter_t> filters_of(hid_t properties, const std::string& name) {
-  std::vector<H5Z_filter_t> result;
-  const int count = checked(H5Pget_nfilters(properties), name);
-  for (int i = 0; i < count; ++i) {
-    size_t values = 0;
-    unsigned flags = 0, config = 0;
-    result.push_back(
-        checked(H5Pget_filter2(properties, unsigned(i), &flags, &values, nullptr, 0, nullptr, &config), name));
-  }
-  return result;
-}
-
 // Values that lie elsewhere than in the file would have it lead to any other that the user may read. Two filters of the
 // library trust what the file says of the bits to unpack, and write beyond their buffers.
 void check_storage(hid_t data, const std::string& name) {
   const Handle properties(H5Dget_create_plist(data), H5Pclose, name);
   if (checked(H5Pget_layout(properties), name) == H5D_VIRTUAL || checked(H5Pget_external_count(properties), name) > 0)
     fail("data set '{}': values in other files found, the values themselves needed", name);
-  for (const H5Z_filter_t filter : filters_of(properties, name))
-    if (filter == H5Z_FILTER_NBIT || filter == H5Z_FILTER_SCALEOFFSET)
+  for (const Filter& filter : filters_of(properties, name))
+    if (filter.kind == H5Z_FILTER_NBIT || filter.kind == H5Z_FILTER_SCALEOFFSET)
       fail("data set '{}': filter '{}' found, another one needed: h5repack -f GZIP=4", name,
-           filter == H5Z_FILTER_NBIT ? "nbit" : "scaleoffset");
+           filter.kind == H5Z_FILTER_NBIT ? "nbit" : "scaleoffset");
 }
 
 Node data_set_of(Handle id, const std::string& name) {
@@ -75,8 +64,11 @@ Node data_set_of(Handle id, const std::string& name) {
           std::move(id),
           std::move(type),
           std::move(space),
-          [raw](hid_t memory_type, void* to, hid_t transfer) {
-            return H5Dread(raw, memory_type, H5S_ALL, H5S_ALL, transfer, to);
+          [raw, name](hid_t memory_type, void* to, hid_t transfer) -> herr_t {
+            auto packed = PackedChunks::of(raw, name, memory_type, 0);
+            if (!packed) return H5Dread(raw, memory_type, H5S_ALL, H5S_ALL, transfer, to);
+            packed->read_all(to);
+            return 0;
           },
           false};
 }
@@ -88,16 +80,16 @@ Shape shape_of(const Node& node) {
   return Shape(dims.begin(), dims.end());
 }
 
-// Chunks are unpacked whole, however few of their values are in use. Of each one the library keeps about a kilobyte,
-// also of those that were never written; those that were have at least their addresses in the file.
+// Chunks are unpacked whole, however few of their values are in use, and converted beside that. Of each one the library
+// keeps about a kilobyte, also of those that were never written; those that were have at least their addresses in the
+// file.
 void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t item, const Claims& claims) {
   constexpr std::uint64_t kept = 1024, address = 8, most_unwritten = 65536;
-  std::vector<hsize_t> chunk(shape.size(), 1);
-  checked(H5Pget_chunk(properties, int(chunk.size()), chunk.data()), node.name);
-  claims.check(node.name, Shape(chunk.begin(), chunk.end()), 0, item);
+  const auto chunk = chunk_shape(properties, shape.size(), node.name);
+  claims.check(node.name, Shape(chunk.begin(), chunk.end()), 0, 2 * std::max(item, sizeof(double)));
   Shape chunks;
   for (size_t i = 0; i < shape.size(); ++i) {
-    const size_t size = std::max<size_t>(1, chunk[i]);
+    const size_t size = size_t(chunk[i]);
     chunks.push_back(shape[i] / size + (shape[i] % size > 0 ? 1 : 0));
   }
   const std::uint64_t count = checked_product(chunks);
@@ -111,14 +103,11 @@ void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t
 
 // How many bytes one that is stored can become; 0 where nobody knows.
 std::uint64_t expansion(hid_t properties, const std::string& name) {
-  std::uint64_t most = 1;
-  for (const H5Z_filter_t filter : filters_of(properties, name)) {
-    if (filter == H5Z_FILTER_DEFLATE)
-      most *= best_compression;
-    else if (filter != H5Z_FILTER_SHUFFLE && filter != H5Z_FILTER_FLETCHER32)
-      return 0;
-  }
-  return most;
+  const auto filters = filters_of(properties, name);
+  if (!PackedChunks::knows(filters)) return 0;
+  const bool packed = std::any_of(filters.begin(), filters.end(),
+                                  [](const Filter& filter) { return filter.kind == H5Z_FILTER_DEFLATE; });
+  return packed ? best_compression : 1;
 }
 
 // What was never written are zeros, or another value that the file names: for others too, but not without end.
@@ -310,7 +299,7 @@ Array matlab_value(Node node, const std::string& kind, Claims& claims) {
   Shape shape = shape_of(node);
   std::reverse(shape.begin(), shape.end());
   if (kind == "cell" && H5Tget_class(node.type) == H5T_REFERENCE) {
-    check_stored(node, shape, sizeof(hobj_ref_t) + sizeof(std::string), claims);
+    check_stored(node, shape_of(node), sizeof(hobj_ref_t) + sizeof(std::string), claims);
     return matlab_cell(node, shape, claims);
   }
   Array array = read_node(node, claims);

@@ -22,6 +22,9 @@ Handle open_for_blocks(const std::filesystem::path& path) {
   return open_hdf5(path.string(), access);
 }
 
+// Of chunks that end within the next block.
+constexpr size_t kept_bytes = size_t{1} << 24;
+
 Handle whole(hid_t data, const std::string& name) { return {H5Dget_space(data), H5Sclose, name}; }
 
 Handle selected(hid_t data, const std::string& name, const Hyperslab& part) {
@@ -42,7 +45,10 @@ Hdf5Source::Hdf5Source(const std::filesystem::path& path, const Unchanged& bytes
 }
 
 Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
-    : source_(source), name_(name), data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name) {
+    : source_(source),
+      name_(name),
+      data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name),
+      packed_(PackedChunks::of(data_, name, H5T_NATIVE_DOUBLE, kept_bytes)) {
   const Handle space = whole(data_, name);
   rank_ = checked(H5Sget_simple_extent_ndims(space), name);
   size_.resize(size_t(rank_));
@@ -57,15 +63,19 @@ Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
   if (offset_ >= 0 && H5Fget_vfd_handle(source.file_, H5P_DEFAULT, &own) >= 0 && own != nullptr)
     posix_fadvise(*static_cast<const int*>(own), 0, 0, POSIX_FADV_RANDOM);
   if (H5Pget_layout(properties) != H5D_CHUNKED) return;
-  std::vector<hsize_t> chunk(size_t(rank_), 1);
-  checked(H5Pget_chunk(properties, rank_, chunk.data()), name);
-  together_ = Index(chunk.front());
+  together_ = Index(chunk_shape(properties, size_t(rank_), name).front());
 }
 
-void Hdf5Source::Samples::read(const Hyperslab& part, double* to) const {
+void Hdf5Source::Samples::read(const Hyperslab& part, double* to) {
   const QuietHdf5 quiet;
-  const Handle from = selected(data_, name_, part), memory = memory_of(part);
-  checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
+  if (packed_) {
+    packed_->read(part, to);
+  } else {
+    const Handle from = selected(data_, name_, part), memory = memory_of(part);
+    // Of what was never written the library may leave the numbers that are there, those of another block.
+    if (offset_ < 0) std::fill_n(to, checked_product(Shape(part.count.begin(), part.count.end())), 0.0);
+    checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
+  }
   source_.bytes_.check();
 }
 

@@ -6,14 +6,10 @@
 #include <optional>
 
 #include "descriptor.hpp"
+#include "hdf5_chunks.hpp"
 #include "hdf5_handles.hpp"
 
 namespace tokid::io {
-
-// A range of every axis.
-struct Hyperslab {
-  std::vector<hsize_t> begin, count;
-};
 
 class Hdf5Source {
  public:
@@ -26,7 +22,7 @@ class Hdf5Source {
     int rank() const { return rank_; }
     // Entries of the first axis that are stored together.
     Index stored_together() const { return together_; }
-    void read(const Hyperslab& part, double* to) const;  // row-major. \throws IoError
+    void read(const Hyperslab& part, double* to);  // row-major. \throws IoError
     // Has the system fetch what will be read soon, while something else is done. A hint, for data sets in one piece.
     void expect(const Hyperslab& part) const;
 
@@ -34,6 +30,7 @@ class Hdf5Source {
     const Hdf5Source& source_;
     std::string name_;
     Handle data_;
+    std::optional<PackedChunks> packed_;
     int rank_ = 0;
     Index together_ = 1;
     std::int64_t offset_ = 0;  // of the first byte of a data set in one piece, or negative

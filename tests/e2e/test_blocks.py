@@ -39,6 +39,43 @@ def test_same_model_as_from_all_steps(tokid, tmp_path, options):
     assert leftovers(tmp_path) == []
 
 
+def test_same_bytes_however_they_are_stored(tokid, tmp_path):
+    """Blocks that end within chunks, and zeros that were never written: no numbers of another block in their place."""
+    options = ("--block", 90, "--lags", 2, "--states", 2, "--method", "tvera")
+    write_ensemble(tmp_path / "plain.h5")
+    with h5py.File(tmp_path / "plain.h5", "r+") as file:
+        file["u"][:10, 300:400] = 0.0
+        values = {name: file[name][()] for name in file}
+    tokid("identify", tmp_path / "plain.h5", "-o", tmp_path / "model.h5", *options)
+    expected = (tmp_path / "model.h5").read_bytes()
+
+    def creation_with(chunks, *filters):
+        creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        creation.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+        creation.set_chunk(chunks)
+        for number, parameters in filters:
+            creation.set_filter(number, 0, parameters)
+        return creation
+
+    shuffle, gzip = (h5py.h5z.FILTER_SHUFFLE, (8,)), (h5py.h5z.FILTER_DEFLATE, (4,))
+    fletcher32 = (h5py.h5z.FILTER_FLETCHER32, ())
+    for chunks, filters in (((10, 100, 1), ()), ((10, 100, 1), (gzip,)), ((5, 50, 1), (shuffle, gzip, fletcher32)),
+                            ((1, 20, 1), (shuffle, gzip)), ((2, 25, 1), (fletcher32,))):
+        with h5py.File(tmp_path / "data.h5", "w") as file:
+            for name, array in values.items():
+                if name not in "uy":
+                    file[name] = array
+                    continue
+                space, creation = h5py.h5s.create_simple(array.shape), creation_with(chunks, *filters)
+                data = h5py.Dataset(h5py.h5d.create(file.id, name.encode(), h5py.h5t.IEEE_F64LE, space, creation))
+                data[:, :300], data[:, 400:] = array[:, :300], array[:, 400:]
+                data[10:, 300:400] = array[10:, 300:400]
+                if name == "y":
+                    data[:10, 300:400] = array[:10, 300:400]
+        tokid("identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", *options)
+        assert (tmp_path / "model.h5").read_bytes() == expected, (chunks, filters)
+
+
 def test_same_bytes_for_any_number_of_threads(tokid, tmp_path):
     data = write_ensemble(tmp_path / "data.h5")
     for threads in (1, 3):

@@ -2,6 +2,8 @@
 """NumPy, h5py, SciPy and pandas read what the tool writes, and the tool reads what they write."""
 
 import csv
+import ctypes
+import zlib
 
 import h5py
 import numpy as np
@@ -253,10 +255,64 @@ def test_hdf5_attributes_and_filters(tokid, tmp_path):
         file.attrs["initial_state"] = "unknown"  # of variable length
         file.attrs["input_names"] = INPUT_NAMES
         file["output_names"] = OUTPUT_NAMES
-        file["input_units"] = np.array([b"N", b"V"])  # of fixed length
+        units = np.array([b"N", b"V"])  # of fixed length
+        file.create_dataset("input_units", data=units, chunks=(1,), compression="gzip")
         file["output_units"] = np.array([text.encode() for text in ["m", "", "°/s²"]], h5py.string_dtype("utf-8", 8))
         file.create_group("notes").attrs["by"] = "somebody"
     check_read(tokid, tmp_path, tmp_path / "in.h5", expected)
+
+
+@pytest.mark.parametrize("filters", [{"compression": "gzip"}, {"shuffle": True}, {"fletcher32": True},
+                                     {"compression": "gzip", "shuffle": True, "fletcher32": True}],
+                         ids=["gzip", "shuffle", "fletcher32", "all"])
+@pytest.mark.parametrize("version", ["earliest", "latest"])
+def test_hdf5_chunks(tokid, tmp_path, filters, version):
+    """As h5py reads them: whole, cut at the edges and larger than the data set, some of them never written."""
+    rng = np.random.default_rng(3)
+    shape = (13, 41, 3)
+    for chunks, dtype in (((1, 4, 1), "f8"), ((3, 7, 2), ">f4"), ((5, 41, 1), "i1"), ((13, 41, 3), "f8"),
+                          ((16, 64, 4), "f2")):
+        with h5py.File(tmp_path / "in.h5", "w", libver=version) as file:
+            u = file.create_dataset("u", shape, dtype, maxshape=(None,) * 3, chunks=chunks, **filters)
+            u[...] = rng.integers(-100, 100, shape)
+            y = file.create_dataset("y", shape, dtype, maxshape=(None,) * 3, chunks=chunks, fillvalue=7, **filters)
+            y[2:5, 3:9] = u[2:5, 3:9]
+            file["dt"] = 0.5
+            expected = {"u": u[()].astype(float), "y": y[()].astype(float), "dt": 0.5}
+        check_read(tokid, tmp_path, tmp_path / "in.h5", expected)
+
+
+def hdf5_library():
+    """The one that h5py calls, for what it has no name for."""
+    with open("/proc/self/maps") as maps:
+        return ctypes.CDLL(next(line.split()[-1] for line in maps if "/libhdf5" in line and "_hl" not in line))
+
+
+def test_hdf5_chunks_without_some_filters(tokid, tmp_path):
+    """Of a chunk that a filter can't make smaller, and of those at the edge if the writer wants so."""
+    rng = np.random.default_rng(4)
+    values = rng.standard_normal((5, 6, 1))
+    with h5py.File(tmp_path / "in.h5", "w", libver="latest") as file:
+        u = file.create_dataset("u", values.shape, "f8", chunks=(1, 6, 1), shuffle=True, compression="gzip",
+                                fletcher32=True)
+        u[...] = values
+        order = [u.id.get_create_plist().get_filter(i)[0] for i in range(3)]
+        without = {name: 1 << order.index(getattr(h5py.h5z, f"FILTER_{name}"))
+                   for name in ("SHUFFLE", "DEFLATE", "FLETCHER32")}
+        shuffled = values[1].reshape(-1).view("u1").reshape(6, 8).T.tobytes()
+        u.id.write_direct_chunk((0, 0, 0), values[0].tobytes(), filter_mask=7)
+        u.id.write_direct_chunk((1, 0, 0), shuffled, filter_mask=without["DEFLATE"] | without["FLETCHER32"])
+        u.id.write_direct_chunk((2, 0, 0), zlib.compress(values[2].tobytes()),
+                                filter_mask=without["SHUFFLE"] | without["FLETCHER32"])
+        creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        creation.set_chunk((2, 4, 1))
+        creation.set_deflate(4)
+        dont_filter_partial_chunks = 2
+        assert hdf5_library().H5Pset_chunk_opts(ctypes.c_int64(creation.id), dont_filter_partial_chunks) >= 0
+        y = h5py.h5d.create(file.id, b"y", h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple(values.shape), creation)
+        y.write(h5py.h5s.ALL, h5py.h5s.ALL, values)
+        file["dt"] = 0.5
+    check_read(tokid, tmp_path, tmp_path / "in.h5", {"u": values, "y": values, "dt": 0.5})
 
 
 @pytest.mark.parametrize("dtype", ["<f4", ">f8", "<f2", "i1", "u8", "?"])
@@ -308,7 +364,8 @@ def write_matlab_73(path, arrays, texts, userblock=512):
                                            data=np.frombuffer(text.encode("utf-16-le"), "<u2").reshape(-1, 1))
                 data.attrs["MATLAB_class"] = np.bytes_("char")
                 references[0, i] = data.ref
-            file.create_dataset(name, data=references).attrs["MATLAB_class"] = np.bytes_("cell")
+            data = file.create_dataset(name, data=references, chunks=(1, 2), compression="gzip", shuffle=True)
+            data.attrs["MATLAB_class"] = np.bytes_("cell")
         empty = file.create_dataset("nothing", data=np.array([0, 0], "u8"))
         empty.attrs["MATLAB_class"], empty.attrs["MATLAB_empty"] = np.bytes_("double"), np.uint8(1)
 

@@ -255,6 +255,87 @@ def test_chunks_that_are_too_small(tokid, refused, tmp_path):
 
 
 @pytest.mark.parametrize("version", ["earliest", "latest"])
+@pytest.mark.parametrize(("filters", "stored", "found"), [
+    pytest.param(filters, stored, found, id=f"{filters}, {found}") for filters, stored, found in [
+        ("compression", zlib.compress(bytes(40)), "that unpacks to 40 bytes"),
+        ("compression", zlib.compress(bytes(1000)), "that unpacks to more bytes"),
+        ("compression", zlib.compress(SMALL.tobytes())[:-6], "that unpacks to"),
+        ("compression", b"no such thing", "that unpacks to 0 bytes"),
+        ("compression shuffle", zlib.compress(bytes(40)), "that unpacks to 40 bytes"),
+        ("compression fletcher32", zlib.compress(bytes(96)) + bytes(4), "with another checksum"),
+        ("fletcher32", bytes(44), "of 40 bytes"),
+        ("fletcher32", bytes(3), "of 3 bytes"),
+        ("fletcher32", SMALL.tobytes() + b"sums", "with another checksum"),
+        ("shuffle", bytes(40), "of 40 bytes"),
+        ("shuffle", bytes(400), "of 400 bytes")]])
+def test_packed_chunks_of_other_sizes(refused, tmp_path, version, filters, stored, found):
+    """The library would take what lies beside their bytes in memory for numbers, or end the process."""
+    with h5py.File(tmp_path / "data.h5", "w", libver=version) as file:
+        u = file.create_dataset("u", (6, 4, 1), "f8", chunks=(3, 4, 1),
+                                **{name: "gzip" if name == "compression" else True for name in filters.split()})
+        u[...] = np.concatenate([SMALL, SMALL])
+        u.id.write_direct_chunk((3, 0, 0), stored)
+        file["y"] = np.ones((6, 4, 1))
+    refused("data.h5", "'u'", f"damaged, a chunk {found}", "found, 96 bytes needed")
+    refused("data.h5", "'u'", f"damaged, a chunk {found}", arguments=("identify", "-o", "model.h5", "--block", "2"))
+
+
+def test_a_packed_chunk_that_claims_more_than_its_file(refused, tmp_path):
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        u = file.create_dataset("u", (6, 4, 1), "f8", chunks=(3, 4, 1), compression="gzip")
+        u[...] = np.concatenate([SMALL, SMALL])
+        size = u.id.get_chunk_info(1).size
+        file["y"] = np.ones((6, 4, 1))
+    place = struct.pack("<I4Q", 0, 3, 0, 0, 0)
+    changed(tmp_path / "data.h5", struct.pack("<I", size) + place, struct.pack("<I", 1 << 31) + place)
+    refused("data.h5", "'u'", "of 2147483648 stored bytes")
+
+
+def test_chunks_that_are_packed_twice(refused, tmp_path):
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        creation.set_chunk((3, 4, 1))
+        for _ in range(2):
+            creation.set_filter(h5py.h5z.FILTER_DEFLATE, 0, (4,))
+        u = h5py.h5d.create(file.id, b"u", h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple((3, 4, 1)), creation)
+        u.write(h5py.h5s.ALL, h5py.h5s.ALL, SMALL)
+        file["y"] = np.ones((3, 4, 1))
+    refused("data.h5", "'u'", "packed twice by gzip found", "h5repack -f GZIP=4")
+
+
+@pytest.mark.parametrize("size", [1, 4])
+def test_a_value_for_what_was_never_written_that_is_too_short(tokid, tmp_path, size):
+    """What lies beside it is memory of the process, and no number."""
+    value = struct.pack("<d", 1234.5678)
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        u = file.create_dataset("u", (6, 4, 1), "f8", chunks=(3, 4, 1), compression="gzip", fillvalue=1234.5678)
+        u[:3] = SMALL
+        file["y"] = np.ones((6, 4, 1))
+    content = (tmp_path / "data.h5").read_bytes()
+    assert struct.pack("<I", 8) + value in content
+    (tmp_path / "data.h5").write_bytes(content.replace(struct.pack("<I", 8) + value, struct.pack("<I", size) + value))
+    found = set()
+    for _ in range(3):
+        tokid("convert", tmp_path / "data.h5", tmp_path / "out.npz")
+        with np.load(tmp_path / "out.npz") as out:
+            found.add(out["u"].tobytes())
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize("options", [{}, {"compression": "gzip"}])
+@pytest.mark.parametrize("rank", [1, 2])
+def test_chunks_of_another_rank(refused, tmp_path, rank, options):
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file.create_dataset("u", data=np.concatenate([SMALL, SMALL]), chunks=(3, 4, 1), **options)
+        file["y"] = np.ones((6, 4, 1))
+    space = struct.pack("<BBBxI3Q", 1, 3, 0, 0, 6, 4, 1)
+    if space not in (tmp_path / "data.h5").read_bytes():  # with the largest sizes behind the present ones
+        space = struct.pack("<BBBxI3Q", 1, 3, 1, 0, 6, 4, 1)
+    changed(tmp_path / "data.h5", space, space[:1] + bytes([rank]) + space[2:])
+    refused("data.h5", "'u'", "3 dimensions in its chunks found", f"{rank} needed")
+
+
+@pytest.mark.parametrize("version", ["earliest", "latest"])
 def test_attributes_that_are_larger_than_their_header(tokid, refused, tmp_path, version):
     path = tmp_path / "data.h5"
     with h5py.File(path, "w", libver=version) as file:

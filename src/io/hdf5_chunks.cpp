@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "hdf5_chunks.hpp"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <cstring>
+
+namespace tokid::io {
+
+namespace {
+
+constexpr size_t checksum_bytes = 4;
+
+// Each place from `begin` to `end` by steps; the last axis turns fastest.
+template <typename Use>
+void each_place(const std::vector<hsize_t>& begin, const std::vector<hsize_t>& end, const std::vector<hsize_t>& step,
+                size_t axes, Use&& use) {
+  std::vector<hsize_t> place = begin;
+  for (;;) {
+    use(place);
+    size_t axis = axes;
+    while (axis > 0 && (place[axis - 1] += step[axis - 1]) >= end[axis - 1]) --axis, place[axis] = begin[axis];
+    if (axis == 0) return;
+  }
+}
+
+// Of Fletcher, over words of two bytes, the high one first.
+std::uint32_t fletcher32(const char* bytes, size_t count) {
+  constexpr size_t most_words = 360;  // whose sums fit
+  constexpr auto fold = [](std::uint32_t sum) { return (sum & 0xFFFF) + (sum >> 16); };
+  const auto byte = [&](size_t at) { return std::uint32_t{static_cast<unsigned char>(bytes[at])}; };
+  std::uint32_t first = 0, second = 0;
+  for (size_t at = 0; at + 1 < count;) {
+    const size_t end = std::min(count - 1, at + 2 * most_words);
+    for (; at < end; at += 2) second += first += (byte(at) << 8) + byte(at + 1);
+    first = fold(first), second = fold(second);
+  }
+  if (count % 2 > 0) {
+    second += first += byte(count - 1) << 8;
+    first = fold(first), second = fold(second);
+  }
+  return (fold(second) << 16) | fold(first);
+}
+
+// As a library of 2005 wrote it: the bytes of each half changed places.
+std::uint32_t with_bytes_of_halves_swapped(std::uint32_t sum) {
+  return ((sum & 0x00FF00FFU) << 8) | ((sum & 0xFF00FF00U) >> 8);
+}
+
+}  // namespace
+
+std::vector<Filter> filters_of(hid_t properties, const std::string& name) {
+  std::vector<Filter> result;
+  const int count = checked(H5Pget_nfilters(properties), name);
+  for (int i = 0; i < count; ++i) {
+    size_t values = 1;
+    unsigned flags = 0, config = 0, parameter = 0;
+    const H5Z_filter_t kind =
+        checked(H5Pget_filter2(properties, unsigned(i), &flags, &values, &parameter, 0, nullptr, &config), name);
+    result.push_back({kind, values > 0 ? parameter : 0});
+  }
+  return result;
+}
+
+std::vector<hsize_t> chunk_shape(hid_t properties, size_t rank, const std::string& name) {
+  std::vector<hsize_t> shape(std::max<size_t>(1, rank));
+  const int found = checked(H5Pget_chunk(properties, int(shape.size()), shape.data()), name);
+  if (size_t(found) != rank) fail("data set '{}': {} dimensions in its chunks found, {} needed", name, found, rank);
+  if (std::find(shape.begin(), shape.end(), 0) != shape.end()) fail("data set '{}': chunks without values found", name);
+  return shape;
+}
+
+bool PackedChunks::knows(const std::vector<Filter>& filters) {
+  return std::all_of(filters.begin(), filters.end(), [](const Filter& filter) {
+    return filter.kind == H5Z_FILTER_DEFLATE || filter.kind == H5Z_FILTER_SHUFFLE ||
+           filter.kind == H5Z_FILTER_FLETCHER32;
+  });
+}
+
+std::optional<PackedChunks> PackedChunks::of(hid_t data, const std::string& name, hid_t memory_type,
+                                             size_t kept_bytes) {
+  const Handle properties(H5Dget_create_plist(data), H5Pclose, name);
+  if (checked(H5Pget_layout(properties), name) != H5D_CHUNKED) return std::nullopt;
+  auto filters = filters_of(properties, name);
+  if (filters.empty() || !knows(filters)) return std::nullopt;
+  return PackedChunks(data, name, memory_type, kept_bytes, properties, std::move(filters));
+}
+
+PackedChunks::PackedChunks(hid_t data, std::string name, hid_t memory_type, size_t kept_bytes, hid_t properties,
+                           std::vector<Filter> filters)
+    : data_(data),
+      memory_type_(memory_type),
+      name_(std::move(name)),
+      kept_bytes_(kept_bytes),
+      type_(H5Dget_type(data), H5Tclose, name_),
+      space_(H5Dget_space(data), H5Sclose, name_),
+      filters_(std::move(filters)),
+      stored_item_(H5Tget_size(type_)),
+      item_(H5Tget_size(memory_type)) {
+  const Handle file(H5Iget_file_id(data), H5Fclose, name_);
+  size_.resize(size_t(checked(H5Sget_simple_extent_ndims(space_), name_)));
+  shape_ = chunk_shape(properties, size_.size(), name_);
+  checked(H5Sget_simple_extent_dims(space_, size_.data(), nullptr), name_);
+  items_ = size_t(checked_product(Shape(shape_.begin(), shape_.end())));
+  hsize_t bytes = 0;
+  checked(H5Fget_filesize(file, &bytes), name_);
+  file_bytes_ = bytes;
+  unsigned options = 0;
+  checked(H5Pget_chunk_opts(properties, &options), name_);
+  edges_unpacked_ = (options & H5D_CHUNK_DONT_FILTER_PARTIAL_CHUNKS) != 0;
+}
+
+void PackedChunks::damaged(const std::string& found) const {
+  fail("data set '{}': damaged, a chunk {} found, {} bytes needed", name_, found, items_ * stored_item_);
+}
+
+void PackedChunks::read_all(void* to) { read({Place(size_.size(), 0), size_}, to); }
+
+void PackedChunks::read(const Hyperslab& part, void* to) {
+  if (std::find(part.count.begin(), part.count.end(), 0) != part.count.end()) return;
+  Place begin = part.begin, end = part.begin;
+  for (size_t i = 0; i < begin.size(); ++i) {
+    begin[i] -= begin[i] % shape_[i];
+    end[i] += part.count[i];
+  }
+  each_place(begin, end, shape_, begin.size(), [&](const Place& place) {
+    if (const Bytes* found = chunk(place))
+      copy(*found, place, part, static_cast<char*>(to));
+    else
+      fill(place, part, static_cast<char*>(to));
+  });
+  if (bytes_.size() + other_.size() > kept_bytes_) bytes_ = Bytes(), other_ = Bytes();
+}
+
+// Null for one that was never written.
+const PackedChunks::Bytes* PackedChunks::chunk(const Place& place) {
+  if (const auto known = kept_.find(place); known != kept_.end()) return &known->second;
+  return fetch(place) ? &keep(place) : nullptr;
+}
+
+// ---- one chunk ----
+
+// Into bytes_; false for one that was never written.
+bool PackedChunks::fetch(const Place& place) {
+  hsize_t stored = 0;
+  if (H5Dget_chunk_storage_size(data_, place.data(), &stored) < 0) {
+    // HDF5 1.10 takes it for an error, newer ones have 0 bytes for it.
+    if (const std::string reason = hdf5_reason(); reason != "chunk storage is not allocated")
+      fail("data set '{}': HDF5: {}", name_, reason);
+    return false;
+  }
+  if (stored == 0) return false;
+  // Packing makes random bytes longer, but hardly so.
+  constexpr std::uint64_t little = 65536;
+  if (stored > std::min(file_bytes_, 2 * std::uint64_t{items_} * stored_item_ + little))
+    damaged(fmt::format("of {} stored bytes", stored));
+  bytes_.resize(size_t(stored));
+  std::uint32_t left_out = 0;  // a bit for each filter
+#if H5_VERSION_GE(2, 0, 0)
+  size_t room = bytes_.size();
+  checked(H5Dread_chunk2(data_, H5P_DEFAULT, place.data(), &left_out, bytes_.data(), &room), name_);
+#else
+  checked(H5Dread_chunk(data_, H5P_DEFAULT, place.data(), &left_out, bytes_.data()), name_);
+#endif
+  bool at_edge = false;
+  for (size_t i = 0; i < place.size(); ++i) at_edge |= place[i] + shape_[i] > size_[i];
+  unpack(edges_unpacked_ && at_edge ? ~std::uint32_t{0} : left_out);
+  convert();
+  return true;
+}
+
+void PackedChunks::unpack(std::uint32_t left_out) {
+  const auto is_left_out = [&](size_t i) { return i < 32 && (left_out >> i & 1) != 0; };
+  // What goes into each filter; what comes out of deflate nobody knows.
+  std::vector<std::optional<size_t>> packs(filters_.size());
+  std::optional<size_t> size = items_ * stored_item_;
+  for (size_t i = 0; i < filters_.size(); ++i) {
+    packs[i] = size;
+    if (is_left_out(i)) continue;
+    if (filters_[i].kind == H5Z_FILTER_DEFLATE) size.reset();
+    if (filters_[i].kind == H5Z_FILTER_FLETCHER32 && size) *size += checksum_bytes;
+  }
+
+  for (size_t i = filters_.size(); i-- > 0;) {
+    if (is_left_out(i)) continue;
+    if (filters_[i].kind == H5Z_FILTER_FLETCHER32) {
+      if (bytes_.size() < checksum_bytes) damaged(fmt::format("of {} bytes", bytes_.size()));
+      const size_t count = bytes_.size() - checksum_bytes;
+      std::uint32_t stored = 0;
+      for (size_t k = checksum_bytes; k-- > 0;)
+        stored = stored << 8 | std::uint32_t{static_cast<unsigned char>(bytes_[count + k])};
+      const std::uint32_t sum = fletcher32(bytes_.data(), count);
+      if (stored != sum && stored != with_bytes_of_halves_swapped(sum)) damaged("with another checksum");
+      bytes_.resize(count);
+    } else if (filters_[i].kind == H5Z_FILTER_DEFLATE) {
+      if (!packs[i]) fail("data set '{}': packed twice by gzip found, once needed: h5repack -f GZIP=4", name_);
+      other_.resize(*packs[i]);
+      uLong count = uLong(other_.size()), from = uLong(bytes_.size());
+      const int status = uncompress2(reinterpret_cast<Bytef*>(other_.data()), &count,
+                                     reinterpret_cast<const Bytef*>(bytes_.data()), &from);
+      if (status == Z_MEM_ERROR) throw std::bad_alloc();
+      if (status == Z_BUF_ERROR) damaged("that unpacks to more bytes");
+      if (status != Z_OK || count != other_.size()) damaged(fmt::format("that unpacks to {} bytes", count));
+      bytes_.swap(other_);
+    } else if (const size_t width = filters_[i].parameter, count = bytes_.size() / std::max<size_t>(1, width);
+               width > 1 && count > 1) {  // shuffle: the first bytes of all items, then the second ones
+      other_.resize(bytes_.size());
+      for (size_t k = 0; k < count; ++k)
+        for (size_t b = 0; b < width; ++b) other_[k * width + b] = bytes_[b * count + k];
+      std::copy(bytes_.begin() + std::ptrdiff_t(count * width), bytes_.end(),
+                other_.begin() + std::ptrdiff_t(count * width));
+      bytes_.swap(other_);
+    }
+  }
+  if (bytes_.size() != items_ * stored_item_) damaged(fmt::format("of {} bytes", bytes_.size()));
+}
+
+// In bytes_, from the type in the file to that in memory.
+void PackedChunks::convert() {
+  if (checked(H5Tequal(type_, memory_type_), name_) > 0) return;
+  bytes_.resize(items_ * std::max(stored_item_, item_));
+  checked(H5Tconvert(type_, memory_type_, items_, bytes_.data(), nullptr, H5P_DEFAULT), name_);
+  bytes_.resize(items_ * item_);
+}
+
+// bytes_, here or among those that are kept.
+const PackedChunks::Bytes& PackedChunks::keep(const Place& place) {
+  constexpr size_t beside = 256;  // its place, and what holds them
+  const size_t size = bytes_.size() + beside;
+  if (size > kept_bytes_) return bytes_;
+  while ((order_.size() + 1) * size > kept_bytes_) {
+    other_ = std::move(kept_.extract(order_.front()).mapped());
+    order_.pop_front();
+  }
+  order_.push_back(place);
+  Bytes& kept = kept_[place];
+  kept.swap(bytes_);
+  bytes_.swap(other_);
+  return kept;
+}
+
+// ---- from chunks to a part of the data set ----
+
+// The runs of values that both have: use(first in the chunk, first in the part, values).
+template <typename Use>
+void PackedChunks::each_run(const Place& place, const Hyperslab& part, Use&& use) const {
+  const size_t rank = place.size();
+  Place begin(rank), end(rank);
+  for (size_t i = 0; i < rank; ++i) {
+    begin[i] = std::max(place[i], part.begin[i]);
+    end[i] = std::min(place[i] + shape_[i], part.begin[i] + part.count[i]);
+  }
+  // Trailing axes that both have as a whole are one run.
+  size_t axis = rank, run = 1;
+  do {
+    --axis;
+    run *= size_t(end[axis] - begin[axis]);
+  } while (axis > 0 && end[axis] - begin[axis] == shape_[axis] && shape_[axis] == part.count[axis]);
+  each_place(begin, end, Place(rank, 1), axis, [&](const Place& at) {
+    size_t from = 0, into = 0;
+    for (size_t i = 0; i < rank; ++i) {
+      from = from * size_t(shape_[i]) + size_t(at[i] - place[i]);
+      into = into * size_t(part.count[i]) + size_t(at[i] - part.begin[i]);
+    }
+    use(from, into, run);
+  });
+}
+
+void PackedChunks::copy(const Bytes& chunk, const Place& place, const Hyperslab& part, char* to) const {
+  each_run(place, part, [&](size_t from, size_t into, size_t run) {
+    std::memcpy(to + into * item_, chunk.data() + from * item_, run * item_);
+  });
+}
+
+// With what the library has for the first value of such a chunk, or zero where it leaves the memory as it is. Asked for
+// the value itself, it would copy as many bytes as the type has from a value that may be shorter in a damaged file.
+void PackedChunks::fill(const Place& place, const Hyperslab& part, char* to) {
+  if (unwritten_.empty()) {
+    const Place one(place.size(), 1);
+    const Handle from(H5Scopy(space_), H5Sclose, name_), memory(H5Screate(H5S_SCALAR), H5Sclose, name_);
+    checked(H5Sselect_hyperslab(from, H5S_SELECT_SET, place.data(), nullptr, one.data(), nullptr), name_);
+    Bytes value(std::max(stored_item_, item_), 0);
+    checked(H5Dread(data_, memory_type_, memory, from, H5P_DEFAULT, value.data()), name_);
+    unwritten_.swap(value);
+  }
+  each_run(place, part, [&](size_t, size_t into, size_t run) {
+    for (size_t k = into; k < into + run; ++k) std::memcpy(to + k * item_, unwritten_.data(), item_);
+  });
+}
+
+}  // namespace tokid::io

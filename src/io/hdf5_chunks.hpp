@@ -1,0 +1,78 @@
+// Chunks of an HDF5 data set that filters pack. The library reads what they unpack to as whole chunks, however many
+// bytes these are; here a chunk has exactly its own bytes, or is refused.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hdf5_handles.hpp"
+
+namespace tokid::io {
+
+// A range of every axis.
+struct Hyperslab {
+  std::vector<hsize_t> begin, count;
+};
+
+struct Filter {
+  H5Z_filter_t kind;
+  unsigned parameter;  // the first of its own: the bytes of an item for shuffle
+};
+// In the order in which they pack, of the properties that a data set was made with.
+std::vector<Filter> filters_of(hid_t properties, const std::string& name);
+
+// Of a chunk of that data set. \throws IoError for one of another rank, and for one without values
+std::vector<hsize_t> chunk_shape(hid_t properties, size_t rank, const std::string& name);
+
+class PackedChunks {
+ public:
+  static bool knows(const std::vector<Filter>& filters);
+
+  // Whose values are wanted as `memory_type`, which outlives this as the data set does; as many chunks as fit into
+  // `kept_bytes` are kept for the next parts. Empty for a data set in one piece, for chunks that are not packed, and
+  // for filters other than deflate, shuffle and fletcher32.
+  static std::optional<PackedChunks> of(hid_t data, const std::string& name, hid_t memory_type, size_t kept_bytes);
+
+  // Row-major. What was never written is the value that the data set has for it. \throws IoError for a damaged chunk
+  void read(const Hyperslab& part, void* to);
+  void read_all(void* to);
+
+ private:
+  using Place = std::vector<hsize_t>;  // the first entry of a chunk
+  using Bytes = std::vector<char>;
+
+  PackedChunks(hid_t data, std::string name, hid_t memory_type, size_t kept_bytes, hid_t properties,
+               std::vector<Filter> filters);
+  const Bytes* chunk(const Place& place);
+  bool fetch(const Place& place);
+  void unpack(std::uint32_t left_out);
+  void convert();
+  const Bytes& keep(const Place& place);
+  void copy(const Bytes& chunk, const Place& place, const Hyperslab& part, char* to) const;
+  void fill(const Place& place, const Hyperslab& part, char* to);
+  template <typename Use>
+  void each_run(const Place& place, const Hyperslab& part, Use&& use) const;
+  [[noreturn]] void damaged(const std::string& found) const;
+
+  hid_t data_, memory_type_;
+  std::string name_;
+  size_t kept_bytes_;
+  Handle type_, space_;
+  std::vector<Filter> filters_;
+  Place size_, shape_;  // of the data set, of a chunk
+  std::uint64_t file_bytes_ = 0;
+  size_t items_ = 1, stored_item_, item_;  // values of a chunk; bytes of one in the file, in memory
+  bool edges_unpacked_ = false;            // chunks that reach beyond the data set are stored as they are
+  Bytes bytes_, other_;                    // of the chunk in work
+  Bytes unwritten_;                        // one value of chunks that were never written
+  // The last ones that were unpacked: blocks of a data set end within chunks.
+  std::map<Place, Bytes> kept_;
+  std::deque<Place> order_;
+};
+
+}  // namespace tokid::io
