@@ -102,7 +102,7 @@ PackedChunks::PackedChunks(hid_t data, std::string name, hid_t memory_type, size
   size_.resize(size_t(checked(H5Sget_simple_extent_ndims(space_), name_)));
   shape_ = chunk_shape(properties, size_.size(), name_);
   checked(H5Sget_simple_extent_dims(space_, size_.data(), nullptr), name_);
-  items_ = size_t(checked_product(Shape(shape_.begin(), shape_.end())));
+  items_ = checked_product(Shape(shape_.begin(), shape_.end()));
   hsize_t bytes = 0;
   checked(H5Fget_filesize(file, &bytes), name_);
   file_bytes_ = bytes;
