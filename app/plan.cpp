@@ -16,18 +16,19 @@ struct Call {
   bool json = false;
 };
 
-// The step with the largest of some numbers, which may be NaN where there is none.
+// The largest of some numbers, which may be NaN where there is none, and the first step that has it but for rounding.
 struct Extreme {
   double value = std::numeric_limits<double>::quiet_NaN(), median = std::numeric_limits<double>::quiet_NaN();
   Index step = 0;
 };
 Extreme extreme(const std::vector<double>& values) {
   Extreme result;
-  for (size_t k = 0; k < values.size(); ++k)
-    if (!std::isnan(values[k]) && !(values[k] <= result.value)) {
-      result.value = values[k];
-      result.step = static_cast<Index>(k);
-    }
+  constexpr double rounding = 1e-9;
+  for (const double value : values)
+    if (!std::isnan(value) && !(value <= result.value)) result.value = value;
+  const auto first =
+      std::find_if(values.begin(), values.end(), [&](double value) { return value >= result.value * (1 - rounding); });
+  if (first != values.end()) result.step = static_cast<Index>(first - values.begin());
   result.median = median(values);
   return result;
 }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "linalg/reflection.hpp"
+
 namespace tokid {
 
 namespace {
@@ -54,14 +56,8 @@ class Eliminator {
     below_.leftCols(l).diagonal() = -stiffness_;
     below_.middleCols(l, l).diagonal() = stiffness_;
     for (Index j = 0; j < l; ++j) {
-      auto tail = below_.col(j).head(j + 1);
-      Vector::RealScalar beta = 0.0;
-      const double pivot = above_(j, j), norm = tail.squaredNorm();
-      if (norm == 0) continue;
-      beta = -std::copysign(std::sqrt(pivot * pivot + norm), pivot);
-      tail /= pivot - beta;
-      const double tau = (beta - pivot) / beta;
-      above_(j, j) = beta;
+      const double tau = linalg::make_reflection(above_(j, j), below_.col(j).data(), j + 1);
+      if (tau == 0.0) continue;
       reflect(j, j + 1, l - j - 1, tau);
       reflect(j, l, j + 1, tau);
       reflect(j, 2 * l, right, tau);
@@ -76,19 +72,12 @@ class Eliminator {
  private:
   void reflect(Index j, Index first, Index count, double tau) {
     if (count == 0) return;
-    const auto v = below_.col(j).head(j + 1);
-    auto upper = above_.row(j).segment(first, count);
-    auto lower = below_.block(0, first, j + 1, count);
-    auto product = product_.head(count);
-    product.noalias() = lower.transpose() * v;
-    product = tau * (product + upper.transpose());
-    upper -= product.transpose();
-    lower.noalias() -= v * product.transpose();
+    linalg::reflect(below_.col(j).data(), j + 1, tau,
+                    {&above_(j, first), above_.outerStride(), &below_(0, first), below_.outerStride()}, count);
   }
 
   const Vector& stiffness_;
   Matrix above_, below_;
-  Vector product_ = Vector(above_.cols());
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/QR>
 #include <complex>
 
 #include "testing.hpp"
@@ -37,6 +38,32 @@ TEST_P(Factorisations, TriangularFactorHasTheGramMatrix) {
   EXPECT_LE((r.transpose() * r - a.transpose() * a).norm(), tolerance * a.norm());
   for (Index i = 0; i < r.rows(); ++i)
     for (Index j = 0; j < i; ++j) EXPECT_EQ(r(i, j), 0.0);
+}
+
+// Of every number of columns beside one another, odd and even lengths, more columns than rows, zeros among them; and
+// one that is too large for the caches.
+TEST(TriangularFactor, IsThatOfEigen) {
+  Random random(7);
+  for (const auto& [rows, cols] : std::vector<std::pair<Index, Index>>{{1, 1},
+                                                                       {1, 7},
+                                                                       {2, 3},
+                                                                       {5, 5},
+                                                                       {6, 11},
+                                                                       {9, 4},
+                                                                       {17, 8},
+                                                                       {30, 14},
+                                                                       {41, 26},
+                                                                       {70, 54},
+                                                                       {60, 90},
+                                                                       {400, 100}}) {
+    Matrix a = random.matrix(rows, cols);
+    if (cols > 3) a.col(2).setZero(), a.row(rows / 2).setZero();
+    Matrix copy = a;
+    const Matrix r = linalg::triangular_factor(copy);
+    const Matrix expected =
+        Eigen::HouseholderQR<Matrix>(a).matrixQR().topRows(std::min(rows, cols)).triangularView<Eigen::Upper>();
+    EXPECT_LE((r - expected).norm(), 10 * epsilon * double(std::max(rows, cols)) * a.norm()) << rows << " x " << cols;
+  }
 }
 
 TEST_P(Factorisations, MinimumNormSolutionSolvesTheNormalEquationsAndHasNoNullPart) {
