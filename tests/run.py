@@ -40,7 +40,7 @@ def main():
     reports = (build / "reports").resolve()
     shutil.rmtree(reports, ignore_errors=True)
     reports.mkdir(parents=True)
-    at_once = 2 * os.cpu_count()  # some of them wait: for a browser, for processes to kill
+    at_once = 3 * os.cpu_count()  # many of them wait: for a browser, for files to be safe, for processes to kill
     status = subprocess.run(
         ["ctest", "--test-dir", build, "--progress", "--output-on-failure", "--no-tests=error", "--no-label-summary",
          "--parallel", str(at_once), "--output-junit", reports / "ctest.xml", *sys.argv[2:]],
