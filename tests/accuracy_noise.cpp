@@ -22,8 +22,8 @@ using oracle::Exact;
 
 // Their standard deviation: so small that results move in proportion, so large that double precision holds it.
 constexpr double nudge = 1e-10;
-// How often they move: a single draw may miss what a result depends on.
-constexpr int draws = 3;
+// How often they move: a few draws may miss what a result depends on.
+constexpr int draws = 10;
 
 class Nudged {
  public:
@@ -210,10 +210,11 @@ AccuracyFindings predictor_subspaces(int cases) {
     options.nominal = NominalChoice::none;
     Accuracy whole = stage_of("whole identification with noise", route);
     for (Index k = p; k < steps; ++k) whole.condition = std::max(whole.condition, arx.step[size_t(k)].condition);
+    // Every stage rounds by itself: what they are given no longer goes together.
     see(whole, whole, whole, observer_of(identify(data, options).model, steps),
         realised(states_of(oracle::arx(data, p), data), data), every_draw([&] {
-          const Ensemble e = nudged(data);
-          return realised_nearby(states_of(oracle::arx(e, p), e), e);
+          const oracle::Arx regressed = oracle::arx(nudged(gtv_arx(nudged(data), regressions)));
+          return realised_nearby(states_of(regressed, nudged(data)), nudged(data));
         }));
     findings.all.push_back(whole);
     ++findings.judged;
