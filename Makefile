@@ -64,7 +64,7 @@ demo: build
 test:
 	$(call install,$(test_packages))
 	@$(configure) test >/dev/null
-	@cmake --build build
+	@cmake --build build --target all tests_environment
 	@$(python) tests/run.py build
 
 wheel: build

@@ -23,11 +23,13 @@ struct Extreme {
 };
 Extreme extreme(const std::vector<double>& values) {
   Extreme result;
-  constexpr double rounding = 1e-9;
   for (const double value : values)
     if (!std::isnan(value) && !(value <= result.value)) result.value = value;
-  const auto first =
-      std::find_if(values.begin(), values.end(), [&](double value) { return value >= result.value * (1 - rounding); });
+  // Rounding errors of a condition number are a few eps times its square, and those of shares are less.
+  const double rounding = 100 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(result.value));
+  const auto first = std::find_if(values.begin(), values.end(), [&](double value) {
+    return value >= result.value - rounding * std::abs(result.value);
+  });
   if (first != values.end()) result.step = static_cast<Index>(first - values.begin());
   result.median = median(values);
   return result;

@@ -34,15 +34,15 @@ Vector singular_values(const ConstMatrixRef& a) {
 Matrix triangular_factor(Matrix& a) {
   const Index size = std::min(a.rows(), a.cols());
   if (size == 0) return Matrix(0, a.cols());
-  // Rows of very different size keep their digits where the large ones come first.
-  constexpr Index cached = Index{1} << 15;  // larger ones are factored in blocks of columns
+  constexpr Index cached = Index{1} << 15;  // entries, of 256 KiB: larger ones are factored in blocks of columns
   if (a.size() > cached) {
     const Eigen::HouseholderQR<Eigen::Ref<Matrix>> in_place(a);
   } else {
     for (Index k = 0; k < size; ++k) {
       double* pivot = &a(k, k);
       const Index below = a.rows() - k - 1, right = a.cols() - k - 1, stride = a.outerStride();
-      if (const double tau = make_reflection(*pivot, pivot + 1, below); tau != 0.0)
+      const double tau = make_reflection(*pivot, pivot + 1, below);
+      if (tau != 0.0 && right > 0)
         reflect(pivot + 1, below, tau, {pivot + stride, stride, pivot + stride + 1, stride}, right);
     }
   }

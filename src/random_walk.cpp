@@ -19,6 +19,9 @@ void check(const std::vector<Matrix>& rows, Index regressors, const Vector& stif
   if (stiffness.size() != regressors || !(stiffness.array() >= 0).all())
     throw std::invalid_argument(
         fmt::format("stiffness: {} entries found, {} that are not negative needed", stiffness.size(), regressors));
+  // A coefficient that is free from step to step has no value at steps that do not show it.
+  if (stiffness.size() > 0 && stiffness.minCoeff() == 0 && stiffness.maxCoeff() > 0)
+    throw std::invalid_argument("stiffness: zero and positive entries found, only the ones or the others needed");
   for (const Matrix& block : rows)
     if (block.cols() != rows.front().cols() || block.cols() < regressors)
       throw std::invalid_argument(fmt::format("rows: {} columns found, {} needed in every step, {} or more",

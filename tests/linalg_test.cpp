@@ -62,8 +62,39 @@ TEST(TriangularFactor, IsThatOfEigen) {
     const Matrix r = linalg::triangular_factor(copy);
     const Matrix expected =
         Eigen::HouseholderQR<Matrix>(a).matrixQR().topRows(std::min(rows, cols)).triangularView<Eigen::Upper>();
+    // Both are backward stable, and the condition of these matrices is that of random ones, below their size.
     EXPECT_LE((r - expected).norm(), 10 * epsilon * double(std::max(rows, cols)) * a.norm()) << rows << " x " << cols;
   }
+}
+
+// Every column keeps its own digits, whatever its size and that of the others, and whether squares leave the range of
+// double precision or not.
+TEST(TriangularFactor, KeepsTheDigitsOfEveryColumn) {
+  Random random(8);
+  for (const double size : {1e-300, 1e-200, 1e-160, 1e-150, 1.0, 1e150, 1e160, 1e300})
+    for (const bool graded : {false, true}) {
+      const Index rows = 20, cols = 8;
+      const Matrix plain = random.matrix(rows, cols);
+      Vector scale = Vector::Constant(cols, size);
+      for (Index j = 1; graded && j < cols; j += 2) scale(j) = 1.0;
+      Matrix a = plain * scale.asDiagonal(), copy = a;
+      const Matrix r = linalg::triangular_factor(copy);
+      ASSERT_TRUE(r.allFinite()) << size;
+      const Matrix unscaled = r * scale.cwiseInverse().asDiagonal();
+      EXPECT_LE((unscaled.transpose() * unscaled - plain.transpose() * plain).norm(),
+                10 * epsilon * double(rows) * plain.squaredNorm())
+          << size << ", graded " << graded;
+    }
+}
+
+TEST(TriangularFactor, ShowsWhatIsNotFinite) {
+  for (const double wrong : {std::nan(""), std::numeric_limits<double>::infinity()})
+    for (const Index at : {0, 3}) {
+      Matrix a = Random(9).matrix(6, 3);
+      a.col(0).setZero();
+      a(at, 0) = wrong;
+      EXPECT_FALSE(linalg::triangular_factor(a).allFinite()) << wrong << " at " << at;
+    }
 }
 
 TEST_P(Factorisations, MinimumNormSolutionSolvesTheNormalEquationsAndHasNoNullPart) {

@@ -95,12 +95,23 @@ TEST(RandomWalk, a_coefficient_without_data_is_zero) {
     EXPECT_LT(std::abs(x(1, 0)), 100 * epsilon);
 }
 
+// Steps that do not show a coefficient have that of their neighbours, however weak the coupling: squares of 1e-160 are
+// zero.
+TEST(RandomWalk, weak_coupling_is_no_less_exact) {
+  const Matrix blind = (Matrix(2, 3) << 0, 0, 0, 0, 1, 1).finished();
+  const Matrix seeing = (Matrix(2, 3) << 1, 0, 1, 0, 1, 1).finished();
+  for (const double stiffness : {1.0, 1e-100, 1e-150, 1e-155, 1e-160, 1e-200, 1e-300})
+    for (const Matrix& x : random_walk_regression({blind, blind, seeing}, 2, Vector::Constant(2, stiffness)))
+      EXPECT_LT((x - Matrix::Ones(2, 1)).norm(), 100 * epsilon) << stiffness;
+}
+
 TEST(RandomWalk, refuses_what_does_not_fit) {
   Random random(4);
   const auto rows = random_rows(random, {6, 6}, 5);
   EXPECT_THROW(random_walk_regression(rows, 4, Vector::Ones(3)), std::invalid_argument);
   EXPECT_THROW(random_walk_regression(rows, 4, Vector::Constant(4, -1.0)), std::invalid_argument);
   EXPECT_THROW(random_walk_regression(rows, 6, Vector::Ones(6)), std::invalid_argument);
+  EXPECT_THROW(random_walk_regression(rows, 4, Vector::Unit(4, 2)), std::invalid_argument);
   EXPECT_THROW(random_walk_regression(std::vector<Matrix>{rows[0], random.matrix(3, 4)}, 4, Vector::Ones(4)),
                std::invalid_argument);
   EXPECT_TRUE(random_walk_regression(std::vector<Matrix>{}, 4, Vector::Ones(4)).empty());

@@ -15,7 +15,10 @@ from pathlib import Path
 def main():
     directory, files = Path(sys.argv[1]), [Path(name) for name in sys.argv[2:]]
     stamp = directory / "installed.json"
-    installed = json.loads(stamp.read_text()) if stamp.exists() else {}
+    try:
+        installed = json.loads(stamp.read_text())
+    except (OSError, ValueError):  # none yet, or one that was cut off
+        installed = {}
     wanted = {file.name: file.read_text() for file in files}
     if wanted.items() <= installed.items():
         return

@@ -80,13 +80,13 @@ Shape shape_of(const Node& node) {
   return Shape(dims.begin(), dims.end());
 }
 
-// Chunks are unpacked whole, however few of their values are in use, and converted beside that. Of each one the library
-// keeps about a kilobyte, also of those that were never written; those that were have at least their addresses in the
-// file.
+// Chunks are unpacked whole, however few of their values are in use, and converted beside that; packed they may be as
+// large once more. Of each one the library keeps about a kilobyte, also of those that were never written; those that
+// were have at least their addresses in the file.
 void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t item, const Claims& claims) {
   constexpr std::uint64_t kept = 1024, address = 8, most_unwritten = 65536;
   const auto chunk = chunk_shape(properties, shape.size(), node.name);
-  claims.check(node.name, Shape(chunk.begin(), chunk.end()), 0, 2 * std::max(item, sizeof(double)));
+  claims.check(node.name, Shape(chunk.begin(), chunk.end()), 0, 3 * std::max(item, sizeof(double)));
   Shape chunks;
   for (size_t i = 0; i < shape.size(); ++i) {
     const size_t size = size_t(chunk[i]);

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -11,16 +12,27 @@
 
 namespace tokid::linalg {
 
-// I - τ [1; v] [1; v]ᵀ, which makes [β; 0] of a column [pivot; tail]. These become β and v; \return τ, or 0 where there
-// is nothing to reflect.
+// I - τ [1; v] [1; v]ᵀ, which makes [β; 0] of a column [pivot; tail]. These become β and v; \return τ, or 0 where the
+// tail is zero and stays so.
 inline double make_reflection(double& pivot, double* tail, Index length) {
   Eigen::Map<Vector> v(tail, length);
-  const double squares = v.squaredNorm();
-  if (squares <= std::numeric_limits<double>::min()) return 0.0;
+  double scale = 1.0, squares = v.squaredNorm();
+  // Squares below the first lose digits, above the other all of them: the column then gets another exponent.
+  constexpr double least = std::numeric_limits<double>::min() / std::numeric_limits<double>::epsilon();
+  constexpr double most = std::numeric_limits<double>::max() / 4;
+  if (!(squares >= least && pivot * pivot + squares <= most) && !std::isnan(squares)) {
+    const double largest = length > 0 ? v.lpNorm<Eigen::Infinity>() : 0.0;
+    if (largest == 0.0) return 0.0;
+    constexpr int highest = 1000;  // 2^1000 makes even the smallest numbers large enough
+    scale = std::ldexp(1.0, std::min(highest, -std::ilogb(std::max(largest, std::abs(pivot)))));
+    v *= scale;
+    pivot *= scale;
+    squares = v.squaredNorm();
+  }
   const double beta = -std::copysign(std::sqrt(pivot * pivot + squares), pivot);
   v /= pivot - beta;
   const double tau = (beta - pivot) / beta;
-  pivot = beta;
+  pivot = beta / scale;
   return tau;
 }
 
