@@ -176,11 +176,11 @@ void share_phases(Nominal& nominal, Index period) {
   for (Matrix* motion : {&nominal.u, &nominal.y})
     for (Index phase = 0; phase < std::min(period, motion->rows()); ++phase)
       for (Index c = 0; c < motion->cols(); ++c) {
-        double sum = 0.0;
+        double mean = 0.0;  // step by step, so that what is always the same stays it to the last bit
         Index count = 0;
         for (Index k = phase; k < motion->rows(); k += period)
-          if (!std::isnan((*motion)(k, c))) sum += (*motion)(k, c), ++count;
-        for (Index k = phase; k < motion->rows(); k += period) (*motion)(k, c) = count > 0 ? sum / double(count) : 0.0;
+          if (const double value = (*motion)(k, c); !std::isnan(value)) mean += (value - mean) / double(++count);
+        for (Index k = phase; k < motion->rows(); k += period) (*motion)(k, c) = mean;
       }
 }
 
@@ -216,10 +216,12 @@ struct Moments {
 // Of the samples that are there, in two passes against cancellation.
 Moments moments(const Eigen::Ref<const Vector>& x) {
   Moments m;
+  const auto first = std::find_if(x.begin(), x.end(), [](double v) { return !std::isnan(v); });
+  if (first == x.end()) return m;
+  // About the first one: the mean of what is always the same is the same, or its rounding error would pass for motion.
   for (const double v : x)
-    if (!std::isnan(v)) m.mean += v, ++m.count;
-  if (m.count == 0) return m;
-  m.mean /= double(m.count);
+    if (!std::isnan(v)) m.mean += v - *first, ++m.count;
+  m.mean = *first + m.mean / double(m.count);
   for (const double v : x)
     if (!std::isnan(v)) m.variance += (v - m.mean) * (v - m.mean);
   m.variance = m.count > 1 ? m.variance / double(m.count - 1) : 0.0;

@@ -142,7 +142,8 @@ class Moesp {
 
   // ε = y - C x - D u and w = x⁺ - A x - B u of the state samples: w = -G ε + w'.
   void find_gains() {
-    std::vector<Matrix> sum(size_t(groups_), Matrix::Zero(n_ + m_, n_ + m_));
+    std::vector<linalg::RowStack> stacks(size_t(groups_), linalg::RowStack(m_ + n_));  // [ε w]
+    Vector squares = Vector::Zero(m_);                                                 // of y
     Vector count = Vector::Zero(groups_);
     const bool every_row = e_.missing() == 0;
     for (Index k = lags_; k + 1 < e_.steps(); ++k) {
@@ -151,24 +152,33 @@ class Moesp {
       const Matrix rows = every_row ? Matrix(window) : Matrix(window(e_.complete_rows(k, lags_), Eigen::all));
       const auto u = rows.middleCols(width, r_), y = rows.rightCols(m_);
       const Matrix x = rows.leftCols(width) * state(g).transpose();
-      Matrix residual(rows.rows(), n_ + m_);
+      Matrix residuals(rows.rows(), m_ + n_);
       const size_t s = size_t(g);
-      residual.leftCols(n_) = rows.middleCols(e_.channels(), width) * state(next(g)).transpose() -
-                              x * model_.A[s].transpose() - u * model_.B[s].transpose();
-      residual.rightCols(m_) = y - x * model_.C[s].transpose() - u * model_.D[s].transpose();
-      sum[s] += residual.transpose() * residual;
+      residuals.leftCols(m_) = y - x * model_.C[s].transpose() - u * model_.D[s].transpose();
+      residuals.rightCols(n_) = rows.middleCols(e_.channels(), width) * state(next(g)).transpose() -
+                                x * model_.A[s].transpose() - u * model_.B[s].transpose();
+      stacks[s].add(residuals);
+      squares += y.colwise().squaredNorm().transpose();
       count(g) += double(rows.rows());
     }
-    std::vector<Matrix> noise;
+    std::vector<Matrix> gain;
+    NoiseRoots of_group, noise;
+    noise.output_size = (squares / std::max(1.0, count.sum())).cwiseSqrt();
+    for (Index g = 0; g < groups_; ++g) {
+      const Matrix factor = stacks[size_t(g)].factor() / std::sqrt(std::max(1.0, count(g)));
+      Matrix innovations = factor.leftCols(m_), rest = factor.rightCols(n_);
+      drop_rounding(innovations, noise.output_size);
+      gain.emplace_back(-prediction_gain(innovations, rest));
+      of_group.innovation.push_back(std::move(innovations));
+      of_group.state.push_back(std::move(rest));
+    }
     for (Index k = 0; k < e_.steps(); ++k) {
-      const size_t g = size_t(variation_.group(k));
-      const Matrix cov = sum[g] / std::max(1.0, count(Index(g)));
-      const Matrix sigma = cov.bottomRightCorner(m_, m_), cross = cov.topRightCorner(n_, m_);
-      model_.G.emplace_back(-cross * linalg::pseudo_inverse(sigma));
-      model_.innovation_cov.push_back(sigma);
-      noise.emplace_back(cov.topLeftCorner(n_, n_) + model_.G.back() * cross.transpose());
+      const Index g = variation_.group(k);
       // Without noise there is no ε, and the observer is read off the map of the next state.
-      if (!noisy_) model_.G.back() = -state(next(Index(g))).rightCols(m_);
+      model_.G.push_back(noisy_ ? gain[size_t(g)] : Matrix(-state(next(g)).rightCols(m_)));
+      noise.innovation.push_back(of_group.innovation[size_t(g)]);
+      noise.state.push_back(of_group.state[size_t(g)]);
+      model_.innovation_cov.push_back(covariance_of(noise.innovation.back()));
     }
     if (noisy_) filter_gains(model_, noise);
   }

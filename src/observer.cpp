@@ -7,14 +7,9 @@
 #include <ranges>
 #include <stdexcept>
 
+#include "riccati.hpp"
+
 namespace tokid {
-
-namespace {
-
-// Directions of the innovations below this share of the largest carry nothing but rounding errors.
-constexpr double singular = 1e-12;
-
-}  // namespace
 
 std::vector<double> deadbeat_products(const Model& model, Index p) {
   if (p < 1) throw std::invalid_argument(fmt::format("p: {} found, at least 1 needed", p));
@@ -110,23 +105,16 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
 
 namespace {
 
-Matrix factor_of(const Matrix& covariance, const char* name, Index k, Index size) {
+// Of a covariance, rootᵀ·root
+Matrix root_of(const Matrix& covariance, const char* name, Index k, Index size) {
   if (covariance.rows() != size || covariance.cols() != size)
     throw std::invalid_argument(fmt::format("{}: {} x {} found at step {}, {} x {} needed", name, covariance.rows(),
                                             covariance.cols(), k, size, size));
-  std::optional<Matrix> factor = linalg::covariance_factor(covariance);
+  const std::optional<Matrix> factor = linalg::covariance_factor(covariance);
   if (!factor)
     throw std::invalid_argument(fmt::format(
         "{}: no covariance at step {}; a symmetric matrix without negative eigenvalues is needed", name, k));
-  return std::move(*factor);
-}
-
-// F·Fᵀ, symmetric to the last bit.
-Matrix square(const Matrix& factor) {
-  Matrix product = Matrix::Zero(factor.rows(), factor.rows());
-  product.selfadjointView<Eigen::Lower>().rankUpdate(factor);
-  product.triangularView<Eigen::StrictlyUpper>() = product.transpose();
-  return product;
+  return factor->transpose();
 }
 
 }  // namespace
@@ -143,32 +131,22 @@ KalmanFilter kalman_filter(const Model& model) {
   };
   given(model.Q, "Q");
   given(model.R, "R");
-  const Index m = model.outputs;
   KalmanFilter filter;
-  Matrix s = Matrix::Zero(model.state_dim[0], model.state_dim[0]);  // P = s·sᵀ
-  if (model.x0_cov.size() > 0) s = factor_of(model.x0_cov, "x0_cov", model.k_begin, model.state_dim[0]);
-  filter.P.push_back(square(s));
+  Matrix root = Matrix::Zero(0, model.state_dim[0]);  // Sᵀ, P = S Sᵀ
+  if (model.x0_cov.size() > 0) root = root_of(model.x0_cov, "x0_cov", model.k_begin, model.state_dim[0]);
+  filter.P.push_back(covariance_of(root));
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
     const size_t step = model.at(k);
-    const Index n = model.n(k), next = model.n(k + 1), q = s.cols();
-    // Kᵀ solves min ‖F Kᵀ - [0; sᵀ]‖ with F = [R^{1/2}ᵀ; sᵀCᵀ], and what is left over is a root of Joseph's
-    // P⁺ = (I - K C) P (I - K C)ᵀ + K R Kᵀ.
-    Matrix f(m + q, m), rest = Matrix::Zero(m + q, n);
-    f.topRows(m) = factor_of(model.R[step], "R", k, m).transpose();
-    f.bottomRows(q) = s.transpose() * model.C[step].transpose();
-    rest.bottomRows(q) = s.transpose();
-    filter.innovation_cov.push_back(square(f.transpose()));
-    Vector scale = f.colwise().norm();  // outputs in any units
-    scale = (scale.array() > 0).select(scale.cwiseInverse(), 1.0);
-    const linalg::MinimumNorm gain = linalg::minimum_norm(f * scale.asDiagonal(), rest, singular);
-    filter.K.emplace_back(gain.x.transpose() * scale.asDiagonal());
-    rest -= f * filter.K.back().transpose();
+    // F = [R^{1/2}ᵀ; SᵀCᵀ], and what is left of [0; Sᵀ] is a root of Joseph's P⁺ = (I - K C) P (I - K C)ᵀ + K R Kᵀ.
+    const Matrix noise = root_of(model.R[step], "R", k, model.outputs);
+    const Matrix f = linalg::stacked(noise, root * model.C[step].transpose());
+    Matrix rest = linalg::stacked(Matrix::Zero(noise.rows(), model.n(k)), root);
+    filter.innovation_cov.push_back(covariance_of(f));
+    filter.K.push_back(prediction_gain(f, rest));
 
-    Matrix stacked(m + q + next, next);
-    stacked.topRows(m + q) = rest * model.A[step].transpose();
-    stacked.bottomRows(next) = factor_of(model.Q[step], "Q", k, next).transpose();
-    s = linalg::triangular_factor(stacked).transpose();
-    filter.P.push_back(square(s));
+    Matrix next = linalg::stacked(rest * model.A[step].transpose(), root_of(model.Q[step], "Q", k, model.n(k + 1)));
+    root = linalg::triangular_factor(next);
+    filter.P.push_back(covariance_of(root));
   }
   return filter;
 }

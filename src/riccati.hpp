@@ -1,4 +1,5 @@
 // The gains of the Kalman filter of a model in innovations form whose states have noise beyond the innovations.
+// Covariances are carried as roots, Σ = RᵀR, of which rounding errors take half as many digits.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,11 +9,34 @@
 
 namespace tokid {
 
+// The least noise of an output, as a share of its size, beside the largest such share. Outputs that have less count as
+// if they had it: they would hide all others, and have gains that fit nothing but how a model of few states errs.
+inline constexpr double least_noise = 1e-3;
+
+// Rows are independent sources of variance 1, `seen` (rows × m) is what they do to the innovations, `rest` (rows × n)
+// to what is to be predicted. \return the gain K (n × m) of the best prediction, min ‖seen·Kᵀ - rest‖, of smallest norm
+// where innovations are singular; `rest` keeps what is left, a root of its covariance.
+Matrix prediction_gain(const Matrix& seen, Matrix& rest);
+
+// rootᵀ·root, symmetric to the last bit.
+Matrix covariance_of(const Matrix& root);
+
+// Sets columns of residuals (rows × m) to zero that are nothing but rounding errors of the outputs, whose norms are
+// `size` (m), and those of outputs at rest: gains would be read off them.
+void drop_rounding(Matrix& residuals, const Vector& size);
+
+// What the regressions of a model in innovations form leave, by roots of the covariances Σ and Q'.
+struct NoiseRoots {
+  std::vector<Matrix> innovation;  // (S) of (· × m)
+  std::vector<Matrix> state;       // (S) of (· × n_{k+1}), beyond the innovations
+  Vector output_size;              // (m) root mean square over all steps
+};
+
 // What the regressions on states leave unexplained is process noise: the gain of the innovations form is right without
 // it; with it the Kalman filter's is, which keeps the observer stable however noisy the regression for the gain was.
-//   w = -G ε + w',  v = ε:   P⁺ = Ā (P - P Cᵀ S⁻¹ C P) Āᵀ + Q',  S = C P Cᵀ + Σ,  G⁺ = (G Σ - A P Cᵀ) S⁻¹
-// Replaces G and innovation_cov, Σ, of every step; noise: Q' of every step (n_{k+1} × n_{k+1}). A periodic model gets
+//   w = -G ε + w',  v = ε:   S = C P Cᵀ + Σ,  G⁺ = (G Σ - A P Cᵀ) S⁻¹,  P⁺ = A P Aᵀ + G Σ Gᵀ + Q' - G⁺ S G⁺ᵀ
+// Replaces G of every step, which is that for at least least_noise, and sets innovation_cov, S. A periodic model gets
 // the gains that the filter settles on.
-void filter_gains(Model& model, const std::vector<Matrix>& noise);
+void filter_gains(Model& model, const NoiseRoots& noise);
 
 }  // namespace tokid

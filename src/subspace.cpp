@@ -83,14 +83,23 @@ class Steps {
   }
 };
 
-// What weighs the errors of the outputs against each other: the innovations, pooled where the model is smooth.
+// What weighs the errors of the outputs against each other: the innovations, pooled where the model is smooth. Outputs
+// (nearly) without noise count as if they had some, or they would hide all others.
 std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
   const Index m = arx.outputs;
   std::vector<Matrix> result(arx.step.size());
   const bool pooled = o.variation.smoothing > 0 || o.variation.period > 0 || !o.noisy;
   Matrix covariance = Matrix::Zero(m, m);
   for (Index k = arx.k_begin; k < arx.steps(); ++k) {
-    const Matrix own = o.noisy ? Matrix(arx.residual_cov(k)) : Matrix(arx.output_rms(k).cwiseAbs2().asDiagonal());
+    const Vector squares = arx.output_rms(k).cwiseAbs2();
+    Matrix own = squares.asDiagonal();
+    if (o.noisy) {
+      own = arx.residual_cov(k);
+      double noisiest = 0.0;
+      for (Index j = 0; j < m; ++j)
+        if (squares(j) > 0) noisiest = std::max(noisiest, own(j, j) / squares(j));
+      own.diagonal() = own.diagonal().cwiseMax(least_noise * least_noise * noisiest * squares);
+    }
     if (pooled)
       covariance += own / double(arx.steps());
     else
@@ -254,7 +263,8 @@ StateMaps state_maps(const Steps& steps, const PredictorFactors& factors, const 
 // Coefficients (right × regressors) of one group of steps, and what they leave of the right side.
 struct Fitted {
   Matrix coefficients;
-  Matrix residual;         // (right × right) sum of squares
+  Matrix residual;         // triangular (· × right): residualᵀ·residual is the sum of squares
+  Vector squares;          // (right) of the right side itself, summed
   double rows = 0.0;       // experiments, over the steps of the group
   Index rank = 0;          // of the group's own regressors …
   double condition = 0.0;  // … and of the part of that rank
@@ -303,10 +313,12 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
     const std::vector<Matrix> x = random_walk_regression(rows, l, Vector::Constant(l, std::sqrt(smoothing)));
     for (size_t g = begin; g < end; ++g) {
       const Matrix& block = rows[g - begin];
-      const Matrix left = block.rightCols(block.cols() - l) - block.leftCols(l) * x[g - begin];
+      const auto right = block.rightCols(block.cols() - l);
+      Matrix left = right - block.leftCols(l) * x[g - begin];
+      result[g].squares = right.colwise().squaredNorm();
       judge(block.leftCols(l), result[g]);
       result[g].coefficients = (rms.cwiseInverse().asDiagonal() * x[g - begin]).transpose();
-      result[g].residual = left.transpose() * left;
+      result[g].residual = linalg::triangular_factor(left);
     }
   };
   // Steps without a row are held by their neighbours.
@@ -356,9 +368,11 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
     const Matrix next = states(window.rightCols(steps.width()), steps.next(g));
     Matrix both(block.rows(), known + errors + next.cols());
     both.leftCols(known) = block.leftCols(known);
-    if (o.noisy)
-      both.middleCols(known, m) =
-          block.rightCols(m) - block.leftCols(known) * outputs[size_t(g)].coefficients.transpose();
+    if (o.noisy) {
+      Matrix innovations = block.rightCols(m) - block.leftCols(known) * outputs[size_t(g)].coefficients.transpose();
+      drop_rounding(innovations, block.rightCols(m).colwise().norm());
+      both.middleCols(known, m) = innovations;
+    }
     both.rightCols(next.cols()) = next;
     return both;
   };
@@ -369,15 +383,20 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
   Index most = 0;
   for (Index g = 0; g < steps.groups(); ++g) most = std::max(most, n_of(g));
   const auto full = [&](Index g) { return n_of(g) == most && n_of(steps.next(g)) == most; };
-  Matrix sum_outputs = Matrix::Zero(m, m), sum_states = Matrix::Zero(most, most);
+  linalg::RowStack all_outputs(m), all_states(most);
   double rows_outputs = 0.0, rows_states = 0.0;
-  for (Index g = 0; pooled && g < steps.groups(); ++g) {
-    if (outputs[size_t(g)].rows > 0) sum_outputs += outputs[size_t(g)].residual;
+  Vector squares = Vector::Zero(m);
+  for (Index g = 0; g < steps.groups(); ++g) {
+    if (outputs[size_t(g)].rows > 0) {
+      squares += outputs[size_t(g)].squares;
+      if (pooled) all_outputs.add(outputs[size_t(g)].residual);
+    }
     rows_outputs += outputs[size_t(g)].rows;
-    if (!full(g) || next_states[size_t(g)].rows == 0) continue;
-    sum_states += next_states[size_t(g)].residual;
+    if (!pooled || !full(g) || next_states[size_t(g)].rows == 0) continue;
+    all_states.add(next_states[size_t(g)].residual);
     rows_states += next_states[size_t(g)].rows;
   }
+  const Matrix shared_outputs = all_outputs.factor(), shared_states = all_states.factor();
 
   Model model;
   model.inputs = r;
@@ -388,7 +407,8 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
   model.period = o.variation.period;
   if (steps.smooth()) model.frame = "smooth";
   model.k_begin = steps.varying() ? steps.begin : 0;
-  std::vector<Matrix> noise;  // of the states, beyond the innovations
+  NoiseRoots noise;
+  noise.output_size = (squares / std::max(1.0, rows_outputs)).cwiseSqrt();
   for (Index k = model.k_begin; k < e.steps(); ++k) {
     const size_t g = size_t(steps.group(k));
     const Index next_g = steps.next(Index(g)), n = n_of(Index(g)), next = n_of(next_g);
@@ -400,14 +420,14 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
     model.C.emplace_back(cd.leftCols(n));
     model.D.emplace_back(cd.rightCols(r));
     model.G.emplace_back(o.noisy ? -ab.rightCols(m) : -maps.of[size_t(next_g)].rightCols(m));
-    const auto covariance = [&](const Matrix& sum, double rows, Index spent, Index size) -> Matrix {
-      if (sum.rows() != size) return Matrix::Zero(size, size);
-      return sum / std::max(1.0, rows - double(spent));
+    const auto root = [](const Matrix& residual, double rows, Index spent, Index size) -> Matrix {
+      if (residual.cols() != size) return Matrix::Zero(0, size);
+      return residual / std::sqrt(std::max(1.0, rows - double(spent)));
     };
-    model.innovation_cov.push_back(pooled ? covariance(sum_outputs, rows_outputs, 0, m)
-                                          : covariance(y.residual, y.rows, n + r, m));
-    noise.push_back(pooled && full(Index(g)) ? covariance(sum_states, rows_states, 0, next)
-                                             : covariance(x.residual, x.rows, n + r + errors, next));
+    noise.innovation.push_back(pooled ? root(shared_outputs, rows_outputs, 0, m) : root(y.residual, y.rows, n + r, m));
+    noise.state.push_back(pooled && full(Index(g)) ? root(shared_states, rows_states, 0, next)
+                                                   : root(x.residual, x.rows, n + r + errors, next));
+    model.innovation_cov.push_back(covariance_of(noise.innovation.back()));
     model.singular_values.push_back(factors.group[g].singular_values);
     model.condition.push_back(y.condition);
     model.rank.push_back(y.rank);
@@ -415,9 +435,7 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
     model.state_dim.push_back(n);
   }
   model.state_dim.push_back(n_of(steps.next(steps.group(e.steps() - 1))));
-  if (!o.noisy) return model;
-
-  filter_gains(model, noise);
+  if (o.noisy) filter_gains(model, noise);
   return model;
 }
 

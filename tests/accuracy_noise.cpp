@@ -43,9 +43,15 @@ class Nudged {
     }
     return a;
   }
-  std::vector<Exact> columns(std::vector<Exact> list) {
-    for (Exact& a : list) a = exact(columns(Matrix(a.cast<double>())));
-    return list;
+  // Columns that are factored with others, by shares of `sizes`: in any direction, and along each other and `others`,
+  // as what a factorisation rounds does not average out over its rows.
+  Exact factored(const Exact& a, const Matrix& others, const Vector& sizes) {
+    Matrix beside(others.rows(), a.cols() + others.cols());
+    beside << a.cast<double>(), others;
+    beside.colwise().normalize();
+    const Matrix any = random_.matrix(a.rows(), a.cols()) / std::sqrt(double(a.rows()));
+    const Matrix along = beside * random_.matrix(beside.cols(), a.cols());
+    return a + exact(nudge * (any + along) * sizes.asDiagonal());
   }
   Ensemble operator()(Ensemble e) {
     e.samples() = columns(e.samples());
@@ -188,12 +194,23 @@ AccuracyFindings predictor_subspaces(int cases) {
 
     Accuracy pulses = stage_of("subspace: A, B, C", route), gains = stage_of("subspace: gains G", route);
     Accuracy innovations = stage_of("subspace: innovations", route);
-    // Samples of the states are rounded, and residuals of outputs that do not go with them.
+    // Samples of the states are rounded, and so are residuals of outputs, by shares of these.
     const auto realised = [&](const oracle::States& states, const Ensemble& e) {
       return observer_of(oracle::realise(oracle::samples(states, e, p), e, p), steps);
     };
     const auto realised_nearby = [&](const oracle::States& states, const Ensemble& e) {
-      return observer_of(oracle::realise(nudged.columns(oracle::samples(states, e, p)), nudged(e), p), steps);
+      const auto measured = [&](Index k) { return e.samples().middleCols(k * e.channels(), e.channels()); };
+      std::vector<Exact> x = oracle::samples(states, e, p);
+      for (Index k = p; k < steps; ++k) {
+        Exact& now = x[size_t(k)];
+        now = nudged.factored(now, measured(k), now.cast<double>().colwise().norm());
+      }
+      const auto handed = [&](Index k, const Exact& residuals) {
+        Matrix others(residuals.rows(), x[size_t(k)].cols() + e.channels());
+        others << x[size_t(k)].cast<double>(), measured(k);
+        return nudged.factored(residuals, others, e.output(k).colwise().norm());
+      };
+      return observer_of(oracle::realise(x, nudged(e), p, handed), steps);
     };
     see(pulses, gains, innovations, observer_of(realise(data, arx, factors, o), steps), realised(given, data),
         every_draw([&] { return realised_nearby(given, nudged(data)); }));

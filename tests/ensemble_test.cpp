@@ -149,6 +149,22 @@ TEST(Nominal, IsTheMeanOfTheSamplesThatAreThere) {
   EXPECT_TRUE(std::isnan(rest.y(2, 1, 0)));
 }
 
+// 0.1 and the like are no sums of powers of two: the mean of many is another number, if it is taken without care.
+TEST(Nominal, WhatIsAlwaysTheSameDoesNotDepart) {
+  Ensemble e(61, 20, 1, 2);
+  for (Index k = 0; k < e.steps(); ++k) {
+    e.input(k).setConstant(1e-5);
+    e.output(k).col(0).setConstant(0.1);
+    e.output(k).col(1).setConstant(double(k) / 3);
+  }
+  e.y(0, 3, 0) = nan;
+  Nominal nominal = nominal_trajectory(e);
+  const Ensemble rest = departures(e, nominal);
+  for (const double value : rest.samples().reshaped()) EXPECT_TRUE(value == 0 || std::isnan(value));
+  share_phases(nominal, 1);
+  for (Index k = 0; k < e.steps(); ++k) EXPECT_EQ(nominal.y(k, 0), 0.1);
+}
+
 // One run in a thousand may reach the threshold; of 400 true nulls, five or more would have a probability of 1e-4. The
 // channels here move so slowly that all steps of an experiment are nearly the same number, the worst case for such a
 // test.

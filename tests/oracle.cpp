@@ -265,7 +265,7 @@ std::vector<Exact> samples(const States& states, const Ensemble& data, Index lag
   return result;
 }
 
-Realised realise(const std::vector<Exact>& states, const Ensemble& data, Index lags) {
+Realised realise(const std::vector<Exact>& states, const Ensemble& data, Index lags, const Handed& handed) {
   const Index r = data.inputs(), m = data.outputs(), steps = data.steps();
   Realised result{{r, m, lags, {}, {}, {}, {}}, {}};
   System& model = result.system;
@@ -277,7 +277,8 @@ Realised realise(const std::vector<Exact>& states, const Ensemble& data, Index l
     const Exact c = output.coefficients.leftCols(n), sigma = covariance(output.residuals, n + r);
     Exact of_state = Exact::Zero(next, n + r + m), noise = Exact::Zero(next, next);
     if (next > 0) {
-      const Fit state = fit(beside(known, output.residuals), states[size_t(k + 1)]);
+      const Exact residuals = handed ? handed(k, output.residuals) : output.residuals;
+      const Fit state = fit(beside(known, residuals), states[size_t(k + 1)]);
       of_state = state.coefficients;
       noise = covariance(state.residuals, n + r + m);
     }

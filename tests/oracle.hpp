@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <boost/multiprecision/cpp_bin_float.hpp>
 #include <boost/multiprecision/eigen.hpp>
+#include <functional>
 #include <vector>
 
 #include "tokid/gtv_arx.hpp"
@@ -79,7 +80,9 @@ struct Realised {
   System system;
   std::vector<Exact> innovation_cov;  // (S)
 };
-Realised realise(const std::vector<Exact>& states, const Ensemble& data, Index lags);
+// `handed`, if there is one: what becomes of the residuals of the outputs on their way to the regression of the state.
+using Handed = std::function<Exact(Index k, const Exact& residuals)>;
+Realised realise(const std::vector<Exact>& states, const Ensemble& data, Index lags, const Handed& handed = {});
 
 // Expectation: the second moments of [x_k; u_k; y_k] and [x_k; u_k; x_{k+1}] summed over the experiments, given all
 // samples that are there. All others, and the states, are the unknowns of one least-squares problem per experiment,

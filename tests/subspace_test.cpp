@@ -254,6 +254,76 @@ TEST(Subspace, ObserversAreStableHoweverNoisyTheData) {
     }
 }
 
+// Weightings of noisy data, by the TimeVariation that goes with each.
+const std::vector<std::pair<Weighting, TimeVariation>> weightings{{Weighting::one_step, {0.0, 0}},
+                                                                  {Weighting::one_step, {1.0, 0}},
+                                                                  {Weighting::many_steps, {0.0, 0}},
+                                                                  {Weighting::one_step, {0.0, 1}},
+                                                                  {Weighting::projection, {0.0, 1}}};
+
+// A pressure in Pa beside an angle in rad: their noise is 1e9 apart, and its variances 1e18.
+TEST(Subspace, GainsDoNotDependOnUnits) {
+  const Model system = constant_system({3, 2, 1}, 60, 0.95, 71);
+  const Ensemble e = noisy_experiments(system, 60, 72);
+  for (const auto& [weighting, variation] : weightings)
+    for (const double unit : {1e-9, 1e9}) {
+      const Vector units = (Vector(2) << 1.0, unit).finished();
+      Ensemble other = e;
+      for (Index k = 0; k < e.steps(); ++k) other.output(k) = e.output(k) * units.asDiagonal();
+      SubspaceOptions o;
+      o.states = 3;
+      o.variation = variation;
+      o.weighting = weighting;
+      const auto predicted = [&](const Ensemble& data) {
+        return predict(subspace(data, arx_of(data, 4, InitialState::zero, variation), o), data).y;
+      };
+      Ensemble in_first_units = predicted(other);
+      for (Index k = 0; k < e.steps(); ++k)
+        in_first_units.output(k) = in_first_units.output(k) * units.cwiseInverse().asDiagonal();
+      // Rounding times the conditions of two regressions on 60 experiments, of at most some hundreds each.
+      EXPECT_LT(output_error(predicted(e), in_first_units), 1e5 * epsilon)
+          << int(weighting) << ", lambda " << variation.smoothing << ", unit " << unit;
+    }
+}
+
+// A command that is recorded among the outputs, or an output at rest: what is exact tells nothing of the errors of the
+// states, and must neither get gains, read off rounding errors, nor hide the noisy outputs.
+TEST(Subspace, OutputsWithoutNoiseSpoilNoOthers) {
+  const Model system = constant_system({3, 2, 1}, 60, 0.95, 73);
+  const auto with = [&](Ensemble e, bool at_rest) {
+    Ensemble all(e.experiments(), e.steps(), 1, 3, e.dt);
+    for (Index k = 0; k < e.steps(); ++k) {
+      all.input(k) = e.input(k);
+      all.output(k).leftCols(2) = e.output(k);
+      all.output(k).col(2).setZero();
+      if (!at_rest && k > 0) all.output(k).col(2) = 0.7 * e.input(k - 1).col(0);
+    }
+    return all;
+  };
+  const Ensemble e = noisy_experiments(system, 60, 74), fresh = noisy_experiments(system, 200, 75);
+  const auto errors = [](const Ensemble& truth, const Ensemble& found) {
+    double sum = 0.0;
+    for (Index k = 8; k < truth.steps() - 8; ++k)
+      sum += (truth.output(k).leftCols(2) - found.output(k).leftCols(2)).squaredNorm();
+    return std::sqrt(sum);
+  };
+  for (const auto& [weighting, variation] : weightings)
+    for (const bool at_rest : {false, true}) {
+      SubspaceOptions o;
+      o.states = at_rest ? 3 : 4;
+      o.variation = variation;
+      o.weighting = weighting;
+      const auto model_of = [&](const Ensemble& data) {
+        return subspace(data, arx_of(data, 4, InitialState::zero, variation), o);
+      };
+      const Model plain = model_of(e), model = model_of(with(e, at_rest));
+      for (const Matrix& g : model.G) EXPECT_LE(g.col(2).norm(), 1e3 * g.leftCols(2).norm()) << int(weighting);
+      const Ensemble judged = with(fresh, at_rest);
+      EXPECT_LT(errors(judged, predict(model, judged).y), 1.1 * errors(fresh, predict(plain, fresh).y))
+          << int(weighting) << ", lambda " << variation.smoothing << ", at rest " << at_rest;
+    }
+}
+
 TEST(Subspace, FactorsSplitThePredictor) {
   const Ensemble e = noisy_experiments(oscillator(30), 60, 30);
   const GtvArx arx = arx_of(e, 4, InitialState::zero);

@@ -41,10 +41,13 @@ Vector draw_weights(Index experiments, double spread, std::uint64_t seed) {
 Nominal weighted_nominal(const Ensemble& data, const Vector& weights) {
   Nominal nominal{Matrix(data.steps(), data.inputs()), Matrix(data.steps(), data.outputs())};
   const auto mean = [&](const auto& samples) {
-    double sum = 0.0, total = 0.0;
+    double result = 0.0, total = 0.0;  // what is always the same stays it to the last bit
     for (Index n = 0; n < samples.size(); ++n)
-      if (!std::isnan(samples(n))) sum += weights(n) * samples(n), total += weights(n);
-    return total > 0 ? sum / total : 0.0;
+      if (!std::isnan(samples(n)) && weights(n) > 0) {
+        total += weights(n);
+        result += (samples(n) - result) * (weights(n) / total);
+      }
+    return result;
   };
   for (Index k = 0; k < data.steps(); ++k) {
     for (Index i = 0; i < data.inputs(); ++i) nominal.u(k, i) = mean(data.input(k).col(i));

@@ -363,6 +363,27 @@ def test_a_stuck_sensor_is_told_once(tokid, tmp_path):
         assert "is its sensor stuck there?" in text
 
 
+@pytest.mark.parametrize("third", ["at rest", "an input, a step later"])
+@pytest.mark.parametrize("time", [(), ("--time-invariant",), ("--time-invariant", "--weighting", "projection")])
+def test_exact_outputs_spoil_no_others(tokid, tmp_path, third, time):
+    """A constant like 0.1, whose mean over many experiments is another number, or a recorded command."""
+    u = gaussian(count=5 * N)
+    y = experiments(u, 0.05)
+    if time:  # one that does not change: responses to the same inputs, convolved
+        weights = np.array([[0.3, 1, 0.7, 0.4, 0.2], [0, 0.5, -0.6, 0.4, -0.2]])
+        y = np.stack([sum(w[i] * np.pad(u, ((0, 0), (i, 0), (0, 0)))[:, :T, 0] for i in range(5)) for w in weights], 2)
+        y += 0.05 * np.random.default_rng(9).standard_normal(y.shape)
+    exact = np.full((5 * N, T, 1), 0.1) if third == "at rest" else 0.7 * np.pad(u, ((0, 0), (1, 0), (0, 0)))[:, :T, 1:]
+
+    def fits(outputs):
+        arguments = ["--states", 5, "--lags", 3, "--no-refine", "--nominal", "mean", "--hold-out", 0.25]
+        result = tokid.json(*identify(tmp_path, u, outputs, *arguments, *time))
+        return [np.array(result[kind][:2]) for kind in ("one_step_fit", "simulation_fit")]
+
+    for plain, beside in zip(fits(y), fits(np.concatenate([y, exact], 2))):
+        assert np.all(beside > plain - 2), (plain, beside)
+
+
 def test_streams_tell_what_every_stretch_shows(tokid, tmp_path):
     """Outputs and inputs of the later stretches too, with their steps of the whole record."""
     u = gaussian(steps=900)
