@@ -25,10 +25,12 @@ Extreme extreme(const std::vector<double>& values) {
   Extreme result;
   for (const double value : values)
     if (!std::isnan(value) && !(value <= result.value)) result.value = value;
-  // Rounding errors of a condition number are a few eps times its square, and those of shares are less.
-  const double rounding = 100 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(result.value));
+  // Rounding errors of a condition number are a few eps times its square, and those of shares are less; of the largest
+  // conditions little more than the size is known.
+  const double rounding =
+      std::min(0.5, 100 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(result.value)));
   const auto first = std::find_if(values.begin(), values.end(), [&](double value) {
-    return value >= result.value - rounding * std::abs(result.value);
+    return value == result.value || value >= result.value - rounding * std::abs(result.value);
   });
   if (first != values.end()) result.step = static_cast<Index>(first - values.begin());
   result.median = median(values);

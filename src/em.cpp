@@ -7,11 +7,13 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <optional>
 #include <stdexcept>
 
 #include "em/anderson.hpp"
 #include "em/estimator.hpp"
 #include "em/symmetric.hpp"
+#include "riccati.hpp"
 #include "statistics.hpp"
 #include "tokid/observer.hpp"
 #include "words.hpp"
@@ -64,9 +66,15 @@ Matrix estimation_covariance(const Model& model, const Matrix& s, Index begin, I
 
 // Process noise that goes with the gains of a model of constant states whose innovations have covariance S.
 Matrix process_noise(const Matrix& s, const Model& model) {
+  const std::optional<Matrix> root = linalg::covariance_factor(s);
+  if (!root)
+    throw std::invalid_argument(
+        "innovation_cov: no covariance found, symmetric matrices without negative eigenvalues are needed");
   Matrix q = 1e-3 * estimation_covariance(model, s, 0, model.steps());
-  for (const Matrix& g : model.G) q += g * s * g.transpose() / double(model.steps());
+  // By roots: gains that cancel the noise which outputs have in common are far larger than what they leave.
+  for (const Matrix& g : model.G) q += covariance_of((g * *root).transpose()) / double(model.steps());
   q += 0.01 * Matrix(q.diagonal().asDiagonal());
+  em::symmetrise(q);
   return q;
 }
 

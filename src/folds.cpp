@@ -77,6 +77,10 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
   return result;
 }
 
+// The least error of an output that counts, as a share of its size, beside the largest such share. What is exact, such
+// as a recorded command, would else outweigh any errors of the others.
+constexpr double least_counted = 1e-3;
+
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) {
   const Matrix none = Matrix::Zero(data.steps(), data.outputs());  // errors are compared with the departures
   // Outputs that rest are no evidence.
@@ -93,8 +97,9 @@ Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) 
       for (Index k = 0; k < data.steps(); ++k)
         own.output(k) += 0.0 * (like->*outputs).output(k);  // NaN where there is none
     if (moving.empty()) return 0.0;
-    const Vector left = 1 - fit(data, own, none).fit(moving).array() / 100;
-    return left.array().isFinite().select(left.array().max(1e-12), 1e12).log().mean();
+    Vector left = 1 - fit(data, own, none).fit(moving).array() / 100;
+    left = left.array().isFinite().select(left, 1e12).eval();
+    return left.array().max(std::max(1e-12, least_counted * left.maxCoeff())).log().mean();
   };
   return {score(&Computed::one_step), std::min(score(&Computed::ahead), 0.0),
           std::min(score(&Computed::simulation), 0.0)};

@@ -119,6 +119,7 @@ class Pipeline {
   RefineOptions refine_options() const;
   void realise_model();
   RegressionSurvey survey_regressions(Index begin, Index end) const;
+  void warn_of_freedom();
   void warn_of_regressions();
   std::vector<Index> warn_of_excitation(const std::vector<Index>& suspects);
   void warn_of_experiments(const Ensemble& whole);
@@ -363,6 +364,7 @@ void Pipeline::regress_together() {
   }
   check_windows();
   result_.min_experiments = experiments_for(result_.lags);
+  if (result_.variation.period == 0 && result_.variation.smoothing == 0) warn_of_freedom();
 
   SmoothArxOptions arx_options;
   arx_options.lags = result_.lags;
@@ -702,6 +704,16 @@ RegressionSurvey Pipeline::survey_regressions(Index begin, Index end) const {
   return survey;
 }
 
+// Of regressions that nothing couples, although they are done together.
+void Pipeline::warn_of_freedom() {
+  const RegressionSizes sizes{data_->experiments(), effective_experiments(), data_->inputs(), data_->outputs(),
+                              result_.lags};
+  RegressionSurvey survey;
+  survey.freedom =
+      std::max<Index>(0, sizes.effective_experiments - minimum_experiments(sizes.inputs, sizes.outputs, sizes.lags));
+  for (std::string& text : warnings_of(survey, sizes, true)) warn(std::move(text));
+}
+
 void Pipeline::warn_of_regressions() {
   RegressionSurvey survey = survey_regressions(0, step_count());
   result_.condition_max = survey.condition_max;
@@ -752,7 +764,7 @@ void Pipeline::warn_of_experiments(const Ensemble& whole) {
 void Pipeline::warn_of_states() {
   const Model& model = result_.model;
   const Index unknowns = model.states() + model.inputs;
-  if (together_ && result_.variation.period == 0 && data_->experiments() < unknowns)
+  if (together_ && result_.variation.period == 0 && result_.variation.smoothing > 0 && data_->experiments() < unknowns)
     warn(
         fmt::format("{} are fewer than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on "
                     "variation stands in for what they don't show; judge the model by other data",
@@ -836,8 +848,10 @@ Identification Pipeline::run(bool validated, bool whole) {
   const std::string fingerprint = tokid::fingerprint(*data_);
   result_.experiments = data_->experiments();
   result_.steps = data_->steps();
-  if (options_.period == 0)
-    for (std::string& text : warnings_of_inputs(samples, data_->names)) warn(std::move(text));
+  for (std::string& text : options_.period > 0
+                               ? warnings_of_inputs(samples, data_->names, options_.period, data_->steps())
+                               : warnings_of_inputs(samples, data_->names))
+    warn(std::move(text));
   for (std::string& text : warnings_of_outputs(samples, data_->names)) warn(std::move(text));
   if (options_.period == 0 && samples.missing > 0)
     for (std::string& text : warnings_of_steps(*data_)) warn(std::move(text));

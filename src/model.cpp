@@ -267,12 +267,36 @@ class Observer {
     output_departure(model_, data, k, innovation);
     innovation -= y;
     seen_ = innovation;
-    if (!std::isfinite(seen_.sum()))
-      seen_ = seen_.array().isNaN().select(0.0, seen_);  // a missing output corrects nothing
     const size_t s = model_.at(k);
+    if (!std::isfinite(seen_.sum())) fill_in(s, seen_);
     next_.resize(x.rows(), model_.n(k + 1));
     linalg::tall_products({{x, model_.A[s]}, {u_, model_.B[s]}, {seen_, model_.G[s], true}}, next_);
     x.swap(next_);
+  }
+
+  // Missing innovations become what those of the other outputs say of them, E[ε_q | ε_o] = S_qo S_oo⁻¹ ε_o: the gain
+  // relies on outputs of the same noise to cancel it. Zero where nothing is known.
+  void fill_in(size_t s, Matrix& innovations) const {
+    std::vector<Index> seen, missing, before;
+    Matrix conditional;  // (missing × seen), the same for experiments with the same gaps
+    for (Index n = 0; n < innovations.rows(); ++n) {
+      missing.clear();
+      seen.clear();
+      for (Index j = 0; j < innovations.cols(); ++j) (std::isnan(innovations(n, j)) ? missing : seen).push_back(j);
+      if (missing.empty()) continue;
+      if (seen.empty() || model_.innovation_cov.empty()) {
+        for (const Index j : missing) innovations(n, j) = 0.0;
+        continue;
+      }
+      if (missing != before) {
+        const Matrix& covariance = model_.innovation_cov[s];
+        const Matrix whitener = linalg::whitener(covariance(seen, seen));
+        conditional = covariance(missing, seen) * whitener.transpose() * whitener;
+        before = missing;
+      }
+      const Vector known = innovations(n, seen).transpose();
+      innovations(n, missing) = (conditional * known).transpose();
+    }
   }
 
   // Blind experiments whose samples since then may tell the state. A window that fails grows, up to twice its size.

@@ -239,7 +239,9 @@ PredictorFactors projection_factors(const Ensemble& e, const GtvArx& arx, const 
       const Index q = svd.s.size() > 0 ? (svd.s.array() > negligible * svd.s(0)).count() : 0;
       const Vector root = svd.s.head(q).cwiseSqrt();
       result_of.observability = svd.u.leftCols(q) * root.asDiagonal();
-      const Matrix predictor = linalg::minimum_norm(r_zz, r_zy, negligible).x.transpose();
+      const Vector unit = r_zz.colwise().norm().unaryExpr([](double norm) { return norm > 0 ? 1 / norm : 1.0; });
+      const Matrix predictor =
+          linalg::minimum_norm(r_zz * unit.asDiagonal(), r_zy, negligible).x.transpose() * unit.asDiagonal();
       result_of.state = root.cwiseInverse().asDiagonal() * (svd.u.leftCols(q).transpose() * predictor);
     }
   });

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "riccati.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 
 #include "regressions.hpp"
@@ -31,22 +32,25 @@ class Riccati {
     Matrix seen = linalg::stacked(sigma, root_ * model_.C[s].transpose());
     drop_rounding(seen, noise_.output_size);
     Matrix rest = linalg::stacked(-sigma * model_.G[s].transpose(), root_ * model_.A[s].transpose());
-    rest = linalg::stacked(rest, Matrix::Zero(seen.cols(), rest.cols()));
-    const Matrix gain = prediction_gain(linalg::stacked(seen, missing_noise(seen)), rest);
+    const Matrix missing = missing_noise(seen);
+    rest = linalg::stacked(rest, Matrix::Zero(missing.rows(), rest.cols()));
+    const Matrix gain = prediction_gain(linalg::stacked(seen, missing), rest);
     Matrix next = linalg::stacked(rest, noise_.state[s]);
     root_ = linalg::triangular_factor(next);
     return {-gain, covariance_of(seen)};
   }
 
  private:
+  // A root of what the innovations lack of least_noise in each direction.
   Matrix missing_noise(const Matrix& seen) const {
-    const Vector norm = seen.colwise().norm();
     const Vector& size = noise_.output_size;
-    double noisiest = 0.0;
-    for (Index j = 0; j < size.size(); ++j)
-      if (size(j) > 0) noisiest = std::max(noisiest, norm(j) / size(j));
-    const Vector missing = (least_noise * noisiest * size).cwiseAbs2() - norm.cwiseAbs2();
-    return missing.cwiseMax(0.0).cwiseSqrt().asDiagonal();
+    const Vector unit = (size.array() > 0).select(size.cwiseInverse(), 0.0);
+    const Eigen::SelfAdjointEigenSolver<Matrix> directions(covariance_of(seen * unit.asDiagonal()));
+    const Vector& variance = directions.eigenvalues();  // in increasing order
+    const double least = least_noise * least_noise * variance(variance.size() - 1);
+    const Index lacking = (variance.array() < least).count();
+    return (least - variance.head(lacking).array().max(0.0)).sqrt().matrix().asDiagonal() *
+           directions.eigenvectors().leftCols(lacking).transpose() * size.asDiagonal();
   }
 
   const Model& model_;

@@ -9,9 +9,9 @@
 
 namespace tokid {
 
-// The least noise of an output, as a share of its size, beside the largest such share. Outputs that have less count as
-// if they had it: they would hide all others, and have gains that fit nothing but how a model of few states errs.
-inline constexpr double least_noise = 1e-3;
+// The least noise of any combination of outputs, as shares of their sizes, beside that of the noisiest. One that has
+// less counts as if it had this: its gain would fit nothing but how a model of few states errs.
+inline constexpr double least_noise = 1e-6;
 
 // Rows are independent sources of variance 1, `seen` (rows × m) is what they do to the innovations, `rest` (rows × n)
 // to what is to be predicted. \return the gain K (n × m) of the best prediction, min ‖seen·Kᵀ - rest‖, of smallest norm

@@ -83,8 +83,11 @@ class Steps {
   }
 };
 
-// What weighs the errors of the outputs against each other: the innovations, pooled where the model is smooth. Outputs
-// (nearly) without noise count as if they had some, or they would hide all others.
+// The least noise of an output, as a share of its size, beside the largest such share: outputs (nearly) without noise
+// count as if they had this, or they would take all states for themselves.
+constexpr double least_weighed = 1e-5;
+
+// What weighs the errors of the outputs against each other: the innovations, pooled where the model is smooth.
 std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
   const Index m = arx.outputs;
   std::vector<Matrix> result(arx.step.size());
@@ -98,7 +101,7 @@ std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
       double noisiest = 0.0;
       for (Index j = 0; j < m; ++j)
         if (squares(j) > 0) noisiest = std::max(noisiest, own(j, j) / squares(j));
-      own.diagonal() = own.diagonal().cwiseMax(least_noise * least_noise * noisiest * squares);
+      own.diagonal() = own.diagonal().cwiseMax(least_weighed * least_weighed * noisiest * squares);
     }
     if (pooled)
       covariance += own / double(arx.steps());

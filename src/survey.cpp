@@ -117,6 +117,28 @@ std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels
   return result;
 }
 
+std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names, Index period, Index steps) {
+  std::vector<std::string> result;
+  for (size_t i = 0; i < survey.zero.size(); ++i) {
+    const std::string name = names.input(Index(i));
+    if (const ChannelRange& range = survey.channel[i]; range.present > 0 && range.min == range.max) {
+      result.push_back(range.min == 0
+                           ? fmt::format("input {} is zero all along: its effect can't be identified", name)
+                           : fmt::format("input {} is constant all along: it shows a step response at most", name));
+      continue;
+    }
+    std::vector<Index> at_rest(size_t(period), 0), phases;
+    for (const auto* nothing : {&survey.zero[i], &survey.absent[i]})
+      for (const Index k : *nothing) ++at_rest[size_t(k % period)];
+    for (Index phase = 0; phase < std::min(period, steps); ++phase)
+      if (at_rest[size_t(phase)] == (steps - phase + period - 1) / period) phases.push_back(phase);
+    if (!phases.empty())
+      result.push_back(fmt::format("input {} is zero at the phases of {}: its effect there can't be identified", name,
+                                   words::step_list(phases)));
+  }
+  return result;
+}
+
 std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channels& names) {
   std::vector<std::string> result;
   const size_t inputs = survey.zero.size();

@@ -45,8 +45,10 @@ void check_presence(const Survey& survey, const Channels& names, Index inputs, I
 // \throws std::invalid_argument
 void check_magnitudes(const Survey& survey, const Channels& names, Index inputs);
 
-// Inputs that are the same in every experiment identify nothing at those steps; nor do outputs that never move.
+// Inputs that are the same in every experiment identify nothing at those steps, and nothing at the phases of a period
+// > 0 at which they are zero; nor do outputs that never move.
 std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names);
+std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names, Index period, Index steps);
 std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channels& names);
 
 // Where every experiment has a gap, and steps lend each other theirs, the model is a guess.

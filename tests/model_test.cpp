@@ -132,6 +132,40 @@ TEST(Predict, MissingOutputsCorrectNothingAndMissingInputsBlindTheObserver) {
   EXPECT_LE(output_error(whole.subset({0, 2}), prediction.y.subset({0, 2})), 1e3 * epsilon);
 }
 
+// Gains that cancel the noise which outputs have in common would double it where one of them is missing alone.
+TEST(Predict, WhatOtherOutputsSayOfMissingOnesIsNotLost) {
+  const Model system = kalman_observer(with_noise(oscillator(30), {.process_noise = 0.1, .measurement_noise = 0.3}));
+  const Ensemble plain =
+      experiments(system, {.experiments = 20, .seed = 74, .process_noise = 0.1, .measurement_noise = 0.3});
+  const Index m = system.outputs;
+  // All outputs twice, and a gain that leans on the difference of the two, which is always zero.
+  const double lean = 1e4;
+  Model twice = system;
+  twice.outputs = 2 * m;
+  for (auto* list : {&twice.Q, &twice.R, &twice.K}) list->clear();
+  Ensemble e(plain.experiments(), plain.steps(), plain.inputs(), 2 * m, plain.dt);
+  const auto doubled = [](const Matrix& a) { return (Matrix(2 * a.rows(), a.cols()) << a, a).finished(); };
+  for (Index k = 0; k < system.steps(); ++k) {
+    const size_t s = size_t(k);
+    twice.C[s] = doubled(system.C[s]);
+    twice.D[s] = doubled(system.D[s]);
+    twice.G[s] = Matrix(system.n(k + 1), 2 * m);
+    twice.G[s] << (0.5 + lean) * system.G[s], (0.5 - lean) * system.G[s];
+    twice.innovation_cov[s] = doubled(doubled(system.innovation_cov[s]).transpose());
+    e.input(k) = plain.input(k);
+    e.output(k) << plain.output(k), plain.output(k);
+  }
+  twice.names = {};
+  twice.check();
+  for (Index n = 0; n < e.experiments(); ++n) e.y(n, n % 30, n % (2 * m)) = nan;
+  const Ensemble expected = predict(system, plain).y, found = predict(twice, e).y;
+  // The whitener lifts variances by ε times the size; the gain multiplies what that makes of the differences.
+  for (Index k = 0; k < system.steps(); ++k)
+    EXPECT_LE((found.output(k).leftCols(m) - expected.output(k)).norm(),
+              lean * 1e3 * epsilon * expected.output(k).norm())
+        << k;
+}
+
 TEST(Predict, AModelThatBeginsLateDoesNotTakeItsFirstStateForZero) {
   const Model whole = observed_system({4, 2, 1}, 20, 95);
   const Model late = from_step(whole, 5);

@@ -266,8 +266,8 @@ TEST(Subspace, GainsDoNotDependOnUnits) {
   const Model system = constant_system({3, 2, 1}, 60, 0.95, 71);
   const Ensemble e = noisy_experiments(system, 60, 72);
   for (const auto& [weighting, variation] : weightings)
-    for (const double unit : {1e-9, 1e9}) {
-      const Vector units = (Vector(2) << 1.0, unit).finished();
+    for (const double unit : {1e-9, 1e-7, 1e9}) {
+      const Vector units = (Vector(2) << (unit == 1e-7 ? 1e7 : 1.0), unit).finished();
       Ensemble other = e;
       for (Index k = 0; k < e.steps(); ++k) other.output(k) = e.output(k) * units.asDiagonal();
       SubspaceOptions o;
@@ -321,6 +321,46 @@ TEST(Subspace, OutputsWithoutNoiseSpoilNoOthers) {
       const Ensemble judged = with(fresh, at_rest);
       EXPECT_LT(errors(judged, predict(model, judged).y), 1.1 * errors(fresh, predict(plain, fresh).y))
           << int(weighting) << ", lambda " << variation.smoothing << ", at rest " << at_rest;
+    }
+}
+
+// An output with little noise beside a noisy one keeps the gains that it has alone.
+TEST(Subspace, QuietOutputsArePredictedAsWellAsAlone) {
+  const Index steps = 60;
+  const auto part = [&](std::uint64_t seed) { return constant_system({2, 1, 1}, steps, 0.97, seed); };
+  const auto runs = [](const Model& system, Index count, double noise, std::uint64_t seed) {
+    return experiments(system,
+                       {.experiments = count, .seed = seed, .process_noise = noise, .measurement_noise = noise});
+  };
+  const auto beside = [&](const Ensemble& loud, const Ensemble& quiet) {
+    Ensemble both(loud.experiments(), steps, 2, 2, loud.dt);
+    for (Index k = 0; k < steps; ++k) {
+      both.input(k) << loud.input(k), quiet.input(k);
+      both.output(k) << loud.output(k), quiet.output(k);
+    }
+    return both;
+  };
+  const auto error = [](const Ensemble& truth, Index j, const Ensemble& found, Index own) {
+    double sum = 0.0;
+    for (Index k = 8; k < truth.steps() - 8; ++k)
+      sum += (truth.output(k).col(j) - found.output(k).col(own)).squaredNorm();
+    return std::sqrt(sum);
+  };
+  for (const double noise : {1e-3, 1e-4, 1e-5})
+    for (const auto& [weighting, variation] : weightings) {
+      SubspaceOptions o;
+      if (weighting == Weighting::projection && noise < 1e-4) continue;  // which weighs outputs by their sizes alone
+      o.variation = variation;
+      o.weighting = weighting;
+      const auto predicted = [&](const Ensemble& data, const Ensemble& judged, Index states) {
+        o.states = states;
+        return predict(subspace(data, arx_of(data, 4, InitialState::zero, variation), o), judged).y;
+      };
+      const Ensemble quiet = runs(part(81), 80, noise, 82), fresh = runs(part(81), 200, noise, 83);
+      const Ensemble both = beside(runs(part(84), 80, 0.5, 85), quiet);
+      const Ensemble judged = beside(runs(part(84), 200, 0.5, 86), fresh);
+      EXPECT_LT(error(judged, 1, predicted(both, judged, 4), 1), 1.5 * error(fresh, 0, predicted(quiet, fresh, 2), 0))
+          << noise << ", " << int(weighting) << ", lambda " << variation.smoothing << ", period " << variation.period;
     }
 }
 

@@ -108,10 +108,10 @@ struct Prediction {
 // The observer in the loop, x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) (9), from zero or from x0_mean on. Where
 // the state is not known, at the start with unknown initial states of which the model has no estimate and after a
 // missing input, it is estimated from the samples that follow; predictions are NaN until estimation_window(model) of
-// them, or as many more as it takes, tell all of the state. A missing output corrects nothing. Where samples are
-// missing and the model has Q, R and a start, the Kalman filter of the samples that are there takes the place of the
-// observer; a missing input then counts as a random one of its channel's mean square. \throws std::invalid_argument for
-// wrong channel numbers or horizon < 1
+// them, or as many more as it takes, tell all of the state. Missing innovations are what the others say of them by
+// innovation_cov, or zero. Where samples are missing and the model has Q, R and a start, the Kalman filter of the
+// samples that are there takes the place of the observer; a missing input then counts as a random one of its channel's
+// mean square. \throws std::invalid_argument for wrong channel numbers or horizon < 1
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options = {});
 
 // States (n × N) at step k of the experiments, by least squares over the samples k … k+window-1 through the observer:

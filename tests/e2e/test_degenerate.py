@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from conftest import ROOT
+from support import load
 
 GUIDE = ROOT / "docs" / "guide.md"
 N, T = 40, 40
@@ -68,6 +69,27 @@ def _(folder, tokid):
     return identify(folder, u, experiments(u), "--nominal", "none")
 
 
+@case("an input at rest all along a record")
+def _(folder, tokid):
+    u = gaussian(count=1, steps=400)
+    u[:, :, 1] = 0
+    return identify(folder, u, experiments(u, 0.02), "--time-invariant", "--states", 2, "--no-refine")
+
+
+@case("an input that is the same all along a record")
+def _(folder, tokid):
+    u = gaussian(count=1, steps=400)
+    u[:, :, 1] = 2.5
+    return identify(folder, u, experiments(u, 0.02), "--time-invariant", "--states", 2, "--no-refine")
+
+
+@case("an input at rest at some phases of a period")
+def _(folder, tokid):
+    u = gaussian(count=8, steps=80)
+    u[:, 1::4, 1] = u[:, 2::4, 1] = 0
+    return identify(folder, u, experiments(u, 0.02), "--period", 4, "--states", 2, "--no-refine")
+
+
 @case("inputs that move together")
 def _(folder, tokid):
     u = gaussian(3)
@@ -114,6 +136,12 @@ def _(folder, tokid):
 def _(folder, tokid):
     u = gaussian(count=3)
     return identify(folder, u, experiments(u, 0.05), "--states", 2, "--no-refine")
+
+
+@case("few experiments, and no smoothing")
+def _(folder, tokid):
+    u = gaussian(count=5)
+    return identify(folder, u, experiments(u, 0.05), "--states", 2, "--lags", 1, "--smoothing", 0, "--no-refine")
 
 
 @case("steps that no experiment has samples of")
@@ -382,6 +410,30 @@ def test_exact_outputs_spoil_no_others(tokid, tmp_path, third, time):
 
     for plain, beside in zip(fits(y), fits(np.concatenate([y, exact], 2))):
         assert np.all(beside > plain - 2), (plain, beside)
+
+
+@pytest.mark.parametrize("exact", ["a command", "a command in single precision", "a copy with noise of its own"])
+def test_exact_outputs_do_not_choose_the_model(tokid, tmp_path, exact):
+    """Nor does a gap in them spoil predictions, or EM fail, where gains cancel noise that outputs have in common."""
+    u = gaussian(count=80)
+    rng = np.random.default_rng(11)
+    y = experiments(u, 0.05, states=4)
+    command = 0.7 * np.pad(u, ((0, 0), (1, 0), (0, 0)))[:, :T, 1:]
+    third = {"a command": command, "a command in single precision": command.astype(np.float32).astype(float),
+             "a copy with noise of its own": y[:, :, :1] + 1e-6 * rng.standard_normal((80, T, 1))}[exact]
+    both = np.concatenate([y, third], 2)
+
+    def errors(outputs, gap=False):
+        tokid(*identify(tmp_path, u[:50], outputs[:50]))
+        given = outputs[50:].copy()
+        if gap:
+            given[:, 20, -1] = np.nan
+        tokid("predict", tmp_path / "model.npz", data(tmp_path, u[50:], given, "fresh.npz"), "-o", tmp_path / "p.npz")
+        return np.sqrt(np.mean((load(tmp_path / "p.npz")["y"] - outputs[50:])[:, 10:, :2] ** 2, (0, 1)))
+
+    alone = errors(y)
+    assert np.all(errors(both) < 1.2 * alone)
+    assert np.all(errors(both, gap=True) < 1.2 * alone)
 
 
 def test_streams_tell_what_every_stretch_shows(tokid, tmp_path):

@@ -111,6 +111,20 @@ def test_noise_beyond_reach(tokid, tmp_path, oscillator):
     assert any(f"{drawn['recommended']} recommended" in text for text in drawn["warnings"])
 
 
+@pytest.mark.parametrize("alike", [1e-9, 1e-12, 5e-13])
+def test_the_step_of_the_largest_condition_is_that(tokid, tmp_path, alike):
+    """However large it is: two outputs that are next to the same, whose rounding errors are of the size of 1."""
+    steps = 20
+    matrices = {"A": [[0.9, 0.1], [0, 0.8]], "B": [[1], [0.5]], "C": [[1, 0], [1, alike]], "D": [[0], [0]],
+                "G": np.zeros((2, 2))}
+    np.savez(tmp_path / "model.npz", dt=0.1, state_dim=np.full(steps + 1, 2),
+             **{name: np.tile(np.array(value, float), (steps, 1, 1)) for name, value in matrices.items()})
+    condition = tokid.json("plan", "--model", tmp_path / "model.npz", "-o", tmp_path / "u.npz", "--experiments",
+                           40)["condition"]
+    assert condition["largest"] > 1e9
+    assert condition["per_step"][condition["step"]] > 0.5 * condition["largest"]
+
+
 def test_initial_states_are_those_of_the_model(tokid, tmp_path):
     """A model from unknown initial states begins late, and plans experiments from unknown states."""
     tokid("example", "oscillator", "--steps", 40, "--initial-state", "unknown", "-o", tmp_path / "data.npz")
