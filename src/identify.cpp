@@ -268,16 +268,18 @@ bool Pipeline::regress_each_step() {
 }
 
 // What the steps leave to be judged, from unknown initial states on, must be half of them, and the windows without a
-// gap twice as many as the unknowns.
+// gap twice as many as the unknowns. Steps that nothing couples need a degree of freedom each.
 std::vector<Index> Pipeline::lag_candidates(const Ensemble& e, InitialState initial, Index period) const {
   if (options_.lags > 0) return {options_.lags};
   const Index needed = options_.states > 0 ? ceil_div(options_.states, data_->outputs()) : 1;
   const Index first = first_judged(initial, 1, period);
+  const bool coupled = period > 0 || options_.smoothing != 0;
   std::vector<Index> candidates;
   for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
     if (const Index unknowns = minimum_experiments(data_->inputs(), data_->outputs(), p);
         p >= needed && 2 * std::max<Index>(1, first) * p < e.steps() && p + period <= e.steps() &&
-        (candidates.empty() || unknowns <= most_regressors) && whole_windows(e, p) >= 2 * unknowns)
+        (candidates.empty() || unknowns <= most_regressors) && whole_windows(e, p) >= 2 * unknowns &&
+        (coupled || unknowns < effective_experiments()))
       candidates.push_back(p);
   if (candidates.empty()) candidates.push_back(needed);
   return candidates;

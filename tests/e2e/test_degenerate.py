@@ -436,6 +436,14 @@ def test_exact_outputs_do_not_choose_the_model(tokid, tmp_path, exact):
     assert np.all(errors(both, gap=True) < 1.2 * alone)
 
 
+def test_steps_alone_are_given_orders_that_they_can_judge(tokid, tmp_path):
+    """Of windows over many steps there are plenty, but each step has no more than the experiments."""
+    u = gaussian(count=16, steps=120)
+    result = tokid.json(*identify(tmp_path, u, experiments(u, 0.05), "--smoothing", 0, "--no-refine"))
+    assert all(trial["lags"] * 4 + 2 < 16 for trial in result["smoothing_trials"])
+    assert not any("no degree of freedom" in text for text in result["warnings"])
+
+
 def test_streams_tell_what_every_stretch_shows(tokid, tmp_path):
     """Outputs and inputs of the later stretches too, with their steps of the whole record."""
     u = gaussian(steps=900)
