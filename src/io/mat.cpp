@@ -35,7 +35,7 @@ thread_local std::string last_message;
 
 void listen_to_matio() {
   static std::once_flag once;
-  std::call_once(once, [] { Mat_LogInitFunc("tokid", [](int, char* message) { last_message = message; }); });
+  std::call_once(once, [] { Mat_LogInitFunc("tokid", [](int, auto* message) { last_message = message; }); });
   last_message.clear();
 }
 
