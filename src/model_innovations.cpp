@@ -137,7 +137,8 @@ class Filter {
     if (count > 0) {
       const Matrix c = model_.C[s](seen, Eigen::all);
       const Matrix own = noise(seen, seen), w = linalg::whitener(own + c * error * c.transpose());
-      const Matrix k_seen = (a * error * c.transpose() - g * noise(Eigen::all, seen)) * w.transpose() * w;
+      const Matrix shared = noise(Eigen::all, seen);
+      const Matrix k_seen = (a * error * c.transpose() - g * shared) * w.transpose() * w;
       gain(Eigen::all, seen) = k_seen;
       const Vector innovation = e(seen).transpose();
       correction = (k_seen * innovation).transpose();

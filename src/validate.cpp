@@ -111,7 +111,9 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
     throw std::invalid_argument(
         fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
   PredictOptions one_step{1, options.initial_state}, ahead{options.horizon, options.initial_state};
-  Judged judged{{}, predict(model, data, one_step), simulate_data(model, data, options.initial_state)};
+  Judged judged;
+  judged.prediction = predict(model, data, one_step);
+  judged.simulated = simulate_data(model, data, options.initial_state);
   Validation& result = judged.validation;
   const Prediction& prediction = judged.prediction;
   result.one_step = fit(data, prediction.y, model.y_nominal);

@@ -77,7 +77,8 @@ struct ModelFile::Content {
       outline.u_nominal.resize(0, 0);
       outline.y_nominal.resize(0, 0);
     } else {
-      outline.state_dim.insert(outline.state_dim.end(), steps.state_dim.begin() + 1, steps.state_dim.end());
+      outline.state_dim.pop_back();  // the new steps begin with the state that the old ones end with
+      extend(outline.state_dim, steps.state_dim);
       extend(outline.condition, steps.condition);
       extend(outline.rank, steps.rank);
       extend(outline.lags, steps.lags);
