@@ -97,8 +97,7 @@ Identification identify_without(const Ensemble& training, const IdentifyOptions&
 
 CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& identify_options,
                                const CrossValidateOptions& options) {
-  if (options.horizon < 1)
-    throw std::invalid_argument(fmt::format("horizon: {} found, at least 1 needed", options.horizon));
+  check_horizon(options.horizon, ensemble.steps());
   const auto members = fold_members(ensemble.experiments(), options);
   Pooled simulation(ensemble), one_step(ensemble), horizon(ensemble);
   bool nominal = false;

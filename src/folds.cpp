@@ -69,7 +69,8 @@ void OrderScores::choose() {
 Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first) {
   model.y_nominal = Matrix::Zero(data.steps(), data.outputs());
   model.u_nominal = Matrix::Zero(data.steps(), data.inputs());
-  Computed result{predict(model, data, {1, initial}).y, predict(model, data, {OrderScores::horizon, initial}).y,
+  const Index horizon = std::min(OrderScores::horizon, std::max<Index>(1, data.steps() - 1));
+  Computed result{predict(model, data, {1, initial}).y, predict(model, data, {horizon, initial}).y,
                   simulate_data(model, data, initial)};
   for (Ensemble* outputs : {&result.one_step, &result.ahead, &result.simulation})
     for (Index k = 0; k < std::min(first, data.steps()); ++k)

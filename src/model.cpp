@@ -416,11 +416,20 @@ std::vector<Matrix> filtered_states(Model model, const Ensemble& data, bool from
 
 }  // namespace
 
+void check_horizon(Index horizon, Index steps) {
+  if (horizon < 1) throw std::invalid_argument(fmt::format("horizon: {} found, at least 1 needed", horizon));
+  if (horizon > 1 && horizon >= steps)
+    throw std::invalid_argument(fmt::format(
+        "horizon: {} found, at most {} needed: the data have {} steps, and a prediction over all of them is a "
+        "simulation",
+        horizon, std::max<Index>(1, steps - 1), steps));
+}
+
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options) {
   if (ends_early(model, data.steps())) return predict(continued(model, data.steps()), data, options);
   check_channels(model, data, true);
   const Index horizon = options.horizon;
-  if (horizon < 1) throw std::invalid_argument(fmt::format("horizon: {} found, at least 1 needed", horizon));
+  check_horizon(horizon, data.steps());
   const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
   const Index end = std::min(model.k_end(), data.steps());
 

@@ -100,6 +100,9 @@ struct PredictOptions {
   bool initial_estimate = true;
 };
 
+// \throws std::invalid_argument unless some step of the data lies H steps after another; H = 1 is always allowed
+void check_horizon(Index horizon, Index steps);
+
 struct Prediction {
   Ensemble y;                       // u as given, y predicted; NaN where there is no prediction
   std::vector<Matrix> innovations;  // (T) of (N × m): y_k - ŷ_{k|k-1}; NaN where either is missing
@@ -111,7 +114,7 @@ struct Prediction {
 // them, or as many more as it takes, tell all of the state. Missing innovations are what the others say of them by
 // innovation_cov, or zero. Where samples are missing and the model has Q, R and a start, the Kalman filter of the
 // samples that are there takes the place of the observer; a missing input then counts as a random one of its channel's
-// mean square. \throws std::invalid_argument for wrong channel numbers or horizon < 1
+// mean square. \throws std::invalid_argument for wrong channel numbers, and as check_horizon
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options = {});
 
 // States (n × N) at step k of the experiments, by least squares over the samples k … k+window-1 through the observer:

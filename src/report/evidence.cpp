@@ -202,7 +202,7 @@ Index identified_from(const Model& model, const ReportOptions& options) {
 
 Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions& options) {
   Evidence found;
-  found.horizon = std::max<Index>(1, options.horizon);
+  found.horizon = std::clamp<Index>(options.horizon, 1, std::max<Index>(1, data.steps() - 1));
   ValidateOptions validate_options;
   validate_options.horizon = found.horizon;
   validate_options.initial_state = options.initial_state;
