@@ -503,7 +503,12 @@ void add_identify(CLI::App& tool) {
                "Keep finished blocks in FILE.resume until the model is there, and go on from those of a call with "
                "--resume that was stopped");
   command.file("--report", call->page, "Page to write that shows whether the model can be trusted: .html");
-  command.file("--state", call->state, "State to write, to which update adds later experiments: .h5, .npz or .mat");
+  const auto file_name = [](const std::string& text) {
+    return parse_number<double>(text, 0, 1e300) ? std::nullopt : std::optional<fs::path>(text);
+  };
+  command.value("--state", call->state, "FILE",
+                "State to write, to which update adds later experiments: .h5, .npz or .mat", file_name,
+                "the name of a file to write needed; --states takes the number of states");
   command.flag("--json", call->json, "Print one JSON object");
   command.flag("--quiet", call->quiet, "Print warnings and errors only");
   command.runs([call] { run(*call); });

@@ -16,6 +16,7 @@
 
 #include "command.hpp"
 #include "common.hpp"
+#include "suggestion.hpp"
 
 namespace tokid::app {
 namespace {
@@ -33,12 +34,6 @@ class Help : public CLI::Formatter {
   }
   std::string make_description(const CLI::App* command) const override { return command->get_description() + "\n\n"; }
 };
-
-std::string joined_names(const CLI::App& tool) {
-  std::vector<std::string> names;
-  for (const CLI::App* command : tool.get_subcommands({})) names.push_back(command->get_name());
-  return fmt::format("{}", fmt::join(names, ", "));
-}
 
 // A file opened later must not become what is printed to.
 void open_standard_streams() {
@@ -63,16 +58,41 @@ void add_commands(CLI::App& tool) {
   add_convert(tool);
 }
 
+std::vector<std::string> command_names(const CLI::App& tool) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : tool.get_subcommands({})) names.push_back(command->get_name());
+  return names;
+}
+
+std::vector<std::string> option_names(const CLI::App& command) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : command.get_options())
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  return names;
+}
+
+std::string unknown_command(const CLI::App& tool, const std::string& found) {
+  const std::vector<std::string> commands = command_names(tool);
+  const std::string hint = did_you_mean(found, commands);
+  return fmt::format("unknown command '{}'{} See 'tokid --help'", found,
+                     hint.empty() ? fmt::format(", one of {} needed.", fmt::join(commands, ", ")) : hint);
+}
+
 // CLI11 reports what is missing before what is too much; the latter is more often the cause.
 std::string complaint(const CLI::App& tool, const CLI::ParseError& error) {
   const std::vector<std::string> unexpected = tool.remaining(true);
   if (tool.get_subcommands().empty()) {
-    const std::string found = unexpected.empty() ? "no command given" : fmt::format("'{}' found", unexpected.front());
-    return fmt::format("{}, one of {} needed; see 'tokid --help'", found, joined_names(tool));
+    if (!unexpected.empty()) return unknown_command(tool, unexpected.front());
+    return fmt::format("no command given, one of {} needed; see 'tokid --help'", fmt::join(command_names(tool), ", "));
   }
-  const std::string what =
-      unexpected.empty() ? error.what() : fmt::format("unexpected argument '{}'", unexpected.front());
-  return fmt::format("{}; see 'tokid {} --help'", what, tool.get_subcommands().front()->get_name());
+  const CLI::App& command = *tool.get_subcommands().front();
+  const std::string see = fmt::format("ee 'tokid {} --help'", command.get_name());
+  if (unexpected.empty()) return fmt::format("{}; s{}", error.what(), see);
+  const std::string& first = unexpected.front();
+  if (!first.starts_with('-')) return fmt::format("unexpected argument '{}'; s{}", first, see);
+  const std::string name = first.substr(0, first.find('='));
+  const std::string hint = did_you_mean(name, option_names(command));
+  return fmt::format("unknown option '{}'{} S{}", name, hint.empty() ? "." : hint, see);
 }
 
 Outcome parse_and_run(int argc, char** argv) {
@@ -83,6 +103,10 @@ Outcome parse_and_run(int argc, char** argv) {
   tool.require_subcommand(1);
   tool.footer("Example:\n  tokid example oscillator -o data.npz && tokid identify data.npz -o model.npz");
   add_commands(tool);
+  if (argc < 2) {
+    print(tool.help());
+    return {};
+  }
   try {
     tool.parse(argc, argv);
   } catch (const CLI::CallForHelp&) {

@@ -341,7 +341,7 @@ def test_wrong_options(tokid, tmp_path, npz, options, words):
 
 
 @pytest.mark.parametrize("arguments,words", [
-    ([], ["identify", "validate", "simulate", "predict", "info", "plan", "example", "convert"]),
+    (["frobnicate"], ["identify", "validate", "simulate", "predict", "info", "plan", "example", "convert"]),
     (["identfy"], ["'identfy'", "identify"]),
     (["--no-such-option"], ["--no-such-option"]),
     (["identify"], ["DATA"]),

@@ -26,6 +26,30 @@ def test_help_lists_the_commands(tokid):
         assert re.search(rf"^  {command} +\w", shown, re.MULTILINE)
 
 
+def test_a_bare_call_prints_the_help(tokid):
+    assert tokid().stdout == tokid("--help").stdout
+
+
+@pytest.mark.parametrize(("call", "meant"), [
+    (["identfy", "data.npz"], "unknown command 'identfy'. Did you mean identify?"),
+    (["identify", "data.npz", "-o", "m.npz", "--lag", "3"], "unknown option '--lag'. Did you mean --lags?"),
+    (["identify", "data.npz", "-o", "m.npz", "--lag=3"], "unknown option '--lag'. Did you mean --lags?"),
+    (["identify", "data.npz", "-o", "m.npz", "--order", "4"], "unknown option '--order'. Did you mean --states or --lags?"),
+    (["identify", "data.npz", "-o", "m.npz", "--holdout", "0.2"], "unknown option '--holdout'. Did you mean --hold-out?"),
+    (["identify", "data.npz", "-o", "m.npz", "--smoothign", "1"], "unknown option '--smoothign'. Did you mean --smoothing?"),
+    (["validate", "m.npz", "data.npz", "--horizn", "5"], "unknown option '--horizn'. Did you mean --horizon?"),
+    (["identify", "data.npz", "-o", "m.npz", "--state", "4"], "--states takes the number of states"),
+])
+def test_a_wrong_word_is_answered_with_the_right_one(tokid, call, meant):
+    assert meant in tokid(*call, status=2).stderr
+
+
+def test_no_word_is_suggested_where_none_is_alike(tokid):
+    for call in (["frobnicate"], ["identify", "data.npz", "-o", "m.npz", "--xyz"], ["identify", "data.npz", "-z"]):
+        message = tokid(*call, status=2).stderr
+        assert "Did you mean" not in message and "--help" in message
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_example_of_the_help_runs(tokid, tmp_path, oscillator, command):
     shown = tokid(command, "--help").stdout
