@@ -60,6 +60,11 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
   if (fs::exists(path, error)) check_access(path, W_OK, "");
 }
 
+Ensemble load_data(const Model& model, const fs::path& path, ReadOptions options) {
+  options.wanted = complete(model.names, model.inputs, model.outputs);
+  return load_ensemble(path, options);
+}
+
 std::string coverage(const Ensemble& computed) {
   std::vector<Index> steps;
   for (Index k = 0; k < computed.steps(); ++k) {

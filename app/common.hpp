@@ -28,6 +28,9 @@ enum class Content { ensemble, model, bounds, state, page };
 // \throws IoError for a wrong name, WriteError where the system does not let it be written
 void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept = {});
 
+// The data for a model: channels that have the names of the model's are taken by name.
+Ensemble load_data(const Model& model, const fs::path& path, ReadOptions options);
+
 // The library's complaints about an argument can't know the file that it came from.
 template <class Work>
 std::invoke_result_t<Work> about(const fs::path& file, Work&& work) {

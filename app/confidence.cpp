@@ -175,7 +175,7 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
 void run(const Call& call) {
   check_output(call.output, Content::bounds, {call.model, call.data});
   const Model model = load_model(call.model);
-  const Ensemble data = load_ensemble(call.data, call.read);
+  const Ensemble data = load_data(model, call.data, call.read);
   Confidence result = [&] {
     ProgressBar bar(true);
     ConfidenceOptions options = call.options;

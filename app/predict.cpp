@@ -16,7 +16,7 @@ struct Call {
 void run(const Call& call) {
   check_output(call.output, Content::ensemble, {call.model, call.data});
   const Model model = load_model(call.model);
-  const Ensemble data = load_ensemble(call.data, call.read);
+  const Ensemble data = load_data(model, call.data, call.read);
   const Ensemble result = about(call.data, [&] { return predict(model, data, call.options).y; });
   save_ensemble(result, call.output);
 

@@ -93,7 +93,7 @@ Json json(const Call& call, const Ensemble& data, const RefinedModel& outcome) {
 void run(const Call& call) {
   check_output(call.output, Content::model, {call.data});
   const Model model = load_model(call.model);
-  const Ensemble data = load_ensemble(call.data, call.read);
+  const Ensemble data = load_data(model, call.data, call.read);
   const RefinedModel outcome = about(call.data, [&] {
     ProgressBar bar(true);
     RefineModelOptions options = call.options;

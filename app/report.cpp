@@ -16,7 +16,7 @@ struct Call {
 void run(const Call& call) {
   check_output(call.output, Content::page);
   const Model model = load_model(call.model);
-  const Ensemble data = load_ensemble(call.data, call.read);
+  const Ensemble data = load_data(model, call.data, call.read);
   ReportOptions options = call.options;
   options.model_name = call.model.filename().string();
   options.data_name = call.data.filename().string();

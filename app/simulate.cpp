@@ -17,7 +17,7 @@ struct Call {
 void run(const Call& call) {
   check_output(call.output, Content::ensemble, {call.model, call.inputs});
   const Model model = load_model(call.model);
-  const Ensemble inputs = load_ensemble(call.inputs, call.read);
+  const Ensemble inputs = load_data(model, call.inputs, call.read);
   const Ensemble result =
       about(call.inputs, [&] { return call.estimate ? simulate_data(model, inputs) : simulate(model, inputs); });
   save_ensemble(result, call.output);

@@ -216,7 +216,7 @@ CrossValidation cross_validation(const Call& call, const Model& model, const Ens
 
 void run(const Call& call) {
   const Model model = load_model(call.model);
-  const Ensemble data = load_ensemble(call.data, call.read);
+  const Ensemble data = load_data(model, call.data, call.read);
   Validation result = about(call.data, [&] { return validate(model, data, call.options); });
   const std::vector<std::string> remarks = differences(model, data);
   result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());

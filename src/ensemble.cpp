@@ -58,6 +58,15 @@ InitialState initial_state_from(const std::string& text) {
 std::string Channels::input(Index i) const { return channel_name(input_names, 'u', i); }
 std::string Channels::output(Index j) const { return channel_name(output_names, 'y', j); }
 
+Channels complete(const Channels& names, Index inputs, Index outputs) {
+  Channels result{{}, {}, names.input_units, names.output_units};
+  for (Index i = 0; i < inputs; ++i) result.input_names.push_back(names.input(i));
+  for (Index j = 0; j < outputs; ++j) result.output_names.push_back(names.output(j));
+  result.input_units.resize(size_t(inputs));
+  result.output_units.resize(size_t(outputs));
+  return result;
+}
+
 FreeResponse complete(const FreeResponse& free) {
   FreeResponse kept{0, free.steps, Matrix(free.y.rows(), free.y.cols())};
   for (Index n = 0; n < free.experiments; ++n)
@@ -106,6 +115,66 @@ Ensemble Ensemble::subset(const std::vector<Index>& chosen) const {
     for (const Index n : chosen) result.length.push_back(length[static_cast<size_t>(n)]);
   }
   return result;
+}
+
+namespace {
+
+std::vector<std::string> chosen_of(const std::vector<std::string>& list, const std::vector<Index>& chosen) {
+  std::vector<std::string> result;
+  if (!list.empty())
+    for (const Index c : chosen) result.push_back(list[size_t(c)]);
+  return result;
+}
+
+// Where the wanted names stand among those of the data; nothing where one is missing or stands there twice.
+std::optional<std::vector<Index>> places_of(const std::vector<std::string>& wanted,
+                                            const std::vector<std::string>& found) {
+  std::vector<Index> places;
+  for (const std::string& name : wanted) {
+    const auto at = std::find(found.begin(), found.end(), name);
+    if (at == found.end() || std::find(at + 1, found.end(), name) != found.end()) return std::nullopt;
+    places.push_back(at - found.begin());
+  }
+  return places;
+}
+
+std::vector<Index> all_places(Index count) {
+  std::vector<Index> places(static_cast<size_t>(count));
+  std::iota(places.begin(), places.end(), Index{0});
+  return places;
+}
+
+}  // namespace
+
+Ensemble Ensemble::select(const std::vector<Index>& inputs, const std::vector<Index>& outputs) const {
+  Ensemble result(experiments(), steps_, Index(inputs.size()), Index(outputs.size()), dt, Samples::unset);
+  for (Index k = 0; k < steps_; ++k) {
+    for (size_t i = 0; i < inputs.size(); ++i) result.input(k).col(Index(i)) = input(k).col(inputs[i]);
+    for (size_t j = 0; j < outputs.size(); ++j) result.output(k).col(Index(j)) = output(k).col(outputs[j]);
+  }
+  result.names = {chosen_of(names.input_names, inputs), chosen_of(names.output_names, outputs),
+                  chosen_of(names.input_units, inputs), chosen_of(names.output_units, outputs)};
+  result.initial_state = initial_state;
+  result.length = length;
+  if (free.experiments > 0) {
+    result.free = {free.experiments, free.steps, Matrix(free.experiments, free.steps * Index(outputs.size()))};
+    for (Index k = 0; k < free.steps; ++k)
+      for (size_t j = 0; j < outputs.size(); ++j)
+        result.free.y.col(k * Index(outputs.size()) + Index(j)) = free.y.col(k * outputs_ + outputs[j]);
+  }
+  return result;
+}
+
+std::optional<Ensemble> in_order(const Ensemble& e, const Channels& wanted) {
+  const auto unnamed = [](const Channels& names) { return names.input_names.empty() && names.output_names.empty(); };
+  if (unnamed(e.names) || unnamed(wanted)) return std::nullopt;
+  const Channels found = complete(e.names, e.inputs(), e.outputs());
+  const auto inputs = places_of(wanted.input_names, found.input_names);
+  const auto outputs =
+      e.outputs() > 0 ? places_of(wanted.output_names, found.output_names) : std::optional(std::vector<Index>());
+  if (!inputs || !outputs || (*inputs == all_places(e.inputs()) && *outputs == all_places(e.outputs())))
+    return std::nullopt;
+  return e.select(*inputs, *outputs);
 }
 
 void Ensemble::check(bool outputs_needed) const { checked(*this, outputs_needed); }

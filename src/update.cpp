@@ -270,7 +270,9 @@ auto about(const std::filesystem::path& file, Work&& work) {
 }
 
 Portion portion_of_file(const Needs& needs, const std::filesystem::path& file, const UpdateOptions& options) {
-  Ensemble data = load_ensemble(file, options.read);
+  ReadOptions read = options.read;
+  read.wanted = complete(needs.state.factors.names, needs.state.factors.inputs, needs.state.factors.outputs);
+  Ensemble data = load_ensemble(file, read);
   return about(file, [&] {
     Portion result = portion(needs.state, data, options.execution);
     if (needs.mean.y.size() > 0) data = departures(std::move(data), needs.mean);

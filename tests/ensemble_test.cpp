@@ -83,6 +83,35 @@ TEST(Ensemble, SubsetAndSplitKeepWholeExperiments) {
   for (const double bad : {0.0, 1.0, -0.1, 0.01, 0.99, nan}) EXPECT_THROW(split(e, bad), std::invalid_argument) << bad;
 }
 
+TEST(Ensemble, ChannelsAreTakenByNameInAnyOrderAndAmongOthers) {
+  Ensemble data = numbered(3, 5, 3, 2);
+  data.names = {{"a", "b", "c"}, {"p", "q"}, {"N", "", "V"}, {}};
+  data.length = {5, 4, 5};
+  data.free = {2, 3, Matrix::Random(2, 6)};
+  const auto wanted = [](std::vector<std::string> inputs, std::vector<std::string> outputs) {
+    return Channels{std::move(inputs), std::move(outputs), {}, {}};
+  };
+  const auto found = in_order(data, wanted({"c", "a"}, {"q", "p"}));
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->names.input_units, (std::vector<std::string>{"V", "N"}));
+  EXPECT_EQ(found->length, data.length);
+  for (Index k = 0; k < 5; ++k) {
+    EXPECT_EQ(found->input(k).col(0), data.input(k).col(2));
+    EXPECT_EQ(found->input(k).col(1), data.input(k).col(0));
+    EXPECT_EQ(found->output(k).col(0), data.output(k).col(1));
+    if (k < 3) EXPECT_EQ(found->free.y.col(2 * k), data.free.y.col(2 * k + 1));
+  }
+  const auto back = in_order(*in_order(data, wanted({"c", "b", "a"}, {"q", "p"})), data.names);
+  ASSERT_TRUE(back);
+  EXPECT_EQ(back->samples(), data.samples());
+  EXPECT_FALSE(in_order(data, data.names));                                    // as it stands
+  EXPECT_FALSE(in_order(data, wanted({"a", "d"}, {"p", "q"})));                // no channel "d"
+  EXPECT_FALSE(in_order(data, {}));                                            // nothing is wanted
+  EXPECT_FALSE(in_order(numbered(3, 5, 2, 1), wanted({"u2", "u1"}, {"y1"})));  // the data name nothing
+  data.names.input_names = {"a", "a", "c"};
+  EXPECT_FALSE(in_order(data, wanted({"c", "a"}, {"q", "p"})));  // which "a"?
+}
+
 TEST(Ensemble, EndOfASingleRecordIsHeldOutFromAStepOfTheFirstPhaseOn) {
   const Split parts = split(numbered(1, 100, 1, 1), 0.25, 4);
   EXPECT_EQ(parts.training.steps(), 72);

@@ -27,6 +27,9 @@ struct Channels {
   std::string output(Index j) const;  // "y1" or the given name
 };
 
+// With the default names and empty units where lists are empty, for r inputs and m outputs.
+Channels complete(const Channels& names, Index inputs, Index outputs);
+
 // Experiments without input from unknown non-zero initial states, on the time origin of the ensemble.
 struct FreeResponse {
   Index experiments = 0;  // Nf
@@ -82,6 +85,9 @@ class Ensemble {
   // The experiments of the given row numbers, with everything else kept.
   Ensemble subset(const std::vector<Index>& experiments) const;
 
+  // The given inputs and outputs, in the given order, with everything else kept. Outputs of free responses follow.
+  Ensemble select(const std::vector<Index>& inputs, const std::vector<Index>& outputs) const;
+
   // \throws std::invalid_argument that names the channel, experiment and step of an infinite value, or the channel
   // without a single finite sample, or what else is inconsistent.
   // With outputs_needed = false, outputs may be missing altogether, as where nothing could be predicted.
@@ -101,6 +107,10 @@ class Ensemble {
 // Sets the lengths, and what lies beyond them to NaN. None: all of them have T. \throws std::invalid_argument
 // unless there is one from 0 to T for each experiment
 void set_length(Ensemble& ensemble, std::vector<Index> length);
+
+// The channels with the names that are wanted, in that order. Nothing: the data have them so already, name no channels,
+// or lack one of the names. An ensemble without outputs needs the inputs only.
+std::optional<Ensemble> in_order(const Ensemble& ensemble, const Channels& wanted);
 
 // Number of NaN samples within the length of each experiment.
 Index missing_samples(const Ensemble& ensemble);

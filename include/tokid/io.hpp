@@ -36,6 +36,10 @@ struct ReadOptions {
   // Columns of a .csv that are inputs and outputs; empty: those whose names begin with u and y.
   std::vector<std::string> inputs = {}, outputs = {};
   bool outputs_required = true;  // false: inputs alone will do (m = 0), and outputs without a sample
+  // The channels that the data are needed for, with all of their names: those of a model, see complete(). Channels with
+  // these names are taken in this order; columns of a .csv too, unless they are stated above. Empty: as the file has
+  // it.
+  Channels wanted = {};
 };
 
 enum class FileKind { ensemble, model };

@@ -223,6 +223,10 @@ void bind_model(nb::module_& module) {
            })
       .def("estimation_window", &estimation_window)
       .def("differences", &differences)
+      .def("in_order",
+           [](const Model& model, const Ensemble& data) {
+             return without_gil([&] { return in_order(data, complete(model.names, model.inputs, model.outputs)); });
+           })
       .def("markov", &markov_parameters)
       .def("pulse_response",
            [](const Model& model, Index k, Index i) { return array_of(Matrix(pulse_response(model, k, i))); })

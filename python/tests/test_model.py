@@ -137,6 +137,22 @@ def test_predict_and_innovations(noisy):
         model.predict(u)
     with pytest.raises(ValueError, match="horizon: 0 found"):
         model.predict(u, y, horizon=0)
+    with pytest.raises(ValueError, match="horizon: 30 found, at most 29 needed"):
+        model.predict(u, y, horizon=30)
+
+
+def test_channels_are_taken_by_name(noisy):
+    names = {"input_names": ["torque", "force"], "output_names": ["angle", "rate"]}
+    u, y = np.array(noisy.u), np.array(noisy.y)
+    model = tokid.identify(tokid.Ensemble(u, y, dt=noisy.dt, **names), refine=False)
+    swapped = tokid.Ensemble(u[:, :, ::-1], y[:, :, ::-1], dt=noisy.dt, input_names=["force", "torque"],
+                             output_names=["rate", "angle"])
+    with pytest.warns(tokid.TokidWarning, match="taken by name; results have the model's order: angle, rate"):
+        assert np.array_equal(model.predict(swapped), model.predict(u, y), equal_nan=True)
+    with pytest.warns(tokid.TokidWarning, match="by name"):
+        assert np.array_equal(model.validate(swapped).simulation.fit, model.validate(u, y).simulation.fit)
+    # Without names the order stands.
+    assert not np.array_equal(model.predict(u[:, :, ::-1], y[:, :, ::-1]), model.predict(u, y), equal_nan=True)
 
 
 def test_estimate_state(model, data):

@@ -983,7 +983,7 @@ class Model(Channels):
         if isinstance(u, Ensemble):
             if y is not None:
                 raise ValueError("y: found beside an Ensemble, which has the outputs already")
-            return u._ready(), False
+            return self._by_name(u._ready()), False
         if _dataframe.is_dataframe(u):
             if y is not None:
                 raise ValueError("y: found beside a DataFrame, which has the outputs already")
@@ -991,7 +991,8 @@ class Model(Channels):
         if _dataset.is_dataset(u):
             if y is not None:
                 raise ValueError("y: found beside a Dataset, which has the outputs already")
-            return _dataset.from_xarray(u, dt=None if "dt" in u.attrs else self.dt, outputs_required=outputs), False
+            found = _dataset.from_xarray(u, dt=None if "dt" in u.attrs else self.dt, outputs_required=outputs)
+            return self._by_name(found), False
         if outputs and y is None:
             raise ValueError(f"y: none found, outputs (N, T, {self.outputs}) needed")
         core, single = core_of(u, y, self.dt)
@@ -1003,6 +1004,15 @@ class Model(Channels):
                 setattr(core, name, getattr(self._core, name))
         core.check(False)
         return core, single
+
+    def _by_name(self, data: _tokid.Ensemble) -> _tokid.Ensemble:
+        """The data with the channels of the model in its order, where they have its names."""
+        ordered = self._core.in_order(data)
+        if ordered is None:
+            return data
+        order = ", ".join(self.output_names)
+        warn([f"the data's channels were taken by name; results have the model's order: {order}"])
+        return ordered
 
     # Coordinates and parameters
 

@@ -207,6 +207,15 @@ std::vector<size_t> prefixed_columns(const Header& header, char prefix, const Na
   return named_columns(header, wanted);
 }
 
+// The names stated by the caller or in the file; else those that are wanted, where the file has a column of each.
+const Names& names_to_read(const Row& header, const Names& stated, const Names& noted, const Names& wanted) {
+  if (!stated.empty() || !noted.empty()) return stated.empty() ? noted : stated;
+  const auto is_there = [&](const std::string& name) {
+    return std::find(header.cells.begin(), header.cells.end(), name) != header.cells.end();
+  };
+  return std::all_of(wanted.begin(), wanted.end(), is_there) ? wanted : noted;
+}
+
 Columns columns_of(const Row& header, const Names& inputs, const Names& outputs) {
   Columns columns;
   columns.names = header.cells;
@@ -402,8 +411,9 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   while (const auto comment = file.next_comment()) read_note(*comment, notes);
   const auto header = file.next();
   if (!header) fail("no header line found, one needed");
-  const Names& inputs = options.inputs.empty() ? notes.channels.input_names : options.inputs;
-  const Names& outputs = options.outputs.empty() ? notes.channels.output_names : options.outputs;
+  const Names& inputs = names_to_read(*header, options.inputs, notes.channels.input_names, options.wanted.input_names);
+  const Names& outputs =
+      names_to_read(*header, options.outputs, notes.channels.output_names, options.wanted.output_names);
   const Columns columns = columns_of(*header, inputs, outputs);
   require_channels(columns, options.outputs_required);
 

@@ -103,7 +103,7 @@ FileKind file_kind(const fs::path& path) {
 }
 
 Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
-  return loaded(path, [&](Format format) {
+  Ensemble found = loaded(path, [&](Format format) {
     if (format == Format::csv) return io::read_csv(path, options);
     if (!options.inputs.empty() || !options.outputs.empty())
       fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
@@ -111,6 +111,9 @@ Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
     if (io::is_model(fields.names())) fail("a model found, an ensemble ('u', 'y') needed");
     return io::ensemble_of(fields, options.outputs_required);
   });
+  const bool chosen = !options.inputs.empty() || !options.outputs.empty();
+  std::optional<Ensemble> ordered = chosen ? std::nullopt : in_order(found, options.wanted);
+  return ordered ? *std::move(ordered) : std::move(found);
 }
 
 Model load_model(const fs::path& path) {
