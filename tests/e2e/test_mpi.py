@@ -21,7 +21,6 @@ pytestmark = pytest.mark.skipif("TOKID_MPI" not in os.environ, reason="built wit
 ENVIRONMENT = os.environ | {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
     "OMPI_MCA_btl": "self,vader",
     "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
     "OMPI_MCA_plm_rsh_agent": "false",
@@ -29,11 +28,18 @@ ENVIRONMENT = os.environ | {
 
 
 def command(processes, *arguments):
-    return [os.environ.get("TOKID_MPIRUN", "mpirun"), "-n", str(processes), os.environ["TOKID_MPI"], *map(str, arguments)]
+    """More processes than cores need slots, and cores of their own for none: Open MPI 4 and 5 both read these options."""
+    return [os.environ.get("TOKID_MPIRUN", "mpirun"), "--host", f"localhost:{processes}", "--bind-to", "none",
+            "-n", str(processes), os.environ["TOKID_MPI"], *map(str, arguments)]
 
 
 def mpi(processes, *arguments):
     return subprocess.run(command(processes, *arguments), env=ENVIRONMENT, capture_output=True, text=True, timeout=300)
+
+
+def said_by_tokid(errors):
+    """Open MPI 5 ends messages of its own with a zero byte, in front of the next line."""
+    return [line for line in (line.strip("\0 ") for line in errors.splitlines()) if line.startswith("tokid: ")]
 
 
 def test_every_number_of_processes_writes_the_same_file(tmp_path):
@@ -97,7 +103,7 @@ def test_what_is_wrong_for_all_is_said_once(tmp_path, arguments, status):
     result = subprocess.run(command(2, "identify", *arguments), cwd=tmp_path, env=ENVIRONMENT, capture_output=True,
                             text=True, timeout=300)
     assert result.returncode == status
-    assert sum(line.startswith("tokid: ") for line in result.stderr.splitlines()) == 1
+    assert len(said_by_tokid(result.stderr)) == 1
 
 
 def processes_below(parent):
@@ -204,7 +210,7 @@ def test_a_file_that_does_not_fit_leaves_the_state_as_it_was(tmp_path, wrong, re
         shutil.copy(later[0], later[wrong])
     result = mpi(2, "update", state, *later, "-o", tmp_path / "model.h5")
     assert result.returncode == 2
-    said = [line for line in result.stderr.splitlines() if line.startswith("tokid: ")]
+    said = said_by_tokid(result.stderr)
     assert len(said) == 1 and f"{later[wrong]}: " in said[0] and reason in said[0], result.stderr
     assert state.read_bytes() == before
     assert not (tmp_path / "model.h5").exists()
