@@ -27,10 +27,11 @@ GIGABYTE = 1 << 30
 @pytest.fixture
 def refused(tokid, tmp_path):
     """Runs the tool with little memory and few seconds on a file that it must refuse, and returns its message. `memory`
-    [bytes] is for those that must be refused because of it."""
+    [bytes] is for those that must be refused because of it. `own` are words of a check of tokid that HDF5 1.10 needs; later
+    releases of the library refuse some of these files themselves."""
     sanitized = "TOKID_SANITIZED" in os.environ  # takes more address space than any limit allows
 
-    def call(name, *words, arguments=("info",), memory=None):
+    def call(name, *words, own=(), arguments=("info",), memory=None):
         if sanitized and memory:
             pytest.skip("no limits of memory under sanitizers")
 
@@ -40,7 +41,7 @@ def refused(tokid, tmp_path):
 
         result = tokid(*arguments, tmp_path / name, status=2, preexec_fn=None if sanitized else little, cwd=tmp_path)
         assert len(result.stderr.splitlines()) == 1 and len(result.stderr) < 5000
-        for word in (name, *words):
+        for word in (name, *words, *(own if ": HDF5: " not in result.stderr else ())):
             assert word in result.stderr, f"{word!r} is not in {result.stderr!r}"
         return result.stderr
 
@@ -332,7 +333,7 @@ def test_chunks_of_another_rank(refused, tmp_path, rank, options):
     if space not in (tmp_path / "data.h5").read_bytes():  # with the largest sizes behind the present ones
         space = struct.pack("<BBBxI3Q", 1, 3, 1, 0, 6, 4, 1)
     changed(tmp_path / "data.h5", space, space[:1] + bytes([rank]) + space[2:])
-    refused("data.h5", "'u'", "3 dimensions in its chunks found", f"{rank} needed")
+    refused("data.h5", "'u'", own=("3 dimensions in its chunks found", f"{rank} needed"))
 
 
 @pytest.mark.parametrize("version", ["earliest", "latest"])
@@ -377,7 +378,7 @@ def test_fewer_values_in_a_header_than_its_shape_has(tokid, refused, tmp_path):
     sizes = struct.pack("<QQ", 3, 77), struct.pack("<QQ", 4, 77)
     while sizes[0] in (tmp_path / "data.h5").read_bytes():
         changed(tmp_path / "data.h5", *sizes)
-    refused("data.h5", "'u'", "1848 stored bytes found, 2464 needed")
+    refused("data.h5", "'u'", own=("1848 stored bytes found, 2464 needed",))
 
 
 @pytest.mark.parametrize("where", ["data set", "attribute"])
@@ -495,7 +496,7 @@ def test_characters_of_many_bytes(refused, tmp_path):
         file["initial_state"] = "zero"
     of_text = struct.pack("<I", 16) + b"\x10\x00\x00\x00"  # 16 bytes for an entry; then the type of a character
     changed(path, of_text + struct.pack("<I", 1), of_text + struct.pack("<I", 0x7FFFFFFF))
-    refused("data.h5", "'initial_state'", "characters of 2147483647 bytes found, 1 byte needed")
+    refused("data.h5", "'initial_state'", own=("characters of 2147483647 bytes found, 1 byte needed",))
 
 
 def test_options_that_are_deep(tokid, refused, tmp_path, oscillator):
