@@ -1,4 +1,4 @@
-# Everything from a bare Debian 12 machine on: what is missing is installed with apt-get, as root or through sudo.
+# Everything from a bare Debian 12 or 13 machine on: what is missing is installed with apt-get, as root or through sudo.
 
 build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev libmatio-dev libzip-dev zlib1g-dev \
                   libcsv-dev libcli11-dev libfmt-dev libhwy-dev libxxhash-dev nlohmann-json3-dev
@@ -14,6 +14,7 @@ fuzz_packages  := $(build_packages) clang-16 libclang-rt-16-dev python3
 tidy_packages  := $(test_packages) libbenchmark-dev libopenblas-serial-dev cppcheck
 package_packages := $(build_packages) dpkg-dev file help2man python3
 release_packages := $(package_packages) debootstrap lintian python3-venv
+portability_packages := debootstrap git python3 python3-numpy python3-h5py
 
 # $(call install,PACKAGES) installs those that are missing; where there is no dpkg, they are the user's business.
 install = @wanted="$(strip $(1))"; \
@@ -34,7 +35,7 @@ configure = cmake --log-level=WARNING $(if $(TOKID_WARNINGS_AS_ERRORS),-DTOKID_W
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test wheel package release-test bench sbom install-test asan tsan valgrind coverage fuzz tidy format clean
+.PHONY: help build demo test wheel package release-test portability bench sbom install-test asan tsan valgrind coverage fuzz tidy format clean
 
 help:
 	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
@@ -42,6 +43,7 @@ help:
 	@echo 'make wheel         the Python package as a wheel that carries its libraries (build/wheel)'
 	@echo 'make package       packages for Debian, an archive, their sums, release notes (build/package)'
 	@echo 'make release-test  installs these on a Debian that debootstrap makes; as root, for some minutes'
+	@echo 'make portability   builds and tests the last commit on other systems (docs/portability.md); as root, for hours'
 	@echo 'make bench         measures time and memory for ten minutes, writes the tables of docs/performance.md'
 	@echo 'make sbom          what tokid consists of, with versions, in CycloneDX (build/tokid.cdx.json)'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
@@ -80,6 +82,11 @@ package: build
 release-test: package
 	$(call install,$(release_packages))
 	@$(python) release/try_packages.py . build/package build/release
+
+# ROWS: some of those of docs/portability.md, all unless told otherwise
+portability:
+	$(call install,$(portability_packages))
+	@$(python) release/portability.py . build/portability $(ROWS)
 
 bench:
 	$(call install,$(bench_packages))

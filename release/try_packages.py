@@ -10,102 +10,32 @@ lintian finds no error, and CITATION.cff is valid. Needs root, and takes some mi
 
 import json
 import os
-import platform
 import re
 import shutil
-import subprocess
 import sys
-import time
 import venv
 from pathlib import Path
 
+from machine import Machine, Steps, need, run
 from make_packages import dependencies
 
-# What apt and dpkg keep for themselves, and what programs leave in /tmp
-NOT_OURS = ("proc", "tmp", "var/cache", "var/lib/apt", "var/lib/dpkg", "var/log")
 
-
-def run(*words, **options):
-    """Its output; all of it is shown where it fails."""
-    done = subprocess.run([str(word) for word in words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                          stderr=subprocess.STDOUT, text=True, check=False, **options)
-    if done.returncode != 0:
-        sys.exit(f"{done.stdout}\n{' '.join(map(str, words))}: exit code {done.returncode}")
-    return done.stdout
-
-
-def need(condition, text):
-    if not condition:
-        sys.exit(f"failed: {text}")
-
-
-def mirror(release):
-    """Of this machine's apt."""
-    lines = run("apt-get", "indextargets", "--format", "$(SITE) $(RELEASE)", "Created-By: Packages").splitlines()
-    sites = [site for site, name in map(str.split, lines) if name == release]
-    need(sites, f"no source of apt for {release}")
-    return sites[0]
-
-
-class Machine:
-    """A Debian in a folder; processes in it see nothing else of this machine but the network."""
-
-    def __init__(self, root):
-        self.root = root
-        release = platform.freedesktop_os_release()["VERSION_CODENAME"]
-        shutil.rmtree(root, ignore_errors=True)
-        root.parent.mkdir(parents=True, exist_ok=True)
-        run("debootstrap", "--variant=minbase", release, root, mirror(release))
-        (root / "etc/apt/apt.conf.d/99acquire").write_text(run("apt-config", "dump", "Acquire"))
-        self("apt-get", "update")
-
-    def __call__(self, *words):
-        kept = {name: value for name, value in os.environ.items() if name.lower().endswith("_proxy")}
-        environment = kept | {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/root", "LC_ALL": "C.UTF-8",
-                              "DEBIAN_FRONTEND": "noninteractive"}
-        # Of a mount namespace of its own nothing is left behind, whatever happens.
-        enter = 'mount -t proc proc "$0/proc" && exec chroot "$0" "$@"'
-        return run("unshare", "--mount", "sh", "-c", enter, self.root, *words, env=environment)
-
-    def install(self, *packages):
-        self("apt-get", "install", "--yes", "--no-install-recommends", *packages)
-
-    def files(self):
-        found = set()
-        for folder, folders, files in os.walk(self.root):
-            here = Path(folder).relative_to(self.root)
-            folders[:] = [name for name in folders if str(here / name) not in NOT_OURS]
-            found |= {str(here / name) for name in (*folders, *files)}
-        return found
-
-    def try_tool(self, tool):
-        """The paper's numbers, and a model that is right."""
-        self("rm", "-rf", "/tmp/tried")
-        self("mkdir", "/tmp/tried")
-        printed = self(tool, "paper", "-o", "/tmp/tried/paper")
-        agreement = re.search(r"(\d+) of (\d+) printed numbers agree", printed)
-        need(agreement and agreement[1] == agreement[2], printed)
-        made = {file.name for file in (self.root / "tmp/tried/paper").iterdir() if file.stat().st_size > 0}
-        need({"paper.html", "paper.json", "figure-1.svg"} <= made, f"paper made {made}")
-        data, fresh, model = (f"/tmp/tried/{name}" for name in ("data.h5", "fresh.mat", "model.npz"))
-        self(tool, "example", "oscillator", "-o", data, "--experiments", "60", "--steps", "40")
-        self(tool, "example", "oscillator", "-o", fresh, "--experiments", "10", "--steps", "40", "--seed", "2")
-        self(tool, "identify", data, "-o", model, "--report", "/tmp/tried/page.html")
-        fits = json.loads(self(tool, "validate", model, fresh, "--json"))["simulation_fit"]
-        need(min(fits) > 99.99, f"fits {fits}")
-        return agreement[0]
-
-
-class Steps:
-    """Prints each with its time."""
-
-    def __init__(self):
-        self.begin = time.monotonic()
-
-    def __call__(self, text):
-        now = time.monotonic()
-        print(f"{now - self.begin:6.1f} s  {text}", flush=True)
-        self.begin = now
+def try_tool(machine, tool):
+    """The paper's numbers, and a model that is right."""
+    machine("rm", "-rf", "/tmp/tried")
+    machine("mkdir", "/tmp/tried")
+    printed = machine(tool, "paper", "-o", "/tmp/tried/paper")
+    agreement = re.search(r"(\d+) of (\d+) printed numbers agree", printed)
+    need(agreement and agreement[1] == agreement[2], printed)
+    made = {file.name for file in (machine.root / "tmp/tried/paper").iterdir() if file.stat().st_size > 0}
+    need({"paper.html", "paper.json", "figure-1.svg"} <= made, f"paper made {made}")
+    data, fresh, model = (f"/tmp/tried/{name}" for name in ("data.h5", "fresh.mat", "model.npz"))
+    machine(tool, "example", "oscillator", "-o", data, "--experiments", "60", "--steps", "40")
+    machine(tool, "example", "oscillator", "-o", fresh, "--experiments", "10", "--steps", "40", "--seed", "2")
+    machine(tool, "identify", data, "-o", model, "--report", "/tmp/tried/page.html")
+    fits = json.loads(machine(tool, "validate", model, fresh, "--json"))["simulation_fit"]
+    need(min(fits) > 99.99, f"fits {fits}")
+    return agreement[0]
 
 
 def main():
@@ -133,7 +63,7 @@ def main():
 
     machine.install(f"/tmp/{tool.name}")
     done(f"installed {tool.name}, {tool.stat().st_size / 1e6:.1f} MB")
-    done(f"it runs: {machine.try_tool('tokid')}")
+    done(f"it runs: {try_tool(machine, 'tokid')}")
     machine("apt-get", "purge", "--yes", "--autoremove", "tokid")
     left = machine.files() ^ before
     need(not left, f"left after it was removed: {sorted(left)}")
@@ -144,7 +74,7 @@ def main():
     folder = archive.name.removesuffix(".tar.gz")
     machine("mv", f"/opt/{folder}", "/opt/moved")
     done(f"unpacked {archive.name}, {archive.stat().st_size / 1e6:.1f} MB, with its libraries")
-    done(f"it runs: {machine.try_tool('/opt/moved/bin/tokid')}")
+    done(f"it runs: {try_tool(machine, '/opt/moved/bin/tokid')}")
 
     machine.install(f"/tmp/{tool.name}", f"/tmp/{development.name}", "g++", "cmake", "make")
     shutil.copytree(source / "tests/install/consumer", machine.root / "tmp/consumer")

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The version stands in CMakeLists.txt; what repeats it says the same."""
+"""The version stands in CMakeLists.txt; what repeats it says the same. Other systems get the tree of a commit."""
 
+import io
 import re
 import sys
+import tarfile
 import tomllib
 
 import pytest
 from conftest import ROOT
 
 sys.path.insert(0, str(ROOT / "release"))
+import portability
 from make_packages import changes
 
 
@@ -61,3 +64,28 @@ def test_release_notes():
     assert changes(text, "1.1.0") == "- b [c]"
     assert changes(text, "1.0.0") == "- a"
     assert changes(text, "1.2.0") == "- new"
+
+
+def test_other_systems_are_those_of_the_document():
+    rows = re.findall(r"^\| `(\w+)` \|", text_of("docs/portability.md"), re.MULTILINE)
+    assert rows == list(portability.ROWS)
+
+
+def test_files_that_are_the_same_stay_as_they_are_in_another_system(tmp_path):
+    def placed(**files):
+        archive = io.BytesIO()
+        with tarfile.open(fileobj=archive, mode="w") as tar:
+            for name, text in files.items():
+                entry = tarfile.TarInfo(f"src/{name}")
+                entry.size, entry.mode = len(text), 0o755
+                tar.addfile(entry, io.BytesIO(text))
+        portability.place(archive.getvalue(), tmp_path)
+        return {file.name: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+
+    assert placed(one=b"1", two=b"2") == {"one": b"1", "two": b"2"}
+    (tmp_path / "build").mkdir()
+    (tmp_path / "build" / "object").touch()
+    first = (tmp_path / "src" / "one").stat()
+    assert placed(one=b"1", three=b"3") == {"one": b"1", "three": b"3", "object": b""}
+    assert (tmp_path / "src" / "one").stat().st_mtime_ns == first.st_mtime_ns
+    assert first.st_mode & 0o777 == 0o755
