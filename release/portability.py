@@ -72,7 +72,9 @@ class System:
         printed, succeeded = self.attempt(*words)
         counts = re.findall(r"^\d+ passed, \d+ failed.*$", printed, re.MULTILINE)
         minutes = f", {(time.monotonic() - begin) / 60:.0f} min" if self.bare else ""
-        self.found[column] = (counts[-1] if counts else "passes" if succeeded else "fails") + minutes
+        warned = len(set(re.findall(r"^\S+:\d+:\d+: warning: .*$", printed, re.MULTILINE)))
+        warnings = f", {warned} warnings of the compiler" if warned else ""
+        self.found[column] = (counts[-1] if counts else "passes" if succeeded else "fails") + warnings + minutes
         self.failed = self.failed or not succeeded
         print(f"{self.name}: {column}: {self.found[column]}", flush=True)
         return succeeded

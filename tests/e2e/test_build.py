@@ -15,8 +15,9 @@ UNUSED = [f"-DTOKID_{name}=OFF" for name in ("BUILD_TESTS", "BUILD_EXAMPLES", "B
 
 def strict_sources(build, argument):
     """Whether warnings are errors in sources of tokid, with this argument of cmake."""
-    subprocess.run(["cmake", "-B", build, "--log-level=WARNING", argument, *UNUSED], cwd=ROOT,
-                   stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True)
+    configured = subprocess.run(["cmake", "-B", build, "--log-level=WARNING", argument, *UNUSED], cwd=ROOT,
+                                stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True)
+    assert not configured.stderr  # no warning of CMake's either
     commands = json.loads((build / "compile_commands.json").read_text())
     own = [command for command in commands if command["file"].startswith(f"{ROOT}/src/")]
     assert len(own) > 20
