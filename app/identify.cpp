@@ -263,7 +263,7 @@ std::string report(const Call& call, const Data& data, const Identification& res
   page.row("Nominal", nominal_text(call, result));
   add_lag_order(call, data, result, page);
   add_states(call, result, page);
-  if (result.smoothing_choice.trials.empty())
+  if (!result.together)
     page.row("Regressions", fmt::format("condition up to {:.3g}, {} of {} rank deficient", result.condition_max,
                                         result.rank_deficient_steps, plural(result.steps, "step")));
   add_fit(data, result, page);
@@ -321,9 +321,8 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["full_begin"] = model.full_begin();
   j["full_end"] = model.full_end();
   j["singular_value_gap"] = result.singular_value_gap;
-  const bool each_step = result.condition_max > 0;  // regressions step by step
-  j["condition_max"] = each_step ? Json(result.condition_max) : Json();
-  j["rank_deficient_steps"] = each_step ? Json(result.rank_deficient_steps) : Json();
+  j["condition_max"] = result.together ? Json() : Json(result.condition_max);
+  j["rank_deficient_steps"] = result.together ? Json() : Json(result.rank_deficient_steps);
   j["evaluated_on"] = result.held_out ? "held_out" : "training";
   j["output_names"] = Json::array();
   for (Index i = 0; i < model.outputs; ++i) j["output_names"].push_back(model.names.output(i));

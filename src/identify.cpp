@@ -263,6 +263,9 @@ bool Pipeline::regress_each_step() {
   if (options_.method == Method::tvera || (!result_.noisy && judged)) return true;
   // With noise, steps that share what they know do better: what these regressions lack is of no consequence.
   result_.warnings.resize(warnings);
+  result_.condition_max = 0.0;
+  result_.rank_deficient_steps = 0;
+  result_.lag_order_errors = {};
   if (freedom == 0) arx_ = {};  // what fits any data says nothing of initial states either
   return false;
 }

@@ -226,6 +226,33 @@ TEST(Identify, HeldOutExperimentsJudgeTheModel) {
   EXPECT_TRUE(result.noisy);
 }
 
+// Regressions step by step that were tried and given up leave no figures behind.
+TEST(Identify, FiguresAreOfTheRegressionsThatTheModelComesFrom) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    ExperimentOptions o{.experiments = 60, .seed = seed};
+    const Identification exact = identify(experiments(oscillator(40), o));
+    EXPECT_FALSE(exact.together);
+    EXPECT_GT(exact.condition_max, 1.0);
+    EXPECT_GT(exact.lag_order_errors.mean.size(), 0);
+    o.measurement_noise = 0.05;
+    for (const bool missing : {false, true}) {
+      Ensemble data = experiments(oscillator(40), o);
+      if (missing) data.y(7, 12, 1) = nan;
+      const Identification noisy = identify(data, {.refine = false});
+      EXPECT_TRUE(noisy.together);
+      EXPECT_FALSE(noisy.smoothing_choice.trials.empty());
+      EXPECT_EQ(noisy.condition_max, 0.0);
+      EXPECT_EQ(noisy.rank_deficient_steps, 0);
+      EXPECT_EQ(noisy.lag_order_errors.mean.size(), 0);
+      // Asked for, they are kept.
+      const Identification asked = identify(data, {.method = Method::tvera});
+      EXPECT_FALSE(asked.together);
+      EXPECT_GT(asked.condition_max, 1.0);
+      EXPECT_GT(asked.lag_order_errors.mean.size(), 0);
+    }
+  }
+}
+
 TEST(Identify, NoiseIsSurvivedByEveryOrderChosenAutomatically) {
   // The fits that a usable model reaches on fresh data here; a wrong order gives large negative ones.
   const Model system = oscillator(60);

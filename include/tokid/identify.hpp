@@ -112,9 +112,9 @@ struct Identification {
   TimeVariation variation;           // λ and P
   double state_smoothing = 0.0;      // λ of the regressions on states
   Index min_experiments = 0;         // N_min at this p, one more where a nominal trajectory is estimated
-  Index rank_deficient_steps = 0;
-  double condition_max = 0.0;
-  NominalTest nominal_test;  // filled where the choice was automatic
+  Index rank_deficient_steps = 0;    // of regressions step by step
+  double condition_max = 0.0;        // of the same; 0 where all steps are in one regression
+  NominalTest nominal_test;          // filled where the choice was automatic
   InitialStateTest initial_state_test;
   LagOrderErrors lag_order_errors;   // filled where p was chosen step by step
   SmoothingChoice smoothing_choice;  // filled where p and λ were chosen together

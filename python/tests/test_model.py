@@ -5,6 +5,7 @@ import copy
 import gc
 import pickle
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -344,3 +345,13 @@ def test_paper(tmp_path):
     found = tokid.paper(tmp_path / "paper", threads=2)
     assert all(n.agrees for n in found.printed) and len(found.printed) > 20 and found.data
     assert (tmp_path / "paper" / "paper.html").exists()
+
+
+def test_figures_of_regressions_that_were_given_up(noisy):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        given_up = tokid.identify(noisy, refine=False).identification
+        kept = tokid.identify(noisy, method="tvera").identification
+    assert given_up.together and not kept.together
+    assert (given_up.condition_max, given_up.rank_deficient_steps) == (0, 0) and kept.condition_max > 1
+    assert given_up.lag_order_errors.mean.size == 0 and kept.lag_order_errors.mean.size > 0

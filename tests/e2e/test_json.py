@@ -220,3 +220,17 @@ def test_not_a_number_is_null(tokid, tmp_path, oscillator):
     text = tokid("validate", oscillator / "model.npz", tmp_path / "data.npz", "--horizon", 2, "--json").stdout
     assert "nan" not in text.lower() and "inf" not in text.lower()
     assert json.loads(text)["one_step_fit"][1] is None
+
+
+def test_figures_of_regressions_that_were_given_up(tokid, tmp_path):
+    """They are null, as docs/formats.md has it."""
+    data = tmp_path / "data.npz"
+    tokid("example", "oscillator", "-o", data, "--experiments", 60, "--steps", 30, "--measurement-noise", 0.05)
+    call = ["identify", data, "-o", tmp_path / "model.npz", "--no-refine"]
+    given_up, kept = tokid.json(*call), tokid.json(*call, "--method", "tvera")
+    assert given_up["smoothing_trials"] and not kept["smoothing_trials"]
+    for key in ("condition_max", "rank_deficient_steps", "lag_order_errors"):
+        assert given_up[key] is None and kept[key] is not None, key
+    one = tokid.json(*call, "--time-invariant", "--lags", 3)
+    assert one["condition_max"] is None and one["rank_deficient_steps"] is None
+    assert "Regressions" not in tokid(*call, "--time-invariant", "--lags", 3).stdout
