@@ -99,8 +99,8 @@ TEST(Ensemble, ChannelsAreTakenByNameInAnyOrderAndAmongOthers) {
     EXPECT_EQ(found->input(k).col(0), data.input(k).col(2));
     EXPECT_EQ(found->input(k).col(1), data.input(k).col(0));
     EXPECT_EQ(found->output(k).col(0), data.output(k).col(1));
-    if (k < 3) EXPECT_EQ(found->free.y.col(2 * k), data.free.y.col(2 * k + 1));
   }
+  for (Index k = 0; k < 3; ++k) EXPECT_EQ(found->free.y.col(2 * k), data.free.y.col(2 * k + 1));
   const auto back = in_order(*in_order(data, wanted({"c", "b", "a"}, {"q", "p"})), data.names);
   ASSERT_TRUE(back);
   EXPECT_EQ(back->samples(), data.samples());
