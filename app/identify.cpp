@@ -331,7 +331,10 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["whiteness_p"] = result.validation.whiteness_p;
   j["outliers"] = Json::array();
   for (const Outlier& o : result.outliers)
-    j["outliers"].push_back({{"experiment", o.experiment}, {"ratio", o.ratio}, {"explanation", o.explanation}});
+    j["outliers"].push_back({{"experiment", o.experiment},
+                             {"name", o.name.empty() ? Json() : Json(o.name)},
+                             {"ratio", o.ratio},
+                             {"explanation", o.explanation}});
   j["warnings"] = result.warnings;
   j["seconds"] = result.seconds;
   j["version"] = version;

@@ -45,6 +45,7 @@ Json json(const Call& call, const Ensemble& e) {
   j["file"] = call.file.string();
   j["kind"] = "ensemble";
   j["experiments"] = e.experiments();
+  j["experiment_names"] = e.experiment_names.empty() ? Json() : Json(e.experiment_names);
   j["steps"] = e.steps();
   j["inputs"] = e.inputs();
   j["outputs"] = e.outputs();
@@ -68,6 +69,13 @@ Json json(const Call& call, const Ensemble& e) {
   return j;
 }
 
+// The first ones and the last.
+std::string name_list(const std::vector<std::string>& names) {
+  constexpr size_t most = 6;
+  if (names.size() <= most) return fmt::format("{}", fmt::join(names, ", "));
+  return fmt::format("{}, … {}", fmt::join(names.begin(), names.begin() + most - 1, ", "), names.back());
+}
+
 std::string report(const Call& call, const Ensemble& e) {
   Page page;
   page.row("Ensemble", call.file.string());
@@ -76,6 +84,7 @@ std::string report(const Call& call, const Ensemble& e) {
     const auto [least, most] = std::minmax_element(e.length.begin(), e.length.end());
     page.row("Lengths", fmt::format("{} to {} steps", *least, *most));
   }
+  if (!e.experiment_names.empty()) page.row("Named", name_list(e.experiment_names));
   page.row("Initial state", e.initial_state ? to_string(*e.initial_state) : "not stated");
   if (e.free.experiments > 0)
     page.row("Free", fmt::format("{} of {}", plural(e.free.experiments, "response"), plural(e.free.steps, "step")));

@@ -147,6 +147,7 @@ const char* name(Pooling over) {
 
 Json json(const Fold& fold) {
   return {{"experiments", fold.experiments},
+          {"experiment_names", fold.experiment_names.empty() ? Json() : Json(fold.experiment_names)},
           {"states", fold.states},
           {"lags", fold.lags},
           {"simulation_fit", numbers(fold.simulation.fit)},

@@ -12,6 +12,7 @@
 #include "identify_stretch.hpp"
 #include "nan.hpp"
 #include "random.hpp"
+#include "survey.hpp"
 
 namespace tokid {
 
@@ -38,6 +39,13 @@ std::vector<Index> others(Index experiments, const std::vector<Index>& members) 
   for (Index n = 0; n < experiments; ++n)
     if (!std::binary_search(members.begin(), members.end(), n)) rest.push_back(n);
   return rest;
+}
+
+std::vector<std::string> names_of(const Ensemble& e, const std::vector<Index>& members) {
+  std::vector<std::string> names;
+  if (!e.experiment_names.empty())
+    for (const Index n : members) names.push_back(e.experiment_name(n));
+  return names;
 }
 
 // The part of the progress that one fold takes.
@@ -99,9 +107,12 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
                                const CrossValidateOptions& options) {
   check_horizon(options.horizon, ensemble.steps());
   const auto members = fold_members(ensemble.experiments(), options);
+  // Messages about single experiments name them as in the whole ensemble: their rows in a fold are of no use.
+  const Survey samples = checked(ensemble);
   Pooled simulation(ensemble), one_step(ensemble), horizon(ensemble);
   bool nominal = false;
   CrossValidation result;
+  if (identify_options.period == 0 && samples.missing > 0) result.warnings = warnings_of_steps(ensemble);
   for (size_t i = 0; i < members.size(); ++i) {
     IdentifyOptions fold_options = identify_options;
     fold_options.hold_out = 0.0;
@@ -113,7 +124,8 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
     const Ensemble kept = ensemble.subset(members[i]);
     nominal = nominal || model.y_nominal.size() > 0;
 
-    Fold fold{members[i], model.states(), found.lags, {}, {}, {}, std::move(found.warnings)};
+    Fold fold{members[i], names_of(ensemble, members[i]), model.states(), found.lags, {}, {},
+              {},         std::move(found.warnings)};
     const auto judge = [&](const Ensemble& computed, Pooled& pooled) {
       pooled.add(members[i], computed);
       return fit(kept, computed, model.y_nominal);

@@ -10,6 +10,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "experiment_names.hpp"
 #include "large_pages.hpp"
 #include "statistics.hpp"
 #include "survey.hpp"
@@ -108,12 +109,18 @@ std::vector<Index> Ensemble::complete_rows(Index k, Index p) const {
 }
 
 Ensemble Ensemble::subset(const std::vector<Index>& chosen) const {
-  Ensemble result = *this;
+  Ensemble result;
+  result.steps_ = steps_;
+  result.inputs_ = inputs_;
+  result.outputs_ = outputs_;
   result.samples_ = samples_(chosen, Eigen::all);
-  if (!length.empty()) {
-    result.length.clear();
+  result.dt = dt;
+  result.names = names;
+  result.initial_state = initial_state;
+  if (!length.empty())
     for (const Index n : chosen) result.length.push_back(length[static_cast<size_t>(n)]);
-  }
+  result.experiment_names = names_of_subset(*this, chosen);
+  result.free = free;
   return result;
 }
 
@@ -156,6 +163,7 @@ Ensemble Ensemble::select(const std::vector<Index>& inputs, const std::vector<In
                   chosen_of(names.input_units, inputs), chosen_of(names.output_units, outputs)};
   result.initial_state = initial_state;
   result.length = length;
+  result.experiment_names = experiment_names;
   if (free.experiments > 0) {
     result.free = {free.experiments, free.steps, Matrix(free.experiments, free.steps * Index(outputs.size()))};
     for (Index k = 0; k < free.steps; ++k)
@@ -189,6 +197,8 @@ Survey checked(const Ensemble& e, bool outputs_needed) {
   check_count(e.names.output_names, "output_names", e.outputs());
   check_count(e.names.input_units, "input_units", e.inputs());
   check_count(e.names.output_units, "output_units", e.outputs());
+  if (!e.experiment_names.empty() && Index(e.experiment_names.size()) != e.experiments())
+    throw std::invalid_argument(fault_of_experiment_names(e.experiment_names, e.experiments()));
   check_length(e, e.length);
 
   Survey samples = survey(e, 0, e.steps());
@@ -263,7 +273,7 @@ Split split(const Ensemble& ensemble, double fraction, Index period) {
     if (begin < 1 || begin >= steps)
       throw std::invalid_argument(
           fmt::format("hold-out fraction: {} of {} steps leaves {} to identify with", fraction, steps, begin));
-    return {stretch(ensemble, 0, begin), stretch(ensemble, begin, steps)};
+    return {stretch(ensemble, 0, begin), stretch(ensemble, begin, steps), {0}};
   }
   const Index held = static_cast<Index>(std::llround(fraction * double(total)));
   if (held < 1 || held >= total)
@@ -272,7 +282,7 @@ Split split(const Ensemble& ensemble, double fraction, Index period) {
   std::vector<Index> training, held_out;
   // Bresenham's even spread of `held` experiments over `total`.
   for (Index n = 0; n < total; ++n) ((n + 1) * held / total > n * held / total ? held_out : training).push_back(n);
-  return {ensemble.subset(training), ensemble.subset(held_out)};
+  return {ensemble.subset(training), ensemble.subset(held_out), held_out};
 }
 
 namespace {
@@ -309,6 +319,7 @@ Ensemble stretch(const Ensemble& e, Index begin, Index end) {
     part.output(k - begin) = e.output(k);
   }
   part.names = e.names;
+  part.experiment_names = e.experiment_names;
   part.initial_state = begin == 0 ? e.initial_state : InitialState::unknown;
   for (const Index length : e.length) part.length.push_back(std::clamp<Index>(length - begin, 0, end - begin));
   return part;
@@ -325,6 +336,10 @@ Ensemble cut(const Ensemble& e, Index length) {
       all.output(k).middleRows(piece * e.experiments(), e.experiments()) = e.output(piece * length + k);
     }
   all.names = e.names;
+  if (!e.experiment_names.empty())
+    for (Index piece = 0; piece < pieces; ++piece)
+      for (const std::string& name : e.experiment_names)
+        all.experiment_names.push_back(fmt::format("{} from step {} on", name, piece * length));
   all.initial_state = InitialState::unknown;
   return all;
 }

@@ -564,10 +564,11 @@ StuckOutputs stuck_outputs(const Ensemble& e, Index origin) {
     const std::vector<Standstill> stuck = standstills(e, e.inputs() + j);
     for (const Standstill& s : stuck) result.experiments.push_back(s.experiment);
     for (size_t i = 0; i < std::min(most_told, stuck.size()); ++i)
-      result.warnings.push_back(fmt::format(
-          "output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its sensor "
-          "stuck there?",
-          e.names.output(j), stuck[i].value, stuck[i].experiment, origin + stuck[i].begin, origin + stuck[i].end - 1));
+      result.warnings.push_back(
+          fmt::format("output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its sensor "
+                      "stuck there?",
+                      e.names.output(j), stuck[i].value, e.experiment(stuck[i].experiment), origin + stuck[i].begin,
+                      origin + stuck[i].end - 1));
     if (stuck.size() > most_told)
       result.warnings.push_back(fmt::format("output {} stays where it is in {} more", e.names.output(j),
                                             words::plural(Index(stuck.size() - most_told), "experiment")));

@@ -753,7 +753,7 @@ void Pipeline::warn_of_experiments(const Ensemble& whole) {
                        : together_         ? r + result_.model.states()
                        : exact             ? experiments_for(p)
                                            : r * (p + 1);
-  for (std::string& text : warnings_of(repeats(whole), whole.experiments(), needed, p)) warn(std::move(text));
+  for (std::string& text : warnings_of(repeats(whole), whole, needed, p)) warn(std::move(text));
   StuckOutputs stuck = stuck_outputs(whole);
   for (std::string& text : stuck.warnings) warn(std::move(text));
   const OutlierOptions o{.lags = p,
@@ -848,6 +848,7 @@ Identification Pipeline::run(bool validated, bool whole) {
     throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
                                             data_->inputs(), data_->outputs()));
   check_magnitudes(samples, data_->names, data_->inputs());
+  const bool gaps = samples.missing > 0;
   hold_out();
   if (result_.held_out) samples = survey(*data_, 0, data_->steps());
   const std::string fingerprint = tokid::fingerprint(*data_);
@@ -858,8 +859,8 @@ Identification Pipeline::run(bool validated, bool whole) {
                                : warnings_of_inputs(samples, data_->names))
     warn(std::move(text));
   for (std::string& text : warnings_of_outputs(samples, data_->names)) warn(std::move(text));
-  if (options_.period == 0 && samples.missing > 0)
-    for (std::string& text : warnings_of_steps(*data_)) warn(std::move(text));
+  if (whole && options_.period == 0 && gaps)
+    for (std::string& text : warnings_of_steps(all)) warn(std::move(text));
   for (std::string& text : warnings_of_dependent_outputs(*data_)) warn(std::move(text));
   remove_nominal();
   check_method();

@@ -67,6 +67,7 @@ Ensemble outputs_for(const Model& model, const Ensemble& inputs) {
   for (Index k = 0; k < inputs.steps(); ++k) result.input(k) = inputs.input(k);
   result.names = model.names;
   result.length = inputs.length;
+  result.experiment_names = inputs.experiment_names;
   result.initial_state = inputs.initial_state;
   return result;
 }

@@ -75,7 +75,7 @@ std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   std::vector<Outlier> result;
   for (size_t i = 0; i < found.size(); ++i)
     result.push_back({found[i], std::max(sketch.ratio(found[i]), sketch.plain_ratio(found[i])),
-                      i < most_told ? explanation(e, sketch, found[i]) : ""});
+                      i < most_told ? explanation(e, sketch, found[i]) : "", e.experiment_name(found[i])});
   return result;
 }
 
@@ -166,10 +166,10 @@ std::vector<std::string> warnings_of(std::vector<Outlier> outliers, const std::v
   std::vector<std::string> result;
   for (size_t i = 0; i < std::min(most_told, outliers.size()); ++i) {
     const Outlier& o = outliers[i];
-    result.push_back(
-        fmt::format("experiment {} does not fit the others: its leave-one-out residuals are {} times as "
-                    "large as theirs{}{}",
-                    o.experiment, times(o.ratio), o.explanation.empty() ? "" : "; ", o.explanation));
+    result.push_back(fmt::format(
+        "experiment {} does not fit the others: its leave-one-out residuals are {} times as "
+        "large as theirs{}{}",
+        words::experiment(o.experiment, o.name), times(o.ratio), o.explanation.empty() ? "" : "; ", o.explanation));
   }
   if (outliers.size() > most_told)
     result.push_back(fmt::format("{} more do not fit the others: are these runs of one system, in the same units?",

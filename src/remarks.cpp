@@ -71,6 +71,7 @@ std::vector<std::string> remarks(const CrossValidation& cross) {
         ++found->second;
     }
   std::vector<std::string> result;
+  for (const std::string& text : cross.warnings) result.push_back(fmt::format("cross-validation: {}", text));
   for (const auto& [text, count] : seen)
     result.push_back(fmt::format("cross-validation, {} of {} folds: {}", count, cross.folds.size(), text));
   return result;

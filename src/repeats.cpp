@@ -66,10 +66,10 @@ std::vector<std::vector<Index>> alike(const Ensemble& e, Index channels, const s
   return result;
 }
 
-std::string listed(const std::vector<Index>& experiments) {
+std::string listed(const std::vector<Index>& experiments, const Ensemble& e) {
   constexpr size_t most = 6;
   std::vector<std::string> names;
-  for (size_t i = 0; i < std::min(experiments.size(), most); ++i) names.push_back(fmt::format("{}", experiments[i]));
+  for (size_t i = 0; i < std::min(experiments.size(), most); ++i) names.push_back(e.experiment(experiments[i]));
   if (experiments.size() > most)
     return fmt::format("{} and {} more", fmt::join(names, ", "), experiments.size() - most);
   return words::listed(names);
@@ -91,20 +91,20 @@ Repeats repeats(const Ensemble& e) {
   return result;
 }
 
-std::vector<std::string> warnings_of(const Repeats& repeats, Index experiments, Index needed, Index lags) {
+std::vector<std::string> warnings_of(const Repeats& repeats, const Ensemble& e, Index needed, Index lags) {
   std::vector<std::string> result;
   const auto shortage = [&](Index found) {
     return found < needed ? fmt::format("; {} needed at lag order {}", needed, lags) : std::string();
   };
   if (!repeats.same.empty()) {
-    std::string text = fmt::format("experiments {} are the same in every sample", listed(repeats.same.front()));
+    std::string text = fmt::format("experiments {} are the same in every sample", listed(repeats.same.front(), e));
     for (size_t i = 1; i < std::min(most_told, repeats.same.size()); ++i)
-      text += fmt::format(", and so are {}", listed(repeats.same[i]));
+      text += fmt::format(", and so are {}", listed(repeats.same[i], e));
     if (repeats.same.size() > most_told) text += ", and so on";
     result.push_back(fmt::format(
         "{}: {} of {} experiments are different, the others add nothing, and errors on experiments left out look too "
         "small{}",
-        text, repeats.different, experiments, shortage(repeats.different)));
+        text, repeats.different, e.experiments(), shortage(repeats.different)));
   }
   if (repeats.courses > 1 && repeats.courses < repeats.different && repeats.courses < needed)
     result.push_back(

@@ -19,6 +19,6 @@ struct Repeats {
 Repeats repeats(const Ensemble& ensemble);
 
 // `needed` are the experiments that it takes at this lag order, 0 where steps lend each other theirs.
-std::vector<std::string> warnings_of(const Repeats& repeats, Index experiments, Index needed, Index lags);
+std::vector<std::string> warnings_of(const Repeats& repeats, const Ensemble& ensemble, Index needed, Index lags);
 
 }  // namespace tokid

@@ -63,7 +63,7 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
           if (std::isinf(column(n)))
             throw std::invalid_argument(
                 fmt::format("{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed",
-                            channel_name(e.names, e.inputs(), c), n, origin + k));
+                            channel_name(e.names, e.inputs(), c), e.experiment(n), origin + k));
         present = (column.array() == column.array()).count();
         least = column.minCoeff<Eigen::PropagateNumbers>();
         most = column.maxCoeff<Eigen::PropagateNumbers>();
@@ -176,7 +176,7 @@ std::vector<std::string> warnings_of_steps(const Ensemble& e) {
   return {fmt::format(
       "experiment {} begins at step {}, when experiment {} has ended at step {}: where experiments share no step, they "
       "don't tell one from another; steps or times from the begin of each experiment on make them share",
-      late - first.begin(), *late, early - last.begin(), *early)};
+      e.experiment(late - first.begin()), *late, e.experiment(early - last.begin()), *early)};
 }
 
 std::uint64_t digest(const Ensemble& e, Index k) {

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 
+#include "tokid/io.hpp"
+
 namespace tokid::words {
 
 std::string quoted(std::string_view name) {
@@ -43,6 +45,11 @@ std::string quoted(std::string_view name) {
     text += character;
   }
   return isolate ? "\u2068" + text + "\u2069" : text;
+}
+
+std::string experiment(Index row, std::string_view name) {
+  const std::string number = fmt::format("{}", row);
+  return name.empty() || name == number ? number : fmt::format("\"{}\" (row {})", printable(quoted(name)), number);
 }
 
 std::string superscript(int exponent) {

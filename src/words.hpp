@@ -25,6 +25,8 @@ std::string plural(Index count, std::string_view noun);
 // A name from a file amid other text: cut to 80 characters, without marks that turn the direction of the text around
 // it, and where it runs from right to left isolated from its neighbours.
 std::string quoted(std::string_view name);
+// An experiment: "16", or where the data have another name for it than its row, "\"17\" (row 16)". Beside "experiment".
+std::string experiment(Index row, std::string_view name);
 std::string superscript(int exponent);  // "⁻¹²"
 
 }  // namespace tokid::words

@@ -5,6 +5,7 @@
 
 #include "testing.hpp"
 #include "tokid/example.hpp"
+#include "tokid/remarks.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -49,6 +50,42 @@ TEST(CrossValidate, EveryExperimentIsJudgedOnceByAModelThatHasNotSeenIt) {
       EXPECT_LT(found.horizon_spread(j), 0.6 * (most - least));
     }
   }
+}
+
+TEST(CrossValidate, ExperimentsAreNamedAsInTheWholeEnsemble) {
+  Ensemble data = experiments(oscillator(20), {.experiments = 24});
+  const IdentifyOptions known{.states = 4, .lags = 2, .method = Method::tvera};
+  EXPECT_TRUE(cross_validate(data, known, {.folds = 3}).folds[1].experiment_names.empty());
+  std::vector<std::string> names;
+  for (int n = 1; n <= 24; ++n) names.push_back(std::to_string(n));
+  set_experiment_names(data, names);
+  const CrossValidation found = cross_validate(data, known, {.folds = 3});
+  EXPECT_EQ(found.folds[1].experiments, (std::vector<Index>{1, 4, 7, 10, 13, 16, 19, 22}));
+  EXPECT_EQ(found.folds[1].experiment_names, (std::vector<std::string>{"2", "5", "8", "11", "14", "17", "20", "23"}));
+  EXPECT_TRUE(found.warnings.empty());
+
+  // Two that share no step: said once, and not by the rows that they have in a fold.
+  Ensemble apart = data;
+  for (Index k = 0; k < 20; ++k) {
+    if (k < 10) apart.input(k).row(9).setConstant(nan), apart.output(k).row(9).setConstant(nan);
+    if (k >= 9) apart.input(k).row(4).setConstant(nan), apart.output(k).row(4).setConstant(nan);
+  }
+  const std::vector<std::string> told = remarks(cross_validate(apart, known, {.folds = 3}));
+  Index count = 0;
+  for (const std::string& text : told)
+    if (text.find("begins at step") != std::string::npos) {
+      ++count;
+      EXPECT_EQ(
+          text.find("cross-validation: experiment \"10\" (row 9) begins at step 10, when experiment \"5\" (row 4) "
+                    "has ended at step 8"),
+          0u)
+          << text;
+    }
+  EXPECT_EQ(count, 1);
+
+  data.y(10, 5, 1) = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(message([&] { cross_validate(data, known, {.folds = 3}); }),
+            "output y2: infinite value in experiment \"11\" (row 10) at step 5, finite or missing (NaN) needed");
 }
 
 TEST(CrossValidate, LeavesOneOutWhereThereAreAsManyFoldsAsExperiments) {

@@ -87,6 +87,7 @@ TEST(Ensemble, ChannelsAreTakenByNameInAnyOrderAndAmongOthers) {
   Ensemble data = numbered(3, 5, 3, 2);
   data.names = {{"a", "b", "c"}, {"p", "q"}, {"N", "", "V"}, {}};
   data.length = {5, 4, 5};
+  data.experiment_names = {"17", "4", "x"};
   data.free = {2, 3, Matrix::Random(2, 6)};
   const auto wanted = [](std::vector<std::string> inputs, std::vector<std::string> outputs) {
     return Channels{std::move(inputs), std::move(outputs), {}, {}};
@@ -95,6 +96,7 @@ TEST(Ensemble, ChannelsAreTakenByNameInAnyOrderAndAmongOthers) {
   ASSERT_TRUE(found);
   EXPECT_EQ(found->names.input_units, (std::vector<std::string>{"V", "N"}));
   EXPECT_EQ(found->length, data.length);
+  EXPECT_EQ(found->experiment_names, data.experiment_names);
   for (Index k = 0; k < 5; ++k) {
     EXPECT_EQ(found->input(k).col(0), data.input(k).col(2));
     EXPECT_EQ(found->input(k).col(1), data.input(k).col(0));
@@ -110,6 +112,77 @@ TEST(Ensemble, ChannelsAreTakenByNameInAnyOrderAndAmongOthers) {
   EXPECT_FALSE(in_order(numbered(3, 5, 2, 1), wanted({"u2", "u1"}, {"y1"})));  // the data name nothing
   data.names.input_names = {"a", "a", "c"};
   EXPECT_FALSE(in_order(data, wanted({"c", "a"}, {"q", "p"})));  // which "a"?
+}
+
+std::vector<std::string> names_from(Index first, Index count) {
+  std::vector<std::string> names;
+  for (Index n = 0; n < count; ++n) names.push_back(std::to_string(first + n));
+  return names;
+}
+
+TEST(Ensemble, ExperimentsAreCalledByTheirNamesWithTheirRows) {
+  Ensemble e = numbered(4, 3, 1, 1);
+  EXPECT_EQ(e.experiment(2), "2");
+  EXPECT_EQ(e.experiment_name(2), "");
+  set_experiment_names(e, {"17", "0", "after lunch", "3"});
+  EXPECT_EQ(e.experiment(0), "\"17\" (row 0)");
+  EXPECT_EQ(e.experiment(1), "\"0\" (row 1)");
+  EXPECT_EQ(e.experiment(2), "\"after lunch\" (row 2)");
+  EXPECT_EQ(e.experiment(3), "3");  // the name of row 3 is 3
+  e.u(2, 1, 0) = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(message([&] { e.check(); }),
+            "input u1: infinite value in experiment \"after lunch\" (row 2) at step 1, finite or missing (NaN) needed");
+}
+
+TEST(Ensemble, NamesOfExperimentsAreHarmless) {
+  Ensemble e = numbered(3, 3, 1, 1);
+  set_experiment_names(e, {"a\nb\x1b[31m", "\u202eevil", std::string(10'000, 'x')});
+  EXPECT_EQ(e.experiment(0), "\"a b [31m\" (row 0)");
+  EXPECT_EQ(e.experiment(1), "\"evil\" (row 1)");
+  EXPECT_EQ(e.experiment(2), "\"" + std::string(80, 'x') + "…\" (row 2)");
+}
+
+TEST(Ensemble, NamesOfExperimentsAreDifferentAndSayMoreThanRows) {
+  Ensemble e = numbered(3, 3, 1, 1);
+  set_experiment_names(e, {"0", "1", "2"});
+  EXPECT_TRUE(e.experiment_names.empty());
+  set_experiment_names(e, {"0", "2", "1"});
+  EXPECT_EQ(e.experiment_names, (std::vector<std::string>{"0", "2", "1"}));
+  const auto refused = [&e](std::vector<std::string> names) {
+    return message([&] { set_experiment_names(e, std::move(names)); });
+  };
+  EXPECT_EQ(refused({"a", "b"}), "experiment_names: 2 names found for 3 experiments");
+  EXPECT_EQ(refused({"a", "b", ""}), "experiment_names: an empty text found at row 2, a name needed");
+  EXPECT_EQ(refused({"a", "b", "a"}), "experiment_names: \"a\" found at rows 0 and 2, different names needed");
+  EXPECT_EQ(e.experiment_names, (std::vector<std::string>{"0", "2", "1"}));
+  e.experiment_names.pop_back();
+  EXPECT_EQ(message([&] { e.check(); }), "experiment_names: 2 names found for 3 experiments");
+  set_experiment_names(e, {});
+  EXPECT_TRUE(e.experiment_names.empty());
+}
+
+TEST(Ensemble, PartsRememberWhichExperimentsTheyHold) {
+  Ensemble e = numbered(60, 6, 1, 1);
+  EXPECT_EQ(e.subset({3, 5}).experiment_names, (std::vector<std::string>{"3", "5"}));
+  EXPECT_EQ(e.subset({3, 5}).subset({1}).experiment(0), "\"5\" (row 0)");
+  EXPECT_TRUE(e.subset({0, 1, 2}).experiment_names.empty());
+  EXPECT_TRUE(e.subset({3, 3}).experiment_names.empty());
+  set_experiment_names(e, names_from(1, 60));
+  EXPECT_EQ(e.subset({16, 3}).experiment_names, (std::vector<std::string>{"17", "4"}));
+  EXPECT_TRUE(e.subset({16, 16}).experiment_names.empty());
+  const Split parts = split(e, 0.25);
+  ASSERT_EQ(parts.held_out_rows.size(), 15u);
+  for (Index n = 0; n < 15; ++n) {
+    const Index row = parts.held_out_rows[size_t(n)];
+    EXPECT_EQ(parts.held_out.experiment_name(n), std::to_string(row + 1));
+    EXPECT_EQ(parts.held_out.u(n, 0, 0), e.u(row, 0, 0));
+  }
+  EXPECT_EQ(stretch(e, 2, 5).experiment_names, e.experiment_names);
+  EXPECT_EQ(departures(e, nominal_trajectory(e)).experiment_names, e.experiment_names);
+  const Ensemble pieces = cut(e, 2);
+  EXPECT_EQ(pieces.experiment_name(16), "17 from step 0 on");
+  EXPECT_EQ(pieces.experiment_name(60 + 16), "17 from step 2 on");
+  EXPECT_TRUE(cut(numbered(2, 4, 1, 1), 2).experiment_names.empty());
 }
 
 TEST(Ensemble, EndOfASingleRecordIsHeldOutFromAStepOfTheFirstPhaseOn) {

@@ -253,6 +253,30 @@ TEST(Identify, FiguresAreOfTheRegressionsThatTheModelComesFrom) {
   }
 }
 
+TEST(Identify, SingleExperimentsAreNamedWithHoldOutToo) {
+  Ensemble data = experiments(oscillator(30), {.experiments = 60, .seed = 4, .measurement_noise = 0.02});
+  for (Index k = 0; k < 30; ++k) data.y(16, k, 0) *= 50;
+  // Two that share no step, both of the larger part of a hold-out.
+  for (Index k = 0; k < 30; ++k) {
+    if (k < 15) data.input(k).row(41).setConstant(nan), data.output(k).row(41).setConstant(nan);
+    if (k >= 14) data.input(k).row(20).setConstant(nan), data.output(k).row(20).setConstant(nan);
+  }
+  for (int n = 1; n <= 60; ++n) data.experiment_names.push_back(std::to_string(n));
+  for (const double hold_out : {0.0, 0.2}) {
+    const Identification found = identify(data, {.refine = false, .hold_out = hold_out});
+    ASSERT_FALSE(found.outliers.empty());
+    EXPECT_EQ(found.outliers.front().experiment, 16);
+    EXPECT_EQ(found.outliers.front().name, "17");
+    const auto told = [&](const std::string& begin) {
+      return std::count_if(found.warnings.begin(), found.warnings.end(),
+                           [&](const std::string& text) { return text.starts_with(begin); });
+    };
+    EXPECT_EQ(told("experiment \"17\" (row 16) does not fit the others"), 1);
+    EXPECT_EQ(
+        told("experiment \"42\" (row 41) begins at step 15, when experiment \"21\" (row 20) has ended at step 13"), 1);
+  }
+}
+
 TEST(Identify, NoiseIsSurvivedByEveryOrderChosenAutomatically) {
   // The fits that a usable model reaches on fresh data here; a wrong order gives large negative ones.
   const Model system = oscillator(60);

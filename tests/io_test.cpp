@@ -135,6 +135,7 @@ void expect_same(const Ensemble& a, const Ensemble& b) {
   EXPECT_EQ(a.dt, b.dt);
   EXPECT_EQ(a.initial_state, b.initial_state);
   EXPECT_EQ(a.length, b.length);
+  EXPECT_EQ(a.experiment_names, b.experiment_names);
   expect_same(a.names, b.names);
   EXPECT_EQ(a.free.experiments, b.free.experiments);
   EXPECT_EQ(a.free.steps, b.free.steps);
@@ -201,6 +202,13 @@ Channels odd_channels(Index r, Index m) {
     (i < r ? channels.input_units : channels.output_units).emplace_back(i % 2 == 0 ? "" : "N·m, \"²\"");
   }
   return channels;
+}
+
+std::vector<std::string> odd_experiments(Index experiments) {
+  std::vector<std::string> names;
+  for (Index n = 0; n < experiments; ++n)
+    names.push_back(odd_names[static_cast<size_t>(n) % odd_names.size()] + std::to_string(n));
+  return names;
 }
 
 void drop_samples(Random& random, Ensemble& e) {
@@ -315,6 +323,7 @@ TEST_P(EveryFormat, EnsembleComesBackAsItWas) {
     if (coin(random)) e.names = odd_channels(e.inputs(), e.outputs());
     if (coin(random)) e.initial_state = coin(random) ? InitialState::zero : InitialState::unknown;
     if (!csv && coin(random)) add_free_response(random, e);
+    if (coin(random)) e.experiment_names = odd_experiments(e.experiments());
     save_ensemble(e, target(), options());
     EXPECT_EQ(file_kind(target()), FileKind::ensemble);
     expect_same(load_ensemble(target()), e);
@@ -485,6 +494,18 @@ TEST_F(Shapes, OptionalFieldsAreChecked) {
   expect_load_error(with("initial_state", numbers({})), {"'initial_state'", "numbers found", "text needed"});
   expect_load_error(with("input_names", texts({2})), {"input_names", "2"});
   expect_load_error(with("output_units", numbers({1})), {"'output_units'", "numbers found", "text needed"});
+  using Texts = std::vector<std::string>;
+  const auto named = [&](const Array& names) {
+    return load_ensemble(with("experiment_names", names)).experiment_names;
+  };
+  EXPECT_EQ(named({{2}, Texts{"17", "a"}}), (Texts{"17", "a"}));
+  EXPECT_EQ(named({{2, 1}, std::vector<double>{17, 0.5}}), (Texts{"17", "0.5"}));
+  EXPECT_EQ(named({{2}, std::vector<std::int64_t>{1, 0}}), (Texts{"1", "0"}));
+  EXPECT_EQ(named({{2}, std::vector<std::int64_t>{0, 1}}), Texts{});
+  expect_load_error(with("experiment_names", {{2}, Texts{"a", "a"}}), {"\"a\" found at rows 0 and 1"});
+  expect_load_error(with("experiment_names", numbers({2}, 4)), {"\"4\" found at rows 0 and 1"});
+  expect_load_error(with("experiment_names", {{2}, Texts{"a", ""}}), {"an empty text found at row 1"});
+  expect_load_error(with("experiment_names", texts({3})), {"experiment_names: 3 names found for 2 experiments"});
   EXPECT_EQ(load_ensemble(with("free_y", ramp({3, 4, 1}))).free.experiments, 3);
   EXPECT_EQ(load_ensemble(with("free_y", ramp({4, 1}))).free.experiments, 1);
   expect_load_error(with("free_y", ramp({3, 4})), {"'free_y'", "(3, 4)"});
@@ -986,6 +1007,42 @@ TEST_F(Csv, ByteOrderMarkAndBlanks) {
   EXPECT_EQ(e.y(0, 1, 0), 4);
 }
 
+TEST_F(Csv, LabelsOfExperimentsAreTheirNames) {
+  std::string text = "experiment,time,u1,y1\n";
+  for (const int n : {3, 1, 17})
+    for (int k = 0; k < 2; ++k) text += fmt::format("{},{},{},{}\n", n, k, n + 0.5, n == 17 && k == 1 ? "inf" : "1");
+  write_bytes(file("a.csv"), text);
+  expect_load_error(file("a.csv"), {"output y1: infinite value in experiment \"17\" (row 2) at step 1"});
+  text.replace(text.find("inf"), 3, "2");
+  write_bytes(file("a.csv"), text);
+  const Ensemble e = load_ensemble(file("a.csv"));
+  EXPECT_EQ(e.experiment_names, (std::vector<std::string>{"3", "1", "17"}));
+  EXPECT_EQ(e.u(2, 0, 0), 17.5);
+  // Through another format and back, the file is the same.
+  save_ensemble(e, file("b.csv"));
+  save_ensemble(e, file("c.npz"));
+  save_ensemble(load_ensemble(file("c.npz")), file("d.csv"));
+  EXPECT_EQ(bytes_of(file("b.csv")), bytes_of(file("d.csv")));
+  EXPECT_NE(bytes_of(file("b.csv")).find("\n17,0,"), std::string::npos);
+}
+
+TEST_F(Csv, RowNumbersAreNoNames) {
+  write_bytes(file("a.csv"), "experiment,time,u1,y1\n0,0,1,2\n1,0,3,4\n");
+  EXPECT_TRUE(load_ensemble(file("a.csv")).experiment_names.empty());
+  write_bytes(file("a.csv"), "time,u1,y1\n0,1,2\n1,3,4\n");
+  EXPECT_TRUE(load_ensemble(file("a.csv")).experiment_names.empty());
+}
+
+TEST_F(Csv, NamesOfExperimentsAreNoFormulas) {
+  Random random(1);
+  Ensemble e = random_ensemble(random, 2, 3, 1, 1);
+  e.experiment_names = {"=cmd|' /C calc'!A0", "b"};
+  expect_words(error_of([&] { save_ensemble(e, file("a.csv")); }), {"a.csv", "experiment_names", "=cmd", "formula"});
+  e.experiment_names = {"-5", "#b"};
+  save_ensemble(e, file("a.csv"));
+  EXPECT_EQ(load_ensemble(file("a.csv")).experiment_names, e.experiment_names);
+}
+
 TEST_F(Csv, NothingIsDroppedSilently) {
   Random random(1);
   Ensemble e = random_ensemble(random, 2, 3, 1, 1);
@@ -1175,6 +1232,12 @@ TEST_P(EveryFormat, NoFileForAnInconsistentEnsemble) {
   expect_words(error_with([](Ensemble& e) { e.names.output_units = {"m"}; }),
                {"output_units", "1 entries", "2 needed"});
   expect_words(error_with([](Ensemble& e) { e.free.experiments = 3; }), {"free_y", "(0, 0)"});
+  expect_words(error_with([](Ensemble& e) { e.experiment_names = {"a"}; }), {"experiment_names", "1 name", "2 exp"});
+  expect_words(error_with([](Ensemble& e) {
+                 e.experiment_names = {"a", "a"};
+               }),
+               {"experiment_names", "\"a\" found at rows 0 and 1"});
+  expect_words(error_with([](Ensemble& e) { e.experiment_names = {"a", "b\xFF"}; }), {"experiment_names", "UTF-8"});
   EXPECT_EQ(number_of_files(), 0u);
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/report.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -127,12 +128,20 @@ TEST(Shown, HasTheBestTheMedianAndTheWorst) {
   for (Index n = 0; n < 100; ++n)
     found.experiment_error.push_back(n == 17 ? 90.0 : n == 71 ? 0.5 : 1 + 0.01 * double(n));
   found.experiment_error[5] = nan;
+  for (Index n = 0; n < 100; ++n) found.rows.push_back(3 * n);
+  found.experiment_names.assign(100, "");
+  found.experiment_names[17] = "wild";
   for (const Index most : {3, 10, 100, 500}) {
     const report::Shown shown = report::shown_experiments(found, most);
     EXPECT_EQ(Index(shown.rows.size()), std::min<Index>(100, most));
     EXPECT_TRUE(std::is_sorted(shown.rows.begin(), shown.rows.end()));
     for (const Index n : {17, 71}) EXPECT_TRUE(std::binary_search(shown.rows.begin(), shown.rows.end(), n)) << n;
     EXPECT_TRUE(contains(shown.labels[shown.first], "median"));
+    const auto label = [&](Index n) {
+      return shown.labels[size_t(std::find(shown.rows.begin(), shown.rows.end(), n) - shown.rows.begin())];
+    };
+    EXPECT_EQ(label(17), "Experiment \"wild\" (row 51) (largest error)");
+    EXPECT_EQ(label(71), "Experiment 213 (smallest error)");
   }
   EXPECT_EQ(report::shown_experiments(found, 1).rows.size(), 1u);
 }
@@ -346,6 +355,37 @@ TEST(Verdict, NamesExperimentsThatStandOut) {
   const Verdict v = verdict(model, data);
   EXPECT_EQ(v.trust, Trust::look_closer);
   EXPECT_TRUE(contains(all_reasons(v), "Errors of experiment 11 are more than 10 times the median")) << all_reasons(v);
+  data.experiment_names.assign(30, "");
+  for (Index n = 0; n < 30; ++n) data.experiment_names[size_t(n)] = fmt::format("run {}", n + 1);
+  const std::string named = all_reasons(verdict(model, data));
+  EXPECT_TRUE(contains(named, "Errors of experiment \"run 12\" (row 11) are more than")) << named;
+}
+
+// What is held out is named as in the whole ensemble.
+TEST(Verdict, NamesHeldOutExperimentsByTheirRowsInTheData) {
+  Ensemble data = noisy(60, 3);
+  const Split parts = split(data, 0.25);
+  const Index bad = parts.held_out_rows[4];
+  for (Index k = 0; k < 40; ++k) data.output(k).row(bad) *= -1;
+  const IdentifyOptions options{.states = 4, .method = Method::tvera, .hold_out = 0.25};
+  for (const bool named : {false, true}) {
+    // Names that are the row numbers of the held-out part.
+    if (named) {
+      data.experiment_names.clear();
+      for (Index n = 0; n < 60; ++n) data.experiment_names.push_back(fmt::format("not held out {}", n));
+      for (size_t i = 0; i < parts.held_out_rows.size(); ++i)
+        data.experiment_names[size_t(parts.held_out_rows[i])] = std::to_string(i);
+    }
+    const Identification found = identify(data, options);
+    const std::string expected = named ? fmt::format("\"4\" (row {})", bad) : fmt::format("{}", bad);
+    const ReportPage page = identification_page(found, data, options);
+    for (const Verdict& v : {page.verdict, verdict(found.model, data)})
+      EXPECT_TRUE(contains(all_reasons(v), fmt::format("Errors of experiment {} are more", expected)))
+          << all_reasons(v);
+    EXPECT_TRUE(contains(page.html, named ? fmt::format("Experiment &quot;4&quot; (row {}) (largest", bad)
+                                          : fmt::format("Experiment {} (largest", bad)));
+    EXPECT_TRUE(contains(page.html, fmt::format("\"row\":{},\"name\":{}", bad, named ? "\"4\"" : "null")));
+  }
 }
 
 TEST(Verdict, BlamesAnInputForItsOwnStepsOnly) {

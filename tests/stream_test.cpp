@@ -67,6 +67,7 @@ TEST_F(Stream, ReadsWhatLoadEnsembleReads) {
   e.length[7] = 31;
   for (Index k = 31; k < 50; ++k) e.input(k).row(7).setConstant(nan), e.output(k).row(7).setConstant(nan);
   e.initial_state = InitialState::zero;
+  for (int n = 1; n <= 19; ++n) e.experiment_names.push_back(std::to_string(n));
   const EnsembleFile file(data(e));
   EXPECT_EQ(file.experiments(), 19);
   EXPECT_EQ(file.steps(), 50);
@@ -75,6 +76,7 @@ TEST_F(Stream, ReadsWhatLoadEnsembleReads) {
     const Ensemble part = file.read(begin, end), expected = stretch(e, begin, end);
     EXPECT_EQ(fingerprint(part), fingerprint(expected));
     EXPECT_EQ(part.length, expected.length);
+    EXPECT_EQ(part.experiment_names, e.experiment_names);
     EXPECT_EQ(part.initial_state, expected.initial_state);
     EXPECT_EQ(part.free.y, e.free.y.middleCols(begin * e.outputs(), (end - begin) * e.outputs()));
   }

@@ -20,8 +20,9 @@ struct CrossValidateOptions {
 };
 
 struct Fold {
-  std::vector<Index> experiments;  // row numbers of those that were kept back
-  Index states = 0, lags = 0;      // of the model of the others
+  std::vector<Index> experiments;             // row numbers of those that were kept back
+  std::vector<std::string> experiment_names;  // of the same, empty where the data give none
+  Index states = 0, lags = 0;                 // of the model of the others
   Fit simulation, one_step, horizon;
   std::vector<std::string> warnings;  // of the identification
 };
@@ -32,6 +33,7 @@ struct CrossValidation {
   // one.
   Fit simulation, one_step, horizon;
   Vector simulation_spread, one_step_spread, horizon_spread;  // (m) standard deviation of the fits of the folds [%]
+  std::vector<std::string> warnings;                          // of the experiments of all folds together
 };
 
 // Identifies once per fold on the other experiments, leaving to each identification all choices that the options leave

@@ -82,11 +82,17 @@ class Ensemble {
   // The experiments (row numbers) that have every sample of [W_k Y_k].
   std::vector<Index> complete_rows(Index k, Index p) const;
 
-  // The experiments of the given row numbers, with everything else kept.
+  // The experiments of the given row numbers, with everything else kept. Experiments without names get their row
+  // numbers as names. Where a row is chosen twice, the experiments of the subset have no names.
   Ensemble subset(const std::vector<Index>& experiments) const;
 
   // The given inputs and outputs, in the given order, with everything else kept. Outputs of free responses follow.
   Ensemble select(const std::vector<Index>& inputs, const std::vector<Index>& outputs) const;
+
+  // The name that the data give to experiment n; empty where they give none.
+  std::string experiment_name(Index n) const;
+  // Experiment n as messages name it: "16", or with its name and its row: "\"17\" (row 16)".
+  std::string experiment(Index n) const;
 
   // \throws std::invalid_argument that names the channel, experiment and step of an infinite value, or the channel
   // without a single finite sample, or what else is inconsistent.
@@ -97,6 +103,7 @@ class Ensemble {
   Channels names;
   std::optional<InitialState> initial_state;  // empty: not stated with the data
   std::vector<Index> length;                  // (N) valid samples of each experiment; empty: all T
+  std::vector<std::string> experiment_names;  // (N) as the data label them; empty: they are known by their rows alone
   FreeResponse free;
 
  private:
@@ -111,6 +118,10 @@ void set_length(Ensemble& ensemble, std::vector<Index> length);
 // The channels with the names that are wanted, in that order. Nothing: the data have them so already, name no channels,
 // or lack one of the names. An ensemble without outputs needs the inputs only.
 std::optional<Ensemble> in_order(const Ensemble& ensemble, const Channels& wanted);
+
+// Sets the names of the experiments. Names that are the row numbers 0 … N-1 say nothing: then the list becomes empty.
+// \throws std::invalid_argument unless the list is empty or has N different names, none of them empty
+void set_experiment_names(Ensemble& ensemble, std::vector<std::string> names);
 
 // Number of NaN samples within the length of each experiment.
 Index missing_samples(const Ensemble& ensemble);
@@ -128,6 +139,7 @@ ChannelSummary channel_summary(const Ensemble& ensemble, Index channel);
 // The experiments held out are spread evenly over the ensemble, so that both parts represent an ordered campaign.
 struct Split {
   Ensemble training, held_out;
+  std::vector<Index> held_out_rows = {};  // of the experiments that were held out, in the ensemble that was split
 };
 // Of a single record of a system with a period of so many steps its end is held out, from a step of the first phase on.
 // \throws std::invalid_argument unless 0 < fraction < 1 and both parts get at least one experiment, or step

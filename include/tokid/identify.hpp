@@ -103,6 +103,7 @@ struct Outlier {
   Index experiment = 0;
   double ratio = 0.0;       // size of its leave-one-out residuals over the usual one
   std::string explanation;  // what would make it as usual, in words; empty: nothing that was tried
+  std::string name;         // of the experiment, empty where the data give none
 };
 
 struct Identification {

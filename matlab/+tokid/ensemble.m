@@ -13,6 +13,8 @@ function data = ensemble(u, y, varargin)
 %   'free_y'          Nf x Tf x m outputs of experiments without input from unknown initial states other than zero
 %   'initial_state'   'zero' or 'unknown': what is known of the states at step 0 (default: found out by a test)
 %   'input_names', 'output_names', 'input_units', 'output_units'   cells of texts
+%   'experiment_names'   cell of N different texts, or N numbers: what messages call the experiments (default: their
+%                     rows, counted from 0)
 %
 % The fields of the struct have the names and shapes of the files: see docs/formats.md. Errors: tokid:shape,
 % tokid:option.

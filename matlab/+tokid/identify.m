@@ -9,7 +9,7 @@ function [model, evidence] = identify(varargin)
 %
 % u is N x T x r and y is N x T x m: N experiments of T steps with r inputs and m outputs, NaN where a sample is
 % missing; or cells of T_i x r and T_i x m. tokid.ensemble has the details, and what can be said of the data by name and
-% value: 'dt', 'length', 'free_y', 'input_names', 'output_names', 'input_units', 'output_units'.
+% value: 'dt', 'length', 'free_y', 'input_names', 'output_names', 'input_units', 'output_units', 'experiment_names'.
 %
 % The model is a struct with the fields of the file: A(:,:,s) is n x n and leads from step k to k+1, where
 % k = k_begin + s - 1 and step 0 is the first sample; B n x r x S, C m x n x S, D m x r x S, the gain of the observer

@@ -10,6 +10,8 @@ namespace {
 
 nb::any object_of(const Fold& f) {
   return make("Fold", {{"experiments", f.experiments},
+                       {"experiment_names",
+                        f.experiment_names.empty() ? nb::object(nb::none()) : nb::object(texts(f.experiment_names))},
                        {"states", f.states},
                        {"lags", f.lags},
                        {"simulation", python::object_of(f.simulation)},

@@ -79,6 +79,10 @@ void bind_ensemble(nb::module_& module) {
       .def_prop_rw(
           "length", [](const Ensemble& e) { return e.length; },
           [](Ensemble& e, std::vector<Index> length) { set_length(e, std::move(length)); })
+      .def_prop_rw(
+          "experiment_names", [](const Ensemble& e) { return e.experiment_names; },
+          [](Ensemble& e, Names names) { set_experiment_names(e, std::move(names)); })
+      .def("experiment", &Ensemble::experiment)
       .def("clear_beyond_lengths", &clear_beyond_lengths)
       .def_prop_rw("initial_state", &initial_state, &set_initial_state, nb::for_setter(nb::arg().none()))
       .def_prop_rw(

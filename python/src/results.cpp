@@ -114,7 +114,10 @@ nb::any object_of(const RefinementChoice& c) {
 }
 
 nb::any object_of(const Outlier& o) {
-  return make("Outlier", {{"experiment", o.experiment}, {"ratio", o.ratio}, {"explanation", o.explanation}});
+  return make("Outlier", {{"experiment", o.experiment},
+                          {"name", o.name.empty() ? nb::object(nb::none()) : results::cast(o.name)},
+                          {"ratio", o.ratio},
+                          {"explanation", o.explanation}});
 }
 
 }  // namespace

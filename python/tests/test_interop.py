@@ -363,7 +363,7 @@ def same(a, b):
     np.testing.assert_array_equal(a.u, b.u)
     np.testing.assert_array_equal(a.y, b.y)
     assert (a.length is None) == (b.length is None) and (a.length is None or np.array_equal(a.length, b.length))
-    for name in ("initial_state", "input_names", "output_names", "input_units", "output_units"):
+    for name in ("initial_state", "input_names", "output_names", "input_units", "output_units", "experiment_names"):
         assert getattr(a, name) == getattr(b, name)
 
 

@@ -10,7 +10,7 @@ from typing import Any, Optional
 import numpy as np
 
 from . import _options, _tokid
-from ._ensemble import Ensemble, describe
+from ._ensemble import Ensemble, describe, label, labels_of
 from ._optional import need
 from ._typing import Array, ArrayLike
 
@@ -354,6 +354,8 @@ def from_dataframe(
             setattr(core, f"{kind}_units", [given_units.get(name, "") for name in names])
     noted_state = notes.get("initial_state") if initial_state is None else initial_state
     describe(core, None, free_y, noted_state, None, None, input_units, output_units)
+    if experiment is not None:
+        core.experiment_names = [label(name) for name in experiments]
     if length is not None:
         describe(core, length)
         for n, valid in enumerate(core.length):
@@ -367,9 +369,9 @@ def from_dataframe(
 
 def _keep_lengths(core: _tokid.Ensemble, noted: Any, experiments: list[Any], begin: int) -> None:
     """Takes over the lengths noted for the experiments, unless there are samples beyond them by now."""
-    if not isinstance(noted, dict) or any(str(name) not in noted for name in experiments):
+    if not isinstance(noted, dict) or any(label(name) not in noted for name in experiments):
         return
-    lengths = [min(max(int(noted[str(name)]) - begin, 0), core.steps) for name in experiments]
+    lengths = [min(max(int(noted[label(name)]) - begin, 0), core.steps) for name in experiments]
     u, y = core.u(), core.y()
     if all(np.isnan(u[n, t:]).all() and np.isnan(y[n, t:]).all() for n, t in enumerate(lengths)):
         core.length = lengths
@@ -387,14 +389,14 @@ def _distinct_names(names: list[str]) -> None:
             )
 
 
-def tidy(dt: float, columns: Sequence[tuple[Sequence[str], Array]], kept: Any = None) -> Any:
-    """A row for each experiment and step, a column for each channel of the arrays (N, T, channels)."""
+def tidy(dt: float, labels: Any, columns: Sequence[tuple[Sequence[str], Array]], kept: Any = None) -> Any:
+    """A row for each experiment, by its label, and step; a column for each channel of the arrays (N, T, channels)."""
     experiments, steps = columns[0][1].shape[:2]
     names = ["experiment", "time"] + [name for names, _ in columns for name in names]
     _distinct_names(names)
     rows = slice(None) if kept is None else kept.reshape(-1)
     values: dict[str, Any] = {
-        "experiment": np.repeat(np.arange(experiments), steps)[rows],
+        "experiment": np.repeat(labels, steps)[rows],
         "time": np.tile(np.arange(steps) * dt, experiments)[rows],
     }
     for channels, array in columns:
@@ -413,12 +415,12 @@ def to_dataframe(data: Ensemble) -> Any:
     kept = np.asarray(~(np.isnan(u).all(axis=2) & np.isnan(y).all(axis=2)))
     kept[:1] = True
     kept[:, :1] = True
-    table = tidy(core.dt, [(data.input_names, u), (data.output_names, y)], kept)
+    table = tidy(core.dt, labels_of(core), [(data.input_names, u), (data.output_names, y)], kept)
     notes: dict[str, Any] = {"dt": core.dt}
     if core.initial_state is not None:
         notes["initial_state"] = core.initial_state
     if core.length:
-        notes["length"] = {str(n): int(length) for n, length in enumerate(core.length)}
+        notes["length"] = {name: int(length) for name, length in zip(data.experiment_names, core.length)}
     if core.input_names:
         notes["input_names"] = list(core.input_names)
     if core.output_names:
@@ -453,12 +455,14 @@ def outputs_to_dataframe(model: Any, u: Any, y: Any, horizon: int, x0: Optional[
     if data.outputs:
         predicted = model.predict(ensemble, horizon=horizon, initial_state=initial_state)
         columns.append(([f"predicted_{name}" for name in names], predicted))
-    return tidy(data.dt, columns)
+    return tidy(data.dt, labels_of(data), columns)
 
 
 def core_from(data: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
     """The data of a call of identify, whose names are those of the columns."""
     rest = {name: described.get(name) for name in ("length", "free_y", "input_units", "output_units")}
+    if described.get("experiment_names") is not None:
+        raise ValueError("experiment_names: found beside a DataFrame, whose column 'experiment' has them")
     return from_dataframe(
         data,
         inputs=described.get("input_names"),

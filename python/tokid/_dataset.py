@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Optional
 
 import numpy as np
 
 from . import _arrays, _options, _tokid
 from ._dataframe import Grid, seconds
-from ._ensemble import core_of, describe
+from ._ensemble import core_of, describe, label
+from ._errors import warn
 from ._optional import need
 from ._typing import Array, ArrayLike
 
@@ -81,6 +82,7 @@ def from_xarray(
     output_names: Optional[Sequence[str]] = None,
     input_units: Optional[Sequence[str]] = None,
     output_units: Optional[Sequence[str]] = None,
+    experiment_names: Optional[Iterable[Any]] = None,
     outputs_required: bool = False,
 ) -> _tokid.Ensemble:
     need("xarray", "from_xarray", "tokid[xarray]")
@@ -126,6 +128,13 @@ def from_xarray(
     for name, count, given in (("input_names", core.inputs, input_names), ("output_names", core.outputs, output_names)):
         if given is None and names[name] == [f"{'u' if name[0] == 'i' else 'y'}{i + 1}" for i in range(count)]:
             names[name] = None  # those that channels without a name have
+    coordinate = _coordinate(data, "experiment", "experiment")
+    if experiment_names is None and coordinate is not None:
+        labels = [label(name) for name in coordinate]
+        if all(labels) and len(set(labels)) == len(labels):
+            experiment_names = labels
+        else:
+            warn(["experiment: empty or repeated labels found, so the experiments are known by their rows alone"])
     describe(
         core,
         length,
@@ -135,6 +144,7 @@ def from_xarray(
         output_units=(
             (_texts(data, "output_unit", "output") if core.outputs else None) if output_units is None else output_units
         ),
+        experiment_names=experiment_names,
         **names,
     )
     core.check(outputs_required)

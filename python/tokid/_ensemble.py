@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
@@ -41,6 +41,8 @@ class Ensemble(Channels):
         Names of the channels, by default u1 … ur and y1 … ym.
     input_units, output_units : sequence of str, optional
         Their units.
+    experiment_names : sequence of str or numbers, shape (N,), optional
+        Names of the experiments, all different, by which messages, plots and tables call them; by default their rows.
 
     Raises
     ------
@@ -77,12 +79,15 @@ class Ensemble(Channels):
         output_names: Optional[Sequence[str]] = None,
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
+        experiment_names: Optional[Iterable[Any]] = None,
     ) -> None:
         core, single = core_of(u, y, dt)
         if single and u is not None:
             taken_for_one(core)
         self._core = core
-        describe(core, length, free_y, initial_state, input_names, output_names, input_units, output_units)
+        describe(
+            core, length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
+        )
         core.check(False)
 
     @classmethod
@@ -107,6 +112,7 @@ class Ensemble(Channels):
         output_names: Optional[Sequence[str]] = None,
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
+        experiment_names: Optional[Iterable[Any]] = None,
     ) -> Self:
         """An ensemble of the given size in which every sample is missing (NaN), to be written through `u` and `y`.
 
@@ -125,7 +131,9 @@ class Ensemble(Channels):
             )
         ]
         core = _tokid.Ensemble(size[0], size[1], size[2], size[3], float(dt))
-        describe(core, length, free_y, initial_state, input_names, output_names, input_units, output_units)
+        describe(
+            core, length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
+        )
         return cls._of(core)
 
     @classmethod
@@ -213,6 +221,11 @@ class Ensemble(Channels):
         return np.asarray(length, dtype=np.int64) if length else None
 
     @property
+    def experiment_names(self) -> list[str]:
+        """Names (N) of the experiments, their rows "0" … where none were given."""
+        return self._core.experiment_names or [str(n) for n in range(self.experiments)]
+
+    @property
     def initial_state(self) -> Optional[str]:
         """What is known of the states at step 0: "zero", "unknown", or None where nothing is stated."""
         return self._core.initial_state
@@ -257,14 +270,16 @@ class Ensemble(Channels):
         raise TypeError("an Ensemble found, an array needed: it holds two, u (N, T, r) and y (N, T, m)")
 
     def __repr__(self) -> str:
-        return f"<{'tokid.' if type(self) is Ensemble else ''}{type(self).__name__}: {sizes(self)}>"
+        names = f"; experiments {_told(self._core.experiment_names)}" if self._core.experiment_names else ""
+        return f"<{'tokid.' if type(self) is Ensemble else ''}{type(self).__name__}: {sizes(self)}{names}>"
 
     # Parts
 
     def subset(self, rows: Union[slice, ArrayLike]) -> Self:
         """The experiments of a slice, of the given row numbers, or for which a mask is true; all else is kept.
 
-        Negative numbers count from the end. The samples are copied.
+        Negative numbers count from the end. The samples are copied. The experiments keep their names; those without
+        names get their row numbers as names. Where a row is chosen twice, the experiments of the subset have no names.
 
         Examples
         --------
@@ -345,10 +360,11 @@ class Ensemble(Channels):
         ----------
         data : pandas.DataFrame
             A row for each experiment and step, in any order. ``experiment`` (numbers, which come in their order, or
-            names, which come as they first appear) is one experiment where it is absent; ``time`` (numbers [s], dates
-            or time differences), or ``k`` (whole numbers), holds the step, and where both are absent the rows of an
-            experiment are its steps. They may be levels of the index, and an index of dates, of time differences, or of
-            floats without a name is ``time``. All other columns are channels or ignored, also one such as ``trial``.
+            texts, which come as they first appear) names the experiments; where it is absent there is one. ``time``
+            (numbers [s], dates or time differences), or ``k`` (whole numbers), holds the step, and where both are
+            absent the rows of an experiment are its steps. They may be levels of the index, and an index of dates, of
+            time differences, or of floats without a name is ``time``. All other columns are channels or ignored, also
+            one such as ``trial``.
             Absent rows, NaN, None and "NA" are missing samples.
         inputs, outputs : sequence, optional
             Columns that are inputs and outputs; by default all whose names begin with u and y, ``uid`` and ``year``
@@ -404,6 +420,7 @@ class Ensemble(Channels):
         output_names: Optional[Sequence[str]] = None,
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
+        experiment_names: Optional[Iterable[Any]] = None,
         outputs_required: bool = False,
     ) -> Self:
         """An ensemble of an `xarray.Dataset`, as `to_xarray` makes them.
@@ -414,11 +431,11 @@ class Ensemble(Channels):
             The variables ``u`` and ``y`` along ``k`` or ``time``, ``experiment`` (one where it is absent) and ``input``
             or ``output`` (one channel where it is absent), in any order. The coordinate ``time`` (numbers [s], dates or
             time differences), else ``k`` (whole numbers), says which steps the entries are; absent ones are missing
-            samples. Names and units of the channels, lengths, free responses and what is known of the initial states
-            are taken from where `to_xarray` has them.
+            samples. Names of the experiments (the coordinate ``experiment``), names and units of the channels, lengths,
+            free responses and what is known of the initial states are taken from where `to_xarray` has them.
         dt : float, optional
             Sample time [s]; by default the spacing of ``time``, else the attribute dt, else 1.
-        length, free_y, initial_state, input_names, output_names, input_units, output_units
+        length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
             As of the constructor, in the place of what the dataset holds.
         outputs_required : bool, default False
             Refuse a dataset without outputs.
@@ -446,6 +463,7 @@ class Ensemble(Channels):
             output_names=output_names,
             input_units=input_units,
             output_units=output_units,
+            experiment_names=experiment_names,
             outputs_required=outputs_required,
         )
         return cls._of(made._core)
@@ -485,7 +503,30 @@ _TOLD = (
     "output_names",
     "input_units",
     "output_units",
+    "experiment_names",
 )
+
+
+def _told(names: Sequence[str]) -> str:
+    """The first names and the last, cut where they are long."""
+    shown = [repr(name if len(name) <= 20 else name[:20] + "…") for name in (*names[:3], names[-1])]
+    return ", ".join(shown[: len(names)]) if len(names) <= 4 else f"{', '.join(shown[:3])}, … {shown[3]}"
+
+
+def label(name: Any) -> str:
+    """A name of an experiment, which may be a number: 17.0 is 17."""
+    whole = isinstance(name, (float, np.floating)) and float(name).is_integer()
+    return str(int(name) if whole else name)
+
+
+def labels_of(data: _tokid.Ensemble) -> np.ndarray[Any, Any]:
+    """The names (N,) of the experiments as an index: whole numbers where all of them are, else texts."""
+    names = data.experiment_names
+    if not names:
+        return np.arange(data.experiments)
+    if all(name.isascii() and name.isdecimal() and len(name) <= 18 and str(int(name)) == name for name in names):
+        return np.asarray([int(name) for name in names])
+    return np.asarray(names, dtype=object)
 
 
 def _restored(u: Array, y: Array, state: dict[str, Any], cls: type[Ensemble] = Ensemble) -> Ensemble:
@@ -559,6 +600,7 @@ def describe(
     output_names: Optional[Sequence[str]] = None,
     input_units: Optional[Sequence[str]] = None,
     output_units: Optional[Sequence[str]] = None,
+    experiment_names: Optional[Iterable[Any]] = None,
 ) -> None:
     """What goes with the samples."""
     if length is not None:
@@ -572,6 +614,12 @@ def describe(
         _options.choice("initial_state", initial_state, {"zero": 0, "unknown": 1})
         core.initial_state = initial_state
     name_channels(core, input_names, output_names, input_units, output_units)
+    if experiment_names is not None:
+        if isinstance(experiment_names, str):
+            raise ValueError(
+                f"experiment_names: {experiment_names!r} found, a list of {plural(core.experiments, 'name')} needed"
+            )
+        core.experiment_names = [label(name) for name in experiment_names]
 
 
 def name_channels(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Callable, Optional, Union
 
 from . import _dataframe, _dataset, _options, _tokid
@@ -49,6 +49,7 @@ def identify(
     output_names: Optional[Sequence[str]] = None,
     input_units: Optional[Sequence[str]] = None,
     output_units: Optional[Sequence[str]] = None,
+    experiment_names: Optional[Iterable[Any]] = None,
     threads: int = 1,
     progress: Progress = False,
 ) -> Model:
@@ -97,7 +98,7 @@ def identify(
         Keep the factors of all regressions in `Model.state`, to which `tokid.update` adds later experiments.
     report : path, optional
         Page (.html) to write that shows whether the model can be trusted.
-    length, free_y, input_names, output_names, input_units, output_units
+    length, free_y, input_names, output_names, input_units, output_units, experiment_names
         As of `Ensemble`, for arrays. Of a DataFrame the names choose the columns that are inputs and outputs.
     threads : int, default 1
         Threads, 0 for all of the machine. The result is the same to the last bit for any number.
@@ -152,6 +153,7 @@ def identify(
         "output_names": output_names,
         "input_units": input_units,
         "output_units": output_units,
+        "experiment_names": experiment_names,
     }
     core, remark = ensemble_core(u, y, dt, described)
     with listener(progress, "identify") as listening:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 import numpy as np
 
 from . import _arrays, _dataframe, _dataset
-from ._ensemble import Ensemble
+from ._ensemble import Ensemble, labels_of
 from ._model import Model
 from ._optional import need
 from ._typing import Array, ArrayLike
@@ -409,8 +409,9 @@ def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
     xarray.Dataset
         ``u`` (experiment, k, input) and ``y`` (experiment, k, output), which are views of the ensemble's own samples,
         ``length`` (experiment) where lengths are given, and ``free_y`` (free_experiment, free_k, output) where there
-        are free responses. Coordinates: ``k`` and ``time`` [s], ``input`` and ``output`` by name, ``input_unit`` and
-        ``output_unit`` where they are known. The attributes hold dt, and initial_state where it is stated.
+        are free responses. Coordinates: ``experiment``, the names of the experiments or their rows, ``k`` and
+        ``time`` [s], ``input`` and ``output`` by name, ``input_unit`` and ``output_unit`` where they are known. The
+        attributes hold dt, and initial_state where it is stated.
     """
     xr = need("xarray", "to_xarray", "tokid[xarray]")
     ensemble._ready()
@@ -425,7 +426,7 @@ def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
         variables["free_y"] = (("free_experiment", "free_k", "output"), ensemble.free_y)
     k = np.arange(ensemble.steps)
     coordinates: dict[str, Any] = {
-        "experiment": ("experiment", np.arange(ensemble.experiments)),
+        "experiment": ("experiment", labels_of(ensemble._core)),
         "k": ("k", k, {"long_name": "Step"}),
         "time": ("k", ensemble.time, {"long_name": "Time", "units": "s"}),
     }
@@ -498,5 +499,6 @@ def dataframe_of(samples: ArrayLike, names: Sequence[str], *, dt: float = 1.0) -
     array, _ = _arrays.samples("samples", samples, "channels")
     if isinstance(names, str) or len(names) != array.shape[2]:
         raise ValueError(f"names: {names!r} found, a list of {array.shape[2]} texts needed")
-    table: pandas.DataFrame = _dataframe.tidy(float(dt), [([str(name) for name in names], _contiguous(array))])
+    columns = [([str(name) for name in names], _contiguous(array))]
+    table: pandas.DataFrame = _dataframe.tidy(float(dt), np.arange(array.shape[0]), columns)
     return table

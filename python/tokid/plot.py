@@ -251,7 +251,7 @@ def _experiment(model: Model, found: _Outcome, experiment: Optional[int]) -> tup
         n = int(middle) if known else 0
     else:
         n = integer("experiment", experiment, 0, data.experiments - 1)
-    label = f"Experiment {n}"
+    label = f"Experiment {data._core.experiment(n)}"
     if data.experiments > 1 and n == worst:
         label += " (largest error)"
     elif data.experiments > 1 and n == best:
@@ -418,7 +418,7 @@ def inputs(
         _line(ax, steps(k), nominal[:, i], label="Nominal", color=colours["faint"], linewidth=1.2, linestyle=_DASHES[2])
         _legend(ax)
     ax.set_ylabel(_named(names[i], units[i]))
-    ax.set_title(f"Experiment {n}", loc="left", fontsize="medium")
+    ax.set_title(f"Experiment {data._core.experiment(n)}", loc="left", fontsize="medium")
     steps.finish(ax, k)
     return ax
 

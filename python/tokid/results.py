@@ -392,7 +392,9 @@ class Outlier(_Result):
     Attributes
     ----------
     experiment : int
-        Its number in the data.
+        Its row in the data.
+    name : str or None
+        Its name, where the data give it one.
     ratio : float
         Size of its leave-one-out residuals over the usual one.
     explanation : str
@@ -400,6 +402,7 @@ class Outlier(_Result):
     """
 
     experiment: int
+    name: Optional[str]
     ratio: float
     explanation: str
 
@@ -556,6 +559,8 @@ class Fold(_Result):
     ----------
     experiments : list of int
         Row numbers of those that were kept back.
+    experiment_names : list of str or None
+        Their names, where the data give them some.
     states, lags : int
         Of the model of the others.
     simulation, one_step, horizon : Fit
@@ -563,6 +568,7 @@ class Fold(_Result):
     """
 
     experiments: list[int]
+    experiment_names: Optional[list[str]]
     states: int
     lags: int
     simulation: Fit

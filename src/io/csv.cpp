@@ -431,6 +431,7 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
              notes.dt.value_or(steps.grid.dt));
   fill(records, steps.grid, e);
   e.names = channels_of(columns, *header, notes);
+  if (columns.experiment) set_experiment_names(e, records.rows.experiments);
   e.initial_state = notes.initial_state;
   apply_length(notes.length, e);
   e.check(options.outputs_required);
@@ -484,8 +485,8 @@ void write_notes(const Ensemble& e, fmt::memory_buffer& out) {
   if (!e.names.output_units.empty()) note("output_units", e.names.output_units);
 }
 
-void write_row(const Ensemble& e, Index n, Index k, fmt::memory_buffer& out) {
-  fmt::format_to(std::back_inserter(out), "{},{}", n, static_cast<double>(k) * e.dt);
+void write_row(const Ensemble& e, Index n, Index k, std::string_view experiment, fmt::memory_buffer& out) {
+  fmt::format_to(std::back_inserter(out), "{},{}", experiment, static_cast<double>(k) * e.dt);
   for (Index c = 0; c < e.channels(); ++c) {
     const double value = e.samples()(n, k * e.channels() + c);
     out.push_back(',');
@@ -505,7 +506,8 @@ void check_fits(const Ensemble& e) {
   const std::pair<const char*, const Names&> texts[] = {{"input_names", e.names.input_names},
                                                         {"output_names", e.names.output_names},
                                                         {"input_units", e.names.input_units},
-                                                        {"output_units", e.names.output_units}};
+                                                        {"output_units", e.names.output_units},
+                                                        {"experiment_names", e.experiment_names}};
   for (const auto& [key, list] : texts) {
     check_texts(key, list);
     check_no_formula(key, list);
@@ -524,8 +526,10 @@ void write_csv(const Ensemble& e, const std::filesystem::path& path) {
   fmt::format_to(std::back_inserter(out), "{}\n", fmt::join(cells, ","));
   for (Index n = 0; n < e.experiments(); ++n) {
     checkpoint();
+    const std::string name = e.experiment_name(n);
+    const std::string experiment = name.empty() ? fmt::format("{}", n) : csv_cell(name);
     for (Index k = 0; k < e.steps(); ++k)
-      if (is_needed(e, n, k)) write_row(e, n, k, out);
+      if (is_needed(e, n, k)) write_row(e, n, k, experiment, out);
     file.write({out.data(), out.size()});
     out.clear();
   }

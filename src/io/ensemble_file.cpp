@@ -22,14 +22,16 @@ using io::fail;
 
 io::Fields outlines(const fs::path& path) { return io::Fields(io::read_hdf5(path, io::ensemble_names(), {"u", "y"})); }
 
-// Names, sizes and the sample time as load_ensemble() checks them, on an ensemble without a step of its own.
-void check(const io::EnsembleOutline& outline) {
+// Names, sizes and the sample time as load_ensemble() checks and takes them, on an ensemble without a step of its own.
+void check(io::EnsembleOutline& outline) {
   Ensemble one(outline.experiments, 1, outline.inputs, outline.outputs, outline.dt);
   for (Index c = 0; c < one.inputs(); ++c) one.input(0).col(c).setZero();
   for (Index c = 0; c < one.outputs(); ++c) one.output(0).col(c).setZero();
   one.names = outline.names;
   one.free = outline.free;
+  set_experiment_names(one, std::move(outline.experiment_names));
   one.check();
+  outline.experiment_names = std::move(one.experiment_names);
 }
 
 // Of experiments, steps and channels; one experiment may go without its axis.
@@ -125,6 +127,7 @@ Ensemble EnsembleFile::read(Index begin, Index end) const {
     content_->read(content_->y, all.outputs, all.inputs, begin, part);
   });
   part.names = all.names;
+  part.experiment_names = all.experiment_names;
   part.initial_state = begin == 0 ? all.initial_state : InitialState::unknown;
   std::vector<Index> length = all.length;
   for (Index& own : length) own = std::clamp<Index>(own - begin, 0, end - begin);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "experiment_names.hpp"
 #include "linalg/transposition.hpp"
 #include "options_json.hpp"
 #include "schema.hpp"
@@ -156,6 +157,7 @@ const Names& ensemble_names() {
                            "y",
                            "dt",
                            "length",
+                           "experiment_names",
                            "free_y",
                            "input_names",
                            "output_names",
@@ -173,6 +175,8 @@ void check_sizes(const Ensemble& e) {
     if (found != 0 && found != size(needed)) fail("{}: {} entries found, {} needed", name, found, needed);
   };
   check("length", e.length.size(), e.experiments());
+  if (const std::string fault = fault_of_experiment_names(e.experiment_names, e.experiments()); !fault.empty())
+    fail("{}", fault);
   check("input_names", e.names.input_names.size(), e.inputs());
   check("input_units", e.names.input_units.size(), e.inputs());
   check("output_names", e.names.output_names.size(), e.outputs());
@@ -188,6 +192,8 @@ Arrays arrays_of(const Ensemble& e, Layout layout) {
   if (layout == Layout::matlab) arrays.emplace_back("experiments", scalar(e.experiments()));
   if (e.initial_state) arrays.emplace_back("initial_state", scalar(std::string(to_string(*e.initial_state))));
   if (!e.length.empty()) arrays.emplace_back("length", list(e.length));
+  if (!e.experiment_names.empty())
+    arrays.emplace_back("experiment_names", Array{{e.experiment_names.size()}, e.experiment_names});
   add_channels(e.names, arrays);
   if (e.free.experiments > 0)
     arrays.emplace_back("free_y",
@@ -217,6 +223,7 @@ EnsembleOutline outline_of(const Fields& fields, bool outputs_required) {
   outline.names = channels_of(fields);
   if (fields.has("initial_state")) outline.initial_state = initial_state_from(fields.text("initial_state"));
   if (fields.has("length")) outline.length = fields.integers("length", shapes.u[0], 0, outline.steps);
+  if (fields.has("experiment_names")) outline.experiment_names = fields.labels("experiment_names");
   if (fields.has("free_y")) outline.free = free_response_of(fields, outline.outputs);
   return outline;
 }
@@ -238,6 +245,7 @@ Ensemble ensemble_of(const Fields& fields, bool outputs_required) {
   e.names = std::move(outline.names);
   e.initial_state = outline.initial_state;
   set_length(e, std::move(outline.length));
+  set_experiment_names(e, std::move(outline.experiment_names));
   e.free = std::move(outline.free);
   e.check(outputs_required);
   return e;

@@ -70,6 +70,14 @@ std::string Fields::text(std::string_view name) const {
   return values.front();
 }
 
+std::vector<std::string> Fields::labels(std::string_view name) const {
+  const auto* values = std::get_if<std::vector<double>>(&get(name).values);
+  if (!values) return texts(name);
+  std::vector<std::string> result;
+  for (const double value : *values) result.push_back(fmt::format("{}", value));
+  return result;
+}
+
 const std::vector<double>& Fields::list(std::string_view name, size_t count) const {
   const auto& values = numbers(name);
   // (N), (N, 1) and (1, N) alike: MATLAB has no lists.

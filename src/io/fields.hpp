@@ -22,6 +22,8 @@ class Fields {
   Index integer(std::string_view name) const;
   std::string text(std::string_view name) const;
   const std::vector<std::string>& texts(std::string_view name) const;
+  // Texts, or numbers as the shortest texts that say them.
+  std::vector<std::string> labels(std::string_view name) const;
   const std::vector<double>& list(std::string_view name, size_t count) const;
   std::vector<Index> integers(std::string_view name, size_t count, Index low, Index high) const;
   Matrix matrix(std::string_view name) const;

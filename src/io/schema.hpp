@@ -38,6 +38,7 @@ struct EnsembleOutline {
   Channels names;
   std::optional<InitialState> initial_state;
   std::vector<Index> length;
+  std::vector<std::string> experiment_names;
   FreeResponse free;
 };
 EnsembleOutline outline_of(const Fields& fields, bool outputs_required);

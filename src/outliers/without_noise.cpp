@@ -67,8 +67,8 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p
     Index worst = 0;
     const double without = all - alone.maxCoeff(&worst);
     if (without < all / (beyond_doubt * beyond_doubt))
-      return Outlier{rows[size_t(worst)], without > 0 ? std::min(most_ratio, std::sqrt(all / without)) : most_ratio,
-                     ""};
+      return Outlier{rows[size_t(worst)], without > 0 ? std::min(most_ratio, std::sqrt(all / without)) : most_ratio, "",
+                     e.experiment_name(rows[size_t(worst)])};
   }
   return std::nullopt;
 }

@@ -200,9 +200,13 @@ Index identified_from(const Model& model, const ReportOptions& options) {
 
 }  // namespace
 
-Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions& options) {
+Evidence evidence(const Model& model, const Tested& tested) {
+  const Ensemble& data = tested.data;
+  const ReportOptions& options = tested.options;
   Evidence found;
   found.horizon = std::clamp<Index>(options.horizon, 1, std::max<Index>(1, data.steps() - 1));
+  found.rows = tested.rows;
+  found.experiment_names = tested.names;
   ValidateOptions validate_options;
   validate_options.horizon = found.horizon;
   validate_options.initial_state = options.initial_state;

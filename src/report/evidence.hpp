@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "provenance.hpp"
 #include "tokid/report.hpp"
 #include "tokid/validate.hpp"
 #include "words.hpp"
@@ -47,12 +48,14 @@ struct Evidence {
   Ensemble simulated;
   Channels names;  // of the model, or of the data where the model has none
   Index horizon = 1;
-  Index experiments = 0, missing = 0;  // tested; missing samples within the lengths
-  double missing_share = 0.0;          // of the samples within the lengths
-  bool noisy = false;                  // innovations beyond rounding errors
-  Index lags = 0, unknowns = 0;        // p, and the largest of unknowns(); 0 where the model tells no lag order
-  Index identified_from = 0;           // experiments; 0: not known
-  Index samples = 0;                   // of the identification for each unknown: its experiments, over all periods
+  Index experiments = 0, missing = 0;         // tested; missing samples within the lengths
+  std::vector<Index> rows;                    // (N) of these, in the data that were given
+  std::vector<std::string> experiment_names;  // (N) of the same, empty for those that have none
+  double missing_share = 0.0;                 // of the samples within the lengths
+  bool noisy = false;                         // innovations beyond rounding errors
+  Index lags = 0, unknowns = 0;               // p, and the largest of unknowns(); 0 where the model tells no lag order
+  Index identified_from = 0;                  // experiments; 0: not known
+  Index samples = 0;  // of the identification for each unknown: its experiments, over all periods
   double condition_median = 0.0, condition_max = 0.0;
   std::vector<Index> ill, deficient;  // steps k: ill-conditioned; rank below the number of unknowns
   std::vector<WeakInput> weak_inputs;
@@ -69,9 +72,12 @@ struct Evidence {
   double input_correlation = 0.0;  // the largest of the innovations with past and present inputs, beyond chance
   Index input_lag = 0;
   std::vector<std::string> differences;  // between the data's and the model's sample time and names
+
+  // Experiment n of those tested, as words::experiment() has it.
+  std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }
 };
 // \throws as report_page
-Evidence evidence(const Model& model, const Ensemble& data, const ReportOptions& options);
+Evidence evidence(const Model& model, const Tested& tested);
 
 Verdict verdict_of(const Model& model, const Evidence& found, const ReportOptions& options);
 

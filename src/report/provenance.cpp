@@ -1,21 +1,31 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "provenance.hpp"
 
+#include <numeric>
 #include <stdexcept>
+#include <utility>
 
 #include "tokid/identify.hpp"
 
 namespace tokid::report {
 
+Tested tested_part(const Ensemble& data, Ensemble part, std::vector<Index> rows, ReportOptions options) {
+  Tested result{std::move(part), std::move(options), std::move(rows), {}};
+  for (const Index n : result.rows) result.names.push_back(data.experiment_name(n));
+  return result;
+}
+
 Tested tested(const Model& model, const Ensemble& data, const ReportOptions& options) {
-  Tested result{data, options};
+  std::vector<Index> all(size_t(data.experiments()));
+  std::iota(all.begin(), all.end(), Index{0});
+  Tested result = tested_part(data, data, std::move(all), options);
   if (options.evaluation != Evaluation::automatic) return result;
   result.options.evaluation = has_seen(model, data) ? Evaluation::training : Evaluation::given;
   try {
     const IdentifyOptions identification = identify_options(model);
     Split parts = split(data, identification.hold_out, identification.period);
     if (result.options.evaluation == Evaluation::given && has_seen(model, parts.training)) {
-      result.data = std::move(parts.held_out);
+      result = tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(result.options));
       result.options.evaluation = Evaluation::held_out;
     }
   } catch (const std::invalid_argument&) {

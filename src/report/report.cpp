@@ -77,13 +77,13 @@ std::string legend(std::string_view id) {
 // The sections of the page, from what was found.
 class Report {
  public:
-  Report(const Model& model, const Ensemble& data, const ReportOptions& options)
+  Report(const Model& model, const Tested& tested)
       : model_(model),
-        data_(data),
-        options_(options),
-        found_(evidence(model, data, options)),
-        verdict_(verdict_of(model, found_, options)),
-        plots_(plot_data(model, data, found_, options)) {}
+        data_(tested.data),
+        options_(tested.options),
+        found_(evidence(model, tested)),
+        verdict_(verdict_of(model, found_, options_)),
+        plots_(plot_data(model, data_, found_, options_)) {}
 
   const Verdict& verdict() const { return verdict_; }
 
@@ -585,6 +585,15 @@ class Report {
 
 }  // namespace report
 
+namespace {
+
+ReportPage page_of(const Model& model, const report::Tested& tested) {
+  const report::Report report(model, tested);
+  return {report.verdict(), report.html()};
+}
+
+}  // namespace
+
 ReportPage identification_page(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
                                ReportOptions options) {
   options.evaluation = result.held_out ? Evaluation::held_out : Evaluation::training;
@@ -592,13 +601,13 @@ ReportPage identification_page(const Identification& result, const Ensemble& dat
   options.warnings = result.warnings;
   options.initial_state = result.model.initial_state;
   if (!result.held_out) return report_page(result.model, data, options);
-  return report_page(result.model, split(data, identified.hold_out, identified.period).held_out, options);
+  Split parts = split(data, identified.hold_out, identified.period);
+  return page_of(result.model, report::tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows),
+                                                   std::move(options)));
 }
 
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options) {
-  const report::Tested tested = report::tested(model, data, options);
-  const report::Report report(model, tested.data, tested.options);
-  return {report.verdict(), report.html()};
+  return page_of(model, report::tested(model, data, options));
 }
 
 }  // namespace tokid

@@ -14,6 +14,7 @@
 #include <stdexcept>
 
 #include "nan.hpp"
+#include "words.hpp"
 
 namespace tokid::report {
 
@@ -140,7 +141,7 @@ Shown shown_experiments(const Evidence& found, Index most) {
   }
   for (Index n = 0; n < total; ++n) {
     if (!taken[size_t(n)]) continue;
-    std::string label = fmt::format("Experiment {}", n);
+    std::string label = fmt::format("Experiment {}", found.experiment(n));
     if (total > 1 && n == worst)
       label += " (largest error)";
     else if (total > 1 && n == best)
@@ -244,7 +245,10 @@ class Collector {
     const auto difference = [&](const Ensemble& computed) {
       return all(grid, m, [&](Index j, Index k) { return data_.y(n, k, j) - computed.y(n, k, j); });
     };
+    const std::string& name = found_.experiment_names[size_t(n)];
     return {{"label", label},
+            {"row", found_.rows[size_t(n)]},
+            {"name", name.empty() ? Json() : Json(words::quoted(name))},
             {"u", all(grid, model_.inputs, [&](Index i, Index k) { return data_.u(n, k, i); })},
             {"y", all(grid, m, [&](Index j, Index k) { return data_.y(n, k, j); })},
             {"simulated", all(grid, m, [&](Index j, Index k) { return simulated.y(n, k, j); })},

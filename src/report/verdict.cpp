@@ -25,9 +25,23 @@ double least(const Vector& fits) {
   return result;
 }
 
-// A list of step numbers as one of experiments.
-std::string experiment_list(const std::vector<Index>& experiments) {
-  return fmt::format("experiment{}", step_list(experiments).substr(4));
+// "experiments 3, 5–9 and 12", 'experiments "17" (row 16) and "20" (row 19)', a few at most
+std::string experiment_list(const Evidence& found, const std::vector<Index>& experiments) {
+  constexpr size_t most = 6;
+  std::vector<Index> rows;
+  std::vector<std::string> texts;
+  bool named = false;
+  for (const Index n : experiments) {
+    rows.push_back(found.rows[size_t(n)]);
+    texts.push_back(found.experiment(n));
+    named = named || texts.back() != std::to_string(rows.back());
+  }
+  if (!named) return fmt::format("experiment{}", step_list(rows).substr(4));
+  const char* noun = texts.size() == 1 ? "experiment" : "experiments";
+  if (texts.size() <= most) return fmt::format("{} {}", noun, words::listed(texts));
+  const size_t all = texts.size();
+  texts.resize(most);
+  return fmt::format("{} {} and more ({} in all)", noun, fmt::join(texts, ", "), all);
 }
 
 std::string capital(std::string text) {
@@ -160,7 +174,7 @@ class Judge {
       against(Trust::look_closer,
               fmt::format("Errors of {} are more than {:.0f} times the median of all experiments: other conditions, a "
                           "failed sensor, or a model that does not carry that far.",
-                          experiment_list(found_.outliers), bounds::outlier));
+                          experiment_list(found_, found_.outliers), bounds::outlier));
     const double share = 1 - double(found_.untested.size()) / double(std::max<Index>(1, model_.steps()));
     if (share < bounds::coverage)
       against(Trust::look_closer, fmt::format("The data test {} of the model's {} only; nothing is said about {}.",
@@ -305,7 +319,7 @@ Verdict verdict_of(const Model& model, const Evidence& found, const ReportOption
 
 Verdict verdict(const Model& model, const Ensemble& data, const ReportOptions& options) {
   const report::Tested tested = report::tested(model, data, options);
-  return report::verdict_of(model, report::evidence(model, tested.data, tested.options), tested.options);
+  return report::verdict_of(model, report::evidence(model, tested), tested.options);
 }
 
 }  // namespace tokid

@@ -80,7 +80,7 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
   const Index width = first.samples().cols(), count = Index(parts.size());
   Ensemble all(first.experiments(), first.steps() * count, first.inputs(), first.outputs());
   for (Index i = 0; i < count; ++i) all.samples().middleCols(i * width, width) = parts[size_t(i)].whole.samples();
-  add(warnings_of(repeats(all), all.experiments(), 0, result.lags));
+  add(warnings_of(repeats(all), first, 0, result.lags));
 
   for (size_t i = 0; i < parts.size(); ++i) {
     const Ensemble& whole = parts[i].whole;

@@ -264,6 +264,23 @@ def test_experiment_and_channels_can_be_chosen(visit, typical):
         assert values(page, "a", "A(2,1)") != row
 
 
+def test_experiments_have_the_names_of_the_data(visit, tokid, folder, typical):
+    """With their rows in the file, of which a quarter was held out."""
+    with np.load(folder / "data.npz") as file:
+        data = {name: file[name] for name in ("u", "y", "dt", "initial_state")}
+    names = [f"flight <b>{n + 1}</b>" for n in range(len(data["u"]))]
+    np.savez(folder / "named.npz", **data, experiment_names=names)
+    tokid("report", folder / "model.npz", folder / "named.npz", "-o", folder / "named.html")
+    with visit(folder / "named.html") as page:
+        page.select_option("#experiment", index=1)
+        shown = page.evaluate("experiment.options[1].textContent")
+        row = int(re.search(r"\(row (\d+)\)", shown).group(1))
+        assert shown.startswith(f'Experiment "flight <b>{row + 1}</b>" (row {row})') and row > 4
+        np.testing.assert_allclose(values(page, "outputs", "Measured"), data["y"][row, :, 0], rtol=1e-5)
+        assert page.locator("#plot-outputs").get_attribute("aria-label").startswith(shown)
+        assert page.get_by_text(f'Experiment "flight <b>{row + 1}</b>" (row {row})').count() > 0
+
+
 def test_errors_are_differences(visit, typical):
     with visit(typical) as page:
         measured, simulated, error = (np.array(values(page, *curve), float) for curve in

@@ -58,7 +58,7 @@ throws('tokid:shape', 'data: none found', @() tokid.identify());
 end
 
 function case_names_of_what_is_said_of_data()
-throws('tokid:option', 'option ''unit'' found, one of dt, free_y, initial_state,', ...
+throws('tokid:option', 'option ''unit'' found, one of dt, experiment_names, free_y, initial_state,', ...
        @() tokid.ensemble(ones(3, 4), ones(3, 4), 'unit', 1));
 throws('tokid:option', 'a value of class double found', @() tokid.ensemble(ones(3, 4), ones(3, 4), 'dt', 1, 5));
 end

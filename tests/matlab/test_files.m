@@ -9,7 +9,8 @@ end
 function data = full_ensemble()
 data = tokid.ensemble(randn(4, 6, 2), randn(4, 6, 3), 'dt', 0.05, 'length', [6 3 5 0], 'free_y', randn(2, 5, 3), ...
                       'initial_state', 'unknown', 'input_names', {'Größe ϑ', 'a "b"'}, ...
-                      'output_names', {'x', 'it''s', 'z'}, 'input_units', {'N', 'V'}, 'output_units', {'m', '', '°'});
+                      'output_names', {'x', 'it''s', 'z'}, 'input_units', {'N', 'V'}, 'output_units', ...
+                      {'m', '', '°'}, 'experiment_names', {'17', 'after lunch', 'Größe', '4'});
 data.y(1, 3, 2) = NaN;
 for i = 1:4
   data.u(i, data.length(i) + 1:end, :) = NaN;
@@ -39,6 +40,23 @@ data = full_ensemble();
 tokid.write('a.mat', data, 'mat73', true);
 assert(isequaln(orderfields(tokid.read('a.mat')), orderfields(data)));
 throws('tokid:option', '--mat73', @() tokid.write('a.npz', data, 'mat73', true));
+end
+
+function case_names_of_experiments()
+data = tokid.ensemble(randn(3, 6), randn(3, 6), 'experiment_names', [17 4 0.5]);
+assert(isequal(data.experiment_names, {'17'; '4'; '0.5'}));
+tokid.write('a.csv', data);
+text = fileread('a.csv');
+assert(~isempty(strfind(text, sprintf('\n17,')))); %#ok<STREMP>
+back = tokid.read('a.csv');
+assert(isequal(back.experiment_names, data.experiment_names));
+throws('tokid:shape', 'experiment_names: 2 found, a name for each of 3 experiments needed', ...
+       @() tokid.ensemble(randn(3, 6), randn(3, 6), 'experiment_names', {'a', 'b'}));
+throws('tokid:input', 'experiment_names: "a" found at rows 0 and 2', ...
+       @() tokid.write('b.npz', tokid.ensemble(randn(3, 6), randn(3, 6), 'experiment_names', {'a', 'b', 'a'})));
+data.u(2, 3) = Inf;
+data.dt = 1;
+throws('tokid:input', 'infinite value in experiment "4" (row 1) at step 2', @() tokid.identify(data));
 end
 
 function case_models_come_back()

@@ -3,5 +3,6 @@ function names = data_fields()
 
 % SPDX-License-Identifier: BSD-3-Clause
 
-names = {'dt', 'length', 'free_y', 'initial_state', 'input_names', 'output_names', 'input_units', 'output_units'};
+names = {'dt', 'length', 'free_y', 'initial_state', 'input_names', 'output_names', 'input_units', 'output_units', ...
+         'experiment_names'};
 end

@@ -62,7 +62,10 @@ end
 if isfield(data, 'length')
   data.length = valid_steps(data.length, size(data.u, 1), size(data.u, 2));
 end
-names = {'input_names', 'output_names', 'input_units', 'output_units'};
+if isfield(data, 'experiment_names')
+  data.experiment_names = labels(data.experiment_names, size(data.u, 1));
+end
+names = {'input_names', 'output_names', 'input_units', 'output_units', 'experiment_names'};
 for i = 1:numel(names)
   if isfield(data, names{i})
     value = data.(names{i});
@@ -101,6 +104,21 @@ wrong = find(~(lengths >= 0 & lengths <= T & lengths == fix(lengths)), 1);
 if ~isempty(wrong)
   error('tokid:shape', 'length: %g found for experiment %d, a whole number from 0 to %d needed', lengths(wrong), ...
         wrong, T);
+end
+end
+
+function names = labels(names, N)
+% Numbers may be names too.
+if isnumeric(names) && isreal(names)
+  names = arrayfun(@(n) sprintf('%.15g', n), double(full(names(:))), 'UniformOutput', false);
+end
+if iscellstr(names) || isa(names, 'string')
+  found = numel(names);
+else
+  found = size(names, 1); % of char
+end
+if found ~= N
+  error('tokid:shape', 'experiment_names: %d found, a name for each of %d experiments needed', found, N);
 end
 end
 

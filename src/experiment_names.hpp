@@ -1,0 +1,18 @@
+// The names that data give to their experiments.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tokid/ensemble.hpp"
+
+namespace tokid {
+
+// What is wrong with the names of so many experiments; empty where nothing is, as for no names at all.
+std::string fault_of_experiment_names(const std::vector<std::string>& names, Index experiments);
+
+// Those of the rows chosen, without names their numbers; none where a row is chosen twice, as names are different.
+std::vector<std::string> names_of_subset(const Ensemble& ensemble, const std::vector<Index>& chosen);
+
+}  // namespace tokid
