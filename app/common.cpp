@@ -24,6 +24,17 @@ std::string extension_of(const fs::path& path) {
   return extension;
 }
 
+bool same_file(const fs::path& a, const fs::path& b) {
+  if (a.empty() || b.empty()) return false;  // an option that was not given
+  std::error_code error;
+  return fs::equivalent(a, b, error) ||
+         fs::weakly_canonical(fs::absolute(a, error), error) == fs::weakly_canonical(fs::absolute(b, error), error);
+}
+
+FileLock held_file(const fs::path& path, double limit) {
+  return FileLock(path, {limit, [](const std::string& text) { message(text); }});
+}
+
 void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept) {
   const auto refuse = [&path](const std::string& why) { throw IoError(fmt::format("{}: {}", path.string(), why)); };
   const std::string extension = extension_of(path);
@@ -39,13 +50,8 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
                                                     : "an ensemble"));
 
   std::error_code error;
-  const auto same = [&error](const fs::path& a, const fs::path& b) {
-    if (b.empty()) return false;  // an option that was not given
-    return fs::equivalent(a, b, error) ||
-           fs::weakly_canonical(fs::absolute(a, error), error) == fs::weakly_canonical(fs::absolute(b, error), error);
-  };
   for (const fs::path& other : kept)
-    if (same(path, other)) refuse("found among the other files, another name needed to keep it");
+    if (same_file(path, other)) refuse("found among the other files, another name needed to keep it");
   if (fs::is_directory(path, error)) refuse("a directory found, the name of a file needed");
   if (error == std::errc::filename_too_long) refuse(fmt::format("can't be written: {}", error.message()));
   const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");

@@ -31,6 +31,10 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
 // The data for a model: channels that have the names of the model's are taken by name.
 Ensemble load_data(const Model& model, const fs::path& path, ReadOptions options);
 
+// Of a file to read, change and write. Where it has to wait, it says so on stderr. \throws as FileLock
+FileLock held_file(const fs::path& path, double limit = LockOptions().limit);
+bool same_file(const fs::path& a, const fs::path& b);  // whether it exists or not
+
 // The library's complaints about an argument can't know the file that it came from.
 template <class Work>
 std::invoke_result_t<Work> about(const fs::path& file, Work&& work) {

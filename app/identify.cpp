@@ -401,6 +401,9 @@ void run_in_blocks(const Call& call) {
 }
 
 void run_at_once(const Call& call) {
+  // From the beginning: what an update adds to the old state meanwhile would be lost.
+  std::optional<FileLock> held;
+  if (!call.state.empty()) held.emplace(held_file(call.state));
   const Ensemble data = load_ensemble(call.data, call.read);
   const Identification result = about(call.data, [&call, &data] {
     ProgressBar bar(!call.quiet);
@@ -412,7 +415,7 @@ void run_at_once(const Call& call) {
   if (!call.state.empty()) state = about(call.data, [&] { return update_state(data, result, call.options); });
   FilesTogether files;
   if (!call.page.empty()) save_page(call, data, result);
-  if (state) save_update_state(*state, call.state);
+  if (state) save_update_state(*state, *held);
   save_model(result.model, call.model);  // the last one to appear: where it is there, all are
   files.commit();
   tell(call, about_data(data), result);

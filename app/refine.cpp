@@ -92,6 +92,8 @@ Json json(const Call& call, const Ensemble& data, const RefinedModel& outcome) {
 
 void run(const Call& call) {
   check_output(call.output, Content::model, {call.data});
+  std::optional<FileLock> held;  // of a model that is read and replaced
+  if (same_file(call.model, call.output)) held.emplace(held_file(call.output));
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
   const RefinedModel outcome = about(call.data, [&] {
@@ -100,6 +102,7 @@ void run(const Call& call) {
     options.refine.execution.progress = bar.callback();
     return refine_model(model, data, options);
   });
+  if (held) held->check();
   save_model(outcome.refinement.model, call.output);
   if (call.json)
     print(json(call, data, outcome));

@@ -16,6 +16,7 @@ struct Call {
   fs::path state, model;
   std::vector<fs::path> data;
   UpdateOptions options;
+  double wait = LockOptions().limit;
   bool json = false, quiet = false;
 };
 
@@ -86,6 +87,8 @@ void run_first(const Call& call) {
     check_output(call.model, Content::model, kept);
   }
   for (const fs::path& file : call.data) file_kind(file);  // before the work: is it there?
+  // Until the end: what another update adds meanwhile would be lost.
+  FileLock held = held_file(call.state, call.wait);
   UpdateState state = load_update_state(call.state);
   const Execution& execution = call.options.execution;
   const Updated then = about(call.state, [&] { return identify(state, execution); });
@@ -99,7 +102,7 @@ void run_first(const Call& call) {
   // The state comes last: where it has not got the experiments, they can be added once more, to the same model.
   FilesTogether files;
   if (!call.model.empty()) save_model(result.now.model, call.model);
-  save_update_state(state, call.state);
+  save_update_state(state, held);
   files.commit();
   if (call.json)
     print(json(call, result));
@@ -125,6 +128,7 @@ void add_update(CLI::App& tool) {
   command.argument("NEWDATA", call->data, "Ensembles of the new experiments: .npz, .h5, .mat or .csv");
   command.file("-o,--output", call->model, "Model of all experiments to write: .npz, .h5 or .mat");
   command.columns(call->options.read);
+  command.number("--wait", call->wait, "SECONDS", "Wait so long for another update of the state (default 60)", 0.0);
   command.threads(call->options.execution.threads);
   command.flag("--json", call->json, "Print one JSON object");
   command.flag("--quiet", call->quiet, "Print warnings and errors only");

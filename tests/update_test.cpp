@@ -1,10 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/update.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <filesystem>
+#include <functional>
+#include <iterator>
 #include <limits>
+#include <thread>
 
 #include "members.hpp"
 #include "testing.hpp"
@@ -345,6 +352,100 @@ TEST(UpdateFromFiles, NamesTheFileThatDoesNotFit) {
   EXPECT_EQ(refusal({one, one}), one + ": experiments: the same as in " + one + ", they would count twice");
   UpdateState state = begun;
   EXPECT_THROW(update(state, before, {one, "none.h5"}), IoError);
+}
+
+std::string refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const IoError& error) {
+    return error.what();
+  }
+  return "no exception";
+}
+
+class FileLocks : public ::testing::Test {
+ protected:
+  void SetUp() override { std::filesystem::create_directory(folder_); }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::filesystem::path file(const char* name) const { return folder_ / name; }
+  Index files() const {
+    return Index(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()));
+  }
+
+ private:
+  std::filesystem::path folder_ = std::filesystem::temp_directory_path() / fmt::format("tokid-locks-{}", getpid());
+};
+
+TEST_F(FileLocks, OneHolderAtATime) {
+  {
+    const FileLock held(file("state.h5"));
+    EXPECT_EQ(files(), 1);
+    EXPECT_NE(refusal([&] { FileLock(file("state.h5"), {.limit = 0.0}); }).find("this process has it locked;"),
+              std::string::npos);
+    const FileLock other(file("other.h5"), {.limit = 0.0});
+    std::string said;
+    EXPECT_THROW(FileLock(file("state.h5"), {.limit = 0.02, .waits = [&](const std::string& text) { said = text; }}),
+                 IoError);
+    EXPECT_NE(said.find("this process has it locked; waiting for up to 0.02 s"), std::string::npos) << said;
+  }
+  EXPECT_EQ(files(), 0);
+  const FileLock again(file("state.h5"), {.limit = 0.0});
+}
+
+TEST_F(FileLocks, ThreadsFollowEachOther) {
+  constexpr int threads = 4, rounds = 40;
+  int count = 0;  // guarded by the lock alone
+  {
+    std::vector<std::jthread> all;
+    for (int i = 0; i < threads; ++i)
+      all.emplace_back([&] {
+        for (int round = 0; round < rounds; ++round) {
+          const FileLock held(file("count"));
+          const int before = count;
+          std::this_thread::yield();
+          count = before + 1;
+        }
+      });
+  }
+  EXPECT_EQ(count, threads * rounds);
+  EXPECT_EQ(files(), 0);
+}
+
+// An empty file without a lock is what a process that was killed leaves.
+TEST_F(FileLocks, WhatADeadProcessLeavesIsTakenOver) {
+  const pid_t child = fork();
+  if (child == 0) {
+    const FileLock held(file("state.h5"));
+    raise(SIGKILL);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(files(), 1);
+  { const FileLock held(file("state.h5"), {.limit = 0.0}); }
+  EXPECT_EQ(files(), 0);
+}
+
+TEST_F(FileLocks, TellOfWhoeverAsksForNone) {
+  Ensemble e = random_experiments(random_system({2, 1, 1}, 12, 1.0, 1), 20, 2, 1.0);
+  const UpdateState state = update_state(e, identify(e, {}), {});
+  save_update_state(state, file("state.h5"));
+  FileLock held(file("state.h5"));
+  save_update_state(state, held);
+  save_update_state(state, held);  // it has seen what it saved
+  save_update_state(state, file("state.h5"));
+  const std::string said = refusal([&] { save_update_state(state, held); });
+  EXPECT_NE(said.find("another program has replaced it meanwhile"), std::string::npos) << said;
+  held.see();
+  EXPECT_NO_THROW(held.check());
+  std::filesystem::remove(file("state.h5"));
+  EXPECT_THROW(held.check(), IoError);
+}
+
+TEST_F(FileLocks, RefuseALimitThatIsNone) {
+  for (const double limit : {-1.0, std::numeric_limits<double>::quiet_NaN()})
+    EXPECT_THROW(FileLock(file("x"), {.limit = limit}), std::invalid_argument);
+  EXPECT_THROW(FileLock(file("none") / "x"), IoError);
 }
 
 }  // namespace

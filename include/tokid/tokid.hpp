@@ -7,6 +7,7 @@
 #include "tokid/em.hpp"
 #include "tokid/ensemble.hpp"
 #include "tokid/example.hpp"
+#include "tokid/file_lock.hpp"
 #include "tokid/gtv_arx.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/innovations.hpp"

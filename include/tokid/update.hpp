@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "tokid/file_lock.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/io.hpp"
 #include "tokid/team.hpp"
@@ -67,8 +68,12 @@ Additions additions(std::vector<Index> experiments, Fit simulation, Fit one_step
 Additions update(UpdateState& state, const Model& before, const std::vector<std::filesystem::path>& files,
                  const UpdateOptions& options = {});
 
-// In .npz, .h5 or .mat; the file appears whole or not at all. \throws IoError
+// In .npz, .h5 or .mat; the file appears whole or not at all. Who reads a state, adds experiments and saves it again
+// holds a FileLock meanwhile, else somebody else's experiments may be lost. \throws IoError
 void save_update_state(const UpdateState& state, const std::filesystem::path& path);
+// Of a state that was read from the file of this lock, which outlives the FilesTogether of this thread. \throws
+// IoError, and as FileLock::check()
+void save_update_state(const UpdateState& state, FileLock& held);
 UpdateState load_update_state(const std::filesystem::path& path);
 
 }  // namespace tokid

@@ -8,6 +8,7 @@ function [model, evidence] = update(state, varargin)
 % The state, a file, gets the new experiments. Arrays without 'dt' have the sample time of the state. The evidence is
 % what 'tokid update --json' prints: among it the fit of the model before, which has not seen them. What can be said of
 % data: see tokid.ensemble. Options:
+%   'wait'                seconds to wait for another update of the same state (60)
 %   'threads'             0 for all of the machine
 %   'inputs', 'outputs'   columns of a .csv
 %
@@ -16,7 +17,7 @@ function [model, evidence] = update(state, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'state');
-known = {'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
+known = {'wait', 'value'; 'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, {state}, {});
 words = tokid.internal.options('update', known, pairs, tokid.internal.data_fields());

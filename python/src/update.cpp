@@ -63,6 +63,9 @@ void bind_update(nb::module_& module) {
       .def(
           "save", [](const UpdateState& state, const Path& path) { save_update_state(state, path); },
           nb::call_guard<nb::gil_scoped_release>())
+      .def(
+          "save_held", [](const UpdateState& state, FileLock& held) { save_update_state(state, held); },
+          nb::call_guard<nb::gil_scoped_release>())
       .def_prop_ro("experiments", [](const UpdateState& s) { return s.factors.experiments; })
       .def_prop_ro("steps", [](const UpdateState& s) { return s.factors.steps(); })
       .def_prop_ro("inputs", [](const UpdateState& s) { return s.factors.inputs; })
@@ -70,6 +73,18 @@ void bind_update(nb::module_& module) {
       .def_prop_ro("lags", [](const UpdateState& s) { return s.factors.lags; })
       .def_prop_ro("states", [](const UpdateState& s) { return s.states; })
       .def_prop_ro("dt", [](const UpdateState& s) { return s.factors.dt; });
+  nb::class_<FileLock>(module, "FileLock", "The lock of the library; tokid.FileLock is what users see of it.")
+      .def_static(
+          "take",
+          [](const Path& file, double limit, nb::object waits) {
+            Call call{nb::none()};
+            const LockOptions options{limit, [&waits](const std::string& text) {
+                                        const nb::gil_scoped_acquire acquire;
+                                        waits(text);
+                                      }};
+            return call.run([&] { return FileLock(file, options); });
+          },
+          nb::arg("file"), nb::kw_only(), nb::arg("limit"), nb::arg("waits"));
   module.def("load_update_state", &load_update_state, nb::arg("path"), nb::call_guard<nb::gil_scoped_release>());
 }
 

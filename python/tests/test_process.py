@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Memory, threads, interruption, import: what a process sees of the package."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -272,6 +273,73 @@ def test_ctrl_c_stops_loops_that_report_nothing(tmp_path, call, file):
         process.kill()
         process.wait()
     assert [path.name for path in tmp_path.iterdir()] == file  # nothing half written
+
+
+UPDATE = """
+import sys
+import tokid
+data = tokid.example("oscillator", experiments=10, steps=30, seed=int(sys.argv[1]))
+with tokid.FileLock("state.h5") as held:
+    state = tokid.UpdateState.load(held)
+    tokid.update(state, data).state.save(held)
+tokid.update("state.h5", tokid.example("oscillator", experiments=10, steps=30, seed=100 + int(sys.argv[1])))
+"""
+
+
+def test_processes_that_update_one_state_lose_nothing(tmp_path):
+    first = tokid.identify(tokid.example("oscillator", experiments=30, steps=30), keep_state=True)
+    first.state.save(tmp_path / "state.h5")
+    calls = [subprocess.Popen([sys.executable, "-c", UPDATE, str(i)], cwd=tmp_path) for i in range(2, 5)]
+    assert [call.wait(120) for call in calls] == [0, 0, 0]
+    assert tokid.UpdateState.load(tmp_path / "state.h5").experiments == 30 + 3 * 20
+    assert [path.name for path in tmp_path.iterdir()] == ["state.h5"]
+
+
+def test_a_state_is_locked_by_one_at_a_time(tmp_path):
+    file = tmp_path / "state.h5"
+    data = tokid.example("oscillator", experiments=30, steps=30)
+    tokid.identify(data, keep_state=True).state.save(file)
+    more = tokid.example("oscillator", experiments=10, steps=30, seed=2)
+    with tokid.FileLock(file) as held:
+        assert "held" in repr(held) and os.fspath(held) == str(file)
+        with pytest.raises(tokid.IoError, match="this process has it locked;"):
+            tokid.update(file, more, wait=0)
+        with (pytest.warns(tokid.TokidWarning, match="waiting for up to 0.1 s") as told,
+              pytest.raises(tokid.IoError, match="for more than 0.1 s")):
+            tokid.update(file, more, wait=0.1)
+        assert told[0].filename == __file__
+        assert tokid.update(held, more).updated.experiments == 40
+        assert tokid.update(held, tokid.example("oscillator", experiments=10, steps=30, seed=3)).updated.experiments == 50
+        tokid.UpdateState.load(file).save(file)  # by somebody who asks for no lock
+        with pytest.raises(tokid.IoError, match="another program has replaced it"):
+            tokid.update(held, tokid.example("oscillator", experiments=10, steps=30, seed=4))
+    with pytest.raises(ValueError, match="released before"):
+        tokid.update(held, more)
+    assert tokid.UpdateState.load(file).experiments == 50
+    with pytest.raises(ValueError, match="limit of a lock"):
+        tokid.FileLock(file, wait=-1)
+    with pytest.raises(FileNotFoundError):
+        tokid.FileLock(tmp_path / "none" / "state.h5")
+
+
+def test_ctrl_c_stops_a_wait(tmp_path):
+    script = """
+import tokid
+print("begin", flush=True)
+try:
+    tokid.FileLock("state.h5")
+except KeyboardInterrupt:
+    print("stopped", flush=True)
+"""
+    with tokid.FileLock(tmp_path / "state.h5"):
+        process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                                   text=True, cwd=tmp_path)
+        assert process.stdout.readline() == "begin\n"
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.readline() == "stopped\n"
+        assert process.wait(10) == 0
+    assert not list(tmp_path.iterdir())
 
 
 def test_progress(noisy, capfd):

@@ -22,6 +22,7 @@ from ._errors import IoError, TokidWarning
 from ._example import example, example_system
 from ._files import load
 from ._identify import cross_validate, identify, identify_file
+from ._lock import FileLock
 from ._model import MatrixSequence, Model, Step
 from ._paper import paper
 from ._plan import plan
@@ -48,6 +49,7 @@ __all__ = [
     "Confidence",
     "CrossValidation",
     "Ensemble",
+    "FileLock",
     "Fit",
     "Identification",
     "Interval",

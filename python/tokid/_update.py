@@ -12,6 +12,7 @@ from typing import Any, Optional, Union
 from . import _dataframe, _dataset, _options, _tokid
 from ._ensemble import Ensemble, core_of, plural
 from ._errors import reading, warn, writing
+from ._lock import FileLock
 from ._model import Model
 from ._progress import listener
 from ._typing import ArrayLike, PathLike, Progress
@@ -50,9 +51,19 @@ class UpdateState:
             return cls._of(_tokid.load_update_state(file))
 
     def save(self, path: PathLike) -> None:
-        """Writes the state to .h5, .npz or .mat, whole or not at all."""
+        """Writes the state to .h5, .npz or .mat, whole or not at all.
+
+        Parameters
+        ----------
+        path : path or FileLock
+            With the lock of a file that was read under it, the file is refused where a program without the lock has
+            replaced it meanwhile.
+        """
         with writing(path) as file:
-            self._core.save(file)
+            if isinstance(path, FileLock):
+                self._core.save_held(path._held())
+            else:
+                self._core.save(file)
 
     @property
     def experiments(self) -> int:
@@ -136,12 +147,13 @@ def _identified(core: _tokid.UpdateState, added: Optional[Additions], threads: i
 
 
 def update(
-    state: Union[UpdateState, PathLike],
+    state: Union[UpdateState, FileLock, PathLike],
     u: Union[ArrayLike, Ensemble, PathLike, Sequence[PathLike]],
     y: Optional[ArrayLike] = None,
     *,
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
+    wait: float = 60.0,
     threads: int = 1,
     progress: Progress = False,
 ) -> Model:
@@ -149,12 +161,15 @@ def update(
 
     Parameters
     ----------
-    state : UpdateState or path
+    state : UpdateState, path or FileLock
         That of the experiments before, which is not changed; but a file gets the new experiments, once all has worked.
+        A path is locked until then, so that concurrent updates follow each other.
     u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble, DataFrame or Dataset
         New experiments; or the paths of files of them, of which one at a time is in memory.
     inputs, outputs : sequence of str, optional
         Columns of .csv files that are inputs and outputs.
+    wait : float, optional
+        Seconds to wait for another update of the same file.
     threads, progress
         As of `tokid.identify`.
 
@@ -168,8 +183,27 @@ def update(
     ------
     ValueError
         Names what differs from the experiments before, or says that the state has them already.
+    IoError
+        Where another update has the file for longer than `wait`.
     """
+    if isinstance(state, (UpdateState, FileLock)):
+        return _updated(state, u, y, inputs, outputs, threads, progress)
+    with FileLock(state, wait=wait) as held:
+        return _updated(held, u, y, inputs, outputs, threads, progress)
+
+
+def _updated(
+    state: Union[UpdateState, FileLock],
+    u: Any,
+    y: Optional[ArrayLike],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    threads: int,
+    progress: Progress,
+) -> Model:
     count = _options.threads(threads)
+    if isinstance(state, FileLock):
+        state._held()  # before the work
     core = state._core.copy() if isinstance(state, UpdateState) else UpdateState.load(state)._core
     files = _paths(u)
     if files is not None and y is not None:

@@ -11,6 +11,9 @@
 #include <system_error>
 #include <utility>
 
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
 #include "arrays.hpp"
 #include "naming.hpp"
 
@@ -62,8 +65,6 @@ void reserve(const fs::path& path, std::uint64_t bytes) {
   if (error != 0 && error != EINVAL && error != EOPNOTSUPP) fail_to_write(error);
 }
 
-namespace {
-
 // Where links lead to, also where nothing is yet.
 fs::path resolved(fs::path path) {
   constexpr int most_links = 40;  // as the system has it
@@ -76,6 +77,20 @@ fs::path resolved(fs::path path) {
   return path;
 }
 
+namespace {
+
+fs::path folder_of(const fs::path& target) { return target.has_parent_path() ? target.parent_path() : fs::path("."); }
+
+}  // namespace
+
+// The same for every program and library, so that the next one finds what a killed one has left.
+fs::path hidden_name(const fs::path& target, std::string_view ending) {
+  const std::string name = target.filename().string();
+  return folder_of(target) / fmt::format(".tokid-{:016x}{}", XXH3_64bits(name.data(), name.size()), ending);
+}
+
+namespace {
+
 // Rename would silently replace what the user can't write to, or what is no file at all.
 fs::path writable_target(const fs::path& path) {
   std::error_code error;
@@ -87,14 +102,7 @@ fs::path writable_target(const fs::path& path) {
   return target;
 }
 
-fs::path folder_of(const fs::path& target) { return target.has_parent_path() ? target.parent_path() : fs::path("."); }
-
-// The same for every call, so that the next one finds what a killed one has left; and short, so that it fits wherever
-// the target's name does.
-fs::path temporary_name(const fs::path& target, unsigned i) {
-  const size_t name = std::hash<std::string>()(target.filename().string());
-  return folder_of(target) / fmt::format(".tokid-{:016x}-{}.tmp", name, i);
-}
+fs::path temporary_name(const fs::path& target, unsigned i) { return hidden_name(target, fmt::format("-{}.tmp", i)); }
 
 // Takes away what a killed process has left under this name. True: it is free now, unless another call was faster.
 bool remove_abandoned(const fs::path& path) {

@@ -23,6 +23,10 @@ void write_all(int file, std::string_view bytes);  // \throws WriteError
 // As many bytes as `to` holds, from `offset` on. False: the file has not so many, or can't be read.
 bool read_all(int file, std::string& to, std::int64_t offset);
 
+std::filesystem::path resolved(std::filesystem::path path);  // behind links, whether something is there or not
+// Beside the target, and short, so that it fits wherever the target's name does.
+std::filesystem::path hidden_name(const std::filesystem::path& target, std::string_view ending);
+
 // A lock of the whole file, which ends with the descriptor. It belongs to this one, not to the process, and locks of
 // other kinds don't see it. False: errno says why.
 bool lock(int file, bool wait);

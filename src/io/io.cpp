@@ -162,6 +162,12 @@ void save_confidence(const Confidence& confidence, const fs::path& path, const W
 
 void save_update_state(const UpdateState& state, const fs::path& path) { save_arrays(state, path, {}); }
 
+void save_update_state(const UpdateState& state, FileLock& held) {
+  held.check();
+  save_update_state(state, held.path());
+  io::AtomicFile::when_published([&held] { held.see(); });
+}
+
 UpdateState load_update_state(const fs::path& path) {
   return loaded(path, [&](Format format) {
     const io::Fields fields(read(path, format, io::update_names()));

@@ -80,8 +80,10 @@ void Journal::open() {
     if (reason != 0) io::fail_to_write(reason);
     struct stat found = {};
     if (fstat(file_, &found) != 0 || !S_ISREG(found.st_mode)) fail("a device found, a journal needed");
-    if (!io::lock(file_, false) && (errno == EAGAIN || errno == EACCES))
-      fail("another process is at the same model, wait for its end");
+    if (!io::lock(file_, false)) {
+      if (errno == EAGAIN || errno == EACCES) fail("another process is at the same model, wait for its end");
+      io::fail_to_write(errno);  // two processes would mix their records
+    }
   } while (!io::is_at(path_, file_));  // the process before may have removed it meanwhile
 }
 

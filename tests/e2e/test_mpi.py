@@ -185,6 +185,18 @@ def test_every_number_of_processes_updates_alike(tmp_path):
     assert leftovers(tmp_path) == []
 
 
+def test_concurrent_jobs_lose_nothing(tmp_path):
+    state, later = portions(tmp_path, [3, 4, 5, 6], steps=60)
+    jobs = [subprocess.Popen(command(2, "update", state, *later[i:i + 2]), env=ENVIRONMENT, stdout=subprocess.DEVNULL,
+                             stderr=subprocess.PIPE, text=True) for i in (0, 2)]
+    for job in jobs:
+        _, errors = job.communicate(timeout=120)
+        assert job.returncode == 0, errors
+    with h5py.File(state) as file:
+        assert file["experiments"][()] == 40 + 18
+    assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
+
+
 def test_more_processes_than_files_update(tmp_path):
     state, later = portions(tmp_path, [4], steps=60)
     alone = tmp_path / "alone.h5"

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """identify --state, update: later experiments give the model of all of them; nothing is lost where something fails."""
 
+import os
 import shutil
+import subprocess
+import sys
+import time
 
+import h5py
 import numpy as np
 import pytest
 
@@ -160,3 +165,149 @@ def test_damaged_states_are_refused(tokid, campaign):
         np.savez(campaign / "damaged.npz", **{**sound, **change})
         failed = tokid("update", campaign / "damaged.npz", campaign / "later.npz", status=2)
         assert reason in failed.stderr, failed.stderr
+
+
+# Concurrent updates
+
+@pytest.fixture
+def rounds(tokid, tmp_path):
+    """60 experiments that a state is made of, and six files of 40 others each."""
+    sizes = ["--steps", 40, "--measurement-noise", 0.02]
+    tokid("example", "oscillator", "-o", tmp_path / "first.npz", "--experiments", 60, "--seed", 1, *sizes)
+    tokid("identify", tmp_path / "first.npz", "-o", tmp_path / "model.npz", "--state", tmp_path / "state.h5", "--no-refine")
+    parts = [tmp_path / f"part{i}.npz" for i in range(6)]
+    for i, part in enumerate(parts):
+        tokid("example", "oscillator", "-o", part, "--experiments", 40, "--seed", 10 + i, *sizes)
+    return tmp_path, parts
+
+
+def update_at_once(tokid, state, parts, *options):
+    calls = [subprocess.Popen([tokid.executable, "update", str(state), str(part), "--quiet", *map(str, options)],
+                              stderr=subprocess.PIPE, text=True) for part in parts]
+    return [(call.communicate(timeout=120)[1], call.returncode) for call in calls]
+
+
+def hidden(folder):
+    return sorted(p.name for p in folder.iterdir() if p.name.startswith("."))
+
+
+def test_concurrent_updates_lose_nothing(tokid, rounds):
+    folder, parts = rounds
+    together, single = folder / "together.h5", folder / "single.h5"
+    shutil.copy(folder / "state.h5", together), shutil.copy(folder / "state.h5", single)
+    for said, status in update_at_once(tokid, together, parts, "-o", folder / "together.npz"):
+        assert status == 0, said
+        for line in said.splitlines():
+            assert "has it locked; waiting for up to 60 s" in line
+    for part in parts:
+        tokid("update", single, part, "-o", folder / "single.npz")
+    with h5py.File(together) as file:
+        assert file["experiments"][()] == 60 + 6 * 40
+    one, other = markov(folder / "together.npz"), markov(folder / "single.npz")
+    # The order of the merges differs, and with it the rounding of factors that have condition numbers of some hundred.
+    assert np.abs(one - other).max() <= 1e-10 * np.abs(other).max()
+    assert hidden(folder) == []
+
+
+HOLDER = """
+import fcntl, os, struct, sys, time
+lock = os.open(sys.argv[1], os.O_RDWR | os.O_CREAT, 0o666)
+fcntl.fcntl(lock, 37, struct.pack("hhqqi4x", fcntl.F_WRLCK, 0, 0, 0, 0))  # F_OFD_SETLK
+os.write(lock, b"process 17 on rig")
+print("held", flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.fixture
+def held(tokid, rounds):
+    """A process that holds the lock of the state, under the name that the tool gives it."""
+    folder, parts = rounds
+    state = folder / "state.h5"
+    seen = set()
+    for _ in range(50):
+        call = subprocess.Popen([tokid.executable, "update", str(state), str(parts[5]), "--quiet"], stderr=subprocess.DEVNULL)
+        while call.poll() is None:
+            seen.update(name for name in hidden(folder) if name.endswith(".lock"))
+        if seen:
+            break
+    (name,) = seen
+    holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(folder / name)], stdout=subprocess.PIPE, text=True)
+    assert holder.stdout.readline() == "held\n"
+    yield folder, parts, holder
+    holder.kill()
+    holder.wait()
+
+
+def test_an_update_waits_for_another_one_and_says_so(tokid, held):
+    folder, parts, holder = held
+    state = folder / "state.h5"
+    before = state.read_bytes()
+    begin = time.monotonic()
+    refused = tokid("update", state, parts[0], "-o", folder / "m.npz", "--wait", 0.5, status=2).stderr.splitlines()
+    assert 0.5 <= time.monotonic() - begin < 20
+    assert refused == [
+        f"tokid: {state}: process 17 on rig has it locked; waiting for up to 0.5 s",
+        f"tokid: {state}: process 17 on rig has it locked, for more than 0.5 s; try again when that has ended, or wait longer"]
+    (only,) = tokid("update", state, parts[0], "--wait", 0, status=2).stderr.splitlines()
+    assert only == f"tokid: {state}: process 17 on rig has it locked; try again when that has ended, or wait longer"
+    link = folder / "link.h5"  # another name of the same state
+    link.symlink_to("state.h5")
+    assert "has it locked" in tokid("update", link, parts[0], "--wait", 0, status=2).stderr
+    assert state.read_bytes() == before and not (folder / "m.npz").exists()
+    waiting = subprocess.Popen([tokid.executable, "update", str(state), str(parts[0]), "--quiet"],
+                               stderr=subprocess.PIPE, text=True)
+    assert "waiting for up to 60 s" in waiting.stderr.readline()
+    holder.kill()  # nothing of its lock outlives it
+    assert waiting.wait(timeout=30) == 0 and waiting.stderr.read() == ""
+    waiting.stderr.close()
+    assert state.read_bytes() != before
+    assert hidden(folder) == []
+    tokid("update", state, parts[1], "--wait", 0)
+
+
+def test_identify_does_not_replace_a_state_that_is_updated(tokid, held):
+    folder, parts, holder = held
+    before = (folder / "state.h5").read_bytes()
+    call = subprocess.Popen([tokid.executable, "identify", str(parts[0]), "-o", str(folder / "new.npz"), "--state",
+                             str(folder / "state.h5"), "--no-refine", "--quiet"], stderr=subprocess.PIPE, text=True)
+    assert "process 17 on rig has it locked; waiting" in call.stderr.readline()
+    assert (folder / "state.h5").read_bytes() == before and not (folder / "new.npz").exists()
+    holder.kill()
+    call.communicate(timeout=60)
+    assert call.returncode == 0 and (folder / "state.h5").read_bytes() != before
+
+
+def test_a_state_that_is_changed_without_the_lock_is_told(tokid, rounds):
+    folder, parts = rounds
+    state = folder / "state.h5"
+    busy = subprocess.Popen([tokid.executable, "update", str(state), *map(str, parts), "-o", str(folder / "m.npz")],
+                            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    time_of_change = state.stat().st_mtime_ns
+    while busy.poll() is None:
+        time_of_change += 1
+        os.utime(state, ns=(time_of_change, time_of_change))
+    _, said = busy.communicate()
+    assert busy.returncode == 2
+    assert "another program has replaced it meanwhile" in said or "changed while it was read" in said
+    assert not (folder / "m.npz").exists()
+
+
+def test_a_model_that_refines_itself_is_locked(tokid, rounds):
+    folder, parts = rounds
+    model, copy = folder / "model.npz", folder / "copy.npz"
+    content = model.read_bytes()
+    busy = subprocess.Popen([tokid.executable, "refine", str(model), str(folder / "first.npz"), "-o", str(model),
+                             "--iterations", "200"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    while busy.poll() is None:  # others write it meanwhile
+        copy.write_bytes(content)
+        os.replace(copy, model)
+    _, said = busy.communicate()
+    assert busy.returncode == 2 and "another program has replaced it meanwhile" in said
+    assert model.read_bytes() == content
+
+
+@pytest.mark.parametrize("wait", ["-1", "nan", "soon"])
+def test_a_limit_is_no_less_than_zero(tokid, rounds, wait):
+    folder, parts = rounds
+    assert "--wait" in tokid("update", folder / "state.h5", parts[0], f"--wait={wait}", status=2).stderr
