@@ -69,9 +69,21 @@ class Inflated : public Source {
     }
   }
   void skip(std::uint64_t bytes) override {
-    std::array<char, 4096> unused{};
-    for (; bytes > 0; bytes -= std::min<std::uint64_t>(bytes, unused.size()))
-      read(unused.data(), size_t(std::min<std::uint64_t>(bytes, unused.size())));
+    for (; bytes > 0; bytes -= std::min<std::uint64_t>(bytes, unused_.size()))
+      read(unused_.data(), size_t(std::min<std::uint64_t>(bytes, unused_.size())));
+  }
+  // zlib compares its checksum, Adler-32, at the end alone. \throws IoError for another checksum, and unless the packed
+  // bytes end there too
+  void finish() {
+    for (int status = Z_OK; status != Z_STREAM_END;) {
+      stream_.next_out = reinterpret_cast<Bytef*>(unused_.data());
+      stream_.avail_out = uInt(unused_.size());
+      if (stream_.avail_in == 0 && left_ > 0) refill();
+      status = inflate(&stream_, Z_NO_FLUSH);
+      if (status != Z_OK && status != Z_STREAM_END)
+        fail("compressed data that {}", status == Z_BUF_ERROR ? "end too early" : "don't have their checksum");
+    }
+    if (stream_.avail_in > 0 || left_ > 0) fail("compressed data that end too early");
   }
 
  private:
@@ -83,9 +95,10 @@ class Inflated : public Source {
     stream_.avail_in = uInt(bytes);
   }
 
+  static constexpr size_t piece = size_t{1} << 16;
   std::istream& file_;
   std::uint64_t left_;
-  std::array<char, 4096> packed_{};
+  std::vector<char> packed_ = std::vector<char>(piece), unused_ = std::vector<char>(piece);
   z_stream stream_{};
 };
 
@@ -138,7 +151,7 @@ class Walker {
       // Characters of UTF-8 take a byte or more, those of other numbers may be stored in as little as one.
       if (part == 0 && kind != sparse && kind != characters && found.bytes < count)
         fail("{} values of {} needed", found.bytes, count);
-      if (depth == 0 && part + 1 == parts) return;  // the rest of a large one need not be unpacked
+      if (depth == 0 && part + 1 == parts) return;  // the rest of a large one need not be passed here
       skip(left);
     }
     source_.skip(left);
@@ -222,12 +235,18 @@ class Walker {
   std::uint64_t pending_ = 0;  // bytes of the last element that have not been passed
 };
 
-void check_variable(std::istream& file, std::uint32_t type, std::uint64_t bytes, bool swap) {
-  if (type == matrix) {
+// An element of the file, behind its tag.
+struct Element {
+  int number;  // from 1 on
+  std::uint32_t type, bytes;
+};
+
+void check_variable(std::istream& file, const Element& element, bool swap) {
+  if (element.type == matrix) {
     Plain source(file);
-    return Walker(source, swap).check_matrix(bytes, 0);
+    return Walker(source, swap).check_matrix(element.bytes, 0);
   }
-  Inflated source(file, bytes);
+  Inflated source(file, element.bytes);
   std::array<char, 8> inner{};
   source.read(inner.data(), inner.size());
   if (const auto found = load_bytes<std::uint32_t>(inner.data(), swap); found != matrix)
@@ -236,32 +255,30 @@ void check_variable(std::istream& file, std::uint32_t type, std::uint64_t bytes,
 }
 
 // A file of version 5 is a header and a chain of elements with their sizes, the last of which ends where the file does.
-// matio takes a broken chain for the end of the file, and the sizes of inner elements as they are.
-void check_elements(std::istream& file, std::uint64_t size, bool swap) {
+// matio takes a broken chain for the end of the file.
+template <typename Check>
+void each_element(std::istream& file, std::uint64_t size, bool swap, Check&& check) {
   std::uint64_t at = mat_header_bytes;
-  for (int count = 1; at < size; ++count) {
+  for (int number = 1; at < size; ++number) {
     std::array<char, 8> tag{};
     file.clear();
     file.seekg(static_cast<std::streamoff>(at));
-    if (!file.read(tag.data(), tag.size())) fail("truncated in variable {}", count);
-    const auto type = load_bytes<std::uint32_t>(tag.data(), swap),
-               bytes = load_bytes<std::uint32_t>(tag.data() + 4, swap);
-    if (type != matrix && type != compressed) fail("variable {} is damaged: element of type {} found", count, type);
-    at += tag.size() + bytes;
-    if (at > size) fail("truncated in variable {}: {} bytes found, {} needed", count, size, at);
+    if (!file.read(tag.data(), tag.size())) fail("truncated in variable {}", number);
+    const Element element{number, load_bytes<std::uint32_t>(tag.data(), swap),
+                          load_bytes<std::uint32_t>(tag.data() + 4, swap)};
+    if (element.type != matrix && element.type != compressed)
+      fail("variable {} is damaged: element of type {} found", number, element.type);
+    at += tag.size() + element.bytes;
+    if (at > size) fail("truncated in variable {}: {} bytes found, {} needed", number, size, at);
     try {
-      check_variable(file, type, bytes, swap);
+      check(element);
     } catch (const IoError& error) {
-      fail("variable {} is damaged: {} found", count, error.what());
+      fail("variable {} is damaged: {} found", number, error.what());
     }
   }
 }
 
-}  // namespace
-
-MatContainer check_mat(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (is_hdf5(file)) return MatContainer::hdf5;
+bool swapped_bytes(std::istream& file) {
   std::array<char, mat_header_bytes> header{};
   file.clear();
   file.seekg(0);
@@ -270,8 +287,25 @@ MatContainer check_mat(const std::filesystem::path& path) {
   const bool swap = order == "MI";
   if (!file || (order != "IM" && order != "MI") || load_bytes<std::uint16_t>(&header[124], swap) != 0x0100)
     fail("no header of a .mat file found, MATLAB version 5, 7 or 7.3 needed (save -v7)");
-  check_elements(file, std::filesystem::file_size(path), swap);
+  return swap;
+}
+
+}  // namespace
+
+MatContainer check_mat(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (is_hdf5(file)) return MatContainer::hdf5;
+  const bool swap = swapped_bytes(file);
+  each_element(file, std::filesystem::file_size(path), swap,
+               [&](const Element& element) { check_variable(file, element, swap); });
   return MatContainer::version5;
+}
+
+void check_mat_checksums(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  each_element(file, std::filesystem::file_size(path), swapped_bytes(file), [&](const Element& element) {
+    if (element.type == compressed) Inflated(file, element.bytes).finish();
+  });
 }
 
 }  // namespace tokid::io

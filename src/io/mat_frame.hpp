@@ -26,4 +26,8 @@ enum class MatContainer { version5, hdf5 };
 // \throws IoError for what is neither, and for elements of version 5 or 7 that don't fit into each other
 MatContainer check_mat(const std::filesystem::path& path);
 
+// Of all compressed variables of such a file: matio stops at their last number, before the checksum. A damaged one that
+// is not wanted may have had the name of one that is. \throws IoError
+void check_mat_checksums(const std::filesystem::path& path);
+
 }  // namespace tokid::io
