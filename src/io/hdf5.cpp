@@ -8,12 +8,11 @@
 #include <optional>
 #include <unordered_set>
 
-#include "atomic_file.hpp"
 #include "claims.hpp"
 #include "formats.hpp"
 #include "hdf5_bytes.hpp"
 #include "hdf5_chunks.hpp"
-#include "hdf5_handles.hpp"
+#include "hdf5_sink.hpp"
 #include "matlab.hpp"
 #include "naming.hpp"
 #include "text.hpp"
@@ -387,35 +386,6 @@ Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const
 
 namespace {
 
-// The file is made in memory: once a write to the disk has failed, the library can't close the file any more.
-class MemoryFile {
- public:
-  explicit MemoryFile(hsize_t userblock) : file_(create(userblock)) {}
-
-  operator hid_t() const { return file_; }
-
-  std::string image() {
-    checked(H5Fflush(file_, H5F_SCOPE_GLOBAL));
-    std::string bytes(static_cast<size_t>(checked(H5Fget_file_image(file_, nullptr, 0))), '\0');
-    checked(H5Fget_file_image(file_, bytes.data(), bytes.size()));
-    return bytes;
-  }
-
- private:
-  static Handle create(hsize_t userblock) {
-    const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose), access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-    checked(H5Pset_obj_track_times(creation, false));
-    checked(H5Pset_userblock(creation, userblock));
-    // Older than the default allows, for older readers; the image of a newer file would have a false checksum.
-    checked(H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_V18));
-    constexpr size_t increment = size_t{1} << 20;
-    checked(H5Pset_fapl_core(access, increment, false));
-    return {H5Fcreate("in memory", H5F_ACC_TRUNC, creation, access), H5Fclose};
-  }
-
-  Handle file_;
-};
-
 // ---- MATLAB's variables ----
 
 void write_attribute(hid_t object, const char* name, hid_t type, const void* value) {
@@ -474,6 +444,19 @@ void write_matlab_variable(hid_t file, const std::string& name, const Array& arr
   array.shape.empty() ? write_matlab_text(file, name, texts->front()) : write_matlab_cell(file, name, *texts);
 }
 
+// At most so many bytes of a file are taken for the variable.
+std::uint64_t matlab_bytes(const Array& array) {
+  const auto* texts = std::get_if<std::vector<std::string>>(&array.values);
+  if (!texts) {
+    Shape shape = array.shape;
+    shape.resize(std::max<size_t>(2, shape.size()), 1);
+    return stored_bytes(Shape(shape.rbegin(), shape.rend()));
+  }
+  std::uint64_t bytes = stored_bytes({texts->size()});
+  for (const auto& text : *texts) bytes += stored_bytes({text.size(), 1});  // codes are shorter than numbers
+  return bytes;
+}
+
 // The block that MATLAB knows its files by.
 std::string matlab_header() {
   std::string header = "MATLAB 7.3 MAT-file, created by tokid";
@@ -489,21 +472,22 @@ std::string matlab_header() {
 void write_hdf5(const Arrays& arrays, const std::filesystem::path& path) {
   const QuietHdf5 quiet;
   written_by_library([&] {
-    MemoryFile file(0);
-    for (const auto& [name, array] : arrays) write_array(file, name, array);
-    ByteWriter(path).write(file.image());
+    std::uint64_t bytes = 0;
+    for (const auto& [name, array] : arrays) bytes += stored_bytes(array);
+    Hdf5Sink sink(path, bytes);
+    for (const auto& [name, array] : arrays) sink.write(name, array);
+    sink.close();
   });
 }
 
 void write_mat73(const Arrays& arrays, const std::filesystem::path& path) {
   const QuietHdf5 quiet;
-  const std::string header = matlab_header();
   written_by_library([&] {
-    MemoryFile file(header.size());
-    for (const auto& [name, array] : arrays) write_matlab_variable(file, name, array);
-    ByteWriter out(path);
-    out.write(header);
-    out.write(file.image());
+    std::uint64_t bytes = 0;
+    for (const auto& [name, array] : arrays) bytes += matlab_bytes(array);
+    Hdf5Sink sink(path, bytes, matlab_header());
+    for (const auto& [name, array] : arrays) write_matlab_variable(sink.file(), name, array);
+    sink.close();
   });
 }
 

@@ -3,10 +3,8 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 
 #include "atomic_file.hpp"
 
@@ -25,18 +23,6 @@ Handle open_for_blocks(const std::filesystem::path& path) {
 // Of chunks that end within the next block.
 constexpr size_t kept_bytes = size_t{1} << 24;
 
-Handle whole(hid_t data, const std::string& name) { return {H5Dget_space(data), H5Sclose, name}; }
-
-Handle selected(hid_t data, const std::string& name, const Hyperslab& part) {
-  Handle space = whole(data, name);
-  checked(H5Sselect_hyperslab(space, H5S_SELECT_SET, part.begin.data(), nullptr, part.count.data(), nullptr), name);
-  return space;
-}
-
-Handle memory_of(const Hyperslab& part) {
-  return {H5Screate_simple(int(part.count.size()), part.count.data(), nullptr), H5Sclose};
-}
-
 }  // namespace
 
 Hdf5Source::Hdf5Source(const std::filesystem::path& path, const Unchanged& bytes)
@@ -49,7 +35,7 @@ Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
       name_(name),
       data_(H5Dopen2(source.file_, name.c_str(), H5P_DEFAULT), H5Dclose, name),
       packed_(PackedChunks::of(data_, name, H5T_NATIVE_DOUBLE, kept_bytes)) {
-  const Handle space = whole(data_, name);
+  const Handle space(H5Dget_space(data_), H5Sclose, name);
   rank_ = checked(H5Sget_simple_extent_ndims(space), name);
   size_.resize(size_t(rank_));
   checked(H5Sget_simple_extent_dims(space, size_.data(), nullptr), name);
@@ -90,56 +76,6 @@ void Hdf5Source::Samples::expect(const Hyperslab& part) const {
   for (std::int64_t n = first; n < first + count; ++n)
     posix_fadvise(descriptor, offset_ + (n * steps + std::int64_t(part.begin[last - 1])) * channels * item_,
                   std::int64_t(part.count[last - 1]) * channels * item_, POSIX_FADV_WILLNEED);
-}
-
-Hdf5Sink::Hdf5Sink(const std::filesystem::path& path, std::uint64_t bytes) : path_(path) {
-  const QuietHdf5 quiet;
-  reserve(path, bytes);
-  const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose), access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  checked(H5Pset_obj_track_times(creation, false));
-  checked(H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_V18));
-  checked(H5Pset_fapl_stdio(access));  // the others want the real name of a file, and this one may have none yet
-  checked(H5Pset_file_locking(access, false, true));  // it is locked, where it has a name
-  file_.emplace(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, access), H5Fclose);
-  reserve(path, bytes);
-}
-
-void Hdf5Sink::write(const std::string& name, const Array& array) {
-  const QuietHdf5 quiet;
-  write_array(*file_, name, array);
-}
-
-Hdf5Sink::Rows::Rows(const Hdf5Sink& sink, const std::string& name, const Shape& shape)
-    : name_(name), shape_(shape), data_([&] {
-        const QuietHdf5 quiet;
-        const Handle space = space_of(shape), properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
-        checked(H5Pset_obj_track_times(properties, false), name);
-        checked(H5Pset_alloc_time(properties, H5D_ALLOC_TIME_EARLY), name);
-        checked(H5Pset_fill_time(properties, H5D_FILL_TIME_NEVER), name);
-        return Handle(
-            H5Dcreate2(*sink.file_, name.c_str(), H5T_IEEE_F64LE, space, H5P_DEFAULT, properties, H5P_DEFAULT),
-            H5Dclose, name);
-      }()) {}
-
-void Hdf5Sink::Rows::write(Index row, Index count, const double* values) const {
-  const QuietHdf5 quiet;
-  Hyperslab part;
-  for (const size_t n : shape_) part.begin.push_back(0), part.count.push_back(n);
-  part.begin.front() = hsize_t(row);
-  part.count.front() = hsize_t(count);
-  if (checked_product(Shape(part.count.begin(), part.count.end())) == 0) return;
-  const Handle to = selected(data_, name_, part), memory = memory_of(part);
-  checked(H5Dwrite(data_, H5T_NATIVE_DOUBLE, memory, to, H5P_DEFAULT, values), name_);
-}
-
-void Hdf5Sink::close() {
-  const QuietHdf5 quiet;
-  hsize_t bytes = 0;
-  checked(H5Fflush(*file_, H5F_SCOPE_GLOBAL));
-  checked(H5Fget_filesize(*file_, &bytes));
-  file_.reset();
-  // Less what was reserved and not needed.
-  if (truncate(path_.c_str(), off_t(bytes)) != 0) fail_to_write(errno);
 }
 
 }  // namespace tokid::io

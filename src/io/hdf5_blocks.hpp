@@ -1,4 +1,4 @@
-// Data sets of an HDF5 file that are read and written in blocks of their axes.
+// Data sets of an HDF5 file that are read in blocks of their axes.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -41,34 +41,6 @@ class Hdf5Source {
  private:
   Handle file_;
   const Unchanged& bytes_;
-};
-
-// A file that is written data set by data set, with all of its space reserved before the first of the large ones: a
-// disk that is full shows before the HDF5 library depends on it, which can't close a file that it failed to write.
-class Hdf5Sink {
- public:
-  // Into a file that exists and may take so many bytes. \throws IoError where the disk has not got them
-  Hdf5Sink(const std::filesystem::path& path, std::uint64_t bytes);
-
-  void write(const std::string& name, const Array& array);
-
-  // A data set of doubles whose rows, the entries of its first axis, are written from time to time.
-  class Rows {
-   public:
-    Rows(const Hdf5Sink& sink, const std::string& name, const Shape& shape);
-    void write(Index row, Index count, const double* values) const;
-
-   private:
-    std::string name_;
-    Shape shape_;
-    Handle data_;
-  };
-
-  void close();
-
- private:
-  std::filesystem::path path_;
-  std::optional<Handle> file_;
 };
 
 }  // namespace tokid::io

@@ -14,11 +14,6 @@
 
 namespace tokid::io {
 
-// A range of every axis.
-struct Hyperslab {
-  std::vector<hsize_t> begin, count;
-};
-
 struct Filter {
   H5Z_filter_t kind;
   unsigned parameter;  // the first of its own: the bytes of an item for shuffle

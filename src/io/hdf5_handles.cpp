@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "hdf5_handles.hpp"
 
-#include <algorithm>
-
 namespace tokid::io {
 
 QuietHdf5::QuietHdf5() {
@@ -42,38 +40,14 @@ Handle space_of(const Shape& shape) {
           H5Sclose};
 }
 
-Handle write_values(hid_t group, const std::string& name, const Shape& shape, hid_t stored_type, hid_t memory_type,
-                    const void* values) {
-  const Handle space = space_of(shape);
-  const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
-  checked(H5Pset_obj_track_times(properties, false), name);
-  Handle data(H5Dcreate2(group, name.c_str(), stored_type, space, H5P_DEFAULT, properties, H5P_DEFAULT), H5Dclose,
-              name);
-  checked(H5Dwrite(data, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), name);
-  return data;
+Handle selected(hid_t data, const std::string& name, const Hyperslab& part) {
+  Handle space(H5Dget_space(data), H5Sclose, name);
+  checked(H5Sselect_hyperslab(space, H5S_SELECT_SET, part.begin.data(), nullptr, part.count.data(), nullptr), name);
+  return space;
 }
 
-namespace {
-
-void write_texts(hid_t file, const std::string& name, const Shape& shape, const std::vector<std::string>& texts) {
-  size_t longest = 1;
-  for (const auto& text : texts) longest = std::max(longest, text.size());
-  // Of fixed length, so that the bytes lie where the data set is, not in a heap.
-  const Handle type = text_type(longest, H5T_STR_NULLPAD, H5T_CSET_UTF8);
-  std::string bytes;
-  for (const auto& text : texts) bytes += text + std::string(longest - text.size(), '\0');
-  write_values(file, name, shape, type, type, bytes.data());
-}
-
-}  // namespace
-
-void write_array(hid_t file, const std::string& name, const Array& array) {
-  if (const auto* numbers = std::get_if<std::vector<double>>(&array.values))
-    write_values(file, name, array.shape, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, numbers->data());
-  else if (const auto* integers = std::get_if<std::vector<std::int64_t>>(&array.values))
-    write_values(file, name, array.shape, H5T_STD_I64LE, H5T_NATIVE_INT64, integers->data());
-  else
-    write_texts(file, name, array.shape, std::get<std::vector<std::string>>(array.values));
+Handle memory_of(const Hyperslab& part) {
+  return {H5Screate_simple(int(part.count.size()), part.count.data(), nullptr), H5Sclose};
 }
 
 }  // namespace tokid::io

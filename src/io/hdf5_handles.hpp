@@ -1,4 +1,4 @@
-// What every use of the HDF5 library needs: handles that close themselves, reasons in words, data sets written whole.
+// What every use of the HDF5 library needs: handles that close themselves, reasons in words, parts of data sets.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -57,9 +57,11 @@ Handle open_hdf5(const std::string& path, hid_t access = H5P_DEFAULT);
 Handle text_type(size_t size, H5T_str_t padding, H5T_cset_t characters);
 Handle space_of(const Shape& shape);
 
-// A data set of its own for all of the values. \throws IoError
-Handle write_values(hid_t group, const std::string& name, const Shape& shape, hid_t stored_type, hid_t memory_type,
-                    const void* values);
-void write_array(hid_t file, const std::string& name, const Array& array);
+// A range of every axis.
+struct Hyperslab {
+  std::vector<hsize_t> begin, count;
+};
+Handle selected(hid_t data, const std::string& name, const Hyperslab& part);  // of the space in the file
+Handle memory_of(const Hyperslab& part);
 
 }  // namespace tokid::io

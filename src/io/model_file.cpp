@@ -6,7 +6,7 @@
 
 #include "archive.hpp"
 #include "atomic_file.hpp"
-#include "hdf5_blocks.hpp"
+#include "hdf5_sink.hpp"
 #include "naming.hpp"
 #include "schema.hpp"
 #include "text.hpp"
@@ -54,12 +54,6 @@ class Spool {
 template <class T>
 void extend(std::vector<T>& list, const std::vector<T>& more) {
   list.insert(list.end(), more.begin(), more.end());
-}
-
-std::uint64_t bytes_of(const io::Arrays& arrays) {
-  std::uint64_t bytes = 0;
-  for (const auto& [name, array] : arrays) bytes += io::checked_product(array.shape, sizeof(double));
-  return bytes;
 }
 
 }  // namespace
@@ -114,8 +108,10 @@ struct ModelFile::Content {
   }
 
   void write(const io::Arrays& small, const io::Arrays& shapes, const fs::path& to) const {
-    constexpr std::uint64_t around = 1 << 18;  // what the file needs beside the values
-    io::Hdf5Sink sink(to, bytes_of(small) + bytes_of(shapes) + around);
+    std::uint64_t bytes = 0;
+    for (const auto* arrays : {&small, &shapes})
+      for (const auto& [name, array] : *arrays) bytes += io::stored_bytes(array);
+    io::Hdf5Sink sink(to, bytes);
     for (const auto& [name, array] : small) sink.write(name, array);
     {
       std::vector<io::Hdf5Sink::Rows> large;
