@@ -127,7 +127,8 @@ class Integrity : public ::testing::TestWithParam<Case> {
 
 INSTANTIATE_TEST_SUITE_P(Formats, Integrity,
                          ::testing::Values(Case{"npz", ".npz", false}, Case{"h5", ".h5", false},
-                                         Case{"mat version 7", ".mat", false}, Case{"mat version 7.3", ".mat", true}));
+                                           Case{"mat version 7", ".mat", false},
+                                           Case{"mat version 7.3", ".mat", true}));
 
 TEST_P(Integrity, OfEnsembles) {
   save_ensemble(with_lists(ensemble()), path(), options());

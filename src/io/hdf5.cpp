@@ -98,6 +98,7 @@ void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t
   if (filters_of(properties, node.name).empty())
     Hdf5Bytes(node.id, node.name, claims.file_bytes())
         .check_chunks(checked_product(Shape(chunk.begin(), chunk.end()), item));
+  check_index(node.id, node.name, shape, chunk);
 }
 
 // How many bytes one that is stored can become; 0 where nobody knows.
@@ -109,7 +110,7 @@ std::uint64_t expansion(hid_t properties, const std::string& name) {
   return packed ? best_compression : 1;
 }
 
-// What was never written are zeros, or another value that the file names: for others too, but not without end.
+// A data set in one piece that was never written holds zeros: for other programs too, but not without end.
 void check_stored(const Node& node, const Shape& shape, size_t memory_item, Claims& claims) {
   constexpr std::uint64_t most_unwritten = std::uint64_t{1} << 28;
   const size_t item = H5Tget_size(node.type);
@@ -123,6 +124,11 @@ void check_stored(const Node& node, const Shape& shape, size_t memory_item, Clai
   // The library copies what lies beside the values of a header, or of a file, that are too few.
   if (((layout == H5D_CONTIGUOUS && stored > 0) || layout == H5D_COMPACT) && stored < bytes)
     fail("data set '{}': {} stored bytes found, {} needed for shape {}", node.name, stored, bytes, text(shape));
+  // The library copies as many bytes as the type has from a value for them, which may be shorter in a damaged file.
+  H5D_fill_value_t value = H5D_FILL_VALUE_DEFAULT;
+  checked(H5Pfill_value_defined(properties, &value), node.name);
+  if (layout == H5D_CONTIGUOUS && stored == 0 && value == H5D_FILL_VALUE_USER_DEFINED)
+    fail("data set '{}': shape {} found, no value of which was ever written: write the values", node.name, text(shape));
   const std::uint64_t factor = layout == H5D_CHUNKED ? expansion(properties, node.name) : 1;
   if (bytes > most_unwritten && (stored == 0 || (factor > 0 && bytes / factor > stored)))
     fail("data set '{}': shape {} ({} bytes) found, most of which was never written: write the values", node.name,

@@ -25,22 +25,40 @@ void each_place(const std::vector<hsize_t>& begin, const std::vector<hsize_t>& e
   }
 }
 
-// Of Fletcher, over words of two bytes, the high one first.
+// The sum of Fletcher over words of two bytes, the high one first; the last byte of an odd count is a high one.
+// Both sums are modulo 65535. There, words with their bytes swapped give sums with their bytes swapped, so that words
+// are read as they lie in memory. Several sums side by side take every lanes-th word; the second sum follows from them.
 std::uint32_t fletcher32(const char* bytes, size_t count) {
-  constexpr size_t most_words = 360;  // whose sums fit
-  constexpr auto fold = [](std::uint32_t sum) { return (sum & 0xFFFF) + (sum >> 16); };
-  const auto byte = [&](size_t at) { return std::uint32_t{static_cast<unsigned char>(bytes[at])}; };
-  std::uint32_t first = 0, second = 0;
-  for (size_t at = 0; at + 1 < count;) {
-    const size_t end = std::min(count - 1, at + 2 * most_words);
-    for (; at < end; at += 2) second += first += (byte(at) << 8) + byte(at + 1);
+  constexpr size_t lanes = 16, most_rounds = 360;  // whose sums fit into 32 bits
+  constexpr auto fold = [](std::uint64_t sum) {
+    while (sum > 0xFFFF) sum = (sum & 0xFFFF) + (sum >> 16);
+    return sum;
+  };
+  constexpr auto swapped = [](std::uint64_t word) { return std::uint32_t((word & 0xFF) << 8 | word >> 8); };
+  const auto word_at = [&](size_t at) {
+    return std::uint32_t(static_cast<unsigned char>(bytes[at])) |
+           std::uint32_t(static_cast<unsigned char>(bytes[at + 1])) << 8;
+  };
+  std::uint64_t first = 0, second = 0;
+  size_t at = 0;
+  for (const size_t round_bytes = 2 * lanes; count - at >= round_bytes;) {
+    const size_t rounds = std::min(most_rounds, (count - at) / round_bytes);
+    std::uint32_t sum[lanes] = {}, sum_of_sums[lanes] = {};
+    for (size_t i = 0; i < rounds; ++i, at += round_bytes)
+      for (size_t l = 0; l < lanes; ++l) {
+        sum[l] += word_at(at + 2 * l);
+        sum_of_sums[l] += sum[l];
+      }
+    second += first * (rounds * lanes);
+    for (size_t l = 0; l < lanes; ++l) {
+      first += sum[l];
+      second += lanes * std::uint64_t{sum_of_sums[l]} - l * std::uint64_t{sum[l]};
+    }
     first = fold(first), second = fold(second);
   }
-  if (count % 2 > 0) {
-    second += first += byte(count - 1) << 8;
-    first = fold(first), second = fold(second);
-  }
-  return (fold(second) << 16) | fold(first);
+  for (; at + 1 < count; at += 2) second += first += word_at(at);
+  if (at < count) second += first += static_cast<unsigned char>(bytes[at]);
+  return swapped(fold(second)) << 16 | swapped(fold(first));
 }
 
 // As a library of 2005 wrote it: the bytes of each half changed places.
@@ -71,6 +89,42 @@ std::vector<hsize_t> chunk_shape(hid_t properties, size_t rank, const std::strin
   return shape;
 }
 
+namespace {
+
+// Null for one that is not in the index.
+std::optional<hsize_t> stored_bytes_of(hid_t data, const std::string& name, const std::vector<hsize_t>& place) {
+  hsize_t stored = 0;
+  if (H5Dget_chunk_storage_size(data, place.data(), &stored) < 0) {
+    // HDF5 1.10 takes it for an error, newer ones have 0 bytes for it.
+    if (const std::string reason = hdf5_reason(); reason != "chunk storage is not allocated")
+      fail("data set '{}': HDF5: {}", name, reason);
+    return std::nullopt;
+  }
+  return stored > 0 ? std::optional(stored) : std::nullopt;
+}
+
+}  // namespace
+
+void check_index(hid_t data, const std::string& name, const Shape& shape, const std::vector<hsize_t>& chunk) {
+  const std::vector<hsize_t> begin(shape.size(), 0), end(shape.begin(), shape.end());
+  hsize_t needed = 0, found = 0, indexed = 0;
+  if (std::find(shape.begin(), shape.end(), 0) == shape.end())
+    each_place(begin, end, chunk, shape.size(), [&](const std::vector<hsize_t>& place) {
+      ++needed;
+      if (stored_bytes_of(data, name, place)) ++found;
+    });
+  if (found < needed)
+    fail(
+        "data set '{}': {} of its {} chunks are missing. They were never written, or the index of chunks is damaged. "
+        "Write all values, NaN for missing samples",
+        name, needed - found, needed);
+  const Handle space(H5Dget_space(data), H5Sclose, name);
+  checked(H5Dget_num_chunks(data, space, &indexed), name);
+  if (indexed != needed)
+    fail("data set '{}': {} chunks found, {} needed for shape {}. Its size or its index of chunks is damaged", name,
+         indexed, needed, text(shape));
+}
+
 bool PackedChunks::knows(const std::vector<Filter>& filters) {
   return std::all_of(filters.begin(), filters.end(), [](const Filter& filter) {
     return filter.kind == H5Z_FILTER_DEFLATE || filter.kind == H5Z_FILTER_SHUFFLE ||
@@ -84,6 +138,11 @@ std::optional<PackedChunks> PackedChunks::of(hid_t data, const std::string& name
   if (checked(H5Pget_layout(properties), name) != H5D_CHUNKED) return std::nullopt;
   auto filters = filters_of(properties, name);
   if (filters.empty() || !knows(filters)) return std::nullopt;
+  const Handle type(H5Dget_type(data), H5Tclose, name);
+  for (const Filter& filter : filters)
+    if (filter.kind == H5Z_FILTER_SHUFFLE && filter.parameter != H5Tget_size(type))
+      fail("data set '{}': damaged, filter shuffle of {} bytes found, {} needed", name, filter.parameter,
+           H5Tget_size(type));
   return PackedChunks(data, name, memory_type, kept_bytes, properties, std::move(filters));
 }
 
@@ -124,33 +183,24 @@ void PackedChunks::read(const Hyperslab& part, void* to) {
     begin[i] -= begin[i] % shape_[i];
     end[i] += part.count[i];
   }
-  each_place(begin, end, shape_, begin.size(), [&](const Place& place) {
-    if (const Bytes* found = chunk(place))
-      copy(*found, place, part, static_cast<char*>(to));
-    else
-      fill(place, part, static_cast<char*>(to));
-  });
+  each_place(begin, end, shape_, begin.size(),
+             [&](const Place& place) { copy(chunk(place), place, part, static_cast<char*>(to)); });
   if (bytes_.size() + other_.size() > kept_bytes_) bytes_ = Bytes(), other_ = Bytes();
 }
 
-// Null for one that was never written.
-const PackedChunks::Bytes* PackedChunks::chunk(const Place& place) {
-  if (const auto known = kept_.find(place); known != kept_.end()) return &known->second;
-  return fetch(place) ? &keep(place) : nullptr;
+const PackedChunks::Bytes& PackedChunks::chunk(const Place& place) {
+  if (const auto known = kept_.find(place); known != kept_.end()) return known->second;
+  fetch(place);
+  return keep(place);
 }
 
 // ---- one chunk ----
 
-// Into bytes_; false for one that was never written.
-bool PackedChunks::fetch(const Place& place) {
-  hsize_t stored = 0;
-  if (H5Dget_chunk_storage_size(data_, place.data(), &stored) < 0) {
-    // HDF5 1.10 takes it for an error, newer ones have 0 bytes for it.
-    if (const std::string reason = hdf5_reason(); reason != "chunk storage is not allocated")
-      fail("data set '{}': HDF5: {}", name_, reason);
-    return false;
-  }
-  if (stored == 0) return false;
+// Into bytes_.
+void PackedChunks::fetch(const Place& place) {
+  const auto found = stored_bytes_of(data_, name_, place);
+  if (!found) fail("data set '{}': a chunk is missing, all needed", name_);
+  const hsize_t stored = *found;
   // Packing makes random bytes longer, but hardly so.
   constexpr std::uint64_t little = 65536;
   if (stored > std::min(file_bytes_, 2 * std::uint64_t{items_} * stored_item_ + little))
@@ -167,11 +217,15 @@ bool PackedChunks::fetch(const Place& place) {
   for (size_t i = 0; i < place.size(); ++i) at_edge |= place[i] + shape_[i] > size_[i];
   unpack(edges_unpacked_ && at_edge ? ~std::uint32_t{0} : left_out);
   convert();
-  return true;
 }
 
 void PackedChunks::unpack(std::uint32_t left_out) {
   const auto is_left_out = [&](size_t i) { return i < 32 && (left_out >> i & 1) != 0; };
+  const auto any_of = [&](H5Z_filter_t kind, auto&& holds) {
+    for (size_t i = 0; i < filters_.size(); ++i)
+      if (filters_[i].kind == kind && holds(i)) return true;
+    return false;
+  };
   // What goes into each filter; what comes out of deflate nobody knows.
   std::vector<std::optional<size_t>> packs(filters_.size());
   std::optional<size_t> size = items_ * stored_item_;
@@ -181,6 +235,10 @@ void PackedChunks::unpack(std::uint32_t left_out) {
     if (filters_[i].kind == H5Z_FILTER_DEFLATE) size.reset();
     if (filters_[i].kind == H5Z_FILTER_FLETCHER32 && size) *size += checksum_bytes;
   }
+
+  // The library leaves out what can't make a chunk smaller, and that is deflate: never what came before it.
+  const bool deflated = any_of(H5Z_FILTER_DEFLATE, [&](size_t i) { return !is_left_out(i); });
+  if (deflated && any_of(H5Z_FILTER_SHUFFLE, is_left_out)) damaged("packed without its filter shuffle");
 
   for (size_t i = filters_.size(); i-- > 0;) {
     if (is_left_out(i)) continue;
@@ -201,6 +259,7 @@ void PackedChunks::unpack(std::uint32_t left_out) {
                                      reinterpret_cast<const Bytef*>(bytes_.data()), &from);
       if (status == Z_MEM_ERROR) throw std::bad_alloc();
       if (status == Z_BUF_ERROR) damaged("that unpacks to more bytes");
+      if (status == Z_OK && from != bytes_.size()) damaged("that is shorter than its stored bytes");
       if (status != Z_OK || count != other_.size()) damaged(fmt::format("that unpacks to {} bytes", count));
       bytes_.swap(other_);
     } else if (const size_t width = filters_[i].parameter, count = bytes_.size() / std::max<size_t>(1, width);
@@ -242,16 +301,14 @@ const PackedChunks::Bytes& PackedChunks::keep(const Place& place) {
 
 // ---- from chunks to a part of the data set ----
 
-// The runs of values that both have: use(first in the chunk, first in the part, values).
-template <typename Use>
-void PackedChunks::each_run(const Place& place, const Hyperslab& part, Use&& use) const {
+// The runs of values that both have. Trailing axes that both have as a whole are one run.
+void PackedChunks::copy(const Bytes& chunk, const Place& place, const Hyperslab& part, char* to) const {
   const size_t rank = place.size();
   Place begin(rank), end(rank);
   for (size_t i = 0; i < rank; ++i) {
     begin[i] = std::max(place[i], part.begin[i]);
     end[i] = std::min(place[i] + shape_[i], part.begin[i] + part.count[i]);
   }
-  // Trailing axes that both have as a whole are one run.
   size_t axis = rank, run = 1;
   do {
     --axis;
@@ -263,29 +320,7 @@ void PackedChunks::each_run(const Place& place, const Hyperslab& part, Use&& use
       from = from * size_t(shape_[i]) + size_t(at[i] - place[i]);
       into = into * size_t(part.count[i]) + size_t(at[i] - part.begin[i]);
     }
-    use(from, into, run);
-  });
-}
-
-void PackedChunks::copy(const Bytes& chunk, const Place& place, const Hyperslab& part, char* to) const {
-  each_run(place, part, [&](size_t from, size_t into, size_t run) {
     std::memcpy(to + into * item_, chunk.data() + from * item_, run * item_);
-  });
-}
-
-// With what the library has for the first value of such a chunk, or zero where it leaves the memory as it is. Asked for
-// the value itself, it would copy as many bytes as the type has from a value that may be shorter in a damaged file.
-void PackedChunks::fill(const Place& place, const Hyperslab& part, char* to) {
-  if (unwritten_.empty()) {
-    const Place one(place.size(), 1);
-    const Handle from(H5Scopy(space_), H5Sclose, name_), memory(H5Screate(H5S_SCALAR), H5Sclose, name_);
-    checked(H5Sselect_hyperslab(from, H5S_SELECT_SET, place.data(), nullptr, one.data(), nullptr), name_);
-    Bytes value(std::max(stored_item_, item_), 0);
-    checked(H5Dread(data_, memory_type_, memory, from, H5P_DEFAULT, value.data()), name_);
-    unwritten_.swap(value);
-  }
-  each_run(place, part, [&](size_t, size_t into, size_t run) {
-    for (size_t k = into; k < into + run; ++k) std::memcpy(to + k * item_, unwritten_.data(), item_);
   });
 }
 

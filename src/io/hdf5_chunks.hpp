@@ -24,6 +24,10 @@ std::vector<Filter> filters_of(hid_t properties, const std::string& name);
 // Of a chunk of that data set. \throws IoError for one of another rank, and for one without values
 std::vector<hsize_t> chunk_shape(hid_t properties, size_t rank, const std::string& name);
 
+// An index that lacks chunks would have zeros in their place, whether they were never written or the index is damaged.
+// \throws IoError unless a data set of this shape has all of its chunks and no others
+void check_index(hid_t data, const std::string& name, const Shape& shape, const std::vector<hsize_t>& chunk);
+
 class PackedChunks {
  public:
   static bool knows(const std::vector<Filter>& filters);
@@ -33,7 +37,7 @@ class PackedChunks {
   // for filters other than deflate, shuffle and fletcher32.
   static std::optional<PackedChunks> of(hid_t data, const std::string& name, hid_t memory_type, size_t kept_bytes);
 
-  // Row-major. What was never written is the value that the data set has for it. \throws IoError for a damaged chunk
+  // Row-major. \throws IoError for a chunk that is damaged or not there
   void read(const Hyperslab& part, void* to);
   void read_all(void* to);
 
@@ -43,15 +47,12 @@ class PackedChunks {
 
   PackedChunks(hid_t data, std::string name, hid_t memory_type, size_t kept_bytes, hid_t properties,
                std::vector<Filter> filters);
-  const Bytes* chunk(const Place& place);
-  bool fetch(const Place& place);
+  const Bytes& chunk(const Place& place);
+  void fetch(const Place& place);
   void unpack(std::uint32_t left_out);
   void convert();
   const Bytes& keep(const Place& place);
   void copy(const Bytes& chunk, const Place& place, const Hyperslab& part, char* to) const;
-  void fill(const Place& place, const Hyperslab& part, char* to);
-  template <typename Use>
-  void each_run(const Place& place, const Hyperslab& part, Use&& use) const;
   [[noreturn]] void damaged(const std::string& found) const;
 
   hid_t data_, memory_type_;
@@ -64,7 +65,6 @@ class PackedChunks {
   size_t items_ = 1, stored_item_, item_;  // values of a chunk; bytes of one in the file, in memory
   bool edges_unpacked_ = false;            // chunks that reach beyond the data set are stored as they are
   Bytes bytes_, other_;                    // of the chunk in work
-  Bytes unwritten_;                        // one value of chunks that were never written
   // The last ones that were unpacked: blocks of a data set end within chunks.
   std::map<Place, Bytes> kept_;
   std::deque<Place> order_;

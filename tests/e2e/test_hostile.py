@@ -118,8 +118,7 @@ def test_a_data_set_without_values(refused, tmp_path, options):
     refused("data.h5", "'u'", arguments=("identify", "-o", "model.h5", "--block", "100"))
 
 
-@pytest.mark.parametrize("options", [{}, {"chunks": (1, 10, 1)}, {"chunks": (1, 10, 1), "compression": "gzip"},
-                                     {"chunks": (3, 400, 1), "shuffle": True}])
+@pytest.mark.parametrize("options", [{}, {"chunks": (3, 400, 1), "shuffle": True}])
 def test_inputs_that_were_never_written_are_zeros(tokid, tmp_path, options):
     """As they are to all others who read them."""
     with h5py.File(tmp_path / "data.h5", "w") as file:
@@ -304,23 +303,12 @@ def test_chunks_that_are_packed_twice(refused, tmp_path):
     refused("data.h5", "'u'", "packed twice by gzip found", "h5repack -f GZIP=4")
 
 
-@pytest.mark.parametrize("size", [1, 4])
-def test_a_value_for_what_was_never_written_that_is_too_short(tokid, tmp_path, size):
-    """What lies beside it is memory of the process, and no number."""
-    value = struct.pack("<d", 1234.5678)
+def test_a_value_for_what_was_never_written(refused, tmp_path):
+    """One that is shorter than its type would be filled up with memory of the process."""
     with h5py.File(tmp_path / "data.h5", "w") as file:
-        u = file.create_dataset("u", (6, 4, 1), "f8", chunks=(3, 4, 1), compression="gzip", fillvalue=1234.5678)
-        u[:3] = SMALL
+        file.create_dataset("u", (6, 4, 1), "f8", fillvalue=1234.5678)
         file["y"] = np.ones((6, 4, 1))
-    content = (tmp_path / "data.h5").read_bytes()
-    assert struct.pack("<I", 8) + value in content
-    (tmp_path / "data.h5").write_bytes(content.replace(struct.pack("<I", 8) + value, struct.pack("<I", size) + value))
-    found = set()
-    for _ in range(3):
-        tokid("convert", tmp_path / "data.h5", tmp_path / "out.npz")
-        with np.load(tmp_path / "out.npz") as out:
-            found.add(out["u"].tobytes())
-    assert len(found) == 1
+    refused("data.h5", "'u'", "(6, 4, 1)", "was ever written")
 
 
 @pytest.mark.parametrize("options", [{}, {"compression": "gzip"}])
