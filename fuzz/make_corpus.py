@@ -5,6 +5,7 @@ TOKID for what only it writes. Findings, whose names begin with found-, stay."""
 
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import h5py
@@ -51,6 +52,17 @@ def mat(path, **values):
     scipy.io.savemat(path, {name: of(value) for name, value in values.items()}, do_compression=path.stem != "version5")
 
 
+def mat73(path, **numbers):
+    """As MATLAB writes them: in the oldest format, packed."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in numbers.items():
+            value = np.atleast_2d(np.asarray(value, "f8")).T
+            file.create_dataset(name, data=value, chunks=value.shape, compression="gzip")
+            file[name].attrs["MATLAB_class"] = np.bytes_("double")
+    with open(path, "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(116) + bytes(8) + b"\0\2IM")
+
+
 def by_step(values):
     """MATLAB's order: the step is the last index."""
     return {name: np.moveaxis(v, 0, -1) if np.ndim(v) == 3 else v for name, v in values.items()}
@@ -80,7 +92,14 @@ def ensembles(tokid, folder):
     mat(folder("ensemble_mat") / "others.mat", u=np.ones((N, T), "i1"), y=np.ones((N, T, M), "f4"), s={"a": 1.0},
         c=1j, e=np.zeros((0, 3)), output_names=["x", "v"])
     tokid("convert", folder("ensemble_npz") / "plain.npz", folder("ensemble_mat73") / "plain.mat", "--mat73")
-    for name in ("plain.h5", "new.h5", "chunks.h5", "packed.h5"):
+    tokid("convert", folder("ensemble_npz") / "plain.npz", folder("ensemble_h5") / "tokid.h5")
+    with tempfile.NamedTemporaryFile(suffix=".npz") as long:  # as chunks with checksums, not within headers
+        np.savez(long, u=np.ones((N, 700, R)), y=np.zeros((N, 700, M)))
+        long.flush()
+        tokid("convert", long.name, folder("ensemble_h5") / "checked.h5")
+    mat73(folder("ensemble_mat73") / "matlab.mat", experiments=N,
+          **{name: value for name, value in ENSEMBLE.items() if name != "initial_state"})
+    for name in ("plain.h5", "new.h5", "chunks.h5", "packed.h5", "tokid.h5", "checked.h5"):
         write(folder("blocks"), name, (folder("ensemble_h5") / name).read_bytes())
 
 
