@@ -14,19 +14,19 @@ namespace {
 
 Target of_this_machine() {
 #if defined(__x86_64__) && !defined(__SSE4_2__)
-  // What Highway compiles these targets with; GCC asks the operating system, too, whether it saves the registers.
-  __builtin_cpu_init();
-  unsigned a = 0, b = 0, features = 0, d = 0;
-  const bool f16c = __get_cpuid(1, &a, &b, &features, &d) != 0 && (features & bit_F16C) != 0;  // unknown to Clang's
-  const bool sse4 = __builtin_cpu_supports("sse4.1") && __builtin_cpu_supports("sse4.2") &&
-                    __builtin_cpu_supports("ssse3") && __builtin_cpu_supports("pclmul") &&
-                    __builtin_cpu_supports("aes");
-  const bool avx2 = sse4 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && f16c &&
-                    __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2");
-  const bool avx512 = avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512cd") &&
-                      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-                      __builtin_cpu_supports("avx512vl");
-  return avx512 ? Target::avx512 : avx2 ? Target::avx2 : sse4 ? Target::sse4 : Target::baseline;
+  // What Highway compiles these targets with. The processor is asked, because not every compiler comes with the library
+  // that __builtin_cpu_supports needs. The operating system tells in XCR0 which registers it saves.
+  const auto has = [](unsigned word, unsigned bits) { return (word & bits) == bits; };
+  constexpr unsigned saves_avx = 0x06, saves_avx512 = 0xe6;
+  unsigned a = 0, b = 0, c = 0, d = 0, saved = 0;
+  if (__get_cpuid(1, &a, &b, &c, &d) == 0 || !has(c, bit_SSSE3 | bit_SSE4_1 | bit_SSE4_2 | bit_PCLMUL | bit_AES))
+    return Target::baseline;
+  if (!has(c, bit_OSXSAVE | bit_AVX | bit_FMA | bit_F16C)) return Target::sse4;
+  __asm__("xgetbv" : "=a"(saved), "=d"(d) : "c"(0));
+  if (!has(saved, saves_avx) || __get_cpuid_count(7, 0, &a, &b, &c, &d) == 0 || !has(b, bit_AVX2 | bit_BMI | bit_BMI2))
+    return Target::sse4;
+  const unsigned avx512 = bit_AVX512F | bit_AVX512CD | bit_AVX512DQ | bit_AVX512BW | bit_AVX512VL;
+  return has(saved, saves_avx512) && has(b, avx512) ? Target::avx512 : Target::avx2;
 #else
   return Target::baseline;
 #endif
