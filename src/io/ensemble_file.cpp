@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <fmt/chrono.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
+#include <ctime>
 #include <mutex>
 
 #include "descriptor.hpp"
@@ -45,7 +46,11 @@ io::Hyperslab slab(const io::Hdf5Source::Samples& samples, const std::array<Inde
 
 FileState io::Unchanged::state() const {
   const auto text = [](const timespec& time) {
-    return fmt::format("{:%Y-%m-%d %H:%M:%S}.{:09}", fmt::gmtime(time.tv_sec), time.tv_nsec);
+    std::tm utc{};
+    gmtime_r(&time.tv_sec, &utc);
+    std::array<char, 32> second{};
+    std::strftime(second.data(), second.size(), "%Y-%m-%d %H:%M:%S", &utc);
+    return fmt::format("{}.{:09}", second.data(), time.tv_nsec);
   };
   return {before_.st_ino, std::uint64_t(before_.st_size), text(before_.st_mtim), text(before_.st_ctim)};
 }
