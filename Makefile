@@ -5,7 +5,8 @@ build_packages := g++ cmake ninja-build libeigen3-dev libboost-dev libhdf5-dev l
 test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-scipy python3-h5py python3-pytest \
                   python3-dev python3-venv chromium fonts-dejavu-core octave octave-control
-wheel_packages := $(build_packages) python3-dev python3-venv
+wheel_packages := cmake ninja-build binutils debian-archive-keyring dpkg-dev python3 python3-venv
+wheel_test_packages := $(build_packages) debootstrap python3 python3-venv qemu-user-static
 bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \
                   python3 python3-numpy python3-h5py
 cover_packages := $(test_packages) gcovr
@@ -35,12 +36,14 @@ configure = cmake --log-level=WARNING $(if $(TOKID_WARNINGS_AS_ERRORS),-DTOKID_W
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test wheel package release-test portability bench sbom install-test asan tsan valgrind coverage fuzz tidy format clean
+.PHONY: help build demo test wheel wheels wheel-test package release-test portability bench sbom install-test asan tsan valgrind coverage fuzz tidy format clean
 
 help:
 	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
 	@echo 'make test          build with the tests and run all of them'
-	@echo 'make wheel         the Python package as a wheel that carries its libraries (build/wheel)'
+	@echo 'make wheel         the Python package for this Python as a wheel for any Linux with glibc 2.28 (build/wheel)'
+	@echo 'make wheels        those of all Pythons from 3.9 on, for x86_64 and aarch64; for half an hour'
+	@echo 'make wheel-test    installs them on Debian 11 and 13, for arm64 in QEMU; as root, for some minutes'
 	@echo 'make package       packages for Debian, an archive, their sums, release notes (build/package)'
 	@echo 'make release-test  installs these on a Debian that debootstrap makes; as root, for some minutes'
 	@echo 'make portability   builds and tests the last commit on other systems (docs/portability.md); as root, for hours'
@@ -71,9 +74,17 @@ test:
 	@cmake --build build --target all tests_environment
 	@$(python) tests/run.py build
 
-wheel: build
+wheel:
 	$(call install,$(wheel_packages))
-	@$(python) python/make_wheel.py . build build/wheel
+	@$(python) python/wheels/make_wheels.py . build/wheel
+
+wheels:
+	$(call install,$(wheel_packages))
+	@$(python) python/wheels/make_wheels.py . build/wheel --all
+
+wheel-test: build
+	$(call install,$(wheel_test_packages))
+	@$(python) python/wheels/try_wheels.py build build/wheel build/wheel-test
 
 package: build
 	$(call install,$(package_packages))

@@ -84,20 +84,23 @@ def python_packages(source):
     return list(components.values())
 
 
-def main():
-    source, build, target = (Path(word) for word in sys.argv[1:4])
+def write(source, components, target):
     version = re.search(r"project\(tokid VERSION ([0-9.]+)", (source / "CMakeLists.txt").read_text()).group(1)
     own = {"type": "application", "bom-ref": f"pkg:generic/tokid@{version}", "name": "tokid", "version": version,
            "licenses": [{"license": {"id": "BSD-3-Clause"}}]}
-    files = [build / "bin" / "tokid", *sorted((build / "lib").glob("libtokid.so"))]
-    libraries = {path for file in files for path in loaded(file) if path.name.split(".so")[0] != "libtokid"}
-    components = debian(owners(libraries), "loaded at run time")
-    components += debian(HEADERS, "headers that are compiled in")
-    components += [uplot(source), *python_packages(source)]
     needed = [component["bom-ref"] for component in components if component["scope"] == "required"]
     bom = {"bomFormat": "CycloneDX", "specVersion": "1.5", "version": 1, "metadata": {"component": own},
            "components": components, "dependencies": [{"ref": own["bom-ref"], "dependsOn": needed}]}
     target.write_text(json.dumps(bom, indent=1, ensure_ascii=False) + "\n")
+
+
+def main():
+    source, build, target = (Path(word) for word in sys.argv[1:4])
+    files = [build / "bin" / "tokid", *sorted((build / "lib").glob("libtokid.so"))]
+    libraries = {path for file in files for path in loaded(file) if path.name.split(".so")[0] != "libtokid"}
+    components = debian(owners(libraries), "loaded at run time")
+    components += debian(HEADERS, "headers that are compiled in")
+    write(source, [*components, uplot(source), *python_packages(source)], target)
 
 
 if __name__ == "__main__":

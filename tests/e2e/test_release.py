@@ -11,8 +11,10 @@ import pytest
 from conftest import ROOT
 
 sys.path.insert(0, str(ROOT / "release"))
+sys.path.insert(0, str(ROOT / "python" / "wheels"))
 import portability
 from make_packages import changes
+from make_wheels import PYTHONS
 
 
 def text_of(name):
@@ -89,3 +91,13 @@ def test_files_that_are_the_same_stay_as_they_are_in_another_system(tmp_path):
     assert placed(one=b"1", three=b"3") == {"one": b"1", "three": b"3", "object": b""}
     assert (tmp_path / "src" / "one").stat().st_mtime_ns == first.st_mtime_ns
     assert first.st_mode & 0o777 == 0o755
+
+
+def test_wheels_for_every_python_that_is_promised():
+    """nanobind has the stable ABI from 3.12 on; before that every version has a wheel of its own."""
+    promised = tomllib.loads(text_of("pyproject.toml"))["project"]["requires-python"]
+    oldest = int(re.fullmatch(r">=3\.(\d+)", promised)[1])
+    tags = [python.tag for python in PYTHONS]
+    assert sorted(tags) == sorted(["cp312-abi3", *(f"cp3{minor}-cp3{minor}" for minor in range(oldest, 12))])
+    for tag in tags:
+        assert f"`{tag}`" in text_of("docs/python.md")
