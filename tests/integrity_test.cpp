@@ -29,8 +29,8 @@ namespace fs = std::filesystem;
 
 std::string content(const Ensemble& e) {
   archive::Writer all;
-  all(e.inputs(), e.outputs(), Matrix(e.samples()), e.dt, e.initial_state, e.length, e.names, e.free.experiments,
-      e.free.steps, e.free.y);
+  all(e.inputs(), e.outputs(), Matrix(e.samples()), e.dt, e.initial_state, e.length, e.names, e.experiment_names,
+      e.free.experiments, e.free.steps, e.free.y);
   return all.bytes();
 }
 
@@ -71,6 +71,7 @@ Ensemble with_lists(Ensemble e) {
       e.input(k).row(n).setConstant(std::numeric_limits<double>::quiet_NaN());
       e.output(k).row(n).setConstant(std::numeric_limits<double>::quiet_NaN());
     }
+  for (Index n = 0; n < e.experiments(); ++n) e.experiment_names.push_back("run " + std::to_string(n + 101));
   e.free = {5, 8, Matrix::Random(5, 8 * e.outputs())};
   return e;
 }
