@@ -22,7 +22,9 @@ Model random_system(const SystemSize& size, Index steps, double growth, std::uin
   for (Index k = 0; k < steps; ++k) {
     Vector s(size.n);
     for (double& value : s) value = growth * random.uniform(0.7, 1.0);
-    model.A.emplace_back(random.orthogonal(size.n) * s.asDiagonal() * random.orthogonal(size.n));
+    // Each by itself: compilers differ in which operand of a product they draw first.
+    const Matrix right = random.orthogonal(size.n), left = random.orthogonal(size.n);
+    model.A.emplace_back(left * s.asDiagonal() * right);
     model.B.push_back(random.matrix(size.n, size.r));
     model.C.push_back(random.matrix(size.m, size.n));
     model.D.push_back(random.matrix(size.m, size.r));
