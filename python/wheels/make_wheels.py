@@ -132,6 +132,8 @@ class Maker:
                     f"-DPython_EXECUTABLE={self.tools}", f"-DPython_INCLUDE_DIRS={include}",
                     f"-DPython_VERSION={python.version}", f"-DPython_SOABI=cpython-{version}-{machine}-linux-gnu",
                     f"-Dnanobind_DIR={self._nanobind(python.nanobind)}/cmake",
+                    # For nanobind: Python.h of the stable ABI does not include it, nor does zig's C++ library.
+                    "-DCMAKE_CXX_FLAGS=-include stdio.h",
                     f"-DCMAKE_MODULE_LINKER_FLAGS=-Wl,--version-script={HERE / 'exports.map'}", target=goal)
         return binary / "python/tokid"
 

@@ -39,6 +39,7 @@ def try_formats(folder):
             assert again.validate(fresh).simulation.fit.min() > 99.99, name
     with ThreadPoolExecutor(8) as threads:  # HDF5 that is not made for threads crashes
         assert all(same(read, data, ("u", "y")) for read in threads.map(tokid.load, 200 * [folder / "a.h5"]))
+    assert all(line.agrees for line in tokid.paper().printed)
     try:
         tokid.load(folder / "none.h5")
     except tokid.IoError as error:  # an exception of the C++ library becomes one of Python
