@@ -82,6 +82,22 @@ Index whole_windows(const Ensemble& e, Index lags) {
   return whole;
 }
 
+// Noise shapes are most of what regressions hold, and of no use once the Markov parameters have their variances.
+GtvArx without_noise_shapes(const GtvArx& arx) {
+  Index lags = 0;
+  for (const GtvArxStep& step : arx.step) lags = std::max(lags, step.lags);
+  GtvArx kept;
+  kept.resize(arx.steps(), arx.inputs, arx.outputs, lags, false);
+  kept.k_begin = arx.k_begin;
+  kept.step = arx.step;
+  for (Index k = arx.k_begin; k < arx.steps(); ++k) {
+    kept.coefficients(k) = arx.coefficients(k);
+    kept.residual_cov(k) = arx.residual_cov(k);
+    kept.output_rms(k) = arx.output_rms(k);
+  }
+  return kept;
+}
+
 // The pipeline with its intermediate results.
 class Pipeline {
  public:
@@ -537,8 +553,10 @@ Model Pipeline::tvera_model() {
   o.output_size = settled_ ? settled_->output_size : channel_sizes(*data_, data_->inputs(), m);
   o.input_size = settled_ ? settled_->input_size : channel_sizes(*data_, 0, r);
   o.execution = share(0.7, 0.8);
-  const Markov parameters = markov(arx_, o.rows + o.cols - 1, share(0.6, 0.7));
+  Markov parameters = markov(arx_, o.rows + o.cols - 1, share(0.6, 0.7));
+  arx_ = without_noise_shapes(arx_);
   const HankelFactors factors = hankel_factors(parameters, data_->free, o);
+  parameters.system_noise = {};
   o.execution.progress = {};
   return model_of(parameters, factors, o, n == 0 && result_.noisy ? choose_states(parameters, factors, o) : n);
 }
@@ -891,6 +909,7 @@ Identification Pipeline::run(bool validated, bool whole) {
   if (result_.choices) note_choices(result_.model, *result_.choices);
   if (result_.refinement.iterations > 0)
     note_refinement(result_.model, result_.refinement.smoothing, result_.refinement.iterations);
+  arx_ = {};  // the validation takes its room
   if (validated) evaluate();
   if (options_.execution.progress) options_.execution.progress(1.0);
   result_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

@@ -29,6 +29,11 @@ TveraOptions tvera_options(const IdentifyOptions& options, Index p, Index m, boo
 }
 
 void note_regressions(const GtvArx& arx, Model& model) {
+  const size_t steps = size_t(model.steps());
+  model.innovation_cov.reserve(steps);
+  model.condition.reserve(steps);
+  model.rank.reserve(steps);
+  model.lags.reserve(steps);
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
     const GtvArxStep& step = arx.step[size_t(k)];
     model.innovation_cov.emplace_back(arx.residual_cov(k));

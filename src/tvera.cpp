@@ -301,6 +301,8 @@ Model realise(const Markov& markov, const HankelFactors& factors, const TveraOpt
   model.method = "tvera";
   const size_t steps = factors.step.size();
   for (auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G}) list->resize(steps);
+  model.state_dim.reserve(steps + 1);
+  model.singular_values.reserve(steps);
   for (size_t i = 0; i < steps; ++i) {
     model.state_dim.push_back(order_of(factors.step[i], options));
     model.singular_values.push_back(factors.step[i].singular_values);

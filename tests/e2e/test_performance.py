@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 from conftest import ROOT
+from support import write_ensemble
 
 SCRIPT = ROOT / "bench" / "numpy_tokid.py"
 
@@ -39,3 +40,25 @@ def test_numpy_script_tells_another_model(tokid, tmp_path):
     tokid("identify", data, "-o", model, "--states", 3)
     result = run(data, "-o", tmp_path / "script.npz", "--check", model)
     assert result.returncode == 1 and json.loads(result.stdout)["difference"] > 1e-8
+
+
+# A process of its own: what is forked counts the memory of its parent, too.
+PEAK = """
+import resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+
+
+def peak(*arguments):
+    """Largest memory of a process in bytes."""
+    found = subprocess.run([sys.executable, "-c", PEAK, *map(str, arguments)], capture_output=True, text=True, check=True)
+    return 1024 * int(found.stdout)
+
+
+def test_memory_without_blocks(tokid, tmp_path):
+    """Of few experiments the model takes as much as the data. What the regressions hold is gone before the validation."""
+    small, large = (write_ensemble(tmp_path / f"{steps}.h5", experiments=10, steps=steps) for steps in (200, 100_000))
+    own, whole = (peak(tokid.executable, "identify", data, "-o", tmp_path / "model.h5", "--block", "all", "--quiet")
+                  for data in (small, large))
+    assert whole - own < 8 * 10 * 100_000 * 3 * 8
