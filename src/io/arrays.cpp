@@ -2,6 +2,7 @@
 #include "arrays.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <type_traits>
@@ -33,6 +34,24 @@ void fail_with(std::string text) {
 
 bool contains(const Names& names, std::string_view name) {
   return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+namespace {
+
+// NaN marks what is missing, here as there.
+bool are_same(const Array& a, const Array& b) {
+  const auto *x = std::get_if<std::vector<double>>(&a.values), *y = std::get_if<std::vector<double>>(&b.values);
+  if (!x || !y) return a.values == b.values;
+  return std::equal(x->begin(), x->end(), y->begin(), y->end(),
+                    [](double p, double q) { return p == q || (std::isnan(p) && std::isnan(q)); });
+}
+
+}  // namespace
+
+void add_once(const std::string& name, Array array, Arrays& found) {
+  const auto before = std::find_if(found.begin(), found.end(), [&](const auto& entry) { return entry.first == name; });
+  if (before == found.end()) return static_cast<void>(found.emplace_back(name, std::move(array)));
+  if (!are_same(before->second, array)) fail("data set '{}': found twice, with different values; one needed", name);
 }
 
 size_t checked_product(const Shape& shape, size_t item_bytes) {

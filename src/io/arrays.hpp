@@ -50,6 +50,10 @@ struct Contents {
 
 bool contains(const Names& names, std::string_view name);
 
+// Adds an array to those that were found. One of the same name and values, in whatever shape, is there already.
+// \throws IoError where its values are others
+void add_once(const std::string& name, Array array, Arrays& found);
+
 // \throws IoError where the product does not fit
 size_t checked_product(const Shape& shape, size_t item_bytes = 1);
 

@@ -381,9 +381,10 @@ Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const
   Hdf5Bytes(root, "/", claims.file_bytes()).check_attributes();
   const std::unordered_set<std::string> known(contents.names.begin(), contents.names.end());
   for (const auto& name : attribute_names(root)) {
-    if (known.count(name) > 0) continue;
-    contents.names.push_back(name);
-    if (contains(wanted, name)) contents.arrays.emplace_back(name, read_node(open_attribute(root, name), claims));
+    const bool is_new = known.count(name) == 0;
+    if (is_new) contents.names.push_back(name);
+    if (contains(wanted, name) && (is_new || !contains(outlined, name)))
+      add_once(name, read_node(open_attribute(root, name), claims), contents.arrays);
   }
   return contents;
 }

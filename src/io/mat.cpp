@@ -213,7 +213,7 @@ Contents read_mat(const std::filesystem::path& path, const Names& wanted) {
     if (!variable->name) continue;
     const std::string name = variable->name;
     contents.names.push_back(name);
-    if (contains(wanted, name)) contents.arrays.emplace_back(name, read_variable(file.get(), variable.get(), claims));
+    if (contains(wanted, name)) add_once(name, read_variable(file.get(), variable.get(), claims), contents.arrays);
   }
   if (!wanted.empty()) check_mat_checksums(path);  // after the claims, which a bomb does not pass
   return contents;

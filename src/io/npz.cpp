@@ -407,6 +407,7 @@ void add_entry(zip_t* archive, const std::string& name, const Payload& payload) 
 Contents read_npz(const std::filesystem::path& path, const Names& wanted) {
   int code = 0;
   const Archive archive(zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code));
+  if (!archive && code == ZIP_ER_EXISTS) fail("two arrays of one name found in the archive, one of each needed");
   if (!archive) fail("no complete .npz archive found: {}", reason(code));
   Contents contents;
   Claims claims(std::filesystem::file_size(path));
