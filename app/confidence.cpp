@@ -187,8 +187,9 @@ void run(const Call& call) {
   if ((call.replicates > 0 || call.seed > 0) && result.method != BoundsMethod::bootstrap)
     result.warnings.push_back(
         fmt::format("{} has no effect on bounds from the factors", call.replicates > 0 ? "--replicates" : "--seed"));
-  const std::vector<std::string> remarks = differences(model, data);
-  result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());
+  const std::vector<std::string> before = remarks(model, data), behind = differences(model, data);
+  result.warnings.insert(result.warnings.begin(), before.begin(), before.end());
+  result.warnings.insert(result.warnings.end(), behind.begin(), behind.end());
   save_confidence(result, call.output);
   if (call.json)
     print(json(call, model, result));

@@ -19,15 +19,20 @@ void run(const Call& call) {
   check_output(call.output, model ? Content::model : Content::ensemble, {call.input});
   if (call.write.mat73 && extension_of(call.output) != ".mat")
     throw std::invalid_argument(fmt::format("--mat73: the output is '{}', a .mat needed", call.output.string()));
-  if (model)
+  std::vector<std::string> warnings;
+  if (model) {
     save_model(load_model(call.input), call.output, call.write);
-  else
-    save_ensemble(load_ensemble(call.input, call.read), call.output, call.write);
+  } else {
+    const Ensemble data = load_ensemble(call.input, call.read);
+    warnings = data.remarks;
+    save_ensemble(data, call.output, call.write);
+  }
 
   Page page;
   page.row("Converted", fmt::format("{} {}", model ? "the model" : "the ensemble", call.input.string()));
   page.row("Written", call.output.string());
   print(page.text());
+  warn(warnings);
 }
 
 }  // namespace

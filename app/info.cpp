@@ -50,6 +50,7 @@ Json json(const Call& call, const Ensemble& e) {
   j["inputs"] = e.inputs();
   j["outputs"] = e.outputs();
   j["dt"] = e.dt;
+  j["dt_stated"] = e.dt_stated;
   j["missing_samples"] = missing_samples(e);
   j["length"] = e.length.empty() ? Json() : Json(e.length);
   j["initial_state"] = e.initial_state ? Json(to_string(*e.initial_state)) : Json();
@@ -66,6 +67,7 @@ Json json(const Call& call, const Ensemble& e) {
                              {"std", s.std},
                              {"min", s.min},
                              {"max", s.max}});
+  j["warnings"] = remarks(e);
   return j;
 }
 
@@ -155,6 +157,7 @@ Json json(const Call& call, const Model& model) {
   j["k_begin"] = model.k_begin;
   j["k_end"] = model.k_end();
   j["dt"] = model.dt;
+  j["dt_stated"] = states_dt(model);
   j["initial_state"] = to_string(model.initial_state);
   j["nominal"] = model.u_nominal.size() > 0;
   j["state_dim"] = {{"min", dims.least}, {"max", dims.most}};
@@ -185,6 +188,7 @@ std::string report(const Call& call, const Model& model) {
   Page page;
   page.row("Model", call.file.string());
   page.row("", describe(model));
+  if (!states_dt(model)) page.row("", "dt is a guess: the data of the identification stated no sample time");
   page.row("", fmt::format("method {}, {} frame, tokid {}", model.method, model.frame,
                            model.version.empty() ? "unknown" : model.version));
   page.row("Inputs", labels(model.inputs, [&](Index i) { return input_label(model.names, i); }));
@@ -216,10 +220,10 @@ void show(const Call& call, const Content& content) {
 }
 
 void run(const Call& call) {
-  if (file_kind(call.file) == FileKind::model)
-    show(call, load_model(call.file));
-  else
-    show(call, load_ensemble(call.file, call.read));
+  if (file_kind(call.file) == FileKind::model) return show(call, load_model(call.file));
+  const Ensemble data = load_ensemble(call.file, call.read);
+  show(call, data);
+  warn(remarks(data));
 }
 
 }  // namespace

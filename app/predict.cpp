@@ -27,6 +27,7 @@ void run(const Call& call) {
   page.row("", coverage(result));
   page.row("Written", call.output.string());
   print(page.text());
+  warn(remarks(model, data));
   warn(prediction_remarks(model, data, result));
 }
 

@@ -96,12 +96,14 @@ void run(const Call& call) {
   if (same_file(call.model, call.output)) held.emplace(held_file(call.output));
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
-  const RefinedModel outcome = about(call.data, [&] {
+  RefinedModel outcome = about(call.data, [&] {
     ProgressBar bar(true);
     RefineModelOptions options = call.options;
     options.refine.execution.progress = bar.callback();
     return refine_model(model, data, options);
   });
+  const std::vector<std::string> before = remarks(model, data);
+  outcome.warnings.insert(outcome.warnings.begin(), before.begin(), before.end());
   if (held) held->check();
   save_model(outcome.refinement.model, call.output);
   if (call.json)

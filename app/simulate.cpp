@@ -30,6 +30,7 @@ void run(const Call& call) {
   page.row("", coverage(result));
   page.row("Written", call.output.string());
   print(page.text());
+  warn(remarks(model, inputs));
   warn(simulation_remarks(model, inputs, result, call.estimate));
 }
 

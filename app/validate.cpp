@@ -219,8 +219,9 @@ void run(const Call& call) {
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
   Validation result = about(call.data, [&] { return validate(model, data, call.options); });
-  const std::vector<std::string> remarks = differences(model, data);
-  result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());
+  const std::vector<std::string> before = remarks(model, data), behind = differences(model, data);
+  result.warnings.insert(result.warnings.begin(), before.begin(), before.end());
+  result.warnings.insert(result.warnings.end(), behind.begin(), behind.end());
   std::optional<CrossValidation> cross;
   if (call.folds > 0) {
     cross = cross_validation(call, model, data);

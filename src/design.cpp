@@ -13,6 +13,7 @@
 #include "design/inputs.hpp"
 #include "design/optimise.hpp"
 #include "nan.hpp"
+#include "tokid/identify.hpp"
 #include "words.hpp"
 
 namespace tokid {
@@ -127,6 +128,7 @@ class Planner {
       throw std::invalid_argument(
           fmt::format("excess, markov_error, white_condition: {}, {}, {} found, above 0, 0 and 1 needed", o.excess,
                       o.markov_error, o.white_condition));
+    dt_stated_ = o.dt != 0 && (model_ == nullptr || states_dt(*model_));
     if (o.dt == 0) o.dt = 1.0;
     if (!(o.dt > 0 && std::isfinite(o.dt)))
       throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", o.dt));
@@ -338,6 +340,7 @@ class Planner {
     const Index N = inputs_.rows(), r = o.inputs, steps = o.steps;
     Ensemble& e = plan_.inputs;
     e = Ensemble(N, steps, r, 0, o.dt);
+    e.dt_stated = dt_stated_;
     for (Index k = 0; k < steps; ++k) e.input(k) = inputs_.middleCols(k * r, r);
     e.names.input_names = o.names.input_names;
     e.names.input_units = o.names.input_units;
@@ -473,10 +476,11 @@ class Planner {
   const Model* model_;
   Vector amplitude_;
   bool unknown_ = false;  // initial states
-  Index first_ = 0;       // step with a regression,
-  Index forecast_ = 0;    // with one that the model forecasts,
-  Index full_ = 0;        // and with one of p lags in the model
-  Matrix inputs_;         // (N × T·r)
+  bool dt_stated_ = false;
+  Index first_ = 0;     // step with a regression,
+  Index forecast_ = 0;  // with one that the model forecasts,
+  Index full_ = 0;      // and with one of p lags in the model
+  Matrix inputs_;       // (N × T·r)
   Plan plan_;
 };
 

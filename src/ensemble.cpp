@@ -115,6 +115,7 @@ Ensemble Ensemble::subset(const std::vector<Index>& chosen) const {
   result.outputs_ = outputs_;
   result.samples_ = samples_(chosen, Eigen::all);
   result.dt = dt;
+  result.dt_stated = dt_stated;
   result.names = names;
   result.initial_state = initial_state;
   if (!length.empty())
@@ -161,6 +162,8 @@ Ensemble Ensemble::select(const std::vector<Index>& inputs, const std::vector<In
   }
   result.names = {chosen_of(names.input_names, inputs), chosen_of(names.output_names, outputs),
                   chosen_of(names.input_units, inputs), chosen_of(names.output_units, outputs)};
+  result.dt_stated = dt_stated;
+  result.remarks = remarks;
   result.initial_state = initial_state;
   result.length = length;
   result.experiment_names = experiment_names;
@@ -318,6 +321,7 @@ Ensemble stretch(const Ensemble& e, Index begin, Index end) {
     part.input(k - begin) = e.input(k);
     part.output(k - begin) = e.output(k);
   }
+  part.dt_stated = e.dt_stated;
   part.names = e.names;
   part.experiment_names = e.experiment_names;
   part.initial_state = begin == 0 ? e.initial_state : InitialState::unknown;
@@ -335,6 +339,7 @@ Ensemble cut(const Ensemble& e, Index length) {
       all.input(k).middleRows(piece * e.experiments(), e.experiments()) = e.input(piece * length + k);
       all.output(k).middleRows(piece * e.experiments(), e.experiments()) = e.output(piece * length + k);
     }
+  all.dt_stated = e.dt_stated;
   all.names = e.names;
   if (!e.experiment_names.empty())
     for (Index piece = 0; piece < pieces; ++piece)

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "axes.hpp"
 #include "channel_sizes.hpp"
 #include "excitation.hpp"
 #include "folds.hpp"
@@ -19,6 +20,7 @@
 #include "statistics.hpp"
 #include "survey.hpp"
 #include "tokid/markov.hpp"
+#include "tokid/remarks.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
 #include "tokid/version.hpp"
@@ -866,6 +868,8 @@ Identification Pipeline::run(bool validated, bool whole) {
     throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
                                             data_->inputs(), data_->outputs()));
   check_magnitudes(samples, data_->names, data_->inputs());
+  if (whole)
+    for (std::string& text : remarks(*data_)) warn(std::move(text));
   const bool gaps = samples.missing > 0;
   hold_out();
   if (result_.held_out) samples = survey(*data_, 0, data_->steps());
@@ -899,6 +903,7 @@ Identification Pipeline::run(bool validated, bool whole) {
   result_.model.version = version;
   result_.model.options = to_json(options_, result_.experiments);
   note_data(result_.model, fingerprint);
+  if (!data_->dt_stated) note_missing_dt(result_.model);
   result_.together = together_;
   result_.nominal = nominal_.has_value();
   result_.singular_value_gap = statistics::median(singular_value_gaps(result_.model));
@@ -919,7 +924,7 @@ Identification Pipeline::run(bool validated, bool whole) {
 }  // namespace
 
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options) {
-  return Pipeline(ensemble, options).run(true, true);
+  return with_remark_on_axes(ensemble, [&] { return Pipeline(ensemble, options).run(true, true); });
 }
 
 Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated) {

@@ -143,8 +143,8 @@ constexpr Entry table[] = {
 };
 // No options, but told beside them.
 constexpr const char *experiments_key = "experiments", *data_key = "data", *choices_key = "choices",
-                     *refined_key = "refined";
-constexpr std::string_view others[] = {experiments_key, data_key, choices_key, refined_key};
+                     *refined_key = "refined", *dt_key = "dt_stated";
+constexpr std::string_view others[] = {experiments_key, data_key, choices_key, refined_key, dt_key};
 
 // What the model holds, or an empty object.
 Json told(const Model& model) {
@@ -223,6 +223,14 @@ void note_choices(Model& model, const NoisyChoices& choices) {
                        {"refinement_iterations", choices.refinement_iterations}};
   model.options = json.dump();
 }
+
+void note_missing_dt(Model& model) {
+  Json json = told(model);
+  json[dt_key] = false;
+  model.options = json.dump();
+}
+
+bool states_dt(const Model& model) { return told(model).value(dt_key, Json(true)) != Json(false); }
 
 std::optional<NoisyChoices> noted_choices(const Model& model) {
   const Json json = told(model);

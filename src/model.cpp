@@ -11,6 +11,7 @@
 #include "em/smoother.hpp"
 #include "linalg/tall_product.hpp"
 #include "nan.hpp"
+#include "tokid/identify.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid {
@@ -63,7 +64,10 @@ Matrix output_departure(const Model& model, const Ensemble& data, Index k) {
 
 // The ensemble of the given inputs, with the model's outputs still missing.
 Ensemble outputs_for(const Model& model, const Ensemble& inputs) {
-  Ensemble result(inputs.experiments(), inputs.steps(), model.inputs, model.outputs, inputs.dt);
+  // Inputs without a sample time have the model's.
+  Ensemble result(inputs.experiments(), inputs.steps(), model.inputs, model.outputs,
+                  inputs.dt_stated ? inputs.dt : model.dt);
+  result.dt_stated = inputs.dt_stated || states_dt(model);
   for (Index k = 0; k < inputs.steps(); ++k) result.input(k) = inputs.input(k);
   result.names = model.names;
   result.length = inputs.length;
@@ -350,8 +354,9 @@ class Observer {
 std::vector<std::string> differences(const Model& model, const Ensemble& data) {
   std::vector<std::string> result;
   // Sample times that went through single precision or decimal text are still the same.
-  if (std::abs(model.dt - data.dt) > 1e-6 * model.dt)
-    result.push_back(fmt::format("the data's dt = {} s differs from the model's dt = {} s", data.dt, model.dt));
+  if (data.dt_stated && std::abs(model.dt - data.dt) > 1e-6 * model.dt)
+    result.push_back(fmt::format("the data's dt = {} s differs from the model's dt = {} s{}", data.dt, model.dt,
+                                 states_dt(model) ? "" : ", which was identified from data without a sample time"));
   const auto compare = [&result](const char* what, const std::vector<std::string>& found,
                                  const std::vector<std::string>& known) {
     if (!found.empty() && !known.empty() && found != known)

@@ -4,13 +4,24 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string_view>
 #include <utility>
 
+#include "axes.hpp"
+#include "tokid/identify.hpp"
 #include "words.hpp"
 
 namespace tokid {
 
 namespace {
+
+std::vector<std::string> remarks_on_reading(const Ensemble& data, std::string_view sample_time) {
+  std::vector<std::string> result = data.remarks;
+  if (!data.dt_stated && !sample_time.empty())
+    result.push_back(fmt::format("the data state no sample time: {}", sample_time));
+  if (auto text = swapped_axes(data)) result.push_back(*std::move(text));
+  return result;
+}
 
 InitialState initial_state(const Model& model, const Ensemble& inputs) {
   return inputs.initial_state.value_or(model.initial_state);
@@ -29,6 +40,15 @@ std::vector<std::string> remarks_on_data(const Model& model, const Ensemble& dat
 }
 
 }  // namespace
+
+std::vector<std::string> remarks(const Ensemble& data) {
+  return remarks_on_reading(data, "dt = 1 s was taken; state dt where it is another");
+}
+
+std::vector<std::string> remarks(const Model& model, const Ensemble& data) {
+  // What the model does not know either was told when it was identified.
+  return remarks_on_reading(data, states_dt(model) ? fmt::format("the model's dt = {} s was taken", model.dt) : "");
+}
 
 std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate) {
   const InitialState initial = initial_state(model, inputs);

@@ -16,6 +16,7 @@
 #include "regressions.hpp"
 #include "stream/evaluate.hpp"
 #include "survey.hpp"
+#include "tokid/remarks.hpp"
 #include "tokid/smooth_arx.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
@@ -190,13 +191,16 @@ namespace {
 struct Portion {
   WindowFactors factors;
   std::string fingerprint;
-  stream::ErrorTotals errors;  // of the model before
+  stream::ErrorTotals errors;        // of the model before
+  std::vector<std::string> remarks;  // on their file
 };
 
 Portion portion(const UpdateState& state, const Ensemble& more, const Execution& execution) {
   check_update(state, more);
-  return {
-      window_factors(more, state.factors.lags, state.factors.initial_state, execution), tokid::fingerprint(more), {}};
+  return {window_factors(more, state.factors.lags, state.factors.initial_state, execution),
+          tokid::fingerprint(more),
+          {},
+          {}};
 }
 
 void add(UpdateState& state, const Portion& more, const Execution& execution) {
@@ -231,7 +235,7 @@ namespace {
 
 template <class Archive, class P>
 requires std::is_same_v<std::remove_const_t<P>, Portion>
-void fields(Archive& archive, P& p) { archive(p.factors, p.fingerprint, p.errors); }
+void fields(Archive& archive, P& p) { archive(p.factors, p.fingerprint, p.errors, p.remarks); }
 
 // All that a member needs to know of the state and its model to make a portion of a file.
 struct Needs {
@@ -274,7 +278,10 @@ Portion portion_of_file(const Needs& needs, const std::filesystem::path& file, c
   read.wanted = complete(needs.state.factors.names, needs.state.factors.inputs, needs.state.factors.outputs);
   Ensemble data = load_ensemble(file, read);
   return about(file, [&] {
+    std::vector<std::string> found = remarks(needs.model, data);
+    if (!data.dt_stated) data.dt = needs.state.factors.dt;
     Portion result = portion(needs.state, data, options.execution);
+    result.remarks = std::move(found);
     if (needs.mean.y.size() > 0) data = departures(std::move(data), needs.mean);
     result.errors = stream::evaluate(needs.model, data, 0, data.steps(), needs.model.initial_state, true);
     return result;
@@ -313,6 +320,7 @@ Additions update(UpdateState& state, const Model& before, const std::vector<std:
   std::vector<Index> experiments;
   std::vector<std::string> fingerprints;
   stream::ErrorTotals errors;
+  std::vector<std::string> found;
   // In the order of the files; meanwhile each member is at the next of its own. So the first one holds one portion.
   for (size_t i = 0; i < files.size(); ++i) {
     const Index owner = Index(i) % team.size;
@@ -330,10 +338,13 @@ Additions update(UpdateState& state, const Model& before, const std::vector<std:
     about(files[i], [&] { add(state, *own, options.execution); });
     experiments.push_back(own->factors.experiments);
     errors.add(own->errors);
+    for (const std::string& text : own->remarks) found.push_back(fmt::format("{}: {}", files[i].string(), text));
   }
   const bool centred = needs.mean.y.size() > 0;
-  return additions(std::move(experiments), stream::fit_of(errors.simulation, centred),
-                   stream::fit_of(errors.one_step, centred), state.factors.names);
+  Additions result = additions(std::move(experiments), stream::fit_of(errors.simulation, centred),
+                               stream::fit_of(errors.one_step, centred), state.factors.names);
+  result.warnings.insert(result.warnings.begin(), found.begin(), found.end());
+  return result;
 }
 
 }  // namespace tokid

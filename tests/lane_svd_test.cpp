@@ -16,11 +16,11 @@ using linalg::LaneSvd;
 using testing::epsilon;
 using testing::Random;
 
-struct Batch {
+struct SvdBatch {
   std::vector<Matrix> a;
   LaneSvd lanes;
 
-  explicit Batch(std::vector<Matrix> matrices) : a(std::move(matrices)), lanes(a[0].rows(), a[0].cols()) {
+  explicit SvdBatch(std::vector<Matrix> matrices) : a(std::move(matrices)), lanes(a[0].rows(), a[0].cols()) {
     for (Index l = 0; l < LaneSvd::lanes(); ++l)
       for (Index i = 0; i < a[0].rows(); ++i)
         for (Index j = 0; j < a[0].cols(); ++j) lanes.entry(l, i, j) = a[size_t(l)](i, j);
@@ -50,7 +50,7 @@ TEST_P(LaneSvdOn, DecomposesTheMatrixOfEveryLane) {
   Random random(1);
   for (const Index rows : {1, 2, 6, 11, 32, 70})
     for (const Index cols : {1, 4, 8, 33, 90}) {
-      Batch b(random_matrices(random, rows, cols));
+      SvdBatch b(random_matrices(random, rows, cols));
       // An orthogonal reduction of cols rows to a triangle, then some sweeps of rows² rotations.
       const double unit = 20 * epsilon * double(rows + cols);
       for (Index l = 0; l < LaneSvd::lanes(); ++l) {
@@ -75,7 +75,7 @@ TEST_P(LaneSvdOn, KeepsDirectionsOrthogonalWhereSingularValuesAreRoundingErrors)
     a.back().row(3) *= 1e-7;
     a.back().col(5) *= 1e5;
   }
-  Batch b(a);
+  SvdBatch b(a);
   for (Index l = 0; l < LaneSvd::lanes(); ++l) {
     ASSERT_TRUE(b.lanes.found(l));
     const Matrix u = b.u(l);
@@ -90,12 +90,12 @@ TEST_P(LaneSvdOn, KeepsDirectionsOrthogonalWhereSingularValuesAreRoundingErrors)
 TEST_P(LaneSvdOn, SaysWhereItHasNothing) {
   Random random(3);
   std::vector<Matrix> a = random_matrices(random, 5, 7);
-  Batch sound(a);
+  SvdBatch sound(a);
   a[0].setZero();
   for (const double size :
        {0.0, 1e-200, 1e200, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
     a[0](0, 0) = size;
-    Batch b(a);
+    SvdBatch b(a);
     EXPECT_FALSE(b.lanes.found(0)) << size;
     for (Index l = 1; l < LaneSvd::lanes(); ++l) {  // the other lanes are not disturbed
       ASSERT_TRUE(b.lanes.found(l));
@@ -109,11 +109,11 @@ TEST_P(LaneSvdOn, SaysWhereItHasNothing) {
 TEST_P(LaneSvdOn, LanesThatNeverEndLeaveTheOthersAlone) {
   Random random(4);
   std::vector<Matrix> a = random_matrices(random, 6, 8);
-  Batch sound(a);
+  SvdBatch sound(a);
   const Matrix lane = a[0];
   for (const double size : {1e-150, 1e-155, 1e-160, 1e-165}) {
     a[0] = size * lane;
-    Batch b(a);
+    SvdBatch b(a);
     EXPECT_FALSE(b.lanes.found(0)) << size;
     for (Index l = 1; l < LaneSvd::lanes(); ++l) {
       ASSERT_TRUE(b.lanes.found(l)) << size;
@@ -132,7 +132,7 @@ TEST_P(LaneSvdOn, ColumnsOfZerosChangeNothing) {
         w.conservativeResize(rows, cols + 5);
         w.rightCols(5).setZero();
       }
-      Batch narrow(a), wide(wider);
+      SvdBatch narrow(a), wide(wider);
       for (Index l = 0; l < LaneSvd::lanes(); ++l) {
         ASSERT_TRUE(wide.lanes.found(l));
         EXPECT_EQ(wide.u(l), narrow.u(l));

@@ -99,12 +99,14 @@ class Ensemble {
   // With outputs_needed = false, outputs may be missing altogether, as where nothing could be predicted.
   void check(bool outputs_needed = true) const;
 
-  double dt = 1.0;  // sample time [s]
+  double dt = 1.0;        // sample time [s]
+  bool dt_stated = true;  // false: the data state none, and dt is 1
   Channels names;
   std::optional<InitialState> initial_state;  // empty: not stated with the data
   std::vector<Index> length;                  // (N) valid samples of each experiment; empty: all T
   std::vector<std::string> experiment_names;  // (N) as the data label them; empty: they are known by their rows alone
   FreeResponse free;
+  std::vector<std::string> remarks;  // of the reader of a file, for its user; parts of the ensemble go without
 
  private:
   Index steps_ = 0, inputs_ = 0, outputs_ = 0;

@@ -153,6 +153,8 @@ bool has_seen(const Model& model, const Ensemble& data);
 void note_refinement(Model& model, double smoothing, Index iterations);
 void note_update(Model& model, Index experiments);  // so many by now, and no refinement of them
 void note_choices(Model& model, const NoisyChoices& choices);
+void note_missing_dt(Model& model);  // the data stated none
+bool states_dt(const Model& model);
 std::optional<NoisyChoices> noted_choices(const Model& model);
 std::optional<double> refinement_smoothing(const Model& model);
 

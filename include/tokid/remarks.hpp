@@ -11,6 +11,11 @@
 
 namespace tokid {
 
+// What was noted when the data were read, a sample time that they don't state, and axes that look swapped.
+// Beside a model its sample time stands in.
+std::vector<std::string> remarks(const Ensemble& data);
+std::vector<std::string> remarks(const Model& model, const Ensemble& data);
+
 // Where a simulation of these inputs begins: "zero state", "mean initial state", or, with `estimate`, as
 // simulate_data() does it, "state that the first samples tell".
 std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate);

@@ -38,7 +38,8 @@ class EnsembleFile {
   Index outputs() const;      // m
   Index channels() const { return inputs() + outputs(); }
   Index free_responses() const;
-  double dt() const;  // [s]
+  double dt() const;       // [s]
+  bool dt_stated() const;  // false: the file states none, and dt() is 1
   const Channels& names() const;
   const std::optional<InitialState>& initial_state() const;
   const std::filesystem::path& path() const;

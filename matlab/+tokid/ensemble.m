@@ -8,7 +8,7 @@ function data = ensemble(u, y, varargin)
 % NaN marks a missing sample. Cells {u1, u2, ...} and {y1, y2, ...} of T_i x r and T_i x m hold experiments of unequal
 % length, or a single record. Without outputs, y is [].
 %
-%   'dt'              sample time in seconds (default that of the model or state beside the data, else 1)
+%   'dt'              sample time [s] (default that of the model or state beside the data, else 1 and a warning)
 %   'length'          N valid samples of each experiment; the rest is ignored
 %   'free_y'          Nf x Tf x m outputs of experiments without input from unknown initial states other than zero
 %   'initial_state'   'zero' or 'unknown': what is known of the states at step 0 (default: found out by a test)

@@ -7,6 +7,7 @@
 
 #include "arrays.hpp"
 #include "call.hpp"
+#include "tokid/remarks.hpp"
 
 namespace tokid::python {
 
@@ -76,6 +77,10 @@ void bind_ensemble(nb::module_& module) {
       .def_prop_ro("inputs", &Ensemble::inputs)
       .def_prop_ro("outputs", &Ensemble::outputs)
       .def_rw("dt", &Ensemble::dt)
+      .def_rw("dt_stated", &Ensemble::dt_stated)
+      .def_rw("reader_remarks", &Ensemble::remarks)
+      .def(
+          "remarks", [](const Ensemble& e) { return remarks(e); }, nb::call_guard<nb::gil_scoped_release>())
       .def_prop_rw(
           "length", [](const Ensemble& e) { return e.length; },
           [](Ensemble& e, std::vector<Index> length) { set_length(e, std::move(length)); })

@@ -224,11 +224,13 @@ def test_more_inputs_than_steps_are_worth_a_word(recwarn):
     with pytest.warns(tokid.TokidWarning, match=r"u \(5, 7\) was taken for one experiment of 5 steps with 7 inputs"):
         data = tokid.Ensemble(u[..., 0], y[..., 0])
     assert data.u.shape == (1, 5, 7)
-    with pytest.warns(tokid.TokidWarning, match="5 steps with 7 inputs") as warned, pytest.raises(ValueError):
-        tokid.identify(u[..., 0], y[..., 0])
-    assert warned[0].filename == __file__
+    with pytest.warns(tokid.TokidWarning, match="5 steps with 7 inputs") as warned:
+        tokid.Ensemble(u[..., 0], y[..., 0], dt=1.0)
+    assert len(warned) == 1 and warned[0].filename == __file__
+    with pytest.raises(ValueError, match="5 steps with 7 inputs"):
+        tokid.identify(u[..., 0], y[..., 0], dt=1.0)
     recwarn.clear()
-    tokid.Ensemble(u[0], y[0]), tokid.Ensemble(u[:, :1], y[:, :1])
+    tokid.Ensemble(u[0], y[0], dt=1.0), tokid.Ensemble(u[:, :1], y[:, :1], dt=1.0)
     assert not recwarn
 
 

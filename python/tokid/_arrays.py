@@ -52,8 +52,17 @@ def outputs_beside(values: Any, inputs: np.ndarray[Any, Any], single: bool) -> n
     array, alone = samples("y", values, "m")
     if alone != single or array.shape[:2] != (experiments, steps):
         wanted, beside = (f"({steps}, m)", (steps, r)) if single else (f"({experiments}, {steps}, m)", inputs.shape)
-        raise ValueError(f"y: shape {np.shape(values)} found, {wanted} needed beside u {beside}")
+        order = _other_order(beside, np.shape(values))
+        raise ValueError(f"y: shape {np.shape(values)} found, {wanted} needed beside u {beside}{order}")
     return array
+
+
+def _other_order(u: Sequence[int], y: Sequence[int]) -> str:
+    """What shapes that don't go together look like, if they would in another order of the axes."""
+    if len(u) != len(y) or u[-1] != y[-1] or u[-1] <= max(u[-2], y[-2]):
+        return ""
+    looks, needed = ("(channels, T)", "(T, channels)") if len(u) == 2 else ("(N, channels, T)", "(N, T, channels)")
+    return f" (both look like {looks} in place of {needed})"
 
 
 def shaped(name: str, values: Any, shape: Sequence[Optional[int]], letters: str = "") -> Any:

@@ -29,8 +29,8 @@ class Ensemble(Channels):
         numbers are read straight from the array; the samples are laid out anew in one pass, as the library needs them.
     y : array_like, shape (N, T, m), or (T, m) for one experiment, optional
         Outputs; without them the ensemble holds inputs alone, as for simulations.
-    dt : float, default 1.0
-        Sample time [s].
+    dt : float, optional
+        Sample time [s]. Without it 1 is taken, and a `TokidWarning` says so.
     length : array_like of int, shape (N,), optional
         Valid samples of each experiment, from 0 to T; the rest is ignored.
     free_y : array_like, shape (Nf, Tf, m), optional
@@ -71,7 +71,7 @@ class Ensemble(Channels):
         u: Optional[ArrayLike],
         y: Optional[ArrayLike] = None,
         *,
-        dt: float = 1.0,
+        dt: Optional[float] = None,
         length: Optional[ArrayLike] = None,
         free_y: Optional[ArrayLike] = None,
         initial_state: Optional[str] = None,
@@ -82,19 +82,24 @@ class Ensemble(Channels):
         experiment_names: Optional[Iterable[Any]] = None,
     ) -> None:
         core, single = core_of(u, y, dt)
-        if single and u is not None:
-            taken_for_one(core)
         self._core = core
         describe(
             core, length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
         )
         core.check(False)
+        warn(with_remark(core.remarks(), core, taken_for_one(core) if single else ""))
 
     @classmethod
     def _of(cls, core: _tokid.Ensemble) -> Self:
         self = cls.__new__(cls)
         self._core = core
         return self
+
+    @classmethod
+    def _told(cls, core: _tokid.Ensemble) -> Self:
+        """One that was made from what a user has: what is worth a word of it is issued here, and nowhere else."""
+        warn(core.remarks())
+        return cls._of(core)
 
     @classmethod
     def empty(
@@ -104,7 +109,7 @@ class Ensemble(Channels):
         inputs: int,
         outputs: int,
         *,
-        dt: float = 1.0,
+        dt: Optional[float] = None,
         length: Optional[ArrayLike] = None,
         free_y: Optional[ArrayLike] = None,
         initial_state: Optional[str] = None,
@@ -130,11 +135,12 @@ class Ensemble(Channels):
                 ("experiments", "steps", "inputs", "outputs"), (experiments, steps, inputs, outputs)
             )
         ]
-        core = _tokid.Ensemble(size[0], size[1], size[2], size[3], float(dt))
+        core = _tokid.Ensemble(size[0], size[1], size[2], size[3], 1.0 if dt is None else float(dt))
+        core.dt_stated = dt is not None
         describe(
             core, length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
         )
-        return cls._of(core)
+        return cls._told(core)
 
     @classmethod
     def load(
@@ -160,9 +166,16 @@ class Ensemble(Channels):
         ------
         IoError
             For a file that can't be read or holds something else; an OSError.
+
+        Warns
+        -----
+        TokidWarning
+            Where the file states no sample time, so that dt is 1 s; of columns that are not used; of a last line that
+            may have been cut; of axes that look swapped.
         """
         with reading(path) as file:
-            return cls._of(_tokid.load_ensemble(file, list(inputs), list(outputs), bool(outputs_required)))
+            core = _tokid.load_ensemble(file, list(inputs), list(outputs), bool(outputs_required))
+        return cls._told(core)
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
         """Writes the ensemble to .npz, .h5, .mat or .csv, whole or not at all.
@@ -208,6 +221,11 @@ class Ensemble(Channels):
     def dt(self) -> float:
         """Sample time [s]."""
         return self._core.dt
+
+    @property
+    def dt_stated(self) -> bool:
+        """Whether somebody stated `dt`; else it is 1."""
+        return self._core.dt_stated
 
     @property
     def time(self) -> Array:
@@ -363,8 +381,9 @@ class Ensemble(Channels):
             texts, which come as they first appear) names the experiments; where it is absent there is one. ``time``
             (numbers [s], dates or time differences), or ``k`` (whole numbers), holds the step, and where both are
             absent the rows of an experiment are its steps. They may be levels of the index, and an index of dates, of
-            time differences, or of floats without a name is ``time``. All other columns are channels or ignored, also
-            one such as ``trial``.
+            time differences, or of floats without a name is ``time``. Times may also be called
+            ``t [s]``, ``time_ms`` and so on, as in .csv files. A warning names the other columns that are no channels,
+            such as ``trial``.
             Absent rows, NaN, None and "NA" are missing samples.
         inputs, outputs : sequence, optional
             Columns that are inputs and outputs; by default all whose names begin with u and y, ``uid`` and ``year``
@@ -405,7 +424,7 @@ class Ensemble(Channels):
             output_units=output_units,
             outputs_required=outputs_required,
         )
-        return cls._of(made._core)
+        return cls._told(made._core)
 
     @classmethod
     def from_xarray(
@@ -466,7 +485,7 @@ class Ensemble(Channels):
             experiment_names=experiment_names,
             outputs_required=outputs_required,
         )
-        return cls._of(made._core)
+        return cls._told(made._core)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The ensemble as a tidy `pandas.DataFrame`: ``experiment``, ``time`` [s] and a column for each channel.
@@ -496,6 +515,8 @@ class Ensemble(Channels):
 
 _TOLD = (
     "dt",
+    "dt_stated",
+    "reader_remarks",
     "length",
     "free_y",
     "initial_state",
@@ -550,7 +571,7 @@ def sizes(e: Any) -> str:
     )
 
 
-def core_of(u: Any, y: Any, dt: float) -> tuple[_tokid.Ensemble, bool]:
+def core_of(u: Any, y: Any, dt: Optional[float]) -> tuple[_tokid.Ensemble, bool]:
     """Samples laid out for the library, and whether they were those of a single experiment."""
     if u is None and y is None:
         raise ValueError("u, y: none of them found, inputs (N, T, r) or outputs (N, T, m) needed")
@@ -569,9 +590,10 @@ def core_of(u: Any, y: Any, dt: float) -> tuple[_tokid.Ensemble, bool]:
         shape[1],
         0 if inputs is None else inputs.shape[2],
         0 if outputs is None else outputs.shape[2],
-        float(dt),
+        1.0 if dt is None else float(dt),
         True,
     )
+    core.dt_stated = dt is not None
     if inputs is not None:
         core.write_inputs(inputs)
     if outputs is not None:
@@ -580,15 +602,19 @@ def core_of(u: Any, y: Any, dt: float) -> tuple[_tokid.Ensemble, bool]:
 
 
 def taken_for_one(core: _tokid.Ensemble) -> str:
-    """How inputs (T, r) were understood; a warning where (N, T) is likelier, which they may have been."""
+    """How inputs (T, r) were understood, which may have been (N, T)."""
     steps, r = core.steps, core.inputs
-    remark = (
+    return (
         f"u ({steps}, {r}) was taken for one experiment of {plural(steps, 'step')} with {plural(r, 'input')}; (N, T, 1) "
         "for N experiments with one input"
     )
-    if r > steps:
-        warn([remark])
-    return remark
+
+
+def with_remark(texts: Sequence[str], core: _tokid.Ensemble, remark: str) -> Sequence[str]:
+    """Warnings, with a remark of `taken_for_one` where (N, T) is likelier, unless they have it already."""
+    if remark and core.inputs > core.steps and not any(remark in text for text in texts):
+        return [remark, *texts]
+    return texts
 
 
 def describe(

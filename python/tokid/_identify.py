@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Callable, Optional, Union
 
 from . import _dataframe, _dataset, _options, _tokid
-from ._ensemble import Ensemble, core_of, describe, taken_for_one
+from ._ensemble import Ensemble, core_of, describe, taken_for_one, with_remark
 from ._errors import reading, warn, writing
 from ._model import Model
 from ._progress import listener
@@ -62,8 +62,8 @@ def identify(
         pandas, as of `Ensemble.from_dataframe`, or a dataset of xarray, as of `Ensemble.from_xarray`.
     y : array_like, shape (N, T, m) or (T, m)
         Outputs. NaN marks a missing sample, in `u` as in `y`.
-    dt : float, default 1.0
-        Sample time [s].
+    dt : float, optional
+        Sample time [s] of arrays. Without it 1 is taken, and a `TokidWarning` says so.
     states : int or "auto"
         State dimension n. "auto": the rank of the Hankel matrices, or by errors where the data are noisy.
     lags : int or "auto"
@@ -156,6 +156,7 @@ def identify(
         "experiment_names": experiment_names,
     }
     core, remark = ensemble_core(u, y, dt, described)
+    told = core.remarks() if isinstance(u, Ensemble) else []
     with listener(progress, "identify") as listening:
         model, evidence, state = _remarked(
             remark,
@@ -168,7 +169,7 @@ def identify(
             report,
             page_options(),
         )
-    warn(evidence.warnings)
+    warn(text for text in with_remark(evidence.warnings, core, remark) if text not in told)
     kept = None if state is None else UpdateState._of(state)
     return Model._of(model, evidence.warnings, identification=evidence, state=kept)
 
@@ -327,7 +328,7 @@ def ensemble_core(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]
         return u._ready(), ""
     if y is None:
         raise ValueError("y: none found, outputs (N, T, m) needed")
-    core, single = core_of(u, y, 1.0 if dt is None else dt)
+    core, single = core_of(u, y, dt)
     describe(core, **described)
     return core, taken_for_one(core) if single else ""
 
@@ -338,6 +339,6 @@ def _remarked(remark: str, call: Callable[..., Any], *arguments: Any, **options:
         return call(*arguments, **options)
     except ValueError as error:
         # One that a listener raised comes from frames behind this one.
-        if not remark or error.__traceback__ is None or error.__traceback__.tb_next is not None:
+        if not remark or remark in str(error) or error.__traceback__ is None or error.__traceback__.tb_next is not None:
             raise
         raise ValueError(f"{error}; {remark}") from None

@@ -428,13 +428,14 @@ def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
     coordinates: dict[str, Any] = {
         "experiment": ("experiment", labels_of(ensemble._core)),
         "k": ("k", k, {"long_name": "Step"}),
-        "time": ("k", ensemble.time, {"long_name": "Time", "units": "s"}),
     }
+    if ensemble.dt_stated:
+        coordinates["time"] = ("k", ensemble.time, {"long_name": "Time", "units": "s"})
     if ensemble.inputs:
         coordinates.update(_described(ensemble.input_names, ensemble.input_units, "input"))
     if ensemble.outputs:
         coordinates.update(_described(ensemble.output_names, ensemble.output_units, "output"))
-    attributes: dict[str, Any] = {"dt": ensemble.dt}
+    attributes: dict[str, Any] = {"dt": ensemble.dt} if ensemble.dt_stated else {}
     if ensemble.initial_state is not None:
         attributes["initial_state"] = ensemble.initial_state
     dataset: xarray.Dataset = xr.Dataset(variables, coordinates, attributes)

@@ -115,6 +115,7 @@ Index EnsembleFile::inputs() const { return content_->outline.inputs; }
 Index EnsembleFile::outputs() const { return content_->outline.outputs; }
 Index EnsembleFile::free_responses() const { return content_->outline.free.experiments; }
 double EnsembleFile::dt() const { return content_->outline.dt; }
+bool EnsembleFile::dt_stated() const { return content_->outline.dt_stated; }
 const Channels& EnsembleFile::names() const { return content_->outline.names; }
 const std::optional<InitialState>& EnsembleFile::initial_state() const { return content_->outline.initial_state; }
 const fs::path& EnsembleFile::path() const { return content_->path; }
@@ -131,6 +132,7 @@ Ensemble EnsembleFile::read(Index begin, Index end) const {
     content_->read(content_->u, all.inputs, 0, begin, part);
     content_->read(content_->y, all.outputs, all.inputs, begin, part);
   });
+  part.dt_stated = all.dt_stated;
   part.names = all.names;
   part.experiment_names = all.experiment_names;
   part.initial_state = begin == 0 ? all.initial_state : InitialState::unknown;

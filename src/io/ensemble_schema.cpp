@@ -27,6 +27,13 @@ Shape one_channel(const Shape& shape) { return {shape[0], shape[1], 1}; }
 
 bool is_grid(const Shape& shape, const Shape& other) { return shape[0] == other[0] && shape[1] == other[1]; }
 
+// What shapes that don't go together look like, if they would in another order of the axes.
+const char* other_order(const Shape& u, const Shape& y) {
+  if (u.size() != y.size() || u.back() != y.back() || u.back() <= std::max(u[u.size() - 2], y[y.size() - 2])) return "";
+  return u.size() == 2 ? " (both look like (channels, T) in place of (T, channels))"
+                       : " (both look like (N, channels, T) in place of (N, T, channels))";
+}
+
 Shape beside(const char* name, const Shape& shape, const char* other_name, const Shape& other, Layout layout) {
   const bool is_channel = is_grid(shape, other), is_experiment = other[0] == 1 && shape[0] == other[1];
   if (layout == Layout::matlab && is_channel) return one_channel(shape);
@@ -68,7 +75,9 @@ Shapes shapes_of(const Fields& fields, bool has_outputs) {
   }
   if (!has_outputs) s.y = {s.u[0], s.u[1], 0};
   if (!is_grid(s.y, s.u))
-    fail_shape("y", fields.shape("y"), fmt::format("({}, {}, channels) like 'u'", s.u[0], s.u[1]));
+    fail_shape(
+        "y", fields.shape("y"),
+        fmt::format("({}, {}, channels) like 'u'", s.u[0], s.u[1]) + other_order(fields.shape("u"), fields.shape("y")));
   if (s.u[0] == 0 || s.u[1] == 0 || s.u[2] + s.y[2] == 0)
     fail_shape("u", fields.shape("u"), "at least one experiment of one step with one channel");
   return s;
@@ -188,7 +197,7 @@ void check_sizes(const Ensemble& e) {
 
 Arrays arrays_of(const Ensemble& e, Layout layout) {
   Arrays arrays;
-  arrays.emplace_back("dt", scalar(e.dt));
+  if (e.dt_stated) arrays.emplace_back("dt", scalar(e.dt));
   if (layout == Layout::matlab) arrays.emplace_back("experiments", scalar(e.experiments()));
   if (e.initial_state) arrays.emplace_back("initial_state", scalar(std::string(to_string(*e.initial_state))));
   if (!e.length.empty()) arrays.emplace_back("length", list(e.length));
@@ -219,7 +228,8 @@ EnsembleOutline outline_of(const Fields& fields, bool outputs_required) {
   outline.steps = at(shapes.u, 1);
   outline.inputs = at(shapes.u, 2);
   outline.outputs = at(shapes.y, 2);
-  if (fields.has("dt")) outline.dt = fields.number("dt");
+  outline.dt_stated = fields.has("dt");
+  if (outline.dt_stated) outline.dt = fields.number("dt");
   outline.names = channels_of(fields);
   if (fields.has("initial_state")) outline.initial_state = initial_state_from(fields.text("initial_state"));
   if (fields.has("length")) outline.length = fields.integers("length", shapes.u[0], 0, outline.steps);
@@ -242,6 +252,7 @@ Ensemble ensemble_of(const Fields& fields, bool outputs_required) {
   };
   take(u, e.inputs(), 0);
   take(y, e.outputs(), e.inputs());
+  e.dt_stated = outline.dt_stated;
   e.names = std::move(outline.names);
   e.initial_state = outline.initial_state;
   set_length(e, std::move(outline.length));

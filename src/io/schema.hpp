@@ -35,6 +35,7 @@ void check_sizes(const Ensemble& ensemble);
 struct EnsembleOutline {
   Index experiments = 0, steps = 0, inputs = 0, outputs = 0;
   double dt = 1.0;
+  bool dt_stated = false;
   Channels names;
   std::optional<InitialState> initial_state;
   std::vector<Index> length;

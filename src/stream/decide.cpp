@@ -8,10 +8,12 @@
 #include <optional>
 #include <stdexcept>
 
+#include "axes.hpp"
 #include "channel_sizes.hpp"
 #include "excitation.hpp"
 #include "outliers.hpp"
 #include "repeats.hpp"
+#include "tokid/remarks.hpp"
 
 namespace tokid::stream {
 
@@ -134,7 +136,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   }
 
   std::vector<std::optional<Identification>> identified(parts.size());
-  identified.front() = identify_part(data.front(), o, false);
+  identified.front() = with_remark_on_axes(parts.front().whole, [&] { return identify_part(data.front(), o, false); });
   for (size_t i = 1; i < data.size(); ++i) {
     IdentifyOptions later = o;
     later.initial_state = InitialState::unknown;
@@ -178,7 +180,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   if (!settled.noisy)
     for (const Identification* own : found) settled.options.lags = std::max(settled.options.lags, own->lags);
   if (settled.noisy && options.states == 0) settled.options.states = chosen->model.states();
-  std::vector<std::string> warnings;
+  std::vector<std::string> warnings = remarks(parts.front().whole);
   if (settled.together) {
     settled.options.choices = chosen->choices.value_or(NoisyChoices{chosen->variation});
     if (chosen->variation.period > 0) {

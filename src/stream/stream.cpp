@@ -125,6 +125,7 @@ class Record {
     Model notes;  // the text that models remember their identification by
     notes.options = to_json(options.identify, result.experiments);
     note_data(notes, fingerprint(result.experiments, file_.inputs(), file_.outputs(), digests_));
+    if (!file_.dt_stated()) note_missing_dt(notes);
     if (result.choices) note_choices(notes, *result.choices);
     if (result.refinement.iterations > 0)
       note_refinement(notes, result.refinement.smoothing, result.refinement.iterations);

@@ -591,7 +591,7 @@ def test_formulas_are_not_written_into_tables(tokid, tmp_path, text, name):
 
 
 def test_names_with_signs_are_written(tokid, tmp_path):
-    np.savez(tmp_path / "data.npz", u=np.ones((2, 3, 1)), y=np.ones((2, 3, 1)), input_names=["-Fz"],
+    np.savez(tmp_path / "data.npz", u=np.ones((2, 3, 1)), y=np.ones((2, 3, 1)), dt=1.0, input_names=["-Fz"],
              output_names=["d(x)/dt"])
     tokid("convert", tmp_path / "data.npz", tmp_path / "data.csv")
     assert "time,-Fz,d(x)/dt\n" in (tmp_path / "data.csv").read_text()
