@@ -2,6 +2,7 @@
 #include "tokid/io.hpp"
 
 #include "call.hpp"
+#include "io/time_unit.hpp"
 
 namespace tokid::python {
 
@@ -21,6 +22,13 @@ void bind_io(nb::module_& module) {
         return without_gil([&] { return load_ensemble(path, options); });
       },
       nb::arg("path"), nb::arg("inputs"), nb::arg("outputs"), nb::arg("outputs_required"));
+  module.def(
+      "time_unit",
+      [](const std::string& column) -> std::optional<std::pair<double, double>> {
+        const auto unit = io::time_unit(column);
+        return unit ? std::optional(std::pair(unit->seconds, unit->over)) : std::nullopt;
+      },
+      nb::arg("column"));
   module.def(
       "load_model", [](const Path& path) { return without_gil([&] { return load_model(path); }); }, nb::arg("path"));
   module.def(

@@ -40,14 +40,22 @@ def _text(number: float) -> str:
     return text[:-2] if text.endswith(".0") else text
 
 
+def _time_unit(name: Any) -> Optional[tuple[float, float]]:
+    """So many seconds over so many, of a column whose name says that it holds times."""
+    try:
+        return _tokid.time_unit(str(name))
+    except _tokid.IoError as error:
+        raise ValueError(str(error)) from None
+
+
 def _with_index(table: Any, timed: bool) -> Any:
     """The table with what its index says of experiments and times as columns; an index that says what is not understood
     is refused, lest it be ignored. Without `timed` the rows are steps of a sample time that was given."""
-    levels = [name for name in table.index.names if name in _RESERVED]
+    levels = [name for name in table.index.names if name in _RESERVED or (name is not None and _time_unit(name))]
     if levels:
         table = table.reset_index(level=levels)
     columns = {str(label) for label in table.columns}
-    if not len(table) or "time" in columns or "k" in columns:
+    if not len(table) or "k" in columns or any(map(_time_unit, columns)):
         return table
     index = table.index
     if index.nlevels == 1:
@@ -136,10 +144,38 @@ class _Table:
         """Whether times are dates or differences of pandas, which count nanoseconds."""
         return column is not None and getattr(self.series(column).dtype, "kind", "O") in "Mm"
 
+    def time(self, channels: set[int]) -> Optional[int]:
+        """The column "time"; without it the only one, but for channels, whose name says that it holds times."""
+        column = self.find("time")
+        if column is not None:
+            return column
+        noted = {name for key in ("input_names", "output_names") for name in self.notes.get(key) or ()}
+        named = [
+            column
+            for column, name in enumerate(self.names)
+            if column not in channels and name not in noted and _time_unit(name)
+        ]
+        if len(named) > 1:
+            found = _quoted([self.names[column] for column in named])
+            raise ValueError(
+                f"columns: {found} found, one column of times needed; rename the one that holds them to 'time'"
+            )
+        return named[0] if named else None
+
+    def remark_on_unused(self, used: set[Optional[int]]) -> list[str]:
+        """What is passed over, in the words that .csv files have for it."""
+        unused = [name for column, name in enumerate(self.names) if column not in used]
+        if not unused:
+            return []
+        if len(unused) == 1:
+            return [f"column {_quoted(unused)} is not used: name it as input or output if it is a channel"]
+        return [f"columns {_quoted(unused)} are not used: name those that are channels as inputs or outputs"]
+
     def seconds(self, column: int) -> Array:
         """Times [s]; dates from the first one on."""
         if not self.stamped(column):
-            return self.numbers(column)
+            unit, over = _time_unit(self.names[column]) or (1.0, 1.0)
+            return np.asarray(self.numbers(column) * unit / over, dtype=np.float64)
         series = self.series(column)
         return seconds(series.to_numpy(dtype="datetime64[ns]" if series.dtype.kind == "M" else "timedelta64[ns]"))
 
@@ -205,9 +241,11 @@ class Grid:
         resolution = rounded + 4 * _EPSILON * max(abs(float(times.min())), abs(float(times.max())))
         self.begin = float(times.min())
         spacing = 1.0
+        self.dt_stated = dt is not None or noted is not None
         if timed:
             distinct = _distinct(times, resolution)
             found = _spacing(distinct)
+            self.dt_stated = self.dt_stated or len(distinct) > 1
             # What is noted is the exact one, if it still is that of the rows.
             still = noted is not None and (len(distinct) < 2 or abs(found - noted) <= 1e-6 * noted)
             self.dt = spacing = dt if dt is not None else noted if noted is not None and still else found
@@ -310,7 +348,7 @@ def from_dataframe(
         raise ValueError(f"data: {type(data).__name__} found, a DataFrame needed")
     table = _Table(data, dt is None)
     notes = table.notes
-    experiment, time, k = (table.find(name) for name in _RESERVED)
+    experiment, k = table.find("experiment"), table.find("k")
     u = table.channels("input", inputs, "u", () if outputs is None else outputs)
     y = table.channels("output", outputs, "y", () if inputs is None else inputs)
     for column in u:
@@ -322,6 +360,7 @@ def from_dataframe(
         raise ValueError(f"no column whose name begins with y found among {_quoted(table.names)}; name the outputs")
     if not table.rows:
         raise ValueError("no rows found, samples needed")
+    time = table.time({*u, *y})
 
     row_experiment, experiments = _experiments(table, experiment)
     times = _times(table, time, k, row_experiment)
@@ -341,6 +380,8 @@ def from_dataframe(
         )
 
     core = _tokid.Ensemble(len(experiments), grid.steps, len(u), len(y), grid.dt)
+    core.dt_stated = grid.dt_stated
+    core.reader_remarks = table.remark_on_unused({*u, *y, experiment, k if time is None else time})
     for samples, columns in ((core.u(), u), (core.y(), y)):
         for channel, column in enumerate(columns):
             samples[row_experiment, grid.step, channel] = table.numbers(column)
@@ -389,15 +430,19 @@ def _distinct_names(names: list[str]) -> None:
             )
 
 
-def tidy(dt: float, labels: Any, columns: Sequence[tuple[Sequence[str], Array]], kept: Any = None) -> Any:
-    """A row for each experiment, by its label, and step; a column for each channel of the arrays (N, T, channels)."""
+def tidy(dt: Optional[float], labels: Any, columns: Sequence[tuple[Sequence[str], Array]], kept: Any = None) -> Any:
+    """A row for each experiment, by its label, and step; a column for each channel of the arrays (N, T, channels).
+
+    Steps have their times, or their numbers without a dt [s].
+    """
     experiments, steps = columns[0][1].shape[:2]
-    names = ["experiment", "time"] + [name for names, _ in columns for name in names]
+    steps_name = "k" if dt is None else "time"
+    names = ["experiment", steps_name] + [name for names, _ in columns for name in names]
     _distinct_names(names)
     rows = slice(None) if kept is None else kept.reshape(-1)
     values: dict[str, Any] = {
         "experiment": np.repeat(labels, steps)[rows],
-        "time": np.tile(np.arange(steps) * dt, experiments)[rows],
+        steps_name: np.tile(np.arange(steps) * (1 if dt is None else dt), experiments)[rows],
     }
     for channels, array in columns:
         for i, name in enumerate(channels):
@@ -415,8 +460,9 @@ def to_dataframe(data: Ensemble) -> Any:
     kept = np.asarray(~(np.isnan(u).all(axis=2) & np.isnan(y).all(axis=2)))
     kept[:1] = True
     kept[:, :1] = True
-    table = tidy(core.dt, labels_of(core), [(data.input_names, u), (data.output_names, y)], kept)
-    notes: dict[str, Any] = {"dt": core.dt}
+    stated = core.dt if core.dt_stated else None
+    table = tidy(stated, labels_of(core), [(data.input_names, u), (data.output_names, y)], kept)
+    notes: dict[str, Any] = {"dt": core.dt} if core.dt_stated else {}
     if core.initial_state is not None:
         notes["initial_state"] = core.initial_state
     if core.length:

@@ -107,6 +107,7 @@ def from_xarray(
     if not even:
         u, y = (None if samples is None else _on_grid(samples, grid) for samples in (u, y))
     core, _ = core_of(u, y, grid.dt)
+    core.dt_stated = grid.dt_stated
 
     # What is noted counts steps from where the ensemble began, of which this may be a stretch.
     numbered = _coordinate(data, "k", dim)

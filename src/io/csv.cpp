@@ -20,6 +20,7 @@
 #include "formats.hpp"
 #include "text.hpp"
 #include "time_axis.hpp"
+#include "time_unit.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid::io {
@@ -67,10 +68,15 @@ class Tokenizer {
     return row;
   }
 
+  // The file ends with this row, but without a line break or a quotation mark that closes its last cell.
+  bool has_open_end(const Row& row) const { return open_end_ && row.line == line_; }
+
  private:
   void read_line() {
     has_line_ = static_cast<bool>(std::getline(file_, line_text_));
-    if (has_line_) ++line_;
+    if (!has_line_) return;
+    ++line_;
+    open_end_ = file_.eof() && !line_text_.ends_with('"') && !line_text_.ends_with('\r');
   }
 
   // One line at a time, so that every row knows its line; a quoted cell may span several.
@@ -96,7 +102,7 @@ class Tokenizer {
   std::ifstream file_;
   csv_parser parser_{};
   std::string line_text_;
-  bool has_line_ = false;
+  bool has_line_ = false, open_end_ = false;
   Index line_ = 0;
   Cells cells_;
   std::deque<Row> rows_;
@@ -109,6 +115,7 @@ struct Notes {
   std::optional<InitialState> initial_state;
   Channels channels;
   std::vector<Index> length;
+  std::map<std::string, Row> lines;  // by their names
 };
 
 std::string trimmed(std::string_view text) {
@@ -129,6 +136,17 @@ void parse_note(const Row& comment, const std::string& key, const std::string& v
   fail("line {}: {} = '{}' found, a value in JSON's notation needed", comment.line, key, value);
 }
 
+// What is said twice must be the same.
+void check_repeated(std::map<std::string, Row>& lines, const std::string& key, const Row& line) {
+  const auto [before, is_new] = lines.try_emplace(key, line);
+  const std::string &first = before->second.cells.front(), &second = line.cells.front();
+  if (is_new || first == second) return;
+  const auto a = nlohmann::json::parse(first, nullptr, false), b = nlohmann::json::parse(second, nullptr, false);
+  if (!a.is_discarded() && a == b) return;
+  fail("line {}: {} = '{}' found, but line {} has {} = '{}'; one of them needed", line.line, key, second,
+       before->second.line, key, first);
+}
+
 void read_note(const Row& comment, Notes& notes) {
   const std::string& text = comment.cells.front();
   const size_t equals = text.find('=');
@@ -138,6 +156,8 @@ void read_note(const Row& comment, Notes& notes) {
                                             {"output_names", &notes.channels.output_names},
                                             {"input_units", &notes.channels.input_units},
                                             {"output_units", &notes.channels.output_units}};
+  const bool known = lists.count(key) > 0 || key == "dt" || key == "length" || key == "initial_state";
+  if (known) check_repeated(notes.lines, key, {comment.line, {value}});
   if (key == "dt") parse_note(comment, key, value, notes.dt.emplace());
   if (key == "length") parse_note(comment, key, value, notes.length);
   if (key == "initial_state") notes.initial_state = initial_state_from(value);
@@ -149,6 +169,7 @@ void read_note(const Row& comment, Notes& notes) {
 struct Columns {
   Cells names;
   std::optional<size_t> experiment, time, k;
+  TimeUnit unit;  // of the times
   std::vector<size_t> inputs, outputs;
 
   Names names_of(const std::vector<size_t>& chosen) const {
@@ -216,12 +237,34 @@ const Names& names_to_read(const Row& header, const Names& stated, const Names& 
   return std::all_of(wanted.begin(), wanted.end(), is_there) ? wanted : noted;
 }
 
+// "time" decides; without it the only column whose name says that it holds times. Channels are none, also those that
+// the comments name.
+void find_time(const Channels& noted, Columns& columns) {
+  columns.time = Header(columns.names).find("time");
+  if (columns.time) return;
+  std::unordered_set<std::string> channels(noted.input_names.begin(), noted.input_names.end());
+  channels.insert(noted.output_names.begin(), noted.output_names.end());
+  for (const auto* chosen : {&columns.inputs, &columns.outputs})
+    for (const size_t c : *chosen) channels.insert(columns.names[c]);
+  Names candidates;
+  for (size_t c = 0; c < columns.names.size(); ++c) {
+    const std::string& name = columns.names[c];
+    if (channels.count(name) > 0) continue;
+    const auto unit = time_unit(name);
+    if (!unit) continue;
+    columns.time = c;
+    columns.unit = *unit;
+    candidates.push_back(name);
+  }
+  if (candidates.size() > 1)
+    fail("header: {} found, one column of times needed; rename the one that holds them to 'time'", quoted(candidates));
+}
+
 Columns columns_of(const Row& header, const Names& inputs, const Names& outputs) {
   Columns columns;
   columns.names = header.cells;
   const Header found(columns.names);
   columns.experiment = found.find("experiment");
-  columns.time = found.find("time");
   columns.k = found.find("k");
   columns.inputs = inputs.empty() ? prefixed_columns(found, 'u', outputs) : named_columns(found, inputs);
   columns.outputs = outputs.empty() ? prefixed_columns(found, 'y', inputs) : named_columns(found, outputs);
@@ -230,6 +273,23 @@ Columns columns_of(const Row& header, const Names& inputs, const Names& outputs)
     if (outputs_found.count(c) > 0)
       fail("column '{}' found among inputs and outputs, one of them needed", columns.names[c]);
   return columns;
+}
+
+// What the reader passes over, for the user.
+std::optional<std::string> remark_on_unused(const Columns& columns) {
+  std::unordered_set<size_t> used(columns.inputs.begin(), columns.inputs.end());
+  used.insert(columns.outputs.begin(), columns.outputs.end());
+  for (const auto& column : {columns.experiment, columns.time ? columns.time : columns.k})
+    if (column) used.insert(*column);
+  Names unused;
+  for (size_t c = 0; c < columns.names.size(); ++c)
+    if (used.count(c) == 0)
+      unused.push_back(columns.names[c].empty() ? fmt::format("number {}, without a name", c + 1) : columns.names[c]);
+  if (unused.empty()) return std::nullopt;
+  return unused.size() == 1
+             ? fmt::format("column {} is not used: name it as input or output if it is a channel", quoted(unused))
+             : fmt::format("columns {} are not used: name those that are channels as inputs or outputs",
+                           quoted(unused));
 }
 
 void require_channels(const Columns& columns, bool outputs_required) {
@@ -268,7 +328,12 @@ void check_width(const Row& row, const Cells& names) {
 
 class RecordReader {
  public:
-  explicit RecordReader(Columns columns) { records_.columns = std::move(columns); }
+  explicit RecordReader(Columns columns) {
+    records_.columns = std::move(columns);
+    if (!records_.columns.time) return;
+    records_.rows.name = records_.columns.names[*records_.columns.time];
+    records_.rows.unit = records_.columns.unit;
+  }
 
   void add(const Row& row) {
     const Columns& columns = records_.columns;
@@ -392,6 +457,14 @@ Channels channels_of(const Columns& columns, const Row& header, const Notes& not
           units_of(outputs, units)};
 }
 
+// A file without the line break may be whole, but one that was cut within its last number looks the same.
+std::string remark_on_end(const Row& row, const Columns& columns) {
+  return fmt::format(
+      "line {}, the last one, ends without a line break: its {} = '{}' may have been cut; see whether "
+      "the file is whole, and end it with a line break",
+      row.line, columns.names.back(), row.cells.back());
+}
+
 void apply_length(const std::vector<Index>& length, Ensemble& e) {
   e.length = length;
   if (e.length.size() != static_cast<size_t>(e.experiments()) && !length.empty())
@@ -414,27 +487,34 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   const Names& inputs = names_to_read(*header, options.inputs, notes.channels.input_names, options.wanted.input_names);
   const Names& outputs =
       names_to_read(*header, options.outputs, notes.channels.output_names, options.wanted.output_names);
-  const Columns columns = columns_of(*header, inputs, outputs);
+  Columns columns = columns_of(*header, inputs, outputs);
   require_channels(columns, options.outputs_required);
+  find_time(notes.channels, columns);
 
   RecordReader reader(columns);
+  std::optional<std::string> cut;
   while (const auto row = file.next()) {
     checkpoint();
     reader.add(*row);
+    if (file.has_open_end(*row)) cut = remark_on_end(*row, columns);
   }
   const Records records = reader.take();
   if (records.rows.time.empty()) fail("no rows after the header found, samples needed");
 
   const Steps steps = steps_of(records, notes.dt);
+  const bool shows_dt = columns.time && steps.grid.shows_dt;
   Ensemble e(static_cast<Index>(records.rows.experiments.size()), steps.count,
              static_cast<Index>(columns.inputs.size()), static_cast<Index>(columns.outputs.size()),
-             notes.dt.value_or(steps.grid.dt));
+             notes.dt.value_or(shows_dt ? columns.unit.in_seconds(steps.grid.dt) : 1.0));
+  e.dt_stated = notes.dt || shows_dt;
   fill(records, steps.grid, e);
   e.names = channels_of(columns, *header, notes);
   if (columns.experiment) set_experiment_names(e, records.rows.experiments);
   e.initial_state = notes.initial_state;
   apply_length(notes.length, e);
   e.check(options.outputs_required);
+  for (const auto& remark : {remark_on_unused(columns), cut})
+    if (remark) e.remarks.push_back(*remark);
   return e;
 }
 
@@ -452,7 +532,7 @@ void check_no_formula(const char* key, const Names& texts) {
 }
 
 Names column_names(const Ensemble& e) {
-  Names names{"experiment", "time"};
+  Names names{"experiment", e.dt_stated ? "time" : "k"};
   for (Index i = 0; i < e.inputs(); ++i) names.push_back(e.names.input(i));
   for (Index j = 0; j < e.outputs(); ++j) names.push_back(e.names.output(j));
   std::unordered_map<std::string, int> count;
@@ -476,7 +556,7 @@ void write_notes(const Ensemble& e, fmt::memory_buffer& out) {
   const auto note = [&](const char* key, const auto& value) {
     fmt::format_to(std::back_inserter(out), "# {} = {}\n", key, nlohmann::json(value).dump());
   };
-  fmt::format_to(std::back_inserter(out), "# dt = {}\n", e.dt);
+  if (e.dt_stated) fmt::format_to(std::back_inserter(out), "# dt = {}\n", e.dt);
   if (e.initial_state) fmt::format_to(std::back_inserter(out), "# initial_state = {}\n", to_string(*e.initial_state));
   if (!e.length.empty()) note("length", e.length);
   if (!e.names.input_names.empty()) note("input_names", e.names.input_names);
@@ -486,7 +566,7 @@ void write_notes(const Ensemble& e, fmt::memory_buffer& out) {
 }
 
 void write_row(const Ensemble& e, Index n, Index k, std::string_view experiment, fmt::memory_buffer& out) {
-  fmt::format_to(std::back_inserter(out), "{},{}", experiment, static_cast<double>(k) * e.dt);
+  fmt::format_to(std::back_inserter(out), "{},{}", experiment, static_cast<double>(k) * (e.dt_stated ? e.dt : 1.0));
   for (Index c = 0; c < e.channels(); ++c) {
     const double value = e.samples()(n, k * e.channels() + c);
     out.push_back(',');

@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdint>
 #include <limits>
+#include <numeric>
 
 namespace tokid::io {
 
@@ -239,9 +241,10 @@ void check_overlap(const TimeColumn& rows, const std::vector<Axis>& axes, double
   if (last->first <= first->last) return;
   const auto& name = rows.experiments;
   fail(
-      "column 'time': experiment '{}' begins at {:.6g}, when experiment '{}' has ended at {:.6g}; times from the begin of "
+      "column '{}': experiment '{}' begins at {:.6g}, when experiment '{}' has ended at {:.6g}; times from the begin of "
       "each experiment on needed, or a line '# dt = {}' above the header where samples are missing",
-      name[size_t(last - axes.begin())], last->first, name[size_t(first - axes.begin())], first->last, dt);
+      rows.name, name[size_t(last - axes.begin())], last->first, name[size_t(first - axes.begin())], first->last,
+      rows.unit.in_seconds(dt));
 }
 
 // Experiments of different sample times would have gaps where the others have samples.
@@ -260,10 +263,11 @@ void check_spacings(const TimeColumn& rows, const std::vector<Axis>& axes, size_
   const size_t slow = axes[other].dt > common.dt ? other : longest, fast = slow == other ? longest : other;
   const bool may_be_gaps = std::round(axes[slow].dt / axes[fastest].dt) > 1.0;
   fail(
-      "column 'time': steps of {:.10g} in experiment '{}' and of {:.10g} in experiment '{}' found, one sample time needed{}",
-      meant(axes[slow], resolution), rows.experiments[slow], meant(axes[fast], resolution), rows.experiments[fast],
+      "column '{}': steps of {:.10g} in experiment '{}' and of {:.10g} in experiment '{}' found, one sample time needed{}",
+      rows.name, meant(axes[slow], resolution), rows.experiments[slow], meant(axes[fast], resolution),
+      rows.experiments[fast],
       may_be_gaps ? fmt::format(", or a line '# dt = {}' above the header where samples are missing",
-                                meant(axes[fastest], resolution))
+                                rows.unit.in_seconds(meant(axes[fastest], resolution)))
                   : " (or step numbers in a column 'k')");
 }
 
@@ -278,9 +282,9 @@ void check_origins(const TimeColumn& rows, const std::vector<Axis>& axes, size_t
     for (const Axis* axis : {&axes[n], &common}) most += slack(*axis, resolution);
     if (std::abs(behind) > most)
       fail(
-          "column 'time': experiment '{}' begins {:.4g} {} a step of experiment '{}', the same steps of {} needed: "
+          "column '{}': experiment '{}' begins {:.4g} {} a step of experiment '{}', the same steps of {} needed: "
           "times from the begin of each experiment on",
-          rows.experiments[n], std::abs(behind), behind > 0 ? "after" : "before", rows.experiments[longest],
+          rows.name, rows.experiments[n], std::abs(behind), behind > 0 ? "after" : "before", rows.experiments[longest],
           meant(common, resolution));
   }
 }
@@ -308,7 +312,9 @@ Fit fitted(const TimeColumn& rows, const std::vector<Axis>& axes, std::optional<
     check_spacings(rows, axes, *longest, resolution);
     check_origins(rows, axes, *longest, resolution);
   }
-  grid.dt = dt ? *dt : longest ? meant(axes[*longest], resolution) : spacing(distinct(rows.time, resolution));
+  const std::vector<double> times = distinct(rows.time, resolution);
+  grid.shows_dt = dt || times.size() > 1;
+  grid.dt = dt ? *dt : longest ? meant(axes[*longest], resolution) : spacing(times);
   if (!dt) check_overlap(rows, axes, grid.dt);
   const bool rounded = longest && std::any_of(axes.begin(), axes.end(), [&](const Axis& axis) {
                          return axis.is_even && is_rounded(axis, resolution);
@@ -333,16 +339,16 @@ void fail_uneven(const TimeColumn& rows, const std::vector<Axis>& axes) {
   for (const Axis& axis : axes)
     if (axis.uncounted > 0)
       fail(
-          "line {}, column 'time': {} found, beside a gap of about {} steps of {:.6g}, more than times in units of "
+          "line {}, column '{}': {} found, beside a gap of about {} steps of {:.6g}, more than times in units of "
           "{:.3g} can tell; a line '# dt = …' above the header or step numbers in a column 'k' needed",
-          rows.line[axis.worst], rows.time[axis.worst], axis.uncounted, axis.dt, axis.unit);
+          rows.line[axis.worst], rows.name, rows.time[axis.worst], axis.uncounted, axis.dt, axis.unit);
   const auto worst = std::max_element(axes.begin(), axes.end(),
                                       [&](const Axis& a, const Axis& b) { return relative(a) < relative(b); });
   if (!(relative(*worst) > exact)) return;
   fail(
-      "line {}, column 'time': {} found, {:.4g} off the even steps of {:.6g} of the other rows, which are needed (or step "
+      "line {}, column '{}': {} found, {:.4g} off the even steps of {:.6g} of the other rows, which are needed (or step "
       "numbers in a column 'k')",
-      rows.line[worst->worst], rows.time[worst->worst], worst->off,
+      rows.line[worst->worst], rows.name, rows.time[worst->worst], worst->off,
       with_few_digits(worst->dt, worst->off / std::max(worst->steps, 1.0)));
 }
 
@@ -359,13 +365,30 @@ void check_rows(const TimeColumn& rows, const std::vector<Axis>& axes, const Fit
     const double unit = axes[n].unit;
     const bool may_be_rounded = !stated && axes[n].rows < few && off <= 1.5 * unit && unit <= roughest * grid.dt;
     fail(
-        "line {}, column 'time': {} found, {:.4g} off the even steps of {} from {} on, which are needed (or step "
+        "line {}, column '{}': {} found, {:.4g} off the even steps of {} from {} on, which are needed (or step "
         "numbers in a column 'k'{})",
-        rows.line[i], time, off, grid.dt, grid.begin,
+        rows.line[i], rows.name, time, off, grid.dt, grid.begin,
         may_be_rounded
             ? fmt::format(", or a line '# dt = …' above the header where fewer than {} times were rounded", few)
             : "");
   }
+}
+
+// A sample time that no two rows are apart is another one than that of the rows.
+void check_stated(const TimeColumn& rows, const Grid& grid, double stated) {
+  constexpr double most = 9007199254740992.0;  // whole numbers that doubles can count
+  std::int64_t common = 0;
+  size_t other_steps = 0;
+  double last = 0.0;
+  for (const double time : rows.time) {
+    const double step = grid.step(time);
+    if (!(step < most)) return;
+    common = std::gcd(common, std::int64_t(step));
+    if (step != 0.0 && step != last) ++other_steps, last = step;
+  }
+  if (common <= 1 || other_steps < 2) return;
+  fail("'# dt = {}' found, but all rows of column '{}' lie {:.10g} s or multiples of it apart; one of the two needed",
+       stated, rows.name, stated * double(common));
 }
 
 }  // namespace
@@ -398,7 +421,9 @@ double Precision::unit(double value) const {
   return std::max({std::pow(10.0, -decimals_), of_digits, single_ ? single_epsilon * size : 0.0});
 }
 
-Grid time_grid(const TimeColumn& rows, std::optional<double> dt) {
+Grid time_grid(const TimeColumn& rows, std::optional<double> stated) {
+  std::optional<double> dt = stated;
+  if (dt) *dt = rows.unit.from_seconds(*dt);
   const auto [first, last] = std::minmax_element(rows.time.begin(), rows.time.end());
   const double resolution = 4 * epsilon * std::max(std::abs(*first), std::abs(*last));
   const std::vector<Axis> axes = axes_of(rows, dt, resolution);
@@ -406,6 +431,7 @@ Grid time_grid(const TimeColumn& rows, std::optional<double> dt) {
   const double spacing = fit.grid.dt;
   if (!(spacing > 0) || !std::isfinite(spacing)) fail("dt: {} found, a positive time in seconds needed", spacing);
   check_rows(rows, axes, fit, dt.has_value());
+  if (stated) check_stated(rows, fit.grid, *stated);
   return fit.grid;
 }
 

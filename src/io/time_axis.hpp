@@ -1,4 +1,4 @@
-// The column 'time' of a table: from the times of its rows, as they were written, to steps of one grid.
+// The column of the times of a table: from the times of its rows, as they were written, to steps of one grid.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "arrays.hpp"
+#include "time_unit.hpp"
 
 namespace tokid::io {
 
@@ -23,7 +24,9 @@ class Precision {
 };
 
 struct TimeColumn {
-  std::vector<double> time;       // of each row: time [s], step or number of the row in its experiment
+  std::string name;               // as the table has it
+  TimeUnit unit;                  // of its times
+  std::vector<double> time;       // of each row: time, step or number of the row in its experiment
   std::vector<Index> experiment;  // of each row
   std::vector<Index> line;        // of each row
   Names experiments;              // in the order of appearance
@@ -31,15 +34,16 @@ struct TimeColumn {
 };
 
 struct Grid {
-  double begin = 0.0, dt = 1.0;
+  double begin = 0.0, dt = 1.0;  // in the unit of the times
+  bool shows_dt = false;         // else a single time, and dt is 1
 
   double step(double time) const { return std::round((time - begin) / dt); }
 };
 
-// The grid whose steps the times [s] are: even to 1e-6 of a step, or to what rounding has cost where that is a sixth of
+// The grid whose steps the times are: even to 1e-6 of a step, or to what rounding has cost where that is a sixth of
 // a step at most; with a dt [s] > 0 that is stated, or the one that they tell.
-// \throws IoError that names the line of a time off the grid or behind a gap whose steps can't be counted, and
-// experiments that share no steps
+// \throws IoError that names the line of a time off the grid or behind a gap whose steps can't be counted, experiments
+// that share no steps, and a stated dt of which all times are multiples
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
 
 }  // namespace tokid::io

@@ -320,6 +320,55 @@ def _(folder, tokid):
     return identify(folder, u, experiments(u)[:, :-1])
 
 
+@case("times by a name that is not known")
+def _(folder, tokid):
+    csv(folder, [0.1 * np.arange(30)] * 2)
+    file = folder / "data.csv"
+    file.write_text(file.read_text().replace("time", "clock"))
+    return ["info", file]
+
+
+@case("a file that may have been cut")
+def _(folder, tokid):
+    csv(folder, [0.1 * np.arange(30)] * 2)
+    file = folder / "data.csv"
+    file.write_text(file.read_text().rstrip("\n"))
+    return ["info", file]
+
+
+@case("two sample times")
+def _(folder, tokid):
+    csv(folder, [0.1 * np.arange(30)] * 2)
+    file = folder / "data.csv"
+    file.write_text("# dt = 0.1\n# dt = 0.2\n" + file.read_text())
+    return ["info", file]
+
+
+@case("data without a sample time")
+def _(folder, tokid):
+    u = gaussian()
+    np.savez(folder / "data.npz", u=u, y=experiments(u), initial_state="zero")
+    return ["identify", folder / "data.npz", "-o", folder / "model.npz"]
+
+
+@case("time before experiments")
+def _(folder, tokid):
+    u = gaussian(count=50)
+    return identify(folder, u.swapaxes(0, 1), experiments(u).swapaxes(0, 1))
+
+
+@case("channels before time")
+def _(folder, tokid):
+    u = gaussian()
+    return ["info", data(folder, u.swapaxes(1, 2), experiments(u).swapaxes(1, 2))]
+
+
+@case("an array of two axes for many experiments")
+def _(folder, tokid):
+    u = gaussian(1, count=20)
+    return ["info", data(folder, u[..., 0], experiments(u, outputs=1)[..., 0])]
+
+
 @case("fresh data of another sample time")
 def _(folder, tokid):
     u = gaussian()

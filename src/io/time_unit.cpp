@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "time_unit.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "arrays.hpp"
+#include "text.hpp"
+
+namespace tokid::io {
+
+namespace {
+
+struct Known {
+  TimeUnit unit;
+  std::array<std::string_view, 6> names;
+};
+
+const std::array<Known, 7>& units() {
+  static const std::array<Known, 7> table{{
+      {{"s", 1.0, 1.0}, {"s", "sec", "secs", "second", "seconds"}},
+      {{"ms", 1.0, 1e3}, {"ms", "msec", "msecs", "millisecond", "milliseconds", "millis"}},
+      {{"us", 1.0, 1e6}, {"us", "\u00B5s", "\u03BCs", "usec", "microsecond", "microseconds"}},
+      {{"ns", 1.0, 1e9}, {"ns", "nsec", "nsecs", "nanosecond", "nanoseconds", "nanos"}},
+      {{"min", 60.0, 1.0}, {"min", "mins", "minute", "minutes"}},
+      {{"h", 3600.0, 1.0}, {"h", "hr", "hrs", "hour", "hours"}},
+      {{"d", 86400.0, 1.0}, {"d", "day", "days"}},
+  }};
+  return table;
+}
+
+std::optional<TimeUnit> unit_of(const std::string& name) {
+  for (const auto& [unit, names] : units())
+    if (std::find(names.begin(), names.end(), name) != names.end() && !name.empty()) return unit;
+  return std::nullopt;
+}
+
+constexpr std::string_view between = " \t_-/,.:";
+
+std::string_view stripped(std::string_view text, std::string_view marks) {
+  const size_t begin = text.find_first_not_of(marks);
+  if (begin == std::string_view::npos) return {};
+  return text.substr(begin, text.find_last_not_of(marks) + 1 - begin);
+}
+
+// What stands behind a word for time; empty where the name begins with none.
+std::optional<std::string_view> behind_word(std::string_view name, std::string_view lower) {
+  for (const std::string_view word : {"elapsed time", "elapsed_time", "timestamp", "time", "t"}) {
+    if (!lower.starts_with(word) || (word == "t" && name[0] != 't')) continue;
+    const std::string_view rest = lower.substr(word.size());
+    // "temperature", "times_pressed", "t1" are other words.
+    if (rest.empty() || between.find(rest[0]) != std::string_view::npos || rest[0] == '[' || rest[0] == '(')
+      return rest;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<TimeUnit> time_unit(std::string_view column) {
+  const std::string_view name = stripped(column, " \t");
+  const std::string lower = in_lower_case(std::string(name));
+  const auto behind = behind_word(name, lower);
+  if (!behind) return std::nullopt;
+  std::string_view rest = stripped(*behind, between);
+  if (rest.empty()) return TimeUnit{};
+  const bool in_brackets = (rest.front() == '[' && rest.back() == ']') || (rest.front() == '(' && rest.back() == ')');
+  if (in_brackets) rest = stripped(rest.substr(1, rest.size() - 2), " \t");
+  if (!in_brackets && rest.starts_with("in") && rest.size() > 2 && between.find(rest[2]) != std::string_view::npos)
+    rest = stripped(rest.substr(2), between);
+  const bool is_long_word = lower.size() - behind->size() > 1;
+  if (auto unit = unit_of(std::string(rest))) {
+    // t_min is rather the smallest t than t in minutes.
+    if (in_brackets || is_long_word || unit->seconds <= 1) return unit;
+  }
+  // A time in a unit that is read as another one would be wrong; t [m] is a thickness.
+  if (in_brackets && is_long_word)
+    fail("column '{}': the unit '{}' is not known; one of s, ms, us, ns, min, h, d needed", name, rest);
+  return std::nullopt;
+}
+
+}  // namespace tokid::io

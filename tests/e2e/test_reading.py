@@ -1,0 +1,343 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What is read of a file, and what is said of the rest: times by other names, columns that are not used, an end that may
+have been cut, things said twice, no sample time, axes in another order."""
+
+import zipfile
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+from support import load, random_system, simulate
+
+DT = 0.05
+
+
+def table(path, time="time", seconds=1.0, comments="", steps=range(12), end="\n", extra=()):
+    """Three experiments with one input and one output, some of their rows missing, times in units of so many seconds."""
+    random = np.random.default_rng(1)
+    lines = [",".join(["experiment", *([time] if time else []), *[name for name, _ in extra], "u1", "y1"])]
+    for n in range(3):
+        for k in steps:
+            cells = [n, *([repr(round(k * DT / seconds, 12))] if time else []), *[value for _, value in extra],
+                     *random.standard_normal(2).round(6)]
+            if (n + k) % 5 or not time:
+                lines.append(",".join(map(str, cells)))
+    path.write_text(comments + "\n".join(lines) + end, encoding="utf-8")
+    return path
+
+
+def warnings(tokid, *arguments):
+    """What JSON and stderr warn of: the same."""
+    found = tokid.json(*arguments)["warnings"]
+    assert tokid(*arguments).stderr.splitlines() == [f"tokid: warning: {text}" for text in found]
+    return found
+
+
+def told_of(texts, *words):
+    return [text for text in texts if all(word in text for word in words)]
+
+
+# Names and units of time
+
+@pytest.mark.parametrize("name,seconds", [
+    ("t", 1), ("t [s]", 1), ("time_s", 1), ("time [s]", 1), ("Time (s)", 1), ("TIME", 1), ("time (sec)", 1),
+    ("time/s", 1), ("time in seconds", 1), ("timestamp", 1), ("Elapsed Time [s]", 1), ("t_s", 1), (" t ", 1),
+    ("Time (ms)", 1e-3), ("time_ms", 1e-3), ("t[ms]", 1e-3), ("time - milliseconds", 1e-3), ("t_us", 1e-6),
+    ("time [\u00b5s]", 1e-6), ("time [\u03bcs]", 1e-6), ("timestamp_ns", 1e-9), ("time [min]", 60), ("Time (h)", 3600),
+])
+def test_names_and_units_of_time(tokid, tmp_path, name, seconds):
+    needed = tokid.arrays(table(tmp_path / "known.csv"), tmp_path)
+    file = table(tmp_path / "data.csv", f'"{name}"' if name != name.strip() else name, seconds)
+    found = tokid.arrays(file, tmp_path)
+    assert found["dt"] == needed["dt"] == DT
+    assert np.isnan(needed["u"]).any()  # rows that would close up
+    for key in ("u", "y"):
+        np.testing.assert_array_equal(found[key], needed[key])
+    assert warnings(tokid, "info", file) == []
+
+
+@pytest.mark.parametrize("name", ["T", "temperature", "t1", "times_pressed", "T [s]", "t [degC]", "t_min", "time_const"])
+def test_names_of_other_things(tokid, tmp_path, name):
+    texts = warnings(tokid, "info", table(tmp_path / "data.csv", name))
+    assert told_of(texts, f"column '{name}' is not used") and told_of(texts, "no sample time")
+
+
+def test_times_in_an_unknown_unit(tokid, tmp_path):
+    error = tokid("info", table(tmp_path / "data.csv", "time [fortnights]"), status=2).stderr
+    assert "'time [fortnights]'" in error and "unit 'fortnights' is not known" in error and "ms" in error
+
+
+def test_two_columns_of_times(tokid, tmp_path):
+    error = tokid("info", table(tmp_path / "data.csv", "t_s", extra=[("time_ms", 3)]), status=2).stderr
+    assert "'t_s', 'time_ms' found, one column of times needed" in error and "'time'" in error
+    # "time" decides.
+    texts = warnings(tokid, "info", table(tmp_path / "data.csv", "time", extra=[("time_ms", 3)]))
+    assert len(texts) == 1 and "column 'time_ms' is not used" in texts[0]
+
+
+def test_a_channel_stays_a_channel(tokid, tmp_path):
+    file = table(tmp_path / "data.csv", "t", extra=[("time_ms", 3)])
+    found = tokid.json("info", file, "--inputs", "u1,time_ms")
+    assert [channel["name"] for channel in found["channels"]] == ["u1", "time_ms", "y1"] and found["dt"] == DT
+    # What the comments name is none either, and comes back as it was.
+    tokid("convert", file, tmp_path / "back.csv", "--inputs", "u1,t", "--outputs", "y1,time_ms")
+    back = tokid.json("info", tmp_path / "back.csv")
+    assert [channel["name"] for channel in back["channels"]] == ["u1", "t", "y1", "time_ms"]
+
+
+def test_messages_name_the_column_and_state_seconds(tokid, tmp_path):
+    file = table(tmp_path / "data.csv", "t [ms]", 1e-3)
+    rows = file.read_text().splitlines()
+    rows[5] = rows[5].replace(rows[5].split(",")[1], "263.7")
+    file.write_text("\n".join(rows) + "\n")
+    assert "line 6, column 't [ms]': 263.7 found" in tokid("info", file, status=2).stderr
+    file = table(tmp_path / "stated.csv", "t [ms]", 1e-3, "# dt = 0.05\n")
+    assert tokid.json("info", file)["dt"] == DT
+
+
+# Columns that are not used
+
+def test_columns_that_are_not_used(tokid, tmp_path):
+    extra = [("trial", 7), ("temperature", 20.5)]
+    file = table(tmp_path / "data.csv", extra=extra, steps=range(40))
+    model = tmp_path / "model.npz"
+    for arguments in (["info", file], ["identify", file, "-o", model, "--lags", "1", "--time-invariant"]):
+        assert told_of(warnings(tokid, *arguments), "columns 'trial', 'temperature' are not used", "inputs or outputs")
+    for arguments in (["validate", model, file], ["refine", model, file, "-o", tmp_path / "refined.npz"]):
+        assert told_of(warnings(tokid, *arguments), "'trial', 'temperature' are not used")
+    for arguments in (["predict", model, file, "-o", tmp_path / "out.npz"],
+                      ["simulate", model, file, "-o", tmp_path / "out.npz"],
+                      ["report", model, file, "-o", tmp_path / "page.html"], ["convert", file, tmp_path / "out.npz"]):
+        assert "'trial', 'temperature' are not used" in tokid(*arguments).stderr
+    assert "temperature" in (tmp_path / "page.html").read_text()
+    assert "column 'number 3, without a name' is not used" in warnings(
+        tokid, "info", table(tmp_path / "pandas.csv", extra=[("", 1)]))[0]
+    assert "'k'" in warnings(tokid, "info", table(tmp_path / "k.csv", extra=[("k", 1)]))[0]
+
+
+# An end that may have been cut
+
+def test_cuts_within_the_last_number(tokid, tmp_path):
+    whole = table(tmp_path / "whole.csv").read_bytes()
+    silent = 0
+    for cut in range(len(whole) - 200, len(whole)):
+        (tmp_path / "cut.csv").write_bytes(whole[:cut])
+        process = tokid_or_refused(tokid, tmp_path / "cut.csv")
+        if whole[cut - 1:cut] == b"\n":  # between two rows: one file like another
+            continue
+        silent += process is not None and not told_of(process["warnings"], "ends without a line break")
+    assert silent == 0
+    assert warnings(tokid, "info", tmp_path / "whole.csv") == []
+
+
+def tokid_or_refused(tokid, file):
+    try:
+        return tokid.json("info", file)
+    except AssertionError:
+        assert "line" in tokid("info", file, status=2).stderr
+        return None
+
+
+def test_a_last_line_without_its_break(tokid, tmp_path):
+    file = table(tmp_path / "data.csv", end="", steps=range(40))
+    last = file.read_text().splitlines()
+    text, = warnings(tokid, "info", file)
+    assert f"line {len(last)}, the last one" in text and f"y1 = '{last[-1].split(',')[-1]}'" in text
+    model = tmp_path / "model.npz"
+    found = warnings(tokid, "identify", file, "-o", model, "--lags", "1", "--time-invariant")
+    assert text in found and text in warnings(tokid, "validate", model, file)
+    file.write_text(file.read_text()[:-1] + '"')  # an error of its own: a stray quotation mark
+    tokid("info", file, status=2)
+    rows = last[:-1] + [last[-1].rsplit(",", 1)[0] + ',"' + last[-1].rsplit(",", 1)[1] + '"']
+    file.write_text("\n".join(rows))  # quoted, it is whole
+    assert warnings(tokid, "info", file) == []
+
+
+# Said twice
+
+@pytest.mark.parametrize("first,second", [
+    ("dt = 0.05", "dt = 0.1"), ("initial_state = zero", "initial_state = unknown"),
+    ("length = [12, 12, 12]", "length = [1, 1, 1]"), ('input_names = ["u1"]', 'input_names = ["y1"]'),
+    ('output_units = ["m"]', 'output_units = ["mm"]'),
+])
+def test_comments_that_contradict_each_other(tokid, tmp_path, first, second):
+    error = tokid("info", table(tmp_path / "data.csv", comments=f"# {first}\n# {second}\n"), status=2).stderr
+    assert "line 2" in error and "line 1" in error and second.split(" = ")[1] in error
+    tokid("info", table(tmp_path / "data.csv", comments=f"# {first}\n# {first}\n"))
+
+
+def test_comments_that_agree(tokid, tmp_path):
+    found = tokid.json("info", table(tmp_path / "data.csv", comments="# dt = 0.05\n# dt = 5e-2\n"))
+    assert found["dt"] == DT and found["warnings"] == []
+
+
+def test_a_dt_that_the_times_contradict(tokid, tmp_path):
+    error = tokid("info", table(tmp_path / "data.csv", comments="# dt = 0.01\n"), status=2).stderr
+    assert "# dt = 0.01" in error and "0.05 s" in error
+    tokid("info", table(tmp_path / "data.csv", comments="# dt = 0.07\n"), status=2)
+    tokid("info", table(tmp_path / "data.csv", comments="# dt = 0.05\n", steps=(0, 1, 4, 8)))
+
+
+@pytest.mark.parametrize("name,one,other", [("dt", 0.05, 0.1), ("initial_state", "zero", "unknown"),
+                                            ("length", [9, 9], [9, 8]), ("input_names", ["a"], ["b"])])
+def test_data_sets_and_attributes(tokid, tmp_path, name, one, other):
+    file = tmp_path / "data.h5"
+    for attribute, status in ((one, 0), (other, 2)):
+        with h5py.File(file, "w") as h5:
+            h5["u"], h5["y"] = (np.random.default_rng(seed).standard_normal((2, 9, 1)) for seed in (1, 2))
+            h5[name], h5.attrs[name] = one, attribute
+        process = tokid("info", file, status=status)
+        assert status == 0 or f"'{name}': found twice, with different values" in process.stderr
+
+
+def test_arrays_that_are_there_twice(tokid, tmp_path):
+    arrays = {"u": np.ones((2, 9, 1)), "y": np.ones((2, 9, 1)), "dt": 0.05}
+    arrays["y"][0, 3] = np.nan
+    np.savez(tmp_path / "twice.npz", **arrays)
+    with zipfile.ZipFile(tmp_path / "twice.npz", "a") as archive, pytest.warns(UserWarning):
+        archive.writestr("dt.npy", archive.read("dt.npy"))
+    assert "two arrays of one name found" in tokid("info", tmp_path / "twice.npz", status=2).stderr
+    scipy.io.savemat(tmp_path / "a.mat", {**arrays, "experiments": 2})
+    header = 128
+    for other, status in (({"dt": 0.05}, 0), ({"dt": 0.1}, 2)):
+        scipy.io.savemat(tmp_path / "b.mat", other)
+        more = (tmp_path / "b.mat").read_bytes()[header:]
+        (tmp_path / "twice.mat").write_bytes((tmp_path / "a.mat").read_bytes() + more)
+        process = tokid("info", tmp_path / "twice.mat", status=status)
+        assert status == 0 or "'dt': found twice" in process.stderr
+
+
+# No sample time
+
+def samples(seed=3, experiments=40, steps=30, outputs=2):
+    system = random_system(seed, steps, 3, 2, outputs)
+    u = np.random.default_rng(seed).standard_normal((experiments, steps, 2))
+    return u, simulate(system, u)
+
+
+def write(path, **arrays):
+    if path.suffix == ".npz":
+        np.savez(path, **arrays)
+    elif path.suffix == ".mat":
+        scipy.io.savemat(path, {**arrays, "experiments": len(arrays["u"])})
+    else:
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file[name] = values
+    return path
+
+
+@pytest.mark.parametrize("extension", [".npz", ".h5", ".mat"])
+def test_no_sample_time(tokid, tmp_path, extension):
+    u, y = samples()
+    file, model = write(tmp_path / f"data{extension}", u=u, y=y), tmp_path / "model.npz"
+    for arguments in (["info", file], ["identify", file, "-o", model]):
+        text, = told_of(warnings(tokid, *arguments), "sample time")
+        assert "dt = 1 s was taken" in text
+    assert tokid.json("info", file)["dt_stated"] is False
+    # The model knows, and so does what it makes of such data.
+    assert tokid.json("info", model)["dt_stated"] is False and "dt is a guess" in tokid("info", model).stdout
+    tokid("predict", model, file, "-o", tmp_path / "out.npz")
+    assert "dt" not in load(tmp_path / "out.npz")
+    stated = write(tmp_path / f"stated{extension}", u=u, y=y, dt=1.0)
+    assert tokid.json("info", stated)["warnings"] == []
+    assert tokid.json("identify", stated, "-o", model)["warnings"] == []
+    assert tokid.json("info", model)["dt_stated"] is True
+
+
+def test_the_sample_time_of_the_model_stands_in(tokid, tmp_path):
+    u, y = samples()
+    model = tmp_path / "model.npz"
+    tokid("identify", write(tmp_path / "stated.npz", u=u, y=y, dt=0.05), "-o", model, "--state", tmp_path / "state.npz")
+    file = write(tmp_path / "data.npz", u=u[::2], y=y[::2])
+    text, = warnings(tokid, "validate", model, file)
+    assert "the model's dt = 0.05 s was taken" in text
+    tokid("predict", model, file, "-o", tmp_path / "out.npz")
+    assert load(tmp_path / "out.npz")["dt"] == 0.05
+    new = tokid.json("update", tmp_path / "state.npz", file)
+    assert told_of(new["warnings"], "data.npz: ", "the model's dt = 0.05 s was taken")
+
+
+def test_step_numbers_state_no_sample_time(tokid, tmp_path):
+    rows = "".join(f"{n},{k},{n - k},{k + n * n}\n" for n in range(3) for k in range(9))
+    (tmp_path / "k.csv").write_text("experiment,k,u1,y1\n" + rows)
+    (tmp_path / "rows.csv").write_text("u1,y1\n" + "".join(f"{k},{k * k}\n" for k in range(9)))
+    (tmp_path / "one.csv").write_text("time,u1,y1\n0,1,2\n")
+    for name in ("k", "rows", "one"):
+        assert told_of(warnings(tokid, "info", tmp_path / f"{name}.csv"), "no sample time")
+    (tmp_path / "stated.csv").write_text("# dt = 0.05\nexperiment,k,u1,y1\n" + rows)
+    assert tokid.json("info", tmp_path / "stated.csv")["warnings"] == []
+    # Nor do files that are made of them.
+    for extension in ("csv", "npz", "h5", "mat"):
+        tokid("convert", tmp_path / "k.csv", tmp_path / f"copy.{extension}")
+        assert tokid.json("info", tmp_path / f"copy.{extension}")["dt_stated"] is False
+    assert (tmp_path / "copy.csv").read_text().startswith("experiment,k,u1,y1\n0,0,")
+
+
+def test_plans_state_no_sample_time_by_themselves(tokid, tmp_path):
+    sizes = ["--states", 2, "--inputs", 1, "--outputs", 1, "--steps", 20]
+    tokid("plan", *sizes, "-o", tmp_path / "plan.npz")
+    assert "dt" not in load(tmp_path / "plan.npz")
+    tokid("plan", *sizes, "--dt", 1, "-o", tmp_path / "plan.npz")
+    assert load(tmp_path / "plan.npz")["dt"] == 1
+
+
+def test_no_sample_time_in_blocks(tokid, tmp_path):
+    u, y = samples(steps=60)
+    file = write(tmp_path / "data.h5", u=u, y=y)
+    found = tokid.json("identify", file, "-o", tmp_path / "model.h5", "--block", "30")
+    assert len(told_of(found["warnings"], "no sample time")) == 1
+    assert tokid.json("info", tmp_path / "model.h5")["dt_stated"] is False
+
+
+# Axes
+
+@pytest.mark.parametrize("extension", [".npz", ".h5", ".mat"])
+def test_time_before_experiments(tokid, tmp_path, extension):
+    u, y = samples(experiments=50, steps=40)
+    right = write(tmp_path / f"right{extension}", u=u, y=y, dt=0.1)
+    assert tokid.json("info", right)["warnings"] == []
+    swapped = write(tmp_path / f"swapped{extension}", u=u.swapaxes(0, 1), y=y.swapaxes(0, 1), dt=0.1)
+    text, = tokid.json("info", swapped)["warnings"]
+    assert "40 experiments of 50 steps" in text and "(N, T, channels), not (T, N, channels)" in text
+    process = run(tokid, "identify", swapped, "-o", tmp_path / "model.npz")
+    assert "axes look swapped" in process.stderr
+    tokid("identify", right, "-o", tmp_path / "model.npz")
+    assert told_of(tokid.json("validate", tmp_path / "model.npz", swapped)["warnings"], "axes look swapped")
+
+
+def run(tokid, *arguments):
+    """Whether it succeeds or not."""
+    try:
+        return tokid(*arguments)
+    except AssertionError:
+        return tokid(*arguments, status=2)
+
+
+def test_channels_before_time(tokid, tmp_path):
+    u, y = samples(experiments=50, steps=40)
+    swapped = write(tmp_path / "swapped.npz", u=u.swapaxes(1, 2), y=y.swapaxes(1, 2), dt=0.1)
+    text, = tokid.json("info", swapped)["warnings"]
+    assert "50 experiments of 2 steps with 40 inputs and 40 outputs" in text and "not (N, channels, T)" in text
+    error = tokid("identify", swapped, "-o", tmp_path / "model.npz", status=2).stderr
+    assert "not (N, channels, T)" in error
+    # Without as many inputs as outputs the shapes don't go together.
+    u, y = samples(experiments=50, steps=40, outputs=1)
+    swapped = write(tmp_path / "swapped.npz", u=u.swapaxes(1, 2), y=y.swapaxes(1, 2), dt=0.1)
+    error = tokid("info", swapped, status=2).stderr
+    assert "(50, 1, 40)" in error and "(N, channels, T) in place of (N, T, channels)" in error
+
+
+def test_two_axes_in_another_order(tokid, tmp_path):
+    u, y = samples(experiments=30, steps=40)
+    rows = write(tmp_path / "rows.npz", u=u[..., 0], y=y[..., 0], dt=0.1)  # (N, T)
+    text, = tokid.json("info", rows)["warnings"]
+    assert "u (30, 40) was taken for one experiment of 30 steps with 40 inputs; (N, T, 1)" in text
+    assert "(N, T, 1)" in tokid("identify", rows, "-o", tmp_path / "model.npz", status=2).stderr
+    columns = write(tmp_path / "columns.npz", u=u[0].T, y=y[0].T, dt=0.1)  # (channels, T)
+    assert "(T, r) for one experiment" in tokid.json("info", columns)["warnings"][0]
+    columns = write(tmp_path / "columns.npz", u=u[0].T, y=y[0, :, :1].T, dt=0.1)
+    assert "(channels, T) in place of (T, channels)" in tokid("info", columns, status=2).stderr
+    one = write(tmp_path / "one.npz", u=u[0][:, np.newaxis], y=y[0][:, np.newaxis], dt=0.1)  # (T, 1, channels)
+    assert "(1, T, channels)" in tokid.json("info", one)["warnings"][0]
