@@ -335,6 +335,7 @@ Json json(const Call& call, const Data& data, const Identification& result) {
                              {"name", o.name.empty() ? Json() : Json(o.name)},
                              {"ratio", o.ratio},
                              {"explanation", o.explanation}});
+  j["copies"] = result.copies.groups;
   j["warnings"] = result.warnings;
   j["seconds"] = result.seconds;
   j["version"] = version;

@@ -13,6 +13,7 @@
 #include "nan.hpp"
 #include "random.hpp"
 #include "survey.hpp"
+#include "tokid/copies.hpp"
 
 namespace tokid {
 
@@ -106,6 +107,17 @@ Identification identify_without(const Ensemble& training, const IdentifyOptions&
 CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& identify_options,
                                const CrossValidateOptions& options) {
   check_horizon(options.horizon, ensemble.steps());
+  const Copies copies = find_copies(ensemble);
+  if (!copies.groups.empty()) {  // in two folds they would make errors look too small
+    CrossValidation result = cross_validate(ensemble.subset(copies.used), identify_options, options);
+    for (Fold& fold : result.folds) {
+      for (Index& n : fold.experiments) n = copies.used[size_t(n)];
+      fold.experiment_names = names_of(ensemble, fold.experiments);
+    }
+    const std::vector<std::string> told = warnings_of(copies, ensemble);
+    result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+    return result;
+  }
   const auto members = fold_members(ensemble.experiments(), options);
   // Messages about single experiments name them as in the whole ensemble: their rows in a fold are of no use.
   const Survey samples = checked(ensemble);

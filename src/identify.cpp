@@ -19,6 +19,7 @@
 #include "repeats.hpp"
 #include "statistics.hpp"
 #include "survey.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/subspace.hpp"
@@ -109,8 +110,8 @@ class Pipeline {
   Pipeline(const Pipeline&) = delete;
   Pipeline& operator=(const Pipeline&) = delete;
 
-  // `whole`: the experiments are all there are, and have their own numbers.
-  Identification run(bool validated, bool whole);
+  // `measured`: what single experiments are named by; none: nothing is said of single ones. `rows` are theirs there.
+  Identification run(bool validated, const Ensemble* measured, const std::vector<Index>& rows = {});
   Stretch run_settled(const Settled& settled, Index keep_begin, Index keep_end, bool first);
 
  private:
@@ -140,7 +141,7 @@ class Pipeline {
   void warn_of_freedom();
   void warn_of_regressions();
   std::vector<Index> warn_of_excitation(const std::vector<Index>& suspects);
-  void warn_of_experiments(const Ensemble& whole);
+  void warn_of_experiments(const Ensemble& whole, const Ensemble& measured, const std::vector<Index>& rows);
   void warn_of_states();
   void choose_frame();
   void evaluate();
@@ -765,7 +766,7 @@ std::vector<Index> Pipeline::warn_of_excitation(const std::vector<Index>& suspec
 }
 
 // Single experiments: those that repeat others, those with a stuck sensor, and those that do not fit the others.
-void Pipeline::warn_of_experiments(const Ensemble& whole) {
+void Pipeline::warn_of_experiments(const Ensemble& whole, const Ensemble& measured, const std::vector<Index>& rows) {
   const bool exact = !result_.noisy && initial_ == InitialState::zero;
   const Index r = whole.inputs(), p = result_.lags;
   // From unknown initial states, and with noise, states vary without the inputs.
@@ -773,8 +774,8 @@ void Pipeline::warn_of_experiments(const Ensemble& whole) {
                        : together_         ? r + result_.model.states()
                        : exact             ? experiments_for(p)
                                            : r * (p + 1);
-  for (std::string& text : warnings_of(repeats(whole), whole, needed, p)) warn(std::move(text));
-  StuckOutputs stuck = stuck_outputs(whole);
+  for (std::string& text : warnings_of_repeats(whole, needed, p)) warn(std::move(text));
+  StuckOutputs stuck = stuck_outputs(measured);
   for (std::string& text : stuck.warnings) warn(std::move(text));
   const OutlierOptions o{.lags = p,
                          .nominal = nominal_.has_value(),
@@ -783,6 +784,11 @@ void Pipeline::warn_of_experiments(const Ensemble& whole) {
                          .period = result_.variation.period,
                          .model = &result_.model};
   result_.outliers = result_.noisy ? outliers(whole, o) : outliers_without_noise(whole, o);
+  if (!rows.empty())
+    for (Outlier& outlier : result_.outliers) {
+      outlier.experiment = rows[size_t(outlier.experiment)];
+      outlier.name = measured.experiment_name(outlier.experiment);
+    }
   for (std::string& text : warnings_of(result_.outliers, stuck.experiments)) warn(std::move(text));
 }
 
@@ -859,7 +865,7 @@ Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index ke
   return result;
 }
 
-Identification Pipeline::run(bool validated, bool whole) {
+Identification Pipeline::run(bool validated, const Ensemble* measured, const std::vector<Index>& rows) {
   const auto begin = std::chrono::steady_clock::now();
   const Ensemble& all = *data_;
   check_options(options_);
@@ -868,7 +874,7 @@ Identification Pipeline::run(bool validated, bool whole) {
     throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
                                             data_->inputs(), data_->outputs()));
   check_magnitudes(samples, data_->names, data_->inputs());
-  if (whole)
+  if (measured)
     for (std::string& text : remarks(*data_)) warn(std::move(text));
   const bool gaps = samples.missing > 0;
   hold_out();
@@ -881,8 +887,8 @@ Identification Pipeline::run(bool validated, bool whole) {
                                : warnings_of_inputs(samples, data_->names))
     warn(std::move(text));
   for (std::string& text : warnings_of_outputs(samples, data_->names)) warn(std::move(text));
-  if (whole && options_.period == 0 && gaps)
-    for (std::string& text : warnings_of_steps(all)) warn(std::move(text));
+  if (measured && options_.period == 0 && gaps)
+    for (std::string& text : warnings_of_steps(*measured)) warn(std::move(text));
   for (std::string& text : warnings_of_dependent_outputs(*data_)) warn(std::move(text));
   remove_nominal();
   check_method();
@@ -896,7 +902,7 @@ Identification Pipeline::run(bool validated, bool whole) {
       for (std::string& text : warnings_of_absence(samples, data_->names)) warn(std::move(text));
   }
   realise_model();
-  if (whole) warn_of_experiments(all);
+  if (measured) warn_of_experiments(all, *measured, rows);
   warn_of_states();
   choose_frame();
   check_finite(result_.model);
@@ -924,11 +930,22 @@ Identification Pipeline::run(bool validated, bool whole) {
 }  // namespace
 
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options) {
-  return with_remark_on_axes(ensemble, [&] { return Pipeline(ensemble, options).run(true, true); });
+  return with_remark_on_axes(ensemble, [&] {
+    Copies copies = find_copies(ensemble);
+    if (copies.groups.empty()) return Pipeline(ensemble, options).run(true, &ensemble);
+    ensemble.check();  // what is wrong is reported with the rows of the caller
+    const Ensemble once = ensemble.subset(copies.used);
+    Identification result = Pipeline(once, options).run(true, &ensemble, copies.used);
+    note_data(result.model, fingerprint(ensemble));
+    const std::vector<std::string> told = warnings_of(copies, ensemble);
+    result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+    result.copies = std::move(copies);
+    return result;
+  });
 }
 
 Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated) {
-  return Pipeline(ensemble, options).run(validated, false);
+  return Pipeline(ensemble, options).run(validated, nullptr);
 }
 
 std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Channels& names) {

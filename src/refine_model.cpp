@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "nan.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid {
@@ -62,6 +63,13 @@ void compare(const Model& model, const Ensemble& data, std::optional<InitialStat
 
 RefinedModel refine_model(const Model& model, const Ensemble& data, const RefineModelOptions& options) {
   RefinedModel result;
+  if (const Copies copies = find_copies(data); !copies.groups.empty()) {  // they would count twice
+    result = refine_model(model, data.subset(copies.used), options);
+    note_data(result.refinement.model, fingerprint(data));
+    const std::vector<std::string> told = warnings_of(copies, data);
+    result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+    return result;
+  }
   const auto share = [&report = options.refine.execution.progress](double from, double to) {
     return report ? Progress([&report, from, to](double done) { report(from + (to - from) * done); }) : Progress();
   };

@@ -104,11 +104,14 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   if ((result.together && choices.weighting == Weighting::projection) || options.weighting == Weighting::projection)
     throw std::invalid_argument(
         "weighting: projection found, which needs samples; --weighting one-step or many-steps can be updated");
+  const bool copied = !result.copies.groups.empty();
+  const Ensemble once = copied ? data.subset(result.copies.used) : Ensemble();
+  const Ensemble& used = copied ? once : data;
   Model told = with_options(result.model.options);
-  note_update(told, data.experiments());
+  note_update(told, used.experiments());
   if (result.together) note_choices(told, choices);
   state.options = told.options;
-  state.factors = window_factors(data, result.lags, result.model.initial_state, options.execution);
+  state.factors = window_factors(used, result.lags, result.model.initial_state, options.execution);
   return state;
 }
 
@@ -195,12 +198,15 @@ struct Portion {
   std::vector<std::string> remarks;  // on their file
 };
 
-Portion portion(const UpdateState& state, const Ensemble& more, const Execution& execution) {
-  check_update(state, more);
-  return {window_factors(more, state.factors.lags, state.factors.initial_state, execution),
-          tokid::fingerprint(more),
-          {},
-          {}};
+// Of experiments that are checked, each of them once; they are left that way.
+Portion portion(const UpdateState& state, Ensemble& more, const Execution& execution) {
+  Portion result;
+  result.fingerprint = tokid::fingerprint(more);
+  const Copies copies = find_copies(more);
+  result.remarks = warnings_of(copies, more);
+  if (!copies.groups.empty()) more = more.subset(copies.used);
+  result.factors = window_factors(more, state.factors.lags, state.factors.initial_state, execution);
+  return result;
 }
 
 void add(UpdateState& state, const Portion& more, const Execution& execution) {
@@ -213,8 +219,12 @@ void add(UpdateState& state, const Portion& more, const Execution& execution) {
 
 }  // namespace
 
-void update(UpdateState& state, const Ensemble& more, const Execution& execution) {
-  add(state, portion(state, more, execution), execution);
+std::vector<std::string> update(UpdateState& state, const Ensemble& more, const Execution& execution) {
+  check_update(state, more);
+  Ensemble experiments = more;
+  Portion added = portion(state, experiments, execution);
+  add(state, added, execution);
+  return std::move(added.remarks);
 }
 
 // For messages between processes.
@@ -280,8 +290,9 @@ Portion portion_of_file(const Needs& needs, const std::filesystem::path& file, c
   return about(file, [&] {
     std::vector<std::string> found = remarks(needs.model, data);
     if (!data.dt_stated) data.dt = needs.state.factors.dt;
+    check_update(needs.state, data);
     Portion result = portion(needs.state, data, options.execution);
-    result.remarks = std::move(found);
+    result.remarks.insert(result.remarks.begin(), found.begin(), found.end());
     if (needs.mean.y.size() > 0) data = departures(std::move(data), needs.mean);
     result.errors = stream::evaluate(needs.model, data, 0, data.steps(), needs.model.initial_state, true);
     return result;

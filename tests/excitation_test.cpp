@@ -6,7 +6,6 @@
 #include <algorithm>
 
 #include "combination.hpp"
-#include "repeats.hpp"
 #include "testing.hpp"
 
 namespace tokid::testing {
@@ -231,38 +230,6 @@ TEST(Excitation, CoarseOutputsCoincideByChance) {
     EXPECT_EQ(warnings_of_dependent_outputs(e), Texts{}) << seed;
     EXPECT_EQ(stuck_outputs(e).warnings, Texts{}) << seed;
   }
-}
-
-TEST(Repeats, AreCountedOnce) {
-  Ensemble e = inputs(1, 10);
-  EXPECT_EQ(warnings_of(repeats(e), e, 0, 1), Texts{});
-  for (const auto& [from, to] : {std::pair<Index, Index>{3, 7}, {3, 9}, {0, 1}})
-    e.samples().row(to) = Matrix(e.samples().row(from));
-  Repeats found = repeats(e);
-  EXPECT_EQ(found.same, (std::vector<std::vector<Index>>{{0, 1}, {3, 7, 9}}));
-  EXPECT_EQ(found.different, 7);
-  EXPECT_EQ(
-      warnings_of(found, e, 8, 2),
-      (Texts{"experiments 0 and 1 are the same in every sample, and so are 3, 7 and 9: 7 of 10 experiments are "
-             "different, the others add nothing, and errors on experiments left out look too small; 8 needed at lag "
-             "order 2"}));
-  set_experiment_names(e, {"1", "2", "3", "4", "5", "6", "7", "8", "9", "10"});
-  EXPECT_TRUE(warnings_of(found, e, 8, 2)
-                  .front()
-                  .starts_with("experiments \"1\" (row 0) and \"2\" (row 1) are the same in every sample, and so are "
-                               "\"4\" (row 3), "));
-  e.y(7, 19, 1) = std::nextafter(e.y(7, 19, 1), 1e9);  // the last sample
-  EXPECT_EQ(repeats(e).same, (std::vector<std::vector<Index>>{{0, 1}, {3, 9}}));
-  EXPECT_EQ(repeats(e).courses, 7);
-}
-
-// One pulse in each of many experiments, which a few steps tell nothing of.
-TEST(Repeats, AreFoundAmongManyThatAreAlikeAtMostSteps) {
-  Ensemble e(600, 300, 1, 1);
-  e.samples().setZero();
-  for (Index n = 0; n < 600; ++n) e.u(n, n / 2, 0) = 1.0;
-  EXPECT_EQ(repeats(e).different, 300);
-  EXPECT_EQ(repeats(e).same.front(), (std::vector<Index>{0, 1}));
 }
 
 }  // namespace

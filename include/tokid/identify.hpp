@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "tokid/copies.hpp"
 #include "tokid/gtv_arx.hpp"
 #include "tokid/model.hpp"
 #include "tokid/subspace.hpp"
@@ -131,6 +132,7 @@ struct Identification {
   Validation validation;
   // Among all experiments of the data, numbered as there. Looked for where there is noise, and five of them or more.
   std::vector<Outlier> outliers;
+  Copies copies;  // among all experiments of the data: each experiment was used once
   std::vector<std::string> warnings;
   double seconds = 0.0;
 };

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "tokid/copies.hpp"
 #include "tokid/cross_validate.hpp"
 #include "tokid/design.hpp"
 #include "tokid/em.hpp"

@@ -43,8 +43,9 @@ Updated identify(const UpdateState& state, const Execution& execution = {});
 // \throws std::invalid_argument that names what differs from the experiments before, or where the state has them
 // already
 void check_update(const UpdateState& state, const Ensemble& more);
-// \throws as check_update()
-void update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
+// Copies within the new experiments are used once, which the warnings tell; whether the state has single ones of them
+// already nobody knows. \throws as check_update()
+std::vector<std::string> update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
 
 struct UpdateOptions {
   ReadOptions read = {};

@@ -181,6 +181,7 @@ nb::any object_of(const Identification& i) {
                                  {"held_out", i.held_out},
                                  {"validation", object_of(i.validation)},
                                  {"outliers", outliers},
+                                 {"copies", i.copies.groups},
                                  {"warnings", texts(i.warnings)},
                                  {"seconds", i.seconds}});
 }

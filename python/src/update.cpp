@@ -42,8 +42,12 @@ void bind_update(nb::module_& module) {
             return object_of(call.run([&] {
               check_update(state, more);
               const Validation found = validate(before, more, {.whiteness_lags = 0});
-              update(state, more, execution);
-              return additions({more.experiments()}, found.simulation, found.one_step, before.names);
+              const Index known = state.factors.experiments;
+              const std::vector<std::string> told = update(state, more, execution);
+              Additions added =
+                  additions({state.factors.experiments - known}, found.simulation, found.one_step, before.names);
+              added.warnings.insert(added.warnings.begin(), told.begin(), told.end());
+              return added;
             }));
           },
           nb::arg("before"), nb::arg("more"), nb::kw_only(), nb::arg("threads"), nb::arg("listener").none())

@@ -446,6 +446,8 @@ class Identification(_Result):
     validation : Validation
     outliers : list of Outlier
         Looked for where there is noise, and five experiments or more.
+    copies : list of list of int
+        Rows of experiments that are copies of each other, within rounding; the first one of each list was used.
     warnings : list of str
     seconds : float
     """
@@ -472,6 +474,7 @@ class Identification(_Result):
     held_out: bool
     validation: Validation
     outliers: list[Outlier]
+    copies: list[list[int]]
     warnings: list[str]
     seconds: float
 

@@ -12,7 +12,7 @@
 #include "channel_sizes.hpp"
 #include "excitation.hpp"
 #include "outliers.hpp"
-#include "repeats.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/remarks.hpp"
 
 namespace tokid::stream {
@@ -82,7 +82,10 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
   const Index width = first.samples().cols(), count = Index(parts.size());
   Ensemble all(first.experiments(), first.steps() * count, first.inputs(), first.outputs());
   for (Index i = 0; i < count; ++i) all.samples().middleCols(i * width, width) = parts[size_t(i)].whole.samples();
-  add(warnings_of(repeats(all), first, 0, result.lags));
+  result.copies = find_copies(all);
+  add(warnings_of(result.copies, first,
+                  "Blocks use them all, so errors on experiments left out look too small; delete them, or call with "
+                  "--block all"));
 
   for (size_t i = 0; i < parts.size(); ++i) {
     const Ensemble& whole = parts[i].whole;

@@ -7,9 +7,11 @@
 #include <stdexcept>
 
 #include "channel_sizes.hpp"
+#include "identify_stretch.hpp"
 #include "interval.hpp"
 #include "nan.hpp"
 #include "options_json.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
@@ -38,8 +40,9 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
   if (model.inputs != data.inputs() || model.outputs != data.outputs())
     throw std::invalid_argument(fmt::format("channels: {} inputs and {} outputs found, the model has {} and {}",
                                             data.inputs(), data.outputs(), model.inputs, model.outputs));
-  Ensemble training =
-      identification.hold_out > 0 ? split(data, identification.hold_out, identification.period).training : data;
+  const Copies copies = find_copies(data);
+  Ensemble training = copies.groups.empty() ? data : data.subset(copies.used);
+  if (identification.hold_out > 0) training = split(training, identification.hold_out, identification.period).training;
   const Index recorded = recorded_experiments(model);
   if (recorded > 0 && recorded != training.experiments())
     throw std::invalid_argument(
@@ -196,7 +199,7 @@ class Bounds {
 
   void by_bootstrap() {
     const IdentifyOptions held = held_options(model_, identification_);
-    const Identifier f = [&held](const Ensemble& e) { return identify(e, held).model; };
+    const Identifier f = [&held](const Ensemble& e) { return identify_part(e, held, false).model; };
 
     std::optional<Spectrum> spectrum;
     with_frame([&] { spectrum = closed_loop_spectrum(model_, loop_); });

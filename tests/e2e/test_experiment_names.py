@@ -234,5 +234,5 @@ def test_repeats_and_stuck_sensors_are_named(tokid, tmp_path):
     y[44, 10:, 0] = y[44, 10, 0]
     write_csv(tmp_path / "data.csv", u, y, dt, range(1, N + 1))
     said = tokid("identify", tmp_path / "data.csv", "-o", tmp_path / "model.npz", "--no-refine").stderr
-    assert '"10" (row 9) and "31" (row 30)' in said
+    assert '"31" (row 30) of "10" (row 9)' in said
     assert 'in experiment "45" (row 44) at steps 10–29' in said

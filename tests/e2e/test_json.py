@@ -46,7 +46,7 @@ IDENTIFY = {
     "simulation_fit": per_output, "warnings": texts, "evaluated_on": one_of("training", "held_out"),
     "nominal": lambda v: isinstance(v, bool), "frame": one_of("raw"), "dt": real, "missing_samples": count,
     "largest_lag_order": count, "output_names": texts, "held_out_experiments": count, "version": lambda v: v,
-    "outliers": lambda v: v == [],
+    "outliers": lambda v: v == [], "copies": lambda v: v == [],
 }
 
 

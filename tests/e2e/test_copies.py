@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Experiments that are in the data twice are used once, however they were rounded."""
+
+import h5py
+import numpy as np
+import pytest
+
+from support import load, random_system, simulate
+
+
+def campaign(experiments, seed=3, noise=0.02, steps=60):
+    rng = np.random.default_rng(seed)
+    system = random_system(7, steps, 3, 1, 2)
+    u = rng.standard_normal((experiments, steps, 1))
+    y = simulate(system, u)
+    return u, y + noise * y.std() * rng.standard_normal(y.shape)
+
+
+def write(path, u, y):
+    np.savez(path, u=u, y=y, dt=0.1, initial_state="zero")
+    return path
+
+
+CHANGES = {
+    "exact": lambda v, rng: v,
+    "1e-12": lambda v, rng: v * (1 + 1e-12 * rng.standard_normal(v.shape)),
+    "1e-6": lambda v, rng: v * (1 + 1e-6 * rng.standard_normal(v.shape)),
+    "float32": lambda v, rng: v.astype(np.float32).astype(float),
+    "five digits": lambda v, rng: np.vectorize(lambda x: float(f"{x:.5g}"))(v),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_the_model_is_that_of_each_experiment_once(tokid, tmp_path, change, noise):
+    u, y = campaign(12, noise=noise)
+    rng = np.random.default_rng(1)
+    once = write(tmp_path / "once.npz", u, y)
+    twice = write(tmp_path / "twice.npz", *(np.concatenate([v, CHANGES[change](v, rng)]) for v in (u, y)))
+    plain = tokid.json("identify", once, "-o", tmp_path / "plain.npz")
+    found = tokid.json("identify", twice, "-o", tmp_path / "found.npz", "--report", tmp_path / "page.html")
+    assert found["copies"] == [[n, 12 + n] for n in range(12)]
+    assert found["warnings"][0].startswith("12 of 24 experiments are copies of others, within rounding: 12 of 0; 13 of 1; ")
+    assert found["experiments"] == 12 and found["states"] == plain["states"] and found["one_step_fit"] == plain["one_step_fit"]
+    model, expected = load(tmp_path / "found.npz"), load(tmp_path / "plain.npz")
+    for name in "ABCDG":
+        assert np.array_equal(model[name], expected[name])
+    assert "12 of 24 experiments are copies of others" in (tmp_path / "page.html").read_text()
+    # The data are known as those of the identification, and folds share no experiment.
+    tokid("report", tmp_path / "found.npz", twice, "-o", tmp_path / "again.html")
+    assert "12 of 24 experiments are copies of others" in (tmp_path / "again.html").read_text()
+    folds = tokid.json("validate", tmp_path / "found.npz", twice, "--cross-validate", 3)["cross_validation"]
+    own = tokid.json("validate", tmp_path / "plain.npz", once, "--cross-validate", 3)["cross_validation"]
+    assert folds["one_step_fit"] == own["one_step_fit"]
+
+
+def test_text_with_few_digits(tokid, tmp_path):
+    """A file of four decimals, in which some experiments come from others in single precision."""
+    u, y = campaign(12)
+    u, y = (np.concatenate([v, v[:5].astype(np.float32)]) for v in (u, y))
+    with open(tmp_path / "data.csv", "w") as file:
+        file.write("experiment,k,u1,y1,y2\n")
+        for n in range(len(u)):
+            for k in range(u.shape[1]):
+                file.write(f"{n},{k},{u[n, k, 0]:.4f},{y[n, k, 0]:.4f},{y[n, k, 1]:.4f}\n")
+    found = tokid.json("identify", tmp_path / "data.csv", "-o", tmp_path / "model.npz")
+    assert found["copies"] == [[n, 12 + n] for n in range(5)] and found["experiments"] == 12
+
+
+@pytest.mark.parametrize("noise", [1e-1, 1e-3, 1e-5])
+def test_repeated_designs_lose_no_experiment(tokid, tmp_path, noise):
+    u, _ = campaign(5)
+    u = np.tile(u, (10, 1, 1))
+    y = simulate(random_system(7, 60, 3, 1, 2), u)
+    y += noise * y.std() * np.random.default_rng(8).standard_normal(y.shape)
+    found = tokid.json("identify", write(tmp_path / "data.npz", u, y), "-o", tmp_path / "model.npz", "--lags", 1)
+    assert found["copies"] == [] and found["experiments"] == 50
+
+
+def test_updates_use_each_experiment_once(tokid, tmp_path):
+    u, y = campaign(40)
+    first, later = write(tmp_path / "first.npz", u[:24], y[:24]), write(tmp_path / "later.npz", u[24:], y[24:])
+    twice = write(tmp_path / "twice.npz", np.tile(u[24:], (2, 1, 1)), np.tile(y[24:], (2, 1, 1)))
+    for name, data in (("plain", later), ("found", twice)):
+        tokid("identify", first, "-o", tmp_path / "model.npz", "--state", tmp_path / f"{name}.h5", "--no-refine")
+        told = tokid.json("update", tmp_path / f"{name}.h5", data, "-o", tmp_path / f"{name}.npz")
+        assert (told["new_experiments"], told["experiments"]) == (16, 40)
+    assert "twice.npz: 16 of 32 experiments are copies of others, within rounding: 16 of 0;" in told["warnings"][0]
+    with h5py.File(tmp_path / "plain.h5") as plain, h5py.File(tmp_path / "found.h5") as found:
+        assert np.array_equal(plain["window_factors"][()], found["window_factors"][()])
