@@ -133,14 +133,10 @@ std::string missing_text(const Data& data) {
   return text;
 }
 
-std::string nominal_text(const Call& call, const Identification& result) {
+std::string nominal_text(const Call& call, const Data& data, const Identification& result) {
   if (call.options.nominal == NominalChoice::none) return "none, as asked";
   if (call.options.nominal == NominalChoice::mean) return "the mean motion was removed, as asked";
-  const NominalTest& test = result.nominal_test;
-  return fmt::format("{}: mean t2 = {:.4g}, threshold {:.4g}",
-                     test.significant ? "the mean motion was removed, being significant"
-                                      : "none, the mean motion not being significant",
-                     test.statistic, test.threshold);
+  return nominal_remark(result.nominal_test, result.model.names, data.inputs, call.options.period);
 }
 
 // The largest lag order that the experiments carry; the mean motion costs one of them.
@@ -260,7 +256,7 @@ std::string report(const Call& call, const Data& data, const Identification& res
     page.row("", fmt::format("resumed after {} of {} blocks, which an earlier call had finished", data.resumed,
                              data.blocks));
   page.row("Initial state", fmt::format("{}: {}", to_string(model.initial_state), result.initial_state_test.reason));
-  page.row("Nominal", nominal_text(call, result));
+  page.row("Nominal", nominal_text(call, data, result));
   add_lag_order(call, data, result, page);
   add_states(call, result, page);
   if (!result.together)
@@ -270,6 +266,24 @@ std::string report(const Call& call, const Data& data, const Identification& res
   page.row("Written", fmt::format("{} in {:.2f} s", call.model.string(), result.seconds));
   if (!call.page.empty()) page.row("", call.page.string());
   return page.text();
+}
+
+Json json(const NominalTest& test, const Model& model, Index inputs) {
+  Json departures = Json::array();
+  for (const NominalTest::Departure& departure : test.departures) {
+    Json ranges = Json::array();
+    for (const Index k : departure.steps)
+      if (!ranges.empty() && ranges.back()[1] == k - 1)
+        ranges.back()[1] = k;
+      else
+        ranges.push_back({k, k});
+    departures.push_back({{"channel", departure.channel < inputs ? model.names.input(departure.channel)
+                                                                 : model.names.output(departure.channel - inputs)},
+                          {"steps", ranges}});
+  }
+  return {
+      {"statistic", test.statistic},           {"threshold", test.threshold}, {"step_statistic", test.step_statistic},
+      {"step_threshold", test.step_threshold}, {"departures", departures},    {"significant", test.significant}};
 }
 
 Json json(const Call& call, const Data& data, const Identification& result) {
@@ -313,9 +327,7 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["nominal"] = result.nominal;
   j["nominal_test"] = nullptr;
   if (call.options.nominal == NominalChoice::automatic)
-    j["nominal_test"] = {{"statistic", result.nominal_test.statistic},
-                         {"threshold", result.nominal_test.threshold},
-                         {"significant", result.nominal_test.significant}};
+    j["nominal_test"] = json(result.nominal_test, model, data.inputs);
   j["k_begin"] = model.k_begin;
   j["k_end"] = model.k_end();
   j["full_begin"] = model.full_begin();

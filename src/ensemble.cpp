@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <stdexcept>
 
@@ -367,28 +368,46 @@ Ensemble departures(Ensemble ensemble, const Nominal& nominal) {
 }
 
 NominalTest test_nominal(const Ensemble& e) {
+  constexpr double error = 0.001 / 2;  // of each of the two tests
   NominalTest test;
   if (e.experiments() < 2) return test;
+  const Index samples = e.steps() * e.channels();
+  std::map<Index, double> bounds;  // samples of a step → bound of its t²
+  const auto bound = [&](Index count) {
+    const auto [found, added] = bounds.try_emplace(count, 0.0);
+    if (added) found->second = statistics::f_quantile(1 - error / double(samples), 1.0, double(count - 1));
+    return found->second;
+  };
   double sum = 0.0;
-  Index terms = 0;
+  std::vector<Moments> step(static_cast<size_t>(e.steps()));
   for (Index c = 0; c < e.channels(); ++c) {
-    double square = 0.0;
-    std::vector<Moments> step(static_cast<size_t>(e.steps()));
+    double square = 0.0, squares = 0.0, freedom = 0.0;
     for (Index k = 0; k < e.steps(); ++k) {
       Moments& m = step[static_cast<size_t>(k)] = moments(e.samples().col(k * e.channels() + c));
       square = std::max(square, m.mean * m.mean + m.variance);
+      if (m.count < 2) continue;
+      squares += double(m.count - 1) * m.variance;
+      freedom += double(m.count - 1);
     }
-    // A spread or a mean at rounding level of the channel is none.
-    const double floor = 1e-24 * square;
-    for (const Moments& m : step) {
+    if (freedom == 0) continue;
+    // A spread or a mean at rounding level of the channel is none. A spread that is small at one step may be an
+    // accident: of a few binary inputs all are often the same.
+    const double floor = 1e-24 * square, least = std::max(floor, squares / freedom);
+    NominalTest::Departure departure{c, {}};
+    for (Index k = 0; k < e.steps(); ++k) {
+      const Moments& m = step[static_cast<size_t>(k)];
       if (m.count < 2 || m.mean * m.mean <= floor) continue;
-      sum += double(m.count) * m.mean * m.mean / std::max(m.variance, floor);
+      const double t2 = double(m.count) * m.mean * m.mean / std::max(m.variance, least), limit = bound(m.count);
+      sum += t2;
+      if (t2 > limit) departure.steps.push_back(k);
+      if (t2 * test.step_threshold >= test.step_statistic * limit)
+        test.step_statistic = t2, test.step_threshold = limit;
     }
-    terms += e.steps();
+    if (!departure.steps.empty()) test.departures.push_back(std::move(departure));
   }
-  test.statistic = sum / double(terms);
-  test.threshold = statistics::f_quantile(0.999, 1.0, double(e.experiments() - 1));
-  test.significant = test.statistic > test.threshold;
+  test.statistic = sum / double(samples);
+  test.threshold = statistics::f_quantile(1 - error, 1.0, double(e.experiments() - 1));
+  test.significant = test.statistic > test.threshold || !test.departures.empty();
   return test;
 }
 

@@ -101,6 +101,16 @@ GtvArx without_noise_shapes(const GtvArx& arx) {
   return kept;
 }
 
+// Steps that share a model depart from one motion: those of the first period stand for all.
+void count_in_phases(NominalTest& test, Index period) {
+  for (NominalTest::Departure& departure : test.departures) {
+    std::vector<Index>& steps = departure.steps;
+    for (Index& k : steps) k %= period;
+    std::sort(steps.begin(), steps.end());
+    steps.erase(std::unique(steps.begin(), steps.end()), steps.end());
+  }
+}
+
 // The pipeline with its intermediate results.
 class Pipeline {
  public:
@@ -195,6 +205,7 @@ void Pipeline::remove_nominal() {
   if (options_.nominal == NominalChoice::automatic) {
     result_.nominal_test = test_nominal(options_.period > 0 ? judged() : *data_);
     judged_.reset();
+    if (options_.period > 0) count_in_phases(result_.nominal_test, options_.period);
     if (!result_.nominal_test.significant) return;
   }
   if (data_->experiments() < 2 && options_.period == 0)

@@ -79,6 +79,30 @@ std::vector<std::string> prediction_remarks(const Model& model, const Ensemble& 
   return result;
 }
 
+std::string nominal_remark(const NominalTest& test, const Channels& names, Index inputs, Index period) {
+  constexpr size_t most_channels = 8;
+  const std::string mean = fmt::format("mean t2 = {:.4g}, threshold {:.4g}", test.statistic, test.threshold);
+  const std::string step =
+      fmt::format("largest t2 of a step = {:.4g}, threshold {:.4g}", test.step_statistic, test.step_threshold);
+  if (!test.significant) return fmt::format("none, no significant mean motion: {}; {}", mean, step);
+  if (test.departures.empty())
+    return fmt::format("the mean motion was removed, it is significant over all steps together: {}", mean);
+  std::vector<std::string> channels;
+  for (const NominalTest::Departure& departure : test.departures) {
+    if (channels.size() == most_channels) {
+      channels.push_back(fmt::format("and more ({} channels in all)", test.departures.size()));
+      break;
+    }
+    const Index c = departure.channel;
+    std::string text = c < inputs ? names.input(c) : names.output(c - inputs);
+    // One model for all steps has one mean motion.
+    if (period != 1) text += fmt::format(" at {}", words::step_list(departure.steps));
+    channels.push_back(std::move(text));
+  }
+  return fmt::format("the mean motion was removed, it is significant: {} ({}; {})", fmt::join(channels, ", "), mean,
+                     step);
+}
+
 std::vector<std::string> remarks(const CrossValidation& cross) {
   std::vector<std::pair<std::string, int>> seen;
   for (const Fold& fold : cross.folds)

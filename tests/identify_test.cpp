@@ -150,6 +150,25 @@ TEST(Identify, WhatTheDataOrTheCallerSayOfInitialStatesIsTaken) {
   EXPECT_EQ(result.model.initial_state, InitialState::unknown);
 }
 
+// A gust that meets every experiment: over all steps together its mean is nothing.
+TEST(Identify, MeanMotionsOfFewStepsAreFound) {
+  const Model system = oscillator(100);
+  const auto moved = [](Ensemble e) {
+    for (Index k = 40; k < 46; ++k) e.output(k).col(0).array() += 20;
+    return e;
+  };
+  const Ensemble e = moved(experiments(system, {.experiments = 40, .measurement_noise = 0.1}));
+  const Ensemble fresh = moved(experiments(system, {.experiments = 10, .seed = 9, .measurement_noise = 0.1}));
+  const IdentifyOptions options{.states = 4, .lags = 4};
+  const Identification result = identify(e, options);
+  EXPECT_TRUE(result.nominal);
+  EXPECT_LT(result.nominal_test.statistic, result.nominal_test.threshold);
+  ASSERT_EQ(result.nominal_test.departures.size(), 1u);
+  EXPECT_EQ(result.nominal_test.departures[0].channel, 2);
+  EXPECT_EQ(result.nominal_test.departures[0].steps, (std::vector<Index>{40, 41, 42, 43, 44, 45}));
+  EXPECT_GT(validate(result.model, fresh).simulation.fit.minCoeff(), 90.0);
+}
+
 TEST(Identify, NominalTrajectoriesAreFoundRemovedAndAddedBack) {
   const Model system = oscillator(50);
   const auto moved = [](Ensemble e) {

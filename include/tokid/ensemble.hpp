@@ -170,13 +170,23 @@ Ensemble departures(Ensemble ensemble, const Nominal& nominal);
 // Gives the steps k, k+P, k+2P … the mean of their motions: steps that share a model depart from one motion.
 void share_phases(Nominal& nominal, Index period);
 
-// Is the mean motion significantly different from zero? The mean over channels and steps of t² = N·mean²/variance, held
-// against the quantile of Student's t² that only one run in a thousand exceeds when the true mean is zero. The bound
-// holds for any correlation in time, because a mean of correlated t² has its heaviest tail when all of them are one.
+// Is the mean motion over the experiments different from zero? With the mean of a channel over the N experiments of a
+// step, t² = N·mean²/variance, where the variance counts as no smaller than its average over the steps of the channel.
+// Two tests share the error of one run in a thousand. The mean of t² over all channels and steps sees a small motion
+// that lasts; its bound is right for any correlation in time. The largest t² sees a motion of few steps; its bound is
+// corrected for the number of channels and steps (Bonferroni), which is right for any correlation too.
 struct NominalTest {
+  // A channel, inputs first, and the steps at which its own t² is beyond the bound.
+  struct Departure {
+    Index channel = 0;
+    std::vector<Index> steps;
+  };
   double statistic = 0.0;  // mean of t²
   double threshold = 0.0;
-  bool significant = false;
+  double step_statistic = 0.0;  // the t² of one channel at one step that is largest beside its bound
+  double step_threshold = 0.0;  // that bound; it grows as the samples of the step become fewer
+  std::vector<Departure> departures;
+  bool significant = false;  // by either test
 };
 NominalTest test_nominal(const Ensemble& ensemble);
 

@@ -29,6 +29,10 @@ std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& 
                                             bool estimate);
 std::vector<std::string> prediction_remarks(const Model& model, const Ensemble& data, const Ensemble& predicted);
 
+// What was done with the mean motion by this test, why, and which channels depart at which steps: for one line of a
+// table. `inputs`: how many of the channels are inputs. With a period the steps are phases.
+std::string nominal_remark(const NominalTest& test, const Channels& names, Index inputs, Index period);
+
 // The warnings of the folds, each of them once.
 std::vector<std::string> remarks(const CrossValidation& cross);
 

@@ -57,7 +57,15 @@ nb::any object_of(const NormalisedSquares& s) {
 }
 
 nb::any object_of(const NominalTest& t) {
-  return make("NominalTest", {{"statistic", t.statistic}, {"threshold", t.threshold}, {"significant", t.significant}});
+  nb::list departures;
+  for (const NominalTest::Departure& d : t.departures)
+    departures.append(make("Departure", {{"channel", d.channel}, {"steps", d.steps}}));
+  return make("NominalTest", {{"statistic", t.statistic},
+                              {"threshold", t.threshold},
+                              {"step_statistic", t.step_statistic},
+                              {"step_threshold", t.step_threshold},
+                              {"departures", departures},
+                              {"significant", t.significant}});
 }
 
 nb::any object_of(const InitialStateTest& t) {

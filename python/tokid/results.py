@@ -217,13 +217,39 @@ class NominalTest(_Result):
     statistic : float
         Mean of t² over channels and steps.
     threshold : float
-        What one run in a thousand exceeds when the true mean is zero.
+        Its bound.
+    step_statistic : float
+        The t² of one channel at one step that is largest beside its bound.
+    step_threshold : float
+        That bound, corrected for the number of channels and steps.
+    departures : list of Departure
+        Channels and steps whose own t² is beyond the bound.
     significant : bool
+        By either test.
     """
 
     statistic: float
     threshold: float
+    step_statistic: float
+    step_threshold: float
+    departures: list[Departure]
     significant: bool
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Departure(_Result):
+    """A channel whose mean over the experiments departs from zero.
+
+    Attributes
+    ----------
+    channel : int
+        Number of the channel from 0 on, inputs first.
+    steps : list of int
+        Steps at which its own t² is beyond the bound; with a period its phases.
+    """
+
+    channel: int
+    steps: list[int]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -56,6 +56,28 @@ std::vector<Part> stretches(const EnsembleFile& file, const IdentifyOptions& o) 
   return result;
 }
 
+// The samples of stretches of one length, one after the other.
+Ensemble in_a_row(const std::vector<const Ensemble*>& stretches) {
+  const Ensemble& first = *stretches.front();
+  const Index width = first.samples().cols(), count = Index(stretches.size());
+  Ensemble all(first.experiments(), first.steps() * count, first.inputs(), first.outputs());
+  for (Index i = 0; i < count; ++i) all.samples().middleCols(i * width, width) = stretches[size_t(i)]->samples();
+  return all;
+}
+
+// One test of the mean motion at the steps of all stretches, which keeps its error whatever their number.
+NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensemble>& data) {
+  std::vector<const Ensemble*> stretches;
+  for (const Ensemble& e : data) stretches.push_back(&e);
+  NominalTest test = tokid::test_nominal(in_a_row(stretches));
+  for (NominalTest::Departure& departure : test.departures)
+    for (Index& k : departure.steps) {
+      const Index length = data.front().steps();
+      k = parts[size_t(k / length)].begin + k % length;
+    }
+  return test;
+}
+
 // What is to be said of single experiments, and of channels that cannot be told apart: of these steps alone. `found`
 // are the identifications of the parts, of which some may have failed.
 void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool nominal,
@@ -78,12 +100,10 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
     if (states_asked && found[i]) add(warnings_of_hidden_states(found[i]->model, part.begin));
   }
 
-  const Ensemble& first = parts.front().whole;
-  const Index width = first.samples().cols(), count = Index(parts.size());
-  Ensemble all(first.experiments(), first.steps() * count, first.inputs(), first.outputs());
-  for (Index i = 0; i < count; ++i) all.samples().middleCols(i * width, width) = parts[size_t(i)].whole.samples();
-  result.copies = find_copies(all);
-  add(warnings_of(result.copies, first,
+  std::vector<const Ensemble*> stretches;
+  for (const Part& part : parts) stretches.push_back(&part.whole);
+  result.copies = find_copies(in_a_row(stretches));
+  add(warnings_of(result.copies, parts.front().whole,
                   "Blocks use them all, so errors on experiments left out look too small; delete them, or call with "
                   "--block all"));
 
@@ -130,12 +150,8 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
 
   NominalTest nominal;
   if (options.nominal == NominalChoice::automatic) {
-    o.nominal = NominalChoice::none;
-    for (const Ensemble& e : data) {
-      const NominalTest test = test_nominal(e);
-      if (test.significant) o.nominal = NominalChoice::mean;
-      if (test.statistic > nominal.statistic) nominal = test;
-    }
+    nominal = test_nominal(parts, data);
+    o.nominal = nominal.significant ? NominalChoice::mean : NominalChoice::none;
   }
 
   std::vector<std::optional<Identification>> identified(parts.size());

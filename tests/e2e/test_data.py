@@ -210,11 +210,41 @@ def test_nominal_trajectory_can_be_left_in(identify, swinging):
     assert "u_nominal" not in model and "y_nominal" not in model
 
 
+def gust(u, y, size=20.0):
+    """A mean departure of the first output at 6 of the steps."""
+    y = y.copy()
+    y[:, 40:46, 0] += size
+    return {"u": u, "y": y}
+
+
+@pytest.mark.parametrize(("steps", "options"), [(100, []), (200, ["--lags", 4, "--block", 192])])
+def test_a_mean_motion_of_few_steps_is_found(tokid, tmp_path, steps, options):
+    for name, seed, count in (("data", 1, 60), ("fresh", 2, 20)):
+        tokid("example", "oscillator", "-o", tmp_path / f"{name}.npz", "--steps", steps, "--experiments", count, "--seed", seed,
+              "--measurement-noise", 0.1)
+        found = load(tmp_path / f"{name}.npz")
+        np.savez(tmp_path / f"{name}.npz", **{**found, **gust(found["u"], found["y"])})
+    data = tmp_path / "data.h5"  # which can be read in blocks
+    tokid("convert", tmp_path / "data.npz", data)
+    call = ["identify", data, "-o", tmp_path / "model.h5", "--states", 4, *options]
+    found = tokid.json(*call)
+    assert found["nominal"] is True
+    test = found["nominal_test"]
+    assert test["significant"] is True
+    assert test["statistic"] < test["threshold"] and test["step_statistic"] > test["step_threshold"]
+    assert test["departures"] == [{"channel": "y1", "steps": [[40, 45]]}]
+    assert "it is significant: y1 at steps 40–45" in tokid(*call).stdout
+    validated = tokid.json("validate", tmp_path / "model.h5", tmp_path / "fresh.npz")
+    assert min(validated["simulation_fit"]) > 90
+
+
 def test_no_nominal_trajectory_where_there_is_none(identify):
     u, y = experiments(random_system(10, 25, 3, 2, 2), 40, 11)
     found, model = identify("--lags", 2, u=u, y=y, initial_state="zero")
     assert found["nominal"] is False
-    assert found["nominal_test"]["statistic"] < found["nominal_test"]["threshold"]
+    test = found["nominal_test"]
+    assert test["statistic"] < test["threshold"] and test["step_statistic"] < test["step_threshold"]
+    assert test["departures"] == []
     assert "u_nominal" not in model
 
 
@@ -323,9 +353,9 @@ def test_differences_between_data_and_model_are_told(tokid, tmp_path, oscillator
     assert tokid.json("validate", oscillator / "model.npz", oscillator / "fresh.npz")["warnings"] == []
 
 
-def test_channels_in_another_order_are_told(tokid, identify, tmp_path):
+def test_channels_of_other_names_are_told(tokid, identify, tmp_path):
     u, y = experiments(random_system(10, 15, 2, 2, 2), 30, 11)
     identify("--lags", 1, u=u, y=y, input_names=["left", "right"], initial_state="zero")
-    np.savez(tmp_path / "fresh.npz", u=u, y=y, input_names=["right", "left"])
+    np.savez(tmp_path / "fresh.npz", u=u, y=y, input_names=["port", "right"])
     found = tokid.json("validate", tmp_path / "model.npz", tmp_path / "fresh.npz")
-    warning_with(found, "right, left", "left, right")
+    warning_with(found, "port, right", "left, right")
