@@ -19,9 +19,6 @@ struct Call {
   bool json = false;
 };
 
-// Probabilities below it speak against a model.
-constexpr double unlikely = 0.01;
-
 // One row per output; the horizon has a column of its own where it is not one step.
 void add_table(const Call& call, const Model& model, const Validation& v, Vector Fit::*figure,
                std::string (*format)(double), Page& page) {
@@ -33,57 +30,6 @@ void add_table(const Call& call, const Model& model, const Validation& v, Vector
     if (horizon > 1) rows.back().push_back(format((v.horizon.*figure)(j)));
   }
   page.table(rows);
-}
-
-std::string probability(double p) { return p < 1e-4 ? "p < 0.0001" : fmt::format("p = {:.3g}", p); }
-
-std::string over(Pooling pooling) {
-  return pooling == Pooling::time ? ", over all steps together, experiments being few" : "";
-}
-
-std::string untested(const Validation& v) {
-  return v.noisy ? "not tested, samples being too few" : "not tested, the innovations being at rounding level";
-}
-
-// How far the covariance of the innovations is from what the model says it is.
-std::string squares_text(const Validation& v) {
-  const NormalisedSquares& s = v.squares;
-  if (!v.noisy) return untested(v);
-  if (std::isnan(s.ratio)) return "not tested, the model stating no covariance";
-  // Much data make any difference certain, however small.
-  constexpr double little = 1.2;
-  const char* meaning = s.p >= unlikely && s.ratio > NormalisedSquares::wild
-                            ? "much larger than the model says in single experiments, if not in all"
-                        : s.p >= unlikely      ? "no sign of another size than the model says"
-                        : s.ratio > little     ? "larger than the model says: it is overconfident"
-                        : s.ratio < 1 / little ? "smaller than the model says: it is too careful"
-                        : s.ratio > 1          ? "a little larger than the model says"
-                                               : "a little smaller than the model says";
-  return fmt::format("{:.3g} times the stated covariance ({}): {}", s.ratio, probability(s.p), meaning);
-}
-
-std::string whiteness_text(const Validation& v) {
-  if (std::isnan(v.whiteness.p)) return untested(v);
-  return fmt::format("{}: {}{}", probability(v.whiteness.p),
-                     v.whiteness.p < unlikely ? "the innovations are correlated in time"
-                                              : "no sign of correlation between innovations",
-                     over(v.whiteness.over));
-}
-
-std::string independence_text(const Validation& v) {
-  if (std::isnan(v.independence.p)) return untested(v);
-  return fmt::format(
-      "{}: {}{}", probability(v.independence.p),
-      v.independence.p < unlikely ? "the inputs explain part of the innovations" : "the inputs explain nothing more",
-      over(v.independence.over));
-}
-
-std::string feedback_text(const Validation& v) {
-  if (std::isnan(v.feedback.p)) return untested(v);
-  return fmt::format("{}: {}{}", probability(v.feedback.p),
-                     v.feedback.p < unlikely ? "later inputs answer to the outputs, which is no fault of the model"
-                                             : "no sign that inputs answer to outputs",
-                     over(v.feedback.over));
 }
 
 // "4 in all folds", "4 in 3 folds, 5 in 2"
@@ -133,10 +79,12 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   add_table(call, model, v, &Fit::fit, percent, page);
   page.row("RMS error", "");
   add_table(call, model, v, &Fit::rmse, number, page);
-  page.row("Innovations", squares_text(v));
-  page.row("Whiteness", whiteness_text(v));
-  page.row("Inputs", independence_text(v));
-  page.row("Feedback", feedback_text(v));
+  const Conclusions found = conclusions(v, model.names);
+  page.row("Innovations", found.squares.text);
+  page.row("Whiteness", found.whiteness.text);
+  page.row("Inputs", found.inputs.text);
+  page.row("Gains", found.gains.text);
+  page.row("Feedback", found.feedback.text);
   if (cross) add_cross_validation(call, model, *cross, page);
   return page.text();
 }
@@ -200,6 +148,14 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
   j["independence_p"] = v.independence.p;
   j["feedback_p"] = v.feedback.p;
   j["tested_over"] = name(v.whiteness.over);
+  j["gain_errors"] = numbers(v.gains.error);
+  j["gain_deviations"] = numbers(v.gains.deviation);
+  const Conclusions found = conclusions(v, model.names);
+  j["findings"] = {{"nis", to_string(found.squares.finding)},
+                   {"whiteness", to_string(found.whiteness.finding)},
+                   {"independence", to_string(found.inputs.finding)},
+                   {"gains", to_string(found.gains.finding)},
+                   {"feedback", to_string(found.feedback.finding)}};
   j["cross_validation"] = cross ? json(*cross) : Json();
   j["warnings"] = v.warnings;
   return j;

@@ -9,6 +9,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "innovation_checks.hpp"
 #include "nan.hpp"
 #include "statistics.hpp"
 
@@ -330,7 +331,9 @@ Independence independence_over_time(const Innovations& innovations, const Ensemb
   return sums.result(first, Pooling::time);
 }
 
-void check_same(const Innovations& innovations, const Ensemble& data) {
+}  // namespace
+
+void check_innovations(const Innovations& innovations, const Ensemble& data) {
   const auto disagrees = [&](const Matrix& e) { return e.rows() != data.experiments() || e.cols() != data.outputs(); };
   if (static_cast<Index>(innovations.size()) != data.steps() ||
       std::any_of(innovations.begin(), innovations.end(), disagrees))
@@ -340,12 +343,10 @@ void check_same(const Innovations& innovations, const Ensemble& data) {
                                             data.experiments(), data.outputs()));
 }
 
-}  // namespace
-
 Independence independence(const Innovations& innovations, const Ensemble& data, Index first, Index last) {
   if (first > last)
     throw std::invalid_argument(fmt::format("lags: {} to {} found, a first and a last one needed", first, last));
-  check_same(innovations, data);
+  check_innovations(innovations, data);
   switch (pooling(innovations)) {
     case Pooling::experiments:
       return independence_over_experiments(innovations, data, first, last);

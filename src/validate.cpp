@@ -149,6 +149,8 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
     if (predicted && !any) result.first_predicted = k;
     any = any || predicted;
   }
+  const Vector untested = Vector::Constant(model.inputs, nan);
+  result.gains = {untested, untested, untested};
   // No test of noise applies to errors of arithmetic.
   result.noisy = innovation > rounding_share * rounding_share * output;
   if (result.noisy && options.whiteness_lags > 0) {
@@ -158,6 +160,7 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
     result.independence = independence(scaled, data, 0, options.whiteness_lags);
     result.feedback = independence(scaled, data, -options.whiteness_lags, -1);
     result.squares = normalised_squares(model, e);
+    result.gains = input_gains(model, data, prediction.innovations);
   }
   result.whiteness_p = result.whiteness.p;
   if (!any)

@@ -125,7 +125,7 @@ std::string figure(double value, int digits) {
   return fmt::format("{}{}·10{}", value < 0 ? "−" : "", mantissa, superscript(std::stoi(text.substr(e + 1))));
 }
 
-std::string probability(double p) { return p < 1e-4 ? "p < 0.0001" : fmt::format("p = {:.2g}", p); }
+std::string probability(double p) { return p < 1e-4 ? "p < 0.0001" : fmt::format("p = {:.3g}", p); }
 
 std::string percent_range(const Vector& fits) {
   double least = std::numeric_limits<double>::infinity(), most = -least;

@@ -52,7 +52,7 @@ class TrueModels : public ::testing::TestWithParam<Setting> {};
 // The tests of the innovations of the true Kalman filter on its own data.
 TEST_P(TrueModels, HaveUniformProbabilities) {
   const Setting& s = GetParam();
-  std::vector<double> white, independent, feedback, squares;
+  std::vector<double> white, independent, feedback, squares, gains;
   double ratio = 0.0;
   for (int run = 0; run < runs; ++run) {
     const ExperimentOptions options{.experiments = s.experiments,
@@ -72,13 +72,15 @@ TEST_P(TrueModels, HaveUniformProbabilities) {
     independent.push_back(v.independence.p);
     feedback.push_back(v.feedback.p);
     squares.push_back(v.squares.p);
+    gains.push_back(std::erfc(std::abs(v.gains.error(0)) / v.gains.deviation(0) / std::sqrt(2.0)));
     ratio += v.squares.ratio / runs;
     EXPECT_EQ(v.whiteness.over, s.constant ? Pooling::time : Pooling::experiments);
     EXPECT_EQ(v.independence.over, v.whiteness.over);
     EXPECT_EQ(v.squares.normal, s.experiments < 20);
   }
-  for (const auto& [test, p] : {std::pair("whiteness", white), std::pair("inputs", independent),
-                                std::pair("feedback", feedback), std::pair("squares", squares)}) {
+  for (const auto& [test, p] :
+       {std::pair("whiteness", white), std::pair("inputs", independent), std::pair("feedback", feedback),
+        std::pair("squares", squares), std::pair("gains", gains)}) {
     const double distance = distance_from_uniform(p);
     EXPECT_LT(distance, one_in_a_thousand) << test;
     RecordProperty(test, std::to_string(distance));  // for the table of docs/math.md
@@ -378,6 +380,55 @@ TEST(Independence, IsNotTestedWhereInputsFillTheSpaceOfTheExperiments) {
   Innovations e;
   for (Index k = 0; k < 6; ++k) e.push_back(random.matrix(5, 1));
   EXPECT_TRUE(std::isnan(independence(e, data, 0, 2).p));
+}
+
+// Effects of the inputs that are wrong in the model, each by its own factor, with feedback from the outputs.
+TEST(InputGains, TellHowMuchStrongerTheEffectsAre) {
+  const ExperimentOptions options{.experiments = 60, .process_noise = 0.1, .measurement_noise = 0.1};
+  const Model system = with_noise(oscillator(50), options);
+  for (const bool gaps : {false, true}) {
+    Ensemble data = experiments(system, options);
+    Random random(2);
+    if (gaps)
+      for (Index k = 0; k < data.steps(); ++k)
+        for (double& y : data.output(k).reshaped())
+          if (random.uniform(0, 1) < 0.1) y = nan;
+    Model wrong = system;
+    for (size_t k = 0; k < wrong.B.size(); ++k) {
+      wrong.B[k].col(0) *= 0.5, wrong.D[k].col(0) *= 0.5;
+      wrong.B[k].col(1) *= -1.0, wrong.D[k].col(1) *= -1.0;
+    }
+    const InputGains right = validate(system, data).gains, found = validate(wrong, data).gains;
+    for (Index i = 0; i < 2; ++i) {
+      EXPECT_LT(right.deviation(i), 0.02);
+      EXPECT_LT(std::abs(right.error(i)), 4 * right.deviation(i));
+      EXPECT_GT(right.share(i), 0.2);
+    }
+    EXPECT_NEAR(found.error(0), 1.0, 0.05);
+    EXPECT_NEAR(found.error(1), -2.0, 0.05);
+    EXPECT_EQ(conclusions(validate(system, data), {}).gains.finding, Finding::nothing);
+    const Conclusion against = conclusions(validate(wrong, data), {}).gains;
+    EXPECT_EQ(against.finding, Finding::against);
+    EXPECT_NE(against.text.find("to u2 the other way than the model says"), std::string::npos) << against.text;
+  }
+}
+
+TEST(InputGains, AreNotKnownOfInputsThatDoNotDiffer) {
+  const ExperimentOptions options{.experiments = 20, .process_noise = 0.1, .measurement_noise = 0.1};
+  const Model system = with_noise(oscillator(30), options);
+  Ensemble data = experiments(system, options);
+  for (Index k = 0; k < data.steps(); ++k) data.input(k).col(1).setConstant(std::sin(0.3 * double(k)));
+  const InputGains found = validate(system, data).gains;
+  EXPECT_TRUE(std::isnan(found.error(1)));
+  EXPECT_TRUE(std::isinf(found.deviation(1)));
+  EXPECT_EQ(found.share(1), 0.0);
+  // Two inputs of which one is half of the other can't be told apart.
+  for (Index k = 0; k < data.steps(); ++k) data.input(k).col(1) = 0.5 * data.input(k).col(0);
+  const InputGains together = input_gains(system, data, predict(system, data).innovations);
+  EXPECT_TRUE(std::isfinite(together.share(0)));
+  EXPECT_THROW(input_gains(system, Ensemble(20, 30, 1, 2), Innovations(30, Matrix::Zero(20, 2))),
+               std::invalid_argument);
+  EXPECT_THROW(input_gains(system, data, Innovations(29, Matrix::Zero(20, 2))), std::invalid_argument);
 }
 
 }  // namespace

@@ -236,19 +236,55 @@ TEST(Verdict, ReadsTheInnovations) {
   for (Matrix& s : overconfident.innovation_cov) s *= 0.4;
   Verdict v = verdict(overconfident, data);
   EXPECT_EQ(v.trust, Trust::look_closer);
-  EXPECT_TRUE(contains(all_reasons(v), "overconfident: the squares of its innovations are 2.5 times"))
+  EXPECT_TRUE(contains(all_reasons(v), "Squared innovations: 2.49 times the stated covariance") &&
+              contains(all_reasons(v), "it is overconfident"))
       << all_reasons(v);
   Model wrong = truth;
   for (Matrix& d : wrong.D) d(0, 0) += 0.05;
   v = verdict(wrong, data);
   EXPECT_EQ(v.trust, Trust::look_closer);
-  EXPECT_TRUE(contains(all_reasons(v), "The inputs explain part of the innovations (p < 0.0001, correlation 0."))
+  EXPECT_TRUE(contains(all_reasons(v), "p < 0.0001: the inputs explain part of the innovations, correlation up to 0."))
       << all_reasons(v);
-  EXPECT_TRUE(contains(all_reasons(v), "at lag 0)")) << all_reasons(v);
+  EXPECT_TRUE(contains(all_reasons(v), "at lag 0.")) << all_reasons(v);
   const std::string page = report_page(wrong, data).html;
   EXPECT_TRUE(contains(page, "squared innovations over their stated covariance"));
-  EXPECT_TRUE(contains(page, "they explain part of the innovations"));
-  EXPECT_TRUE(contains(page, "no sign of feedback"));
+  EXPECT_TRUE(contains(page, "the inputs explain part of the innovations"));
+  EXPECT_TRUE(contains(page, "no sign that inputs answer to outputs"));
+}
+
+// The page, the verdict and validate() have one number and one conclusion for each test, and the headline holds what
+// they conclude: models that are right, a little wrong and wrong, on few and many experiments.
+TEST(ReportPage, SaysOfEachTestWhatValidateSays) {
+  int silent = 0, small = 0, loud = 0;
+  for (const double error : {0.0, 0.01, 0.05, 0.3})
+    for (const Index count : {20, 200}) {
+      const ExperimentOptions options{
+          .experiments = count, .seed = 8, .process_noise = 0.02, .measurement_noise = 0.05};
+      Model model = with_noise(oscillator(40), options);
+      const Ensemble data = experiments(model, options);
+      for (Matrix& d : model.D) d(0, 0) += error;
+      const ReportPage page = report_page(model, data);
+      const Conclusions found = conclusions(validate(model, data), model.names);
+      std::string text = page.html;
+      for (const auto& [mark, plain] : {std::pair("&nbsp;", " "), std::pair("&#8288;", "")})
+        for (size_t at; (at = text.find(mark)) != std::string::npos;) text.replace(at, std::string(mark).size(), plain);
+      bool against = false, negligible = false;
+      for (const Conclusion* c : {&found.squares, &found.whiteness, &found.inputs, &found.gains}) {
+        EXPECT_TRUE(contains(text, escape(c->text))) << c->text;
+        EXPECT_EQ(contains(all_reasons(page.verdict), c->text), c->finding == Finding::against) << c->text;
+        against = against || c->finding == Finding::against;
+        negligible = negligible || c->finding == Finding::negligible;
+      }
+      EXPECT_TRUE(contains(text, escape(found.feedback.text)));
+      const bool none = contains(page.html, "None of the checks of this page speaks against the model.");
+      EXPECT_EQ(none, page.verdict.reasons.empty() && !negligible) << error;
+      EXPECT_EQ(contains(page.html, "No check counts against the model."), page.verdict.reasons.empty() && negligible);
+      if (against) {
+        EXPECT_NE(page.verdict.trust, Trust::good);
+      }
+      silent += none, small += negligible && page.verdict.reasons.empty(), loud += against;
+    }
+  EXPECT_TRUE(silent > 0 && small > 0 && loud > 0) << silent << " " << small << " " << loud;
 }
 
 TEST(Verdict, SaysWhereAnInputRests) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "expected_errors.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
 
@@ -51,6 +52,54 @@ TEST(Validate, SaysWhenNothingCanBePredicted) {
   ASSERT_FALSE(v.warnings.empty());
   EXPECT_NE(v.warnings[0].find("no step could be predicted"), std::string::npos);
   EXPECT_THROW(validate(from_step(system, 10), e), std::invalid_argument);
+}
+
+// Mean squares of what the simulations and predictions of true models leave, over their expectations. Of N experiments
+// the standard deviation is √(2/N); the largest of some hundred means lies within five of them.
+TEST(ExpectedErrors, AreThoseOfTrueModels) {
+  constexpr Index N = 4000, T = 30;
+  for (const bool unstable : {false, true})
+    for (const InitialState state : {InitialState::zero, InitialState::unknown})
+      for (const bool estimate : {true, false}) {
+        const ExperimentOptions options{
+            .experiments = N, .seed = 5, .process_noise = 0.1, .measurement_noise = 0.3, .initial_state = state};
+        Model model = with_noise(unstable ? random_system({3, 2, 1}, T, 1.3, 8) : oscillator(T), options);
+        const Ensemble data = experiments(model, options);
+        // Without them the first samples tell the initial states.
+        if (!estimate) model.x0_mean.resize(0), model.x0_cov.resize(0, 0);
+        const Matrix expected = expected_simulation_errors(model, model.innovation_cov, state, T);
+        const Ensemble simulated = simulate_data(model, data, state);
+        for (Index k = 0; k < T; ++k)
+          for (Index j = 0; j < model.outputs; ++j) {
+            const double found = (data.output(k).col(j) - simulated.output(k).col(j)).squaredNorm() / double(N);
+            EXPECT_EQ(std::isnan(expected(k, j)), std::isnan(found)) << k;
+            // As many samples as states leave rounding errors.
+            if (std::isfinite(found)) {
+              EXPECT_NEAR(found, expected(k, j), 5 * std::sqrt(2.0 / N) * expected(k, j) + 1e-20) << k;
+            }
+          }
+        if (state == InitialState::unknown) continue;
+        constexpr Index horizons = 6;
+        const Matrix ahead = expected_prediction_errors(model, model.innovation_cov, 0, T, horizons);
+        for (Index h = 1; h <= horizons; ++h) {
+          const Ensemble predicted = predict(model, data, {h}).y;
+          Vector found = Vector::Zero(model.outputs);
+          for (Index k = h - 1; k < T; ++k)
+            found += (data.output(k) - predicted.output(k)).colwise().squaredNorm().transpose();
+          found /= double(N) * double(T - h + 1);
+          for (Index j = 0; j < model.outputs; ++j)
+            EXPECT_NEAR(found(j) / ahead(h - 1, j), 1.0, 5 * std::sqrt(2.0 / N)) << h;
+        }
+      }
+}
+
+TEST(Conclusions, SayWhatWasNotTested) {
+  const Model system = oscillator(40);
+  const Conclusions exact = conclusions(validate(system, experiments(system)), system.names);
+  for (const Conclusion* c : {&exact.squares, &exact.whiteness, &exact.inputs, &exact.gains, &exact.feedback}) {
+    EXPECT_EQ(c->finding, Finding::untested);
+    EXPECT_EQ(c->text, "not tested, the innovations are at rounding level");
+  }
 }
 
 }  // namespace

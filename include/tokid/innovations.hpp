@@ -12,6 +12,11 @@
 
 namespace tokid {
 
+// Lags of the tests in time, where nothing else is asked for: docs/math.md says why so many.
+inline constexpr Index test_lags = 5;
+// Probabilities below it are held to be no chance.
+inline constexpr double unlikely = 0.01;
+
 // Innovations ε_k: T matrices of N × m, NaN where there is none.
 using Innovations = std::vector<Matrix>;
 
@@ -80,5 +85,21 @@ struct NormalisedSquares {
 };
 // \throws std::invalid_argument for another number of outputs
 NormalisedSquares normalised_squares(const Model& model, const Innovations& innovations);
+
+// Do the outputs answer to each input as strongly as the model says? If the effects B, D of input i were 1 + α_i times
+// those of the model, the innovations would have the part Σ α_i (C_k s_i + D_k u_i), where s_i is the response of the
+// observer's error to the input. α is the least-squares estimate, each step weighted by its covariance. Past inputs are
+// independent of an innovation in closed loop too. What all experiments have in common is removed step by step, unless
+// the steps share a model or there is one experiment.
+struct InputGains {
+  Vector error;      // (r) α; NaN where the inputs don't tell it, or nothing was tested
+  Vector deviation;  // (r) its standard deviation; infinite where the inputs don't tell it
+  // (r) What the model answers to this input alone, RMS of its simulation relative to that of the output, for the
+  // output where it is largest: an error α changes the simulation by this share of α.
+  Vector share;
+};
+// The innovations are those of predict(). \throws std::invalid_argument for numbers of experiments, steps or channels
+// that disagree
+InputGains input_gains(const Model& model, const Ensemble& data, const Innovations& innovations);
 
 }  // namespace tokid

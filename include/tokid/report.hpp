@@ -39,6 +39,9 @@ struct Verdict {
   Trust trust = Trust::distrust;
   std::string summary;
   std::vector<std::string> reasons;  // against the model, the gravest first; empty where nothing is
+  // The steps ahead by which the fits were judged; 0: by simulation. Predictions are judged where the noise that the
+  // model states spoils the simulation of an exact model too.
+  Index horizon = 0;
 };
 // \throws as report_page
 Verdict verdict(const Model& model, const Ensemble& data, const ReportOptions& options = {});

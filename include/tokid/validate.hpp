@@ -11,7 +11,7 @@ namespace tokid {
 
 struct ValidateOptions {
   Index horizon = 1;                               // H of the H-step fit
-  Index whiteness_lags = 5;                        // of the tests of the innovations; 0: none of them
+  Index whiteness_lags = test_lags;                // of the tests of the innovations; 0: none of them
   std::optional<InitialState> initial_state = {};  // as in PredictOptions
 };
 
@@ -34,12 +34,28 @@ struct Validation {
   Independence independence;  // of past and present inputs, lags 0 … whiteness_lags
   Independence feedback;      // of later inputs, lags -whiteness_lags … -1: a small p is no fault of the model
   NormalisedSquares squares;
+  InputGains gains;
   Index first_predicted = 0;  // first step with a prediction
   Index first_simulated = 0;  // and with a simulation
   std::vector<std::string> warnings;
 };
 // \throws std::invalid_argument where channels disagree or no step of the data has a model
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
+
+// What a test of the innovations says against a model: nothing; something beyond chance that is too small to matter; or
+// something that counts.
+enum class Finding { untested, nothing, negligible, against };
+const char* to_string(Finding finding);  // "untested", "nothing", "negligible", "against"
+
+// A test in words, the same for every reader.
+struct Conclusion {
+  Finding finding = Finding::untested;
+  std::string text;  // the probability, and what it means
+};
+struct Conclusions {
+  Conclusion squares, whiteness, inputs, gains, feedback;
+};
+Conclusions conclusions(const Validation& validation, const Channels& names);
 
 // The simulation that is judged: outputs for the inputs of the data alone, from the known initial state or, where that
 // is unknown, from the one that the first samples tell; NaN where there is none.

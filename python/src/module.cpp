@@ -11,6 +11,7 @@ NB_MODULE(_tokid, module) {
 
   module.doc() = "Bindings of the C++ library tokid; private, see the package tokid.";
   module.attr("version") = std::string(tokid::version);
+  module.attr("test_lags") = tokid::test_lags;
   // std::invalid_argument is a ValueError already, std::bad_alloc a MemoryError, other std::exceptions RuntimeErrors.
   const nb::exception<tokid::IoError> io_error(module, "IoError", PyExc_OSError);
   io_error.attr("__doc__") =

@@ -133,18 +133,21 @@ nb::any object_of(const Outlier& o) {
 nb::any object_of(const Fit& f) { return make("Fit", {{"fit", f.fit}, {"rmse", f.rmse}, {"samples", f.samples}}); }
 
 nb::any object_of(const Validation& v) {
-  return make("Validation", {{"simulation", object_of(v.simulation)},
-                             {"one_step", object_of(v.one_step)},
-                             {"horizon", object_of(v.horizon)},
-                             {"noisy", v.noisy},
-                             {"whiteness_p", v.whiteness_p},
-                             {"whiteness", object_of(v.whiteness)},
-                             {"independence", object_of(v.independence)},
-                             {"feedback", object_of(v.feedback)},
-                             {"squares", object_of(v.squares)},
-                             {"first_predicted", v.first_predicted},
-                             {"first_simulated", v.first_simulated},
-                             {"warnings", texts(v.warnings)}});
+  return make("Validation",
+              {{"simulation", object_of(v.simulation)},
+               {"one_step", object_of(v.one_step)},
+               {"horizon", object_of(v.horizon)},
+               {"noisy", v.noisy},
+               {"whiteness_p", v.whiteness_p},
+               {"whiteness", object_of(v.whiteness)},
+               {"independence", object_of(v.independence)},
+               {"feedback", object_of(v.feedback)},
+               {"squares", object_of(v.squares)},
+               {"gains", make("InputGains",
+                              {{"error", v.gains.error}, {"deviation", v.gains.deviation}, {"share", v.gains.share}})},
+               {"first_predicted", v.first_predicted},
+               {"first_simulated", v.first_simulated},
+               {"warnings", texts(v.warnings)}});
 }
 
 nb::any object_of(const NoisyChoices& c) {
@@ -161,7 +164,8 @@ nb::any object_of(const LikelihoodChoice& c) {
 }
 
 nb::any object_of(const Verdict& v) {
-  return make("Verdict", {{"trust", to_string(v.trust)}, {"summary", v.summary}, {"reasons", v.reasons}});
+  return make("Verdict",
+              {{"trust", to_string(v.trust)}, {"summary", v.summary}, {"reasons", v.reasons}, {"horizon", v.horizon}});
 }
 
 nb::any object_of(const Identification& i) {

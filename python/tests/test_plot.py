@@ -290,7 +290,7 @@ def test_gains_and_state_matrix(model, exact, page, exact_page, which):
 
 def test_whiteness(model, data, page):
     shown = page["whiteness"]
-    lags = np.arange(1, 11)
+    lags = np.arange(1, 1 + model.validate(data).whiteness.bound.size)
     ax = plot.whiteness(model, data)
     for j, name in enumerate(["angle", "rate"]):
         same(ax, name, lags, shown["correlation"][j])

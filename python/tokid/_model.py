@@ -698,7 +698,7 @@ class Model(Channels):
         y: Optional[ArrayLike] = None,
         *,
         horizon: int = 1,
-        whiteness_lags: int = 5,
+        whiteness_lags: int = _tokid.test_lags,
         initial_state: str = "auto",
     ) -> Validation:
         """How good the model is on data: fits of simulation and prediction, tests of the innovations.

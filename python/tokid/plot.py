@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
+from . import _tokid
 from ._ensemble import Ensemble
 from ._model import Model
 from ._optional import need
@@ -906,7 +907,7 @@ def whiteness(
     u: Optional[Data] = None,
     y: Optional[ArrayLike] = None,
     *,
-    lags: int = 10,
+    lags: int = _tokid.test_lags,
     initial_state: str = "auto",
     ax: Optional[Axes] = None,
 ) -> Axes:
@@ -920,7 +921,7 @@ def whiteness(
         The model, or what `Model.validate` has found already.
     u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble, or DataFrame
         Experiments, beside a model.
-    lags : int, default 10
+    lags : int, default 5
         Lags that are tested.
     initial_state : {"auto", "zero", "unknown"}, default "auto"
         States at step 0.
@@ -980,7 +981,7 @@ def whiteness(
     _whole(ax.xaxis)
     ax.set_xlabel("Lag [steps]")
     ax.set_ylabel("Correlation")
-    probability = "p < 0.001" if white.p < 0.001 else f"p = {white.p:.3g}"
+    probability = "p < 0.0001" if white.p < 1e-4 else f"p = {white.p:.3g}"
     ax.set_title(f"Whiteness of the innovations, {probability}", loc="left", fontsize="medium")
     _legend(ax, min(correlation.shape[1], _MOST_STATES) + 1 if correlation.shape[1] > 4 else 0)
     return ax

@@ -133,6 +133,25 @@ class NormalisedSquares(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class InputGains(_Result):
+    """Do the outputs answer to each input as strongly as the model says?
+
+    Attributes
+    ----------
+    error : ndarray, shape (r,)
+        α: the outputs answer 1 + α times as strongly as the model says; NaN where the inputs don't tell it.
+    deviation : ndarray, shape (r,)
+        Its standard deviation; infinite where the inputs don't tell it, NaN where nothing was tested.
+    share : ndarray, shape (r,)
+        RMS of what the model answers to this input alone, relative to the output where that is largest.
+    """
+
+    error: Array
+    deviation: Array
+    share: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Validation(_Result):
     """How good a model is on data.
 
@@ -150,6 +169,7 @@ class Validation(_Result):
     feedback : Independence
         Of later inputs: a small p is no fault of the model.
     squares : NormalisedSquares
+    gains : InputGains
     first_predicted, first_simulated : int
         First steps with a prediction and with a simulation.
     warnings : list of str
@@ -164,6 +184,7 @@ class Validation(_Result):
     independence: Independence
     feedback: Independence
     squares: NormalisedSquares
+    gains: InputGains
     first_predicted: int
     first_simulated: int
     warnings: list[str]
@@ -209,8 +230,26 @@ class NoisyChoices(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Departure(_Result):
+    """A channel whose mean over the experiments departs from zero.
+
+    Attributes
+    ----------
+    channel : int
+        Number of the channel from 0 on, inputs first.
+    steps : list of int
+        Steps at which its own t² is beyond the bound; with a period its phases.
+    """
+
+    channel: int
+    steps: list[int]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class NominalTest(_Result):
     """Is the mean motion significantly different from zero?
+
+    Two tests share the error of one run in a thousand: the mean of t² over channels and steps, and the largest t².
 
     Attributes
     ----------
@@ -234,22 +273,6 @@ class NominalTest(_Result):
     step_threshold: float
     departures: list[Departure]
     significant: bool
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Departure(_Result):
-    """A channel whose mean over the experiments departs from zero.
-
-    Attributes
-    ----------
-    channel : int
-        Number of the channel from 0 on, inputs first.
-    steps : list of int
-        Steps at which its own t² is beyond the bound; with a period its phases.
-    """
-
-    channel: int
-    steps: list[int]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -832,11 +855,14 @@ class Verdict(_Result):
         One sentence of figures.
     reasons : list of str
         Against the model, the gravest first.
+    horizon : int
+        Steps ahead of the predictions that were judged; 0: the simulation was.
     """
 
     trust: str
     summary: str
     reasons: list[str]
+    horizon: int
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -94,8 +94,14 @@ double chance_agreement(const Ensemble& data, Index input, double distance) {
   return pairs > 0 ? double(close) / double(pairs) : 1.0;
 }
 
-std::vector<WeakInput> weak_inputs(const Ensemble& data) {
+std::vector<WeakInput> weak_inputs(const Model& model, const Ensemble& data) {
   std::vector<WeakInput> result;
+  if (model.period > 0) {  // inputs that differ over time tell as much as those that differ between experiments
+    for (Index i = 0; i < data.inputs(); ++i)
+      if (const ChannelSummary s = channel_summary(data, i); s.samples > 1 && s.min == s.max)
+        result.push_back({i, {}, 0.0, true});
+    return result;
+  }
   if (data.experiments() < 3) return result;  // no spread to speak of
   for (Index i = 0; i < data.inputs(); ++i) {
     const std::vector<double> spread = spreads(data, i);
@@ -124,14 +130,25 @@ std::vector<WeakInput> weak_inputs(const Ensemble& data) {
   return result;
 }
 
-// What a pooled figure hides: outputs that rest, steps and experiments that stand out, steps without a comparison.
-void judge_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
+std::vector<Index> outputs_at_rest(const Ensemble& data) {
+  std::vector<Index> result;
   for (Index j = 0; j < data.outputs(); ++j) {
     const ChannelSummary s = channel_summary(data, data.inputs() + j);
-    if (s.samples > 1 && !(s.max - s.min > 1e-12 * std::max(std::abs(s.max), std::abs(s.min))))
-      found.at_rest.push_back(j);
+    if (s.samples > 1 && !(s.max - s.min > 1e-12 * std::max(std::abs(s.max), std::abs(s.min)))) result.push_back(j);
   }
+  return result;
+}
 
+// RMS of the innovations that the model states at step k, relative to the spread of the outputs; 0 where it states
+// none.
+double stated_error(const Model& model, const Vector& spread, Index k) {
+  if (model.innovation_cov.empty()) return 0.0;
+  const Vector variance = model.innovation_cov[model.at(k)].diagonal();
+  return std::sqrt((variance.array() / spread.array().square()).mean());
+}
+
+// What a pooled figure hides: steps and experiments that stand out, steps without a comparison.
+void judge_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
   const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
@@ -140,7 +157,10 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
       found.untested.push_back(k);
       continue;
     }
-    if (error > bounds::error_floor && error > bounds::error_peak * usual) found.error_peaks.push_back(k);
+    // A state that is not known at first is known later: the model may say so.
+    if (error > bounds::error_floor && error > bounds::error_peak * usual &&
+        error > bounds::error_stated * stated_error(model, spread, k))
+      found.error_peaks.push_back(k);
     // Covariances of few degrees of freedom are themselves too uncertain.
     if (model.innovation_cov.empty() || freedom < 10) continue;
     double sum = 0.0;
@@ -176,20 +196,6 @@ void judge_regressions(const Model& model, Evidence& found) {
   }
 }
 
-void judge_innovations(Evidence& found) {
-  const Whiteness& white = found.validation.whiteness;
-  found.correlated = found.validation.whiteness_p < bounds::whiteness;
-  for (Index j = 0; j < white.correlation.rows(); ++j)
-    for (const double c : white.correlation.row(j)) {
-      found.correlated = found.correlated || std::abs(c) > 1.5 * white.bound(j);
-      if (std::abs(c) > found.correlation) found.correlation = std::abs(c), found.correlation_lag = j + 1;
-    }
-  const Independence& inputs = found.validation.independence;
-  for (Index j = 0; j < inputs.correlation.size(); ++j)
-    if (inputs.correlation(j) > found.input_correlation)
-      found.input_correlation = inputs.correlation(j), found.input_lag = inputs.first + j;
-}
-
 // Experiments of the identification, where the model has kept their number.
 Index identified_from(const Model& model, const ReportOptions& options) {
   if (options.identified_from > 0) return options.identified_from;
@@ -210,11 +216,7 @@ Evidence evidence(const Model& model, const Tested& tested) {
   ValidateOptions validate_options;
   validate_options.horizon = found.horizon;
   validate_options.initial_state = options.initial_state;
-  validate_options.whiteness_lags = 10;
   Judged judged = judge(model, data, validate_options);
-  found.validation = std::move(judged.validation);
-  found.prediction = std::move(judged.prediction);
-  found.simulated = std::move(judged.simulated);
   found.names = model.names;
   const auto complete = [](std::vector<std::string>& names, const std::vector<std::string>& others) {
     if (names.empty()) names = others;
@@ -232,7 +234,7 @@ Evidence evidence(const Model& model, const Tested& tested) {
   Index expected = data.samples().size();
   for (const Index length : data.length) expected -= (data.steps() - length) * data.channels();
   found.missing_share = expected > 0 ? double(found.missing) / double(expected) : 0.0;
-  found.noisy = found.validation.noisy;
+  found.noisy = judged.validation.noisy;
   if (!model.lags.empty()) {
     found.lags = model.max_lags();
     for (Index k = model.k_begin; k < model.k_end(); ++k) found.unknowns = std::max(found.unknowns, unknowns(model, k));
@@ -240,13 +242,21 @@ Evidence evidence(const Model& model, const Tested& tested) {
   found.identified_from = identified_from(model, options);
   found.samples = found.identified_from * (model.period > 0 ? std::max<Index>(1, data.steps() / model.period) : 1);
   judge_regressions(model, found);
-  judge_innovations(found);
-  found.weak_inputs = weak_inputs(data);
+  found.weak_inputs = weak_inputs(model, data);
   found.differences = differences(model, data);
+  found.conclusions = conclusions(judged.validation, found.names);
 
   const Vector spread = output_spread(model, data);
+  found.at_rest = outputs_at_rest(data);
+  std::vector<Index> moving;
+  for (Index j = 0; j < data.outputs(); ++j)
+    if (std::find(found.at_rest.begin(), found.at_rest.end(), j) == found.at_rest.end()) moving.push_back(j);
+  found.judged = judged_horizon(model, data, judged, options.initial_state, spread, moving, found.conclusions);
+  found.validation = std::move(judged.validation);
+  found.prediction = std::move(judged.prediction);
+  found.simulated = std::move(judged.simulated);
   found.step_error = relative_errors(data, found.prediction.y, spread).step;
-  found.experiment_error = relative_errors(data, found.simulated, spread).experiment;
+  found.experiment_error = relative_errors(data, found.judged.computed, spread).experiment;
   if (!std::isfinite(finite_median(found.experiment_error)))
     found.experiment_error = relative_errors(data, found.prediction.y, spread).experiment;
   judge_errors(model, data, spread, found);

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "conclusions.hpp"
 #include "provenance.hpp"
+#include "report/horizon.hpp"
 #include "tokid/report.hpp"
 #include "tokid/validate.hpp"
 #include "words.hpp"
@@ -17,15 +19,18 @@ using words::figure, words::percent, words::percent_range, words::plural, words:
 // Bounds that the verdict and the tables use; the page states them.
 namespace bounds {
 inline constexpr double good_fit = 80.0, poor_fit = 50.0;  // [%]
-inline constexpr double whiteness = 0.01;                  // p below it counts as correlated …
-inline constexpr double correlation = 0.2;                 // … and matters where a correlation is larger than this
-inline constexpr double overconfident = 2.0;               // normalised innovations squared, over their number
+inline constexpr double useless_fit = 10.0;                // [%] below it noise is no excuse
+inline constexpr double expected_fit = 90.0;               // [%] an exact model predicts well from here on …
+inline constexpr double like_one_step = 1.25;              // … or with errors so many times those of one step
+inline constexpr double as_expected = 1.25;                // errors over those of an exact model that noise explains
+inline constexpr double inputs_show = 0.5;                 // what inputs do within a horizon over its errors
 inline constexpr double ill_conditioned = 1e8;             // always
 inline constexpr double worse_than_usual = 30.0;           // with noise: so many times the median condition …
 inline constexpr double worth_a_word = 1e3;                // … and larger than this
 inline constexpr double weak_input = 0.02;                 // spread of an input over its median spread
 inline constexpr double error_peak = 5.0;                  // one-step error of a step over the median of the steps
-inline constexpr double error_floor = 0.05;                // … and over the spread of the output
+inline constexpr double error_floor = 0.05;                // … and over the spread of the output …
+inline constexpr double error_stated = 2.0;                // … and over what the model states for the step
 inline constexpr double beyond_noise = 5.0;                // one-step error over what the identification left there
 inline constexpr double outlier = 10.0;                    // error of an experiment over the median of all
 inline constexpr double coverage = 0.9;                    // share of the model's steps that the data test
@@ -44,6 +49,8 @@ struct WeakInput {
 
 struct Evidence {
   Validation validation;
+  Conclusions conclusions;
+  JudgedHorizon judged;
   Prediction prediction;  // one step
   Ensemble simulated;
   Channels names;  // of the model, or of the data where the model has none
@@ -65,12 +72,7 @@ struct Evidence {
   std::vector<Index> at_rest;       // outputs that do not move in the data: their fits say nothing
   std::vector<Index> untested;      // steps of the model without a comparison
   std::vector<double> step_error;   // (T) RMS one-step error over outputs, relative to their spread; NaN where none
-  std::vector<double> experiment_error;  // (N) the same of the simulation, or of the prediction where there is none
-  bool correlated = false;               // innovations, by the test or by a mean correlation well beyond its bound
-  double correlation = 0.0;              // the largest of the mean correlations in size
-  Index correlation_lag = 0;
-  double input_correlation = 0.0;  // the largest of the innovations with past and present inputs, beyond chance
-  Index input_lag = 0;
+  std::vector<double> experiment_error;  // (N) the same at the judged horizon, or one step ahead without a simulation
   std::vector<std::string> differences;  // between the data's and the model's sample time and names
 
   // Experiment n of those tested, as words::experiment() has it.

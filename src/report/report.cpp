@@ -126,11 +126,15 @@ class Report {
     const Validation& v = found_.validation;
     std::string tiles = tile(percent_range(v.simulation.fit), "simulation fit") +
                         tile(percent_range(v.one_step.fit), "one-step prediction fit");
-    if (!std::isnan(v.whiteness_p))
-      tiles +=
-          tile(probability(v.whiteness_p),
-               found_.correlated ? fmt::format("innovations correlated in time, by at most {:.2f}", found_.correlation)
-                                 : std::string("innovations without correlation"));
+    if (verdict_.horizon > 0)
+      tiles += tile(percent_range(found_.judged.fit.fit),
+                    fmt::format("fit {} ahead, by which it is judged", plural(verdict_.horizon, "step")));
+    static constexpr const char* whiteness[] = {"", "innovations without correlation",
+                                                "innovations correlated in time, but little",
+                                                "innovations correlated in time"};
+    const Finding white = found_.conclusions.whiteness.finding;
+    if (white != Finding::untested)
+      tiles += tile(probability(v.whiteness_p), whiteness[static_cast<size_t>(white)]);
     else
       tiles += tile("–", found_.noisy ? "whiteness: too few samples" : "innovations at rounding level");
     if (!std::isnan(v.squares.ratio))
@@ -143,36 +147,60 @@ class Report {
         "<section id=\"verdict\" class=\"verdict {}\" aria-label=\"Verdict\">\n{}{}{}<div "
         "class=\"tiles\">\n{}</div>\n{}</section>\n",
         css_class[static_cast<size_t>(verdict_.trust)], status(verdict_.trust), paragraph(verdict_.summary, "summary"),
-        verdict_.reasons.empty() ? paragraph("None of the checks of this page speaks against the model.")
-                                 : list(verdict_.reasons, "reasons"),
-        tiles, thresholds());
+        verdict_.reasons.empty() ? paragraph(no_reasons()) : list(verdict_.reasons, "reasons"), tiles, thresholds());
+  }
+
+  // What stands in the place of the reasons against the model where there are none.
+  std::string no_reasons() const {
+    const Conclusions& c = found_.conclusions;
+    std::vector<std::string> small;
+    for (const auto& [test, conclusion] :
+         {std::pair{"their correlation in time", &c.whiteness}, std::pair{"that with the inputs", &c.inputs},
+          std::pair{"the effects of the inputs", &c.gains}, std::pair{"their size", &c.squares}})
+      if (conclusion->finding == Finding::negligible) small.emplace_back(test);
+    if (small.empty()) return "None of the checks of this page speaks against the model.";
+    return fmt::format(
+        "No check counts against the model. The innovations show something beyond chance that is too little to count: {}.",
+        fmt::join(small, ", "));
   }
 
   std::string thresholds() const {
     const std::vector<std::string> rules = {
-        fmt::format("Good: every output is simulated to {:.0f} % or more, on experiments that the identification did "
-                    "not use, or on at least three times as many of its own as there are unknowns per output and step; "
-                    "and none of the following.",
-                    bounds::good_fit),
         fmt::format(
-            "Look closer: a simulation fit from {:.0f} to {:.0f} %, or from 0 % beside one-step predictions of "
-            "{:.0f} % or more; one-step errors of a step above {:.0f} times the median and {:.0f} % of the "
-            "spread of the outputs, or above {:.0f} times those of the identification there; errors of an "
+            "Judged is the simulation. Where the noise that the model states would spoil the simulation of an exact "
+            "model too (fit below {:.0f} %, and errors above {:.2f} times those of one step), it says nothing of the model: "
+            "then predictions are judged, over as many steps as an exact model would predict well, up to 100.",
+            bounds::expected_fit, bounds::like_one_step),
+        fmt::format(
+            "Good: the judged fit of every output is {:.0f} % or more, on experiments that the identification did "
+            "not use, or on at least three times as many of its own as there are unknowns per output and step; "
+            "and none of the following.",
+            bounds::good_fit),
+        fmt::format(
+            "Look closer: a judged fit from {:.0f} to {:.0f} %; a lower one from {:.0f} % on, where the errors are at most "
+            "{:.2f} times those of an exact model with the noise that the model states; a simulation from 0 % on beside "
+            "predictions over several steps of {:.0f} % or more; inputs that move the judged predictions by less than {:.1f} "
+            "times their errors; one-step errors of a step above {:.0f} times the median, {:.0f} % of the "
+            "spread of the outputs and {:.0f} times what the model states, or above {:.0f} times those of the "
+            "identification there; errors of an "
             "experiment above {:.0f} times the median; outputs that rest; fewer than {:.0f} % of the model's steps "
             "tested; nothing simulated; training data whose number is not known; regressions of noisy data "
             "without full rank; noise, and fewer than two experiments per unknown; fewer than {} "
             "experiments tested; more than {:.0f} % of the samples missing; condition numbers above {}, or "
             "with noise above {} and {:.0f} times their median; an input whose spread over the experiments "
-            "falls below {:.0f} % of its median, beyond chance, or that never varies; innovations that are correlated beyond chance, in "
-            "time or with the inputs, and by more than {:.1f}, or whose squares are beyond chance and more than {:.0f} "
-            "times what the model states; another sample time or other names than the model's.",
-            bounds::poor_fit, bounds::good_fit, bounds::good_fit, bounds::error_peak, 100 * bounds::error_floor,
+            "falls below {:.0f} % of its median, beyond chance, or that never varies; innovations that are correlated "
+            "beyond chance, in time or with the inputs, and by {:.1f} or more, or whose squares are beyond chance and more "
+            "than {:.0f} times what the model states; inputs whose effect is wrong beyond chance, and changes a simulation "
+            "by {:.0f} % or more, or is not known to {:.0f} %; another sample time or other names than the model's.",
+            bounds::poor_fit, bounds::good_fit, bounds::useless_fit, bounds::as_expected, bounds::good_fit,
+            bounds::inputs_show, bounds::error_peak, 100 * bounds::error_floor, bounds::error_stated,
             bounds::beyond_noise, bounds::outlier, 100 * bounds::coverage, bounds::few_tested,
             100 * bounds::many_missing, figure(bounds::ill_conditioned), figure(bounds::worth_a_word),
-            bounds::worse_than_usual, 100 * bounds::weak_input, bounds::correlation, bounds::overconfident),
+            bounds::worse_than_usual, 100 * bounds::weak_input, counts::correlation, counts::overconfident,
+            100 * counts::gain, 100 * counts::gain_unknown),
         fmt::format(
-            "Don’t trust: predictions below {:.0f} %, a simulation below that without good predictions or worse "
-            "than none, an overflow, or nothing tested.",
+            "Don’t trust: predictions or a judged fit below {:.0f} % that no noise explains, inputs that never vary "
+            "beside such a fit, an overflow, or nothing tested.",
             bounds::poor_fit)};
     return "<details class=\"note\"><summary>How the status is decided</summary>" + list(rules, "plain") +
            "</details>\n";
@@ -243,13 +271,19 @@ class Report {
 
   std::string fit_section() const {
     const Validation& v = found_.validation;
-    Table table({{"Output", Align::text},
-                 {"Simulation"},
-                 {"One step"},
-                 {fmt::format("{} ahead", plural(found_.horizon, "step"))},
-                 {"RMS error, simulation"},
-                 {"RMS error, one step"}},
-                "Fit and error of each output", false);
+    const JudgedHorizon& judged = found_.judged;
+    std::vector<Table::Column> columns{{"Output", Align::text},
+                                       {"Simulation"},
+                                       {"One step"},
+                                       {fmt::format("{} ahead", plural(found_.horizon, "step"))},
+                                       {"RMS error, simulation"},
+                                       {"RMS error, one step"}};
+    if (verdict_.horizon > 0) {
+      columns.push_back({fmt::format("Judged: {} ahead", plural(verdict_.horizon, "step"))});
+      columns.push_back({"Exact model: judged"});
+      columns.push_back({"Exact model: simulation"});
+    }
+    Table table(columns, "Fit and error of each output", false);
     for (Index j = 0; j < model_.outputs; ++j) {
       const auto unit = [&](double value) {
         const std::string text = figure(value);
@@ -258,15 +292,26 @@ class Report {
                    ? text + " " + units[size_t(j)]
                    : text;
       };
-      table.row(
-          {with_unit(found_.names.output(j), {}, j), percent(v.simulation.fit(j), 1), percent(v.one_step.fit(j), 1),
-           percent(v.horizon.fit(j), 1), unit(v.simulation.rmse(j)), unit(v.one_step.rmse(j))},
-          v.simulation.fit(j) < bounds::good_fit ? "mark" : "");
+      std::vector<std::string> cells{with_unit(found_.names.output(j), {}, j),
+                                     percent(v.simulation.fit(j), 1),
+                                     percent(v.one_step.fit(j), 1),
+                                     percent(v.horizon.fit(j), 1),
+                                     unit(v.simulation.rmse(j)),
+                                     unit(v.one_step.rmse(j))};
+      if (verdict_.horizon > 0)
+        for (const double fit : {judged.fit.fit(j), judged.expected(j), judged.expected_simulation(j)})
+          cells.push_back(percent(fit, 1));
+      table.row(cells, judged.fit.fit(j) < bounds::good_fit ? "mark" : "");
     }
     std::string text =
         "Simulation uses the inputs alone; predictions use the measured outputs up to the given number of "
         "steps before. 100 % is no error, 0 % no better than ";
     text += model_.y_nominal.rows() > 0 ? "the nominal trajectory." : "the mean.";
+    if (verdict_.horizon > 0)
+      text += fmt::format(
+          " The model is judged by predictions {} ahead: with the noise that it states, the simulation of an exact model "
+          "would leave the outputs too, and over more steps its predictions would no longer be good.",
+          plural(verdict_.horizon, "step"));
     return section("fit", "Fit per output", paragraph(text) + table.html());
   }
 
@@ -470,55 +515,18 @@ class Report {
             "<p class=\"note unscripted\">The matrices themselves are in the model's file.</p>\n");
   }
 
-  std::string whiteness_text() const {
-    const std::string p = probability(found_.validation.whiteness_p);
-    if (!found_.correlated) return p + ": no sign of correlation.";
-    const std::string size = fmt::format("up to {:.3f} at lag {}", found_.correlation, found_.correlation_lag);
-    if (found_.correlation < bounds::correlation)
-      return fmt::format(
-          "{}: correlated beyond chance, but little ({}); correlations below {:.1f} do not count against "
-          "the model.",
-          p, size, bounds::correlation);
-    if (found_.validation.whiteness_p < bounds::whiteness) return fmt::format("{}: correlated in time, {}.", p, size);
-    return fmt::format("{}: the test sees nothing in single steps, but the mean correlations are beyond chance, {}.", p,
-                       size);
-  }
-
-  // Probability and words; p alone says nothing of the size.
+  // The test of 20 experiments or more presumes nothing but that they are independent.
   std::string squares_text() const {
     const NormalisedSquares& s = found_.validation.squares;
-    if (std::isnan(s.ratio)) return "Size: not tested, the model states no covariance of its innovations.";
-    return fmt::format(
-        "Size: {} times the covariance that the model states ({}), {}. {}", figure(s.ratio, 3), probability(s.p),
-        s.p >= bounds::whiteness && s.ratio > NormalisedSquares::wild
-            ? "much more than it should be in single experiments, if not in all"
-        : s.p >= bounds::whiteness ? "as it should be"
-        : s.ratio > 1              ? "more than it should be: the model is overconfident"
-                                   : "less than it should be: the model is too careful",
-        s.normal ? "The test presumes normal noise." : "The test presumes nothing but independent experiments.");
-  }
-
-  std::string inputs_text() const {
-    const Independence& inputs = found_.validation.independence;
-    if (std::isnan(inputs.p)) return "Past and present inputs: not tested, the experiments being too few for them.";
-    if (inputs.p >= bounds::whiteness)
-      return fmt::format("Past and present inputs: {}, they explain nothing that the model does not.",
-                         probability(inputs.p));
-    return fmt::format(
-        "Past and present inputs: {}, they explain part of the innovations (correlation {:.3f} at lag {}).",
-        probability(inputs.p), found_.input_correlation, found_.input_lag);
-  }
-
-  std::string feedback_text() const {
-    const double p = found_.validation.feedback.p;
-    if (std::isnan(p)) return "Later inputs: not tested, the experiments being too few for them.";
-    return fmt::format("Later inputs: {}, {}", probability(p),
-                       p >= bounds::whiteness ? "no sign of feedback."
-                                              : "they answer to the outputs. Such feedback is no fault of the model.");
+    const std::string text = found_.conclusions.squares.text + ".";
+    if (std::isnan(s.p)) return text;
+    return text +
+           (s.normal ? " The test presumes normal noise." : " The test presumes nothing but independent experiments.");
   }
 
   std::string whiteness_section() const {
     const Validation& v = found_.validation;
+    const Conclusions& c = found_.conclusions;
     const std::string about =
         "An observer that is right leaves innovations without memory. Shown is the correlation of each "
         "output's innovations with those some steps before, over the experiments, averaged over the steps.";
@@ -539,11 +547,16 @@ class Report {
                             : fmt::format("{:.3f}", v.whiteness.correlation(lag - 1, j)));
       table.row(cells);
     }
-    return section("whiteness", "Whiteness of the innovations",
-                   paragraph(about) + paragraph(whiteness_text(), "lead") +
-                       list({squares_text(), inputs_text(), feedback_text()}, "plain") + legend("legend-whiteness") +
-                       plot_place("plot-whiteness", "Correlation of the innovations over the lag, with its bounds") +
-                       fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
+    return section(
+        "whiteness", "Whiteness of the innovations",
+        paragraph(about) + paragraph(c.whiteness.text + ".", "lead") +
+            list({fmt::format("Size: {}", squares_text()), fmt::format("Past and present inputs: {}.", c.inputs.text),
+                  fmt::format("Effects of the inputs: {}.", c.gains.text),
+                  fmt::format("Later inputs: {}.", c.feedback.text)},
+                 "plain") +
+            legend("legend-whiteness") +
+            plot_place("plot-whiteness", "Correlation of the innovations over the lag, with its bounds") +
+            fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
   }
 
   std::string notes_section() const {
@@ -563,9 +576,12 @@ class Report {
          "output.",
          "Condition: of the regressors of a step with columns scaled to norm 1, in Frobenius norms, of the part of "
          "full rank.",
-         "Whiteness p: the chance of innovations as correlated over ten lags if they were white (Pillai's traces over "
-         "the experiments, or where these are too few over all steps together). The same with inputs for those. Steps "
-         "count from 0.",
+         fmt::format("Whiteness p: the chance of innovations as correlated over {} lags if they were white (Pillai's "
+                     "traces over the experiments, or where these are too few over all steps together). The same with "
+                     "inputs for those. A p below {} is held to be no chance. Steps count from 0.",
+                     test_lags, unlikely),
+         "Effects of the inputs: by how much the outputs answer to each more or less than the model says, by least "
+         "squares from the innovations, with its 99 % interval.",
          "Size of the innovations: the mean of εᵀS⁻¹ε over its number of outputs, S being the covariance that the "
          "model states. After missing outputs and unknown initial states, ε is what the best observer of this model "
          "leaves."},

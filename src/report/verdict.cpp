@@ -57,12 +57,15 @@ class Judge {
         found_(found),
         options_(options),
         simulation_(found.validation.simulation.fit),
-        one_step_(found.validation.one_step.fit) {
-    for (const Index j : found.at_rest) simulation_(j) = one_step_(j) = std::numeric_limits<double>::quiet_NaN();
+        one_step_(found.validation.one_step.fit),
+        judged_(found.judged.fit.fit) {
+    for (const Index j : found.at_rest)
+      simulation_(j) = one_step_(j) = judged_(j) = std::numeric_limits<double>::quiet_NaN();
   }
 
   Verdict judge() {
     verdict_.trust = Trust::good;
+    verdict_.horizon = found_.judged.steps;
     if (!fits()) return std::move(verdict_);
     test_data();
     regressions();
@@ -101,8 +104,112 @@ class Judge {
       text = fmt::format("No simulation could be compared on {}", tested());
     if (v.one_step.samples > 0) text += fmt::format("; one-step prediction fit {}", percent_range(one_step_));
     text += '.';
+    if (verdict_.horizon > 0) text += fmt::format(" {}", why_not_simulation());
     if (!remark_.empty()) text += " " + remark_;
     return text;
+  }
+
+  std::string why_not_simulation() const {
+    const JudgedHorizon& h = found_.judged;
+    std::string text =
+        fmt::format("Judged by predictions {} ahead, fit {}: ", plural(h.steps, "step"), percent_range(judged_));
+    const char* noise = h.stated ? "the noise that the model states" : "noise as large as its innovations";
+    const double exact = least(of_moving(h.expected_simulation));
+    return text + fmt::format("{} would spoil the simulation of an exact model too ({}).", noise,
+                              exact < 0 ? "worse than none" : fmt::format("fit {}", percent(exact)));
+  }
+
+  // NaN for outputs at rest.
+  Vector of_moving(Vector fits) const {
+    for (const Index j : found_.at_rest)
+      if (j < fits.size()) fits(j) = std::numeric_limits<double>::quiet_NaN();
+    return fits;
+  }
+
+  // Are errors of outputs below a good fit those that the model's own noise gives an exact model? Noise that explains
+  // everything explains nothing, and a model that states too much of it is no excuse.
+  bool noise_explains(const Vector& found, const Vector& expected) const {
+    if (!found_.judged.stated || expected.size() == 0 || found_.validation.squares.ratio < 1 / counts::overconfident)
+      return false;
+    for (Index j = 0; j < found.size(); ++j)
+      if (found(j) < bounds::good_fit &&
+          !(found(j) >= bounds::useless_fit && 100 - found(j) <= bounds::as_expected * (100 - expected(j))))
+        return false;
+    return true;
+  }
+
+  // No input differs between the experiments that the model was identified from.
+  bool inputs_unknown() const {
+    return options_.evaluation != Evaluation::given && Index(found_.weak_inputs.size()) == model_.inputs &&
+           std::all_of(found_.weak_inputs.begin(), found_.weak_inputs.end(),
+                       [](const WeakInput& weak) { return weak.always; });
+  }
+
+  std::string name_of_worst(const Vector& fits) const {
+    Index worst = 0;
+    for (Index j = 1; j < fits.size(); ++j)
+      if (fits(j) < fits(worst) || std::isnan(fits(worst))) worst = j;
+    return found_.names.output(worst);
+  }
+
+  void judge_simulation() {
+    const Validation& v = found_.validation;
+    const double simulation = least(simulation_), ahead = least(of_moving(v.horizon.fit));
+    if (v.simulation.samples == 0) {
+      against(Trust::look_closer, "Nothing was simulated: no initial state could be found for it.");
+      return;
+    }
+    if (!v.simulation.rmse.allFinite()) {
+      against(Trust::distrust, "The simulation overflows: the model is unstable over its steps.");
+      return;
+    }
+    if (simulation >= bounds::good_fit || std::isinf(simulation)) return;
+    const std::string output = name_of_worst(simulation_);
+    const double exact = least(of_moving(found_.judged.expected_simulation));
+    const std::string promise =
+        found_.judged.stated && std::isfinite(exact) && exact >= bounds::good_fit
+            ? fmt::format("; with the noise that the model states, an exact model would reach {}", percent(exact))
+            : "";
+    if (noise_explains(simulation_, found_.judged.expected_simulation))
+      against(Trust::look_closer,
+              fmt::format("The simulation fits output {} to {}, and the noise that the model states allows no more.",
+                          output, percent(simulation)));
+    else if (simulation < bounds::poor_fit && simulation >= 0 && ahead >= bounds::good_fit && !inputs_unknown())
+      against(Trust::look_closer,
+              fmt::format("The simulation fits output {} to {} only{}. Predictions {} ahead fit {}: use the model with "
+                          "its observer, and no further than that.",
+                          output, percent(simulation), promise, plural(found_.horizon, "step"),
+                          percent_range(of_moving(v.horizon.fit))));
+    else if (simulation < 0)
+      against(Trust::distrust, fmt::format("The simulation of output {} is worse than none at all (fit {}){}.", output,
+                                           percent(simulation), promise));
+    else if (simulation < bounds::poor_fit)
+      against(Trust::distrust,
+              fmt::format("The simulation fits output {} to {} only{}.", output, percent(simulation), promise));
+    else
+      against(Trust::look_closer, fmt::format("The simulation fits output {} to {}; {:.0f} % or more would be good{}.",
+                                              output, percent(simulation), bounds::good_fit, promise));
+  }
+
+  void judge_predictions() {
+    const JudgedHorizon& h = found_.judged;
+    const double fit = least(judged_);
+    const std::string found = fmt::format("Predictions {} ahead fit output {} to {}", plural(h.steps, "step"),
+                                          name_of_worst(judged_), percent(fit));
+    const std::string exact = fmt::format("those of an exact model would fit {}", percent_range(of_moving(h.expected)));
+    if (!h.fit.rmse.allFinite())
+      against(Trust::distrust, fmt::format("The predictions {} ahead overflow.", plural(h.steps, "step")));
+    else if (fit < bounds::good_fit && noise_explains(judged_, h.expected))
+      against(Trust::look_closer, fmt::format("{}, and the noise that the model states allows no more.", found));
+    else if (fit < bounds::poor_fit)
+      against(Trust::distrust, fmt::format("{} only; {}.", found, exact));
+    else if (fit < bounds::good_fit)
+      against(Trust::look_closer, fmt::format("{}; {}.", found, exact));
+    if (h.inputs < bounds::inputs_show)
+      against(Trust::look_closer,
+              fmt::format("What the inputs do within {} is less than {:.1f} times the errors of the predictions: these "
+                          "data hardly test their effect.",
+                          plural(h.steps, "step"), bounds::inputs_show));
   }
 
   // Nothing else counts where nothing could be compared.
@@ -128,41 +235,19 @@ class Judge {
               "predictions{}.",
               found_.names.output(j), figure(v.one_step.rmse(j), 3),
               v.simulation.samples > 0 ? fmt::format(", {} in the simulation", figure(v.simulation.rmse(j), 3)) : ""));
-    const double simulation = least(simulation_), one_step = least(one_step_);
-    const auto name = [&](const Vector& fits) {
-      Index worst = 0;
-      for (Index j = 1; j < fits.size(); ++j)
-        if (fits(j) < fits(worst) || std::isnan(fits(worst))) worst = j;
-      return found_.names.output(worst);
-    };
+    const double one_step = least(one_step_);
     if (v.one_step.samples > 0 && !v.one_step.rmse.allFinite())
       against(Trust::distrust, "The predictions overflow: the observer does not follow these data.");
-    else if (v.one_step.samples > 0 && one_step < bounds::poor_fit)
-      against(Trust::distrust,
-              fmt::format("One-step predictions fit output {} to {} only.", name(one_step_), percent(one_step)));
-    if (v.simulation.samples == 0)
-      against(Trust::look_closer, "Nothing was simulated: no initial state could be found for it.");
-    else if (!v.simulation.rmse.allFinite())
-      against(Trust::distrust, "The simulation overflows: the model is unstable over its steps.");
-    else if (simulation < 0)
-      against(Trust::distrust, fmt::format("The simulation of output {} is worse than none at all (fit {}){}.",
-                                           name(simulation_), percent(simulation),
-                                           one_step >= bounds::good_fit
-                                               ? fmt::format("; predictions with the observer in the loop are not ({})",
-                                                             percent_range(one_step_))
-                                               : ""));
-    else if (simulation < bounds::poor_fit && one_step >= bounds::good_fit)
-      against(
-          Trust::look_closer,
-          fmt::format("Simulated outputs leave the measured ones (output {}: {}), one-step predictions don't ({}): use "
-                      "the model with its observer in the loop, not alone.",
-                      name(simulation_), percent(simulation), percent_range(one_step_)));
-    else if (simulation < bounds::poor_fit)
-      against(Trust::distrust,
-              fmt::format("The simulation fits output {} to {} only.", name(simulation_), percent(simulation)));
-    else if (simulation < bounds::good_fit)
-      against(Trust::look_closer, fmt::format("The simulation fits output {} to {}; {:.0f} % or more would be good.",
-                                              name(simulation_), percent(simulation), bounds::good_fit));
+    else if (v.one_step.samples > 0 && one_step < bounds::poor_fit) {
+      const bool noise = noise_explains(one_step_, found_.judged.expected_one_step);
+      against(noise ? Trust::look_closer : Trust::distrust,
+              fmt::format("One-step predictions fit output {} to {} only{}.", name_of_worst(one_step_),
+                          percent(one_step), noise ? ", and the noise that the model states allows no more" : ""));
+    }
+    if (found_.judged.steps > 0)
+      judge_predictions();
+    else
+      judge_simulation();
     if (!found_.error_peaks.empty())
       against(Trust::look_closer, fmt::format("One-step errors at {} are more than {:.0f} times the median.",
                                               step_list(found_.error_peaks), bounds::error_peak));
@@ -268,7 +353,8 @@ class Judge {
       const char* effect = options_.evaluation == Evaluation::training ? "its effect there can hardly be identified"
                                                                        : "its effect there is hardly tested";
       if (weak.always)
-        against(Trust::look_closer, fmt::format("{}: nothing is known of its effect.", text));
+        against(inputs_unknown() && !(least(judged_) >= bounds::good_fit) ? Trust::distrust : Trust::look_closer,
+                fmt::format("{}: nothing is known of its effect.", text));
       else
         against(Trust::look_closer, fmt::format("{} ({}): {}.", text, spread(weak), effect));
     }
@@ -278,32 +364,22 @@ class Judge {
                                               step_list(found_.deficient)));
   }
 
-  // What correlations mean is clear only where nothing graver is wrong.
   void innovations() {
-    const Validation& v = found_.validation;
-    const bool alone = reasons_.empty();
-    if (found_.correlated && found_.correlation >= bounds::correlation)
-      against(Trust::look_closer,
-              fmt::format(
-                  "The innovations are correlated in time ({}, up to {:.2f} at lag {}){}", probability(v.whiteness_p),
-                  found_.correlation, found_.correlation_lag,
-                  alone ? ": the model leaves something unexplained that more lags or states might take up." : "."));
-    if (v.independence.p < bounds::whiteness && found_.input_correlation >= bounds::correlation)
-      against(Trust::look_closer,
-              fmt::format("The inputs explain part of the innovations ({}, correlation {:.2f} at lag {}){}",
-                          probability(v.independence.p), found_.input_correlation, found_.input_lag,
-                          alone ? ": the model answers to them too little, too much or too late." : "."));
-    if (v.squares.p < bounds::whiteness && v.squares.ratio > bounds::overconfident)
-      against(Trust::look_closer,
-              fmt::format("The model is overconfident: the squares of its innovations are {} times those that its own "
-                          "covariance promises. Don't rely on its error bounds.",
-                          figure(v.squares.ratio, 2)));
+    const Conclusions& c = found_.conclusions;
+    const auto add = [&](const char* test, const Conclusion& conclusion) {
+      if (conclusion.finding == Finding::against)
+        against(Trust::look_closer, fmt::format("{}: {}.", test, conclusion.text));
+    };
+    add("Whiteness of the innovations", c.whiteness);
+    add("Inputs and innovations", c.inputs);
+    add("Effects of the inputs", c.gains);
+    add("Squared innovations", c.squares);
   }
 
   const Model& model_;
   const Evidence& found_;
   const ReportOptions& options_;
-  Vector simulation_, one_step_;  // fits of the outputs that move
+  Vector simulation_, one_step_, judged_;  // fits of the outputs that move
   Verdict verdict_;
   std::vector<std::pair<Trust, std::string>> reasons_;
   std::string remark_;  // on single steps, for the summary

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """tokid report and identify --report: the page as a file. What it looks like is tested in a browser (tests/browser)."""
 
+import html
 import json
 import re
 
@@ -31,6 +32,31 @@ def test_report_says_what_validate_says(tokid, oscillator, tmp_path):
         measured = file["y"]
     for n, experiment in enumerate(data_of(page)["traces"]["experiments"]):
         np.testing.assert_allclose(np.array(experiment["y"]).T, measured[n], rtol=5.1e-6)  # six digits
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_page_and_validate_tell_one_number_of_each_test(tokid, tmp_path, seed):
+    noise = ["--steps", 40, "--process-noise", 0.05, "--measurement-noise", 0.1]
+    tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--experiments", 60, *noise)
+    tokid("example", "oscillator", "-o", tmp_path / "fresh.npz", "--experiments", 200, "--seed", seed, *noise)
+    tokid("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--states", 4)
+    verdict = tokid("report", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", tmp_path / "page.html").stdout
+    page = html.unescape((tmp_path / "page.html").read_text(encoding="utf-8")).replace("\xa0", " ").replace("\u2060", "")
+    told = tokid("validate", tmp_path / "model.npz", tmp_path / "fresh.npz").stdout
+    found = tokid.json("validate", tmp_path / "model.npz", tmp_path / "fresh.npz")
+    findings = found["findings"]
+    for row, key, p in (("Innovations", "nis", "nis_p"), ("Whiteness", "whiteness", "whiteness_p"),
+                        ("Inputs", "independence", "independence_p"), ("Gains", "gains", None),
+                        ("Feedback", "feedback", "feedback_p")):
+        text = re.search(rf"^{row} +(.*)$", told, re.M).group(1)
+        assert text in page
+        if p is not None:
+            shown = re.search(r"p = ([\d.e-]+)|p < 0.0001", text)
+            assert float(shown.group(1)) == pytest.approx(found[p], rel=6e-3) if shown.group(1) else found[p] < 1e-4
+        assert (text in verdict) == (findings[key] == "against")
+    reasons = re.findall(r"^ +- ", verdict, re.M)
+    silent = "None of the checks of this page speaks against the model" in page
+    assert silent == (not reasons and not {"against", "negligible"} & set(findings.values()))
 
 
 def test_identify_reports_on_what_it_held_out(tokid, oscillator, tmp_path):

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "report/horizon.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "evidence.hpp"
+#include "expected_errors.hpp"
+#include "nan.hpp"
+
+namespace tokid::report {
+
+namespace {
+
+// Those that the model states, or else that of the innovations at hand for all steps.
+std::vector<Matrix> innovation_covariances(const Model& model, const Innovations& innovations) {
+  if (!model.innovation_cov.empty()) return model.innovation_cov;
+  Matrix sum = Matrix::Zero(model.outputs, model.outputs);
+  Index count = 0;
+  for (const Matrix& e : innovations)
+    for (const auto row : e.rowwise())
+      if (row.allFinite()) sum += row.transpose() * row, ++count;
+  if (count > 0) sum /= double(count);
+  return std::vector<Matrix>(size_t(model.steps()), sum);
+}
+
+Vector fits(const Vector& variance, const Vector& spread) {
+  return 100 * (1 - variance.cwiseSqrt().array() / spread.array());
+}
+
+// Mean over the samples that are compared.
+Vector mean_variance(const Matrix& variances, const Ensemble& data, const Ensemble& computed) {
+  Vector sum = Vector::Zero(data.outputs()), count = sum;
+  for (Index k = 0; k < data.steps(); ++k)
+    for (Index j = 0; j < data.outputs(); ++j) {
+      if (std::isnan(variances(k, j))) continue;
+      const auto both = !(data.output(k).col(j).array() - computed.output(k).col(j).array()).isNaN();
+      sum(j) += double(both.count()) * variances(k, j);
+      count(j) += double(both.count());
+    }
+  return sum.array() / count.array();  // NaN where nothing is compared
+}
+
+// RMS over experiments and steps of what departures of the inputs from their mean do to each output within so many
+// steps. Of long records some steps stand for all.
+Vector forced_response(const Model& model, const Ensemble& data, Index begin, Index end, Index horizon) {
+  constexpr Index most_starts = 64;
+  const Index starts = std::max<Index>(1, end - begin - horizon + 1);
+  const Index stride = std::max<Index>(1, (starts + most_starts - 1) / most_starts);
+  Vector squares = Vector::Zero(model.outputs);
+  double count = 0.0;
+  for (Index start = begin; start < begin + starts; start += stride) {
+    Matrix x = Matrix::Zero(data.experiments(), model.n(start));
+    const Index last = std::min(start + horizon, end) - 1;
+    for (Index k = start; k <= last; ++k) {
+      const size_t s = model.at(k);
+      Matrix u = data.input(k);
+      u = u.array().isNaN().select(0.0, u);
+      if (data.experiments() > 1) u.rowwise() -= Eigen::RowVectorXd(u.colwise().mean());
+      if (k == last) squares += (x * model.C[s].transpose() + u * model.D[s].transpose()).colwise().squaredNorm();
+      x = (x * model.A[s].transpose() + u * model.B[s].transpose()).eval();
+    }
+    count += double(data.experiments());
+  }
+  return (squares / count).cwiseSqrt();
+}
+
+}  // namespace
+
+JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Judged& judged,
+                             std::optional<InitialState> initial_state, const Vector& spread,
+                             const std::vector<Index>& judged_outputs, const Conclusions& conclusions) {
+  if (ends_early(model, data.steps()))
+    return judged_horizon(continued(model, data.steps()), data, judged, initial_state, spread, judged_outputs,
+                          conclusions);
+  constexpr Index most_steps = 100;
+  const Validation& v = judged.validation;
+  JudgedHorizon result;
+  result.fit = v.simulation;
+  result.computed = judged.simulated;
+  result.stated = !model.innovation_cov.empty();
+  const Index end = std::min(model.k_end(), data.steps());
+  if (v.one_step.samples == 0 || model.states() == 0 || judged_outputs.empty()) return result;
+  const auto good = [&](const Fit& fit) {
+    return std::all_of(judged_outputs.begin(), judged_outputs.end(),
+                       [&](Index j) { return fit.fit(j) >= bounds::good_fit; });
+  };
+  const bool simulates = good(v.simulation);
+  if (simulates && good(v.one_step)) return result;
+  const std::vector<Matrix> covariances = innovation_covariances(model, judged.prediction.innovations);
+  const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  // An observer that does not know the initial state learns it from the first samples.
+  Index begin = std::max(v.first_predicted, model.k_begin);
+  if (!starts_from_zero(model, initial))
+    begin = std::min(std::max(begin, model.k_begin + estimation_window(model)), end - 1);
+  const Index horizons = std::max<Index>(1, std::min({most_steps, end - begin, data.steps() - 1}));
+  const Matrix ahead = expected_prediction_errors(model, covariances, begin, end, horizons);
+  const Vector simulated =
+      mean_variance(expected_simulation_errors(model, covariances, initial, data.steps()), data, judged.simulated);
+  result.expected_one_step = fits(ahead.row(0).transpose(), spread);
+  result.expected_simulation = result.expected = fits(simulated, spread);
+
+  // An exact model predicts well where its errors are small beside the outputs, or hardly larger than those of one
+  // step.
+  const auto well = [&](const Vector& variance) {
+    return std::all_of(judged_outputs.begin(), judged_outputs.end(), [&](Index j) {
+      const double small = (1 - bounds::expected_fit / 100) * spread(j);
+      return !(variance(j) > std::max(small * small, bounds::like_one_step * bounds::like_one_step * ahead(0, j)));
+    });
+  };
+  const bool inputs_wrong =
+      conclusions.inputs.finding == Finding::against || conclusions.gains.finding == Finding::against;
+  if (simulates || inputs_wrong || well(simulated)) return result;
+  result.steps = 1;
+  while (result.steps < horizons && well(ahead.row(result.steps).transpose())) ++result.steps;
+  result.expected = fits(ahead.row(result.steps - 1).transpose(), spread);
+  result.computed = result.steps == 1 ? judged.prediction.y : predict(model, data, {result.steps, initial_state}).y;
+  for (Index k = 0; k < std::min(data.steps(), begin + result.steps - 1); ++k)
+    result.computed.output(k).setConstant(nan);
+  result.fit = fit(data, result.computed, model.y_nominal);
+  const Vector forced = forced_response(model, data, begin, end, result.steps);
+  for (const Index j : judged_outputs)
+    if (result.fit.rmse(j) > 0) result.inputs = std::max(result.inputs, forced(j) / result.fit.rmse(j));
+  return result;
+}
+
+}  // namespace tokid::report

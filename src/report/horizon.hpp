@@ -1,0 +1,28 @@
+// By what is a model judged: its simulation, or predictions over fewer steps?
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "judged.hpp"
+
+namespace tokid::report {
+
+// Where the noise that the model states spoils the simulation of an exact model too, the simulation says nothing of the
+// model. Then the predictions are judged over the most steps that an exact model would predict well. A model that gets
+// the effects of the inputs wrong spoils its simulation by that, and is judged by it.
+struct JudgedHorizon {
+  Index steps = 0;             // 0: the simulation
+  bool stated = false;         // the covariances are the model's own, not those of the innovations at hand
+  Vector expected_simulation;  // (m) fit [%] of an exact model; empty where it could not be computed
+  Vector expected_one_step;    // (m) the same one step ahead
+  Vector expected;             // (m) the same at the judged horizon
+  Fit fit;                     // found at the judged horizon
+  Ensemble computed;           // outputs at the judged horizon
+  double inputs =
+      0.0;  // RMS of what the inputs do within the horizon over that of the errors, largest over the outputs
+};
+// `spread` (m): RMS of the outputs about their nominal trajectory or mean; `judged_outputs`: those that move.
+JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Judged& judged,
+                             std::optional<InitialState> initial_state, const Vector& spread,
+                             const std::vector<Index>& judged_outputs, const Conclusions& conclusions);
+
+}  // namespace tokid::report
