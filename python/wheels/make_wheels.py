@@ -36,10 +36,12 @@ def without_python_path():
 
 def program_of_this_machine(version):
     """A Python of that version, on the path or of pyenv."""
-    folders = [os.environ["PATH"], *map(str, Path.home().glob(f".pyenv/versions/{version}.*/bin"))]
-    found = shutil.which(f"python{version}", path=os.pathsep.join(folders))
-    # One of pyenv may be there to say that there is none.
-    return found if found and subprocess.run([found, "-c", ""], capture_output=True, check=False).returncode == 0 else None
+    for folder in (*os.environ["PATH"].split(os.pathsep), *Path.home().glob(f".pyenv/versions/{version}.*/bin")):
+        program = Path(folder) / f"python{version}"
+        # One of pyenv on the path may be there only to say that there is none.
+        if program.exists() and subprocess.run([program, "-c", ""], capture_output=True, check=False).returncode == 0:
+            return program
+    return None
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,14 @@ class Python:
     nanobind: str | None = None  # instead of that of requirements.txt
 
     def headers(self, target, debian):
+        general = target.root / "usr/include"
+        target.unpack(debian, "libcrypt-dev", "trixie")  # Python.h includes crypt.h before 3.11
         if self.release:
+            # Debian's pyconfig.h includes that of the processor from the general folder.
             target.unpack(debian, f"libpython{self.version}-dev", self.release)
-            # Debian's pyconfig.h includes that of the processor from there.
-            return [target.root / "usr/include" / f"python{self.version}", target.root / "usr/include"]
+            return [general / f"python{self.version}", general]
         # These do not differ between processors of 64 bits.
-        return [self.include_of_this_machine()]
+        return [self.include_of_this_machine(), general]
 
     def include_of_this_machine(self):
         """None where there is no such Python with its headers."""
