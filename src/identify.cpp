@@ -886,7 +886,7 @@ Identification Pipeline::run(bool validated, const Ensemble* measured, const std
                                             data_->inputs(), data_->outputs()));
   check_magnitudes(samples, data_->names, data_->inputs());
   if (measured)
-    for (std::string& text : remarks(*data_)) warn(std::move(text));
+    for (std::string& text : remarks(*measured)) warn(std::move(text));
   const bool gaps = samples.missing > 0;
   hold_out();
   if (result_.held_out) samples = survey(*data_, 0, data_->steps());

@@ -88,3 +88,15 @@ def test_updates_use_each_experiment_once(tokid, tmp_path):
     assert "twice.npz: 16 of 32 experiments are copies of others, within rounding: 16 of 0;" in told["warnings"][0]
     with h5py.File(tmp_path / "plain.h5") as plain, h5py.File(tmp_path / "found.h5") as found:
         assert np.array_equal(plain["window_factors"][()], found["window_factors"][()])
+
+
+def test_remarks_on_the_file_are_kept_beside_copies(tokid, tmp_path):
+    u, y = campaign(24)
+    u, y = np.concatenate([u, u[:2]]), np.concatenate([y, y[:2]])
+    names = [f"u{i + 1}" for i in range(u.shape[2])] + [f"y{j + 1}" for j in range(y.shape[2])]
+    lines = ["experiment,k," + ",".join(names) + ",wind"]
+    lines += [",".join([str(n), str(k), *map(repr, u[n, k].tolist() + y[n, k].tolist()), "0"])
+              for n in range(len(u)) for k in range(u.shape[1])]
+    (tmp_path / "data.csv").write_text("\n".join(lines) + "\n")
+    said = tokid("identify", tmp_path / "data.csv", "-o", tmp_path / "model.npz", "--no-refine").stderr
+    assert "2 of 26 experiments are copies" in said and "wind" in said
