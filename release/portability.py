@@ -21,7 +21,7 @@ from pathlib import Path
 
 from machine import Machine, need, run
 
-TREE = "/root/tokid"
+TREE = "/usr/src/tokid"
 BUILD = f"{TREE}/build"
 
 # What the tests of whole programs take, which the rows of compilers and processors go without
