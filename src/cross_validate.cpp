@@ -49,16 +49,6 @@ std::vector<std::string> names_of(const Ensemble& e, const std::vector<Index>& m
   return names;
 }
 
-// The part of the progress that one fold takes.
-Execution share(const Execution& whole, size_t fold, size_t folds) {
-  Execution part{whole.threads, {}};
-  if (whole.progress)
-    part.progress = [&report = whole.progress, fold, folds](double done) {
-      report((double(fold) + done) / double(folds));
-    };
-  return part;
-}
-
 // Outputs of the whole ensemble, put together from those of the folds.
 class Pooled {
  public:
@@ -129,7 +119,8 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
     IdentifyOptions fold_options = identify_options;
     fold_options.hold_out = 0.0;
     fold_options.frame = Frame::raw;  // the outputs are the same in any
-    fold_options.execution = share(identify_options.execution, i, members.size());
+    fold_options.execution =
+        share(identify_options.execution, double(i) / double(members.size()), double(i + 1) / double(members.size()));
     Identification found =
         identify_without(ensemble.subset(others(ensemble.experiments(), members[i])), fold_options, i, members.size());
     const Model& model = found.model;

@@ -166,7 +166,7 @@ class Pipeline {
   Index step_count() const { return static_cast<Index>(arx_.step.size()); }
   const GtvArxStep& step(Index k) const { return arx_.step[size_t(k)]; }
   void warn(std::string text) { result_.warnings.push_back(std::move(text)); }
-  Execution share(double from, double to) const;
+  Execution share(double from, double to) const { return tokid::share(options_.execution, from, to); }
 
   const IdentifyOptions& options_;
   const Ensemble* data_;  // the caller's, or own_ once something of it is changed
@@ -180,16 +180,6 @@ class Pipeline {
   GtvArx arx_;
   Identification result_;
 };
-
-// The part of the whole progress that one stage takes.
-Execution Pipeline::share(double from, double to) const {
-  Execution execution{options_.execution.threads, {}};
-  if (options_.execution.progress)
-    execution.progress = [report = options_.execution.progress, from, to](double done) {
-      report(from + (to - from) * done);
-    };
-  return execution;
-}
 
 void Pipeline::hold_out() {
   if (options_.hold_out == 0) return;

@@ -26,6 +26,13 @@ void checkpoint() {
   if (check) (*check)();
 }
 
+Execution share(const Execution& whole, double from, double to) {
+  Execution part{whole.threads, {}};
+  if (whole.progress)
+    part.progress = [report = whole.progress, from, to](double done) { report(from + (to - from) * done); };
+  return part;
+}
+
 void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body) {
   const Index total = end - begin;
   if (total <= 0) return;

@@ -70,13 +70,10 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
     result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
     return result;
   }
-  const auto share = [&report = options.refine.execution.progress](double from, double to) {
-    return report ? Progress([&report, from, to](double done) { report(from + (to - from) * done); }) : Progress();
-  };
   RefineModelOptions part = options;
-  part.refine.execution.progress = share(0.0, 0.5);
+  part.refine.execution = share(options.refine.execution, 0.0, 0.5);
   choose(model, data, part, result);
-  part.refine.execution.progress = share(0.5, 1.0);
+  part.refine.execution = share(options.refine.execution, 0.5, 1.0);
   part.refine.smoothing = result.smoothing;
   result.refinement = refine(model, data, part.refine);
   Model& refined = result.refinement.model;

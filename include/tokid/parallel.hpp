@@ -16,6 +16,9 @@ struct Execution {
   Progress progress = {};  // empty: silent
 };
 
+// For a stage that takes the part from … to of the whole progress: the same threads, and its own share reported so.
+Execution share(const Execution& whole, double from, double to);
+
 // Calls body(begin, end) on contiguous, disjoint pieces that cover [begin, end). The pieces may run at the same time;
 // results are the same bits for any number of threads as long as each index writes only what belongs to it. The first
 // exception thrown by a piece is rethrown here.

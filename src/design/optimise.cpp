@@ -194,9 +194,8 @@ Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude
   for (size_t stage = 0; stage < stages.size(); ++stage) {
     const double q = stages[stage];
     conditions.rescale(inputs(angle));
-    Progress progress;
-    if (execution.progress)
-      progress = [&](double share) { execution.progress((double(stage) + share) / double(stages.size())); };
+    const double all = double(stages.size());
+    const Progress progress = share(execution, double(stage) / all, double(stage + 1) / all).progress;
     angle = descend(angle, iterations, progress, [&](const Matrix& x, Matrix& gradient) {
       const double value = conditions(inputs(x), q, gradient);
       gradient.array() *= limit.array() * x.array().cos();

@@ -156,21 +156,19 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
   for (Index first = 0; first < options.replicates; first += batch) {
     const Index end = std::min(options.replicates, first + batch);
     std::vector<std::optional<Vector>> found(size_t(end - first));
-    Execution execution{options.execution.threads, {}};
-    if (options.execution.progress)
-      execution.progress = [&](double done) {
-        options.execution.progress((double(first) + done * double(end - first)) / double(options.replicates));
-      };
-    parallel_for(first, end, execution, [&](Index begin, Index last) {
-      for (Index b = begin; b < last; ++b) {
-        const Vector weights = draw_weights(experiments, options.spread, options.seed * 1'000'003 + std::uint64_t(b));
-        try {
-          found[size_t(b - first)] = functional(identified(data, weights, f, options)) - estimate;
-        } catch (const std::exception&) {
-          // Counted below: a few that fail are no reason to do without the others.
-        }
-      }
-    });
+    const double all = double(options.replicates);
+    parallel_for(first, end, share(options.execution, double(first) / all, double(end) / all),
+                 [&](Index begin, Index last) {
+                   for (Index b = begin; b < last; ++b) {
+                     const Vector weights =
+                         draw_weights(experiments, options.spread, options.seed * 1'000'003 + std::uint64_t(b));
+                     try {
+                       found[size_t(b - first)] = functional(identified(data, weights, f, options)) - estimate;
+                     } catch (const std::exception&) {
+                       // Counted below: a few that fail are no reason to do without the others.
+                     }
+                   }
+                 });
     for (const std::optional<Vector>& deviation : found)
       if (deviation) {
         moments.add(*deviation);

@@ -134,14 +134,7 @@ class Bounds {
   bool with_nominal() const { return model_.y_nominal.rows() > 0; }
   void warn(std::string text) { result_.warnings.push_back(std::move(text)); }
 
-  Execution share(double from, double to) const {
-    Execution execution{options_.execution.threads, {}};
-    if (options_.execution.progress)
-      execution.progress = [report = options_.execution.progress, from, to](double done) {
-        report(from + (to - from) * done);
-      };
-    return execution;
-  }
+  Execution share(double from, double to) const { return tokid::share(options_.execution, from, to); }
 
   void from_factors() {
     GtvArxOptions o;
