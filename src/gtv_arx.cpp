@@ -32,6 +32,11 @@ void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape,
   leverages_.setZero(experiments, T);
 }
 
+void GtvArx::forget_noise_shapes() {
+  noise_shape_.resize(0, 0);
+  shape_rows_ = 0;
+}
+
 void GtvArx::begin_at(Index k) {
   k_begin = k = std::clamp(k, k_begin, steps());
   coefficients_.leftCols(k * slot_).setZero();

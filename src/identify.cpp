@@ -85,22 +85,6 @@ Index whole_windows(const Ensemble& e, Index lags) {
   return whole;
 }
 
-// Noise shapes are most of what regressions hold, and of no use once the Markov parameters have their variances.
-GtvArx without_noise_shapes(const GtvArx& arx) {
-  Index lags = 0;
-  for (const GtvArxStep& step : arx.step) lags = std::max(lags, step.lags);
-  GtvArx kept;
-  kept.resize(arx.steps(), arx.inputs, arx.outputs, lags, false);
-  kept.k_begin = arx.k_begin;
-  kept.step = arx.step;
-  for (Index k = arx.k_begin; k < arx.steps(); ++k) {
-    kept.coefficients(k) = arx.coefficients(k);
-    kept.residual_cov(k) = arx.residual_cov(k);
-    kept.output_rms(k) = arx.output_rms(k);
-  }
-  return kept;
-}
-
 // Steps that share a model depart from one motion: those of the first period stand for all.
 void count_in_phases(NominalTest& test, Index period) {
   for (NominalTest::Departure& departure : test.departures) {
@@ -137,8 +121,8 @@ class Pipeline {
   std::vector<Index> lag_candidates(const Ensemble& e, InitialState initial, Index period) const;
   const Ensemble& judged() const;
   void decide_initial_state();
-  Model model_of(const Markov& parameters, const HankelFactors& factors, TveraOptions o, Index states) const;
-  Index choose_states(const Markov& parameters, const HankelFactors& factors, const TveraOptions& o);
+  Model completed(Model model) const;
+  Index choose_states(const Markov& parameters, const HankelFactors& factors, TveraOptions o);
   Model tvera_model();
   std::vector<Weighting> weightings(const Ensemble& measure) const;
   Folds folds() const;
@@ -513,10 +497,8 @@ void Pipeline::decide_initial_state() {
     decide(InitialState::zero, "the first steps leave no residual");
 }
 
-// The model of one order, from its first usable step on.
-Model Pipeline::model_of(const Markov& parameters, const HankelFactors& factors, TveraOptions o, Index states) const {
-  o.states = states;
-  Model model = realise(parameters, factors, o);
+// With all that the regressions tell, from the first usable step on.
+Model Pipeline::completed(Model model) const {
   model.dt = data_->dt;
   model.names = data_->names;
   model.initial_state = initial_;
@@ -528,7 +510,7 @@ Model Pipeline::model_of(const Markov& parameters, const HankelFactors& factors,
 }
 
 // Singular values of noisy data show no rank; what counts is how well the model predicts with the outputs and without.
-Index Pipeline::choose_states(const Markov& parameters, const HankelFactors& factors, const TveraOptions& o) {
+Index Pipeline::choose_states(const Markov& parameters, const HankelFactors& factors, TveraOptions o) {
   OrderScores& scores = result_.order_scores;
   std::optional<Ensemble> fewer;
   if (data_->experiments() > most_judged) {
@@ -541,7 +523,8 @@ Index Pipeline::choose_states(const Markov& parameters, const HankelFactors& fac
   scores.price = 2.0 / 3 * double(data_->channels()) / double(data_->outputs() * data_->experiments());
   const Index most = std::min({result_.lags * data_->outputs(), o.cols * data_->inputs(), most_states});
   for (Index n = 1; n <= most; ++n) {
-    Model model = model_of(parameters, factors, o, n);
+    o.states = n;
+    Model model = completed(realise(parameters, factors, o));
     if (model.steps() == 0 || model.states() < n) break;
     const Errors e =
         errors_of(computed_by(std::move(model), judged, initial_, first_judged(initial_, result_.lags, 0)), judged);
@@ -557,12 +540,16 @@ Model Pipeline::tvera_model() {
   o.output_size = settled_ ? settled_->output_size : channel_sizes(*data_, data_->inputs(), m);
   o.input_size = settled_ ? settled_->input_size : channel_sizes(*data_, 0, r);
   o.execution = share(0.7, 0.8);
-  Markov parameters = markov(arx_, o.rows + o.cols - 1, share(0.6, 0.7));
-  arx_ = without_noise_shapes(arx_);
+  const Markov parameters = markov(arx_, o.rows + o.cols - 1, share(0.6, 0.7));
+  arx_.forget_noise_shapes();
+  if (n > 0 || !result_.noisy) {
+    o.states = n;
+    return completed(tvera(parameters, data_->free, o));
+  }
   const HankelFactors factors = hankel_factors(parameters, data_->free, o);
-  parameters.system_noise = {};
   o.execution.progress = {};
-  return model_of(parameters, factors, o, n == 0 && result_.noisy ? choose_states(parameters, factors, o) : n);
+  o.states = choose_states(parameters, factors, o);
+  return completed(realise(parameters, factors, o));
 }
 
 // What to choose from: projections need as many windows of twice the length as these have samples.

@@ -32,11 +32,10 @@ class Recursions {
 
   // h_{k,i} and h°_{k,i}, k > i: the answer of the ARX recursion to a pulse at i.                       (28), (34)
   void respond(Index i) {
-    const Index r = arx_.inputs, m = arx_.outputs;
     for (Index k = i + 1; k <= last(i); ++k) {
       const Index gap = k - i, lags = arx_.step[size_t(k)].lags;
-      auto h = markov_.system[size_t(k)].middleCols((gap - 1) * r, r);
-      auto g = markov_.gain[size_t(k)].middleCols((gap - 1) * m, m);
+      auto h = markov_.h(k, i);
+      auto g = markov_.h_gain(k, i);
       for (Index j = 1; j <= std::min(gap - 1, lags); ++j) {
         const auto minus_h2 = arx_.output_block(k, j);
         h.noalias() += minus_h2 * markov_.h(k - j, i);
@@ -77,7 +76,7 @@ class Recursions {
       projected_.resize(x.cols(), windows_.cols());
       projected_.noalias() = x.transpose() * windows_;
       for (Index c = 0; c < projected_.cols(); ++c)
-        markov.system_noise[size_t(k)].col(c) = of_.variance_.col(k) * projected_.col(c).squaredNorm();
+        markov.system_noise(k).col(c) = of_.variance_.col(k) * projected_.col(c).squaredNorm();
     }
 
    private:
@@ -89,7 +88,7 @@ class Recursions {
     const Index r = arx_.inputs;
     for (Index k = i + 1; k <= last(i); ++k) {
       const Index gap = k - i, lags = arx_.step[size_t(k)].lags;
-      auto noise = markov_.system_noise[size_t(k)].middleCols((gap - 1) * r, r);
+      auto noise = markov_.h_noise(k, i);
       for (Index j = 1; j <= std::min(gap - 1, lags); ++j)
         noise.noalias() += arx_.output_block(k, j).cwiseAbs2() * markov_.h_noise(k - j, i);
       if (gap <= lags)
@@ -108,21 +107,23 @@ class Recursions {
 
 }  // namespace
 
+Markov::Markov(Index T, Index r, Index m, Index widest, Index first)
+    : inputs(r),
+      outputs(m),
+      band(widest),
+      i_begin(first),
+      steps_(T),
+      system_(Matrix::Zero(m, T * widest * r)),
+      system_noise_(Matrix::Zero(m, T * widest * r)),
+      gain_(Matrix::Zero(m, T * widest * m)),
+      D_(Matrix::Zero(m, T * r)) {}
+
 Markov markov(const GtvArx& arx, Index band, const Execution& execution) {
   if (band < 1) throw std::invalid_argument(fmt::format("band: {} found, at least 1 needed", band));
   arx.require_noise_shape();
-  const Index steps = arx.steps(), r = arx.inputs, m = arx.outputs;
-  Markov result;
-  result.inputs = r;
-  result.outputs = m;
-  result.band = std::min(band, std::max<Index>(1, steps - 1));
-  result.i_begin = arx.k_begin;
-  const Matrix none = Matrix::Zero(m, result.band * r);
-  result.system.assign(size_t(steps), none);
-  result.system_noise.assign(size_t(steps), none);
-  result.gain.assign(size_t(steps), Matrix::Zero(m, result.band * m));
-  result.D.assign(size_t(steps), Matrix::Zero(m, r));
-  for (Index k = arx.k_begin; k < steps; ++k) result.D[size_t(k)] = arx.D(k);
+  const Index steps = arx.steps();
+  Markov result(steps, arx.inputs, arx.outputs, std::min(band, std::max<Index>(1, steps - 1)), arx.k_begin);
+  for (Index k = arx.k_begin; k < steps; ++k) result.D(k) = arx.D(k);
 
   Recursions recursions(arx, result);
   parallel_for(arx.k_begin, steps, execution, [&](Index begin, Index end) {

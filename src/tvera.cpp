@@ -45,8 +45,8 @@ class Hankel {
 
   // The steps begin … end-1; as many at once as there are lanes and matrices of one shape, or of one but for columns of
   // zeros, which change neither singular values nor left vectors. Lanes that are left over repeat the last one.
-  void factorise(Index begin, Index end, std::vector<HankelFactor>& factors) {
-    const auto result = [&](Index k) -> HankelFactor& { return factors[size_t(k - markov_.i_begin)]; };
+  void factorise(Index begin, Index end, HankelFactors& factors) {
+    const auto result = [&](Index k) -> HankelFactor& { return factors.step[size_t(k - factors.k_begin)]; };
     const Index lanes = linalg::LaneSvd::lanes();
     for (Index k = begin; k < end;) {
       Shape shape = shape_of(k);
@@ -103,8 +103,8 @@ class Hankel {
       for (Index j = 0; j < r; ++j) {
         const double unit = units_.input(j) / units_.output(i), unit_square = unit * unit;
         for (Index a = 0; a * m < shape.rows; ++a) {
-          const Matrix& row = markov_.system[size_t(k + a)];
-          const Matrix& noise = markov_.system_noise[size_t(k + a)];
+          const auto row = markov_.system(k + a);
+          const auto noise = markov_.system_noise(k + a);
           for (Index b = 0; b * r < shape.cols; ++b) {  // h_{k+a,k-1-b}
             const Index column = (a + b) * r + j;
             const double h = row(i, column) * unit;
@@ -113,7 +113,7 @@ class Hankel {
             variance += noise(i, column) * unit_square;
           }
         }
-        const double d = markov_.D[size_t(k)](i, j) * unit;
+        const double d = markov_.D(k)(i, j) * unit;
         feedthrough += d * d;
       }
     factor.scale = std::sqrt(feedthrough);
@@ -160,9 +160,17 @@ Index order_of(const HankelFactor& factor, const TveraOptions& options) {
 // A_k, B_k, C_k, D_k, G_k from O_k and O_{k+1}, O = U Σ^{1/2} of n columns.
 class Realisation {
  public:
-  Realisation(const Markov& markov, const HankelFactors& factors, const Units& units, Model& model)
-      : markov_(markov), factors_(factors), units_(units), model_(model) {}
+  // Factors and states of the steps that run() is called for, and of the next one.
+  Realisation(const Markov& markov, const HankelFactors& factors, const std::vector<Index>& states, const Units& units,
+              Model& model)
+      : markov_(markov),
+        factors_(factors),
+        states_(states),
+        units_(units),
+        model_(model),
+        first_(factors.k_begin - model.k_begin) {}
 
+  // The entries begin … end-1 of the model.
   void run(Index begin, Index end) {
     for (Index s = begin; s < end; ++s) others(s);
     const Index lanes = linalg::LaneRegression::lanes();
@@ -187,8 +195,8 @@ class Realisation {
     bool operator==(const Shape&) const = default;
   };
 
-  Index states(Index s) const { return model_.state_dim[size_t(s)]; }
-  const HankelFactor& factor(Index s) const { return factors_.step[size_t(s)]; }
+  Index states(Index s) const { return states_[size_t(s - first_)]; }
+  const HankelFactor& factor(Index s) const { return factors_.step[size_t(s - first_)]; }
   double root(Index s, Index i) const { return std::sqrt(factor(s).singular_values(i)); }
 
   Shape shape_of(Index s) const { return {factor(s).u.rows() - markov_.outputs, states(s + 1), states(s)}; }
@@ -231,8 +239,10 @@ class Realisation {
 
   // C_k, D_k, and B_k, G_k = O_{k+1}⁺ [h_{k+1,k}; …], O_{k+1}⁺ [h°_{k+1,k}; …]                          (38), (40)
   void others(Index s) {
-    const Index m = markov_.outputs, r = markov_.inputs, k = factors_.k_begin + s, n = states(s), next = states(s + 1);
-    model_.D[size_t(s)] = markov_.D[size_t(k)];
+    const Index m = markov_.outputs, r = markov_.inputs, k = model_.k_begin + s, n = states(s), next = states(s + 1);
+    model_.state_dim[size_t(s)] = n;
+    model_.singular_values[size_t(s)] = factor(s).singular_values;
+    model_.D[size_t(s)] = markov_.D(k);
     Matrix& c = model_.C[size_t(s)];
     c.resize(m, n);
     for (Index i = 0; i < n; ++i) c.col(i) = units_.output.cwiseProduct(factor(s).u.col(i).head(m)) * root(s, i);
@@ -256,16 +266,16 @@ class Realisation {
 
   const Markov& markov_;
   const HankelFactors& factors_;
+  const std::vector<Index>& states_;  // n_k of the factors
   const Units& units_;
   Model& model_;
+  Index first_;  // entry of the model that the first factor belongs to
   std::optional<linalg::LaneRegression> batch_;
   Shape batch_shape_{};
   Matrix equations_, responses_;
 };
 
-}  // namespace
-
-HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, const TveraOptions& options) {
+void check(const Markov& markov, const FreeResponse& free, const TveraOptions& options) {
   if (options.rows < 1 || options.cols < 1 || options.states < 0)
     throw std::invalid_argument(fmt::format("tvera: {} block rows, {} block columns, {} states asked for", options.rows,
                                             options.cols, options.states));
@@ -283,39 +293,69 @@ HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, con
   if (free.experiments > 0 && free.y.cols() != free.steps * markov.outputs)
     throw std::invalid_argument(fmt::format("free_y: {} samples per experiment found, {} steps x {} outputs needed",
                                             free.y.cols(), free.steps, markov.outputs));
-  HankelFactors factors{options.rows, options.cols, markov.i_begin, {}};
-  factors.step.resize(size_t(markov.steps() - markov.i_begin));
-  const FreeResponse complete_free = complete(free);
-  const Units units(markov, options);
-  in_groups(markov.i_begin, markov.steps(), linalg::LaneSvd::lanes(), options.execution, [&](Index begin, Index end) {
-    Hankel(markov, complete_free, options, units).factorise(begin, end, factors.step);
-  });
+}
+
+HankelFactors factors_of(const Markov& markov, const FreeResponse& free, const TveraOptions& options,
+                         const Units& units, Index begin, Index end) {
+  HankelFactors factors{options.rows, options.cols, begin, std::vector<HankelFactor>(size_t(end - begin))};
+  in_groups(begin, end, linalg::LaneSvd::lanes(), options.execution,
+            [&](Index from, Index to) { Hankel(markov, free, options, units).factorise(from, to, factors); });
   return factors;
 }
 
-Model realise(const Markov& markov, const HankelFactors& factors, const TveraOptions& options) {
+// A model of the steps from k_begin on, whose entries are still to be written.
+Model unwritten(const Markov& markov, Index k_begin) {
   Model model;
   model.inputs = markov.inputs;
   model.outputs = markov.outputs;
-  model.k_begin = factors.k_begin;
+  model.k_begin = k_begin;
   model.method = "tvera";
-  const size_t steps = factors.step.size();
+  const size_t steps = size_t(markov.steps() - k_begin);
   for (auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G}) list->resize(steps);
-  model.state_dim.reserve(steps + 1);
-  model.singular_values.reserve(steps);
-  for (size_t i = 0; i < steps; ++i) {
-    model.state_dim.push_back(order_of(factors.step[i], options));
-    model.singular_values.push_back(factors.step[i].singular_values);
-  }
-  model.state_dim.push_back(0);  // that of step T: no output follows
-  const Units units(markov, options);
-  in_groups(0, Index(steps), linalg::LaneRegression::lanes(), options.execution,
-            [&](Index begin, Index end) { Realisation(markov, factors, units, model).run(begin, end); });
+  model.singular_values.resize(steps);
+  model.state_dim.resize(steps + 1);
+  return model;
+}
+
+// The entries begin … end-1 of the model.
+void write(const Markov& markov, const HankelFactors& factors, const TveraOptions& options, const Units& units,
+           Index begin, Index end, Model& model) {
+  std::vector<Index> states;
+  for (const HankelFactor& factor : factors.step) states.push_back(order_of(factor, options));
+  if (factors.k_begin + Index(factors.step.size()) == markov.steps()) states.push_back(0);  // no output follows
+  in_groups(begin, end, linalg::LaneRegression::lanes(), options.execution,
+            [&](Index from, Index to) { Realisation(markov, factors, states, units, model).run(from, to); });
+}
+
+}  // namespace
+
+HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, const TveraOptions& options) {
+  check(markov, free, options);
+  return factors_of(markov, complete(free), options, Units(markov, options), markov.i_begin, markov.steps());
+}
+
+Model realise(const Markov& markov, const HankelFactors& factors, const TveraOptions& options) {
+  Model model = unwritten(markov, factors.k_begin);
+  write(markov, factors, options, Units(markov, options), 0, model.steps(), model);
   return model;
 }
 
 Model tvera(const Markov& markov, const FreeResponse& free, const TveraOptions& options) {
-  return realise(markov, hankel_factors(markov, free, options), options);
+  constexpr Index batch = 4096;  // steps whose factors are held at once: those of all take more memory than the model
+  check(markov, free, options);
+  const FreeResponse complete_free = complete(free);
+  const Units units(markov, options);
+  Model model = unwritten(markov, markov.i_begin);
+  TveraOptions part = options;
+  for (Index begin = 0, steps = model.steps(); begin < steps; begin += batch) {
+    const Index end = std::min(begin + batch, steps), k = model.k_begin + begin;
+    part.execution = share(options.execution, double(begin) / double(steps), double(end) / double(steps));
+    const HankelFactors factors =
+        factors_of(markov, complete_free, part, units, k, std::min(model.k_begin + end + 1, markov.steps()));
+    part.execution.progress = {};
+    write(markov, factors, part, units, begin, end, model);
+  }
+  return model;
 }
 
 }  // namespace tokid

@@ -452,15 +452,11 @@ AccuracyFindings realisations(int cases) {
     Model system = random_system({n, m, r}, steps, random.uniform(0.3, 1.3), std::uint64_t(4500 + c));
     for (Matrix& g : system.G) g = random.uniform(0.1, 1.0) * random.matrix(n, m);
     const oracle::Responses truth = oracle::responses(system, band);
-    Markov given;
-    given.inputs = r;
-    given.outputs = m;
-    given.band = band;
-    given.D = system.D;
-    for (size_t k = 0; k < size_t(steps); ++k) {
-      given.system.emplace_back(truth.system[k].cast<double>());
-      given.gain.emplace_back(truth.gain[k].cast<double>());
-      given.system_noise.emplace_back(Matrix::Zero(m, band * r));
+    Markov given(steps, r, m, band, 0);
+    for (Index k = 0; k < steps; ++k) {
+      given.D(k) = system.D[size_t(k)];
+      given.system(k) = truth.system[size_t(k)].cast<double>();
+      given.gain(k) = truth.gain[size_t(k)].cast<double>();
     }
     FreeResponse free;
     if (c % 3 == 0) {

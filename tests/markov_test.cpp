@@ -57,8 +57,8 @@ TEST(Markov, KeepsTheBandAndNothingElse) {
   EXPECT_FALSE(parameters.has(10, 5));
   EXPECT_FALSE(parameters.has(10, 10));
   for (Index k = 0; k < 50; ++k) {
-    EXPECT_EQ(parameters.system[size_t(k)].cols(), 4 * 3);
-    EXPECT_EQ(parameters.gain[size_t(k)].cols(), 4);
+    EXPECT_EQ(parameters.system(k).cols(), 4 * 3);
+    EXPECT_EQ(parameters.gain(k).cols(), 4);
   }
   EXPECT_EQ(markov(arx_of(model, 2), 1000).band, 49);  // no more than the steps can tell
   EXPECT_THROW(markov(arx_of(model, 2), 0), std::invalid_argument);
@@ -94,9 +94,9 @@ TEST(Markov, SameBitsForAnyNumberOfThreads) {
   options.lags = {3};
   const GtvArx arx = gtv_arx(e, options);
   const Markov one = markov(arx, 6, {1, {}}), three = markov(arx, 6, {3, {}});
-  for (size_t k = 0; k < 60; ++k) {
-    EXPECT_EQ(one.system[k], three.system[k]);
-    EXPECT_EQ(one.gain[k], three.gain[k]);
+  for (Index k = 0; k < 60; ++k) {
+    EXPECT_EQ(one.system(k), three.system(k));
+    EXPECT_EQ(one.gain(k), three.gain(k));
   }
 }
 

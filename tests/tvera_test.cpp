@@ -28,7 +28,7 @@ TEST(Tvera, FactorsOfEveryStepAreThoseOfItsHankelMatrix) {
   const Model system = random_system({4, 2, 2}, 30, 1.0, 57);
   const Stage s = stage(system, 2, 20, 9);
   Markov parameters = s.parameters;
-  parameters.system[20].setZero();  // some singular values are zero
+  parameters.system(20).setZero();  // some singular values are zero
   for (const TveraOptions& options : {TveraOptions{.rows = 3, .cols = 4}, TveraOptions{.rows = 2, .cols = 8}}) {
     const HankelFactors factors = hankel_factors(parameters, {}, options);
     ASSERT_EQ(factors.step.size(), 30u);

@@ -33,6 +33,8 @@ class GtvArx {
   void resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments = 0);
   // Takes the regressions of the steps before k away.
   void begin_at(Index k);
+  // Frees most of the memory, once the Markov parameters have their variances.
+  void forget_noise_shapes();
 
   Index steps() const { return static_cast<Index>(step.size()); }
   Index regressors(Index k) const {  // L_k; 0 without a regression
