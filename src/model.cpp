@@ -11,6 +11,7 @@
 #include "em/smoother.hpp"
 #include "linalg/tall_product.hpp"
 #include "nan.hpp"
+#include "step_by_step.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/parallel.hpp"
 
@@ -184,7 +185,7 @@ bool ends_early(const Model& model, Index steps) {
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) {
   if (ends_early(model, inputs.steps())) return simulate(continued(model, inputs.steps()), inputs, x0);
   check_channels(model, inputs, false);
-  const Index experiments = inputs.experiments(), end = std::min(model.k_end(), inputs.steps());
+  const Index experiments = inputs.experiments();
   Ensemble result = outputs_for(model, inputs);
   if (model.steps() == 0) return result;
   const Index n0 = model.state_dim.front();
@@ -196,16 +197,22 @@ Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) 
     x = x0.transpose();
   else if (has_initial_estimate(model, inputs.initial_state.value_or(model.initial_state)))
     x.rowwise() += model.x0_mean.transpose();
+  simulate_each(model, inputs, model.k_begin, std::move(x),
+                [&](Index k, const Matrix& y) { store_output(model, k, y, result); });
+  return result;
+}
+
+void simulate_each(const Model& model, const Ensemble& inputs, Index k, Matrix x,
+                   const std::function<void(Index, const Matrix&)>& use) {
   Matrix u, y, next;
-  for (Index k = model.k_begin; k < end; ++k) {
+  for (const Index end = std::min(model.k_end(), inputs.steps()); k < end; ++k) {
     checkpoint();
     input_departure(model, inputs, k, u);
     output(model, k, x, u, y);
-    store_output(model, k, y, result);
+    use(k, y);
     next_state(model, k, x, u, next);
     x.swap(next);
   }
-  return result;
 }
 
 Index estimation_window(const Model& model) {
@@ -431,50 +438,79 @@ void check_horizon(Index horizon, Index steps) {
         horizon, std::max<Index>(1, steps - 1), steps));
 }
 
+namespace {
+
+// The state at the first step, where it is known.
+std::optional<Vector> known_start(const Model& model, const Ensemble& data, const PredictOptions& options) {
+  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  if (starts_from_zero(model, initial)) return Vector::Zero(model.state_dim.front());
+  if (options.initial_estimate && has_initial_estimate(model, initial)) return model.x0_mean;
+  return std::nullopt;
+}
+
+// Calls before(k, state) with a function that gives x̂_k (N × n_k), then after(k, ŷ_k, y_k - ŷ_k), step by step: rows of
+// NaN where the state is not known.
+template <class Before, class After>
+void observe(const Model& model, const Ensemble& data, const PredictOptions& options, Before&& before, After&& after) {
+  if (model.steps() == 0) return;
+  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  const Index end = std::min(model.k_end(), data.steps());
+  const std::optional<Vector> start = known_start(model, data, options);
+  if (start && knows_noise(model) && samples_missing(data, model.k_begin, end)) {
+    const std::vector<Matrix> states = filtered_states(model, data, starts_from_zero(model, initial));
+    for (Index k = model.k_begin; k < end; ++k) {
+      const Matrix& x = states[model.at(k)];
+      before(k, [&x] { return x; });
+      const Matrix y = outputs_ahead(model, data, k, x, 1);
+      after(k, y, output_departure(model, data, k) - y);
+    }
+    return;
+  }
+  Observer observer(model, data, start ? model.k_begin : model.full_begin(), start);
+  for (Matrix y, innovation; observer.k() < end;) {
+    checkpoint();
+    const Index k = observer.k();
+    before(k, [&observer] { return observer.state(); });
+    observer.advance(y, innovation);
+    after(k, y, innovation);
+  }
+}
+
+}  // namespace
+
+void predict_each(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state,
+                  const std::function<void(Index, const Matrix&)>& use) {
+  check_channels(model, data, true);
+  observe(
+      model, data, {1, initial_state}, [](Index, auto&&) {},
+      [&](Index k, const Matrix&, const Matrix& innovation) { use(k, innovation); });
+}
+
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options) {
   if (ends_early(model, data.steps())) return predict(continued(model, data.steps()), data, options);
   check_channels(model, data, true);
   const Index horizon = options.horizon;
   check_horizon(horizon, data.steps());
-  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
   const Index end = std::min(model.k_end(), data.steps());
 
   Prediction result{outputs_for(model, data), {}};
   result.innovations.assign(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
-  if (model.steps() == 0) return result;
-
-  std::optional<Vector> start;
-  const bool from_zero = starts_from_zero(model, initial);
-  if (from_zero)
-    start = Vector::Zero(model.state_dim.front());
-  else if (options.initial_estimate && has_initial_estimate(model, initial))
-    start = model.x0_mean;
   // Before the horizon has passed, a known initial state is the latest information.
-  if (start) {
+  if (const std::optional<Vector> start = known_start(model, data, options)) {
     const Matrix x = start->transpose().replicate(data.experiments(), 1);
     for (Index ahead = 1; ahead < horizon && model.k_begin + ahead - 1 < end; ++ahead)
       store_output(model, model.k_begin + ahead - 1, outputs_ahead(model, data, model.k_begin, x, ahead), result.y);
   }
-  const auto store_ahead = [&](Index k, const Matrix& x) {
-    if (horizon <= end - k) store_output(model, k + horizon - 1, outputs_ahead(model, data, k, x, horizon), result.y);
-  };
-  if (start && knows_noise(model) && samples_missing(data, model.k_begin, end)) {
-    const std::vector<Matrix> states = filtered_states(model, data, from_zero);
-    for (Index k = model.k_begin; k < end; ++k) {
-      const Matrix& x = states[model.at(k)];
-      result.innovations[size_t(k)] = output_departure(model, data, k) - outputs_ahead(model, data, k, x, 1);
-      store_ahead(k, x);
-    }
-    return result;
-  }
-  Observer observer(model, data, start ? model.k_begin : model.full_begin(), start);
-  for (Matrix y; observer.k() < end;) {
-    checkpoint();
-    const Index k = observer.k();
-    if (horizon > 1) store_ahead(k, observer.state());
-    observer.advance(y, result.innovations[size_t(k)]);
-    if (horizon == 1) store_output(model, k, y, result.y);
-  }
+  observe(
+      model, data, options,
+      [&](Index k, auto&& state) {
+        if (horizon > 1 && horizon <= end - k)
+          store_output(model, k + horizon - 1, outputs_ahead(model, data, k, state(), horizon), result.y);
+      },
+      [&](Index k, const Matrix& y, const Matrix& innovation) {
+        result.innovations[size_t(k)] = innovation;
+        if (horizon == 1) store_output(model, k, y, result.y);
+      });
   return result;
 }
 
@@ -546,6 +582,45 @@ Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index w
     x(Eigen::all, rows) = estimate_alike(model, data.subset(rows), k, window, whitener);
   }
   return x;
+}
+
+namespace {
+
+// Where a simulation of data starts: the step, and the states there (N × n_k).
+struct Start {
+  Index k;
+  Matrix x;
+};
+
+// Nothing: the data do not tell the states.
+std::optional<Start> start_of(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
+  const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  if (starts_from_zero(model, initial))
+    return Start{model.k_begin, Matrix::Zero(data.experiments(), model.state_dim.front())};
+  if (has_initial_estimate(model, initial) && Index(model.Q.size()) == model.steps() &&
+      Index(model.R.size()) == model.steps())
+    return Start{model.k_begin,
+                 em::smoothed_first_states(model, em::samples_of(model, data, em::Tail::drop, estimation_window(model)))
+                     .transpose()};
+  const Index k = model.full_begin(), window = estimation_window(model);
+  if (k + window > std::min(model.k_end(), data.steps())) return std::nullopt;
+  return Start{k, estimate_state(model, data, k, window).transpose()};
+}
+
+}  // namespace
+
+void simulate_data_each(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state,
+                        const std::function<void(Index, const Matrix&)>& use) {
+  if (std::optional<Start> start = start_of(model, data, initial_state))
+    simulate_each(model, data, start->k, std::move(start->x), use);
+}
+
+Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
+  if (ends_early(model, data.steps())) return simulate_data(continued(model, data.steps()), data, initial_state);
+  check_channels(model, data, false);
+  Ensemble result = outputs_for(model, data);
+  simulate_data_each(model, data, initial_state, [&](Index k, const Matrix& y) { store_output(model, k, y, result); });
+  return result;
 }
 
 namespace {

@@ -194,7 +194,7 @@ namespace {
 struct Portion {
   WindowFactors factors;
   std::string fingerprint;
-  stream::ErrorTotals errors;        // of the model before
+  ErrorTotals errors;                // of the model before
   std::vector<std::string> remarks;  // on their file
 };
 
@@ -330,7 +330,7 @@ Additions update(UpdateState& state, const Model& before, const std::vector<std:
       archive::unpacked<Needs>(team.broadcast(first ? archive::packed(needs_of(state, before)) : std::string()));
   std::vector<Index> experiments;
   std::vector<std::string> fingerprints;
-  stream::ErrorTotals errors;
+  ErrorTotals errors;
   std::vector<std::string> found;
   // In the order of the files; meanwhile each member is at the next of its own. So the first one holds one portion.
   for (size_t i = 0; i < files.size(); ++i) {
@@ -352,8 +352,8 @@ Additions update(UpdateState& state, const Model& before, const std::vector<std:
     for (const std::string& text : own->remarks) found.push_back(fmt::format("{}: {}", files[i].string(), text));
   }
   const bool centred = needs.mean.y.size() > 0;
-  Additions result = additions(std::move(experiments), stream::fit_of(errors.simulation, centred),
-                               stream::fit_of(errors.one_step, centred), state.factors.names);
+  Additions result = additions(std::move(experiments), fit_of(errors.simulation, centred),
+                               fit_of(errors.one_step, centred), state.factors.names);
   result.warnings.insert(result.warnings.begin(), found.begin(), found.end());
   return result;
 }

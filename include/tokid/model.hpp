@@ -122,6 +122,10 @@ Prediction predict(const Model& model, const Ensemble& data, const PredictOption
 // it needs. \throws std::invalid_argument where k or window leave the model
 Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index window);
 
+// Outputs for the inputs of the data alone, from the known initial state or, where that
+// is unknown, from the one that the first samples tell; NaN where there is none.
+Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state = {});
+
 // h_{k,i} (m × r), k > i (7); h°_{k,i} (m × m) (30). \throws std::invalid_argument for steps outside the model
 Matrix pulse_response(const Model& model, Index k, Index i);
 Matrix gain_pulse_response(const Model& model, Index k, Index i);

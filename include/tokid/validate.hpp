@@ -57,8 +57,4 @@ struct Conclusions {
 };
 Conclusions conclusions(const Validation& validation, const Channels& names);
 
-// The simulation that is judged: outputs for the inputs of the data alone, from the known initial state or, where that
-// is unknown, from the one that the first samples tell; NaN where there is none.
-Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state = {});
-
 }  // namespace tokid

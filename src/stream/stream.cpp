@@ -117,8 +117,8 @@ class Record {
     result.rank_deficient_steps = regressions_.rank_deficient;
     result.validation = {};
     result.validation.noisy = plan_.settled.noisy;
-    result.validation.one_step = result.validation.horizon = stream::fit_of(errors_.one_step, result.nominal);
-    result.validation.simulation = stream::fit_of(errors_.simulation, result.nominal);
+    result.validation.one_step = result.validation.horizon = fit_of(errors_.one_step, result.nominal);
+    result.validation.simulation = fit_of(errors_.simulation, result.nominal);
     result.validation.whiteness_p = whiteness_p_;
     warn(result, file.outline());
 
@@ -184,7 +184,7 @@ class Record {
   Index done_ = 0;  // blocks
   Survey samples_;
   RegressionSurvey regressions_;
-  stream::ErrorTotals errors_;
+  ErrorTotals errors_;
   std::vector<std::uint64_t> digests_;
   std::vector<double> gaps_;
   double whiteness_p_ = std::numeric_limits<double>::quiet_NaN();
