@@ -45,23 +45,23 @@ struct Columns {
 };
 
 // `count` neighbours at once, so that v is read once for all of them.
-template <int count>
+template <size_t count>
 void reflect_together(const double* v, Index length, double tau, const Columns& columns) {
   using Pair = Eigen::Array2d;
   std::array<double*, count> rest{};
   std::array<Pair, count> sums;
-  for (int c = 0; c < count; ++c) {
-    rest[c] = columns.rest + c * columns.rest_stride;
+  for (size_t c = 0; c < count; ++c) {
+    rest[c] = columns.rest + Index(c) * columns.rest_stride;
     sums[c].setZero();
   }
   const Index even = length - length % 2;
   for (Index i = 0; i < even; i += 2) {
     const Pair two = Eigen::Map<const Pair>(v + i);
-    for (int c = 0; c < count; ++c) sums[c] += two * Eigen::Map<const Pair>(rest[c] + i);
+    for (size_t c = 0; c < count; ++c) sums[c] += two * Eigen::Map<const Pair>(rest[c] + i);
   }
   std::array<double, count> factor{};
-  for (int c = 0; c < count; ++c) {
-    double& first = columns.first[c * columns.first_stride];
+  for (size_t c = 0; c < count; ++c) {
+    double& first = columns.first[Index(c) * columns.first_stride];
     double product = first + sums[c].sum();
     if (even < length) product += v[even] * rest[c][even];
     factor[c] = tau * product;
@@ -69,20 +69,23 @@ void reflect_together(const double* v, Index length, double tau, const Columns& 
   }
   for (Index i = 0; i < even; i += 2) {
     const Pair two = Eigen::Map<const Pair>(v + i);
-    for (int c = 0; c < count; ++c) Eigen::Map<Pair>(rest[c] + i) -= factor[c] * two;
+    for (size_t c = 0; c < count; ++c) Eigen::Map<Pair>(rest[c] + i) -= factor[c] * two;
   }
   if (even < length)
-    for (int c = 0; c < count; ++c) rest[c][even] -= factor[c] * v[even];
+    for (size_t c = 0; c < count; ++c) rest[c][even] -= factor[c] * v[even];
 }
 
 inline void reflect(const double* v, Index length, double tau, Columns columns, Index count) {
-  const auto move = [&](Index by) {
-    columns.first += by * columns.first_stride;
-    columns.rest += by * columns.rest_stride;
-    count -= by;
-  };
-  for (; count >= 4; move(4)) reflect_together<4>(v, length, tau, columns);
-  for (; count > 0; move(1)) reflect_together<1>(v, length, tau, columns);
+  while (count > 0) {
+    const Index together = count >= 4 ? 4 : 1;
+    if (together == 4)
+      reflect_together<4>(v, length, tau, columns);
+    else
+      reflect_together<1>(v, length, tau, columns);
+    columns.first += together * columns.first_stride;
+    columns.rest += together * columns.rest_stride;
+    count -= together;
+  }
 }
 
 }  // namespace tokid::linalg
