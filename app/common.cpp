@@ -87,8 +87,8 @@ std::string coverage(const Ensemble& computed) {
 
 Index rank_deficient_steps(const Model& model) {
   Index count = 0;
-  for (size_t s = 0; s < model.rank.size(); ++s)
-    if (model.rank[s] < unknowns(model, model.k_begin + Index(s))) ++count;
+  for (size_t s = 0; model.has(&Step::has_rank) && s < model.step.size(); ++s)
+    if (model.step[s].rank() < unknowns(model, model.k_begin + Index(s))) ++count;
   return count;
 }
 

@@ -115,6 +115,26 @@ Span span(const std::vector<Index>& values) {
   return {*least, *most};
 }
 
+Span state_dimensions(const Model& model) {
+  std::vector<Index> values;
+  for (Index k = model.k_begin; k <= model.k_end(); ++k) values.push_back(model.n(k));
+  return span(values);
+}
+
+Span lag_orders(const Model& model) {
+  std::vector<Index> values;
+  for (const Step& step : model.step)
+    if (step.has_lags()) values.push_back(step.lags());
+  return span(values);
+}
+
+std::vector<double> conditions(const Model& model) {
+  std::vector<double> values;
+  for (const Step& step : model.step)
+    if (step.has_condition()) values.push_back(step.condition());
+  return values;
+}
+
 std::string text(const Span& s) {
   return s.least == s.most ? fmt::format("{}", s.most) : fmt::format("{} to {}", s.least, s.most);
 }
@@ -125,8 +145,8 @@ double largest(const std::vector<double>& values) {
 
 // How well the observer forgets, away from the steps without states.
 double deadbeat_norm(const Model& model) {
-  return model.G.empty() ? std::numeric_limits<double>::quiet_NaN()
-                         : median(deadbeat_products(model, model.max_lags()));
+  return model.step.empty() ? std::numeric_limits<double>::quiet_NaN()
+                            : median(deadbeat_products(model, model.max_lags()));
 }
 
 std::vector<std::string> noise_fields(const Model& model) {
@@ -134,17 +154,17 @@ std::vector<std::string> noise_fields(const Model& model) {
   const auto add = [&names](bool there, const char* name) {
     if (there) names.emplace_back(name);
   };
-  add(!model.innovation_cov.empty(), "innovation_cov");
-  add(!model.Q.empty(), "Q");
-  add(!model.R.empty(), "R");
-  add(!model.K.empty(), "K");
+  add(model.has(&Step::has_innovation_cov), "innovation_cov");
+  add(model.has(&Step::has_Q), "Q");
+  add(model.has(&Step::has_R), "R");
+  add(model.has(&Step::has_K), "K");
   add(model.x0_mean.size() > 0, "x0_mean");
   add(model.x0_cov.size() > 0, "x0_cov");
   return names;
 }
 
 Json json(const Call& call, const Model& model) {
-  const Span dims = span(model.state_dim), lags = span(model.lags);
+  const Span dims = state_dimensions(model), lags = lag_orders(model);
   Json j;
   j["file"] = call.file.string();
   j["kind"] = "model";
@@ -164,8 +184,8 @@ Json json(const Call& call, const Model& model) {
   j["full_begin"] = model.full_begin();
   j["full_end"] = model.full_end();
   j["lags"] = {{"min", lags.least}, {"max", lags.most}};
-  j["condition_median"] = median(model.condition);
-  j["condition_max"] = largest(model.condition);
+  j["condition_median"] = median(conditions(model));
+  j["condition_max"] = largest(conditions(model));
   j["rank_deficient_steps"] = rank_deficient_steps(model);
   j["deadbeat_product_norm"] = deadbeat_norm(model);
   j["noise"] = noise_fields(model);
@@ -193,17 +213,17 @@ std::string report(const Call& call, const Model& model) {
                            model.version.empty() ? "unknown" : model.version));
   page.row("Inputs", labels(model.inputs, [&](Index i) { return input_label(model.names, i); }));
   page.row("Outputs", labels(model.outputs, [&](Index j) { return output_label(model.names, j); }));
-  page.row("States", fmt::format("dimensions {}, full at steps {} to {}", text(span(model.state_dim)),
+  page.row("States", fmt::format("dimensions {}, full at steps {} to {}", text(state_dimensions(model)),
                                  model.full_begin(), model.full_end() - 1));
   page.row("Initial state", to_string(model.initial_state));
   page.row("Nominal", model.u_nominal.size() > 0
                           ? fmt::format("trajectory of {}", plural(model.u_nominal.rows(), "step"))
                           : "none");
-  if (!model.lags.empty()) page.row("Lag order", text(span(model.lags)));
-  if (!model.condition.empty())
-    page.row("Regressions",
-             fmt::format("condition median {}, largest {}; {} of {} rank deficient", number(median(model.condition)),
-                         number(largest(model.condition)), rank_deficient_steps(model), plural(model.steps(), "step")));
+  if (model.has(&Step::has_lags)) page.row("Lag order", text(lag_orders(model)));
+  if (model.has(&Step::has_condition))
+    page.row("Regressions", fmt::format("condition median {}, largest {}; {} of {} rank deficient",
+                                        number(median(conditions(model))), number(largest(conditions(model))),
+                                        rank_deficient_steps(model), plural(model.steps(), "step")));
   page.row("Observer", fmt::format("median norm of {} successive closed-loop matrices {}", model.max_lags(),
                                    number(deadbeat_norm(model))));
   if (!noise_fields(model).empty()) page.row("Noise", fmt::format("{}", fmt::join(noise_fields(model), ", ")));

@@ -411,10 +411,10 @@ class Planner {
   // Is it worth optimising on? The bound is one of experience, see docs/math.md.
   void judge_model(const Ensemble& known) {
     constexpr double noise = 0.025;
-    if (plan_.kind != InputKind::optimised || model_->innovation_cov.empty()) return;
+    if (plan_.kind != InputKind::optimised || !model_->has(&Step::has_innovation_cov)) return;
     double innovations = 0.0, outputs = 0.0;
     for (Index k = forecast_; k < known.steps(); ++k) {
-      innovations += model_->innovation_cov[model_->at(k)].trace();
+      innovations += model_->at(k).innovation_cov().trace();
       outputs += known.output(k).squaredNorm() / double(known.experiments());
     }
     if (const double share = std::sqrt(innovations / outputs); share > noise)

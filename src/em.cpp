@@ -37,9 +37,9 @@ constexpr double warm_up[] = {1.0 / 9, 1.0 / 3}, weak = 0.1;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-Matrix mean_of(const std::vector<Matrix>& list) {
-  Matrix mean = Matrix::Zero(list[0].rows(), list[0].cols());
-  for (const Matrix& a : list) mean += a / double(list.size());
+Matrix mean_innovation_cov(const Model& model) {
+  Matrix mean = Matrix::Zero(model.outputs, model.outputs);
+  for (const Step& step : model.step) mean += step.innovation_cov() / double(model.steps());
   return mean;
 }
 
@@ -72,15 +72,18 @@ Matrix process_noise(const Matrix& s, const Model& model) {
         "innovation_cov: no covariance found, symmetric matrices without negative eigenvalues are needed");
   Matrix q = 1e-3 * estimation_covariance(model, s, 0, model.steps());
   // By roots: gains that cancel the noise which outputs have in common are far larger than what they leave.
-  for (const Matrix& g : model.G) q += covariance_of((g * *root).transpose()) / double(model.steps());
+  for (const Step& step : model.step) q += covariance_of((step.G() * *root).transpose()) / double(model.steps());
   q += 0.01 * Matrix(q.diagonal().asDiagonal());
   em::symmetrise(q);
   return q;
 }
 
 void set_noise(const Matrix& s, Model& model) {
-  model.Q.assign(size_t(model.steps()), process_noise(s, model));
-  model.R.assign(size_t(model.steps()), s);
+  const Matrix q = process_noise(s, model);
+  for (Step& step : model.step) {
+    step.set_Q(q);
+    step.set_R(s);
+  }
 }
 
 }  // namespace
@@ -100,41 +103,24 @@ Model with_constant_states(const Model& model, Index steps) {
   Model full = to_smooth ? smooth_frame(model, std::max(model.max_lags(), window_of(model) - 1)) : model;
 
   Model result = full;
-  for (auto* list :
-       {&result.A, &result.B, &result.C, &result.D, &result.G, &result.innovation_cov, &result.Q, &result.R, &result.K})
-    list->clear();
-  result.lags.clear();
-  result.singular_values.clear();
-  result.condition.clear();
-  result.rank.clear();
-  const auto keep = [](const auto& list, size_t step, auto& kept) {
-    if (!list.empty()) kept.push_back(list[step]);
-  };
+  result.step.clear();
   result.k_begin = 0;
-  result.state_dim.assign(size_t(steps) + 1, n);
   for (Index k = 0; k < steps; ++k) {
-    const size_t state = full.at(std::clamp(k, begin, std::min(last, full.k_end() - 1)));
-    const size_t transition = full.at(std::clamp(k, begin, last - 1));
-    const size_t own = full.at(std::clamp(k, full.k_begin, full.k_end() - 1));
-    result.A.push_back(full.A[transition]);
-    result.B.push_back(full.B[transition]);
-    result.G.push_back(full.G[transition]);
-    result.C.push_back(full.C[state]);
-    result.D.push_back(full.D[own]);
-    keep(full.innovation_cov, own, result.innovation_cov);
-    keep(full.lags, own, result.lags);
-    keep(full.singular_values, own, result.singular_values);
-    keep(full.condition, own, result.condition);
-    keep(full.rank, own, result.rank);
-    if (full.Q.empty() || full.R.empty()) continue;
-    result.Q.push_back(full.Q[transition]);
-    result.R.push_back(full.R[own]);
+    const Step& state = full.at(std::clamp(k, begin, std::min(last, full.k_end() - 1)));
+    const Step& transition = full.at(std::clamp(k, begin, last - 1));
+    const Step& own = full.at(std::clamp(k, full.k_begin, full.k_end() - 1));
+    Step& step = result.step.emplace_back(transition.A(), transition.B(), state.C(), own.D(), transition.G());
+    step.take_evidence_of(own);
+    if (!own.has_Q() || !own.has_R()) continue;
+    step.set_Q(transition.Q());
+    step.set_R(own.R());
   }
-  if (model.k_begin > 0 || model.state_dim[0] < n) {
+  if (model.k_begin > 0 || model.n(model.k_begin) < n) {
     result.x0_mean.resize(0);
     result.x0_cov.resize(0, 0);
   }
-  if (result.Q.empty() && !result.innovation_cov.empty()) set_noise(mean_of(result.innovation_cov), result);
+  if (!result.has(&Step::has_Q) && result.has(&Step::has_innovation_cov))
+    set_noise(mean_innovation_cov(result), result);
   return result;
 }
 
@@ -192,9 +178,10 @@ Model starting_model(const Model& model, const Ensemble& data, const RefineOptio
   Model start = with_constant_states(model, data.steps());
   const Index period = period_of(model, o);
   if (period > 0 && period < start.steps() && start.states() > 0) start = in_phase(start, period);
-  if (start.innovation_cov.empty())
-    start.innovation_cov.assign(size_t(start.steps()), innovation_covariance(start, data, initial));
-  if (start.Q.empty()) set_noise(mean_of(start.innovation_cov), start);
+  if (!start.has(&Step::has_innovation_cov))
+    for (const Matrix covariance = innovation_covariance(start, data, initial); Step & step : start.step)
+      step.set_innovation_cov(covariance);
+  if (!start.has(&Step::has_Q)) set_noise(mean_innovation_cov(start), start);
   const bool knows_start = has_initial_estimate(start, initial);
   start.initial_state = initial;
   if (initial == InitialState::zero) {
@@ -259,7 +246,7 @@ struct Point {
 em::EstimatorOptions estimator_options(const Model& start, const RefineOptions& o, InitialState initial) {
   const bool constant = o.smoothing == infinity;
   return {constant ? 1.0 : o.smoothing, period_of(start, o), initial == InitialState::unknown,
-          mean_of(start.innovation_cov)};
+          mean_innovation_cov(start)};
 }
 
 class Climb {
@@ -410,8 +397,8 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
     start = kalman_observer(Climb(start, data, o, initial).run().model);
   }
   Refinement result = Climb(start, data, options, initial).run();
-  for (size_t k = 0; k < result.model.R.size(); ++k)
-    if (!linalg::covariance_factor(result.model.R[k]) || !linalg::covariance_factor(result.model.Q[k]))
+  for (const Step& step : result.model.step)
+    if (!linalg::covariance_factor(step.R()) || !linalg::covariance_factor(step.Q()))
       throw std::runtime_error(
           "the covariances of the noise left the range of double precision: the model does not fit "
           "the data at all");
@@ -437,13 +424,12 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
 
 Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution& execution) {
   model.check();
-  const auto needed = [&](const std::vector<Matrix>& list, const char* name) {
-    if (Index(list.size()) != model.steps() || list.empty())
-      throw std::invalid_argument(
-          fmt::format("{}: {} matrices found, {} (one for each step) needed", name, list.size(), model.steps()));
+  const auto needed = [&](bool (Step::*part)() const, const char* name) {
+    if (!model.has(part))
+      throw std::invalid_argument(fmt::format("{}: not known of this model, needed at each step", name));
   };
-  needed(model.Q, "Q");
-  needed(model.R, "R");
+  needed(&Step::has_Q, "Q");
+  needed(&Step::has_R, "R");
   const em::Samples samples = em::samples_of(model, data);
   const Vector of_column = em::log_likelihoods(model, samples, execution);
   Vector result(of_column.size());

@@ -31,17 +31,15 @@ Model known(Index steps, double dt, const std::function<System(double)>& at) {
   model.version = version;
   for (Index k = 0; k < steps; ++k) {
     const System system = at(double(k) * dt);
-    model.A.push_back(system.a);
-    model.B.push_back(system.b);
-    model.C.push_back(system.c);
-    model.D.push_back(system.d);
+    model.step.emplace_back(system.a, system.b, system.c, system.d, Matrix::Zero(system.a.rows(), system.c.rows()));
   }
-  model.inputs = model.B[0].cols();
-  model.outputs = model.C[0].rows();
-  model.state_dim.assign(size_t(steps) + 1, model.A[0].rows());
+  model.inputs = model.step[0].B().cols();
+  model.outputs = model.step[0].C().rows();
   const DeadbeatGain deadbeat = deadbeat_gain(model);
-  model.G = deadbeat.G;
-  model.lags.assign(size_t(steps), deadbeat.steps);
+  for (size_t s = 0; s < model.step.size(); ++s) {
+    model.step[s].G() = deadbeat.G[s];
+    model.step[s].set_lags(deadbeat.steps);
+  }
   return model;
 }
 
@@ -78,14 +76,16 @@ namespace {
 template <class Input, class Output>
 void run(const Model& system, const ExperimentOptions& options, bool from_rest, RandomNumbers& random, Input&& input,
          Output&& output) {
-  const Vector start = random.normals(system.state_dim[0]);
+  const Vector start = random.normals(system.n(system.k_begin));
   Vector x = from_rest ? Vector(Vector::Zero(start.size())) : start;
   for (Index k = 0; k < system.steps(); ++k) {
     const size_t s = size_t(k);
     const Vector u = input(k, random.normals(system.inputs));
-    const Vector y = system.C[s] * x + system.D[s] * u + options.measurement_noise * random.normals(system.outputs);
+    const Vector y =
+        system.step[s].C() * x + system.step[s].D() * u + options.measurement_noise * random.normals(system.outputs);
     output(k, y);
-    x = system.A[s] * x + system.B[s] * u + options.process_noise * random.normals(system.state_dim[s + 1]);
+    x = system.step[s].A() * x + system.step[s].B() * u +
+        options.process_noise * random.normals(system.step[s].next_states());
   }
 }
 
@@ -131,16 +131,14 @@ Ensemble experiments(const Model& system, const ExperimentOptions& options) {
 Model with_noise(Model system, const ExperimentOptions& options) {
   check_noise(options);
   system.check();
-  system.Q.clear();
-  system.R.clear();
   const auto white = [](Index size, double deviation) -> Matrix {
     return deviation * deviation * Matrix::Identity(size, size);
   };
   for (Index k = system.k_begin; k < system.k_end(); ++k) {
-    system.Q.push_back(white(system.n(k + 1), options.process_noise));
-    system.R.push_back(white(system.outputs, options.measurement_noise));
+    system.at(k).set_Q(white(system.n(k + 1), options.process_noise));
+    system.at(k).set_R(white(system.outputs, options.measurement_noise));
   }
-  const Index n = system.state_dim.front();
+  const Index n = system.n(system.k_begin);
   system.x0_mean = Vector::Zero(n);
   system.x0_cov = white(n, options.initial_state == InitialState::zero ? 0.0 : 1.0);
   system.initial_state = options.initial_state;
@@ -152,16 +150,16 @@ Ensemble expected_moments(const Model& system) {
   if (system.steps() == 0 || system.k_begin != 0)
     throw std::invalid_argument(fmt::format("system: {} steps from step {} found, at least one from step 0 needed",
                                             system.steps(), system.k_begin));
-  if (static_cast<Index>(system.Q.size()) != system.steps() || static_cast<Index>(system.R.size()) != system.steps())
-    throw std::invalid_argument(fmt::format("Q and R: {} and {} matrices found, {} of each (one for each step) needed",
-                                            system.Q.size(), system.R.size(), system.steps()));
+  if (!system.has(&Step::has_Q) || !system.has(&Step::has_R))
+    throw std::invalid_argument("Q and R: not known of this system, both needed at each step");
   const auto factor = [](const Matrix& covariance, const char* name) {
     std::optional<Matrix> f = linalg::covariance_factor(covariance);
     if (!f) throw std::invalid_argument(fmt::format("{}: no covariance", name));
     return std::move(*f);
   };
-  const Index T = system.steps(), n0 = system.state_dim.front();
-  const Index states = std::accumulate(system.state_dim.begin(), system.state_dim.end(), Index(0));
+  const Index T = system.steps(), n0 = system.n(system.k_begin);
+  Index states = 0;
+  for (Index k = 0; k <= T; ++k) states += system.n(k);
   const Index sources = states + T * (system.inputs + system.outputs);  // x_0, and u_k, v_k, w_k of every step
   // The mean over the sources stands for the expectation of experiments: each source counts once, not 1/sources times.
   const double weight = std::sqrt(double(sources));
@@ -179,10 +177,10 @@ Ensemble expected_moments(const Model& system) {
     const size_t s = size_t(k);
     Matrix u = Matrix::Zero(sources, system.inputs);
     excite(u, Matrix::Identity(system.inputs, system.inputs));
-    Matrix y = x * system.C[s].transpose() + u * system.D[s].transpose();
-    excite(y, factor(system.R[s], "R"));
-    x = x * system.A[s].transpose() + u * system.B[s].transpose();
-    excite(x, factor(system.Q[s], "Q"));
+    Matrix y = x * system.step[s].C().transpose() + u * system.step[s].D().transpose();
+    excite(y, factor(system.step[s].R(), "R"));
+    x = x * system.step[s].A().transpose() + u * system.step[s].B().transpose();
+    excite(x, factor(system.step[s].Q(), "Q"));
     ensemble.input(k) = weight * u;
     ensemble.output(k) = weight * y;
   }

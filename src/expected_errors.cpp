@@ -14,13 +14,14 @@ namespace {
 // y_k = C x̄_k + D u_k + ε_k. Computed outputs that are not corrected have a state that is off by δ:
 // δ_{k+1} = A δ_k - G_k ε_k, and leave C_k δ_k + ε_k.
 Matrix next_covariance(const Model& model, const std::vector<Matrix>& covariances, Index k, const Matrix& p) {
-  const size_t s = model.at(k);
-  return model.A[s] * p * model.A[s].transpose() + model.G[s] * covariances[s] * model.G[s].transpose();
+  const size_t s = model.index(k);
+  return model.step[s].A() * p * model.step[s].A().transpose() +
+         model.step[s].G() * covariances[s] * model.step[s].G().transpose();
 }
 
 Vector output_variance(const Model& model, const std::vector<Matrix>& covariances, Index k, const Matrix& p) {
-  const size_t s = model.at(k);
-  return (model.C[s] * p * model.C[s].transpose() + covariances[s]).diagonal();
+  const size_t s = model.index(k);
+  return (model.step[s].C() * p * model.step[s].C().transpose() + covariances[s]).diagonal();
 }
 
 // δ of the step `start` from the innovations of the window that starts there (n × window·m): the estimate has seen
@@ -29,20 +30,20 @@ Matrix estimation_error(const Model& model, const std::vector<Matrix>& covarianc
                         bool from_estimate) {
   const Index n = model.n(start), m = model.outputs;
   Matrix pooled = Matrix::Zero(m, m);
-  for (Index j = start; j < start + window; ++j) pooled += covariances[model.at(j)];
+  for (Index j = start; j < start + window; ++j) pooled += covariances[model.index(j)];
   const Matrix whitener = linalg::whitener(pooled);
   Matrix sensitivity(window * m, n), error(n, window * m), transition = Matrix::Identity(n, n);
   for (Index j = start; j < start + window; ++j) {
-    const size_t s = model.at(j);
+    const size_t s = model.index(j);
     const Index row = (j - start) * m;
-    const Matrix shown = model.C[s] * transition;
+    const Matrix shown = model.step[s].C() * transition;
     if (from_estimate) {
       const Matrix w = linalg::whitener(covariances[s]);
       error.middleCols(row, m) = -model.x0_cov * shown.transpose() * w.transpose() * w;
     } else {
       sensitivity.middleRows(row, m) = whitener * shown;
     }
-    transition = model.closed_loop(j) * transition;
+    transition = model.at(j).closed_loop() * transition;
   }
   if (from_estimate) return error;
   const Matrix inverse = linalg::pseudo_inverse(sensitivity);
@@ -57,8 +58,8 @@ Matrix expected_simulation_errors(const Model& model, const std::vector<Matrix>&
   const Index m = model.outputs, end = std::min(model.k_end(), steps);
   Matrix result = Matrix::Constant(steps, m, nan);
   const bool from_zero = starts_from_zero(model, initial);
-  const bool from_estimate = !from_zero && has_initial_estimate(model, initial) &&
-                             Index(model.Q.size()) == model.steps() && Index(model.R.size()) == model.steps();
+  const bool from_estimate =
+      !from_zero && has_initial_estimate(model, initial) && model.has(&Step::has_Q) && model.has(&Step::has_R);
   Index k = from_zero || from_estimate ? model.k_begin : model.full_begin();
   Matrix p;  // covariance of δ
   if (from_zero) {
@@ -68,21 +69,21 @@ Matrix expected_simulation_errors(const Model& model, const std::vector<Matrix>&
     if (window < 1 || (!from_estimate && window < estimation_window(model))) return result;
     Matrix by = estimation_error(model, covariances, start, window, from_estimate);  // δ_k by ε of the window
     for (; k < start + window; ++k) {
-      const size_t s = model.at(k);
-      Matrix shown = model.C[s] * by;
+      const size_t s = model.index(k);
+      Matrix shown = model.step[s].C() * by;
       shown.middleCols((k - start) * m, m) += Matrix::Identity(m, m);
       result.row(k).setZero();
       for (Index j = 0; j < window; ++j) {
         const auto part = shown.middleCols(j * m, m);
-        result.row(k) += (part * covariances[model.at(start + j)] * part.transpose()).diagonal();
+        result.row(k) += (part * covariances[model.index(start + j)] * part.transpose()).diagonal();
       }
-      by = (model.A[s] * by).eval();
-      by.middleCols((k - start) * m, m) -= model.G[s];
+      by = (model.step[s].A() * by).eval();
+      by.middleCols((k - start) * m, m) -= model.step[s].G();
     }
     p = Matrix::Zero(by.rows(), by.rows());
     for (Index j = 0; j < window; ++j) {
       const auto part = by.middleCols(j * m, m);
-      p += part * covariances[model.at(start + j)] * part.transpose();
+      p += part * covariances[model.index(start + j)] * part.transpose();
     }
   }
   for (; k < end; ++k) {

@@ -966,10 +966,9 @@ std::vector<std::string> warnings_of_hidden_states(const Model& model, Index ori
 
 std::vector<double> singular_value_gaps(const Model& model) {
   std::vector<double> gaps;
-  const Index n = model.states(),
-              end = std::min({model.full_end(), model.k_end(), model.k_begin + Index(model.singular_values.size())});
+  const Index n = model.states(), end = std::min(model.full_end(), model.k_end());
   for (Index k = model.full_begin(); n > 0 && k < end; ++k)
-    if (const Vector& s = model.singular_values[model.at(k)]; s.size() > n) gaps.push_back(s(n - 1) / s(n));
+    if (const Vector s = model.at(k).singular_values(); s.size() > n) gaps.push_back(s(n - 1) / s(n));
   return gaps;
 }
 

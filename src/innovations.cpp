@@ -426,10 +426,10 @@ NormalisedSquares normalised_squares(const Model& model, const Innovations& inno
         fmt::format("innovations: of {} outputs found, the model has {}", innovations.front().cols(), model.outputs));
   NormalisedSquares result;
   result.step = result.step_p = Vector::Constant(T, nan);
-  if (model.innovation_cov.empty()) return result;
+  if (!model.has(&Step::has_innovation_cov)) return result;
   Squares total(N);
   for (Index k = model.k_begin; k < std::min(T, model.k_end()); ++k) {
-    const Matrix& covariance = model.innovation_cov[model.at(k)];
+    const Step::View covariance = model.at(k).innovation_cov();
     if (!covariance.allFinite()) continue;
     Squares step(N);
     std::vector<Index> seen, whitened;  // outputs

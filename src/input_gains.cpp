@@ -49,7 +49,7 @@ class GainRegression {
     const Index r = model_.inputs, end = std::min(model_.k_end(), data_.steps());
     InputGains gains{Vector::Constant(r, nan), Vector::Constant(r, nan), Vector::Constant(r, nan)};
     if (model_.steps() == 0 || end <= model_.k_begin) return gains;
-    if (model_.innovation_cov.empty()) pooled_ = pooled_covariance(end);
+    if (!model_.has(&Step::has_innovation_cov)) pooled_ = pooled_covariance(end);
     const Matrix none = Matrix::Zero(data_.experiments(), model_.n(model_.k_begin));
     error_.assign(size_t(r), none);
     alone_.assign(size_t(r), none);
@@ -82,20 +82,20 @@ class GainRegression {
   }
 
   void advance(Index k) {
-    const size_t s = model_.at(k);
+    const size_t s = model_.index(k);
     const Matrix u = inputs(k), &e = innovations_[size_t(k)];
     add_outputs(k);
     std::vector<Matrix> part;  // of the innovations, for α_i = 1
     for (Index i = 0; i < model_.inputs; ++i) {
       Matrix &error = error_[size_t(i)], &alone = alone_[size_t(i)];
-      const auto feedthrough = u.col(i) * model_.D[s].col(i).transpose(),
-                 drive = u.col(i) * model_.B[s].col(i).transpose();
-      alone_squares_.row(i) += (alone * model_.C[s].transpose() + feedthrough).colwise().squaredNorm();
-      alone = (alone * model_.A[s].transpose() + drive).eval();
-      part.emplace_back(error * model_.C[s].transpose() + feedthrough);
+      const auto feedthrough = u.col(i) * model_.step[s].D().col(i).transpose(),
+                 drive = u.col(i) * model_.step[s].B().col(i).transpose();
+      alone_squares_.row(i) += (alone * model_.step[s].C().transpose() + feedthrough).colwise().squaredNorm();
+      alone = (alone * model_.step[s].A().transpose() + drive).eval();
+      part.emplace_back(error * model_.step[s].C().transpose() + feedthrough);
       // The observer corrects by the outputs that are there.
       const Matrix seen = e.array().isNaN().select(0.0, part.back());
-      error = (error * model_.A[s].transpose() + drive + seen * model_.G[s].transpose()).eval();
+      error = (error * model_.step[s].A().transpose() + drive + seen * model_.step[s].G().transpose()).eval();
     }
     // A state that is not known will be estimated from what follows.
     for (Index n = 0; n < e.rows(); ++n)
@@ -128,7 +128,7 @@ class GainRegression {
         for (Matrix& p : part) centre(p.col(j));
         freedom_ -= e.col(j).array().isNaN().all() ? 0 : 1;
       }
-    const Matrix& covariance = model_.innovation_cov.empty() ? pooled_ : model_.innovation_cov[model_.at(k)];
+    const Matrix& covariance = !model_.has(&Step::has_innovation_cov) ? pooled_ : model_.at(k).innovation_cov();
     std::map<std::vector<Index>, std::vector<Index>> groups;  // outputs that are there → experiments
     for (Index n = 0; n < e.rows(); ++n) {
       std::vector<Index> seen;

@@ -45,8 +45,8 @@ double gain_difference(const Model& model, const Model& filter, const KalmanStud
   const FramedModel aligned = align(model, filter, rows);
   double difference = 0.0, size = 0.0;
   for (Index k = std::max(o.begin, aligned.begin); k < std::min(o.end, aligned.end - 1); ++k) {
-    const Matrix& optimal = filter.G[filter.at(k)];
-    difference += (aligned.model.G[aligned.model.at(k)] - optimal).squaredNorm();
+    const Step::View optimal = filter.at(k).G();
+    difference += (aligned.model.at(k).G() - optimal).squaredNorm();
     size += optimal.squaredNorm();
   }
   return std::sqrt(difference / size);

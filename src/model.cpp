@@ -19,18 +19,45 @@ namespace tokid {
 
 namespace {
 
-void check_shape(const char* name, Index s, const Matrix& a, Index rows, Index cols) {
-  if (a.rows() != rows || a.cols() != cols)
-    throw std::invalid_argument(
-        fmt::format("model: {}[{}] is {} x {}, {} x {} needed", name, s, a.rows(), a.cols(), rows, cols));
-  if (!a.allFinite()) throw std::invalid_argument(fmt::format("model: {}[{}] has a value that is not finite", name, s));
+// Names need not be there.
+void check_names(const char* name, const std::vector<std::string>& names, Index needed) {
+  if (!names.empty() && Index(names.size()) != needed)
+    throw std::invalid_argument(fmt::format("model: {} entries of {} found, {} needed", names.size(), name, needed));
 }
 
-template <class List>
-void check_length(const char* name, const List& list, Index needed, bool optional) {
-  const Index found = static_cast<Index>(list.size());
-  if (found != needed && !(optional && found == 0))
-    throw std::invalid_argument(fmt::format("model: {} entries of {} found, {} needed", found, name, needed));
+constexpr std::pair<const char*, bool (Step::*)() const> besides[] = {{"innovation_cov", &Step::has_innovation_cov},
+                                                                      {"Q", &Step::has_Q},
+                                                                      {"R", &Step::has_R},
+                                                                      {"K", &Step::has_K},
+                                                                      {"singular_values", &Step::has_singular_values},
+                                                                      {"condition", &Step::has_condition},
+                                                                      {"rank", &Step::has_rank},
+                                                                      {"lags", &Step::has_lags}};
+
+void check_step(const Model& model, Index s) {
+  const Step& step = model.step[size_t(s)];
+  if (step.inputs() != model.inputs || step.outputs() != model.outputs)
+    throw std::invalid_argument(fmt::format("model: step {} has {} inputs and {} outputs, {} and {} needed", s,
+                                            step.inputs(), step.outputs(), model.inputs, model.outputs));
+  if (s > 0 && step.states() != model.step[size_t(s) - 1].next_states())
+    throw std::invalid_argument(fmt::format("model: A[{}] has {} columns, {} needed: the rows of A[{}]", s,
+                                            step.states(), model.step[size_t(s) - 1].next_states(), s - 1));
+  for (const auto& [name, has] : besides)
+    if ((step.*has)() != model.has(has))
+      throw std::invalid_argument(fmt::format("model: {} is known of some steps only, all or none needed", name));
+  const auto finite = [&](const char* name, const Step::View& a) {
+    if (!a.allFinite())
+      throw std::invalid_argument(fmt::format("model: {}[{}] has a value that is not finite", name, s));
+  };
+  finite("A", step.A());
+  finite("B", step.B());
+  finite("C", step.C());
+  finite("D", step.D());
+  finite("G", step.G());
+  if (step.has_innovation_cov()) finite("innovation_cov", step.innovation_cov());
+  if (step.has_Q()) finite("Q", step.Q());
+  if (step.has_R()) finite("R", step.R());
+  if (step.has_K()) finite("K", step.K());
 }
 
 void check_channels(const Model& model, const Ensemble& data, bool with_outputs) {
@@ -84,15 +111,15 @@ void store_output(const Model& model, Index k, const Matrix& y, Ensemble& result
 }
 
 // Experiments as rows: z = x aᵀ + u bᵀ.
-void combine(const Matrix& x, const Matrix& a, const Matrix& u, const Matrix& b, Matrix& z) {
+void combine(const Matrix& x, const ConstMatrixRef& a, const Matrix& u, const ConstMatrixRef& b, Matrix& z) {
   z.resize(x.rows(), a.rows());
   linalg::tall_products({{x, a}, {u, b}}, z);
 }
 
 // y = x Cᵀ + u Dᵀ
 void output(const Model& model, Index k, const Matrix& x, const Matrix& u, Matrix& y) {
-  const size_t s = model.at(k);
-  combine(x, model.C[s], u, model.D[s], y);
+  const size_t s = model.index(k);
+  combine(x, model.step[s].C(), u, model.step[s].D(), y);
 }
 
 Matrix output(const Model& model, Index k, const Matrix& x, const Matrix& u) {
@@ -103,8 +130,8 @@ Matrix output(const Model& model, Index k, const Matrix& x, const Matrix& u) {
 
 // x⁺ = x Aᵀ + u Bᵀ
 void next_state(const Model& model, Index k, const Matrix& x, const Matrix& u, Matrix& next) {
-  const size_t s = model.at(k);
-  combine(x, model.A[s], u, model.B[s], next);
+  const size_t s = model.index(k);
+  combine(x, model.step[s].A(), u, model.step[s].B(), next);
 }
 
 Matrix next_state(const Model& model, Index k, const Matrix& x, const Matrix& u) {
@@ -115,10 +142,22 @@ Matrix next_state(const Model& model, Index k, const Matrix& x, const Matrix& u)
 
 }  // namespace
 
-Index Model::states() const { return state_dim.empty() ? 0 : *std::max_element(state_dim.begin(), state_dim.end()); }
+Index Model::n(Index k) const {
+  if (step.empty()) return 0;
+  return k < k_end() ? at(k).states() : step.back().next_states();
+}
+
+Index Model::states() const {
+  Index most = n(k_end());
+  for (const Step& s : step) most = std::max(most, s.states());
+  return most;
+}
 
 Index Model::full_begin() const {
-  return k_begin + (std::max_element(state_dim.begin(), state_dim.end()) - state_dim.begin());
+  const Index full = states();
+  Index k = k_begin;
+  while (n(k) < full) ++k;
+  return k;
 }
 
 Index Model::full_end() const {
@@ -129,46 +168,23 @@ Index Model::full_end() const {
 }
 
 Index Model::max_lags() const {
-  return lags.empty() ? 1 : std::max<Index>(1, *std::max_element(lags.begin(), lags.end()));
+  Index most = 1;
+  for (const Step& s : step)
+    if (s.has_lags()) most = std::max(most, s.lags());
+  return most;
 }
 
 void Model::check() const {
-  const Index s_end = steps();
   if (inputs < 0 || outputs < 1 || k_begin < 0)
     throw std::invalid_argument(fmt::format("model: {} inputs, {} outputs, first step {}", inputs, outputs, k_begin));
   if (period < 0) throw std::invalid_argument(fmt::format("model: period {} found, 0 or more needed", period));
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument(fmt::format("model: dt = {} found, a positive time in seconds needed", dt));
-  check_length("B", B, s_end, false);
-  check_length("C", C, s_end, false);
-  check_length("D", D, s_end, false);
-  check_length("G", G, s_end, false);
-  check_length("state_dim", state_dim, s_end + 1, false);
-  check_length("innovation_cov", innovation_cov, s_end, true);
-  check_length("singular_values", singular_values, s_end, true);
-  check_length("condition", condition, s_end, true);
-  check_length("rank", rank, s_end, true);
-  check_length("lags", lags, s_end, true);
-  check_length("Q", Q, s_end, true);
-  check_length("R", R, s_end, true);
-  check_length("K", K, s_end, true);
-  check_length("input_names", names.input_names, inputs, true);
-  check_length("output_names", names.output_names, outputs, true);
-  check_length("input_units", names.input_units, inputs, true);
-  check_length("output_units", names.output_units, outputs, true);
-  for (Index s = 0; s < s_end; ++s) {
-    const size_t i = static_cast<size_t>(s);
-    const Index now = state_dim[i], next = state_dim[i + 1];
-    check_shape("A", s, A[i], next, now);
-    check_shape("B", s, B[i], next, inputs);
-    check_shape("C", s, C[i], outputs, now);
-    check_shape("D", s, D[i], outputs, inputs);
-    check_shape("G", s, G[i], next, outputs);
-    if (!innovation_cov.empty()) check_shape("innovation_cov", s, innovation_cov[i], outputs, outputs);
-    if (!Q.empty()) check_shape("Q", s, Q[i], next, next);
-    if (!R.empty()) check_shape("R", s, R[i], outputs, outputs);
-    if (!K.empty()) check_shape("K", s, K[i], now, outputs);
-  }
+  check_names("input_names", names.input_names, inputs);
+  check_names("output_names", names.output_names, outputs);
+  check_names("input_units", names.input_units, inputs);
+  check_names("output_units", names.output_units, outputs);
+  for (Index s = 0; s < steps(); ++s) check_step(*this, s);
   if ((u_nominal.size() > 0 || y_nominal.size() > 0) &&
       (u_nominal.cols() != inputs || y_nominal.cols() != outputs || u_nominal.rows() != y_nominal.rows()))
     throw std::invalid_argument(fmt::format(
@@ -188,7 +204,7 @@ Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) 
   const Index experiments = inputs.experiments();
   Ensemble result = outputs_for(model, inputs);
   if (model.steps() == 0) return result;
-  const Index n0 = model.state_dim.front();
+  const Index n0 = model.n(model.k_begin);
   if (x0.size() > 0 && (x0.rows() != n0 || x0.cols() != experiments))
     throw std::invalid_argument(
         fmt::format("x0: {} x {} found, {} states x {} experiments needed", x0.rows(), x0.cols(), n0, experiments));
@@ -279,10 +295,11 @@ class Observer {
     output_departure(model_, data, k, innovation);
     innovation -= y;
     seen_ = innovation;
-    const size_t s = model_.at(k);
+    const size_t s = model_.index(k);
     if (!std::isfinite(seen_.sum())) fill_in(s, seen_);
     next_.resize(x.rows(), model_.n(k + 1));
-    linalg::tall_products({{x, model_.A[s]}, {u_, model_.B[s]}, {seen_, model_.G[s], true}}, next_);
+    linalg::tall_products({{x, model_.step[s].A()}, {u_, model_.step[s].B()}, {seen_, model_.step[s].G(), true}},
+                          next_);
     x.swap(next_);
   }
 
@@ -296,12 +313,12 @@ class Observer {
       seen.clear();
       for (Index j = 0; j < innovations.cols(); ++j) (std::isnan(innovations(n, j)) ? missing : seen).push_back(j);
       if (missing.empty()) continue;
-      if (seen.empty() || model_.innovation_cov.empty()) {
+      if (seen.empty() || !model_.has(&Step::has_innovation_cov)) {
         for (const Index j : missing) innovations(n, j) = 0.0;
         continue;
       }
       if (missing != before) {
-        const Matrix& covariance = model_.innovation_cov[s];
+        const Step::View covariance = model_.step[s].innovation_cov();
         const Matrix whitener = linalg::whitener(covariance(seen, seen));
         conditional = covariance(missing, seen) * whitener.transpose() * whitener;
         before = missing;
@@ -388,17 +405,16 @@ std::vector<std::string> differences(const Model& model, const Ensemble& data) {
 }
 
 Index unknowns(const Model& model, Index k) {
-  if (model.lags.empty()) return 0;
-  return model.inputs +
-         (model.method == "tvera" ? model.lags[model.at(k)] * (model.inputs + model.outputs) : model.n(k));
+  if (!model.has(&Step::has_lags)) return 0;
+  return model.inputs + (model.method == "tvera" ? model.at(k).lags() * (model.inputs + model.outputs) : model.n(k));
 }
 
 bool starts_from_zero(const Model& model, InitialState initial) {
-  return model.steps() > 0 && (model.state_dim.front() == 0 || (initial == InitialState::zero && model.k_begin == 0));
+  return model.steps() > 0 && (model.n(model.k_begin) == 0 || (initial == InitialState::zero && model.k_begin == 0));
 }
 
 bool has_initial_estimate(const Model& model, InitialState initial) {
-  const Index n = model.steps() > 0 ? model.state_dim.front() : 0;
+  const Index n = model.steps() > 0 ? model.n(model.k_begin) : 0;
   return n > 0 && initial == InitialState::unknown && model.initial_state == InitialState::unknown &&
          model.x0_mean.size() == n && model.x0_cov.rows() == n && model.x0_cov.cols() == n;
 }
@@ -411,9 +427,7 @@ Matrix outputs_ahead(const Model& model, const Ensemble& data, Index k, Matrix x
   return output(model, k, x, input_departure(model, data, k));
 }
 
-bool knows_noise(const Model& model) {
-  return Index(model.Q.size()) == model.steps() && Index(model.R.size()) == model.steps();
-}
+bool knows_noise(const Model& model) { return model.has(&Step::has_Q) && model.has(&Step::has_R); }
 
 bool samples_missing(const Ensemble& data, Index begin, Index end) {
   return end > begin && data.samples().middleCols(begin * data.channels(), (end - begin) * data.channels()).hasNaN();
@@ -443,7 +457,7 @@ namespace {
 // The state at the first step, where it is known.
 std::optional<Vector> known_start(const Model& model, const Ensemble& data, const PredictOptions& options) {
   const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
-  if (starts_from_zero(model, initial)) return Vector::Zero(model.state_dim.front());
+  if (starts_from_zero(model, initial)) return Vector::Zero(model.n(model.k_begin));
   if (options.initial_estimate && has_initial_estimate(model, initial)) return model.x0_mean;
   return std::nullopt;
 }
@@ -459,7 +473,7 @@ void observe(const Model& model, const Ensemble& data, const PredictOptions& opt
   if (start && knows_noise(model) && samples_missing(data, model.k_begin, end)) {
     const std::vector<Matrix> states = filtered_states(model, data, starts_from_zero(model, initial));
     for (Index k = model.k_begin; k < end; ++k) {
-      const Matrix& x = states[model.at(k)];
+      const Matrix& x = states[model.index(k)];
       before(k, [&x] { return x; });
       const Matrix y = outputs_ahead(model, data, k, x, 1);
       after(k, y, output_departure(model, data, k) - y);
@@ -540,17 +554,17 @@ Matrix estimate_alike(const Model& model, const Ensemble& data, Index k, Index w
   Matrix transition = Matrix::Identity(n, n);  // of the error of x_k through the observer
   Matrix x = Matrix::Zero(experiments, n);
   for (Index j = k; j < k + window; ++j) {
-    const size_t s = model.at(j);
+    const size_t s = model.index(j);
     const Matrix u = input_departure(model, data, j);
     Matrix innovation = output_departure(model, data, j) - output(model, j, x, u);
     Vector present = Vector::Ones(m);
     for (Index i = 0; i < m; ++i)
       if (!std::isfinite(data.y(0, j, i))) present(i) = 0.0, innovation.col(i).setZero();
-    const Matrix seen = present.asDiagonal() * model.C[s];
+    const Matrix seen = present.asDiagonal() * model.step[s].C();
     sensitivity.middleRows((j - k) * m, m) = whitener * seen * transition;
     innovations.middleRows((j - k) * m, m) = whitener * innovation.transpose();
-    x = next_state(model, j, x, u) - innovation * model.G[s].transpose();
-    transition = (model.A[s] + model.G[s] * seen) * transition;
+    x = next_state(model, j, x, u) - innovation * model.step[s].G().transpose();
+    transition = (model.step[s].A() + model.step[s].G() * seen) * transition;
   }
   const linalg::MinimumNorm solution = linalg::minimum_norm(sensitivity, innovations, unseen);
   return solution.rank < n ? Matrix::Constant(n, experiments, nan) : solution.x;
@@ -567,8 +581,8 @@ Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index w
                                             k + window - 1, model.k_begin, std::min(model.k_end(), data.steps()) - 1));
   // One whitener for the window: the covariance of a single step may be singular by rounding.
   Matrix covariance = Matrix::Zero(model.outputs, model.outputs);
-  if (!model.innovation_cov.empty())
-    for (Index j = k; j < k + window; ++j) covariance += model.innovation_cov[model.at(j)];
+  if (model.has(&Step::has_innovation_cov))
+    for (Index j = k; j < k + window; ++j) covariance += model.at(j).innovation_cov();
   const Matrix whitener = linalg::whitener(covariance);
 
   std::map<std::vector<bool>, std::vector<Index>> groups;
@@ -596,9 +610,8 @@ struct Start {
 std::optional<Start> start_of(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
   const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
   if (starts_from_zero(model, initial))
-    return Start{model.k_begin, Matrix::Zero(data.experiments(), model.state_dim.front())};
-  if (has_initial_estimate(model, initial) && Index(model.Q.size()) == model.steps() &&
-      Index(model.R.size()) == model.steps())
+    return Start{model.k_begin, Matrix::Zero(data.experiments(), model.n(model.k_begin))};
+  if (has_initial_estimate(model, initial) && knows_noise(model))
     return Start{model.k_begin,
                  em::smoothed_first_states(model, em::samples_of(model, data, em::Tail::drop, estimation_window(model)))
                      .transpose()};
@@ -626,30 +639,30 @@ Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<I
 namespace {
 
 // C_k A_{k-1} … A_{i+1} X_i
-Matrix response(const Model& model, Index k, Index i, const std::vector<Matrix>& entrance) {
+Matrix response(const Model& model, Index k, Index i, Step::View (Step::*entrance)() const) {
   if (i < model.k_begin || k <= i || k >= model.k_end())
     throw std::invalid_argument(fmt::format("pulse response: steps k = {}, i = {} asked for, {} <= i < k < {} needed",
                                             k, i, model.k_begin, model.k_end()));
-  Matrix x = entrance[model.at(i)];
-  for (Index j = i + 1; j < k; ++j) x = model.A[model.at(j)] * x;
-  return model.C[model.at(k)] * x;
+  Matrix x = (model.at(i).*entrance)();
+  for (Index j = i + 1; j < k; ++j) x = model.at(j).A() * x;
+  return model.at(k).C() * x;
 }
 
 }  // namespace
 
-Matrix pulse_response(const Model& model, Index k, Index i) { return response(model, k, i, model.B); }
-Matrix gain_pulse_response(const Model& model, Index k, Index i) { return response(model, k, i, model.G); }
+Matrix pulse_response(const Model& model, Index k, Index i) { return response(model, k, i, &Step::B); }
+Matrix gain_pulse_response(const Model& model, Index k, Index i) { return response(model, k, i, &Step::G); }
 
 std::vector<Matrix> pulse_responses(const Model& model, Index band) {
   if (band < 1) throw std::invalid_argument(fmt::format("band: {} found, at least 1 needed", band));
   const Index r = model.inputs;
-  std::vector<Matrix> result(model.A.size(), Matrix::Constant(model.outputs, band * r, nan));
+  std::vector<Matrix> result(model.step.size(), Matrix::Constant(model.outputs, band * r, nan));
   for (Index i = model.k_begin; i < model.k_end(); ++i) {
     checkpoint();
-    Matrix x = model.B[model.at(i)];
+    Matrix x = model.at(i).B();
     for (Index k = i + 1; k < std::min(model.k_end(), i + 1 + band); ++k) {
-      result[model.at(k)].middleCols((k - i - 1) * r, r).noalias() = model.C[model.at(k)] * x;
-      x = model.A[model.at(k)] * x;
+      result[model.index(k)].middleCols((k - i - 1) * r, r).noalias() = model.at(k).C() * x;
+      x = model.at(k).A() * x;
     }
   }
   return result;
@@ -664,9 +677,9 @@ Matrix observability(const Model& model, Index k, Index rows) {
   Matrix o(count * model.outputs, model.n(k));
   Matrix transition = Matrix::Identity(model.n(k), model.n(k));
   for (Index a = 0; a < count; ++a) {
-    const size_t s = model.at(k + a);
-    o.middleRows(a * model.outputs, model.outputs) = model.C[s] * transition;
-    transition = model.A[s] * transition;
+    const size_t s = model.index(k + a);
+    o.middleRows(a * model.outputs, model.outputs) = model.step[s].C() * transition;
+    transition = model.step[s].A() * transition;
   }
   return o;
 }
@@ -674,19 +687,7 @@ Matrix observability(const Model& model, Index k, Index rows) {
 Model continued(Model model, Index end) {
   if (model.period <= 0 || model.steps() < model.period) return model;
   const size_t period = size_t(model.period);
-  for (Index k = model.k_end(); k < end; ++k) {
-    const auto repeat = [period](auto& list) {
-      if (list.size() >= period) list.push_back(decltype(list.back())(list[list.size() - period]));
-    };
-    for (auto* list :
-         {&model.A, &model.B, &model.C, &model.D, &model.G, &model.innovation_cov, &model.Q, &model.R, &model.K})
-      repeat(*list);
-    repeat(model.state_dim);
-    repeat(model.singular_values);
-    repeat(model.condition);
-    repeat(model.rank);
-    repeat(model.lags);
-  }
+  for (Index k = model.k_end(); k < end; ++k) model.step.push_back(Step(model.step[model.step.size() - period]));
   for (Matrix* nominal : {&model.u_nominal, &model.y_nominal}) {
     const Index known = nominal->rows();
     if (known < model.period || known >= end) continue;
@@ -696,28 +697,17 @@ Model continued(Model model, Index end) {
   return model;
 }
 
-Model from_step(const Model& model, Index k) {
+Model from_step(Model model, Index k) {
   if (k < model.k_begin || k > model.k_end())
     throw std::invalid_argument(
         fmt::format("from_step: step {} found, {} to {} needed", k, model.k_begin, model.k_end()));
-  Model result = model;
-  const auto drop = [count = k - model.k_begin](auto& list) {
-    if (!list.empty()) list.erase(list.begin(), list.begin() + count);
-  };
-  for (auto* list :
-       {&result.A, &result.B, &result.C, &result.D, &result.G, &result.innovation_cov, &result.Q, &result.R, &result.K})
-    drop(*list);
-  drop(result.state_dim);
-  drop(result.singular_values);
-  drop(result.condition);
-  drop(result.rank);
-  drop(result.lags);
-  result.k_begin = k;
+  model.step.erase(model.step.begin(), model.step.begin() + (k - model.k_begin));
   if (k > model.k_begin) {  // the moments describe the state at the old first step
-    result.x0_mean.resize(0);
-    result.x0_cov.resize(0, 0);
+    model.x0_mean.resize(0);
+    model.x0_cov.resize(0, 0);
   }
-  return result;
+  model.k_begin = k;
+  return model;
 }
 
 Model transform(const Model& model, const std::vector<Matrix>& S) {
@@ -727,9 +717,10 @@ Model transform(const Model& model, const std::vector<Matrix>& S) {
   Model result = model;
   std::vector<Matrix> inverse(S.size());
   for (size_t s = 0; s < S.size(); ++s) {
-    if (S[s].rows() != model.state_dim[s] || S[s].cols() != model.state_dim[s])
-      throw std::invalid_argument(fmt::format("transform: S[{}] is {} x {}, {} x {} needed", s, S[s].rows(),
-                                              S[s].cols(), model.state_dim[s], model.state_dim[s]));
+    const Index n = model.n(model.k_begin + Index(s));
+    if (S[s].rows() != n || S[s].cols() != n)
+      throw std::invalid_argument(
+          fmt::format("transform: S[{}] is {} x {}, {} x {} needed", s, S[s].rows(), S[s].cols(), n, n));
     const linalg::MinimumNorm solution = linalg::minimum_norm(S[s], Matrix::Identity(S[s].rows(), S[s].cols()), unseen);
     if (solution.rank < S[s].cols())
       throw std::invalid_argument(
@@ -737,12 +728,12 @@ Model transform(const Model& model, const std::vector<Matrix>& S) {
     inverse[s] = solution.x;
   }
   for (size_t s = 0; s + 1 < S.size(); ++s) {
-    result.A[s] = S[s + 1] * model.A[s] * inverse[s];
-    result.B[s] = S[s + 1] * model.B[s];
-    result.C[s] = model.C[s] * inverse[s];
-    result.G[s] = S[s + 1] * model.G[s];
-    if (!model.Q.empty()) result.Q[s] = S[s + 1] * model.Q[s] * S[s + 1].transpose();
-    if (!model.K.empty()) result.K[s] = S[s] * model.K[s];
+    result.step[s].A() = S[s + 1] * model.step[s].A() * inverse[s];
+    result.step[s].B() = S[s + 1] * model.step[s].B();
+    result.step[s].C() = model.step[s].C() * inverse[s];
+    result.step[s].G() = S[s + 1] * model.step[s].G();
+    if (model.has(&Step::has_Q)) result.step[s].set_Q(S[s + 1] * model.step[s].Q() * S[s + 1].transpose());
+    if (model.has(&Step::has_K)) result.step[s].set_K(S[s] * model.step[s].K());
   }
   if (model.x0_mean.size() > 0) result.x0_mean = S[0] * model.x0_mean;
   if (model.x0_cov.size() > 0) result.x0_cov = S[0] * model.x0_cov * S[0].transpose();
@@ -763,7 +754,7 @@ FramedModel framed(const Model& model, Index s, Coordinates&& coordinates) {
     if (candidate.rows() != model.n(k) || candidate.size() == 0) return false;
     const Vector sigma = linalg::singular_values(candidate);
     if (!(sigma(sigma.size() - 1) > frame_condition * sigma(0))) return false;
-    S[model.at(k)] = candidate;
+    S[model.index(k)] = candidate;
     return true;
   };
   FramedModel result{{}, s, s};
@@ -849,12 +840,12 @@ Similarity kinematically_similar(const Model& a, const Model& b, double toleranc
   };
   for (Index i = begin; i < end; ++i) {
     checkpoint();
-    compare(i, a.D[a.at(i)], b.D[b.at(i)]);
-    Matrix x = a.B[a.at(i)], y = b.B[b.at(i)];
+    compare(i, a.at(i).D(), b.at(i).D());
+    Matrix x = a.at(i).B(), y = b.at(i).B();
     for (Index k = i + 1; k < std::min(end, i + 1 + band); ++k) {
-      compare(k, a.C[a.at(k)] * x, b.C[b.at(k)] * y);
-      x = a.A[a.at(k)] * x;
-      y = b.A[b.at(k)] * y;
+      compare(k, a.at(k).C() * x, b.at(k).C() * y);
+      x = a.at(k).A() * x;
+      y = b.at(k).A() * y;
     }
   }
   Similarity result;

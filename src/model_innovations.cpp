@@ -30,9 +30,10 @@ Matrix vague(const Model& model, Index k, Index window) {
   const Index n = model.n(k), m = model.outputs;
   Matrix sensitivity(window * m, n), transition = Matrix::Identity(n, n);
   for (Index j = 0; j < window; ++j) {
-    const size_t s = model.at(k + j);
-    sensitivity.middleRows(j * m, m) = linalg::whitener(model.innovation_cov[s]) * model.C[s] * transition;
-    transition = model.closed_loop(k + j) * transition;
+    const size_t s = model.index(k + j);
+    sensitivity.middleRows(j * m, m) =
+        linalg::whitener(model.step[s].innovation_cov()) * model.step[s].C() * transition;
+    transition = model.at(k + j).closed_loop() * transition;
   }
   const Matrix none = Matrix::Zero(sensitivity.rows(), 1);
   const Matrix root = linalg::minimum_norm(sensitivity, none, 1e-12).inverse_t;
@@ -57,7 +58,7 @@ class Filter {
         window_(estimation_window(model)),
         end_(std::min(model.k_end(), data.steps())),
         known_(size_t(data.experiments())),
-        x_(Matrix::Zero(data.experiments(), model.steps() > 0 ? model.state_dim.front() : 0)) {
+        x_(Matrix::Zero(data.experiments(), model.steps() > 0 ? model.n(model.k_begin) : 0)) {
     const InitialState state = initial.value_or(data.initial_state.value_or(model.initial_state));
     if (!starts_from_zero(model, state))
       for (Knowledge& known : known_) known.blind = true;
@@ -97,7 +98,7 @@ class Filter {
 
   // The innovations of step k, and the states of the next.
   Matrix advance(Index k) {
-    const size_t s = model_.at(k);
+    const size_t s = model_.index(k);
     Matrix u = data_.input(k).rowwise() - nominal(model_.u_nominal, k, model_.inputs);
     for (Index n = 0; n < u.rows(); ++n)
       if (!u.row(n).allFinite()) {
@@ -105,14 +106,14 @@ class Filter {
         known_[size_t(n)] = {true, 0, {}, 0};
       }
     Matrix e = (data_.output(k).rowwise() - nominal(model_.y_nominal, k, model_.outputs)) -
-               (x_ * model_.C[s].transpose() + u * model_.D[s].transpose());
-    Matrix next = x_ * model_.A[s].transpose() + u * model_.B[s].transpose();
+               (x_ * model_.step[s].C().transpose() + u * model_.step[s].D().transpose());
+    Matrix next = x_ * model_.step[s].A().transpose() + u * model_.step[s].B().transpose();
     for (Index n = 0; n < e.rows(); ++n) {
       Knowledge& known = known_[size_t(n)];
       if (known.blind) {
         e.row(n).setConstant(nan);
       } else if (known.exact() && e.row(n).allFinite()) {
-        next.row(n) -= e.row(n) * model_.G[s].transpose();
+        next.row(n) -= e.row(n) * model_.step[s].G().transpose();
       } else {
         next.row(n) += correction(k, known, e.row(n));
         if (k < known.from) e.row(n).setConstant(nan);
@@ -126,8 +127,8 @@ class Filter {
   // Σ = E (S + C P Cᵀ) Eᵀ, and δ_{k+1} = A δ_k - G ε_k less the correction K by what is seen. Scales e to covariance
   // E S Eᵀ.
   Eigen::RowVectorXd correction(Index k, Knowledge& known, Eigen::Ref<Eigen::RowVectorXd, 0, Eigen::InnerStride<>> e) {
-    const size_t s = model_.at(k);
-    const Matrix &a = model_.A[s], &g = model_.G[s], &noise = model_.innovation_cov[s];
+    const size_t s = model_.index(k);
+    const Step::View a = model_.step[s].A(), g = model_.step[s].G(), noise = model_.step[s].innovation_cov();
     if (known.exact()) known.error = Matrix::Zero(a.cols(), a.cols());
     const Matrix& error = known.error;
     const std::vector<Index> seen = finite_entries(e);
@@ -135,7 +136,7 @@ class Filter {
     Matrix gain = Matrix::Zero(a.rows(), model_.outputs);
     Eigen::RowVectorXd correction = Eigen::RowVectorXd::Zero(a.rows());
     if (count > 0) {
-      const Matrix c = model_.C[s](seen, Eigen::all);
+      const Matrix c = model_.step[s].C()(seen, Eigen::all);
       const Matrix own = noise(seen, seen), w = linalg::whitener(own + c * error * c.transpose());
       const Matrix shared = noise(Eigen::all, seen);
       const Matrix k_seen = (a * error * c.transpose() - g * shared) * w.transpose() * w;
@@ -144,7 +145,7 @@ class Filter {
       correction = (k_seen * innovation).transpose();
       e(seen) = (linalg::pseudo_inverse(linalg::whitener(own)) * w * innovation).transpose();
     }
-    const Matrix f = a - gain * model_.C[s], h = g + gain;
+    const Matrix f = a - gain * model_.step[s].C(), h = g + gain;
     known.error = f * error * f.transpose() + h * noise * h.transpose();
     settle(k, known);
     return correction;
@@ -153,9 +154,9 @@ class Filter {
   // What has not shown for as long as a state takes to show is gone.
   void settle(Index k, Knowledge& known) const {
     if (k + 1 >= model_.k_end()) return;
-    const size_t s = model_.at(k + 1);
-    const Matrix& c = model_.C[s];
-    const bool shows = (c * known.error * c.transpose()).trace() > 1e-6 * model_.innovation_cov[s].trace();
+    const size_t s = model_.index(k + 1);
+    const Step::View c = model_.step[s].C();
+    const bool shows = (c * known.error * c.transpose()).trace() > 1e-6 * model_.step[s].innovation_cov().trace();
     known.settled = shows ? 0 : known.settled + 1;
     if (known.settled > window_) known.error.resize(0, 0);
   }
@@ -170,7 +171,7 @@ class Filter {
 }  // namespace
 
 Innovations model_innovations(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
-  if (model.innovation_cov.empty()) return predict(model, data, {1, initial_state}).innovations;
+  if (!model.has(&Step::has_innovation_cov)) return predict(model, data, {1, initial_state}).innovations;
   if (model.steps() == 0 || std::min(model.k_end(), data.steps()) <= model.k_begin)
     return Innovations(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
   return Filter(model, data, initial_state).run();

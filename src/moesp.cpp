@@ -49,14 +49,13 @@ class Moesp {
     model_.names = e_.names;
     model_.method = "subspace";
     model_.period = variation_.period;
-    model_.state_dim.assign(size_t(e_.steps()) + 1, n_);
+    model_.step.assign(size_t(groups_), Step(n_, n_, r_, m_));
     shift();
     simulate_inputs();
-    for (Index k = groups_; k < e_.steps(); ++k)
-      for (auto* list : {&model_.A, &model_.B, &model_.C, &model_.D}) list->push_back((*list)[size_t(k - groups_)]);
+    for (Index k = groups_; k < e_.steps(); ++k) model_.step.push_back(Step(model_.step[size_t(k - groups_)]));
     for (Index k = 0; k < e_.steps(); ++k) {
-      model_.lags.push_back(lags_);
-      model_.singular_values.push_back(factors_.group[size_t(variation_.group(k))].singular_values);
+      model_.step[size_t(k)].set_lags(lags_);
+      model_.step[size_t(k)].set_singular_values(factors_.group[size_t(variation_.group(k))].singular_values);
     }
     find_gains();
     return std::move(model_);
@@ -71,9 +70,10 @@ class Moesp {
   void shift() {
     const Index rows = (factors_.future - 1) * m_;
     for (Index g = 0; g < groups_; ++g) {
-      model_.C.emplace_back(sizes_.asDiagonal() * observability(g).topRows(m_));
-      model_.A.emplace_back(
-          linalg::minimum_norm(observability(next(g)).topRows(rows), observability(g).bottomRows(rows), negligible).x);
+      Step& step = model_.step[size_t(g)];
+      step.C() = sizes_.asDiagonal() * observability(g).topRows(m_);
+      step.A() =
+          linalg::minimum_norm(observability(next(g)).topRows(rows), observability(g).bottomRows(rows), negligible).x;
     }
   }
 
@@ -95,8 +95,9 @@ class Moesp {
                                               factor.rightCols(1), negligible)
                              .x;
     for (Index g = 0; g < groups_; ++g) {
-      model_.B.emplace_back(theta.segment(g * n_ * r_, n_ * r_).reshaped(n_, r_));
-      model_.D.emplace_back(sizes_.asDiagonal() * theta.segment(b + g * m_ * r_, m_ * r_).reshaped(m_, r_));
+      Step& step = model_.step[size_t(g)];
+      step.B() = theta.segment(g * n_ * r_, n_ * r_).reshaped(n_, r_);
+      step.D() = sizes_.asDiagonal() * theta.segment(b + g * m_ * r_, m_ * r_).reshaped(m_, r_);
     }
   }
 
@@ -106,7 +107,7 @@ class Moesp {
     Index end = begin;
     while (end < e_.steps() && e_.input(end).row(n).allFinite() &&
            growth.norm() < most_growth * std::sqrt(double(n_))) {
-      growth = model_.A[size_t(variation_.group(end))] * growth;
+      growth = model_.step[size_t(variation_.group(end))].A() * growth;
       ++end;
     }
     return end;
@@ -123,14 +124,14 @@ class Moesp {
     Index used = 0;
     for (Index k = begin; k < end; ++k) {
       const Index g = variation_.group(k);
-      const Matrix response = sizes_.cwiseInverse().asDiagonal() * (model_.C[size_t(g)] * x);
+      const Matrix response = sizes_.cwiseInverse().asDiagonal() * (model_.step[size_t(g)].C() * x);
       for (Index j = 0; j < m_; ++j) {
         if (std::isnan(e_.y(n, k, j))) continue;
         rows.row(used).head(start + b) = response.row(j);
         for (Index i = 0; i < r_; ++i) rows(used, start + b + (g * r_ + i) * m_ + j) = e_.u(n, k, i);
         rows(used++, start + unknowns) = e_.y(n, k, j) / sizes_(j);
       }
-      x = model_.A[size_t(g)] * x;
+      x = model_.step[size_t(g)].A() * x;
       for (Index i = 0; i < r_; ++i) x.middleCols(start + (g * r_ + i) * n_, n_).diagonal().array() += e_.u(n, k, i);
     }
     Matrix kept = rows.topRows(used);
@@ -154,9 +155,9 @@ class Moesp {
       const Matrix x = rows.leftCols(width) * state(g).transpose();
       Matrix residuals(rows.rows(), m_ + n_);
       const size_t s = size_t(g);
-      residuals.leftCols(m_) = y - x * model_.C[s].transpose() - u * model_.D[s].transpose();
+      residuals.leftCols(m_) = y - x * model_.step[s].C().transpose() - u * model_.step[s].D().transpose();
       residuals.rightCols(n_) = rows.middleCols(e_.channels(), width) * state(next(g)).transpose() -
-                                x * model_.A[s].transpose() - u * model_.B[s].transpose();
+                                x * model_.step[s].A().transpose() - u * model_.step[s].B().transpose();
       stacks[s].add(residuals);
       squares += y.colwise().squaredNorm().transpose();
       count(g) += double(rows.rows());
@@ -175,10 +176,10 @@ class Moesp {
     for (Index k = 0; k < e_.steps(); ++k) {
       const Index g = variation_.group(k);
       // Without noise there is no ε, and the observer is read off the map of the next state.
-      model_.G.push_back(noisy_ ? gain[size_t(g)] : Matrix(-state(next(g)).rightCols(m_)));
+      model_.step[size_t(k)].G() = noisy_ ? gain[size_t(g)] : Matrix(-state(next(g)).rightCols(m_));
       noise.innovation.push_back(of_group.innovation[size_t(g)]);
       noise.state.push_back(of_group.state[size_t(g)]);
-      model_.innovation_cov.push_back(covariance_of(noise.innovation.back()));
+      model_.step[size_t(k)].set_innovation_cov(covariance_of(noise.innovation.back()));
     }
     if (noisy_) filter_gains(model_, noise);
   }

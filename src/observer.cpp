@@ -15,8 +15,8 @@ std::vector<double> deadbeat_products(const Model& model, Index p) {
   if (p < 1) throw std::invalid_argument(fmt::format("p: {} found, at least 1 needed", p));
   std::vector<double> norms;
   for (Index k = model.k_begin; k + p <= model.k_end(); ++k) {
-    Matrix product = model.closed_loop(k);
-    for (Index j = k + 1; j < k + p; ++j) product = model.closed_loop(j) * product;
+    Matrix product = model.at(k).closed_loop();
+    for (Index j = k + 1; j < k + p; ++j) product = model.at(j).closed_loop() * product;
     norms.push_back(product.norm());
   }
   return norms;
@@ -64,12 +64,12 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
   DeadbeatGain result;
   const Index m = model.outputs;
   std::vector<Stage> flag;  // S_0 ⊃ S_1 ⊃ … at the present step
-  if (model.steps() > 0) flag.push_back({Matrix::Identity(model.state_dim[0], model.state_dim[0]), 0});
+  if (model.steps() > 0) flag.push_back({Matrix::Identity(model.n(model.k_begin), model.n(model.k_begin)), 0});
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
-    const size_t s = model.at(k);
-    const Matrix& a = model.A[s];
-    const Matrix& c = model.C[s];
-    const Index n = model.state_dim[s], next = model.state_dim[s + 1];
+    const size_t s = model.index(k);
+    const Step::View a = model.step[s].A();
+    const Step::View c = model.step[s].C();
+    const Index n = model.step[s].states(), next = model.step[s].next_states();
     const double see = tolerance * c.norm(), move = tolerance * a.norm();
 
     // Every direction of the next state may hold a new error; what has survived j steps ages by one.
@@ -106,7 +106,7 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
 namespace {
 
 // Of a covariance, rootᵀ·root
-Matrix root_of(const Matrix& covariance, const char* name, Index k, Index size) {
+Matrix root_of(const ConstMatrixRef& covariance, const char* name, Index k, Index size) {
   if (covariance.rows() != size || covariance.cols() != size)
     throw std::invalid_argument(fmt::format("{}: {} x {} found at step {}, {} x {} needed", name, covariance.rows(),
                                             covariance.cols(), k, size, size));
@@ -122,29 +122,29 @@ Matrix root_of(const Matrix& covariance, const char* name, Index k, Index size) 
 KalmanFilter kalman_filter(const Model& model) {
   model.check();
   if (model.steps() == 0) throw std::invalid_argument("model: no step found, at least one needed");
-  const auto given = [&](const std::vector<Matrix>& list, const char* name) {
-    if (static_cast<Index>(list.size()) != model.steps())
-      throw std::invalid_argument(
-          fmt::format("{}: {} matrices found, {} (one for each step) needed: a Kalman filter "
-                      "weighs process against measurement noise",
-                      name, list.size(), model.steps()));
+  const auto given = [&](bool (Step::*part)() const, const char* name) {
+    if (!model.has(part))
+      throw std::invalid_argument(fmt::format(
+          "{}: not known of this model, needed at each step: a Kalman filter weighs process against measurement noise",
+          name));
   };
-  given(model.Q, "Q");
-  given(model.R, "R");
+  given(&Step::has_Q, "Q");
+  given(&Step::has_R, "R");
   KalmanFilter filter;
-  Matrix root = Matrix::Zero(0, model.state_dim[0]);  // Sᵀ, P = S Sᵀ
-  if (model.x0_cov.size() > 0) root = root_of(model.x0_cov, "x0_cov", model.k_begin, model.state_dim[0]);
+  Matrix root = Matrix::Zero(0, model.n(model.k_begin));  // Sᵀ, P = S Sᵀ
+  if (model.x0_cov.size() > 0) root = root_of(model.x0_cov, "x0_cov", model.k_begin, model.n(model.k_begin));
   filter.P.push_back(covariance_of(root));
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
-    const size_t step = model.at(k);
+    const size_t step = model.index(k);
     // F = [R^{1/2}ᵀ; SᵀCᵀ], and what is left of [0; Sᵀ] is a root of Joseph's P⁺ = (I - K C) P (I - K C)ᵀ + K R Kᵀ.
-    const Matrix noise = root_of(model.R[step], "R", k, model.outputs);
-    const Matrix f = linalg::stacked(noise, root * model.C[step].transpose());
+    const Matrix noise = root_of(model.step[step].R(), "R", k, model.outputs);
+    const Matrix f = linalg::stacked(noise, root * model.step[step].C().transpose());
     Matrix rest = linalg::stacked(Matrix::Zero(noise.rows(), model.n(k)), root);
     filter.innovation_cov.push_back(covariance_of(f));
     filter.K.push_back(prediction_gain(f, rest));
 
-    Matrix next = linalg::stacked(rest * model.A[step].transpose(), root_of(model.Q[step], "Q", k, model.n(k + 1)));
+    Matrix next =
+        linalg::stacked(rest * model.step[step].A().transpose(), root_of(model.step[step].Q(), "Q", k, model.n(k + 1)));
     root = linalg::triangular_factor(next);
     filter.P.push_back(covariance_of(root));
   }
@@ -152,10 +152,13 @@ KalmanFilter kalman_filter(const Model& model) {
 }
 
 Model kalman_observer(Model model) {
-  KalmanFilter filter = kalman_filter(model);
-  for (size_t s = 0; s < filter.K.size(); ++s) model.G[s] = -model.A[s] * filter.K[s];
-  model.K = std::move(filter.K);
-  model.innovation_cov = std::move(filter.innovation_cov);
+  const KalmanFilter filter = kalman_filter(model);
+  for (size_t s = 0; s < model.step.size(); ++s) {
+    Step& step = model.step[s];
+    step.G() = -step.A() * filter.K[s];
+    step.set_K(filter.K[s]);
+    step.set_innovation_cov(filter.innovation_cov[s]);
+  }
   return model;
 }
 

@@ -141,7 +141,7 @@ void show_observer(Paper& paper) {
   paper.closed_error = paper.open_error;
   for (Index k = framed.begin; k < last; ++k) {
     const Index j = k - framed.begin;
-    const Matrix &a = framed.model.A[framed.model.at(k)], closed = framed.model.closed_loop(k);
+    const Matrix a = framed.model.at(k).A(), closed = framed.model.at(k).closed_loop();
     paper.open.push_back(sorted_eigenvalues(a));
     paper.closed.push_back(sorted_eigenvalues(closed));
     paper.open_error.col(j + 1) = a * paper.open_error.col(j);
@@ -158,7 +158,7 @@ Matrix similarity_to_print(Paper& paper) {
   constexpr Index n = states;
   Matrix equations = Matrix::Zero(3 * n * n, n * n);
   for (Index i = 0; i < 3; ++i) {
-    const Matrix computed = paper.framed.model.closed_loop(first_printed + i);
+    const Matrix computed = paper.framed.model.at(first_printed + i).closed_loop();
     for (Index c = 0; c < n; ++c)
       for (Index b = 0; b < n; ++b) {
         auto block = equations.block(n * n * i + n * c, n * b, n, n);
@@ -191,17 +191,14 @@ void compare_with_print(Paper& paper) {
   // The time-invariant example (73)-(75), as a model of constant matrices.
   Model constant;
   constant.inputs = constant.outputs = 1;
-  constant.A.assign(3, Matrix{{1, 0}, {1, 2}});
-  constant.B.assign(3, Matrix::Zero(2, 1));
-  constant.C.assign(3, Matrix{{0, 1}});
-  constant.D.assign(3, Matrix::Zero(1, 1));
-  constant.state_dim.assign(4, 2);
-  constant.G = deadbeat_gain(constant).G;
-  add_matrix("(74)", "G", Matrix{{-1.0}, {-3.0}}, constant.G[1], rounding);
-  add_matrix("(75)", "A+GC", Matrix{{1, -1}, {1, -1}}, constant.closed_loop(1), rounding);
+  constant.step.assign(
+      3, Step(Matrix{{1, 0}, {1, 2}}, Matrix::Zero(2, 1), Matrix{{0, 1}}, Matrix::Zero(1, 1), Matrix::Zero(2, 1)));
+  constant.at(1).G() = deadbeat_gain(constant).G[1];
+  add_matrix("(74)", "G", Matrix{{-1.0}, {-3.0}}, constant.step[1].G(), rounding);
+  add_matrix("(75)", "A+GC", Matrix{{1, -1}, {1, -1}}, constant.at(1).closed_loop(), rounding);
 
   const Matrix t = similarity_to_print(paper), t_inverse = t.inverse();
-  const auto closed = [&](Index k) -> Matrix { return t_inverse * paper.framed.model.closed_loop(k) * t; };
+  const auto closed = [&](Index k) -> Matrix { return t_inverse * paper.framed.model.at(k).closed_loop() * t; };
   for (Index i = 0; i < 3; ++i) {
     const Index k = first_printed + i;
     const std::string name = fmt::format("Ā{}", k + 1);

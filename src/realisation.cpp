@@ -29,17 +29,13 @@ TveraOptions tvera_options(const IdentifyOptions& options, Index p, Index m, boo
 }
 
 void note_regressions(const GtvArx& arx, Model& model) {
-  const size_t steps = size_t(model.steps());
-  model.innovation_cov.reserve(steps);
-  model.condition.reserve(steps);
-  model.rank.reserve(steps);
-  model.lags.reserve(steps);
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
-    const GtvArxStep& step = arx.step[size_t(k)];
-    model.innovation_cov.emplace_back(arx.residual_cov(k));
-    model.condition.push_back(step.condition);
-    model.rank.push_back(step.rank);
-    model.lags.push_back(step.lags);
+    const GtvArxStep& regression = arx.step[size_t(k)];
+    Step& step = model.at(k);
+    step.set_innovation_cov(arx.residual_cov(k));
+    step.set_condition(regression.condition);
+    step.set_rank(regression.rank);
+    step.set_lags(regression.lags);
   }
 }
 
@@ -55,8 +51,9 @@ Model in_frame(Model model, const IdentifyOptions& options, Index lags, std::str
 }
 
 void check_finite(const Model& model) {
-  for (const auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G, &model.innovation_cov})
-    for (const Matrix& a : *list)
+  for (const Step& step : model.step)
+    for (const Step::View& a : {step.A(), step.B(), step.C(), step.D(), step.G(),
+                                step.has_innovation_cov() ? step.innovation_cov() : step.D()})
       if (!a.allFinite())
         throw std::overflow_error(
             "the model is not finite: samples or their ratios are beyond the range of double precision; scale the "

@@ -20,7 +20,7 @@ constexpr double settled = 1e-13;
 class Riccati {
  public:
   Riccati(const Model& model, const NoiseRoots& noise)
-      : model_(model), noise_(noise), root_(Matrix::Zero(0, model.state_dim.front())) {}
+      : model_(model), noise_(noise), root_(Matrix::Zero(0, model.n(model.k_begin))) {}
 
   Matrix covariance() const { return covariance_of(root_); }
 
@@ -29,9 +29,9 @@ class Riccati {
   };
   Step advance(size_t s) {
     const Matrix& sigma = noise_.innovation[s];
-    Matrix seen = linalg::stacked(sigma, root_ * model_.C[s].transpose());
+    Matrix seen = linalg::stacked(sigma, root_ * model_.step[s].C().transpose());
     drop_rounding(seen, noise_.output_size);
-    Matrix rest = linalg::stacked(-sigma * model_.G[s].transpose(), root_ * model_.A[s].transpose());
+    Matrix rest = linalg::stacked(-sigma * model_.step[s].G().transpose(), root_ * model_.step[s].A().transpose());
     const Matrix missing = missing_noise(seen);
     rest = linalg::stacked(rest, Matrix::Zero(missing.rows(), rest.cols()));
     const Matrix gain = prediction_gain(linalg::stacked(seen, missing), rest);
@@ -89,11 +89,10 @@ void filter_gains(Model& model, const NoiseRoots& noise) {
     if ((filter.covariance() - before).norm() <= settled * filter.covariance().norm()) break;
   }
   std::vector<Riccati::Step> steady;
-  for (size_t s = 0; s < model.A.size(); ++s) steady.push_back(filter.advance(s));
-  model.innovation_cov.clear();
+  for (size_t s = 0; s < model.step.size(); ++s) steady.push_back(filter.advance(s));
   for (size_t s = 0; s < steady.size(); ++s) {
-    model.G[s] = std::move(steady[s].gain);
-    model.innovation_cov.push_back(std::move(steady[s].innovation_cov));
+    model.step[s].G() = steady[s].gain;
+    model.step[s].set_innovation_cov(steady[s].innovation_cov);
   }
 }
 

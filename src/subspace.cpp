@@ -418,11 +418,12 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
     const Fitted &y = outputs[g], &x = next_states[g];
     const Matrix ab = x.coefficients.size() > 0 ? x.coefficients : Matrix(Matrix::Zero(next, n + r + errors));
     const Matrix cd = y.coefficients.size() > 0 ? y.coefficients : Matrix(Matrix::Zero(m, n + r));
-    model.A.emplace_back(ab.leftCols(n));
-    model.B.emplace_back(ab.middleCols(n, r));
-    model.C.emplace_back(cd.leftCols(n));
-    model.D.emplace_back(cd.rightCols(r));
-    model.G.emplace_back(o.noisy ? -ab.rightCols(m) : -maps.of[size_t(next_g)].rightCols(m));
+    Step& step = model.step.emplace_back(n, next, r, m);
+    step.A() = ab.leftCols(n);
+    step.B() = ab.middleCols(n, r);
+    step.C() = cd.leftCols(n);
+    step.D() = cd.rightCols(r);
+    step.G() = o.noisy ? -ab.rightCols(m) : -maps.of[size_t(next_g)].rightCols(m);
     const auto root = [](const Matrix& residual, double rows, Index spent, Index size) -> Matrix {
       if (residual.cols() != size) return Matrix::Zero(0, size);
       return residual / std::sqrt(std::max(1.0, rows - double(spent)));
@@ -430,14 +431,12 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
     noise.innovation.push_back(pooled ? root(shared_outputs, rows_outputs, 0, m) : root(y.residual, y.rows, n + r, m));
     noise.state.push_back(pooled && full(Index(g)) ? root(shared_states, rows_states, 0, next)
                                                    : root(x.residual, x.rows, n + r + errors, next));
-    model.innovation_cov.push_back(covariance_of(noise.innovation.back()));
-    model.singular_values.push_back(factors.group[g].singular_values);
-    model.condition.push_back(y.condition);
-    model.rank.push_back(y.rank);
-    model.lags.push_back(arx.step[size_t(k)].lags > 0 ? arx.step[size_t(k)].lags : steps.lags);
-    model.state_dim.push_back(n);
+    step.set_innovation_cov(covariance_of(noise.innovation.back()));
+    step.set_singular_values(factors.group[g].singular_values);
+    step.set_condition(y.condition);
+    step.set_rank(y.rank);
+    step.set_lags(arx.step[size_t(k)].lags > 0 ? arx.step[size_t(k)].lags : steps.lags);
   }
-  model.state_dim.push_back(n_of(steps.next(steps.group(e.steps() - 1))));
   if (o.noisy) filter_gains(model, noise);
   return model;
 }

@@ -213,7 +213,8 @@ class Realisation {
   void transition(Index s, const Shape& shape) {
     Matrix both(shape.rows, shape.left + shape.right);
     equations(s, shape, both);
-    model_.A[size_t(s)] = linalg::minimum_norm(both.leftCols(shape.left), both.rightCols(shape.right), negligible).x;
+    model_.step[size_t(s)].A() =
+        linalg::minimum_norm(both.leftCols(shape.left), both.rightCols(shape.right), negligible).x;
   }
 
   // Of `count` steps, each in a lane; lanes that are left over repeat the last one.
@@ -230,8 +231,7 @@ class Realisation {
         transition(s + l, shape);
         continue;
       }
-      Matrix& a = model_.A[size_t(s + l)];
-      a.resize(shape.left, shape.right);
+      Step::Writable a = model_.step[size_t(s + l)].A();
       for (Index j = 0; j < shape.right; ++j)
         for (Index i = 0; i < shape.left; ++i) a(i, j) = batch_->x(l, i, j);
     }
@@ -240,15 +240,13 @@ class Realisation {
   // C_k, D_k, and B_k, G_k = O_{k+1}⁺ [h_{k+1,k}; …], O_{k+1}⁺ [h°_{k+1,k}; …]                          (38), (40)
   void others(Index s) {
     const Index m = markov_.outputs, r = markov_.inputs, k = model_.k_begin + s, n = states(s), next = states(s + 1);
-    model_.state_dim[size_t(s)] = n;
-    model_.singular_values[size_t(s)] = factor(s).singular_values;
-    model_.D[size_t(s)] = markov_.D(k);
-    Matrix& c = model_.C[size_t(s)];
-    c.resize(m, n);
+    Step& step = model_.step[size_t(s)];
+    step = Step(n, next, r, m);
+    step.set_singular_values(factor(s).singular_values);
+    step.D() = markov_.D(k);
+    Step::Writable c = step.C();
     for (Index i = 0; i < n; ++i) c.col(i) = units_.output.cwiseProduct(factor(s).u.col(i).head(m)) * root(s, i);
-    Matrix &b = model_.B[size_t(s)], &g = model_.G[size_t(s)];
-    b.resize(next, r);
-    g.resize(next, m);
+    Step::Writable b = step.B(), g = step.G();
     if (next == 0) return;
     const Matrix& u = factor(s + 1).u;
     responses_.resize(u.rows(), r + m);
@@ -311,9 +309,7 @@ Model unwritten(const Markov& markov, Index k_begin) {
   model.k_begin = k_begin;
   model.method = "tvera";
   const size_t steps = size_t(markov.steps() - k_begin);
-  for (auto* list : {&model.A, &model.B, &model.C, &model.D, &model.G}) list->resize(steps);
-  model.singular_values.resize(steps);
-  model.state_dim.resize(steps + 1);
+  model.step.resize(steps);
   return model;
 }
 

@@ -30,9 +30,9 @@ namespace {
 // Divided by their standard deviations, so that those of different steps may be pooled; tests over the experiments are
 // blind to it.
 Innovations standardised(const Model& model, Innovations innovations) {
-  for (size_t s = 0; s < model.innovation_cov.size(); ++s) {
+  for (size_t s = 0; model.has(&Step::has_innovation_cov) && s < model.step.size(); ++s) {
     const size_t k = size_t(model.k_begin) + s;
-    const Vector variance = model.innovation_cov[s].diagonal();
+    const Vector variance = model.step[s].innovation_cov().diagonal();
     if (k < innovations.size() && variance.minCoeff() > 0)
       innovations[k] *= variance.cwiseSqrt().cwiseInverse().asDiagonal();
   }

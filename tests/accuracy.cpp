@@ -390,45 +390,45 @@ struct RealisationErrors {
 RealisationErrors realisation_errors(const Model& model, Index rows, const std::vector<double>& error,
                                      const std::vector<double>& gain) {
   RealisationErrors result;
-  const size_t steps = model.A.size();
+  const size_t steps = model.step.size();
   std::vector<double> root(steps + 1, 0.0), turned(steps + 1, 0.0);  // σ_n^{-1/2}, ‖E R⁺‖
   for (size_t s = 0; s < steps; ++s) {
-    const Index n = model.state_dim[s];
+    const Index n = model.step[s].states();
     if (n == 0) continue;
-    const Vector& sigma = model.singular_values[s];
+    const Vector& sigma = model.step[s].singular_values();
     result.condition = std::max(result.condition, sigma(0) / sigma(n - 1));
     root[s] = 1 / std::sqrt(sigma(n - 1));
     turned[s] = error[s] * root[s];
   }
   for (size_t s = 0; s < steps; ++s) {
-    const Index k = model.k_begin + Index(s), next = model.state_dim[s + 1];
+    const Index k = model.k_begin + Index(s), next = model.step[s].next_states();
     result.c.push_back(turned[s]);
     double inverse = 0.0;  // of O_{k+1}↑
     const Index blocks = std::min(rows, model.k_end() - k) - 1;
-    if (next > 0 && model.state_dim[s] > 0)
+    if (next > 0 && model.step[s].states() > 0)
       inverse = 1 / linalg::singular_values(observability(model, k + 1, blocks))(next - 1);
-    result.a.push_back(inverse * (turned[s] + turned[s + 1] * model.A[s].norm()));
-    result.b.push_back(next > 0 ? root[s + 1] * (error[s + 1] + turned[s + 1] * model.B[s].norm()) : 0.0);
-    result.g.push_back(next > 0 ? root[s + 1] * (gain[s + 1] + turned[s + 1] * model.G[s].norm()) : 0.0);
+    result.a.push_back(inverse * (turned[s] + turned[s + 1] * model.step[s].A().norm()));
+    result.b.push_back(next > 0 ? root[s + 1] * (error[s + 1] + turned[s + 1] * model.step[s].B().norm()) : 0.0);
+    result.g.push_back(next > 0 ? root[s + 1] * (gain[s + 1] + turned[s + 1] * model.step[s].G().norm()) : 0.0);
   }
   return result;
 }
 
 // What they add up to in C_k Φ(k,i+1) B_i, with B and its errors or with G.
 double pulse_error(const Model& model, const RealisationErrors& errors, Index k, Index i, bool gain) {
-  const size_t s = model.at(k), first = model.at(i);
-  const Matrix& start = gain ? model.G[first] : model.B[first];
+  const size_t s = model.index(k), first = model.index(i);
+  const Matrix start = gain ? model.step[first].G() : model.step[first].B();
   std::vector<double> past;  // ‖Φ(l,i+1) B_i‖, l = i+1 … k
   Matrix state = start;
   for (size_t l = first + 1; l <= s; ++l) {
     past.push_back(state.norm());
-    state = (model.A[l] * state).eval();
+    state = (model.step[l].A() * state).eval();
   }
-  Matrix row = model.C[s];  // C_k Φ(k,l+1)
+  Matrix row = model.step[s].C();  // C_k Φ(k,l+1)
   double sum = errors.c[s] * past.back();
   for (size_t l = s; l-- > first + 1;) {
     sum += row.norm() * errors.a[l] * past[l - first - 1];
-    row = (row * model.A[l]).eval();
+    row = (row * model.step[l].A()).eval();
   }
   return sum + row.norm() * (gain ? errors.g : errors.b)[first];
 }
@@ -450,11 +450,11 @@ AccuracyFindings realisations(int cases) {
     const Index m = whole(random, 1, 3), r = whole(random, 1, 3), n = whole(random, 1, 12);
     const Index rows = (n + m - 1) / m + 1, cols = (n + r - 1) / r, steps = rows + cols + 6, band = rows + cols - 1;
     Model system = random_system({n, m, r}, steps, random.uniform(0.3, 1.3), std::uint64_t(4500 + c));
-    for (Matrix& g : system.G) g = random.uniform(0.1, 1.0) * random.matrix(n, m);
+    for (Step& step : system.step) step.G() = random.uniform(0.1, 1.0) * random.matrix(n, m);
     const oracle::Responses truth = oracle::responses(system, band);
     Markov given(steps, r, m, band, 0);
     for (Index k = 0; k < steps; ++k) {
-      given.D(k) = system.D[size_t(k)];
+      given.D(k) = system.step[size_t(k)].D();
       given.system(k) = truth.system[size_t(k)].cast<double>();
       given.gain(k) = truth.gain[size_t(k)].cast<double>();
     }
@@ -475,7 +475,7 @@ AccuracyFindings realisations(int cases) {
     const Model model = tvera(given, free, o);
     std::vector<double> error(size_t(steps) + 1, 0.0), gain = error;
     for (Index k = 0; k < steps; ++k) {
-      error[size_t(k)] = model.singular_values[size_t(k)].norm();
+      error[size_t(k)] = model.step[size_t(k)].singular_values().norm();
       for (Index a = 0; k > 0 && a < std::min(rows, steps - k); ++a)
         gain[size_t(k)] = std::hypot(gain[size_t(k)], given.h_gain(k + a, k - 1).norm());
     }
@@ -512,7 +512,7 @@ AccuracyFindings simulations(int cases) {
     Random random(std::uint64_t(5000 + c));
     const Index n = whole(random, 1, 12), m = whole(random, 1, 3), r = whole(random, 1, 3), steps = 30, experiments = 2;
     Model model = random_system({n, m, r}, steps, random.uniform(0.5, 1.5), std::uint64_t(5500 + c));
-    for (Matrix& g : model.G) g = random.uniform(0.0, 0.3) * random.matrix(n, m);
+    for (Step& step : model.step) step.G() = random.uniform(0.0, 0.3) * random.matrix(n, m);
     const Ensemble inputs = random_experiments(model, experiments, std::uint64_t(5700 + c));
     const Matrix x0 = Matrix::Zero(experiments, n);
     for (const bool corrected : {false, true}) {
@@ -528,19 +528,19 @@ AccuracyFindings simulations(int cases) {
         for (Index k = 0; k < steps; ++k) {
           const size_t s = size_t(k);
           const Vector u = inputs.input(k).row(i).transpose(), y = inputs.output(k).row(i).transpose();
-          const Vector expected = model.C[s] * x + model.D[s] * u;
-          const double output = model.C[s].norm() * x.norm() + model.D[s].norm() * u.norm();
+          const Vector expected = model.step[s].C() * x + model.step[s].D() * u;
+          const double output = model.step[s].C().norm() * x.norm() + model.step[s].D().norm() * u.norm();
           double unit = output;
-          Matrix row = model.C[s];  // C_k Φ(k,l+1)
+          Matrix row = model.step[s].C();  // C_k Φ(k,l+1)
           for (size_t l = s; l-- > 0;) {
             unit += row.norm() * local[l];  // cppcheck-suppress containerOutOfBounds; it grows below
-            row = (row * (corrected ? model.closed_loop(Index(l)) : model.A[l])).eval();
+            row = (row * (corrected ? model.at(Index(l)).closed_loop() : model.step[l].A())).eval();
           }
           see(about, oracle::distance(found.output(k).row(i), truth[s].row(i)), unit, expected.norm());
-          local.push_back(model.A[s].norm() * x.norm() + model.B[s].norm() * u.norm() +
-                          (corrected ? model.G[s].norm() * (y.norm() + output) : 0.0));
-          x = (model.A[s] * x + model.B[s] * u).eval();
-          if (corrected) x -= model.G[s] * (y - expected);
+          local.push_back(model.step[s].A().norm() * x.norm() + model.step[s].B().norm() * u.norm() +
+                          (corrected ? model.step[s].G().norm() * (y.norm() + output) : 0.0));
+          x = (model.step[s].A() * x + model.step[s].B() * u).eval();
+          if (corrected) x -= model.step[s].G() * (y - expected);
         }
       }
       findings.all.push_back(about);
@@ -557,8 +557,8 @@ AccuracyFindings kalman_filters(int cases) {
     const Index n = whole(random, 1, 12), m = whole(random, 1, 3), steps = 12;
     Model model = random_system({n, m, 1}, steps, random.uniform(0.5, 1.3), std::uint64_t(6500 + c));
     for (Index k = 0; k < steps; ++k) {
-      model.Q.push_back(draw_covariance(random, n));
-      model.R.push_back(draw_covariance(random, m));
+      model.at(k).set_Q(draw_covariance(random, n));
+      model.at(k).set_R(draw_covariance(random, m));
     }
     model.x0_cov = draw_covariance(random, n);
     model.x0_mean = Vector::Zero(n);
@@ -576,7 +576,7 @@ AccuracyFindings kalman_filters(int cases) {
     std::vector<double> local{own_n * model.x0_cov.trace()};
     std::vector<Matrix> closed;
     for (size_t s = 0; s < size_t(steps); ++s) {
-      const Matrix &p = found.P[s], &k = found.K[s], &c_s = model.C[s], &innovation = found.innovation_cov[s];
+      const Matrix &p = found.P[s], &k = found.K[s], &c_s = model.step[s].C(), &innovation = found.innovation_cov[s];
       double unit = local[s];
       Matrix product = Matrix::Identity(n, n);  // of closed loops
       for (size_t l = s; l-- > 0;) {
@@ -586,16 +586,17 @@ AccuracyFindings kalman_filters(int cases) {
       see(covariances, oracle::distance(p, truth.P[s]), unit, p.norm());
       // K = P Cᵀ S⁻¹ by least squares: min ‖F Kᵀ - [0; P^{1/2}ᵀ]‖, FᵀF = S.
       const Matrix rest = Matrix::Identity(n, n) - k * c_s, inverse = innovation.inverse();
-      const Matrix updated = rest * p * rest.transpose() + k * model.R[s] * k.transpose();
+      const Matrix updated = rest * p * rest.transpose() + k * model.step[s].R() * k.transpose();
       const double f = std::sqrt(innovation.trace()), condition = f * std::sqrt(inverse.trace());
       const double own = condition * (k.norm() + (std::sqrt(p.trace()) + condition * std::sqrt(updated.trace())) / f) +
-                         own_m * k.norm() * model.R[s].trace() * inverse.norm();
+                         own_m * k.norm() * model.step[s].R().trace() * inverse.norm();
       see(gains, oracle::distance(k, truth.K[s]), rest.norm() * unit * (c_s.transpose() * inverse).norm() + own,
           k.norm());
-      closed.emplace_back(model.A[s] * rest);
-      local.push_back(model.A[s].squaredNorm() *
-                          (2 * p.trace() + k.squaredNorm() * (2 * innovation.trace() + own_m * model.R[s].trace())) +
-                      own_n * model.Q[s].trace());
+      closed.emplace_back(model.step[s].A() * rest);
+      local.push_back(
+          model.step[s].A().squaredNorm() *
+              (2 * p.trace() + k.squaredNorm() * (2 * innovation.trace() + own_m * model.step[s].R().trace())) +
+          own_n * model.step[s].Q().trace());
     }
     findings.all.push_back(covariances);
     findings.all.push_back(gains);
@@ -690,10 +691,10 @@ AccuracyFindings identifications(int cases) {
     t.states = n;
     const Model whole_model = tvera(estimated, {}, t);
     const DataErrors data_errors(e, arx, estimated);
-    std::vector<double> error(whole_model.A.size() + 1, 0.0);
-    for (size_t s = 0; s < whole_model.A.size(); ++s) {
+    std::vector<double> error(whole_model.step.size() + 1, 0.0);
+    for (size_t s = 0; s < whole_model.step.size(); ++s) {
       const Index k = whole_model.k_begin + Index(s);
-      error[s] = whole_model.singular_values[s].norm();
+      error[s] = whole_model.step[s].singular_values().norm();
       for (Index a = 0; a < std::min(rows, steps - k); ++a)
         for (Index b = 0; b < std::min(cols, k - whole_model.k_begin); ++b)
           error[s] = std::hypot(error[s], data_errors(k + a, k - 1 - b));

@@ -68,11 +68,12 @@ class Nudged {
   // Noise is added to what the states bring about, and is off by as much as their sum.
   Model operator()(Model model) {
     const KalmanFilter filter = kalman_filter(model);
-    for (auto* list : {&model.A, &model.B, &model.C, &model.D})
-      for (Matrix& a : *list) a = (*this)(a);
-    for (size_t s = 0; s < model.A.size(); ++s) {
-      model.Q[s] += symmetric(filter.P[s + 1]) - filter.P[s + 1];
-      model.R[s] += symmetric(filter.innovation_cov[s]) - filter.innovation_cov[s];
+    for (const auto part : system_parts)
+      for (Step& step : model.step) (step.*part)() = (*this)((step.*part)());
+    for (size_t s = 0; s < model.step.size(); ++s) {
+      Step& step = model.step[s];
+      step.set_Q(step.Q() + symmetric(filter.P[s + 1]) - filter.P[s + 1]);
+      step.set_R(step.R() + symmetric(filter.innovation_cov[s]) - filter.innovation_cov[s]);
     }
     model.x0_mean = (*this)(model.x0_mean);
     model.x0_cov = symmetric(model.x0_cov);
@@ -122,7 +123,7 @@ struct Observer {
 };
 Observer observer_of(const Model& model, Index band) {
   Observer result{oracle::responses(model, band), {}};
-  for (const Matrix& s : model.innovation_cov) result.innovation_cov.push_back(exact(s));
+  for (const Step& step : model.step) result.innovation_cov.push_back(exact(step.innovation_cov()));
   return result;
 }
 Observer observer_of(const oracle::Realised& realised, Index band) {
@@ -247,8 +248,8 @@ AccuracyFindings likelihoods(int cases) {
     const Index n = whole(random, 1, 12), m = whole(random, 1, 3), r = whole(random, 1, 2), steps = 4, experiments = 5;
     Model model = random_system({n, m, r}, steps, random.uniform(0.5, 1.2), std::uint64_t(9500 + c));
     for (Index k = 0; k < steps; ++k) {
-      model.Q.push_back(draw_covariance(random, n));
-      model.R.push_back(draw_covariance(random, m));
+      model.at(k).set_Q(draw_covariance(random, n));
+      model.at(k).set_R(draw_covariance(random, m));
     }
     model.x0_mean = random.matrix(n, 1);
     model.x0_cov = draw_covariance(random, n);

@@ -5,6 +5,8 @@
 
 #include <stdexcept>
 
+#include "testing.hpp"
+
 namespace tokid::archive {
 namespace {
 
@@ -17,15 +19,19 @@ std::string claiming(std::uint64_t size, size_t more = 64) {
 
 TEST(Archive, ValuesComeBack) {
   Model model;
-  model.A = {Matrix::Random(2, 3), Matrix(0, 4)};
-  model.state_dim = {3, 2, 0};
+  model.step = {Step(3, 2, 1, 1), Step(2, 0, 1, 1)};
+  model.step[0].A().setRandom();
+  model.step[0].set_singular_values(Vector::Random(5));
+  model.step[1].set_R(Matrix::Ones(1, 1));
   model.names.input_names = {"force", ""};
   model.x0_mean = Vector::Random(3);
   const Model back = unpacked<Model>(packed(model));
-  ASSERT_EQ(back.A.size(), 2u);
-  EXPECT_EQ(back.A[0], model.A[0]);
-  EXPECT_EQ(back.A[1].cols(), 4);
-  EXPECT_EQ(back.state_dim, model.state_dim);
+  ASSERT_EQ(back.step.size(), 2u);
+  EXPECT_EQ(back.step[0].A(), model.step[0].A());
+  EXPECT_EQ(back.step[0].singular_values(), model.step[0].singular_values());
+  EXPECT_TRUE(back.step[1].has_R() && !back.step[1].has_Q());
+  EXPECT_EQ(back.step, model.step);
+  EXPECT_EQ(testing::state_dims(back), testing::state_dims(model));
   EXPECT_EQ(back.names.input_names, model.names.input_names);
   EXPECT_EQ(back.x0_mean, model.x0_mean);
 }
@@ -46,7 +52,7 @@ TEST(Archive, NoMemoryIsTakenThatTheBytesAreNotWorth) {
 
 TEST(Archive, CutAndLongerBytesAreRefused) {
   Model model;
-  model.A = {Matrix::Random(2, 2)};
+  model.step = {Step(2, 2, 1, 1)};
   const std::string bytes = packed(model);
   for (size_t size = 0; size < bytes.size(); ++size)
     EXPECT_THROW(unpacked<Model>(bytes.substr(0, size)), std::runtime_error) << size;

@@ -21,7 +21,7 @@ struct Campaign {
 
 inline Model slow_system(const SystemSize& size, Index steps, std::uint64_t seed) {
   Model model = constant_system(size, steps, 0.9, seed);
-  for (Index k = 0; k < steps; ++k) model.A[size_t(k)] *= 1 + 0.1 * std::sin(0.1 * double(k));
+  for (Index k = 0; k < steps; ++k) model.step[size_t(k)].A() *= 1 + 0.1 * std::sin(0.1 * double(k));
   return model;
 }
 

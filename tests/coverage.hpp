@@ -14,13 +14,13 @@ namespace tokid::testing {
 inline Model turning_system(const SystemSize& size, Index steps, std::uint64_t seed) {
   Random random(seed);
   Model model = constant_system(size, steps, 1.0, seed);
-  const Matrix a = model.A[0], turn = 0.4 * random.orthogonal(size.n);
+  const Matrix a = model.step[0].A(), turn = 0.4 * random.orthogonal(size.n);
   for (Index k = 0; k < steps; ++k) {
     const double phase = 0.15 * double(k);
-    model.A[size_t(k)] = 0.85 * (a * std::cos(phase) + turn * std::sin(phase));
-    model.C[size_t(k)] *= 1 + 0.2 * std::sin(phase);
+    model.step[size_t(k)].A() = 0.85 * (a * std::cos(phase) + turn * std::sin(phase));
+    model.step[size_t(k)].C() *= 1 + 0.2 * std::sin(phase);
   }
-  model.G = deadbeat_gain(model).G;
+  set_gains(model, deadbeat_gain(model).G);
   return model;
 }
 
@@ -29,14 +29,16 @@ inline Model turning_system(const SystemSize& size, Index steps, std::uint64_t s
 inline Ensemble innovation_experiments(const Model& model, Index experiments, double noise, Random& random,
                                        double initial = 0.0) {
   Ensemble e(experiments, model.steps(), model.inputs, model.outputs, model.dt);
-  Matrix x = initial * random.matrix(experiments, model.state_dim.front());
+  Matrix x = initial * random.matrix(experiments, model.n(model.k_begin));
   for (Index k = 0; k < model.steps(); ++k) {
     const size_t s = size_t(k);
     const Matrix u = random.matrix(experiments, model.inputs);
     const Matrix innovation = noise * random.matrix(experiments, model.outputs);
     e.input(k) = u;
-    e.output(k) = x * model.C[s].transpose() + u * model.D[s].transpose() + innovation;
-    x = (x * model.A[s].transpose() + u * model.B[s].transpose() - innovation * model.G[s].transpose()).eval();
+    e.output(k) = x * model.step[s].C().transpose() + u * model.step[s].D().transpose() + innovation;
+    x = (x * model.step[s].A().transpose() + u * model.step[s].B().transpose() -
+         innovation * model.step[s].G().transpose())
+            .eval();
   }
   return e;
 }
@@ -87,7 +89,7 @@ inline Matrix pulse_row(const Model& model, Index k, Index band) {
   const Index r = model.inputs;
   Matrix row = Matrix::Constant(model.outputs, (band + 1) * r, std::numeric_limits<double>::quiet_NaN());
   if (k < model.k_begin) return row;
-  row.leftCols(r) = model.D[model.at(k)];
+  row.leftCols(r) = model.at(k).D();
   for (Index i = std::max(model.k_begin, k - band); i < k; ++i)
     row.middleCols((k - i) * r, r) = pulse_response(model, k, i);
   return row;

@@ -134,14 +134,17 @@ TEST(Design, AModelWithErrorsOfFivePercentIsGoodEnough) {
     testing::Random random(options.seed);
     Model wrong = oscillator(80);
     // The same relative errors at all steps: of what A does beyond holding the state, and of B, C and D.
-    const auto spoil = [&](std::vector<Matrix>& list, const Matrix& held) {
+    const auto spoil = [&](Step::Writable (Step::*part)(), const Matrix& held) {
       const Matrix factor = (1 + 0.05 * random.matrix(held.rows(), held.cols()).array()).matrix();
-      for (Matrix& a : list) a = held + (a - held).cwiseProduct(factor);
+      for (Step& step : wrong.step) {
+        Step::Writable a = (step.*part)();
+        a = (held + (a - held).cwiseProduct(factor)).eval();
+      }
     };
-    spoil(wrong.A, Matrix::Identity(4, 4));
-    spoil(wrong.B, Matrix::Zero(4, 2));
-    spoil(wrong.C, Matrix::Zero(2, 4));
-    spoil(wrong.D, Matrix::Zero(2, 2));
+    spoil(&Step::A, Matrix::Identity(4, 4));
+    spoil(&Step::B, Matrix::Zero(4, 2));
+    spoil(&Step::C, Matrix::Zero(2, 4));
+    spoil(&Step::D, Matrix::Zero(2, 2));
     return plan(wrong, options);
   });
 }
@@ -343,8 +346,9 @@ TEST(Design, ErrorsUnderNoiseAreAsForecast) {
           Matrix window = Matrix::Zero(10, 2);
           window.middleRows((i - k + 2) * 4, 2).setIdentity();
           for (Index j = i; j < k; ++j)
-            window.middleRows((j - k + 2) * 4 + 2, 2) = j == i ? system.D[size_t(i)] : pulse_response(system, j, i);
-          truth.middleRows(row, 2) = i == k ? system.D[size_t(k)] : pulse_response(system, k, i);
+            window.middleRows((j - k + 2) * 4 + 2, 2) =
+                j == i ? system.step[size_t(i)].D() : pulse_response(system, j, i);
+          truth.middleRows(row, 2) = i == k ? system.step[size_t(k)].D() : pulse_response(system, k, i);
           error.middleRows(row, 2) = arx.coefficients(k) * window - truth.middleRows(row, 2);
         }
       }

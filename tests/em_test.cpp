@@ -28,8 +28,10 @@ Model noisy_system(const SystemSize& size, Index steps, InitialState initial, st
   Model system = constant ? constant_system(size, steps, 0.9, seed) : random_system(size, steps, 0.9, seed);
   Random random(seed + 1000);
   const Matrix q = covariance(size.n, 0.02, random), r = covariance(size.m, 0.05, random);
-  system.Q.assign(size_t(steps), q);
-  system.R.assign(size_t(steps), r);
+  for (Step& step : system.step) {
+    step.set_Q(q);
+    step.set_R(r);
+  }
   system.x0_mean = Vector::Zero(size.n);
   system.x0_cov = Matrix::Zero(size.n, size.n);
   system.initial_state = initial;
@@ -49,10 +51,11 @@ Ensemble noisy_experiments(const Model& system, Index experiments, std::uint64_t
   };
   Matrix x = noise(system.x0_cov).rowwise() + system.x0_mean.transpose();
   for (Index k = 0; k < e.steps(); ++k) {
-    const size_t s = system.at(k);
+    const size_t s = system.index(k);
     e.input(k) = random.matrix(experiments, e.inputs());
-    e.output(k) = x * system.C[s].transpose() + e.input(k) * system.D[s].transpose() + noise(system.R[s]);
-    x = x * system.A[s].transpose() + e.input(k) * system.B[s].transpose() + noise(system.Q[s]);
+    e.output(k) =
+        x * system.step[s].C().transpose() + e.input(k) * system.step[s].D().transpose() + noise(system.step[s].R());
+    x = x * system.step[s].A().transpose() + e.input(k) * system.step[s].B().transpose() + noise(system.step[s].Q());
   }
   e.initial_state = system.initial_state;
   return e;
@@ -100,7 +103,7 @@ double direct_log_likelihood(const Model& system, const Ensemble& e, Index n) {
   y.conservativeResize(Eigen::NoChange, sources);
   y.setZero();
   for (Index k = 0; k < t_end; ++k) {
-    const size_t s = system.at(k);
+    const size_t s = system.index(k);
     Vector u = e.input(k).row(n).transpose();
     Matrix u_cov = Matrix::Zero(r, r);
     for (Index i = 0; i < r; ++i)
@@ -109,15 +112,15 @@ double direct_log_likelihood(const Model& system, const Ensemble& e, Index n) {
         u(i) = 0.0;
         u_cov(i, i) = c.mean * c.mean + c.std * c.std;
       }
-    const Index at_u = add(u, u_cov), at_v = add(Vector::Zero(m), system.R[s]);
-    const Index at_w = add(Vector::Zero(system.Q[s].rows()), system.Q[s]);
+    const Index at_u = add(u, u_cov), at_v = add(Vector::Zero(m), system.step[s].R());
+    const Index at_w = add(Vector::Zero(system.step[s].Q().rows()), system.step[s].Q());
     auto y_k = y.middleRows(k * m, m);
-    y_k = system.C[s] * x;
-    y_k.middleCols(at_u, r) += system.D[s];
+    y_k = system.step[s].C() * x;
+    y_k.middleCols(at_u, r) += system.step[s].D();
     y_k.middleCols(at_v, m).diagonal().array() += 1.0;
-    x = Matrix(system.A[s] * x);
-    x.middleCols(at_u, r) += system.B[s];
-    x.middleCols(at_w, system.Q[s].rows()).diagonal().array() += 1.0;
+    x = Matrix(system.step[s].A() * x);
+    x.middleCols(at_u, r) += system.step[s].B();
+    x.middleCols(at_w, system.step[s].Q().rows()).diagonal().array() += 1.0;
   }
   std::vector<Index> there;
   std::vector<double> values;
@@ -153,10 +156,15 @@ TEST(LogLikelihoods, AreTheDensityOfTheStackedOutputs) {
 // A start that is off: every matrix a little wrong, the noise too large.
 Model disturbed(Model model, double size, std::uint64_t seed) {
   Random random(seed);
-  for (auto* list : {&model.A, &model.B, &model.C, &model.D})
-    for (Matrix& a : *list) a += size * random.matrix(a.rows(), a.cols());
-  for (Matrix& q : model.Q) q *= 2;
-  for (Matrix& r : model.R) r *= 1.5;
+  for (const auto part : system_parts)
+    for (Step& step : model.step) {
+      Step::Writable a = (step.*part)();
+      a += size * random.matrix(a.rows(), a.cols());
+    }
+  for (Step& step : model.step) {
+    step.set_Q(2 * step.Q());
+    step.set_R(1.5 * step.R());
+  }
   return kalman_observer(std::move(model));
 }
 
@@ -220,11 +228,12 @@ TEST(Refine, GainsAreThoseOfTheKalmanFilter) {
   const Model refined = refine(system, noisy_experiments(system, 60, 22), {.iterations = 3}).model;
   const KalmanFilter filter = kalman_filter(refined);
   for (size_t s = 0; s < 10; ++s) {
-    EXPECT_EQ(refined.K[s], filter.K[s]);
+    EXPECT_EQ(refined.step[s].K(), filter.K[s]);
     // Sums of three products, which processors with fused products round in more than one way.
-    const double bound = 2 * 3 * std::numeric_limits<double>::epsilon() * refined.A[s].norm() * filter.K[s].norm();
-    EXPECT_LE((refined.G[s] + refined.A[s] * filter.K[s]).norm(), bound);
-    EXPECT_EQ(refined.innovation_cov[s], filter.innovation_cov[s]);
+    const double bound =
+        2 * 3 * std::numeric_limits<double>::epsilon() * refined.step[s].A().norm() * filter.K[s].norm();
+    EXPECT_LE((refined.step[s].G() + refined.step[s].A() * filter.K[s]).norm(), bound);
+    EXPECT_EQ(refined.step[s].innovation_cov(), filter.innovation_cov[s]);
   }
   EXPECT_EQ(refined.method, "em");
   EXPECT_EQ(refined.x0_mean.size(), 3);
@@ -266,7 +275,7 @@ TEST(Refine, UnequalLengthsAreTruncatedData) {
   for (size_t i = 0; i < a.log_likelihood.size(); ++i)
     EXPECT_NEAR(a.log_likelihood[i], b.log_likelihood[i], 1e-9 * std::abs(b.log_likelihood[i]));
   // Steps without data keep the matrices of the start.
-  EXPECT_EQ(a.model.C[9], system.C[9]);
+  EXPECT_EQ(a.model.step[9].C(), system.step[9].C());
 }
 
 TEST(Refine, SharedMatricesAreShared) {
@@ -275,13 +284,13 @@ TEST(Refine, SharedMatricesAreShared) {
   const Model constant = refine(system, e, {.smoothing = infinity, .iterations = 3}).model;
   const Model periodic = refine(system, e, {.period = 4, .iterations = 3}).model;
   for (size_t s = 1; s < 12; ++s) {
-    EXPECT_EQ(constant.A[s], constant.A[0]);
-    EXPECT_EQ(constant.R[s], constant.R[0]);
+    EXPECT_EQ(constant.step[s].A(), constant.step[0].A());
+    EXPECT_EQ(constant.step[s].R(), constant.step[0].R());
     if (s < 4) continue;
-    EXPECT_EQ(periodic.A[s], periodic.A[s - 4]);
-    EXPECT_EQ(periodic.Q[s], periodic.Q[s - 4]);
+    EXPECT_EQ(periodic.step[s].A(), periodic.step[s - 4].A());
+    EXPECT_EQ(periodic.step[s].Q(), periodic.step[s - 4].Q());
   }
-  EXPECT_NE(periodic.A[1], periodic.A[0]);
+  EXPECT_NE(periodic.step[1].A(), periodic.step[0].A());
 }
 
 TEST(Refine, OneLongRecordIsEnoughForAConstantSystem) {
@@ -304,8 +313,8 @@ TEST(Refine, TheSameBitsForAnyNumberOfThreads) {
   const Refinement three = refine(system, e, o);
   EXPECT_EQ(one.penalised, three.penalised);
   for (size_t s = 0; s < 8; ++s) {
-    EXPECT_EQ(one.model.A[s], three.model.A[s]);
-    EXPECT_EQ(one.model.Q[s], three.model.Q[s]);
+    EXPECT_EQ(one.model.step[s].A(), three.model.step[s].A());
+    EXPECT_EQ(one.model.step[s].Q(), three.model.step[s].Q());
   }
 }
 
@@ -335,14 +344,10 @@ TEST(Refine, StartsFromRealisationsWithoutNoiseAndWithMissingEnds) {
   const Ensemble fresh = experiments(system, options);
   const Model start = kalman_observer([&] {
     Model known = with_noise(system, options);
-    known = from_step(known, 3);
-    known.state_dim[0] = 4;
-    return known;
+    return from_step(known, 3);
   }());
   Model bare = start;
-  bare.Q.clear();
-  bare.R.clear();
-  bare.K.clear();
+  for (Step& step : bare.step) step.forget_noise();
   const Refinement r = refine(bare, e, {.smoothing = 0.3});
   EXPECT_EQ(r.model.k_begin, 0);
   EXPECT_EQ(r.model.steps(), 30);
@@ -409,15 +414,15 @@ TEST(Refine, SeesWhereTheSizeOfTheNoiseChanges) {
   Ensemble e = experiments(system, options);
   const Refinement same = refine(start, e, {.smoothing = 1});
   EXPECT_EQ(same.noise_segments, 1);
-  EXPECT_EQ(same.model.R[5], same.model.R[25]);
+  EXPECT_EQ(same.model.step[5].R(), same.model.step[25].R());
   Random random(97);
   for (Index k = 15; k < 30; ++k) e.output(k) += 0.6 * random.matrix(100, 2);
   const Refinement changing = refine(start, e, {.smoothing = 1});
   expect_monotone(changing, "changing noise");
   EXPECT_GT(changing.noise_segments, 1);
   // Variances 0.04 and 0.4 from 200 samples each, some of them spent on the coefficients.
-  EXPECT_NEAR(changing.model.R[5].trace() / 2, 0.04, 0.02);
-  EXPECT_NEAR(changing.model.R[25].trace() / 2, 0.4, 0.15);
+  EXPECT_NEAR(changing.model.step[5].R().trace() / 2, 0.04, 0.02);
+  EXPECT_NEAR(changing.model.step[25].R().trace() / 2, 0.4, 0.15);
 }
 
 TEST(Refine, MissingSamplesCostLittle) {
@@ -451,9 +456,9 @@ TEST(WithConstantStates, EndsAreThoseOfTheNearestFullStep) {
   const Model whole = with_constant_states(inner, 25);
   EXPECT_EQ(whole.k_begin, 0);
   EXPECT_EQ(whole.steps(), 25);
-  EXPECT_EQ(whole.A[0], known.A[5]);
-  EXPECT_EQ(whole.A[12], known.A[12]);
-  EXPECT_EQ(whole.A[24], known.A[19]);
+  EXPECT_EQ(whole.step[0].A(), known.step[5].A());
+  EXPECT_EQ(whole.step[12].A(), known.step[12].A());
+  EXPECT_EQ(whole.step[24].A(), known.step[19].A());
   whole.check();
 }
 
@@ -480,9 +485,9 @@ TEST(Predict, FiltersExactlyAroundMissingSamples) {
   Ensemble e = whole;
   lose_samples(e, 0.3, true, 103);
   Model observer = system;
-  observer.Q.clear();
+  for (Step& step : observer.step) step.forget_noise();
   Model skipping = observer;
-  skipping.innovation_cov.clear();
+  for (Step& step : skipping.step) step.forget_innovation_cov();
   const Prediction filter = predict(system, e);
   EXPECT_LT(error(filter), 0.998 * error(predict(observer, e)));
   EXPECT_LT(error(filter), 0.99 * error(predict(skipping, e)));
@@ -494,7 +499,8 @@ TEST(Predict, UnknownInitialStatesHaveTheirMean) {
   const Model system = noisy_system({3, 2, 1}, 12, InitialState::unknown, 111);
   const Ensemble e = noisy_experiments(system, 300, 112);
   const Prediction p = predict(system, e);
-  const Matrix expected = (e.input(0) * system.D[0].transpose()).rowwise() + (system.C[0] * system.x0_mean).transpose();
+  const Matrix expected =
+      (e.input(0) * system.step[0].D().transpose()).rowwise() + (system.step[0].C() * system.x0_mean).transpose();
   EXPECT_LT((p.y.output(0) - expected).norm(), 1e-12 * expected.norm());
   // Said to come from elsewhere, they are estimated first, from two steps.
   const Prediction elsewhere = predict(system, e, {.initial_estimate = false});
@@ -508,7 +514,7 @@ TEST(Predict, UnknownInitialStatesHaveTheirMean) {
   EXPECT_LT(posterior, fit(e, simulate(system, e, estimate)).rmse.norm());
   Ensemble zero = e;
   zero.initial_state = InitialState::zero;
-  EXPECT_EQ(simulate(system, zero).y(0, 0, 0), system.D[0](0, 0) * e.u(0, 0, 0));
+  EXPECT_EQ(simulate(system, zero).y(0, 0, 0), system.step[0].D()(0, 0) * e.u(0, 0, 0));
 }
 
 TEST(Refine, BadInputs) {
@@ -534,12 +540,11 @@ TEST(Refine, BadInputs) {
   EXPECT_NE(message(system, silent, {}).find("no output sample"), std::string::npos);
   Model nothing;
   nothing.inputs = nothing.outputs = 1;
-  nothing.state_dim = {0};
   EXPECT_NE(message(nothing, e, {}).find("two"), std::string::npos);
   EXPECT_THROW(choose_smoothing({system}, e), std::invalid_argument);
   EXPECT_THROW(choose_smoothing(std::vector<Model>(11, system), e), std::invalid_argument);
   Model bare = system;
-  bare.Q.clear();
+  for (Step& step : bare.step) step.forget_noise();
   EXPECT_THROW(log_likelihoods(bare, e), std::invalid_argument);
 }
 

@@ -24,7 +24,7 @@ TEST(Example, OscillatorIsThePapersSystem) {
   ac(2, 1) = ac(3, 0) = 1;
   Matrix sum = Matrix::Identity(4, 4), term = sum;
   for (int i = 1; i < 20; ++i) sum += term = term * ac * 0.05 / i;
-  EXPECT_LE((model.A[35] - sum).norm(), 100 * epsilon);
+  EXPECT_LE((model.step[35].A() - sum).norm(), 100 * epsilon);
   for (const double norm : deadbeat_products(model, 2)) EXPECT_LE(norm, 1e-11);  // (82), (83)
 }
 
@@ -32,7 +32,8 @@ TEST(Example, RotatingTubeIsStableAtSomeTimesAndNotAtOthers) {
   const Model model = rotating_tube(100);
   model.check();
   int unstable = 0;
-  for (Index k = 0; k < 100; ++k) unstable += linalg::eigenvalues(model.A[size_t(k)]).cwiseAbs().maxCoeff() > 1 + 1e-9;
+  for (Index k = 0; k < 100; ++k)
+    unstable += linalg::eigenvalues(model.step[size_t(k)].A()).cwiseAbs().maxCoeff() > 1 + 1e-9;
   EXPECT_GT(unstable, 10);
   EXPECT_LT(unstable, 90);
 }
@@ -71,9 +72,9 @@ TEST(Example, RefusesNonsense) {
 TEST(Example, NoiseReplacesNoiseThatWasThere) {
   const Model once = with_noise(oscillator(10), {.process_noise = 0.1, .measurement_noise = 0.2});
   const Model again = with_noise(once, {.process_noise = 0.3, .measurement_noise = 0.4});
-  ASSERT_EQ(again.Q.size(), 10u);
-  EXPECT_DOUBLE_EQ(again.Q[3](0, 0), 0.09);
-  EXPECT_DOUBLE_EQ(again.R[3](1, 1), 0.16);
+  ASSERT_EQ(again.steps(), 10);
+  EXPECT_DOUBLE_EQ(again.at(3).Q()(0, 0), 0.09);
+  EXPECT_DOUBLE_EQ(again.at(3).R()(1, 1), 0.16);
   EXPECT_THROW(with_noise(oscillator(10), {.process_noise = -1}), std::invalid_argument);
   EXPECT_THROW(expected_moments(Model{}), std::invalid_argument);
   EXPECT_THROW(expected_moments(from_step(once, 2)), std::invalid_argument);

@@ -38,12 +38,12 @@ TEST(GtvArx, CoefficientsOfTheSmallestOrderAreThoseOfTheDeadbeatObserver) {
   // Scalar system x⁺ = a x + b u, y = x: y_k = a y_{k-1} + b u_{k-1}.
   const Model system = random_system({1, 1, 1}, 12, 0.9, 3);
   Model plain = system;
-  for (Matrix& c : plain.C) c.setOnes();
-  for (Matrix& d : plain.D) d.setZero();
+  for (Step& step : plain.step) step.C().setOnes();
+  for (Step& step : plain.step) step.D().setZero();
   const GtvArx arx = gtv_arx(random_experiments(plain, 10, 4), {});
   for (Index k = 2; k < 12; ++k) {
-    EXPECT_NEAR(arx.output_block(k, 1)(0, 0), plain.A[size_t(k - 1)](0, 0), 1e-12);
-    EXPECT_NEAR(arx.input_block(k, 1)(0, 0), plain.B[size_t(k - 1)](0, 0), 1e-12);
+    EXPECT_NEAR(arx.output_block(k, 1)(0, 0), plain.step[size_t(k - 1)].A()(0, 0), 1e-12);
+    EXPECT_NEAR(arx.input_block(k, 1)(0, 0), plain.step[size_t(k - 1)].B()(0, 0), 1e-12);
     EXPECT_NEAR(arx.D(k)(0, 0), 0.0, 1e-12);
   }
 }

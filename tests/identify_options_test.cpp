@@ -125,9 +125,9 @@ TEST(IdentifyOptions, NotedChoicesLeadToTheSameModel) {
       again.states = first.model.states();
       again.choices = noted;
       const Identification second = identify(*data, again);
-      EXPECT_EQ(second.model.A, first.model.A);
-      EXPECT_EQ(second.model.D, first.model.D);
-      EXPECT_EQ(second.model.G, first.model.G);
+      EXPECT_EQ(all(second.model, &Step::A), all(first.model, &Step::A));
+      EXPECT_EQ(all(second.model, &Step::D), all(first.model, &Step::D));
+      EXPECT_EQ(all(second.model, &Step::G), all(first.model, &Step::G));
       EXPECT_TRUE(second.refinement.trials.empty());
     }
   EXPECT_FALSE(noted_choices(oscillator(10)));

@@ -110,7 +110,7 @@ TEST(Identify, TimeInvariantSystemsGiveTheModelOfClassicalEra) {
     for (Index k = gap; k < 40; ++k)
       EXPECT_LE((pulse_response(result.model, k, k - gap) - c * power).norm(), 1e-9) << k << " " << gap;
   // The poles are those of the system.
-  Eigen::VectorXcd poles = linalg::eigenvalues(a), truth = linalg::eigenvalues(system.A[0]);
+  Eigen::VectorXcd poles = linalg::eigenvalues(a), truth = linalg::eigenvalues(system.step[0].A());
   const auto order = [](auto x, auto y) { return std::pair(x.real(), x.imag()) < std::pair(y.real(), y.imag()); };
   std::sort(poles.begin(), poles.end(), order);
   std::sort(truth.begin(), truth.end(), order);
@@ -189,7 +189,8 @@ TEST(Identify, NominalTrajectoriesAreFoundRemovedAndAddedBack) {
   EXPECT_LE(output_error(fresh, simulate(result.model, fresh)), 1e-9);
   EXPECT_EQ(result.min_experiments, 11);
   EXPECT_TRUE(identify(e.subset({0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10}), {.lags = 2, .nominal = NominalChoice::mean})
-                  .model.innovation_cov[20]
+                  .model.step[20]
+                  .innovation_cov()
                   .isZero(0));  // the mean has spent the one degree of freedom that 11 experiments leave
   IdentifyOptions none;
   none.nominal = NominalChoice::none;
@@ -232,8 +233,7 @@ TEST(Identify, ConstantInputsAreNamedWithTheirSteps) {
   const Identification result = identify(data, {.states = 4, .lags = 2});
   EXPECT_TRUE(mentions(result.warnings, "input valve is zero in every experiment at steps 0–9"));
   EXPECT_TRUE(mentions(result.warnings, "input torque is constant in every experiment at steps 30–39"));
-  for (const auto* list : {&result.model.A, &result.model.B, &result.model.C, &result.model.D, &result.model.G})
-    for (const Matrix& a : *list) EXPECT_TRUE(a.allFinite());
+  result.model.check();  // all matrices are finite
 }
 
 TEST(Identify, HeldOutExperimentsJudgeTheModel) {
@@ -418,13 +418,13 @@ TEST(Identify, EveryChannelMayHaveItsOwnUnit) {
   // Two loops of two states that know nothing of each other, the second in micro-units.
   Model system = random_system({4, 2, 2}, 40, 1.0, 110);
   for (size_t k = 0; k < 40; ++k) {
-    system.A[k].topRightCorner(2, 2).setZero();
-    system.A[k].bottomLeftCorner(2, 2).setZero();
-    system.B[k].topRightCorner(2, 1).setZero();
-    system.B[k].bottomLeftCorner(2, 1).setZero();
-    system.C[k].topRightCorner(1, 2).setZero();
-    system.C[k].bottomLeftCorner(1, 2).setZero();
-    system.D[k] = Matrix(system.D[k].diagonal().asDiagonal());
+    system.step[k].A().topRightCorner(2, 2).setZero();
+    system.step[k].A().bottomLeftCorner(2, 2).setZero();
+    system.step[k].B().topRightCorner(2, 1).setZero();
+    system.step[k].B().bottomLeftCorner(2, 1).setZero();
+    system.step[k].C().topRightCorner(1, 2).setZero();
+    system.step[k].C().bottomLeftCorner(1, 2).setZero();
+    system.step[k].D() = Matrix(system.step[k].D().diagonal().asDiagonal());
   }
   Random random(111);
   Ensemble noisy = random_experiments(system, 80, 112);
@@ -446,7 +446,7 @@ TEST(Identify, EveryChannelMayHaveItsOwnUnit) {
 
 TEST(Identify, InputsThatReachNothingLeaveTheOthersTheirStates) {
   Model system = random_system({4, 2, 2}, 40, 1.0, 113);
-  for (Matrix& b : system.B) b.col(1).setZero();
+  for (Step& step : system.step) step.B().col(1).setZero();
   for (const InitialState state : {InitialState::zero, InitialState::unknown}) {
     const double initial = state == InitialState::zero ? 0.0 : 10.0;
     const Ensemble e = random_experiments(system, 40, 114, initial);
@@ -522,7 +522,7 @@ TEST(Identify, OutputsThatDoNotAnswerHaveNoStates) {
   const Identification result = identify(e, {.lags = 1});
   EXPECT_EQ(result.model.states(), 0);
   EXPECT_TRUE(mentions(result.warnings, "no state was found"));
-  EXPECT_NEAR(result.model.D[5](0, 0), 2.0, 1e-12);
+  EXPECT_NEAR(result.model.step[5].D()(0, 0), 2.0, 1e-12);
   for (Index k = 0; k < 10; ++k) e.output(k).setZero();
   EXPECT_NO_THROW(identify(e, {.lags = 1}));
 }

@@ -194,7 +194,7 @@ TEST_F(WrongModels, TheTruthIsPossible) {
 
 TEST_F(WrongModels, AWrongDirectEffectShowsAtLagZero) {
   Model model = truth_;
-  for (Matrix& d : model.D) d(0, 1) += 0.15;  // half of the measurement noise
+  for (Step& step : model.step) step.D()(0, 1) += 0.15;  // half of the measurement noise
   const Validation v = validate(model, data_);
   EXPECT_LT(v.independence.p, certain);
   Index lag = 0;
@@ -205,12 +205,12 @@ TEST_F(WrongModels, AWrongDirectEffectShowsAtLagZero) {
 
 TEST_F(WrongModels, AMissingStateShowsInTimeAndInTheInputs) {
   Model model = truth_;
-  for (size_t s = 0; s < model.A.size(); ++s) {  // the last state neither moves nor is seen
-    model.A[s].col(3).setZero();
-    model.A[s].row(3).setZero();
-    model.B[s].row(3).setZero();
-    model.G[s].row(3).setZero();
-    model.C[s].col(3).setZero();
+  for (size_t s = 0; s < model.step.size(); ++s) {  // the last state neither moves nor is seen
+    model.step[s].A().col(3).setZero();
+    model.step[s].A().row(3).setZero();
+    model.step[s].B().row(3).setZero();
+    model.step[s].G().row(3).setZero();
+    model.step[s].C().col(3).setZero();
   }
   const Validation v = validate(model, data_);
   EXPECT_LT(v.whiteness.p, certain);
@@ -223,8 +223,7 @@ TEST_F(WrongModels, AMissingStateShowsInTimeAndInTheInputs) {
 TEST_F(WrongModels, FeedbackIsSeenAndIsNoFaultOfTheModel) {
   const Index count = 200, steps = 40;
   Model system = constant_system({2, 1, 1}, steps, 0.6, 2);
-  for (auto* list : {&system.B, &system.D})
-    for (Matrix& effect : *list) effect *= 0.3;
+  for (Step& step : system.step) step.B() *= 0.3, step.D() *= 0.3;
   system = with_noise(system, options_);
   Random random(11);
   Ensemble data(count, steps, 1, 1);
@@ -233,8 +232,10 @@ TEST_F(WrongModels, FeedbackIsSeenAndIsNoFaultOfTheModel) {
   for (Index k = 0; k < steps; ++k) {
     const size_t s = size_t(k);
     data.input(k) = 0.5 * (random.matrix(count, 1) - y);  // outputs of the step before
-    y = x * system.C[s].transpose() + data.input(k) * system.D[s].transpose() + 0.3 * random.matrix(count, 1);
-    x = x * system.A[s].transpose() + data.input(k) * system.B[s].transpose() + 0.1 * random.matrix(count, 2);
+    y = x * system.step[s].C().transpose() + data.input(k) * system.step[s].D().transpose() +
+        0.3 * random.matrix(count, 1);
+    x = x * system.step[s].A().transpose() + data.input(k) * system.step[s].B().transpose() +
+        0.1 * random.matrix(count, 2);
     data.output(k) = y;
   }
   ASSERT_LT(y.cwiseAbs().maxCoeff(), 10);
@@ -250,7 +251,7 @@ TEST_F(WrongModels, FeedbackIsSeenAndIsNoFaultOfTheModel) {
 TEST_F(WrongModels, SquaresTellOverconfidenceFromCaution) {
   for (const double scale : {0.8, 1.25}) {
     Model model = truth_;
-    for (Matrix& s : model.innovation_cov) s *= scale;
+    for (Step& step : model.step) step.set_innovation_cov(scale * step.innovation_cov());
     const NormalisedSquares squares = validate(model, data_).squares;
     EXPECT_NEAR(squares.ratio * scale, validate(truth_, data_).squares.ratio, 1e-12);
     EXPECT_LT(squares.p, certain);
@@ -261,7 +262,7 @@ TEST_F(WrongModels, SquaresTellOverconfidenceFromCaution) {
 // Outputs that are noise alone, whose distribution has heavy tails: products of normal numbers, of kurtosis 9.
 TEST(NormalisedSquares, ManyExperimentsNeedNoNormalDistribution) {
   Model model = random_system({1, 1, 1}, 10, 0.5, 1);
-  model.innovation_cov.assign(10, Matrix::Identity(1, 1));
+  for (Step& step : model.step) step.set_innovation_cov(Matrix::Identity(1, 1));
   std::vector<double> p, chi_square;
   for (int run = 0; run < runs; ++run) {
     Random random(std::uint64_t(run) + 900);
@@ -283,8 +284,8 @@ TEST(NormalisedSquares, NeedACovariance) {
   Model model = random_system({1, 2, 1}, 3, 0.5, 1);
   const Innovations e(3, Matrix::Ones(4, 2));
   EXPECT_TRUE(std::isnan(normalised_squares(model, e).ratio));
-  model.innovation_cov.assign(3, Matrix::Identity(2, 2));
-  model.innovation_cov[1].setZero();  // of a step that leaves no degree of freedom
+  for (Step& step : model.step) step.set_innovation_cov(Matrix::Identity(2, 2));
+  model.step[1].set_innovation_cov(Matrix::Zero(2, 2));  // of a step that leaves no degree of freedom
   const NormalisedSquares squares = normalised_squares(model, e);
   EXPECT_DOUBLE_EQ(squares.ratio, 1.0);
   EXPECT_TRUE(std::isnan(squares.step(1)));
@@ -297,7 +298,7 @@ TEST(NormalisedSquares, CountTheDirectionsThatHaveAVariance) {
   Model model = random_system({2, 3, 1}, 20, 0.5, 1);
   Matrix covariance = Matrix::Zero(3, 3);
   covariance.topLeftCorner(2, 2).setConstant(4.0);
-  model.innovation_cov.assign(20, covariance);
+  for (Step& step : model.step) step.set_innovation_cov(covariance);
   Random random(2);
   Innovations e;
   for (Index k = 0; k < 20; ++k) {
@@ -394,9 +395,9 @@ TEST(InputGains, TellHowMuchStrongerTheEffectsAre) {
         for (double& y : data.output(k).reshaped())
           if (random.uniform(0, 1) < 0.1) y = nan;
     Model wrong = system;
-    for (size_t k = 0; k < wrong.B.size(); ++k) {
-      wrong.B[k].col(0) *= 0.5, wrong.D[k].col(0) *= 0.5;
-      wrong.B[k].col(1) *= -1.0, wrong.D[k].col(1) *= -1.0;
+    for (size_t k = 0; k < wrong.step.size(); ++k) {
+      wrong.step[k].B().col(0) *= 0.5, wrong.step[k].D().col(0) *= 0.5;
+      wrong.step[k].B().col(1) *= -1.0, wrong.step[k].D().col(1) *= -1.0;
     }
     const InputGains right = validate(system, data).gains, found = validate(wrong, data).gains;
     for (Index i = 0; i < 2; ++i) {

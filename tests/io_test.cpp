@@ -21,6 +21,7 @@
 
 #include "../src/io/claims.hpp"
 #include "../src/io/formats.hpp"
+#include "../src/step_fields.hpp"
 
 // NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming): the sanitizers look for these names
 // A damaged file may make the HDF5 library ask for more memory than there is, and it copes with getting none.
@@ -109,16 +110,6 @@ bool same(const Matrix& a, const Matrix& b) {
   return true;
 }
 
-bool same(const std::vector<Matrix>& a, const std::vector<Matrix>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const Matrix& x, const Matrix& y) { return same(x, y); });
-}
-
-bool same(const std::vector<Vector>& a, const std::vector<Vector>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const Vector& x, const Vector& y) { return same(Matrix(x), Matrix(y)); });
-}
-
 void expect_same(const Channels& a, const Channels& b) {
   EXPECT_EQ(a.input_names, b.input_names);
   EXPECT_EQ(a.output_names, b.output_names);
@@ -142,25 +133,32 @@ void expect_same(const Ensemble& a, const Ensemble& b) {
   EXPECT_TRUE(same(a.free.y, b.free.y));
 }
 
+bool same(const Step& a, const Step& b) {
+  if (a.states() != b.states() || a.next_states() != b.next_states() ||
+      a.has_singular_values() != b.has_singular_values() || a.has_condition() != b.has_condition() ||
+      a.has_rank() != b.has_rank() || a.has_lags() != b.has_lags())
+    return false;
+  for (const StepField& field : step_fields::all)
+    if (field.known(a) != field.known(b) ||
+        (field.known(a) && !same(Matrix((a.*field.view)()), Matrix((b.*field.view)()))))
+      return false;
+  return (!a.has_singular_values() || same(Matrix(a.singular_values()), Matrix(b.singular_values()))) &&
+         (!a.has_condition() || same(a.condition(), b.condition())) && (!a.has_rank() || a.rank() == b.rank()) &&
+         (!a.has_lags() || a.lags() == b.lags());
+}
+
 void expect_same(const Model& a, const Model& b) {
   EXPECT_EQ(a.inputs, b.inputs);
   EXPECT_EQ(a.outputs, b.outputs);
   EXPECT_EQ(a.k_begin, b.k_begin);
   EXPECT_EQ(a.dt, b.dt);
-  EXPECT_TRUE(same(a.A, b.A) && same(a.B, b.B) && same(a.C, b.C) && same(a.D, b.D) && same(a.G, b.G));
-  EXPECT_TRUE(same(a.innovation_cov, b.innovation_cov));
-  EXPECT_EQ(a.state_dim, b.state_dim);
+  EXPECT_TRUE(std::equal(a.step.begin(), a.step.end(), b.step.begin(), b.step.end(),
+                         [](const Step& x, const Step& y) { return same(x, y); }));
   EXPECT_EQ(a.frame, b.frame);
   EXPECT_EQ(a.method, b.method);
   EXPECT_EQ(a.initial_state, b.initial_state);
   expect_same(a.names, b.names);
-  EXPECT_TRUE(same(a.singular_values, b.singular_values));
-  EXPECT_TRUE(std::equal(a.condition.begin(), a.condition.end(), b.condition.begin(), b.condition.end(),
-                         [](double x, double y) { return same(x, y); }));
-  EXPECT_EQ(a.rank, b.rank);
-  EXPECT_EQ(a.lags, b.lags);
   EXPECT_TRUE(same(a.u_nominal, b.u_nominal) && same(a.y_nominal, b.y_nominal));
-  EXPECT_TRUE(same(a.Q, b.Q) && same(a.R, b.R) && same(a.K, b.K));
   EXPECT_TRUE(same(Matrix(a.x0_mean), Matrix(b.x0_mean)) && same(a.x0_cov, b.x0_cov));
   EXPECT_EQ(a.options, b.options);
   EXPECT_EQ(a.version, b.version);
@@ -235,28 +233,20 @@ void add_free_response(Random& random, Ensemble& e) {
   e.free.y = gaussian(random, e.free.experiments, e.free.steps * e.outputs());
 }
 
-std::vector<Matrix> stack(Random& random, Index S, const std::function<Index(size_t)>& rows,
-                          const std::function<Index(size_t)>& cols) {
-  std::vector<Matrix> list;
-  for (size_t s = 0; s < static_cast<size_t>(S); ++s) list.push_back(gaussian(random, rows(s), cols(s)));
-  return list;
-}
-
 Model random_model(Random& random, Index S, Index n, Index r, Index m, bool optional_fields) {
   Model model;
   model.inputs = r;
   model.outputs = m;
   model.dt = 0.05;
-  for (Index s = 0; s <= S; ++s) model.state_dim.push_back(between(random, 0, n));
-  const auto now = [&](size_t s) { return model.state_dim[s]; };
-  const auto next = [&](size_t s) { return model.state_dim[s + 1]; };
-  const auto in = [&](size_t) { return r; };
-  const auto out = [&](size_t) { return m; };
-  model.A = stack(random, S, next, now);
-  model.B = stack(random, S, next, in);
-  model.C = stack(random, S, out, now);
-  model.D = stack(random, S, out, in);
-  model.G = stack(random, S, next, out);
+  for (Index s = 0, states = between(random, 0, n); s < S; ++s) {
+    const Index next = between(random, 0, n);
+    model.step.emplace_back(states, next, r, m);
+    states = next;
+  }
+  for (const StepField& field : step_fields::all)
+    for (Step& step : model.step)
+      if (!field.optional || optional_fields)
+        field.set(step, gaussian(random, size(step, field.rows), size(step, field.cols)));
   if (!optional_fields) return model;
 
   model.k_begin = between(random, 0, 7);
@@ -264,17 +254,14 @@ Model random_model(Random& random, Index S, Index n, Index r, Index m, bool opti
   model.method = "tvera";
   model.initial_state = InitialState::unknown;
   model.names = odd_channels(r, m);
-  model.innovation_cov = stack(random, S, out, out);
-  model.Q = stack(random, S, next, next);
-  model.R = stack(random, S, out, out);
-  model.K = stack(random, S, now, out);
-  model.x0_mean = gaussian(random, model.state_dim[0], 1);
-  model.x0_cov = gaussian(random, model.state_dim[0], model.state_dim[0]);
+  model.x0_mean = gaussian(random, model.n(model.k_begin), 1);
+  model.x0_cov = gaussian(random, model.n(model.k_begin), model.n(model.k_begin));
   for (Index s = 0; s < S; ++s) {
-    model.singular_values.emplace_back(gaussian(random, between(random, 0, 4), 1));
-    model.condition.push_back(s == 1 ? infinite : gaussian(random));
-    model.rank.push_back(between(random, 0, 9));
-    model.lags.push_back(between(random, 0, 9));
+    Step& step = model.step[size_t(s)];
+    step.set_singular_values(gaussian(random, between(random, 0, 4), 1));
+    step.set_condition(s == 1 ? infinite : gaussian(random));
+    step.set_rank(between(random, 0, 9));
+    step.set_lags(between(random, 0, 9));
   }
   model.u_nominal = gaussian(random, S + 3, r);
   model.y_nominal = gaussian(random, S + 3, m);
@@ -1244,7 +1231,7 @@ TEST_P(EveryFormat, NoFileForAnInconsistentEnsemble) {
 TEST_F(Io, NoFileForAnInconsistentModel) {
   Random random(1);
   Model model = random_model(random, 2, 2, 1, 1, false);
-  model.C.pop_back();
+  model.step[1] = Step(2, 2, 1, 2);  // one output more
   EXPECT_THROW(save_model(model, file("m.npz")), std::invalid_argument);
   EXPECT_EQ(number_of_files(), 0u);
 }

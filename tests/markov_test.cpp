@@ -16,14 +16,14 @@ GtvArx arx_of(const Model& model, Index lags) {
   for (Index k = 0; k < model.steps(); ++k) {
     const Index own = arx.step[size_t(k)].lags = std::min(lags, k);
     Eigen::Map<Matrix> coefficients = arx.coefficients(k);
-    coefficients.rightCols(model.inputs) = model.D[size_t(k)];
-    Matrix row = model.C[size_t(k)];  // C_k Ā_{k-1} … Ā_{k-j+1}
+    coefficients.rightCols(model.inputs) = model.step[size_t(k)].D();
+    Matrix row = model.step[size_t(k)].C();  // C_k Ā_{k-1} … Ā_{k-j+1}
     for (Index j = 1; j <= own; ++j) {
       const size_t i = size_t(k - j);
       const Index at = (own - j) * (model.inputs + model.outputs);
-      coefficients.middleCols(at, model.inputs) = row * (model.B[i] + model.G[i] * model.D[i]);
-      coefficients.middleCols(at + model.inputs, model.outputs) = -row * model.G[i];
-      row = row * model.closed_loop(k - j);
+      coefficients.middleCols(at, model.inputs) = row * (model.step[i].B() + model.step[i].G() * model.step[i].D());
+      coefficients.middleCols(at + model.inputs, model.outputs) = -row * model.step[i].G();
+      row = row * model.at(k - j).closed_loop();
     }
   }
   return arx;
@@ -32,7 +32,7 @@ GtvArx arx_of(const Model& model, Index lags) {
 TEST(Markov, RecursionsGiveThePulseResponsesOfSystemAndObserver) {
   for (const SystemSize size : {SystemSize{1, 1, 1}, {4, 2, 2}, {3, 1, 2}, {3, 2, 1}, {2, 3, 1}, {6, 2, 3}}) {
     Model model = random_system(size, 24, 1.0, 40);
-    model.G = deadbeat_gain(model).G;
+    set_gains(model, deadbeat_gain(model).G);
     const Index band = 9;
     const Markov parameters = markov(arx_of(model, smallest_lag_order(size)), band);
     ASSERT_EQ(parameters.band, band);
@@ -52,7 +52,7 @@ TEST(Markov, RecursionsGiveThePulseResponsesOfSystemAndObserver) {
 
 TEST(Markov, KeepsTheBandAndNothingElse) {
   Model model = random_system({2, 1, 3}, 50, 1.0, 41);
-  model.G = deadbeat_gain(model).G;
+  set_gains(model, deadbeat_gain(model).G);
   const Markov parameters = markov(arx_of(model, 2), 4);
   EXPECT_FALSE(parameters.has(10, 5));
   EXPECT_FALSE(parameters.has(10, 10));

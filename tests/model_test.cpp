@@ -15,8 +15,8 @@ namespace {
 Model observed_system(const SystemSize& size, Index steps, std::uint64_t seed, double growth = 1.0) {
   Model model = random_system(size, steps, growth, seed);
   Random random(seed + 1);
-  for (Matrix& g : model.G) g = 0.3 * random.matrix(size.n, size.m);
-  model.lags.assign(size_t(steps), smallest_lag_order(size));
+  for (Step& step : model.step) step.G() = 0.3 * random.matrix(size.n, size.m);
+  for (Step& step : model.step) step.set_lags(smallest_lag_order(size));
   return model;
 }
 
@@ -24,7 +24,7 @@ Model observed_system(const SystemSize& size, Index steps, std::uint64_t seed, d
 std::vector<Matrix> bases(const Model& model, std::uint64_t seed) {
   Random random(seed);
   std::vector<Matrix> S;
-  for (const Index n : model.state_dim)
+  for (const Index n : state_dims(model))
     S.emplace_back(random.orthogonal(n) * (1 + random.matrix(n, 1).array().abs()).matrix().asDiagonal() *
                    random.orthogonal(n));
   return S;
@@ -40,9 +40,9 @@ TEST(Model, SimulatesEquationsOneAndTwo) {
     Vector x = x0.col(n);
     for (size_t k = 0; k < 15; ++k) {
       const Vector uk = u.input(Index(k)).row(n).transpose();
-      const Vector expected = model.C[k] * x + model.D[k] * uk;
+      const Vector expected = model.step[k].C() * x + model.step[k].D() * uk;
       EXPECT_LE((y.output(Index(k)).row(n).transpose() - expected).norm(), 1e3 * epsilon * (1 + expected.norm()));
-      x = model.A[k] * x + model.B[k] * uk;
+      x = model.step[k].A() * x + model.step[k].B() * uk;
     }
   }
 }
@@ -81,15 +81,17 @@ TEST(Predict, IsTheObserverOfEquationNine) {
     for (Index n = 0; n < 2; ++n) {
       std::vector<Vector> state{Vector::Zero(3)};  // x̂_{k|k-1}
       for (size_t k = 0; k < 12; ++k)
-        state.emplace_back(model.closed_loop(Index(k)) * state.back() +
-                           (model.B[k] + model.G[k] * model.D[k]) * e.input(Index(k)).row(n).transpose() -
-                           model.G[k] * e.output(Index(k)).row(n).transpose());
+        state.emplace_back(model.at(Index(k)).closed_loop() * state.back() +
+                           (model.step[k].B() + model.step[k].G() * model.step[k].D()) *
+                               e.input(Index(k)).row(n).transpose() -
+                           model.step[k].G() * e.output(Index(k)).row(n).transpose());
       for (Index k = 0; k < 12; ++k) {
         const Index origin = std::max<Index>(0, k - horizon + 1);
         Vector x = state[size_t(origin)];
         for (Index j = origin; j < k; ++j)
-          x = model.A[size_t(j)] * x + model.B[size_t(j)] * e.input(j).row(n).transpose();
-        const Vector expected = model.C[size_t(k)] * x + model.D[size_t(k)] * e.input(k).row(n).transpose();
+          x = model.step[size_t(j)].A() * x + model.step[size_t(j)].B() * e.input(j).row(n).transpose();
+        const Vector expected =
+            model.step[size_t(k)].C() * x + model.step[size_t(k)].D() * e.input(k).row(n).transpose();
         EXPECT_LE((prediction.y.output(k).row(n).transpose() - expected).norm(), 1e3 * epsilon * (1 + expected.norm()));
         if (horizon == 1) {
           EXPECT_LE((prediction.innovations[size_t(k)].row(n).transpose() - (e.output(k).row(n).transpose() - expected))
@@ -142,16 +144,15 @@ TEST(Predict, WhatOtherOutputsSayOfMissingOnesIsNotLost) {
   const double lean = 1e4;
   Model twice = system;
   twice.outputs = 2 * m;
-  for (auto* list : {&twice.Q, &twice.R, &twice.K}) list->clear();
   Ensemble e(plain.experiments(), plain.steps(), plain.inputs(), 2 * m, plain.dt);
   const auto doubled = [](const Matrix& a) { return (Matrix(2 * a.rows(), a.cols()) << a, a).finished(); };
   for (Index k = 0; k < system.steps(); ++k) {
     const size_t s = size_t(k);
-    twice.C[s] = doubled(system.C[s]);
-    twice.D[s] = doubled(system.D[s]);
-    twice.G[s] = Matrix(system.n(k + 1), 2 * m);
-    twice.G[s] << (0.5 + lean) * system.G[s], (0.5 - lean) * system.G[s];
-    twice.innovation_cov[s] = doubled(doubled(system.innovation_cov[s]).transpose());
+    const Step& one = system.step[s];
+    Matrix gain(system.n(k + 1), 2 * m);
+    gain << (0.5 + lean) * one.G(), (0.5 - lean) * one.G();
+    twice.step[s] = Step(one.A(), one.B(), doubled(one.C()), doubled(one.D()), gain);
+    twice.step[s].set_innovation_cov(doubled(doubled(one.innovation_cov()).transpose()));
     e.input(k) = plain.input(k);
     e.output(k) << plain.output(k), plain.output(k);
   }
@@ -181,7 +182,7 @@ TEST(Predict, AModelThatBeginsLateDoesNotTakeItsFirstStateForZero) {
 
 TEST(Predict, StatesThatTheFirstSamplesDoNotTellAreWaitedFor) {
   Model model = observed_system({4, 2, 1}, 20, 97);
-  model.G = deadbeat_gain(model).G;
+  set_gains(model, deadbeat_gain(model).G);
   Ensemble e = random_experiments(model, 3, 98, 10.0);
   e.y(1, 1, 0) = nan;  // p·m = n: every sample of the first two steps is needed
   const Prediction prediction = predict(model, e, {1, InitialState::unknown});
@@ -234,8 +235,10 @@ TEST(Predict, StateEstimatesUseTheSamplesThatAreThere) {
 TEST(Coordinates, ChangeNoOutputAndNoPulseResponse) {
   for (const SystemSize size : {SystemSize{1, 1, 1}, {4, 2, 2}, {5, 1, 3}}) {
     Model model = observed_system(size, 16, 77);
-    model.K.assign(16, Matrix::Ones(size.n, size.m));
-    model.Q.assign(16, Matrix::Identity(size.n, size.n));
+    for (Step& step : model.step) {
+      step.set_K(Matrix::Ones(size.n, size.m));
+      step.set_Q(Matrix::Identity(size.n, size.n));
+    }
     const Model other = transform(model, bases(model, 78));
     other.check();
     EXPECT_TRUE(kinematically_similar(model, other, 1e-11).similar);
@@ -244,28 +247,29 @@ TEST(Coordinates, ChangeNoOutputAndNoPulseResponse) {
     for (Index k = 2; k < 16; ++k)
       EXPECT_LE((gain_pulse_response(model, k, k - 2) - gain_pulse_response(other, k, k - 2)).norm(), 1e-11);
     // C K is the same in all coordinates.
-    EXPECT_LE((model.C[3] * model.K[3] - other.C[3] * other.K[3]).norm(), 1e-11 * model.C[3].norm());
+    EXPECT_LE((model.step[3].C() * model.step[3].K() - other.step[3].C() * other.step[3].K()).norm(),
+              1e-11 * model.step[3].C().norm());
   }
 }
 
 TEST(Coordinates, SimilarityTellsModelsApart) {
   const Model model = observed_system({3, 2, 1}, 16, 80);
   Model other = model;
-  other.A[7] *= 1 + 1e-6;
+  other.step[7].A() *= 1 + 1e-6;
   const Similarity s = kinematically_similar(model, other);
   EXPECT_FALSE(s.similar);
   EXPECT_GT(s.max_difference, 1e-8);
   EXPECT_LT(s.max_difference, 1e-5);
   other = model;
-  other.D[0] *= 1.01;
+  other.step[0].D() *= 1.01;
   EXPECT_FALSE(kinematically_similar(model, other).similar);
 }
 
 TEST(Coordinates, ReferenceFrameEndsWhereItsCoordinatesFail) {
   Model model = random_system({2, 2, 1}, 30, 1.0, 99);
   for (size_t k = 0; k < 30; ++k) {
-    model.A[k].setIdentity();
-    model.C[k] = Matrix{{1, 0}, {0, k < 15 ? 1.0 : -1.0}};
+    model.step[k].A().setIdentity();
+    model.step[k].C() = Matrix{{1, 0}, {0, k < 15 ? 1.0 : -1.0}};
   }
   // Rows from both sides of step 15 cancel in P O_k there.
   const FramedModel framed = reference_frame(model, 0, 2);
@@ -286,8 +290,8 @@ TEST(Coordinates, ReferenceFrameDoesNotDependOnTheBasisUpToOneSimilarity) {
   // The constant similarity is the change of basis at the reference step.
   const Matrix t = bases(model, 82)[3];
   for (Index k = 1; k + 1 < a.end; ++k) {
-    const Matrix expected = t * a.model.closed_loop(k) * t.inverse();
-    EXPECT_LE((b.model.closed_loop(k) - expected).norm(), 1e-9 * expected.norm()) << k;
+    const Matrix expected = t * a.model.at(k).closed_loop() * t.inverse();
+    EXPECT_LE((b.model.at(k).closed_loop() - expected).norm(), 1e-9 * expected.norm()) << k;
   }
   EXPECT_EQ(a.model.frame, "reference");
   EXPECT_TRUE(kinematically_similar(model, a.model, 1e-9).similar);
@@ -299,7 +303,7 @@ TEST(Coordinates, AlignedModelsHaveTheMatricesOfTheReference) {
   for (const SystemSize size : {SystemSize{3, 2, 1}, {4, 1, 2}, {2, 3, 2}}) {
     Model reference = random_system(size, 20, 1.0, 70);
     Random random(71);
-    for (Matrix& G : reference.G) G = random.matrix(size.n, size.m);
+    for (Step& step : reference.step) step.G() = random.matrix(size.n, size.m);
     std::vector<Matrix> S;
     for (Index k = 0; k <= 20; ++k)
       S.emplace_back(random.orthogonal(size.n) * Vector::LinSpaced(size.n, 0.5, 2).asDiagonal());
@@ -310,9 +314,11 @@ TEST(Coordinates, AlignedModelsHaveTheMatricesOfTheReference) {
     for (Index k = aligned.begin; k + 1 < aligned.end; ++k) {
       const size_t s = size_t(k);
       // Observability matrices of so few rows have condition numbers up to some 1e3.
-      EXPECT_LE((aligned.model.A[s] - reference.A[s]).norm(), 1e-10) << name(size) << k;
-      EXPECT_LE((aligned.model.B[s] - reference.B[s]).norm(), 1e-10 * reference.B[s].norm()) << name(size) << k;
-      EXPECT_LE((aligned.model.G[s] - reference.G[s]).norm(), 1e-10 * reference.G[s].norm()) << name(size) << k;
+      EXPECT_LE((aligned.model.step[s].A() - reference.step[s].A()).norm(), 1e-10) << name(size) << k;
+      EXPECT_LE((aligned.model.step[s].B() - reference.step[s].B()).norm(), 1e-10 * reference.step[s].B().norm())
+          << name(size) << k;
+      EXPECT_LE((aligned.model.step[s].G() - reference.step[s].G()).norm(), 1e-10 * reference.step[s].G().norm())
+          << name(size) << k;
     }
     EXPECT_TRUE(kinematically_similar(aligned.model, reference).similar);
   }
@@ -331,12 +337,12 @@ TEST(Coordinates, SmoothFrameVariesAsSlowlyAsTheSystem) {
   // Balanced coordinates, each step's turned at random: what a realisation hands over.
   const auto jumpiness = [](const Model& m) {
     double sum = 0.0;
-    for (size_t k = 5; k < 50; ++k) sum += (m.A[k + 1] - m.A[k]).norm();
+    for (size_t k = 5; k < 50; ++k) sum += (m.step[k + 1].A() - m.step[k].A()).norm();
     return sum;
   };
   Random random(83);
   std::vector<Matrix> turns;
-  for (const Index n : system.state_dim) turns.push_back(random.orthogonal(n));
+  for (const Index n : state_dims(system)) turns.push_back(random.orthogonal(n));
   const Model turned = transform(system, turns), smooth = smooth_frame(turned, 4);
   EXPECT_EQ(smooth.frame, "smooth");
   EXPECT_TRUE(kinematically_similar(smooth, system, 1e-10).similar);
@@ -347,13 +353,10 @@ TEST(Coordinates, SmoothFrameVariesAsSlowlyAsTheSystem) {
 TEST(Coordinates, SmoothFrameAcceptsVaryingStateDimensions) {
   Model model = observed_system({3, 1, 2}, 8, 84);
   // Cut the first state down to two and the last to one.
-  model.state_dim.front() = 2;
-  model.A[0] = model.A[0].leftCols(2).eval();
-  model.C[0] = model.C[0].leftCols(2).eval();
-  model.state_dim.back() = 1;
-  model.A[7] = model.A[7].topRows(1).eval();
-  model.B[7] = model.B[7].topRows(1).eval();
-  model.G[7] = model.G[7].topRows(1).eval();
+  const Step first = model.step[0], last = model.step[7];
+  model.step[0] = Step(first.A().leftCols(2), first.B(), first.C().leftCols(2), first.D(), first.G());
+  model.step[7] = Step(last.A().topRows(1), last.B().topRows(1), last.C(), last.D(), last.G().topRows(1));
+  for (const size_t s : {0, 7}) model.step[s].set_lags(3);
   const Model smooth = smooth_frame(model, 3);
   smooth.check();
   EXPECT_TRUE(kinematically_similar(smooth, model, 1e-10).similar);
@@ -373,11 +376,18 @@ TEST(Model, CheckNamesWhatDisagrees) {
     return "";
   };
   Model broken = model;
-  broken.B[2] = Matrix::Zero(3, 1);
-  EXPECT_EQ(message(broken), "model: B[2] is 3 x 1, 2 x 1 needed");
+  broken.step[2] = Step(2, 2, 3, 1);
+  EXPECT_EQ(message(broken), "model: step 2 has 3 inputs and 1 outputs, 1 and 1 needed");
   broken = model;
-  broken.G.pop_back();
-  EXPECT_EQ(message(broken), "model: 3 entries of G found, 4 needed");
+  broken.step[1] = Step(2, 3, 1, 1);
+  broken.step[1].set_lags(2);
+  EXPECT_EQ(message(broken), "model: A[2] has 2 columns, 3 needed: the rows of A[1]");
+  broken = model;
+  broken.step[3].set_Q(Matrix::Identity(2, 2));
+  EXPECT_EQ(message(broken), "model: Q is known of some steps only, all or none needed");
+  broken = model;
+  broken.step[1].G()(1, 0) = nan;
+  EXPECT_EQ(message(broken), "model: G[1] has a value that is not finite");
   broken = model;
   broken.u_nominal = Matrix::Zero(4, 1);
   EXPECT_NE(message(broken), "");
@@ -398,7 +408,7 @@ TEST(Model, FromStepKeepsTheRest) {
   rest.check();
   EXPECT_EQ(rest.k_begin, 4);
   EXPECT_EQ(rest.k_end(), 10);
-  EXPECT_EQ(rest.A[rest.at(6)], model.A[6]);
+  EXPECT_EQ(rest.at(6).A(), model.step[6].A());
   EXPECT_EQ(rest.n(10), 2);
   EXPECT_THROW(from_step(model, 11), std::invalid_argument);
 }
@@ -409,7 +419,7 @@ TEST(Model, PulseResponsesAreThoseOfEachStep) {
   ASSERT_EQ(all.size(), size_t(model.steps()));
   for (Index k = model.k_begin; k < model.k_end(); ++k)
     for (Index gamma = 1; gamma <= 4; ++gamma) {
-      const auto block = all[model.at(k)].middleCols((gamma - 1) * model.inputs, model.inputs);
+      const auto block = all[model.index(k)].middleCols((gamma - 1) * model.inputs, model.inputs);
       if (k - gamma < model.k_begin)
         EXPECT_TRUE(block.array().isNaN().all()) << k << " " << gamma;
       else  // products in another order

@@ -86,9 +86,9 @@ TEST(Noise, GapsDoNotCutAModelOrMakeItConstant) {
   Ensemble gap = noisy_experiments(system, 50, 31);
   gap.output(20).setConstant(nan);
   const Model smooth = identify(gap, {.states = 4, .lags = 2, .refine = false}).model;
-  for (const Index n : smooth.state_dim) EXPECT_EQ(n, 4);
+  for (const Index n : state_dims(smooth)) EXPECT_EQ(n, 4);
   double largest = 0.0;
-  for (const Matrix& g : smooth.G) largest = std::max(largest, g.norm());
+  for (const Step& step : smooth.step) largest = std::max(largest, step.G().norm());
   EXPECT_LT(largest, 100.0);
   const Model whole = identify(noisy_experiments(system, 50, 31), {.states = 4, .lags = 2, .refine = false}).model;
   EXPECT_LT(ratio_to_kalman(smooth, system, 1031), 1.2 * ratio_to_kalman(whole, system, 1031));
@@ -162,7 +162,7 @@ TEST(Noise, RefinementNeverSpoilsAModel) {
   for (const std::uint64_t seed : {13, 15, 18}) {
     Model system = random_system({3, 1, 1}, 20, 1.0, seed);
     Random random(seed + 500);
-    for (Matrix& a : system.A) a = random.orthogonal(3);
+    for (Step& step : system.step) step.A() = random.orthogonal(3);
     const Ensemble e = experiments(system, {.experiments = 30, .seed = seed, .measurement_noise = 0.1});
     const Ensemble fresh = experiments(system, {.experiments = 300, .seed = seed + 100, .measurement_noise = 0.1});
     const IdentifyOptions refined{.states = 3, .lags = 4}, plain{.states = 3, .lags = 4, .refine = false};
@@ -188,7 +188,7 @@ TEST(Noise, OneRecordOrAFewOfATimeInvariantSystem) {
     EXPECT_EQ(result.model.period, 1);
     EXPECT_EQ(result.variation.period, 1);
     EXPECT_EQ(result.model.steps(), 400);
-    for (const Matrix& a : result.model.A) EXPECT_EQ(a, result.model.A.front());
+    for (const Step& step : result.model.step) EXPECT_EQ(step.A(), result.model.step.front().A());
     // The fresh data are longer than those that the model was identified from.
     EXPECT_LE(record_ratio(result, system, fresh), 1.05) << count;
     EXPECT_TRUE(validate(result.model, fresh).simulation.fit.allFinite());
@@ -202,7 +202,8 @@ TEST(Noise, OneRecordOfAPeriodicSystem) {
   const Ensemble e = stretch(noisy_experiments(system, 1, 13), 0, 600);
   const Identification result = identify(e, {.period = 3});
   EXPECT_EQ(result.model.period, 3);
-  for (size_t k = 3; k < result.model.A.size(); ++k) EXPECT_EQ(result.model.A[k], result.model.A[k - 3]);
+  for (size_t k = 3; k < result.model.step.size(); ++k)
+    EXPECT_EQ(result.model.step[k].A(), result.model.step[k - 3].A());
   EXPECT_LE(record_ratio(result, system, noisy_experiments(system, 20, 1012)), 1.1);
 }
 
@@ -260,7 +261,7 @@ TEST(Noise, AnInfinitePenaltyIsOneModelForAllSteps) {
   const Ensemble e = noisy_experiments(constant_system({2, 1, 1}, 50, 0.9, 20), 8, 21);
   const Identification result = identify(e, {.smoothing = std::numeric_limits<double>::infinity()});
   EXPECT_EQ(result.model.period, 1);
-  for (const Matrix& a : result.model.A) EXPECT_EQ(a, result.model.A.front());
+  for (const Step& step : result.model.step) EXPECT_EQ(step.A(), result.model.step.front().A());
 }
 
 TEST(Noise, SystemsThatDoNotChangeAreTakenForWhatTheyAre) {
@@ -277,10 +278,10 @@ TEST(Noise, RefinementKeepsThePeriodOfTheModel) {
   Model start = identify(data, {.period = 3, .refine = false}).model;
   const Model refined = refine(start, data, {.iterations = 5}).model;
   EXPECT_EQ(refined.period, 3);
-  for (size_t k = 3; k < refined.A.size(); ++k) EXPECT_EQ(refined.A[k], refined.A[k - 3]);
+  for (size_t k = 3; k < refined.step.size(); ++k) EXPECT_EQ(refined.step[k].A(), refined.step[k - 3].A());
   const Model varying = refine(start, data, {.smoothing = 1.0, .period = 0, .iterations = 5}).model;
   EXPECT_EQ(varying.period, 0);
-  EXPECT_NE(varying.A[3], varying.A[0]);
+  EXPECT_NE(varying.step[3].A(), varying.step[0].A());
 }
 
 // Where every window has a gap, nothing can be regressed. It gave a model without states, and a reason that was none.

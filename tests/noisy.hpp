@@ -42,8 +42,7 @@ inline double ratio_to_kalman(const Model& model, const Model& system, std::uint
 // Matrices that go on with a period.
 inline Model periodic_system(const SystemSize& size, Index steps, Index period, double growth, std::uint64_t seed) {
   Model model = random_system(size, steps, growth, seed);
-  for (auto* list : {&model.A, &model.B, &model.C, &model.D})
-    for (size_t k = size_t(period); k < list->size(); ++k) (*list)[k] = (*list)[k - size_t(period)];
+  for (size_t k = size_t(period); k < model.step.size(); ++k) model.step[k] = model.step[k - size_t(period)];
   return model;
 }
 

@@ -14,14 +14,14 @@ namespace {
 
 TEST(Deadbeat, TimeInvariantExampleOfThePaper) {
   Model model = constant_system({2, 1, 1}, 10, 1.0, 1);
-  for (Matrix& a : model.A) a = Matrix{{1, 0}, {1, 2}};  // (73)
-  for (Matrix& c : model.C) c = Matrix{{0, 1}};
+  for (Step& step : model.step) step.A() = Matrix{{1, 0}, {1, 2}};  // (73)
+  for (Step& step : model.step) step.C() = Matrix{{0, 1}};
   const DeadbeatGain gain = deadbeat_gain(model);
   EXPECT_EQ(gain.steps, 2);
   // The first step has no past to be deadbeat over; from the second on the gain is unique.
   for (size_t k = 1; k + 1 < 10; ++k) EXPECT_LE((gain.G[k] - Matrix{{-1.0}, {-3.0}}).norm(), 1e-12) << k;
-  model.G = gain.G;
-  EXPECT_LE((model.closed_loop(5) - Matrix{{1, -1}, {1, -1}}).norm(), 1e-12);  // (75)
+  set_gains(model, gain.G);
+  EXPECT_LE((model.at(5).closed_loop() - Matrix{{1, -1}, {1, -1}}).norm(), 1e-12);  // (75)
 }
 
 TEST(Deadbeat, ProductsVanishForEveryStepAndSize) {
@@ -32,7 +32,7 @@ TEST(Deadbeat, ProductsVanishForEveryStepAndSize) {
       const DeadbeatGain gain = deadbeat_gain(model);
       const Index p = smallest_lag_order(size);
       EXPECT_EQ(gain.steps, p) << name(size);
-      model.G = gain.G;
+      set_gains(model, gain.G);
       double largest = 0.0;
       for (const Matrix& g : gain.G) largest = std::max(largest, g.norm());
       for (const double norm : deadbeat_products(model, p))
@@ -46,31 +46,30 @@ TEST(Deadbeat, ProductsVanishForEveryStepAndSize) {
 
 TEST(Deadbeat, ErrorsOfAnyStepDieEvenWhereOutputsFailForAWhile) {
   Model model = random_system({3, 1, 1}, 30, 1.0, 91);
-  for (size_t k = 10; k < 14; ++k) model.C[k].setZero();  // nothing is seen for four steps
+  for (size_t k = 10; k < 14; ++k) model.step[k].C().setZero();  // nothing is seen for four steps
   const DeadbeatGain gain = deadbeat_gain(model);
   EXPECT_EQ(gain.steps, 7);
-  model.G = gain.G;
+  set_gains(model, gain.G);
   for (const double norm : deadbeat_products(model, 7)) EXPECT_LE(norm, 1e-8);
 }
 
 TEST(Deadbeat, StatesThatAreNeverSeenAreReported) {
   Model model = random_system({3, 1, 1}, 20, 1.0, 92);
   for (size_t k = 0; k < 20; ++k) {
-    model.A[k].row(2) << 0, 0, 0.9;  // the third state lives by itself …
-    model.A[k].col(2) << 0, 0, 0.9;
-    model.C[k](0, 2) = 0;  // … and out of sight
+    model.step[k].A().row(2) << 0, 0, 0.9;  // the third state lives by itself …
+    model.step[k].A().col(2) << 0, 0, 0.9;
+    model.step[k].C()(0, 2) = 0;  // … and out of sight
   }
   EXPECT_GT(deadbeat_gain(model).steps, 20);
 }
 
 TEST(Deadbeat, VaryingStateDimensions) {
   Model model = random_system({3, 1, 2}, 12, 1.0, 93);
-  model.state_dim.front() = 0;  // rest: no state at all to begin with
-  model.A[0].resize(3, 0);
-  model.C[0].resize(1, 0);
+  const Step first = model.step[0];  // rest: no state at all to begin with
+  model.step[0] = Step(Matrix(3, 0), first.B(), Matrix(1, 0), first.D(), first.G());
   const DeadbeatGain gain = deadbeat_gain(model);
   EXPECT_EQ(gain.steps, 3);
-  model.G = gain.G;
+  set_gains(model, gain.G);
   model.check();
   for (const double norm : deadbeat_products(model, 3)) EXPECT_LE(norm, 1e-8);
 }
@@ -87,10 +86,10 @@ Model random_noise(Model model, std::uint64_t seed, double process, double measu
     return f * f.transpose();
   };
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
-    model.Q.push_back(covariance(model.n(k + 1), process));
-    model.R.push_back(covariance(model.outputs, measurement));
+    model.at(k).set_Q(covariance(model.n(k + 1), process));
+    model.at(k).set_R(covariance(model.outputs, measurement));
   }
-  model.x0_cov = covariance(model.state_dim.front(), 1.0);
+  model.x0_cov = covariance(model.n(model.k_begin), 1.0);
   return model;
 }
 
@@ -100,7 +99,7 @@ struct Conditional {
   Matrix P, gain;  // covariance of x_k before y_k, and the weight of y_k - ŷ_k in the estimate of x_k after it
 };
 Conditional conditional(const Model& model, Index k) {
-  const Index m = model.outputs, n0 = model.state_dim.front();
+  const Index m = model.outputs, n0 = model.n(model.k_begin);
   // x_k and y_0 … y_k as linear maps of the independent sources x_0, w_0 …, v_0 …
   Index sources = n0;
   for (Index j = 0; j <= k; ++j) sources += model.n(j + 1) + m;
@@ -109,12 +108,12 @@ Conditional conditional(const Model& model, Index k) {
   Index column = n0;
   for (Index j = 0; j <= k; ++j) {
     if (j == k) x_k = x;
-    y.middleRows(j * m, m) = model.C[size_t(j)] * x;
-    y.block(j * m, column, m, m) += *linalg::covariance_factor(model.R[size_t(j)]);
+    y.middleRows(j * m, m) = model.step[size_t(j)].C() * x;
+    y.block(j * m, column, m, m) += *linalg::covariance_factor(model.step[size_t(j)].R());
     column += m;
-    x = model.A[size_t(j)] * x;
+    x = model.step[size_t(j)].A() * x;
     const Index next = model.n(j + 1);
-    x.middleCols(column, next) += *linalg::covariance_factor(model.Q[size_t(j)]);
+    x.middleCols(column, next) += *linalg::covariance_factor(model.step[size_t(j)].Q());
     column += next;
   }
   // What is left of x_k and of y_k when the earlier outputs are known.
@@ -146,8 +145,8 @@ TEST(Kalman, CovariancesStaySymmetricAndPositiveWhereTheTextbookFormFails) {
   // Exact outputs of an uncertain state: P falls by 24 orders of magnitude, and P - K C P would be all rounding errors.
   Model model = random_system({6, 2, 1}, 40, 1.0, 102);
   for (Index k = 0; k < 40; ++k) {
-    model.Q.emplace_back(Matrix::Zero(6, 6));
-    model.R.emplace_back(1e-12 * Matrix::Identity(2, 2));
+    model.at(k).set_Q(Matrix::Zero(6, 6));
+    model.at(k).set_R(1e-12 * Matrix::Identity(2, 2));
   }
   model.x0_cov = 1e12 * Matrix::Identity(6, 6);
   const KalmanFilter filter = kalman_filter(model);
@@ -165,14 +164,15 @@ TEST(Kalman, CovariancesStaySymmetricAndPositiveWhereTheTextbookFormFails) {
 TEST(Kalman, ReachesTheSteadyStateOfAConstantSystem) {
   Model model = constant_system({4, 2, 1}, 200, 1.0, 103);
   for (Index k = 0; k < 200; ++k) {
-    model.Q.emplace_back(0.1 * Matrix::Identity(4, 4));
-    model.R.emplace_back(0.2 * Matrix::Identity(2, 2));
+    model.at(k).set_Q(0.1 * Matrix::Identity(4, 4));
+    model.at(k).set_R(0.2 * Matrix::Identity(2, 2));
   }
   const KalmanFilter filter = kalman_filter(model);
-  const Matrix &P = filter.P.back(), &A = model.A[0], &C = model.C[0];
-  const Matrix E = C * P * C.transpose() + model.R[0];
+  const Matrix &P = filter.P.back(), &A = model.step[0].A(), &C = model.step[0].C();
+  const Matrix E = C * P * C.transpose() + model.step[0].R();
   // The algebraic Riccati equation.
-  const Matrix next = A * P * A.transpose() - A * P * C.transpose() * E.inverse() * C * P * A.transpose() + model.Q[0];
+  const Matrix next =
+      A * P * A.transpose() - A * P * C.transpose() * E.inverse() * C * P * A.transpose() + model.step[0].Q();
   EXPECT_LE((next - P).norm(), 100 * epsilon * P.norm());
   EXPECT_LE((filter.innovation_cov.back() - E).norm(), 100 * epsilon * E.norm());
 }
@@ -185,14 +185,14 @@ TEST(Kalman, InnovationsOfTheTrueFilterAreWhiteAndAsLargeAsItSays) {
   double sum = 0.0;
   for (Index k = 0; k < 40; ++k) {
     const Matrix whitened =
-        prediction.innovations[size_t(k)] * linalg::whitener(model.innovation_cov[size_t(k)]).transpose();
+        prediction.innovations[size_t(k)] * linalg::whitener(model.step[size_t(k)].innovation_cov()).transpose();
     sum += whitened.squaredNorm();
   }
   // χ² with 400·40·2 degrees of freedom: its mean has a standard deviation of 0.8 %.
   EXPECT_NEAR(sum / (400 * 40 * 2), 1.0, 0.04);
   // Any other gain predicts worse.
   Model deadbeat = model;
-  deadbeat.G = oscillator(40).G;
+  set_gains(deadbeat, all(oscillator(40), &Step::G));
   const Ensemble data = experiments(model, options);
   EXPECT_LT(validate(model, data).one_step.rmse(0), 0.8 * validate(deadbeat, data).one_step.rmse(0));
 }
@@ -202,8 +202,8 @@ TEST(Kalman, DoesNotDependOnTheUnitsOfTheOutputs) {
   Model scaled = model;
   const Vector unit{{1e9, 1e-9}};
   for (size_t s = 0; s < 20; ++s) {
-    scaled.C[s] = unit.asDiagonal() * model.C[s];
-    scaled.R[s] = unit.asDiagonal() * model.R[s] * unit.asDiagonal();
+    scaled.step[s].C() = unit.asDiagonal() * model.step[s].C();
+    scaled.step[s].set_R(unit.asDiagonal() * model.step[s].R() * unit.asDiagonal());
   }
   const KalmanFilter a = kalman_filter(model), b = kalman_filter(scaled);
   for (size_t s = 0; s < 20; ++s) EXPECT_LE((a.K[s] - b.K[s] * unit.asDiagonal()).norm(), 1e-10 * a.K[s].norm()) << s;
@@ -219,10 +219,10 @@ TEST(Kalman, SingularNoiseGetsTheGainOfSmallestNorm) {
     Model twice = once;
     twice.outputs = 4;
     for (size_t s = 0; s < 12; ++s) {
-      twice.C[s] = once.C[s].replicate(2, 1);
-      twice.D[s] = once.D[s].replicate(2, 1);
-      twice.R[s] = once.R[s].replicate(2, 2);
-      twice.G[s] = Matrix::Zero(4, 4);
+      const Step& one = once.step[s];
+      twice.step[s] = Step(one.A(), one.B(), one.C().replicate(2, 1), one.D().replicate(2, 1), Matrix::Zero(4, 4));
+      twice.step[s].set_Q(one.Q());
+      twice.step[s].set_R(one.R().replicate(2, 2));
     }
     const KalmanFilter a = kalman_filter(once), b = kalman_filter(twice);
     for (size_t s = 0; s < 12; ++s) {
@@ -231,9 +231,9 @@ TEST(Kalman, SingularNoiseGetsTheGainOfSmallestNorm) {
     }
     // Noise in one direction of the outputs only.
     Model line = random_noise(random_system({1, 3, 1}, 8, 1.0, 400 + std::uint64_t(trial)), 500, 0.3, 0.5);
-    for (Matrix& R : line.R) {
+    for (Step& step : line.step) {
       const Matrix g = random.matrix(3, 1);
-      R = g * g.transpose();
+      step.set_R(g * g.transpose());
     }
     for (const Matrix& K : kalman_filter(line).K) EXPECT_LE(K.norm(), 1e4) << trial;
   }
@@ -241,14 +241,13 @@ TEST(Kalman, SingularNoiseGetsTheGainOfSmallestNorm) {
 
 TEST(Kalman, FollowsVaryingStateDimensions) {
   Model model = random_system({3, 2, 1}, 10, 1.0, 111);
-  model.state_dim.front() = 0;  // rest: no state at all to begin with
-  model.A[0].resize(3, 0);
-  model.C[0].resize(2, 0);
+  const Step first = model.step[0];  // rest: no state at all to begin with
+  model.step[0] = Step(Matrix(3, 0), first.B(), Matrix(2, 0), first.D(), first.G());
   model = random_noise(model, 112, 0.3, 0.5);
   const KalmanFilter filter = kalman_filter(model);
   EXPECT_EQ(filter.P[0].size(), 0);
   EXPECT_EQ(filter.K[0].rows(), 0);
-  EXPECT_LE((filter.P[1] - model.Q[0]).norm(), 1e-14 * model.Q[0].norm());
+  EXPECT_LE((filter.P[1] - model.step[0].Q()).norm(), 1e-14 * model.step[0].Q().norm());
   for (const Index k : {1, 2, 6}) {
     const Conditional exact = conditional(model, k);
     EXPECT_LE((filter.P[size_t(k)] - exact.P).norm(), 1e-10 * exact.P.norm()) << k;
@@ -257,7 +256,7 @@ TEST(Kalman, FollowsVaryingStateDimensions) {
 
 TEST(Kalman, WithoutAnyNoiseTheStateIsKnownAndNothingIsDivided) {
   const Model model = with_noise(oscillator(20), {});
-  for (const Matrix& G : model.G) EXPECT_EQ(G, Matrix::Zero(4, 2));
+  for (const Step& step : model.step) EXPECT_EQ(step.G(), Matrix::Zero(4, 2));
   const Ensemble data = experiments(model, {.experiments = 5});
   EXPECT_LE(output_error(data, predict(model, data).y), 1e-12);
   // Unknown initial states and exact outputs: the filter is deadbeat, for it knows the state as soon as the outputs do.
@@ -271,17 +270,17 @@ TEST(Kalman, WhatIsNoCovarianceIsRefused) {
   refused(random_system({3, 2, 1}, 5, 1.0, 107));  // no noise given
   refused(Model{});
   Model bad = good;
-  bad.Q.pop_back();
+  bad.step.back().forget_noise();
   refused(bad);
   bad = good;
-  bad.R[2] = -bad.R[2];
+  bad.step[2].set_R(-bad.step[2].R());
   refused(bad);
   bad = good;
-  bad.Q[1](0, 1) += 1;
+  Matrix skew = bad.step[1].Q();
+  skew(0, 1) += 1;
+  bad.step[1].set_Q(skew);
   refused(bad);
-  bad = good;
-  bad.R[3].resize(1, 1);
-  refused(bad);
+  EXPECT_THROW(bad.step[3].set_R(Matrix::Identity(1, 1)), std::invalid_argument);
   bad = good;
   bad.x0_cov(0, 0) = std::numeric_limits<double>::quiet_NaN();
   refused(bad);

@@ -86,11 +86,11 @@ Responses responses(const GtvArx& arx, Index band) {
 
 System system(const Model& model) {
   System result{model.inputs, model.outputs, model.k_begin, {}, {}, {}, {}};
-  for (size_t s = 0; s < model.A.size(); ++s) {
-    result.A.push_back(exact(model.A[s]));
-    result.B.push_back(exact(model.B[s]));
-    result.C.push_back(exact(model.C[s]));
-    result.G.push_back(exact(model.G[s]));
+  for (size_t s = 0; s < model.step.size(); ++s) {
+    result.A.push_back(exact(model.step[s].A()));
+    result.B.push_back(exact(model.step[s].B()));
+    result.C.push_back(exact(model.step[s].C()));
+    result.G.push_back(exact(model.step[s].G()));
   }
   return result;
 }
@@ -118,12 +118,12 @@ Responses responses(const System& system, Index band) {
 std::vector<Exact> outputs(const Model& model, const Ensemble& data, const Matrix& x0, bool corrected) {
   std::vector<Exact> result;
   Exact x = exact(x0);
-  for (size_t s = 0; s < model.A.size(); ++s) {
+  for (size_t s = 0; s < model.step.size(); ++s) {
     const Index k = model.k_begin + Index(s);
     const Exact u = exact(data.input(k));
-    const Exact y = x * exact(model.C[s]).transpose() + u * exact(model.D[s]).transpose();
-    Exact next = x * exact(model.A[s]).transpose() + u * exact(model.B[s]).transpose();
-    if (corrected) next -= (exact(data.output(k)) - y) * exact(model.G[s]).transpose();
+    const Exact y = x * exact(model.step[s].C()).transpose() + u * exact(model.step[s].D()).transpose();
+    Exact next = x * exact(model.step[s].A()).transpose() + u * exact(model.step[s].B()).transpose();
+    if (corrected) next -= (exact(data.output(k)) - y) * exact(model.step[s].G()).transpose();
     result.push_back(y);
     x = next;
   }
@@ -133,13 +133,13 @@ std::vector<Exact> outputs(const Model& model, const Ensemble& data, const Matri
 Filter kalman_filter(const Model& model) {
   Filter filter;
   filter.P.push_back(exact(model.x0_cov));
-  for (size_t s = 0; s < model.A.size(); ++s) {
-    const Exact a = exact(model.A[s]), c = exact(model.C[s]);
+  for (size_t s = 0; s < model.step.size(); ++s) {
+    const Exact a = exact(model.step[s].A()), c = exact(model.step[s].C());
     const Exact cp = c * filter.P.back();
-    const Exact innovation = cp * c.transpose() + exact(model.R[s]);
+    const Exact innovation = cp * c.transpose() + exact(model.step[s].R());
     filter.K.emplace_back(Eigen::LLT<Exact>(innovation).solve(cp).transpose());
     const Exact updated = filter.P.back() - filter.K.back() * cp;
-    Exact next = a * updated * a.transpose() + exact(model.Q[s]);
+    Exact next = a * updated * a.transpose() + exact(model.step[s].Q());
     filter.P.emplace_back((next + next.transpose()) / Real(2));
   }
   return filter;
@@ -419,13 +419,14 @@ Expectation expectation(const Model& model, const Ensemble& data) {
         if (u[s].at[size_t(i)] >= 0)
           equations.add(Exact::Constant(1, 1, 1 / sqrt(input_square(i, 0))), {{Exact(identity(r).row(i)), &u[s]}},
                         Exact::Zero(1, 1));
-      equations.add(whitener(exact(model.R[s])),
-                    {{identity(m), &y[s]}, {-exact(model.C[s]), &x[s]}, {-exact(model.D[s]), &u[s]}},
+      equations.add(whitener(exact(model.step[s].R())),
+                    {{identity(m), &y[s]}, {-exact(model.step[s].C()), &x[s]}, {-exact(model.step[s].D()), &u[s]}},
                     Exact::Zero(m, 1));
       if (s + 1 < size_t(end))
-        equations.add(whitener(exact(model.Q[s])),
-                      {{identity(n), &x[s + 1]}, {-exact(model.A[s]), &x[s]}, {-exact(model.B[s]), &u[s]}},
-                      Exact::Zero(n, 1));
+        equations.add(
+            whitener(exact(model.step[s].Q())),
+            {{identity(n), &x[s + 1]}, {-exact(model.step[s].A()), &x[s]}, {-exact(model.step[s].B()), &u[s]}},
+            Exact::Zero(n, 1));
     }
     equations.solve();
     result.log_likelihood(experiment, 0) = equations.log_density();

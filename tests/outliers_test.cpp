@@ -157,9 +157,11 @@ TEST(Outliers, FewOfManyRegressorsAreHealthyWithoutNoise) {
 // It reaches a state that the others never do.
 TEST(Outliers, OneThatAloneMovesAnInputIsHealthy) {
   Model system = constant_system({2, 1, 2}, 60, 0.9, 1);
-  system.A.assign(60, Vector{{0.9, 0.95}}.asDiagonal());
-  system.B.assign(60, Matrix::Identity(2, 2));
-  system.C.assign(60, Matrix::Ones(1, 2));
+  for (Step& step : system.step) {
+    step.A() = Vector{{0.9, 0.95}}.asDiagonal();
+    step.B().setIdentity();
+    step.C().setOnes();
+  }
   Ensemble e(40, 60, 2, 1);
   Random random(6);
   for (Index k = 0; k < 60; ++k) {

@@ -136,10 +136,10 @@ TEST(ExpectedMoments, AreTheLimitOfManyExperiments) {
   EXPECT_LE(((sampled - expected).array() / (size * size.transpose()).array()).abs().maxCoeff(), 0.035);
 
   Model bad = system;
-  bad.R.clear();
+  for (Step& step : bad.step) step.forget_noise();
   EXPECT_THROW(expected_moments(bad), std::invalid_argument);
   bad = system;
-  bad.Q[3] = -bad.Q[3];
+  bad.step[3].set_Q(-bad.step[3].Q());
   EXPECT_THROW(expected_moments(bad), std::invalid_argument);
 }
 

@@ -164,7 +164,7 @@ Ensemble noisy(Index experiments, std::uint64_t seed, Index steps = 40) {
 TEST(Verdict, TrustsAModelThatPredictsFreshData) {
   // Without observer gains the innovations are the measurement noise itself, which is white.
   Model model = oscillator(40);
-  for (Matrix& G : model.G) G.setZero();
+  for (Step& step : model.step) step.G().setZero();
   const Verdict v = verdict(model, noisy(20, 2));
   EXPECT_EQ(v.trust, Trust::good) << all_reasons(v);
   EXPECT_TRUE(v.reasons.empty());
@@ -220,7 +220,7 @@ TEST(Verdict, DoesNotTrustFewTrainingExperiments) {
 
 TEST(Verdict, DoesNotTrustAWrongModel) {
   Model wrong = oscillator(40);
-  for (Matrix& B : wrong.B) B = -B;
+  for (Step& step : wrong.step) step.B() = -step.B();
   const Verdict v = verdict(wrong, noisy(20, 5));
   EXPECT_EQ(v.trust, Trust::distrust);
   EXPECT_TRUE(contains(all_reasons(v), "worse than none")) << all_reasons(v);
@@ -233,14 +233,14 @@ TEST(Verdict, ReadsTheInnovations) {
   const Ensemble data = experiments(truth, options);
   EXPECT_EQ(verdict(truth, data).trust, Trust::good) << all_reasons(verdict(truth, data));
   Model overconfident = truth;
-  for (Matrix& s : overconfident.innovation_cov) s *= 0.4;
+  for (Step& step : overconfident.step) step.set_innovation_cov(0.4 * step.innovation_cov());
   Verdict v = verdict(overconfident, data);
   EXPECT_EQ(v.trust, Trust::look_closer);
   EXPECT_TRUE(contains(all_reasons(v), "Squared innovations: 2.49 times the stated covariance") &&
               contains(all_reasons(v), "it is overconfident"))
       << all_reasons(v);
   Model wrong = truth;
-  for (Matrix& d : wrong.D) d(0, 0) += 0.05;
+  for (Step& step : wrong.step) step.D()(0, 0) += 0.05;
   v = verdict(wrong, data);
   EXPECT_EQ(v.trust, Trust::look_closer);
   EXPECT_TRUE(contains(all_reasons(v), "p < 0.0001: the inputs explain part of the innovations, correlation up to 0."))
@@ -262,7 +262,7 @@ TEST(ReportPage, SaysOfEachTestWhatValidateSays) {
           .experiments = count, .seed = 8, .process_noise = 0.02, .measurement_noise = 0.05};
       Model model = with_noise(oscillator(40), options);
       const Ensemble data = experiments(model, options);
-      for (Matrix& d : model.D) d(0, 0) += error;
+      for (Step& step : model.step) step.D()(0, 0) += error;
       const ReportPage page = report_page(model, data);
       const Conclusions found = conclusions(validate(model, data), model.names);
       std::string text = page.html;
@@ -295,7 +295,8 @@ TEST(Verdict, SaysWhereAnInputRests) {
   A << 0.8, 0.3, 0, 0, -0.3, 0.8, 0, 0, 0, 0, 0.7, 0.2, 0, 0, -0.2, 0.6;
   B << 1, 0, 0, 0.5, 0.3, 1, 0, 0.7;
   C << 1, 0, 0.5, 0, 0, 1, 0, 0.8;
-  for (size_t k = 0; k < 60; ++k) system.A[k] = A, system.B[k] = B, system.C[k] = C, system.D[k].setZero();
+  for (size_t k = 0; k < 60; ++k)
+    system.step[k].A() = A, system.step[k].B() = B, system.step[k].C() = C, system.step[k].D().setZero();
   Ensemble data = random_experiments(system, 60, 6);
   for (Index k = 41; k < 45; ++k) data.input(k).col(1) = (1.5 + 1e-4 * random.matrix(60, 1).array()).matrix();
   data.names.input_names = {"elevator", "throttle"};
@@ -324,7 +325,7 @@ TEST(Verdict, SaysWhenNothingWasTested) {
 
 TEST(Verdict, OutputsThatRestProveNothing) {
   Model model = oscillator(40);
-  for (Matrix& G : model.G) G.setZero();
+  for (Step& step : model.step) step.G().setZero();
   // One dead sensor: its perfect or missing fit must not count, and it must be named.
   Ensemble data = noisy(20, 40);
   for (Index k = 0; k < 40; ++k) data.output(k).col(1).setConstant(7.0);
@@ -332,7 +333,7 @@ TEST(Verdict, OutputsThatRestProveNothing) {
   EXPECT_NE(v.trust, Trust::good);
   EXPECT_TRUE(contains(all_reasons(v), "Output y2 rests in these data")) << all_reasons(v);
   // Nothing moves at all, and a model that is absurd reproduces it exactly.
-  for (Matrix& D : model.D) D *= 50;
+  for (Step& step : model.step) step.D() *= 50;
   for (Index k = 0; k < 40; ++k) data.input(k).setZero(), data.output(k).setZero();
   v = verdict(model, data);
   EXPECT_EQ(v.trust, Trust::distrust);
@@ -363,7 +364,7 @@ TEST(Verdict, FewExperimentsWithBinaryInputsAreNoAlarm) {
 
 TEST(Verdict, SaysWhichStepsWereNotTested) {
   Model model = oscillator(60);
-  for (Matrix& G : model.G) G.setZero();
+  for (Step& step : model.step) step.G().setZero();
   const Verdict v = verdict(model, noisy(20, 42, 20));
   EXPECT_EQ(v.trust, Trust::look_closer) << v.summary;
   EXPECT_TRUE(contains(all_reasons(v), "test 20 of the model's 60 steps only; nothing is said about steps 20–59"))
@@ -376,7 +377,7 @@ TEST(Verdict, FindsStepsThatPooledFiguresHide) {
   Model model = identify(noisy(80, 43, 60), {.states = 4, .lags = 4}).model;
   const Verdict sound = verdict(model, noisy(80, 44, 60));
   EXPECT_FALSE(contains(all_reasons(sound), "that the identification left there")) << all_reasons(sound);
-  for (Index k = 3; k < 8; ++k) model.D[model.at(k)] *= 4;
+  for (Index k = 3; k < 8; ++k) model.at(k).D() *= 4;
   const Verdict v = verdict(model, noisy(80, 44, 60));
   EXPECT_TRUE(contains(all_reasons(v), "One-step errors at steps 3–") &&
               contains(all_reasons(v), "that the identification left there"))
@@ -385,7 +386,7 @@ TEST(Verdict, FindsStepsThatPooledFiguresHide) {
 
 TEST(Verdict, NamesExperimentsThatStandOut) {
   Model model = oscillator(40);
-  for (Matrix& G : model.G) G.setZero();
+  for (Step& step : model.step) step.G().setZero();
   Ensemble data = noisy(30, 45);
   for (Index k = 0; k < 40; ++k) data.output(k).row(11) *= -1;  // a swapped plug
   const Verdict v = verdict(model, data);
@@ -431,9 +432,8 @@ TEST(Verdict, BlamesAnInputForItsOwnStepsOnly) {
   for (Index k = 41; k < 45; ++k) data.input(k).col(1) = (1.5 + 1e-4 * random.matrix(60, 1).array()).matrix();
   data = simulate(model, data);
   for (Index k = 0; k < 60; ++k) data.output(k) += 0.02 * random.matrix(60, 2);
-  model.lags.assign(60, 2);
-  model.condition.assign(60, 10.0);
-  for (const size_t k : {10, 43, 44, 45}) model.condition[k] = 1e9;
+  for (Step& step : model.step) step.set_lags(2), step.set_condition(10.0);
+  for (const size_t k : {10, 43, 44, 45}) model.step[k].set_condition(1e9);
   ReportOptions options;
   options.evaluation = Evaluation::held_out;
   const Verdict v = verdict(model, data, options);
@@ -486,8 +486,8 @@ TEST(Verdict, DoesNotBlameFreshDataForTheRegressions) {
   Random random(25);
   Model model = oscillator(40);
   Ensemble data = noisy(20, 25);
-  model.condition.assign(40, 10.0);
-  model.condition[20] = 1e9;
+  for (Step& step : model.step) step.set_condition(10.0);
+  model.step[20].set_condition(1e9);
   for (Index k = 18; k < 21; ++k) data.input(k).col(0).setConstant(1.0);
   data = simulate(model, data);
   for (Index k = 0; k < 40; ++k) data.output(k) += 0.02 * random.matrix(20, 2);
@@ -561,7 +561,7 @@ TEST(ReportPage, EigenvaluesAreThoseOfTheFrame) {
   // In raw coordinates, which change from step to step, those of A_k would be others.
   Model system = random_system({3, 2, 2}, 30, 0.9, 17);
   Random random(18);
-  for (Matrix& G : system.G) G = 0.3 * random.matrix(3, 2);
+  for (Step& step : system.step) step.G() = 0.3 * random.matrix(3, 2);
   const nlohmann::json data = page_data(report_page(system, random_experiments(system, 4, 18)).html);
   EXPECT_EQ(data["poles"]["frame"], "reference");
   const FramedModel framed = reference_frame(system, 0, 2);
@@ -573,7 +573,7 @@ TEST(ReportPage, EigenvaluesAreThoseOfTheFrame) {
   };
   const Index k = framed.begin + 4;
   for (const auto& [name, a] :
-       {std::pair{"open", framed.model.A[framed.model.at(k)]}, {"closed", framed.model.closed_loop(k)}}) {
+       {std::pair{"open", Matrix(framed.model.at(k).A())}, {"closed", framed.model.at(k).closed_loop()}}) {
     const std::vector<double> expected = moduli(a);
     std::vector<double> found;
     const nlohmann::json& listed = data["poles"][name][4];
@@ -585,11 +585,11 @@ TEST(ReportPage, EigenvaluesAreThoseOfTheFrame) {
 
 TEST(ReportPage, StepsWithoutFiniteEigenvaluesAreLeftOutAndCounted) {
   Model system = random_system({3, 2, 2}, 30, 0.9, 17);
-  for (Matrix& G : system.G) G = Random(18).matrix(3, 2);
+  for (Step& step : system.step) step.G() = Random(18).matrix(3, 2);
   const Ensemble data = random_experiments(system, 4, 18);
   const size_t wild = 10;
-  system.C[wild] *= 1e6;
-  system.G[wild].setConstant(1e306);  // what a file may hold, and G·C is infinite
+  system.step[wild].C() *= 1e6;
+  system.step[wild].G().setConstant(1e306);  // what a file may hold, and G·C is infinite
   const std::string html = report_page(system, data).html;
   EXPECT_TRUE(contains(html, "not shown at one step: A or A + GC has none that are finite there"));
   const nlohmann::json poles = page_data(html)["poles"];
@@ -606,13 +606,8 @@ TEST(ReportPage, TakesModelsOfEveryKind) {
   const Ensemble data = experiments(oscillator(30), options);
   const Model identified = identify(data).model;
   Model stateless = random_system({1, 1, 1}, 5, 0.5, 19);
-  stateless.state_dim.assign(6, 0);
-  for (size_t k = 0; k < 5; ++k) {
-    stateless.A[k].resize(0, 0);
-    stateless.B[k].resize(0, 1);
-    stateless.C[k].resize(1, 0);
-    stateless.G[k].resize(0, 1);
-  }
+  for (Step& step : stateless.step)
+    step = Step(Matrix(0, 0), Matrix(0, 1), Matrix(1, 0), Matrix(step.D()), Matrix(0, 1));
   const Model one_step = random_system({2, 1, 1}, 1, 0.5, 20);
   const Case cases[] = {{identified, data.subset({0})},
                         {from_step(identified, 12), data},

@@ -272,7 +272,8 @@ TEST(ChooseSmoothing, AJumpAtHalfTimeCostsNothing) {
     Model system = constant_system({3, 2, 1}, 40, 0.9, seed);
     const Model other = constant_system({3, 2, 1}, 40, 0.9, seed + 50);
     for (size_t k = 20; k < 40; ++k)
-      system.A[k] = other.A[k], system.B[k] = other.B[k], system.C[k] = other.C[k], system.D[k] = other.D[k];
+      system.step[k].A() = other.step[k].A(), system.step[k].B() = other.step[k].B(),
+      system.step[k].C() = other.step[k].C(), system.step[k].D() = other.step[k].D();
     const Ensemble e = noisy_experiments(system, 60, seed), fresh = noisy_experiments(system, 300, seed + 100);
     const double plain = fresh_error(smooth_arx(e, with(3, 0.0)), fresh, 3);
     EXPECT_LE(chosen_error(e, fresh, 3), plain) << seed;  // measured: 0.97 to 0.99 of it

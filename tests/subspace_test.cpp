@@ -98,7 +98,7 @@ TEST(Subspace, OneRecordOfATimeInvariantSystemIsEnough) {
     model.initial_state = initial;
     EXPECT_EQ(model.period, 1);
     EXPECT_EQ(model.states(), 4);
-    for (const Matrix& a : model.A) EXPECT_EQ(a, model.A.front());
+    for (const Step& step : model.step) EXPECT_EQ(step.A(), model.step.front().A());
     // It goes on behind the data that it was identified from.
     EXPECT_LE(output_error(record, predict(continued(model, 200), record).y), 1e-9);
     EXPECT_LE(kinematically_similar(model, constant_system({4, 2, 1}, 120, 0.95, 20)).max_difference, 1e-9);
@@ -113,7 +113,7 @@ TEST(Subspace, OneRecordOfAPeriodicSystemIsEnough) {
   model.check();
   EXPECT_EQ(model.period, 3);
   EXPECT_EQ(model.states(), 4);
-  for (size_t k = 3; k < model.A.size(); ++k) EXPECT_EQ(model.A[k], model.A[k - 3]);
+  for (size_t k = 3; k < model.step.size(); ++k) EXPECT_EQ(model.step[k].A(), model.step[k - 3].A());
   EXPECT_LE(output_error(record, simulate(continued(model, 260), record)), 1e-9);
 }
 
@@ -134,7 +134,8 @@ TEST(Subspace, ProjectionsAreExactWithoutNoise) {
       model.initial_state = initial;
       EXPECT_EQ(model.period, period);
       EXPECT_EQ(model.states(), 4);
-      for (size_t k = size_t(period); k < model.A.size(); ++k) EXPECT_EQ(model.A[k], model.A[k - size_t(period)]);
+      for (size_t k = size_t(period); k < model.step.size(); ++k)
+        EXPECT_EQ(model.step[k].A(), model.step[k - size_t(period)].A());
       EXPECT_LE(output_error(record, predict(continued(model, 400), record).y), 1e-9);
       EXPECT_LE(output_error(record, simulate_data(continued(model, 400), record)), 1e-9);
     }
@@ -160,7 +161,7 @@ TEST(Subspace, ProjectionsSimulateBetterInColouredNoise) {
       o.variation = invariant;
       o.weighting = weighting;
       const Model model = subspace(record, arx, o);
-      EXPECT_LT(linalg::eigenvalues(model.closed_loop(100)).cwiseAbs().maxCoeff(), 1.0);
+      EXPECT_LT(linalg::eigenvalues(model.at(100).closed_loop()).cwiseAbs().maxCoeff(), 1.0);
       return output_error(fresh, simulate(model, fresh));
     };
     // Measured: 0.16 to 0.73.
@@ -192,12 +193,12 @@ TEST(Subspace, SameBitsForAnyNumberOfThreads) {
       o.execution.threads = threads;
       const Model model = subspace(e, arx, o);
       ASSERT_EQ(model.steps(), reference.steps());
-      for (size_t k = 0; k < model.A.size(); ++k) {
-        EXPECT_EQ(model.A[k], reference.A[k]);
-        EXPECT_EQ(model.B[k], reference.B[k]);
-        EXPECT_EQ(model.C[k], reference.C[k]);
-        EXPECT_EQ(model.D[k], reference.D[k]);
-        EXPECT_EQ(model.G[k], reference.G[k]);
+      for (size_t k = 0; k < model.step.size(); ++k) {
+        EXPECT_EQ(model.step[k].A(), reference.step[k].A());
+        EXPECT_EQ(model.step[k].B(), reference.step[k].B());
+        EXPECT_EQ(model.step[k].C(), reference.step[k].C());
+        EXPECT_EQ(model.step[k].D(), reference.step[k].D());
+        EXPECT_EQ(model.step[k].G(), reference.step[k].G());
       }
     }
   }
@@ -249,7 +250,7 @@ TEST(Subspace, ObserversAreStableHoweverNoisyTheData) {
       o.states = c.system.states();
       const Model model = subspace(e, arx_of(e, 8, InitialState::zero, c.variation), o);
       Matrix product = Matrix::Identity(o.states, o.states);
-      for (Index k = 0; k < 60; ++k) product = model.closed_loop(k) * product;
+      for (Index k = 0; k < 60; ++k) product = model.at(k).closed_loop() * product;
       EXPECT_LT(product.norm(), 1e-2) << c.name << " " << experiments;
     }
 }
@@ -317,7 +318,8 @@ TEST(Subspace, OutputsWithoutNoiseSpoilNoOthers) {
         return subspace(data, arx_of(data, 4, InitialState::zero, variation), o);
       };
       const Model plain = model_of(e), model = model_of(with(e, at_rest));
-      for (const Matrix& g : model.G) EXPECT_LE(g.col(2).norm(), 1e3 * g.leftCols(2).norm()) << int(weighting);
+      for (const Step& step : model.step)
+        EXPECT_LE(step.G().col(2).norm(), 1e3 * step.G().leftCols(2).norm()) << int(weighting);
       const Ensemble judged = with(fresh, at_rest);
       EXPECT_LT(errors(judged, predict(model, judged).y), 1.1 * errors(fresh, predict(plain, fresh).y))
           << int(weighting) << ", lambda " << variation.smoothing << ", at rest " << at_rest;

@@ -24,20 +24,35 @@ Model random_system(const SystemSize& size, Index steps, double growth, std::uin
     for (double& value : s) value = growth * random.uniform(0.7, 1.0);
     // Each by itself: compilers differ in which operand of a product they draw first.
     const Matrix right = random.orthogonal(size.n), left = random.orthogonal(size.n);
-    model.A.emplace_back(left * s.asDiagonal() * right);
-    model.B.push_back(random.matrix(size.n, size.r));
-    model.C.push_back(random.matrix(size.m, size.n));
-    model.D.push_back(random.matrix(size.m, size.r));
-    model.G.emplace_back(Matrix::Zero(size.n, size.m));
+    Step& step = model.step.emplace_back(size.n, size.n, size.r, size.m);
+    step.A() = left * s.asDiagonal() * right;
+    step.B() = random.matrix(size.n, size.r);
+    step.C() = random.matrix(size.m, size.n);
+    step.D() = random.matrix(size.m, size.r);
   }
-  model.state_dim.assign(size_t(steps) + 1, size.n);
   return model;
+}
+
+std::vector<Matrix> all(const Model& model, Step::View (Step::*part)() const) {
+  std::vector<Matrix> result;
+  for (const Step& step : model.step) result.emplace_back((step.*part)());
+  return result;
+}
+
+std::vector<Index> state_dims(const Model& model) {
+  std::vector<Index> result;
+  for (Index k = model.k_begin; k <= model.k_end(); ++k) result.push_back(model.n(k));
+  return result;
+}
+
+void set_gains(Model& model, const std::vector<Matrix>& G) {
+  for (size_t s = 0; s < model.step.size(); ++s) model.step[s].G() = G[s];
 }
 
 Model constant_system(const SystemSize& size, Index steps, double growth, std::uint64_t seed) {
   Model model = random_system(size, steps, growth, seed);
-  for (auto* list : {&model.A, &model.B, &model.C, &model.D})
-    for (Matrix& a : *list) a = list->front();
+  const Step first = model.step.front();
+  model.step.assign(model.step.size(), first);
   return model;
 }
 
@@ -51,7 +66,7 @@ Ensemble random_experiments(const Model& system, Index experiments, std::uint64_
   Random random(seed);
   Ensemble e(experiments, system.steps(), system.inputs, system.outputs, system.dt);
   for (Index k = 0; k < e.steps(); ++k) e.input(k) = random.matrix(experiments, e.inputs());
-  const Matrix x0 = initial * random.matrix(system.state_dim.front(), experiments);
+  const Matrix x0 = initial * random.matrix(system.n(system.k_begin), experiments);
   return simulate(system, e, x0);
 }
 

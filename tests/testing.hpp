@@ -3,12 +3,14 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <random>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "tokid/ensemble.hpp"
 #include "tokid/linalg.hpp"
@@ -53,6 +55,14 @@ Model random_system(const SystemSize& size, Index steps, double growth, std::uin
 
 // The same matrices at every step.
 Model constant_system(const SystemSize& size, Index steps, double growth, std::uint64_t seed);
+
+// A, B, C, D of a step, to go through.
+inline constexpr std::array<Step::Writable (Step::*)(), 4> system_parts{&Step::A, &Step::B, &Step::C, &Step::D};
+
+// One part of all steps.
+std::vector<Matrix> all(const Model& model, Step::View (Step::*part)() const);
+std::vector<Index> state_dims(const Model& model);  // n_k, k_begin ≤ k ≤ k_end
+void set_gains(Model& model, const std::vector<Matrix>& G);
 
 Ensemble with_noise(Ensemble e, double sigma, std::uint64_t seed);
 

@@ -56,11 +56,11 @@ TEST(Tvera, IsTheSameForAnyNumberOfThreads) {
   for (const int threads : {2, 3, 8}) {
     options.execution.threads = threads;
     const Model shared = tvera(s.parameters, {}, options);
-    EXPECT_EQ(shared.A, alone.A);
-    EXPECT_EQ(shared.B, alone.B);
-    EXPECT_EQ(shared.C, alone.C);
-    EXPECT_EQ(shared.G, alone.G);
-    EXPECT_EQ(shared.singular_values, alone.singular_values);
+    EXPECT_EQ(all(shared, &Step::A), all(alone, &Step::A));
+    EXPECT_EQ(all(shared, &Step::B), all(alone, &Step::B));
+    EXPECT_EQ(all(shared, &Step::C), all(alone, &Step::C));
+    EXPECT_EQ(all(shared, &Step::G), all(alone, &Step::G));
+    EXPECT_EQ(shared.step, alone.step);
   }
 }
 
@@ -72,7 +72,7 @@ TEST(Tvera, StateDimensionGrowsFromZeroAndShrinksAtTheEnd) {
   ASSERT_EQ(model.steps(), 30);
   std::vector<Index> expected;
   for (Index k = 0; k <= 30; ++k) expected.push_back(std::min<Index>({k * 1, 4, (30 - k) * 2}));
-  EXPECT_EQ(model.state_dim, expected);
+  EXPECT_EQ(state_dims(model), expected);
   EXPECT_TRUE(kinematically_similar(model, system, 1e-9).similar);
 }
 
@@ -112,10 +112,10 @@ TEST(Tvera, SystemsWhoseOrderChangesAreFollowed) {
   // The second pair of states is cut off from inputs and outputs in the first half.
   Model system = random_system({4, 2, 2}, 40, 1.0, 53);
   for (size_t k = 0; k < 20; ++k) {
-    system.A[k].topRightCorner(2, 2).setZero();
-    system.A[k].bottomLeftCorner(2, 2).setZero();
-    system.B[k].bottomRows(2).setZero();
-    system.C[k].rightCols(2).setZero();
+    system.step[k].A().topRightCorner(2, 2).setZero();
+    system.step[k].A().bottomLeftCorner(2, 2).setZero();
+    system.step[k].B().bottomRows(2).setZero();
+    system.step[k].C().rightCols(2).setZero();
   }
   const Stage s = stage(system, 2, 40, 5);
   const Model model = tvera(s.parameters, {}, {.rows = 3, .cols = 2});

@@ -479,7 +479,7 @@ TEST(Uncertainty, WrongOptionsAreRefused) {
   EXPECT_THROW(weighted(data, -Vector::Ones(12)), std::invalid_argument);
 
   const Identifier f = [&](const Ensemble& e) { return realised(regressions(e, 2), blocks(3, 3, 2)); };
-  const Functional functional = [](const Model& m) { return Vector(m.D[3].reshaped()); };
+  const Functional functional = [](const Model& m) { return Vector(m.step[3].D().reshaped()); };
   const auto with = [&](auto&& change) {
     BootstrapOptions options;
     options.replicates = 4;

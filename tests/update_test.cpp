@@ -87,10 +87,10 @@ struct UpdateCase {
 
 double difference(const Model& a, const Model& b) {
   EXPECT_EQ(a.k_begin, b.k_begin);
-  EXPECT_EQ(a.state_dim, b.state_dim);
+  EXPECT_EQ(testing::state_dims(a), testing::state_dims(b));
   double largest = 0.0, size = 0.0;
   for (Index i = a.k_begin; i + 1 < a.k_end(); ++i) {
-    EXPECT_LE((a.D[a.at(i)] - b.D[b.at(i)]).norm(), 1e-10 * (1 + b.D[b.at(i)].norm()));
+    EXPECT_LE((a.at(i).D() - b.at(i).D()).norm(), 1e-10 * (1 + b.at(i).D().norm()));
     for (Index k = i + 1; k < std::min(a.k_end(), i + 12); ++k) {
       const Matrix x = pulse_response(a, k, i), y = pulse_response(b, k, i);
       largest = std::max(largest, (x - y).norm());
@@ -180,8 +180,9 @@ TEST(Update, IsTheIdentificationOfAllExperiments) {
       EXPECT_LE((now.model.u_nominal - whole.u_nominal).norm(), 1e-12 * (1 + whole.u_nominal.norm()));
       EXPECT_LE((now.model.y_nominal - whole.y_nominal).norm(), 1e-12 * (1 + whole.y_nominal.norm()));
     }
-    for (size_t s = 0; s < whole.innovation_cov.size() && c.noise > 0; ++s)
-      EXPECT_LE((now.model.innovation_cov[s] - whole.innovation_cov[s]).norm(), 1e-9 * whole.innovation_cov[s].norm());
+    for (size_t s = 0; s < whole.step.size() && c.noise > 0; ++s)
+      EXPECT_LE((now.model.step[s].innovation_cov() - whole.step[s].innovation_cov()).norm(),
+                1e-9 * whole.step[s].innovation_cov().norm());
     EXPECT_TRUE(has_seen(now.model, e.subset(range(45, 60))));
   }
 }

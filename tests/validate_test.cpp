@@ -67,7 +67,7 @@ TEST(ExpectedErrors, AreThoseOfTrueModels) {
         const Ensemble data = experiments(model, options);
         // Without them the first samples tell the initial states.
         if (!estimate) model.x0_mean.resize(0), model.x0_cov.resize(0, 0);
-        const Matrix expected = expected_simulation_errors(model, model.innovation_cov, state, T);
+        const Matrix expected = expected_simulation_errors(model, all(model, &Step::innovation_cov), state, T);
         const Ensemble simulated = simulate_data(model, data, state);
         for (Index k = 0; k < T; ++k)
           for (Index j = 0; j < model.outputs; ++j) {
@@ -80,7 +80,7 @@ TEST(ExpectedErrors, AreThoseOfTrueModels) {
           }
         if (state == InitialState::unknown) continue;
         constexpr Index horizons = 6;
-        const Matrix ahead = expected_prediction_errors(model, model.innovation_cov, 0, T, horizons);
+        const Matrix ahead = expected_prediction_errors(model, all(model, &Step::innovation_cov), 0, T, horizons);
         for (Index h = 1; h <= horizons; ++h) {
           const Ensemble predicted = predict(model, data, {h}).y;
           Vector found = Vector::Zero(model.outputs);

@@ -7,21 +7,15 @@
 #include <vector>
 
 #include "tokid/ensemble.hpp"
+#include "tokid/step.hpp"
 
 namespace tokid {
 
-// Entry s of every list stands for step k = k_begin + s.
 struct Model {
-  Index inputs = 0, outputs = 0;       // r, m
-  Index k_begin = 0;                   // first step with a model
-  double dt = 1.0;                     // sample time [s]
-  std::vector<Matrix> A;               // (S) x_{k+1} = A_k x_k + B_k u_k: n_{k+1} × n_k                      (1)
-  std::vector<Matrix> B;               // (S) n_{k+1} × r
-  std::vector<Matrix> C;               // (S) y_k = C_k x_k + D_k u_k: m × n_k                                (2)
-  std::vector<Matrix> D;               // (S) m × r
-  std::vector<Matrix> G;               // (S) observer gain, n_{k+1} × m: Ā_k = A_k + G_k C_k                (10)
-  std::vector<Matrix> innovation_cov;  // (S) m × m
-  std::vector<Index> state_dim;        // (S+1) n_k
+  Index inputs = 0, outputs = 0;  // r, m
+  Index k_begin = 0;              // first step with a model
+  double dt = 1.0;                // sample time [s]
+  std::vector<Step> step;         // (S) the first is that of k_begin; n_{k+1} of each is n_k of the next
 
   // P: the matrices of the steps k and k+P are the same, and go on so behind the last step; 1: time-invariant; 0: the
   // model ends with its last step.
@@ -32,37 +26,31 @@ struct Model {
   InitialState initial_state = InitialState::zero;
   Channels names;
 
-  // Diagnostics of the identification, per step; empty where the model was not identified.
-  std::vector<Vector> singular_values;  // (S) of H_k
-  std::vector<double> condition;        // (S) of the scaled W_k with TVERA, else of [x_k u_k]
-  std::vector<Index> rank;              // (S) of the same
-  std::vector<Index> lags;              // (S) p_k
-
   // The nominal trajectory that was removed before identification, T × r and T × m; empty where none was.
   Matrix u_nominal, y_nominal;
 
-  // Noise description, where estimated or known.
-  std::vector<Matrix> Q;  // (S) n_{k+1} × n_{k+1}
-  std::vector<Matrix> R;  // (S) m × m
-  std::vector<Matrix> K;  // (S) n_k × m
-  Vector x0_mean;         // (n_0)
-  Matrix x0_cov;          // (n_0 × n_0)
+  // Of unknown states at k_begin, where estimated or known.
+  Vector x0_mean;  // (n_0)
+  Matrix x0_cov;   // (n_0 × n_0)
 
   std::string options;  // the options of the identification, as JSON text
   std::string version;  // of the program that made the model
 
-  Index steps() const { return static_cast<Index>(A.size()); }  // S
+  Index steps() const { return static_cast<Index>(step.size()); }  // S
   Index k_end() const { return k_begin + steps(); }
   Index states() const;      // largest n_k
   Index full_begin() const;  // first k with the largest n_k
   Index full_end() const;    // one past the last k with the largest n_k, counting from full_begin() without a gap
-  size_t at(Index k) const { return static_cast<size_t>(k - k_begin); }
-  Index n(Index k) const { return state_dim[at(k)]; }                           // n_k, k_begin ≤ k ≤ k_end
-  Matrix closed_loop(Index k) const { return A[at(k)] + G[at(k)] * C[at(k)]; }  // Ā_k                  (10)
-  Index max_lags() const;                                                       // largest p_k, at least 1
+  size_t index(Index k) const { return static_cast<size_t>(k - k_begin); }
+  const Step& at(Index k) const { return step[index(k)]; }  // k_begin ≤ k < k_end
+  Step& at(Index k) { return step[index(k)]; }
+  Index n(Index k) const;  // n_k, k_begin ≤ k ≤ k_end; 0 without any step
+  Index max_lags() const;  // largest p_k, at least 1
 
-  // \throws std::invalid_argument that names the field whose number or shape disagrees with the others, or that is not
-  // finite
+  // Do the steps know this? All of them do, or none.
+  bool has(bool (Step::*part)() const) const { return !step.empty() && (step.front().*part)(); }
+
+  // \throws std::invalid_argument that names what disagrees with the rest in number or shape, or is not finite
   void check() const;
 };
 
@@ -144,7 +132,7 @@ bool ends_early(const Model& model, Index steps);
 Model continued(Model model, Index end);
 
 // The model from step k on, with everything that belongs to those steps. \throws std::invalid_argument for k outside it
-Model from_step(const Model& model, Index k);
+Model from_step(Model model, Index k);
 
 // x'_k = S_k x_k with S (S+1 matrices n_k × n_k), which changes no output. \throws std::invalid_argument for a wrong
 // shape or a singular matrix

@@ -24,6 +24,7 @@
 #include "tokid/remarks.hpp"
 #include "tokid/report.hpp"
 #include "tokid/smooth_arx.hpp"
+#include "tokid/step.hpp"
 #include "tokid/stream.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/team.hpp"

@@ -95,12 +95,20 @@ NumPyArray outputs_of(const Ensemble& ensemble) {
 }
 
 ReadOnlyArray view_of(const Matrix& matrix, nb::handle owner) {
+  return view_of(Eigen::Map<const Matrix>(matrix.data(), matrix.rows(), matrix.cols()), owner);
+}
+
+ReadOnlyArray view_of(const Vector& vector, nb::handle owner) {
+  return view_of(Eigen::Map<const Vector>(vector.data(), vector.size()), owner);
+}
+
+ReadOnlyArray view_of(const Eigen::Map<const Matrix>& matrix, nb::handle owner) {
   const std::array<size_t, 2> shape{size_t(matrix.rows()), size_t(matrix.cols())};
   const std::array<std::int64_t, 2> strides{1, matrix.rows()};
   return {matrix.data(), 2, shape.data(), owner, strides.data()};
 }
 
-ReadOnlyArray view_of(const Vector& vector, nb::handle owner) {
+ReadOnlyArray view_of(const Eigen::Map<const Vector>& vector, nb::handle owner) {
   const std::array<size_t, 1> shape{size_t(vector.size())};
   return {vector.data(), 1, shape.data(), owner};
 }
@@ -120,16 +128,6 @@ NumPyArray array_of(std::vector<double> values, std::vector<size_t> shape) {
   for (size_t i = shape.size(); i-- > 1;) strides[i - 1] = strides[i] * std::int64_t(shape[i]);
   return owned<std::vector<double>>(
       std::move(values), [](std::vector<double>& v) { return v.data(); }, std::move(shape), std::move(strides));
-}
-
-NumPyArray stacked(const std::vector<Matrix>& matrices, Index rows, Index cols) {
-  std::vector<double> values(matrices.size() * size_t(rows * cols), 0.0);
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  for (size_t s = 0; s < matrices.size(); ++s) {
-    const Matrix& m = matrices[s];
-    Eigen::Map<RowMajor>(values.data() + s * size_t(rows * cols), rows, cols).topLeftCorner(m.rows(), m.cols()) = m;
-  }
-  return array_of(std::move(values), {matrices.size(), size_t(rows), size_t(cols)});
 }
 
 Matrix matrix_of(const AnyArray& array) {

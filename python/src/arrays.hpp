@@ -28,14 +28,13 @@ NumPyArray outputs_of(const Ensemble& ensemble);
 // A read-only view of a matrix or vector that belongs to `owner`.
 ReadOnlyArray view_of(const Matrix& matrix, nb::handle owner);
 ReadOnlyArray view_of(const Vector& vector, nb::handle owner);
+ReadOnlyArray view_of(const Eigen::Map<const Matrix>& matrix, nb::handle owner);
+ReadOnlyArray view_of(const Eigen::Map<const Vector>& vector, nb::handle owner);
 
 // Arrays that own what they hold.
 NumPyArray array_of(Matrix matrix);  // (rows × cols), in the order of Fortran
 NumPyArray array_of(Vector vector);
 NumPyArray array_of(std::vector<double> values, std::vector<size_t> shape);
-
-// (S × rows × cols), in the order of C, padded with zeros. \throws std::invalid_argument where a matrix is larger
-NumPyArray stacked(const std::vector<Matrix>& matrices, Index rows, Index cols);
 
 // Copies of arrays; the shapes are those that Python has seen to.
 Matrix matrix_of(const AnyArray& array);  // (rows × cols), or a vector as one column

@@ -1,81 +1,123 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/model.hpp"
 
-#include <array>
 #include <optional>
 
 #include "arrays.hpp"
 #include "call.hpp"
+#include "step_fields.hpp"
 
 namespace tokid::python {
 
 namespace {
 
-// The lists of matrices, with their sizes: n states, x of them at the next step, r inputs and m outputs.
-struct List {
-  const char* name;
-  std::vector<Matrix> Model::*matrices;
-  char rows, cols;
-};
-constexpr std::array lists{List{"A", &Model::A, 'x', 'n'}, List{"B", &Model::B, 'x', 'r'},
-                           List{"C", &Model::C, 'm', 'n'}, List{"D", &Model::D, 'm', 'r'},
-                           List{"G", &Model::G, 'x', 'm'}, List{"innovation_cov", &Model::innovation_cov, 'm', 'm'},
-                           List{"Q", &Model::Q, 'x', 'x'}, List{"R", &Model::R, 'm', 'm'},
-                           List{"K", &Model::K, 'n', 'm'}};
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-const List& list_of(const std::string& name) {
-  for (const List& list : lists)
-    if (name == list.name) return list;
+const StepField& field_of(const std::string& name) {
+  for (const StepField& field : step_fields::all)
+    if (name == field.name) return field;
   throw nb::key_error(name.c_str());
 }
 
-Index size_of(const Model& model, char what) {
-  return what == 'n' || what == 'x' ? model.states() : what == 'r' ? model.inputs : model.outputs;
-}
+size_t count(const Model& model, const std::string& name) { return has(model, field_of(name)) ? model.step.size() : 0; }
 
 ReadOnlyArray matrix(nb::handle self, const std::string& name, size_t s) {
   const Model& model = nb::cast<const Model&>(self);
-  return view_of((model.*list_of(name).matrices).at(s), self);
+  return view_of((model.step.at(s).*field_of(name).view)(), self);
 }
 
-NumPyArray stack(const Model& model, const std::string& name) {
-  const List& list = list_of(name);
-  return stacked(model.*list.matrices, size_of(model, list.rows), size_of(model, list.cols));
+std::pair<Index, Index> stacked_size(const Model& model, const std::string& name) {
+  const StepField& field = field_of(name);
+  return {padded_size(model, field.rows, model.states()), padded_size(model, field.cols, model.states())};
 }
+
+// (S × rows × cols), in the order of C, padded with zeros
+NumPyArray stack(const Model& model, const std::string& name) {
+  const auto [rows, cols] = stacked_size(model, name);
+  const size_t steps = count(model, name), size = size_t(rows * cols);
+  std::vector<double> values(steps * size, 0.0);
+  for (size_t s = 0; s < steps; ++s) {
+    const Step::View a = (model.step[s].*field_of(name).view)();
+    Eigen::Map<RowMajor>(values.data() + s * size, rows, cols).topLeftCorner(a.rows(), a.cols()) = a;
+  }
+  return array_of(std::move(values), {steps, size_t(rows), size_t(cols)});
+}
+
+// Steps of these state dimensions, the last of which is that of the state after them, and zeros in all matrices.
+void set_state_dim(Model& model, const std::vector<Index>& state_dim) {
+  model.step.clear();
+  for (size_t s = 0; s + 1 < state_dim.size(); ++s)
+    model.step.emplace_back(state_dim[s], state_dim[s + 1], model.inputs, model.outputs);
+}
+
+std::vector<Index> state_dim(const Model& model) {
+  std::vector<Index> result;
+  for (Index k = model.k_begin; k <= model.k_end(); ++k) result.push_back(model.n(k));
+  return result;
+}
+
+void need_entries(const Model& model, const std::string& name, size_t found) {
+  if (found != model.step.size())
+    throw std::invalid_argument("model: " + std::to_string(found) + " entries of " + name + " found, " +
+                                std::to_string(model.step.size()) + " needed");
+}
+
+std::string by(Index rows, Index cols) { return std::to_string(rows) + " x " + std::to_string(cols); }
 
 void set_matrices(Model& model, const std::string& name, const std::vector<AnyArray>& arrays) {
-  std::vector<Matrix>& matrices = model.*list_of(name).matrices;
-  matrices.clear();
-  for (const AnyArray& array : arrays) matrices.push_back(matrix_of(array));
+  const StepField& field = field_of(name);
+  need_entries(model, name, arrays.size());
+  for (size_t s = 0; s < arrays.size(); ++s) {
+    const Matrix a = matrix_of(arrays[s]);
+    const Index rows = size(model.step[s], field.rows), cols = size(model.step[s], field.cols);
+    if (a.rows() != rows || a.cols() != cols)
+      throw std::invalid_argument("model: " + name + "[" + std::to_string(s) + "] is " + by(a.rows(), a.cols()) + ", " +
+                                  by(rows, cols) + " needed");
+    field.set(model.step[s], a);
+  }
 }
 
-// The inverse of stack(), by the state dimensions of the model.
+// The inverse of stack().
 void set_stack(Model& model, const std::string& name,
                const nb::ndarray<const double, nb::ndim<3>, nb::c_contig>& whole) {
-  const List& list = list_of(name);
+  const StepField& field = field_of(name);
+  if (field.optional && whole.shape(0) == 0) return;
+  need_entries(model, name, whole.shape(0));
   const Index rows = Index(whole.shape(1)), cols = Index(whole.shape(2));
-  const auto size = [&model](char what, size_t s) {
-    return what == 'n' || what == 'x' ? model.state_dim.at(s + (what == 'x')) : size_of(model, what);
-  };
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  std::vector<Matrix> matrices;
-  matrices.reserve(whole.shape(0));
   for (size_t s = 0; s < whole.shape(0); ++s) {
-    const Index used_rows = size(list.rows, s), used_cols = size(list.cols, s);
+    Step& step = model.step[s];
+    const Index used_rows = size(step, field.rows), used_cols = size(step, field.cols);
     if (used_rows > rows || used_cols > cols) throw std::invalid_argument(name + ": smaller than the state dimensions");
-    matrices.emplace_back(Eigen::Map<const RowMajor>(whole.data() + s * size_t(rows * cols), rows, cols)
-                              .topLeftCorner(used_rows, used_cols));
+    field.set(step, Eigen::Map<const RowMajor>(whole.data() + s * size_t(rows * cols), rows, cols)
+                        .topLeftCorner(used_rows, used_cols));
   }
-  model.*list.matrices = std::move(matrices);
+}
+
+// What the steps have of a kind; nothing where they have not.
+template <class Value>
+std::vector<Value> all(const Model& model, bool (Step::*known)() const, Value (Step::*get)() const) {
+  std::vector<Value> values;
+  for (const Step& step : model.step)
+    if ((step.*known)()) values.push_back((step.*get)());
+  return values;
+}
+
+template <class Value>
+void set_all(Model& model, const char* name, void (Step::*set)(Value), const std::vector<Value>& values) {
+  if (values.empty()) return;
+  need_entries(model, name, values.size());
+  for (size_t s = 0; s < values.size(); ++s) (model.step[s].*set)(values[s]);
 }
 
 // Singular values of all steps behind each other, and how many each step has.
 nb::tuple singular_values_joined(const Model& model) {
   std::vector<double> values;
   std::vector<size_t> sizes;
-  for (const Vector& step : model.singular_values) {
-    values.insert(values.end(), step.data(), step.data() + step.size());
-    sizes.push_back(size_t(step.size()));
+  for (const Step& step : model.step) {
+    if (!step.has_singular_values()) continue;
+    const auto found = step.singular_values();
+    values.insert(values.end(), found.begin(), found.end());
+    sizes.push_back(size_t(found.size()));
   }
   const size_t count = values.size();
   return nb::make_tuple(array_of(std::move(values), {count}), sizes);
@@ -83,14 +125,14 @@ nb::tuple singular_values_joined(const Model& model) {
 
 void set_singular_values(Model& model, const nb::ndarray<const double, nb::ndim<1>, nb::c_contig>& values,
                          const std::vector<size_t>& sizes) {
-  std::vector<Vector> steps;
+  if (sizes.empty()) return;
+  need_entries(model, "singular_values", sizes.size());
   size_t begin = 0;
-  for (const size_t size : sizes) {
-    if (size > values.shape(0) - begin) throw std::invalid_argument("singular_values: fewer than their sizes");
-    steps.emplace_back(Eigen::Map<const Vector>(values.data() + begin, Index(size)));
-    begin += size;
+  for (size_t s = 0; s < sizes.size(); ++s) {
+    if (sizes[s] > values.shape(0) - begin) throw std::invalid_argument("singular_values: fewer than their sizes");
+    model.step[s].set_singular_values(Eigen::Map<const Vector>(values.data() + begin, Index(sizes[s])));
+    begin += sizes[s];
   }
-  model.singular_values = std::move(steps);
 }
 
 // (S, band, m, r): entry γ-1 of step s is h_{k,k-γ}, k = k_begin + s; NaN where that begins before the model.
@@ -126,34 +168,39 @@ void bind_model(nb::module_& module) {
   nb::class_<Model>(module, "Model", "The model of the library; tokid.Model is what users see of it.")
       .def(nb::init<>())
       .def("matrix", &matrix)
-      .def("count", [](const Model& model, const std::string& name) { return (model.*list_of(name).matrices).size(); })
+      .def("count", &count)
       .def("stack", &stack)
-      .def("stacked_size",
-           [](const Model& model, const std::string& name) {
-             const List& list = list_of(name);
-             return std::pair(size_of(model, list.rows), size_of(model, list.cols));
-           })
+      .def("stacked_size", &stacked_size)
       .def("set_matrices", &set_matrices)
       .def("set_stack", &set_stack)
       .def(
           "copy", [](const Model& model) { return Model(model); }, nb::call_guard<nb::gil_scoped_release>())
       .def("singular_values",
-           [](nb::handle self, size_t s) { return view_of(nb::cast<const Model&>(self).singular_values.at(s), self); })
-      .def("singular_values_count", [](const Model& model) { return model.singular_values.size(); })
+           [](nb::handle self, size_t s) {
+             return view_of(nb::cast<const Model&>(self).step.at(s).singular_values(), self);
+           })
+      .def("singular_values_count",
+           [](const Model& model) { return model.has(&Step::has_singular_values) ? model.step.size() : 0; })
       .def("singular_values_joined", &singular_values_joined)
       .def("set_singular_values", &set_singular_values)
       .def_rw("inputs", &Model::inputs)
       .def_rw("outputs", &Model::outputs)
       .def_rw("k_begin", &Model::k_begin)
       .def_rw("dt", &Model::dt)
-      .def_rw("state_dim", &Model::state_dim)
+      .def_prop_rw("state_dim", &state_dim, &set_state_dim)
       .def_rw("period", &Model::period)
       .def_rw("frame", &Model::frame)
       .def_rw("method", &Model::method)
       .def_rw("initial_state", &Model::initial_state)
-      .def_rw("condition", &Model::condition)
-      .def_rw("rank", &Model::rank)
-      .def_rw("lags", &Model::lags)
+      .def_prop_rw(
+          "condition", [](const Model& m) { return all(m, &Step::has_condition, &Step::condition); },
+          [](Model& m, const std::vector<double>& values) { set_all(m, "condition", &Step::set_condition, values); })
+      .def_prop_rw(
+          "rank", [](const Model& m) { return all(m, &Step::has_rank, &Step::rank); },
+          [](Model& m, const std::vector<Index>& values) { set_all(m, "rank", &Step::set_rank, values); })
+      .def_prop_rw(
+          "lags", [](const Model& m) { return all(m, &Step::has_lags, &Step::lags); },
+          [](Model& m, const std::vector<Index>& values) { set_all(m, "lags", &Step::set_lags, values); })
       .def_rw("options", &Model::options)
       .def_rw("version", &Model::version)
       .def_prop_rw(
@@ -244,10 +291,10 @@ void bind_model(nb::module_& module) {
       .def("deadbeat_observer",
            [](Model model, double tolerance) {
              DeadbeatGain gain = without_gil([&] { return deadbeat_gain(model, tolerance); });
-             model.G = std::move(gain.G);
+             for (size_t s = 0; s < model.step.size(); ++s) model.step[s].G() = gain.G[s];
              return std::pair(std::move(model), gain.steps);
            })
-      .def("from_step", &from_step)
+      .def("from_step", [](const Model& model, Index k) { return from_step(model, k); })
       .def("continued", &continued)
       .def("transform",
            [](const Model& model, const std::vector<AnyArray>& S) {

@@ -312,9 +312,9 @@ class Model(Channels):
             lists["D"] = [np.zeros((core.outputs, core.inputs))] * len(lists["A"])
         if G is None:
             lists["G"] = [np.zeros((a.shape[0], core.outputs)) for a in lists["A"]]
+        core.state_dim = [a.shape[1] for a in lists["A"]] + [lists["A"][-1].shape[0]]
         for name, matrices in lists.items():
             core.set_matrices(name, matrices)
-        core.state_dim = [a.shape[1] for a in lists["A"]] + [lists["A"][-1].shape[0]]
         core.dt = float(dt)
         core.k_begin = _options.integer("k_begin", k_begin, 0)
         core.period = _options.period(period)

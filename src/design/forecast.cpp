@@ -9,15 +9,15 @@ namespace tokid::design {
 Ensemble response(const Model& model, const Matrix& inputs) {
   const Index r = model.inputs, steps = inputs.cols() / r;
   Ensemble e(inputs.rows(), steps, r, model.outputs, model.dt);
-  Matrix x = Matrix::Zero(inputs.rows(), model.state_dim.front());
+  Matrix x = Matrix::Zero(inputs.rows(), model.n(model.k_begin));
   for (Index k = 0; k < steps; ++k) {
     const auto u = inputs.middleCols(k * r, r);
     e.input(k) = u;
     e.output(k).setZero();
     if (k < model.k_begin) continue;
-    const size_t s = model.at(k);
-    e.output(k) = x * model.C[s].transpose() + u * model.D[s].transpose();
-    x = x * model.A[s].transpose() + u * model.B[s].transpose();
+    const size_t s = model.index(k);
+    e.output(k) = x * model.step[s].C().transpose() + u * model.step[s].D().transpose();
+    x = x * model.step[s].A().transpose() + u * model.step[s].B().transpose();
   }
   return e;
 }
@@ -32,14 +32,14 @@ Matrix output_noise(const Model& model, const Matrix& state, Index first, Index 
   Matrix x = Matrix::Zero(rows.rows(), state.cols());  // the state that each row has brought about
   x.topRows(state.rows()) = state;
   for (Index j = 0; j < steps; ++j) {
-    const size_t s = model.at(first + j);
+    const size_t s = model.index(first + j);
     Matrix w = Matrix::Zero(rows.rows(), r);
     w.middleRows(state.rows() + j * (r + m), r).setIdentity();
     w *= noise.input;
     auto y = rows.middleCols(j * m, m);
-    y = x * model.C[s].transpose() + w * model.D[s].transpose();
+    y = x * model.step[s].C().transpose() + w * model.step[s].D().transpose();
     y.middleRows(state.rows() + j * (r + m) + r, m) += noise.output * Matrix::Identity(m, m);
-    x = x * model.A[s].transpose() + w * model.B[s].transpose();
+    x = x * model.step[s].A().transpose() + w * model.step[s].B().transpose();
   }
   return rows;
 }
@@ -51,12 +51,12 @@ Matrix pulse_window(const Model& model, Index i, Index k, Index lags) {
   const Index at = (i - k + lags) * d;
   window.middleRows(at, r).setIdentity();
   if (i == k) return window;
-  window.middleRows(at + r, model.outputs) = model.D[model.at(i)];
-  Matrix x = model.B[model.at(i)];
+  window.middleRows(at + r, model.outputs) = model.at(i).D();
+  Matrix x = model.at(i).B();
   for (Index j = i + 1; j < k; ++j) {
-    const size_t s = model.at(j);
-    window.middleRows((j - k + lags) * d + r, model.outputs) = model.C[s] * x;
-    x = model.A[s] * x;
+    const size_t s = model.index(j);
+    window.middleRows((j - k + lags) * d + r, model.outputs) = model.step[s].C() * x;
+    x = model.step[s].A() * x;
   }
   return window;
 }
@@ -68,7 +68,7 @@ NoisyRegression noisy_regression(const Model& model, const Ensemble& response, I
   const Index r = model.inputs, m = model.outputs, d = r + m, regressors = r + lags * d;
   const double share = 1 / std::sqrt(double(response.experiments()));
   double floor = 0.0, outputs = 0.0, error = 0.0, size = 0.0;
-  Matrix state = Matrix::Zero(0, model.state_dim.front());  // noise of the state at k - lags
+  Matrix state = Matrix::Zero(0, model.n(model.k_begin));  // noise of the state at k - lags
   for (Index k = model.k_begin; k < response.steps(); ++k) {
     if (k >= first && k - lags >= model.k_begin) {
       // Rows of the samples above rows of the noise: their triangular factor has the second moments of both.
@@ -91,13 +91,13 @@ NoisyRegression noisy_regression(const Model& model, const Ensemble& response, I
       for (Index i = k - lags; i <= k; ++i) {
         const Matrix pulse = scales.asDiagonal() * pulse_window(model, i, k, lags);
         error += variance * (solution.inverse_t.transpose() * pulse).squaredNorm();
-        size += (i == k ? model.D[model.at(k)] : pulse_response(model, k, i)).squaredNorm();
+        size += (i == k ? model.at(k).D() : pulse_response(model, k, i)).squaredNorm();
       }
     }
     if (k - lags >= model.k_begin) {
-      const size_t s = model.at(k - lags);
-      Matrix next(state.rows() + r, model.A[s].rows());
-      next << state * model.A[s].transpose(), noise.input * model.B[s].transpose();
+      const size_t s = model.index(k - lags);
+      Matrix next(state.rows() + r, model.step[s].A().rows());
+      next << state * model.step[s].A().transpose(), noise.input * model.step[s].B().transpose();
       state = linalg::triangular_factor(next);
     }
   }

@@ -84,10 +84,10 @@ class WindowConditions {
       auto g = gradient.middleCols(k * r, r);
       g = by_sample.middleCols(k * (r + m), r);
       if (k < model_.k_begin) continue;
-      const size_t s = model_.at(k);
+      const size_t s = model_.index(k);
       const auto y = by_sample.middleCols(k * (r + m) + r, m);
-      g += y * model_.D[s] + state * model_.B[s];
-      state = state * model_.A[s] + y * model_.C[s];
+      g += y * model_.step[s].D() + state * model_.step[s].B();
+      state = state * model_.step[s].A() + y * model_.step[s].C();
     }
     return largest + std::log(sum / double(steps - first_)) / q;
   }

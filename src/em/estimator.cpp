@@ -26,7 +26,7 @@ Noise separate(std::vector<Matrix> of_phase) {
   return {std::move(of_phase), Vector::Ones(1), std::vector<Index>(phases, 0)};
 }
 
-Matrix beside(const Matrix& a, const Matrix& b) {
+Matrix beside(const ConstMatrixRef& a, const ConstMatrixRef& b) {
   Matrix both(a.rows(), a.cols() + b.cols());
   both << a, b;
   return both;
@@ -74,10 +74,10 @@ Estimator::Estimator(const Model& start, const Samples& samples, const Estimator
     const size_t s = size_t(t), g = size_t(t % phases_);
     const Index times = (steps_ - 1 - t % phases_) / phases_ + 1;
     const double share = 1.0 / double(times);
-    start_.ab[g] += share * beside(start.A[s], start.B[s]);
-    start_.cd[g] += share * beside(start.C[s], start.D[s]);
-    q[g] += share * start.Q[s];
-    r[g] += share * start.R[s];
+    start_.ab[g] += share * beside(start.step[s].A(), start.step[s].B());
+    start_.cd[g] += share * beside(start.step[s].C(), start.step[s].D());
+    q[g] += share * start.step[s].Q();
+    r[g] += share * start.step[s].R();
   }
   start_.process = pooled_ ? pooled(q) : separate(std::move(q));
   start_.measurement = pooled_ ? pooled(r) : separate(std::move(r));
@@ -90,12 +90,12 @@ Model Estimator::model(const Parameters& p) const {
   for (Index t = 0; t < steps_; ++t) {
     const Index g = t % phases_;
     const size_t s = size_t(t);
-    model.A[s] = p.ab[size_t(g)].leftCols(n_);
-    model.B[s] = p.ab[size_t(g)].rightCols(r_);
-    model.C[s] = p.cd[size_t(g)].leftCols(n_);
-    model.D[s] = p.cd[size_t(g)].rightCols(r_);
-    model.Q[s] = p.process.of(g);
-    model.R[s] = p.measurement.of(g);
+    model.step[s].A() = p.ab[size_t(g)].leftCols(n_);
+    model.step[s].B() = p.ab[size_t(g)].rightCols(r_);
+    model.step[s].C() = p.cd[size_t(g)].leftCols(n_);
+    model.step[s].D() = p.cd[size_t(g)].rightCols(r_);
+    model.step[s].set_Q(p.process.of(g));
+    model.step[s].set_R(p.measurement.of(g));
   }
   model.x0_mean = p.x0_mean;
   model.x0_cov = p.x0_cov;

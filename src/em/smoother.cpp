@@ -119,7 +119,7 @@ struct StepCovariance {
 };
 
 // a with these columns of b beside it
-void with_columns(const Matrix& a, const Matrix& b, const std::vector<Index>& columns, Matrix& both) {
+void with_columns(const ConstMatrixRef& a, const ConstMatrixRef& b, const std::vector<Index>& columns, Matrix& both) {
   both.resize(a.rows(), a.cols() + Index(columns.size()));
   both.leftCols(a.cols()) = a;
   for (size_t i = 0; i < columns.size(); ++i) both.col(a.cols() + Index(i)) = b.col(columns[i]);
@@ -141,7 +141,7 @@ class Covariances {
   // Filter, and smoother where it is wanted. Joseph's forms throughout: sums of squares stay positive semidefinite.
   void compute(const Model& model, const Samples& samples, const Alike& group, bool smooth) {
     step.resize(size_t(group.end));
-    Matrix p = Matrix::Zero(model.state_dim[0], model.state_dim[0]);
+    Matrix p = Matrix::Zero(model.n(model.k_begin), model.n(model.k_begin));
     if (model.x0_cov.size() > 0) p = model.x0_cov;
     for (Index t = 0; t < group.end; ++t) {
       const size_t s = size_t(t);
@@ -154,9 +154,9 @@ class Covariances {
       correct(model, s, there, unknown, c);
       if (t + 1 == group.end) break;
 
-      with_columns(model.A[s], model.B[s], unknown, f_);
+      with_columns(model.step[s].A(), model.step[s].B(), unknown, f_);
       fp_.noalias() = f_ * c.filtered;
-      c.predicted = model.Q[s];
+      c.predicted = model.step[s].Q();
       c.predicted.noalias() += fp_ * f_.transpose();
       symmetrise(c.predicted);
       p = c.predicted;
@@ -179,8 +179,8 @@ class Covariances {
       c.gain.setZero(prior_.rows(), model.outputs);
       return;
     }
-    with_columns(model.C[s], model.D[s], unknown, h_);
-    r_ = model.R[s];
+    with_columns(model.step[s].C(), model.step[s].D(), unknown, h_);
+    r_ = model.step[s].R();
     each_missing(there, model.outputs, [this](Index j) {
       h_.row(j).setZero();
       r_.row(j).setZero();
@@ -210,12 +210,12 @@ class Covariances {
       c.smoothed = c.filtered;
       if (t + 1 == group.end) continue;
       const Index n = c.predicted.rows(), q = c.filtered.rows();
-      with_columns(model.A[size_t(t)], model.B[size_t(t)], group.unknowns[size_t(t)], f_);
+      with_columns(model.step[size_t(t)].A(), model.step[size_t(t)].B(), group.unknowns[size_t(t)], f_);
       left_.setIdentity(q, q);
       left_.noalias() -= c.smoother * f_;
       product_.noalias() = left_ * c.filtered;
       c.smoothed.noalias() = product_ * left_.transpose();
-      r_ = model.Q[size_t(t)] + step[size_t(t) + 1].smoothed.topLeftCorner(n, n);
+      r_ = model.step[size_t(t)].Q() + step[size_t(t) + 1].smoothed.topLeftCorner(n, n);
       product_.noalias() = c.smoother * r_;
       c.smoothed.noalias() += product_ * c.smoother.transpose();
       symmetrise(c.smoothed);
@@ -233,7 +233,7 @@ class Means {
 
   void filter(const Alike& group, const Covariances& covariances, Index first, Index count, Vector& log_likelihood,
               Matrix* squares = nullptr) {
-    const Index n0 = model_.state_dim[0];
+    const Index n0 = model_.n(model_.k_begin);
     const double log_two_pi = std::log(2 * std::numbers::pi);
     if (model_.x0_mean.size() > 0)
       predicted_[0] = model_.x0_mean.replicate(1, count);
@@ -251,8 +251,8 @@ class Means {
       l.topRows(n) = predicted_[s];
       if (!there.empty()) {
         innovation_ = samples_.y[s].middleCols(first, count);
-        innovation_.noalias() -= model_.C[s] * predicted_[s];
-        innovation_.noalias() -= model_.D[s] * u;
+        innovation_.noalias() -= model_.step[s].C() * predicted_[s];
+        innovation_.noalias() -= model_.step[s].D() * u;
         each_missing(there, model_.outputs, [this](Index j) { innovation_.row(j).setZero(); });
         l.noalias() += c.gain * innovation_;
         white_.noalias() = c.whitener * innovation_;
@@ -263,9 +263,10 @@ class Means {
         if (squares) squares->row(t).segment(first, count) = white_.colwise().squaredNorm() / double(there.size());
       }
       Matrix& x = predicted_[s + 1];
-      x.noalias() = model_.A[s] * l.topRows(n);
-      x.noalias() += model_.B[s] * u;
-      for (size_t i = 0; i < unknown.size(); ++i) x.noalias() += model_.B[s].col(unknown[i]) * l.row(n + Index(i));
+      x.noalias() = model_.step[s].A() * l.topRows(n);
+      x.noalias() += model_.step[s].B() * u;
+      for (size_t i = 0; i < unknown.size(); ++i)
+        x.noalias() += model_.step[s].B().col(unknown[i]) * l.row(n + Index(i));
     }
   }
 
@@ -285,9 +286,9 @@ class Means {
       const size_t s = size_t(t);
       const StepCovariance& c = covariances.step[s];
       const std::vector<Index>&there = group.outputs[s], &unknown = group.unknowns[s];
-      const Index n = model_.state_dim[s], l = n + r;
+      const Index n = model_.step[s].states(), l = n + r;
       const bool goes_on = t + 1 < group.end;
-      const Index next = goes_on ? model_.state_dim[s + 1] : 0;
+      const Index next = goes_on ? model_.step[s].next_states() : 0;
 
       // Rows: x_k, u_k, x_{k+1}, y_k.
       const Index all = l + next + m, known = there.empty() ? l + next : all;
@@ -351,7 +352,7 @@ class Means {
   // L = R_{·,there} R_{there,there}⁻¹ in the columns of those that are there.
   void fill_outputs(size_t s, const std::vector<Index>& there, Index l, Index next) {
     const Index m = model_.outputs, y = l + next;
-    const Matrix& noise = model_.R[s];
+    const Step::View noise = model_.step[s].R();
     // L (m × m), with columns of zeros for the outputs that are missing
     cross_ = noise;
     carry_ = noise;
@@ -367,8 +368,8 @@ class Means {
     rest_.setIdentity(m, m);
     rest_ -= carry_;
     map_.resize(m, l);
-    map_.leftCols(model_.C[s].cols()).noalias() = rest_ * model_.C[s];
-    map_.rightCols(model_.D[s].cols()).noalias() = rest_ * model_.D[s];
+    map_.leftCols(model_.step[s].C().cols()).noalias() = rest_ * model_.step[s].C();
+    map_.rightCols(model_.step[s].D().cols()).noalias() = rest_ * model_.step[s].D();
     white_ = stack_.bottomRows(m);
     stack_.bottomRows(m).noalias() = carry_ * white_;
     stack_.bottomRows(m).noalias() += map_ * stack_.topRows(l);
@@ -432,13 +433,13 @@ void run(const Model& model, const Samples& samples, bool smooth, const Executio
 Moments empty_moments(const Model& model, Index steps) {
   Moments sums;
   for (size_t s = 0; s < size_t(steps); ++s) {
-    const Index l = model.state_dim[s] + model.inputs, moved = l + model.state_dim[s + 1];
+    const Index l = model.step[s].states() + model.inputs, moved = l + model.step[s].next_states();
     sums.measured.emplace_back(Matrix::Zero(l + model.outputs, l + model.outputs));
     sums.moved.emplace_back(Matrix::Zero(moved, moved));
   }
   sums.measured_count = sums.moved_count = Vector::Zero(steps);
-  sums.x0 = Vector::Zero(model.state_dim[0]);
-  sums.x0_square = Matrix::Zero(model.state_dim[0], model.state_dim[0]);
+  sums.x0 = Vector::Zero(model.n(model.k_begin));
+  sums.x0_square = Matrix::Zero(model.n(model.k_begin), model.n(model.k_begin));
   return sums;
 }
 
@@ -493,7 +494,7 @@ Matrix innovation_squares(const Model& model, const Samples& samples) {
 std::vector<Matrix> predicted_states(const Model& model, const Samples& samples) {
   std::vector<Matrix> states;
   for (Index t = 0; t <= samples.steps; ++t)
-    states.emplace_back(Matrix::Zero(model.state_dim[size_t(t)], samples.experiments));
+    states.emplace_back(Matrix::Zero(model.n(model.k_begin + t), samples.experiments));
   Vector log_likelihood = Vector::Zero(samples.experiments);
   run(model, samples, false, {},
       [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
@@ -506,7 +507,7 @@ std::vector<Matrix> predicted_states(const Model& model, const Samples& samples)
 }
 
 Matrix smoothed_first_states(const Model& model, const Samples& samples) {
-  Matrix states(model.state_dim[0], samples.experiments);
+  Matrix states(model.n(model.k_begin), samples.experiments);
   Vector log_likelihood = Vector::Zero(samples.experiments);
   run(model, samples, true, {},
       [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {

@@ -51,33 +51,19 @@ class Spool {
   std::vector<size_t> sizes_;
 };
 
-template <class T>
-void extend(std::vector<T>& list, const std::vector<T>& more) {
-  list.insert(list.end(), more.begin(), more.end());
-}
-
 }  // namespace
 
 struct ModelFile::Content {
   explicit Content(const fs::path& file) : path(file), spool(file) {}
 
   void append(const Model& steps) {
-    if (outline.state_dim.empty()) {
+    if (outline.step.empty()) {
       outline = steps;
-      for (auto list : {&Model::A, &Model::B, &Model::C, &Model::D, &Model::G, &Model::innovation_cov, &Model::Q,
-                        &Model::R, &Model::K})
-        (outline.*list).clear();
-      outline.singular_values.clear();
+      outline.step.clear();
       outline.u_nominal.resize(0, 0);
       outline.y_nominal.resize(0, 0);
-    } else {
-      outline.state_dim.pop_back();  // the new steps begin with the state that the old ones end with
-      extend(outline.state_dim, steps.state_dim);
-      extend(outline.condition, steps.condition);
-      extend(outline.rank, steps.rank);
-      extend(outline.lags, steps.lags);
     }
-    outline.A.resize(outline.state_dim.size() - 1);
+    for (const Step& step : steps.step) outline.step.push_back(step.outline());
     singular_values = std::max(singular_values, io::singular_value_count(steps));
     nominal_rows += steps.u_nominal.rows();
     spool.add(archive::packed(steps));
@@ -150,10 +136,10 @@ ModelFile::~ModelFile() = default;
 void ModelFile::append(const Model& steps) {
   steps.check();
   const Model& known = content_->outline;
-  if (!known.state_dim.empty() && (steps.k_begin != known.k_end() || steps.state_dim.front() != known.state_dim.back()))
+  if (!known.step.empty() && (steps.k_begin != known.k_end() || steps.n(steps.k_begin) != known.n(known.k_end())))
     throw std::invalid_argument(fmt::format("model: steps from {} with {} states found, from {} with {} needed",
-                                            steps.k_begin, steps.state_dim.front(), known.k_end(),
-                                            known.state_dim.back()));
+                                            steps.k_begin, steps.n(steps.k_begin), known.k_end(),
+                                            known.n(known.k_end())));
   io::naming_write(content_->path, [&] { content_->append(steps); });
 }
 

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "schema.hpp"
+#include "step_fields.hpp"
 
 namespace tokid::io {
 
@@ -11,70 +12,37 @@ namespace {
 
 // ---- stacks of one matrix for each step ----
 
-enum class Axis { next_states, states, inputs, outputs };  // n_{k+1}, n_k, r, m
-
-struct Stack {
-  const char* name;
-  std::vector<Matrix> Model::*list;
-  Axis rows, columns;
-  bool required;
-};
-
-constexpr Stack stacks[] = {{"K", &Model::K, Axis::states, Axis::outputs, false},
-                            {"R", &Model::R, Axis::outputs, Axis::outputs, false},
-                            {"Q", &Model::Q, Axis::next_states, Axis::next_states, false},
-                            {"innovation_cov", &Model::innovation_cov, Axis::outputs, Axis::outputs, false},
-                            {"G", &Model::G, Axis::next_states, Axis::outputs, true},
-                            {"D", &Model::D, Axis::outputs, Axis::inputs, true},
-                            {"C", &Model::C, Axis::outputs, Axis::states, true},
-                            {"B", &Model::B, Axis::next_states, Axis::inputs, true},
-                            {"A", &Model::A, Axis::next_states, Axis::states, true}};
-
-Index used(const Model& model, Axis axis, size_t s) {
-  switch (axis) {
-    case Axis::next_states:
-      return model.state_dim[s + 1];
-    case Axis::states:
-      return model.state_dim[s];
-    case Axis::inputs:
-      return model.inputs;
-    default:
-      return model.outputs;
-  }
-}
-
-Index padded(const Model& model, Axis axis, Index states) {
-  return axis == Axis::inputs ? model.inputs : axis == Axis::outputs ? model.outputs : states;
-}
-
-Array stack_array(const std::vector<Matrix>& list, Index rows, Index columns, Layout layout) {
-  Array array{{list.size(), size(rows), size(columns)}, {}};
+Array stack_array(const Model& model, const StepField& field, Index states, Layout layout) {
+  const Index rows = padded_size(model, field.rows, states), columns = padded_size(model, field.cols, states);
+  Array array{{model.step.size(), size(rows), size(columns)}, {}};
   std::vector<double> values(checked_product(array.shape), 0.0);
-  for (size_t s = 0; s < list.size(); ++s)
-    for (Index i = 0; i < list[s].rows(); ++i)
-      for (Index j = 0; j < list[s].cols(); ++j)
-        values[(s * size(rows) + size(i)) * size(columns) + size(j)] = list[s](i, j);
+  for (size_t s = 0; s < model.step.size(); ++s) {
+    const Step::View matrix = (model.step[s].*field.view)();
+    for (Index i = 0; i < matrix.rows(); ++i)
+      for (Index j = 0; j < matrix.cols(); ++j)
+        values[(s * size(rows) + size(i)) * size(columns) + size(j)] = matrix(i, j);
+  }
   array.values = std::move(values);
   return layout == Layout::matlab ? permuted(array, {1, 2, 0}) : array;
 }
 
-std::vector<Matrix> read_stack(const Fields& fields, const Stack& stack, const Model& model, size_t steps,
-                               Index states) {
-  const Index rows = padded(model, stack.rows, states), columns = padded(model, stack.columns, states);
-  const Array array = fields.stack(stack.name);
+void read_stack(const Fields& fields, const StepField& field, Index states, Model& model) {
+  const size_t steps = model.step.size();
+  const Index rows = padded_size(model, field.rows, states), columns = padded_size(model, field.cols, states);
+  const Array array = fields.stack(field.name);
   const Shape needed{steps, size(rows), size(columns)};
   if (array.shape != needed)
-    fail("data set '{}': {} steps of {} x {} found, {} steps of {} x {} needed", stack.name, array.shape[0],
+    fail("data set '{}': {} steps of {} x {} found, {} steps of {} x {} needed", field.name, array.shape[0],
          array.shape[1], array.shape[2], steps, rows, columns);
   const auto& values = std::get<std::vector<double>>(array.values);
-  std::vector<Matrix> list;
+  Matrix matrix;
   for (size_t s = 0; s < steps; ++s) {
-    Matrix& matrix = list.emplace_back(used(model, stack.rows, s), used(model, stack.columns, s));
+    matrix.resize(tokid::size(model.step[s], field.rows), tokid::size(model.step[s], field.cols));
     for (Index i = 0; i < matrix.rows(); ++i)
       for (Index j = 0; j < matrix.cols(); ++j)
         matrix(i, j) = values[(s * size(rows) + size(i)) * size(columns) + size(j)];
+    field.set(model.step[s], matrix);
   }
-  return list;
 }
 
 // ---- the rest ----
@@ -87,25 +55,24 @@ Array matrix_array(const Matrix& matrix) {
 }
 
 // Steps have different numbers of singular values: NaN fills up.
-Array singular_values_array(const std::vector<Vector>& list, Index longest) {
-  Matrix padded_values =
-      Matrix::Constant(static_cast<Index>(list.size()), longest, std::numeric_limits<double>::quiet_NaN());
-  for (size_t s = 0; s < list.size(); ++s)
-    padded_values.row(static_cast<Index>(s)).head(list[s].size()) = list[s].transpose();
+Array singular_values_array(const Model& model, Index longest) {
+  Matrix padded_values = Matrix::Constant(model.steps(), longest, std::numeric_limits<double>::quiet_NaN());
+  for (Index s = 0; s < model.steps(); ++s) {
+    const auto values = model.step[size_t(s)].singular_values();
+    padded_values.row(s).head(values.size()) = values.transpose();
+  }
   return matrix_array(padded_values);
 }
 
-std::vector<Vector> singular_values_of(const Fields& fields, size_t steps) {
+void read_singular_values(const Fields& fields, Model& model) {
   const Matrix padded_values = fields.matrix("singular_values");
-  if (padded_values.rows() != static_cast<Index>(steps))
-    fail_shape("singular_values", fields.shape("singular_values"), fmt::format("({}, values)", steps));
-  std::vector<Vector> list;
+  if (padded_values.rows() != model.steps())
+    fail_shape("singular_values", fields.shape("singular_values"), fmt::format("({}, values)", model.steps()));
   for (Index s = 0; s < padded_values.rows(); ++s) {
     Index count = padded_values.cols();
     while (count > 0 && std::isnan(padded_values(s, count - 1))) --count;
-    list.emplace_back(padded_values.row(s).head(count).transpose());
+    model.step[size_t(s)].set_singular_values(padded_values.row(s).head(count).transpose());
   }
-  return list;
 }
 
 struct TextField {
@@ -117,9 +84,12 @@ constexpr TextField text_fields[] = {
 
 struct CountField {
   const char* name;
-  std::vector<Index> Model::*list;
+  bool (Step::*has)() const;
+  Index (Step::*get)() const;
+  void (Step::*set)(Index);
 };
-constexpr CountField count_fields[] = {{"rank", &Model::rank}, {"lags", &Model::lags}};
+constexpr CountField count_fields[] = {{"rank", &Step::has_rank, &Step::rank, &Step::set_rank},
+                                       {"lags", &Step::has_lags, &Step::lags, &Step::set_lags}};
 
 struct NominalField {
   const char* name;
@@ -130,17 +100,32 @@ constexpr NominalField nominal_fields[] = {{"u_nominal", &Model::u_nominal, &Mod
                                            {"y_nominal", &Model::y_nominal, &Model::outputs}};
 
 void add_diagnostics(const Model& model, Arrays& arrays) {
-  if (!model.condition.empty()) arrays.emplace_back("condition", Array{{model.condition.size()}, model.condition});
-  for (const auto& [name, field] : count_fields)
-    if (!(model.*field).empty()) arrays.emplace_back(name, list(model.*field));
+  if (model.has(&Step::has_condition)) {
+    std::vector<double> values;
+    for (const Step& step : model.step) values.push_back(step.condition());
+    arrays.emplace_back("condition", Array{{values.size()}, values});
+  }
+  for (const CountField& field : count_fields) {
+    if (!model.has(field.has)) continue;
+    std::vector<Index> counts;
+    for (const Step& step : model.step) counts.push_back((step.*field.get)());
+    arrays.emplace_back(field.name, list(counts));
+  }
 }
 
-void read_diagnostics(const Fields& fields, size_t steps, Model& model) {
-  if (fields.has("singular_values")) model.singular_values = singular_values_of(fields, steps);
-  if (fields.has("condition")) model.condition = fields.list("condition", steps);
+void read_diagnostics(const Fields& fields, Model& model) {
+  const size_t steps = model.step.size();
+  if (fields.has("singular_values")) read_singular_values(fields, model);
+  if (fields.has("condition")) {
+    const std::vector<double> values = fields.list("condition", steps);
+    for (size_t s = 0; s < steps; ++s) model.step[s].set_condition(values[s]);
+  }
   constexpr Index many = Index{1} << 52;
-  for (const auto& [name, field] : count_fields)
-    if (fields.has(name)) model.*field = fields.integers(name, steps, 0, many);
+  for (const CountField& field : count_fields) {
+    if (!fields.has(field.name)) continue;
+    const std::vector<Index> counts = fields.integers(field.name, steps, 0, many);
+    for (size_t s = 0; s < steps; ++s) (model.step[s].*field.set)(counts[s]);
+  }
 }
 
 void add_initial_estimate(const Model& model, Arrays& arrays) {
@@ -151,7 +136,7 @@ void add_initial_estimate(const Model& model, Arrays& arrays) {
 }
 
 void read_initial_estimate(const Fields& fields, Model& model) {
-  const Index n = model.state_dim.front();
+  const Index n = model.n(model.k_begin);
   if (fields.has("x0_mean")) {
     const auto& values = fields.list("x0_mean", size(n));
     model.x0_mean = Eigen::Map<const Vector>(values.data(), n);
@@ -178,7 +163,7 @@ const Names& model_names() {
   static const Names names = [] {
     Names all{"state_dim", "k_begin", "dt",          "period",       "initial_state", "singular_values", "condition",
               "x0_mean",   "x0_cov",  "input_names", "output_names", "input_units",   "output_units"};
-    for (const auto& stack : stacks) all.emplace_back(stack.name);
+    for (const StepField& field : step_fields::all) all.emplace_back(field.name);
     for (const auto& field : text_fields) all.emplace_back(field.name);
     for (const auto& field : count_fields) all.emplace_back(field.name);
     for (const auto& field : nominal_fields) all.emplace_back(field.name);
@@ -191,7 +176,8 @@ bool is_model(const Names& found) { return contains(found, "A") && contains(foun
 
 Index singular_value_count(const Model& model) {
   Index longest = 0;
-  for (const Vector& values : model.singular_values) longest = std::max(longest, values.size());
+  for (const Step& step : model.step)
+    if (step.has_singular_values()) longest = std::max(longest, step.singular_values().size());
   return longest;
 }
 
@@ -206,22 +192,22 @@ Arrays small_arrays_of(const Model& model) {
   add_channels(model.names, arrays);
   add_diagnostics(model, arrays);
   add_initial_estimate(model, arrays);
-  arrays.emplace_back("state_dim", list(model.state_dim));
+  std::vector<Index> state_dim;
+  for (Index k = model.k_begin; k <= model.k_end(); ++k) state_dim.push_back(model.n(k));
+  arrays.emplace_back("state_dim", list(state_dim));
   return arrays;
 }
 
 Arrays step_arrays_of(const Model& model, Index states, Index singular_values, Layout layout) {
   Arrays arrays;
-  if (!model.singular_values.empty())
-    arrays.emplace_back("singular_values", singular_values_array(model.singular_values, singular_values));
+  if (model.has(&Step::has_singular_values))
+    arrays.emplace_back("singular_values", singular_values_array(model, singular_values));
   for (const auto& [name, trajectory, channels] : nominal_fields)
     if ((model.*trajectory).rows() > 0) arrays.emplace_back(name, matrix_array(model.*trajectory));
-  for (const auto& stack : stacks) {
-    const auto& matrices = model.*stack.list;
-    if (stack.required || !matrices.empty())
-      arrays.emplace_back(stack.name, stack_array(matrices, padded(model, stack.rows, states),
-                                                  padded(model, stack.columns, states), layout));
-  }
+  // A comes last.
+  for (auto field = step_fields::all.rbegin(); field != step_fields::all.rend(); ++field)
+    if (!field->optional || has(model, *field))
+      arrays.emplace_back(field->name, stack_array(model, *field, states, layout));
   return arrays;
 }
 
@@ -239,7 +225,9 @@ Model model_of(const Fields& fields) {
   Model model;
   model.outputs = static_cast<Index>(fields.stack("C").shape[1]);
   model.inputs = static_cast<Index>(fields.stack("B").shape[2]);
-  model.state_dim = fields.integers("state_dim", steps + 1, 0, states);
+  const std::vector<Index> state_dim = fields.integers("state_dim", steps + 1, 0, states);
+  for (size_t s = 0; s < steps; ++s)
+    model.step.emplace_back(state_dim[s], state_dim[s + 1], model.inputs, model.outputs);
   if (fields.has("k_begin")) model.k_begin = fields.integer("k_begin");
   if (fields.has("dt")) model.dt = fields.number("dt");
   if (fields.has("period")) model.period = fields.integer("period");
@@ -248,9 +236,9 @@ Model model_of(const Fields& fields) {
     if (fields.has(name)) model.*field = fields.text(name);
   check_options(model.options);
   model.names = channels_of(fields);
-  for (const auto& stack : stacks)
-    if (stack.required || fields.has(stack.name)) model.*stack.list = read_stack(fields, stack, model, steps, states);
-  read_diagnostics(fields, steps, model);
+  for (const StepField& field : step_fields::all)
+    if (!field.optional || fields.has(field.name)) read_stack(fields, field, states, model);
+  read_diagnostics(fields, model);
   read_nominal(fields, model);
   read_initial_estimate(fields, model);
   model.check();

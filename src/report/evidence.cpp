@@ -142,8 +142,8 @@ std::vector<Index> outputs_at_rest(const Ensemble& data) {
 // RMS of the innovations that the model states at step k, relative to the spread of the outputs; 0 where it states
 // none.
 double stated_error(const Model& model, const Vector& spread, Index k) {
-  if (model.innovation_cov.empty()) return 0.0;
-  const Vector variance = model.innovation_cov[model.at(k)].diagonal();
+  if (!model.has(&Step::has_innovation_cov)) return 0.0;
+  const Vector variance = model.at(k).innovation_cov().diagonal();
   return std::sqrt((variance.array() / spread.array().square()).mean());
 }
 
@@ -162,11 +162,11 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
         error > bounds::error_stated * stated_error(model, spread, k))
       found.error_peaks.push_back(k);
     // Covariances of few degrees of freedom are themselves too uncertain.
-    if (model.innovation_cov.empty() || freedom < 10) continue;
+    if (!model.has(&Step::has_innovation_cov) || freedom < 10) continue;
     double sum = 0.0;
     Index count = 0;
     for (Index j = 0; j < data.outputs(); ++j) {
-      const double variance = model.innovation_cov[model.at(k)](j, j);
+      const double variance = model.at(k).innovation_cov()(j, j);
       if (!(std::sqrt(variance) > rounding_share * spread(j))) continue;
       for (const double e : found.prediction.innovations[size_t(k)].col(j))
         if (!std::isnan(e)) sum += e * e / variance, ++count;
@@ -181,18 +181,21 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
 }
 
 void judge_regressions(const Model& model, Evidence& found) {
-  found.condition_median = finite_median(model.condition);
+  std::vector<double> condition;
+  if (model.has(&Step::has_condition))
+    for (const Step& step : model.step) condition.push_back(step.condition());
+  found.condition_median = finite_median(condition);
   found.condition_max = nan;
-  for (const double c : model.condition) found.condition_max = std::fmax(found.condition_max, c);
-  for (size_t s = 0; s < model.condition.size(); ++s) {
-    const double c = model.condition[s];
+  for (const double c : condition) found.condition_max = std::fmax(found.condition_max, c);
+  for (size_t s = 0; s < condition.size(); ++s) {
+    const double c = condition[s];
     const bool stands_out =
         found.noisy && c > bounds::worth_a_word && c > bounds::worse_than_usual * found.condition_median;
     if (c > bounds::ill_conditioned || stands_out) found.ill.push_back(model.k_begin + Index(s));
   }
-  for (size_t s = 0; s < model.rank.size(); ++s) {
+  for (size_t s = 0; model.has(&Step::has_rank) && s < model.step.size(); ++s) {
     const Index k = model.k_begin + Index(s);
-    if (model.rank[s] < unknowns(model, k)) found.deficient.push_back(k);
+    if (model.step[s].rank() < unknowns(model, k)) found.deficient.push_back(k);
   }
 }
 
@@ -235,7 +238,7 @@ Evidence evidence(const Model& model, const Tested& tested) {
   for (const Index length : data.length) expected -= (data.steps() - length) * data.channels();
   found.missing_share = expected > 0 ? double(found.missing) / double(expected) : 0.0;
   found.noisy = judged.validation.noisy;
-  if (!model.lags.empty()) {
+  if (model.has(&Step::has_lags)) {
     found.lags = model.max_lags();
     for (Index k = model.k_begin; k < model.k_end(); ++k) found.unknowns = std::max(found.unknowns, unknowns(model, k));
   }

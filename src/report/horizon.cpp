@@ -14,7 +14,11 @@ namespace {
 
 // Those that the model states, or else that of the innovations at hand for all steps.
 std::vector<Matrix> innovation_covariances(const Model& model, const Innovations& innovations) {
-  if (!model.innovation_cov.empty()) return model.innovation_cov;
+  if (model.has(&Step::has_innovation_cov)) {
+    std::vector<Matrix> stated;
+    for (const Step& step : model.step) stated.emplace_back(step.innovation_cov());
+    return stated;
+  }
   Matrix sum = Matrix::Zero(model.outputs, model.outputs);
   Index count = 0;
   for (const Matrix& e : innovations)
@@ -53,12 +57,13 @@ Vector forced_response(const Model& model, const Ensemble& data, Index begin, In
     Matrix x = Matrix::Zero(data.experiments(), model.n(start));
     const Index last = std::min(start + horizon, end) - 1;
     for (Index k = start; k <= last; ++k) {
-      const size_t s = model.at(k);
+      const size_t s = model.index(k);
       Matrix u = data.input(k);
       u = u.array().isNaN().select(0.0, u);
       if (data.experiments() > 1) u.rowwise() -= Eigen::RowVectorXd(u.colwise().mean());
-      if (k == last) squares += (x * model.C[s].transpose() + u * model.D[s].transpose()).colwise().squaredNorm();
-      x = (x * model.A[s].transpose() + u * model.B[s].transpose()).eval();
+      if (k == last)
+        squares += (x * model.step[s].C().transpose() + u * model.step[s].D().transpose()).colwise().squaredNorm();
+      x = (x * model.step[s].A().transpose() + u * model.step[s].B().transpose()).eval();
     }
     count += double(data.experiments());
   }
@@ -78,7 +83,7 @@ JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Jud
   JudgedHorizon result;
   result.fit = v.simulation;
   result.computed = judged.simulated;
-  result.stated = !model.innovation_cov.empty();
+  result.stated = model.has(&Step::has_innovation_cov);
   const Index end = std::min(model.k_end(), data.steps());
   if (v.one_step.samples == 0 || model.states() == 0 || judged_outputs.empty()) return result;
   const auto good = [&](const Fit& fit) {

@@ -137,7 +137,7 @@ Figure gains(const Paper& paper) {
   for (Index j = 0; j < model.outputs; ++j)
     for (Index i = 0; i < model.n(begin); ++i) {
       Vector y(count);
-      for (Index k = 0; k < count; ++k) y(k) = model.G[model.at(begin + k)](i, j);
+      for (Index k = 0; k < count; ++k) y(k) = model.at(begin + k).G()(i, j);
       panel.series.push_back(history(fmt::format("G′{}{}", i + 1, j + 1), y, begin, model.dt, int(i),
                                      j % 2 == 0 ? Mark::line : Mark::dashed));
     }

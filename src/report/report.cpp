@@ -139,7 +139,7 @@ class Report {
       tiles += tile("–", found_.noisy ? "whiteness: too few samples" : "innovations at rounding level");
     if (!std::isnan(v.squares.ratio))
       tiles += tile(figure(v.squares.ratio, 3), "squared innovations over their stated covariance; 1 is right");
-    if (!model_.condition.empty())
+    if (model_.has(&Step::has_condition))
       tiles += tile(figure(found_.condition_max, 3), "worst condition, median " + figure(found_.condition_median, 3));
     tiles += tile(fmt::format("{}", model_.states()), model_.states() == 1 ? "state" : "states");
 
@@ -349,7 +349,7 @@ class Report {
   }
 
   std::string order_section() const {
-    if (model_.singular_values.empty())
+    if (!model_.has(&Step::has_singular_values))
       return section("order", "Order",
                      paragraph("The model carries no singular values: it was not identified by tokid."));
     return section(
@@ -368,7 +368,7 @@ class Report {
     // σ_i relative to σ_1 and σ_i / σ_{i+1}, at the steps of full dimension; rounding errors have no ratios.
     std::vector<std::vector<double>> size, fall;
     for (Index k = model_.full_begin(); n > 0 && k < std::min(model_.full_end(), model_.k_end()); ++k) {
-      const Vector& s = model_.singular_values[model_.at(k)];
+      const Vector& s = model_.at(k).singular_values();
       if (s.size() == 0 || !(s(0) > 0)) continue;
       size.resize(std::max(size.size(), size_t(s.size())));
       fall.resize(size.size());
@@ -397,7 +397,7 @@ class Report {
   }
 
   std::string regression_section() const {
-    if (model_.condition.empty() && model_.rank.empty())
+    if (!model_.has(&Step::has_condition) && !model_.has(&Step::has_rank))
       return section("regressions", "Regressions",
                      paragraph("The model carries no diagnostics of its identification."));
     return section(
@@ -415,11 +415,11 @@ class Report {
 
   // The steps that deserve a look, without a plot.
   std::string worst_steps() const {
-    const bool condition = !model_.condition.empty(), lags = !model_.lags.empty(), rank = !model_.rank.empty();
+    const bool condition = model_.has(&Step::has_condition), lags = model_.has(&Step::has_lags),
+               rank = model_.has(&Step::has_rank);
     // How bad a step is: its condition; without one, what its rank lacks. What is not known comes last.
     const auto badness = [&](Index k) {
-      const double value =
-          condition ? model_.condition[model_.at(k)] : double(unknowns(model_, k) - model_.rank[model_.at(k)]);
+      const double value = condition ? model_.at(k).condition() : double(unknowns(model_, k) - model_.at(k).rank());
       return std::isnan(value) ? -std::numeric_limits<double>::infinity() : value;
     };
     std::vector<Index> order;
@@ -435,12 +435,13 @@ class Report {
                               : "those of lowest rank first"));
     for (size_t i = 0; i < count; ++i) {
       const Index k = order[i];
-      const size_t s = model_.at(k);
-      table.row({fmt::format("{}", k), figure(double(k) * model_.dt), condition ? figure(model_.condition[s]) : "–",
-                 rank ? fmt::format("{}", model_.rank[s]) : "–", lags ? fmt::format("{}", unknowns(model_, k)) : "–",
-                 lags ? fmt::format("{}", model_.lags[s]) : "–", fmt::format("{}", model_.n(k)),
-                 k < data_.steps() ? figure(found_.step_error[size_t(k)]) : "–"},
-                std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
+      const size_t s = model_.index(k);
+      table.row(
+          {fmt::format("{}", k), figure(double(k) * model_.dt), condition ? figure(model_.step[s].condition()) : "–",
+           rank ? fmt::format("{}", model_.step[s].rank()) : "–", lags ? fmt::format("{}", unknowns(model_, k)) : "–",
+           lags ? fmt::format("{}", model_.step[s].lags()) : "–", fmt::format("{}", model_.n(k)),
+           k < data_.steps() ? figure(found_.step_error[size_t(k)]) : "–"},
+          std::binary_search(found_.ill.begin(), found_.ill.end(), k) ? "mark" : "");
     }
     return table.html();
   }

@@ -261,7 +261,7 @@ class Collector {
   void singular_values() {
     json_["sigma"] = nullptr;
     Index rows = 0;
-    for (const Vector& s : model_.singular_values) rows = std::max(rows, s.size());
+    for (const Step& step : model_.step) rows = std::max(rows, step.singular_values().size());
     if (rows == 0) return;
     if (rows > most_heat_rows)
       omit("Of {} singular values of every step the largest {} are drawn.", rows, most_heat_rows);
@@ -270,23 +270,24 @@ class Collector {
     if (stride > 1) omit("Of every {} steps the largest singular values and the largest order are drawn.", stride);
     // Where nothing moves, all singular values are rounding errors of D, which is a Markov parameter as they are.
     double largest = 0.0;
-    for (const Vector& s : model_.singular_values)
-      if (s.size() > 0 && std::isfinite(s(0))) largest = std::max(largest, s(0));
+    for (const Step& step : model_.step)
+      if (const auto s = step.singular_values(); s.size() > 0 && std::isfinite(s(0))) largest = std::max(largest, s(0));
     double scale = largest;
-    for (const Matrix& d : model_.D)
-      if (d.size() > 0 && d.allFinite()) scale = std::max(scale, d.cwiseAbs().maxCoeff());
+    for (const Step& step : model_.step)
+      if (const Step::View d = step.D(); d.size() > 0 && d.allFinite())
+        scale = std::max(scale, d.cwiseAbs().maxCoeff());
     Json columns = Json::array(), order = Json::array();
     for (Index k = 0; k < model_.steps(); k += stride) {
       std::vector<double> most;  // of the steps that share the column
       Index states = 0;
       for (Index i = k; i < std::min(model_.steps(), k + stride); ++i) {
-        const Vector& s = model_.singular_values[size_t(i)];
+        const auto s = model_.step[size_t(i)].singular_values();
         for (Index j = 0; j < std::min(rows, s.size()); ++j)
           if (size_t(j) < most.size())
             most[size_t(j)] = std::max(most[size_t(j)], s(j));
           else
             most.push_back(s(j));
-        states = std::max(states, model_.state_dim[size_t(i)]);
+        states = std::max(states, model_.step[size_t(i)].states());
       }
       Json column = Json::array();
       for (const double value : most) column.push_back(hundredths(std::max(value, scale * 1e-17)));
@@ -306,17 +307,18 @@ class Collector {
 
   void steps() {
     const Grid grid = make_grid(model_.k_begin, model_.steps(), options_.points);
-    const auto list = [&](const auto& values) -> Json {
-      if (values.empty()) return nullptr;
-      return curve(grid, [&](Index k) { return double(values[model_.at(k)]); });
+    const auto list = [&](bool (Step::*known)() const, const auto& value) -> Json {
+      if (!model_.has(known)) return nullptr;
+      return curve(grid, [&](Index k) { return double(value(model_.at(k))); });
     };
     json_["per_step"] = {
         {"x", grid.x},
         {"stretch", grid.stretch},
-        {"condition", list(model_.condition)},
-        {"rank", list(model_.rank)},
-        {"unknowns", model_.lags.empty() ? Json() : curve(grid, [&](Index k) { return double(unknowns(model_, k)); })},
-        {"lags", list(model_.lags)},
+        {"condition", list(&Step::has_condition, [](const Step& step) { return step.condition(); })},
+        {"rank", list(&Step::has_rank, [](const Step& step) { return step.rank(); })},
+        {"unknowns",
+         !model_.has(&Step::has_lags) ? Json() : curve(grid, [&](Index k) { return double(unknowns(model_, k)); })},
+        {"lags", list(&Step::has_lags, [](const Step& step) { return step.lags(); })},
         {"states", curve(grid, [&](Index k) { return double(model_.n(k)); })}};
     const Grid whole = make_grid(0, data_.steps(), options_.points);
     json_["step_error"] = {{"x", whole.x},
@@ -335,8 +337,8 @@ class Collector {
         ++mixed;
         continue;
       }
-      Eigen::VectorXcd of_a = linalg::eigenvalues(model.A[model.at(k)]);
-      Eigen::VectorXcd of_observer = linalg::eigenvalues(model.closed_loop(k));
+      Eigen::VectorXcd of_a = linalg::eigenvalues(model.at(k).A());
+      Eigen::VectorXcd of_observer = linalg::eigenvalues(model.at(k).closed_loop());
       if (!of_a.allFinite() || !of_observer.allFinite()) {
         ++infinite;
         continue;
@@ -387,8 +389,8 @@ class Collector {
   }
 
   // Entries of A_k or G_k over k, NaN where the entry does not exist.
-  Json entries_of(const Model& model, const std::vector<Matrix>& list, Index begin, Index end, Index rows, Index cols,
-                  const char* what) {
+  Json entries_of(const Model& model, Step::View (Step::*matrix)() const, Index begin, Index end, Index rows,
+                  Index cols, const char* what) {
     const Index shown_rows = std::min(rows, most_states_shown), shown_cols = std::min(cols, most_states_shown);
     if (shown_rows < rows || shown_cols < cols)
       omit("Of {} the first {} × {} entries of {} × {} are drawn.", what, shown_rows, shown_cols, rows, cols);
@@ -398,7 +400,7 @@ class Collector {
     for (Index i = 0; i < shown_rows; ++i)
       for (Index j = 0; j < shown_cols; ++j)
         values.push_back(curve(grid, [&](Index k) {
-          const Matrix& a = list[model.at(k)];
+          const Step::View a = (model.at(k).*matrix)();
           return i < a.rows() && j < a.cols() ? a(i, j) : nan;
         }));
     return {{"x", grid.x}, {"stretch", grid.stretch}, {"rows", shown_rows}, {"cols", shown_cols}, {"values", values}};
@@ -407,13 +409,13 @@ class Collector {
   void entries() {
     const Framed& frame = plots_.frame;
     const Index n = model_.states();
-    json_["gain"] = entries_of(frame.model, frame.model.G, frame.begin, frame.end, n, model_.outputs, "the gains");
+    json_["gain"] = entries_of(frame.model, &Step::G, frame.begin, frame.end, n, model_.outputs, "the gains");
     json_["gain"]["frame"] = frame.name;
     const Model smooth =
         model_.frame == "smooth" || frame.name == "smooth"
             ? (frame.name == "smooth" ? frame.model : model_)
             : smooth_frame(model_, std::max(model_.max_lags(), (n + model_.outputs - 1) / model_.outputs));
-    json_["A"] = entries_of(smooth, smooth.A, model_.k_begin, model_.k_end(), n, n, "A");
+    json_["A"] = entries_of(smooth, &Step::A, model_.k_begin, model_.k_end(), n, n, "A");
   }
 
   void whiteness() {

@@ -15,18 +15,7 @@ namespace {
 // The steps from … to-1 of a stretch that itself begins at step `origin` of the record.
 Model excerpt(const Model& model, Index from, Index to, Index origin) {
   Model part = from_step(model, from);
-  const size_t count = size_t(to - from);
-  const auto shorten = [](auto& list, size_t size) {
-    if (list.size() > size) list.resize(size);
-  };
-  for (auto list :
-       {&Model::A, &Model::B, &Model::C, &Model::D, &Model::G, &Model::innovation_cov, &Model::Q, &Model::R, &Model::K})
-    shorten(part.*list, count);
-  shorten(part.state_dim, count + 1);
-  shorten(part.singular_values, count);
-  shorten(part.condition, count);
-  shorten(part.rank, count);
-  shorten(part.lags, count);
+  part.step.resize(size_t(std::min(to - from, part.steps())));
   part.k_begin = origin + from;
   return part;
 }
@@ -34,28 +23,31 @@ Model excerpt(const Model& model, Index from, Index to, Index origin) {
 // x' = Rᵀ x at all steps, with R orthogonal.
 void rotate(Model& model, const Matrix& r) {
   const Matrix back = r.transpose();
-  for (size_t s = 0; s < model.A.size(); ++s) {
-    model.A[s] = back * model.A[s] * r;
-    model.B[s] = back * model.B[s];
-    model.C[s] = model.C[s] * r;
-    model.G[s] = back * model.G[s];
-    if (!model.Q.empty()) model.Q[s] = back * model.Q[s] * r;
-    if (!model.K.empty()) model.K[s] = back * model.K[s];
+  for (size_t s = 0; s < model.step.size(); ++s) {
+    model.step[s].A() = back * model.step[s].A() * r;
+    model.step[s].B() = back * model.step[s].B();
+    model.step[s].C() = model.step[s].C() * r;
+    model.step[s].G() = back * model.step[s].G();
+    if (model.has(&Step::has_Q)) model.step[s].set_Q(back * model.step[s].Q() * r);
+    if (model.has(&Step::has_K)) model.step[s].set_K(back * model.step[s].K());
   }
 }
 
 // The last step leads to x' = S x.
 void lead_into(Model& model, const Matrix& s) {
-  model.A.back() = s * model.A.back();
-  model.B.back() = s * model.B.back();
-  model.G.back() = s * model.G.back();
-  if (!model.Q.empty()) model.Q.back() = s * model.Q.back() * s.transpose();
-  model.state_dim.back() = s.rows();
+  const Step& last = model.step.back();
+  Step next(s * last.A(), s * last.B(), last.C(), last.D(), s * last.G());
+  next.take_evidence_of(last);
+  if (last.has_Q()) next.set_Q(s * last.Q() * s.transpose());
+  if (last.has_R()) next.set_R(last.R());
+  if (last.has_K()) next.set_K(last.K());
+  model.step.back() = std::move(next);
 }
 
 bool same_dimension(const Model& model) {
-  return std::all_of(model.state_dim.begin(), model.state_dim.end(),
-                     [n = model.state_dim.front()](Index other) { return other == n; });
+  return std::all_of(model.step.begin(), model.step.end(), [n = model.n(model.k_begin)](const Step& step) {
+    return step.states() == n && step.next_states() == n;
+  });
 }
 
 void append_digests(const Ensemble& data, Index begin, Index end, std::vector<std::uint64_t>& digests) {
@@ -134,14 +126,14 @@ FinishedBlock finished_block(std::string_view bytes, const Plan& plan, Index inp
   const Block block = plan.block(found.number);
   b.model.check();
   const auto counts = [](const auto& list, Index count) { return Index(list.size()) == count; };
-  const bool fits = b.model.inputs == inputs && b.model.outputs == outputs && b.begin == block.begin &&
-                    b.read_begin == block.first && b.model.steps() > 0 && b.model.k_end() == block.end &&
-                    (found.number == 0 || b.model.k_begin == block.begin) &&
-                    b.opening.cols() == b.model.state_dim.front() &&
-                    (block.end == plan.steps ? b.closing.size() == 0 : b.closing.cols() == b.model.state_dim.back()) &&
-                    counts(b.samples.channel, inputs + outputs) && counts(b.samples.zero, inputs) &&
-                    counts(b.samples.same, inputs) && counts(b.errors.one_step, outputs) &&
-                    counts(b.errors.simulation, outputs) && counts(b.digests, block.end - block.begin);
+  const bool fits =
+      b.model.inputs == inputs && b.model.outputs == outputs && b.begin == block.begin && b.read_begin == block.first &&
+      b.model.steps() > 0 && b.model.k_end() == block.end && (found.number == 0 || b.model.k_begin == block.begin) &&
+      b.opening.cols() == b.model.n(b.model.k_begin) &&
+      (block.end == plan.steps ? b.closing.size() == 0 : b.closing.cols() == b.model.n(b.model.k_end())) &&
+      counts(b.samples.channel, inputs + outputs) && counts(b.samples.zero, inputs) && counts(b.samples.same, inputs) &&
+      counts(b.errors.one_step, outputs) && counts(b.errors.simulation, outputs) &&
+      counts(b.digests, block.end - block.begin);
   if (!fits)
     throw std::invalid_argument(fmt::format("block {}: sizes found that are not those of the data", found.number));
   return found;

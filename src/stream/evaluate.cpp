@@ -20,22 +20,24 @@ class Walk {
 
   // y_k - C_k x - D_k u_k
   void error(Index k, const Matrix& x, Matrix& e) const {
-    const size_t s = model_.at(k);
+    const size_t s = model_.index(k);
     e.resize(x.rows(), model_.outputs);
-    linalg::tall_products(data_.output(k), {{x, model_.C[s], true}, {data_.input(k), model_.D[s], true}}, e);
+    linalg::tall_products(data_.output(k), {{x, model_.step[s].C(), true}, {data_.input(k), model_.step[s].D(), true}},
+                          e);
   }
   // A_k x + B_k u_k
   void advance(Index k, Matrix& x) {
-    const size_t s = model_.at(k);
+    const size_t s = model_.index(k);
     next_.resize(x.rows(), model_.n(k + 1));
-    linalg::tall_products({{x, model_.A[s]}, {data_.input(k), model_.B[s]}}, next_);
+    linalg::tall_products({{x, model_.step[s].A()}, {data_.input(k), model_.step[s].B()}}, next_);
     x.swap(next_);
   }
   // A_k x + B_k u_k - G_k e
   void advance(Index k, const Matrix& e, Matrix& x) {
-    const size_t s = model_.at(k);
+    const size_t s = model_.index(k);
     next_.resize(x.rows(), model_.n(k + 1));
-    linalg::tall_products({{x, model_.A[s]}, {data_.input(k), model_.B[s]}, {e, model_.G[s], true}}, next_);
+    linalg::tall_products(
+        {{x, model_.step[s].A()}, {data_.input(k), model_.step[s].B()}, {e, model_.step[s].G(), true}}, next_);
     x.swap(next_);
   }
 

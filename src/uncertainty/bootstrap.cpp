@@ -72,9 +72,10 @@ Model identified(const Ensemble& data, const Vector& weights, const Identifier& 
 }
 
 Index median_unknowns(const Model& model) {
-  std::vector<Index> rank = model.rank;
-  if (rank.empty() || model.method != "tvera")
+  if (!model.has(&Step::has_rank) || model.method != "tvera")
     return minimum_experiments(model.inputs, model.outputs, model.max_lags());
+  std::vector<Index> rank;
+  for (const Step& step : model.step) rank.push_back(step.rank());
   const auto middle = rank.begin() + static_cast<std::ptrdiff_t>(rank.size() / 2);
   std::nth_element(rank.begin(), middle, rank.end());
   return *middle;

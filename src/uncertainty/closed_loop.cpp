@@ -181,13 +181,13 @@ class ClosedLoop {
     projection_ = linalg::pseudo_inverse(observability(model, s_, frame.rows));
     to_frame_ = projection_ * observability(model, k, frame.rows);
     next_to_frame_ = projection_ * observability(model, k + 1, frame.rows);
-    loop_ = model.closed_loop(k);
+    loop_ = model.at(k).closed_loop();
   }
 
   // dλ for Ā'_k = (P O_{k+1}) Ā_k (P O_k)⁻¹ and its eigenvectors ω Ā'_k = λ ω, Ā'_k v = λ v, ω v = 1.
   Gradient gradient(std::complex<double> value, const VectorXcd& right, const VectorXcd& left) const {
     const Index m = model_.outputs;
-    const size_t at = model_.at(k_);
+    const size_t at = model_.index(k_);
     const VectorXcd a = to_frame_.cast<std::complex<double>>().fullPivLu().solve(right);
     const VectorXcd beta = next_to_frame_.transpose() * left;
     const VectorXcd frame_weights = projection_.transpose() * left;  // Pᵀ ω
@@ -204,14 +204,14 @@ class ClosedLoop {
     const VectorXcd solved = inverse.transpose() * beta;
     VectorXcd weights = VectorXcd::Zero(std::max(head_, now_.rows * m));
     weights.head(head_) -= value * frame_weights;
-    weights.head(m) += model_.G[at].transpose() * beta;  // through C_k
+    weights.head(m) += model_.step[at].G().transpose() * beta;  // through C_k
     weights.segment(m, shared * m) += solved;
     add(gradient, k_, now_, weights, a);
     add(gradient, k_ + 1, next_, frame_weights, loop_ * a);
-    add(gradient, k_ + 1, next_, -solved, model_.A[at] * a);
+    add(gradient, k_ + 1, next_, -solved, model_.step[at].A() * a);
 
     // G_k = O_{k+1}⁺ P_{k+1}
-    gradient.add_gain(k_, next_.rows, next_.from_outputs.transpose() * beta, model_.C[at] * a);
+    gradient.add_gain(k_, next_.rows, next_.from_outputs.transpose() * beta, model_.step[at].C() * a);
     return gradient;
   }
 
@@ -252,7 +252,7 @@ Spectrum closed_loop_spectrum(const Model& model, const ClosedLoopOptions& optio
   const CommonFrame frame = frame_of(model, options);
   Spectrum result{frame.framed.begin, {}};
   for (Index k = result.begin; k < result.begin + count(frame); ++k)
-    result.eigenvalues.push_back(linalg::eigenvalues(frame.framed.model.closed_loop(k)));
+    result.eigenvalues.push_back(linalg::eigenvalues(frame.framed.model.at(k).closed_loop()));
   return result;
 }
 
@@ -269,7 +269,7 @@ SpectrumBounds closed_loop_bounds(const GtvArx& arx, const Model& model, const T
   parallel_for(0, count(frame), options.execution, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       const Index k = result.begin + i;
-      const Matrix closed = frame.framed.model.closed_loop(k);
+      const Matrix closed = frame.framed.model.at(k).closed_loop();
       const linalg::Eigensystem d = linalg::eigensystem(closed);
       const ClosedLoop loop(arx, model, factors, frame, k);
       const Index n = d.values.size();

@@ -139,8 +139,9 @@ class Bounds {
   void from_factors() {
     GtvArxOptions o;
     o.lags.assign(size_t(departing_.steps()), model_.max_lags());
-    for (size_t s = 0; s < model_.lags.size(); ++s)
-      if (model_.lags[s] > 0) o.lags[size_t(model_.k_begin) + s] = model_.lags[s];
+    for (size_t s = 0; s < model_.step.size(); ++s)
+      if (model_.step[s].has_lags() && model_.step[s].lags() > 0)
+        o.lags[size_t(model_.k_begin) + s] = model_.step[s].lags();
     o.initial_state = model_.initial_state;
     o.spent = with_nominal() ? 1 : 0;
     o.execution = share(0.0, 0.1);
@@ -230,11 +231,11 @@ class Bounds {
     for (Index k = 0; k < steps; ++k) {
       Matrix row = Matrix::Constant(m, (band_ + 1) * r, nan);
       if (k >= model.k_begin && k < model.k_end()) {
-        row.leftCols(r) = model.D[model.at(k)];
-        Matrix back = model.C[model.at(k)];  // C_k A_{k-1} … A_{i+1}
+        row.leftCols(r) = model.at(k).D();
+        Matrix back = model.at(k).C();  // C_k A_{k-1} … A_{i+1}
         for (Index i = k - 1; i >= std::max(model.k_begin, k - band_); --i) {
-          row.middleCols((k - i) * r, r) = back * model.B[model.at(i)];
-          back = back * model.A[model.at(i)];
+          row.middleCols((k - i) * r, r) = back * model.at(i).B();
+          back = back * model.at(i).A();
         }
       }
       all.insert(all.end(), row.data(), row.data() + row.size());
@@ -303,7 +304,7 @@ class Bounds {
       at += 2 * n - 1;
       step.eigenvalues = step.real.estimate.cast<std::complex<double>>() +
                          std::complex<double>(0, 1) * step.imaginary.estimate.cast<std::complex<double>>();
-      uncertainty::judge(step, model_.closed_loop(spectrum->begin + Index(i)).norm());
+      uncertainty::judge(step, model_.at(spectrum->begin + Index(i)).closed_loop().norm());
       result_.spectrum.step.push_back(std::move(step));
     }
   }

@@ -12,6 +12,7 @@ import time
 import h5py
 import numpy as np
 import pytest
+import scipy.signal
 
 from faults import room
 from support import leftovers, markov, write_ensemble
@@ -110,6 +111,20 @@ def test_memory_does_not_grow_with_time(tokid, tmp_path):
                                   "--quiet"]))
     assert peaks[1] < 1.2 * peaks[0]
     assert peaks[1] < 200_000  # kB: the stretches that decide have 16 MB each
+
+
+@pytest.mark.skipif("TOKID_SANITIZED" in os.environ, reason="sanitizers keep what is freed for a while")
+def test_memory_without_blocks(tokid, tmp_path):
+    """Without noise, at most four times the samples."""
+    peaks = []
+    for steps in (50_000, 250_000):  # 8 and 40 MB of samples
+        u = np.random.default_rng(2).standard_normal((10, steps, 1))
+        gain = 1 + 0.5 * np.sin(np.arange(steps) / 300)
+        y = scipy.signal.lfilter([0, 1, 0.5], [1, -1.2, 0.5], gain * u[:, :, 0])
+        np.savez(tmp_path / "data.npz", u=u, y=y[:, :, None], dt=0.1, initial_state="zero")
+        command = [tokid.executable, "identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--quiet"]
+        peaks.append(1024 * peak_memory(command))
+    assert peaks[1] - peaks[0] < 4 * 32e6
 
 
 @pytest.mark.parametrize("arguments, words", [

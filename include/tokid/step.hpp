@@ -1,0 +1,187 @@
+// One step of a model: A_k, B_k, C_k, D_k, G_k and what else is known of it, in one piece of memory.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "tokid/linalg.hpp"
+
+namespace tokid {
+
+// Long models hold millions of steps of a few numbers each. A matrix of its own for each part would take three times
+// the memory.
+class Step {
+ public:
+  using View = Eigen::Map<const Matrix>;
+  // Takes matrices of its own shape alone, for its memory is that of the step: \throws std::invalid_argument
+  class Writable : public Eigen::Map<Matrix> {
+   public:
+    using Eigen::Map<Matrix>::Map;
+    Writable(const Writable&) = default;
+    Writable& operator=(const Writable& other) { return *this = static_cast<const Eigen::Map<Matrix>&>(other); }
+    template <class Other>
+    Writable& operator=(const Eigen::EigenBase<Other>& other) {
+      need_shape(other.rows(), other.cols());
+      Eigen::Map<Matrix>::operator=(other.derived());
+      return *this;
+    }
+
+   private:
+    void need_shape(Index found_rows, Index found_cols) const;
+  };
+
+  // No states, no channels.
+  Step() = default;
+  // Matrices of zeros for n_k states that become n_{k+1}, r inputs and m outputs.
+  Step(Index states, Index next_states, Index inputs, Index outputs);
+  // \throws std::invalid_argument where the shapes disagree
+  Step(const Matrix& A, const Matrix& B, const Matrix& C, const Matrix& D, const Matrix& G);
+
+  // The same dimensions, the same parts, and the same numbers in them.
+  bool operator==(const Step& other) const;
+
+  Index states() const { return states_; }            // n_k
+  Index next_states() const { return next_states_; }  // n_{k+1}
+  Index inputs() const { return inputs_; }            // r
+  Index outputs() const { return outputs_; }          // m
+
+  View A() const { return view(Part::A); }  // x_{k+1} = A_k x_k + B_k u_k: n_{k+1} × n_k                 (1)
+  View B() const { return view(Part::B); }  // n_{k+1} × r
+  View C() const { return view(Part::C); }  // y_k = C_k x_k + D_k u_k: m × n_k                           (2)
+  View D() const { return view(Part::D); }  // m × r
+  View G() const { return view(Part::G); }  // observer gain, n_{k+1} × m: Ā_k = A_k + G_k C_k           (10)
+  Writable A() { return writable(Part::A); }
+  Writable B() { return writable(Part::B); }
+  Writable C() { return writable(Part::C); }
+  Writable D() { return writable(Part::D); }
+  Writable G() { return writable(Part::G); }
+  Matrix closed_loop() const { return A() + G() * C(); }  // Ā_k                                         (10)
+
+  // innovation_cov, singular values, condition, rank and lags as another step has them: what no coordinates of the
+  // states enter.
+  void take_evidence_of(const Step& other);
+
+  // The dimensions, condition, rank and lags alone: none of the matrices may be asked for.
+  Step outline() const;
+
+  // What may be known besides; to ask for what is not known is a mistake, and gives nothing of use.
+  bool has_innovation_cov() const { return has(Part::innovation_cov); }
+  bool has_Q() const { return has(Part::Q); }
+  bool has_R() const { return has(Part::R); }
+  bool has_K() const { return has(Part::K); }
+  View innovation_cov() const { return view(Part::innovation_cov); }  // m × m
+  View Q() const { return view(Part::Q); }                            // of the process noise, n_{k+1} × n_{k+1}
+  View R() const { return view(Part::R); }                            // of the measurement noise, m × m
+  View K() const { return view(Part::K); }                            // Kalman gain of the filtered state, n_k × m
+  // \throws std::invalid_argument for a wrong shape
+  void set_innovation_cov(const Matrix& covariance) { set(Part::innovation_cov, covariance); }
+  void set_Q(const Matrix& covariance) { set(Part::Q, covariance); }
+  void set_R(const Matrix& covariance) { set(Part::R, covariance); }
+  void set_K(const Matrix& kalman_gain) { set(Part::K, kalman_gain); }
+  void forget_innovation_cov() { forget(Part::innovation_cov); }
+  void forget_noise();  // Q, R, K
+
+  // Of the identification.
+  bool has_singular_values() const { return has(Part::singular_values); }
+  bool has_condition() const { return has(Part::condition); }
+  bool has_rank() const { return has(Part::rank); }
+  bool has_lags() const { return has(Part::lags); }
+  Eigen::Map<const Vector> singular_values() const { return {at(Part::singular_values), singular_values_}; }  // of H_k
+  double condition() const { return *at(Part::condition); }           // of the scaled W_k with TVERA, else of [x_k u_k]
+  Index rank() const { return static_cast<Index>(*at(Part::rank)); }  // of the same
+  Index lags() const { return static_cast<Index>(*at(Part::lags)); }  // p_k
+  void set_singular_values(const Vector& values);
+  void set_condition(double condition) { set(Part::condition, condition); }
+  void set_rank(Index rank) { set(Part::rank, double(rank)); }
+  void set_lags(Index lags) { set(Part::lags, double(lags)); }
+
+ private:
+  template <class Archive, class S>
+  requires std::is_same_v<std::remove_const_t<S>, Step>
+  friend void fields(Archive& archive, S& step);  // for messages between processes
+
+  // In the order in which they lie in memory.
+  enum class Part : std::uint8_t { A, B, C, D, G, innovation_cov, Q, R, K, singular_values, condition, rank, lags };
+  static constexpr unsigned bit(Part part) { return 1U << unsigned(part); }
+  static constexpr unsigned system = 0x1F;  // A to G
+
+  bool has(Part part) const { return (parts_ & bit(part)) != 0; }
+  Index rows(Part part) const;
+  Index cols(Part part) const;
+  Index begin(Part part) const;          // of its numbers
+  Index begin_besides(Part part) const;  // of those behind the system
+  const double* at(Part part) const { return numbers_.data() + begin(part); }
+  View view(Part part) const { return {at(part), rows(part), cols(part)}; }
+  Writable writable(Part part) { return {numbers_.data() + begin(part), rows(part), cols(part)}; }
+  void set(Part part, const Matrix& value);
+  void set(Part part, double value);
+  void forget(Part part);
+  double* room_for(Part part, Index size);
+  bool whole() const;  // Do the numbers make the parts? For what was read.
+
+  Vector numbers_;
+  std::int32_t states_ = 0, next_states_ = 0, inputs_ = 0, outputs_ = 0, singular_values_ = 0;
+  std::uint32_t parts_ = system;
+};
+
+inline Index Step::rows(Part part) const {
+  switch (part) {
+    case Part::A:
+    case Part::B:
+    case Part::G:
+    case Part::Q:
+      return next_states_;
+    case Part::C:
+    case Part::D:
+    case Part::innovation_cov:
+    case Part::R:
+      return outputs_;
+    case Part::K:
+      return states_;
+    case Part::singular_values:
+      return singular_values_;
+    default:
+      return 1;
+  }
+}
+
+inline Index Step::cols(Part part) const {
+  switch (part) {
+    case Part::A:
+    case Part::C:
+      return states_;
+    case Part::B:
+    case Part::D:
+      return inputs_;
+    case Part::G:
+    case Part::innovation_cov:
+    case Part::R:
+    case Part::K:
+      return outputs_;
+    case Part::Q:
+      return next_states_;
+    default:
+      return 1;
+  }
+}
+
+inline Index Step::begin(Part part) const {
+  const Index n = states_, next = next_states_, r = inputs_, m = outputs_;
+  switch (part) {
+    case Part::A:
+      return 0;
+    case Part::B:
+      return next * n;
+    case Part::C:
+      return next * (n + r);
+    case Part::D:
+      return next * (n + r) + m * n;
+    case Part::G:
+      return (next + m) * (n + r);
+    default:
+      return begin_besides(part);
+  }
+}
+
+}  // namespace tokid

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/step.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+
+namespace tokid {
+
+namespace {
+
+std::int32_t dimension(Index size) {
+  if (size < 0 || size > std::numeric_limits<std::int32_t>::max())
+    throw std::invalid_argument(fmt::format("step: a dimension of {} found, 0 or more needed", size));
+  return static_cast<std::int32_t>(size);
+}
+
+void need_shape(const char* name, const Matrix& a, Index rows, Index cols) {
+  if (a.rows() != rows || a.cols() != cols)
+    throw std::invalid_argument(
+        fmt::format("step: {} is {} x {}, {} x {} needed", name, a.rows(), a.cols(), rows, cols));
+}
+
+}  // namespace
+
+void Step::Writable::need_shape(Index found_rows, Index found_cols) const {
+  if (found_rows != rows() || found_cols != cols())
+    throw std::invalid_argument(
+        fmt::format("step: a matrix of {} x {} found, {} x {} needed", found_rows, found_cols, rows(), cols()));
+}
+
+Step::Step(Index states, Index next_states, Index inputs, Index outputs)
+    : states_(dimension(states)),
+      next_states_(dimension(next_states)),
+      inputs_(dimension(inputs)),
+      outputs_(dimension(outputs)) {
+  numbers_.setZero(begin_besides(Part::innovation_cov));
+}
+
+Step::Step(const Matrix& A, const Matrix& B, const Matrix& C, const Matrix& D, const Matrix& G)
+    : Step(A.cols(), A.rows(), B.cols(), C.rows()) {
+  need_shape("B", B, next_states_, inputs_);
+  need_shape("C", C, outputs_, states_);
+  need_shape("D", D, outputs_, inputs_);
+  need_shape("G", G, next_states_, outputs_);
+  this->A() = A;
+  this->B() = B;
+  this->C() = C;
+  this->D() = D;
+  this->G() = G;
+}
+
+bool Step::operator==(const Step& other) const {
+  return states_ == other.states_ && next_states_ == other.next_states_ && inputs_ == other.inputs_ &&
+         outputs_ == other.outputs_ && parts_ == other.parts_ && singular_values_ == other.singular_values_ &&
+         numbers_ == other.numbers_;
+}
+
+Index Step::begin_besides(Part part) const {
+  Index result = has(Part::A) ? begin(Part::G) + next_states_ * Index(outputs_) : 0;
+  for (auto before = unsigned(Part::innovation_cov); before < unsigned(part); ++before)
+    if (has(Part(before))) result += rows(Part(before)) * cols(Part(before));
+  return result;
+}
+
+// Of so many numbers, whatever the part had before. The numbers of the others stay.
+double* Step::room_for(Part part, Index size) {
+  const Index first = begin(part), found = has(part) ? rows(part) * cols(part) : 0;
+  if (found != size) {
+    const Index behind = numbers_.size() - first - found;
+    Vector numbers(first + size + behind);
+    numbers << numbers_.head(first), Vector::Zero(size), numbers_.tail(behind);
+    numbers_ = std::move(numbers);
+  }
+  parts_ |= bit(part);
+  return numbers_.data() + first;
+}
+
+void Step::set(Part part, const Matrix& value) {
+  constexpr const char* names[] = {"A", "B", "C", "D", "G", "innovation_cov", "Q", "R", "K"};
+  need_shape(names[unsigned(part)], value, rows(part), cols(part));
+  std::copy_n(value.data(), value.size(), room_for(part, value.size()));
+}
+
+void Step::set(Part part, double value) { *room_for(part, 1) = value; }
+
+void Step::set_singular_values(const Vector& values) {
+  const std::int32_t size = dimension(values.size());
+  std::copy_n(values.data(), size, room_for(Part::singular_values, size));
+  singular_values_ = size;
+}
+
+void Step::forget(Part part) {
+  room_for(part, 0);
+  parts_ &= ~bit(part);
+}
+
+void Step::forget_noise() {
+  for (const Part part : {Part::Q, Part::R, Part::K}) forget(part);
+}
+
+void Step::take_evidence_of(const Step& other) {
+  if (other.has_innovation_cov()) set_innovation_cov(other.innovation_cov());
+  if (other.has_singular_values()) set_singular_values(other.singular_values());
+  if (other.has_condition()) set_condition(other.condition());
+  if (other.has_rank()) set_rank(other.rank());
+  if (other.has_lags()) set_lags(other.lags());
+}
+
+Step Step::outline() const {
+  Step result;
+  result.states_ = states_, result.next_states_ = next_states_, result.inputs_ = inputs_, result.outputs_ = outputs_;
+  result.parts_ = parts_ & (bit(Part::condition) | bit(Part::rank) | bit(Part::lags));
+  const Index first = begin_besides(Part::condition);
+  result.numbers_ = numbers_.tail(numbers_.size() - first);
+  return result;
+}
+
+bool Step::whole() const {
+  constexpr std::int32_t most = 1'000'000;  // no product overflows
+  for (const std::int32_t size : {states_, next_states_, inputs_, outputs_, singular_values_})
+    if (size < 0 || size > most) return false;
+  constexpr auto all = Part(unsigned(Part::lags) + 1);
+  return (parts_ & system) == system && parts_ < bit(all) && numbers_.size() == begin_besides(all);
+}
+
+}  // namespace tokid
