@@ -82,6 +82,8 @@ class Reader {
  private:
   [[noreturn]] static void damaged() { throw std::runtime_error("a damaged record found"); }
 
+  static constexpr size_t smallest_step = 6 * sizeof(std::int32_t) + sizeof(Index);  // its dimensions alone
+
   // Of entries that take at least so many bytes each.
   size_t taken_count(size_t bytes) {
     const auto count = taken<size_t>();
@@ -122,7 +124,7 @@ class Reader {
   template <class T>
   void read(std::vector<T>& list) {
     constexpr bool plain = std::is_arithmetic_v<T> || std::is_enum_v<T>;
-    list.resize(taken_count(plain ? sizeof(T) : sizeof(size_t)));
+    list.resize(taken_count(plain ? sizeof(T) : std::is_same_v<T, Step> ? smallest_step : sizeof(size_t)));
     for (T& value : list) read(value);
   }
   template <class T>
@@ -181,7 +183,8 @@ requires std::is_same_v<std::remove_const_t<S>, Step>
 void fields(Archive& archive, S& step) {
   archive(step.states_, step.next_states_, step.inputs_, step.outputs_, step.singular_values_, step.parts_,
           step.numbers_);
-  if (!step.whole()) throw std::runtime_error("a damaged record found");
+  if constexpr (!std::is_const_v<S>)
+    if (!step.whole()) throw std::runtime_error("a damaged record found");
 }
 
 template <class Archive, class M>

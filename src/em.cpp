@@ -110,7 +110,7 @@ Model with_constant_states(const Model& model, Index steps) {
     const Step& transition = full.at(std::clamp(k, begin, last - 1));
     const Step& own = full.at(std::clamp(k, full.k_begin, full.k_end() - 1));
     Step& step = result.step.emplace_back(transition.A(), transition.B(), state.C(), own.D(), transition.G());
-    step.take_evidence_of(own);
+    step.take_diagnostics_of(own);
     if (!own.has_Q() || !own.has_R()) continue;
     step.set_Q(transition.Q());
     step.set_R(own.R());

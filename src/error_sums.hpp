@@ -37,7 +37,8 @@ class ErrorCollector {
   // The outputs of the data are compared as departures from the nominal trajectory (T × m), where there is one.
   ErrorCollector(const Ensemble& data, const Matrix& y_nominal);
 
-  // Errors (N × m) of step k, NaN where there is none. Both of a step follow each other.
+  // Errors (N × m) of step k, NaN where there is none. The sums of the outputs are kept for
+  // one step: both errors of a step are cheapest one after the other.
   void predicted(Index k, const Matrix& error);
   void simulated(Index k, const Matrix& error);
 

@@ -36,6 +36,7 @@ constexpr std::pair<const char*, bool (Step::*)() const> besides[] = {{"innovati
 
 void check_step(const Model& model, Index s) {
   const Step& step = model.step[size_t(s)];
+  if (!step.has_matrices()) throw std::invalid_argument(fmt::format("model: step {} has no matrices", s));
   if (step.inputs() != model.inputs || step.outputs() != model.outputs)
     throw std::invalid_argument(fmt::format("model: step {} has {} inputs and {} outputs, {} and {} needed", s,
                                             step.inputs(), step.outputs(), model.inputs, model.outputs));
@@ -44,7 +45,7 @@ void check_step(const Model& model, Index s) {
                                             step.states(), model.step[size_t(s) - 1].next_states(), s - 1));
   for (const auto& [name, has] : besides)
     if ((step.*has)() != model.has(has))
-      throw std::invalid_argument(fmt::format("model: {} is known of some steps only, all or none needed", name));
+      throw std::invalid_argument(fmt::format("model: {} is known of step {} or of step 0, not of both", name, s));
   const auto finite = [&](const char* name, const Step::View& a) {
     if (!a.allFinite())
       throw std::invalid_argument(fmt::format("model: {}[{}] has a value that is not finite", name, s));
@@ -834,7 +835,7 @@ Similarity kinematically_similar(const Model& a, const Model& b, double toleranc
   if (band <= 0) band = 2 * std::max(a.states(), b.states());
   // Forward from each pulse: one product per parameter, and the scale of each step k collected on the way.
   Vector difference = Vector::Zero(std::max<Index>(0, end - begin)), scale = difference;
-  const auto compare = [&](Index k, const Matrix& x, const Matrix& y) {
+  const auto compare = [&](Index k, const ConstMatrixRef& x, const ConstMatrixRef& y) {
     difference(k - begin) = std::max(difference(k - begin), (x - y).norm());
     scale(k - begin) = std::max({scale(k - begin), x.norm(), y.norm()});
   };

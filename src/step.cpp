@@ -11,6 +11,10 @@ namespace tokid {
 
 namespace {
 
+// Of the parts, in the order of Step::Part.
+constexpr const char* names[] = {
+    "A", "B", "C", "D", "G", "innovation_cov", "Q", "R", "K", "singular_values", "condition", "rank", "lags"};
+
 std::int32_t dimension(Index size) {
   if (size < 0 || size > std::numeric_limits<std::int32_t>::max())
     throw std::invalid_argument(fmt::format("step: a dimension of {} found, 0 or more needed", size));
@@ -78,8 +82,9 @@ double* Step::room_for(Part part, Index size) {
   return numbers_.data() + first;
 }
 
+void Step::not_known(Part part) { throw std::logic_error(fmt::format("step: {} is not known", names[unsigned(part)])); }
+
 void Step::set(Part part, const Matrix& value) {
-  constexpr const char* names[] = {"A", "B", "C", "D", "G", "innovation_cov", "Q", "R", "K"};
   need_shape(names[unsigned(part)], value, rows(part), cols(part));
   std::copy_n(value.data(), value.size(), room_for(part, value.size()));
 }
@@ -101,7 +106,7 @@ void Step::forget_noise() {
   for (const Part part : {Part::Q, Part::R, Part::K}) forget(part);
 }
 
-void Step::take_evidence_of(const Step& other) {
+void Step::take_diagnostics_of(const Step& other) {
   if (other.has_innovation_cov()) set_innovation_cov(other.innovation_cov());
   if (other.has_singular_values()) set_singular_values(other.singular_values());
   if (other.has_condition()) set_condition(other.condition());
@@ -123,7 +128,10 @@ bool Step::whole() const {
   for (const std::int32_t size : {states_, next_states_, inputs_, outputs_, singular_values_})
     if (size < 0 || size > most) return false;
   constexpr auto all = Part(unsigned(Part::lags) + 1);
-  return (parts_ & system) == system && parts_ < bit(all) && numbers_.size() == begin_besides(all);
+  if ((parts_ & system) != system || parts_ >= bit(all) || numbers_.size() != begin_besides(all)) return false;
+  if (!has_singular_values() && singular_values_ != 0) return false;
+  const auto counts = [this](Part part) { return !has(part) || (*at(part) >= 0 && *at(part) < 0x1p52); };
+  return counts(Part::rank) && counts(Part::lags);
 }
 
 }  // namespace tokid

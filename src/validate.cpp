@@ -45,9 +45,10 @@ void check_steps(const Model& model, const Ensemble& data) {
         fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
 }
 
-// From the errors of all steps, and the innovations.
+// From the errors of all steps, and the innovations, which are asked for where they are tested.
+template <class OneStepErrors>
 Validation validation(const Model& model, const Ensemble& data, const ValidateOptions& options,
-                      const ErrorCollector& errors, const Innovations& innovations) {
+                      const ErrorCollector& errors, OneStepErrors&& innovations) {
   const bool departures = model.y_nominal.rows() > 0;
   Validation result;
   result.one_step = result.horizon = fit_of(errors.totals.one_step, departures);
@@ -67,7 +68,7 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
     result.independence = independence(scaled, data, 0, options.whiteness_lags);
     result.feedback = independence(scaled, data, -options.whiteness_lags, -1);
     result.squares = normalised_squares(model, e);
-    result.gains = input_gains(model, data, innovations);
+    result.gains = input_gains(model, data, innovations());
   }
   result.whiteness_p = result.whiteness.p;
   if (!errors.first_predicted)
@@ -96,26 +97,26 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
     errors.predicted(k, judged.prediction.innovations[size_t(k)]);
     errors.simulated(k, data.output(k) - judged.simulated.output(k));
   }
-  judged.validation = validation(model, data, options, errors, judged.prediction.innovations);
+  judged.validation = validation(model, data, options, errors,
+                                 [&judged]() -> const Innovations& { return judged.prediction.innovations; });
   return judged;
 }
 
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options) {
   if (ends_early(model, data.steps())) return validate(continued(model, data.steps()), data, options);
   check_steps(model, data);
-  Innovations innovations(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
   ErrorCollector errors(data, model.y_nominal);
-  predict_each(model, data, options.initial_state, [&](Index k, const Matrix& innovation) {
-    errors.predicted(k, innovation);
-    innovations[size_t(k)] = innovation;
-  });
+  predict_each(model, data, options.initial_state,
+               [&](Index k, const Matrix& innovation) { errors.predicted(k, innovation); });
   Matrix error;
   simulate_data_each(model, data, options.initial_state, [&](Index k, const Matrix& y) {
     error = data.output(k) - y;
     if (k < model.y_nominal.rows()) error.rowwise() -= model.y_nominal.row(k);
     errors.simulated(k, error);
   });
-  return validation(model, data, options, errors, innovations);
+  return validation(model, data, options, errors, [&] {
+    return predict(model, data, {1, options.initial_state}).innovations;
+  });
 }
 
 }  // namespace tokid

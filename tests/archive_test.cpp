@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <stdexcept>
 
 #include "testing.hpp"
@@ -41,6 +42,7 @@ TEST(Archive, NoMemoryIsTakenThatTheBytesAreNotWorth) {
        {std::uint64_t{9}, std::uint64_t{1} << 40, std::uint64_t{1} << 63, ~std::uint64_t{0}}) {
     EXPECT_THROW(unpacked<std::vector<double>>(claiming(size)), std::runtime_error) << size;
     EXPECT_THROW(unpacked<std::vector<std::string>>(claiming(size)), std::runtime_error) << size;
+    EXPECT_THROW(unpacked<std::vector<Step>>(claiming(size)), std::runtime_error) << size;
     EXPECT_THROW(unpacked<Vector>(claiming(size)), std::runtime_error) << size;
     EXPECT_THROW(unpacked<Matrix>(claiming(size)), std::runtime_error) << size;
     EXPECT_THROW(unpacked<std::string>(claiming(size, 8)), std::runtime_error) << size;
@@ -48,6 +50,22 @@ TEST(Archive, NoMemoryIsTakenThatTheBytesAreNotWorth) {
   std::string both = claiming(1 << 20, 8);  // rows and columns whose product is beyond
   both.replace(8, 8, both.substr(0, 8));
   EXPECT_THROW(unpacked<Matrix>(both), std::runtime_error);
+}
+
+TEST(Archive, ContradictorySteps) {
+  Step step(2, 2, 1, 1);
+  step.set_rank(3);
+  std::string bytes = packed(step);
+  EXPECT_EQ(unpacked<Step>(bytes), step);
+  const double no_number = std::numeric_limits<double>::quiet_NaN();
+  std::memcpy(bytes.data() + bytes.size() - sizeof(double), &no_number, sizeof(double));
+  EXPECT_THROW(unpacked<Step>(bytes), std::runtime_error);
+  for (size_t i = 0; i < 6 * sizeof(std::int32_t); i += sizeof(std::int32_t))
+    for (const std::int32_t value : {-1, 7, 1 << 30}) {
+      bytes = packed(step);
+      std::memcpy(bytes.data() + i, &value, sizeof value);
+      EXPECT_THROW(unpacked<Step>(bytes), std::runtime_error) << i << " " << value;
+    }
 }
 
 TEST(Archive, CutAndLongerBytesAreRefused) {

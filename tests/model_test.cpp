@@ -384,7 +384,14 @@ TEST(Model, CheckNamesWhatDisagrees) {
   EXPECT_EQ(message(broken), "model: A[2] has 2 columns, 3 needed: the rows of A[1]");
   broken = model;
   broken.step[3].set_Q(Matrix::Identity(2, 2));
-  EXPECT_EQ(message(broken), "model: Q is known of some steps only, all or none needed");
+  EXPECT_EQ(message(broken), "model: Q is known of step 3 or of step 0, not of both");
+  broken = model;
+  broken.step[2] = broken.step[2].outline();
+  EXPECT_EQ(message(broken), "model: step 2 has no matrices");
+  broken = model;
+  for (Step& step : broken.step) step.set_R(Matrix::Identity(1, 1));
+  broken.step[3].set_R(Matrix::Constant(1, 1, nan));
+  EXPECT_EQ(message(broken), "model: R[3] has a value that is not finite");
   broken = model;
   broken.step[1].G()(1, 0) = nan;
   EXPECT_EQ(message(broken), "model: G[1] has a value that is not finite");

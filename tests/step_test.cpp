@@ -123,6 +123,10 @@ TEST(Step, OfMatrices) {
   EXPECT_EQ(message([&] { other.A() = other.C(); }), "step: a matrix of 2 x 2 found, 3 x 2 needed");
   EXPECT_EQ(message([&] { other.set_Q(c); }), "step: Q is 2 x 2, 3 x 3 needed");
   EXPECT_EQ(message([&] { other.set_K(g); }), "step: K is 3 x 2, 2 x 2 needed");
+  EXPECT_THROW(other.Q(), std::logic_error);
+  EXPECT_THROW(other.rank(), std::logic_error);
+  EXPECT_THROW(other.outline().A(), std::logic_error);
+  EXPECT_EQ(other.singular_values().size(), 0);
   EXPECT_EQ(other, step);  // a refused call changes nothing
 }
 

@@ -277,6 +277,12 @@ TEST_F(Stream, ModelFilesHoldWhatSaveModelWrites) {
       part.step.resize(size_t(to - from));
       file.append(part);
       EXPECT_THROW(file.append(part), std::invalid_argument);
+      EXPECT_THROW(file.outline().check(), std::invalid_argument);
+      Model other = from_step(whole, to);
+      for (Step& step : other.step) step = Step(step.A(), step.B(), step.C(), step.D(), step.G());
+      if (other.steps() > 0) {  // without condition, rank, lags
+        EXPECT_THROW(file.append(other), std::invalid_argument);
+      }
     }
     file.commit(whole.options, whole.version);
   }

@@ -64,6 +64,16 @@ TEST(Tvera, IsTheSameForAnyNumberOfThreads) {
   }
 }
 
+// Factors are held for a few thousand steps at a time: neighbours at a boundary have the same coordinates.
+TEST(Tvera, IsTheSameAsFromTheFactorsOfAllSteps) {
+  const Model system = random_system({2, 1, 1}, 8200, 1.0, 59);
+  const Stage s = stage(system, 2, 8, 5);
+  const TveraOptions options{.rows = 3, .cols = 3};
+  const Model model = tvera(s.parameters, {}, options);
+  EXPECT_EQ(model.step, realise(s.parameters, hankel_factors(s.parameters, {}, options), options).step);
+  EXPECT_TRUE(kinematically_similar(model, system, 1e-6, 6).similar);
+}
+
 TEST(Tvera, StateDimensionGrowsFromZeroAndShrinksAtTheEnd) {
   const Model system = random_system({4, 2, 1}, 30, 1.0, 51);
   const Stage s = stage(system, 2, 20, 6);

@@ -47,7 +47,7 @@ struct Model {
   Index n(Index k) const;  // n_k, k_begin ≤ k ≤ k_end; 0 without any step
   Index max_lags() const;  // largest p_k, at least 1
 
-  // Do the steps know this? All of them do, or none.
+  // Do the steps know this? After check() all of them do, or none.
   bool has(bool (Step::*part)() const) const { return !step.empty() && (step.front().*part)(); }
 
   // \throws std::invalid_argument that names what disagrees with the rest in number or shape, or is not finite
@@ -131,7 +131,8 @@ bool ends_early(const Model& model, Index steps);
 // the same period.
 Model continued(Model model, Index end);
 
-// The model from step k on, with everything that belongs to those steps. \throws std::invalid_argument for k outside it
+// The model from step k on, with everything that belongs to those steps; without any step at k = k_end. \throws
+// std::invalid_argument for k outside it
 Model from_step(Model model, Index k);
 
 // x'_k = S_k x_k with S (S+1 matrices n_k × n_k), which changes no output. \throws std::invalid_argument for a wrong

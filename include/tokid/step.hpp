@@ -10,11 +10,12 @@
 namespace tokid {
 
 // Long models hold millions of steps of a few numbers each. A matrix of its own for each part would take three times
-// the memory.
+// the memory. What adds a part or takes it away, set_… and forget_…, ends the life of all views of the step.
 class Step {
  public:
   using View = Eigen::Map<const Matrix>;
-  // Takes matrices of its own shape alone, for its memory is that of the step: \throws std::invalid_argument
+  // By `=` it takes matrices of its own shape alone: \throws std::invalid_argument. Other operators are Eigen's, which
+  // check shapes in debug builds only.
   class Writable : public Eigen::Map<Matrix> {
    public:
     using Eigen::Map<Matrix>::Map;
@@ -58,14 +59,15 @@ class Step {
   Writable G() { return writable(Part::G); }
   Matrix closed_loop() const { return A() + G() * C(); }  // Ā_k                                         (10)
 
-  // innovation_cov, singular values, condition, rank and lags as another step has them: what no coordinates of the
-  // states enter.
-  void take_evidence_of(const Step& other);
+  // innovation_cov, singular values, condition, rank and lags as another step has them.
+  void take_diagnostics_of(const Step& other);
 
   // The dimensions, condition, rank and lags alone: none of the matrices may be asked for.
   Step outline() const;
 
-  // What may be known besides; to ask for what is not known is a mistake, and gives nothing of use.
+  bool has_matrices() const { return has(Part::A); }
+
+  // What may be known besides. To ask for what is not known: \throws std::logic_error
   bool has_innovation_cov() const { return has(Part::innovation_cov); }
   bool has_Q() const { return has(Part::Q); }
   bool has_R() const { return has(Part::R); }
@@ -87,7 +89,10 @@ class Step {
   bool has_condition() const { return has(Part::condition); }
   bool has_rank() const { return has(Part::rank); }
   bool has_lags() const { return has(Part::lags); }
-  Eigen::Map<const Vector> singular_values() const { return {at(Part::singular_values), singular_values_}; }  // of H_k
+  // Of H_k, in decreasing order; none where they are not known.
+  Eigen::Map<const Vector> singular_values() const {
+    return {numbers_.data() + begin(Part::singular_values), singular_values_};
+  }
   double condition() const { return *at(Part::condition); }           // of the scaled W_k with TVERA, else of [x_k u_k]
   Index rank() const { return static_cast<Index>(*at(Part::rank)); }  // of the same
   Index lags() const { return static_cast<Index>(*at(Part::lags)); }  // p_k
@@ -111,9 +116,19 @@ class Step {
   Index cols(Part part) const;
   Index begin(Part part) const;          // of its numbers
   Index begin_besides(Part part) const;  // of those behind the system
-  const double* at(Part part) const { return numbers_.data() + begin(part); }
+  void need(Part part) const {
+    if (!has(part)) not_known(part);
+  }
+  [[noreturn]] static void not_known(Part part);
+  const double* at(Part part) const {
+    need(part);
+    return numbers_.data() + begin(part);
+  }
   View view(Part part) const { return {at(part), rows(part), cols(part)}; }
-  Writable writable(Part part) { return {numbers_.data() + begin(part), rows(part), cols(part)}; }
+  Writable writable(Part part) {
+    need(part);
+    return {numbers_.data() + begin(part), rows(part), cols(part)};
+  }
   void set(Part part, const Matrix& value);
   void set(Part part, double value);
   void forget(Part part);

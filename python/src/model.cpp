@@ -23,7 +23,8 @@ size_t count(const Model& model, const std::string& name) { return has(model, fi
 
 ReadOnlyArray matrix(nb::handle self, const std::string& name, size_t s) {
   const Model& model = nb::cast<const Model&>(self);
-  return view_of((model.step.at(s).*field_of(name).view)(), self);
+  if (s >= count(model, name)) throw nb::index_error(name.c_str());
+  return view_of((model.step[s].*field_of(name).view)(), self);
 }
 
 std::pair<Index, Index> stacked_size(const Model& model, const std::string& name) {
@@ -38,6 +39,7 @@ NumPyArray stack(const Model& model, const std::string& name) {
   std::vector<double> values(steps * size, 0.0);
   for (size_t s = 0; s < steps; ++s) {
     const Step::View a = (model.step[s].*field_of(name).view)();
+    if (a.rows() > rows || a.cols() > cols) throw std::invalid_argument(name + ": other sizes than those of the model");
     Eigen::Map<RowMajor>(values.data() + s * size, rows, cols).topLeftCorner(a.rows(), a.cols()) = a;
   }
   return array_of(std::move(values), {steps, size_t(rows), size_t(cols)});
@@ -66,6 +68,7 @@ std::string by(Index rows, Index cols) { return std::to_string(rows) + " x " + s
 
 void set_matrices(Model& model, const std::string& name, const std::vector<AnyArray>& arrays) {
   const StepField& field = field_of(name);
+  if (field.optional && arrays.empty()) return;
   need_entries(model, name, arrays.size());
   for (size_t s = 0; s < arrays.size(); ++s) {
     const Matrix a = matrix_of(arrays[s]);
@@ -93,7 +96,8 @@ void set_stack(Model& model, const std::string& name,
   }
 }
 
-// What the steps have of a kind; nothing where they have not.
+// What the steps have of a kind; nothing where they have not. The setters are for models that nobody has seen yet: they
+// end the life of views, and to set nothing leaves things as they are.
 template <class Value>
 std::vector<Value> all(const Model& model, bool (Step::*known)() const, Value (Step::*get)() const) {
   std::vector<Value> values;
@@ -177,7 +181,10 @@ void bind_model(nb::module_& module) {
           "copy", [](const Model& model) { return Model(model); }, nb::call_guard<nb::gil_scoped_release>())
       .def("singular_values",
            [](nb::handle self, size_t s) {
-             return view_of(nb::cast<const Model&>(self).step.at(s).singular_values(), self);
+             const Model& model = nb::cast<const Model&>(self);
+             if (s >= model.step.size() || !model.step[s].has_singular_values())
+               throw nb::index_error("singular_values");
+             return view_of(model.step[s].singular_values(), self);
            })
       .def("singular_values_count",
            [](const Model& model) { return model.has(&Step::has_singular_values) ? model.step.size() : 0; })

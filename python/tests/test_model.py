@@ -271,6 +271,9 @@ def test_from_matrices(tmp_path):
         with pytest.raises(ValueError, match=words):
             wrong()
     assert tokid.Model.from_matrices(A, B, C, output_names=[1, 2]).output_names == ["1", "2"]
+    lists = {name: getattr(again, name) for name in ("innovation_cov", "Q", "R", "K")}  # none of them is known
+    assert not any(len(matrices) for matrices in lists.values())
+    assert tokid.Model.from_matrices(again.A, again.B, again.C, again.D, again.G, **lists).state_dim.tolist() == dims
     model._core.output_names = ["a"]
     with pytest.raises(ValueError, match="model: 1 entries of output_names found, 2 needed"):
         model._core.check()

@@ -175,7 +175,7 @@ class Step:
 
 
 _LISTS = ("A", "B", "C", "D", "G", "innovation_cov", "Q", "R", "K")
-_PLAIN = (
+_PLAIN = (  # in this order: state_dim makes the steps, for so many inputs and outputs
     "inputs",
     "outputs",
     "k_begin",

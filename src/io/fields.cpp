@@ -103,11 +103,19 @@ Matrix Fields::matrix(std::string_view name) const {
 }
 
 Array Fields::stack(std::string_view name) const {
-  numbers(name);
+  const Shape needed = stack_shape(name);
   Array array = get(name);
-  if (layout() == Layout::matlab && array.shape.size() == 2) array.shape.push_back(1);
-  if (array.shape.size() != 3) fail_shape(name, array.shape, "three dimensions");
-  return layout() == Layout::matlab ? permuted(array, {2, 0, 1}) : array;
+  if (layout() != Layout::matlab) return array;
+  array.shape = {needed[1], needed[2], needed[0]};
+  return permuted(array, {2, 0, 1});
+}
+
+Shape Fields::stack_shape(std::string_view name) const {
+  numbers(name);
+  Shape found = shape(name);
+  if (layout() == Layout::matlab && found.size() == 2) found.push_back(1);
+  if (found.size() != 3) fail_shape(name, found, "three dimensions");
+  return layout() == Layout::matlab ? Shape{found[2], found[0], found[1]} : found;
 }
 
 }  // namespace tokid::io

@@ -29,6 +29,7 @@ class Fields {
   Matrix matrix(std::string_view name) const;
   // (S, rows, columns); in MATLAB's layout rows × columns × S, less its trailing ones.
   Array stack(std::string_view name) const;
+  Shape stack_shape(std::string_view name) const;
 
  private:
   const Array* find(std::string_view name) const;

@@ -140,6 +140,15 @@ void ModelFile::append(const Model& steps) {
     throw std::invalid_argument(fmt::format("model: steps from {} with {} states found, from {} with {} needed",
                                             steps.k_begin, steps.n(steps.k_begin), known.k_end(),
                                             known.n(known.k_end())));
+  if (!known.step.empty() && !steps.step.empty()) {
+    if (steps.inputs != known.inputs || steps.outputs != known.outputs)
+      throw std::invalid_argument(fmt::format("model: steps with {} inputs and {} outputs found, {} and {} needed",
+                                              steps.inputs, steps.outputs, known.inputs, known.outputs));
+    for (const auto has : {&Step::has_condition, &Step::has_rank, &Step::has_lags})
+      if (steps.has(has) != known.has(has))
+        throw std::invalid_argument(
+            "model: condition, rank or lags are known of some steps only, each of all or none needed");
+  }
   io::naming_write(content_->path, [&] { content_->append(steps); });
 }
 

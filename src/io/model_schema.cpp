@@ -26,14 +26,19 @@ Array stack_array(const Model& model, const StepField& field, Index states, Layo
   return layout == Layout::matlab ? permuted(array, {1, 2, 0}) : array;
 }
 
+// Before the steps take memory.
+void check_shape(const Fields& fields, const StepField& field, size_t steps, Index states, const Model& model) {
+  const Index rows = padded_size(model, field.rows, states), columns = padded_size(model, field.cols, states);
+  const Shape found = fields.stack_shape(field.name);
+  if (found != Shape{steps, size(rows), size(columns)})
+    fail("data set '{}': {} steps of {} x {} found, {} steps of {} x {} needed", field.name, found[0], found[1],
+         found[2], steps, rows, columns);
+}
+
 void read_stack(const Fields& fields, const StepField& field, Index states, Model& model) {
   const size_t steps = model.step.size();
   const Index rows = padded_size(model, field.rows, states), columns = padded_size(model, field.cols, states);
   const Array array = fields.stack(field.name);
-  const Shape needed{steps, size(rows), size(columns)};
-  if (array.shape != needed)
-    fail("data set '{}': {} steps of {} x {} found, {} steps of {} x {} needed", field.name, array.shape[0],
-         array.shape[1], array.shape[2], steps, rows, columns);
   const auto& values = std::get<std::vector<double>>(array.values);
   Matrix matrix;
   for (size_t s = 0; s < steps; ++s) {
@@ -219,13 +224,16 @@ Arrays arrays_of(const Model& model, Layout layout) {
 }
 
 Model model_of(const Fields& fields) {
-  const Shape a = fields.stack("A").shape;
+  const Shape a = fields.stack_shape("A");
   const size_t steps = a[0];
   const auto states = static_cast<Index>(a[1]);
   Model model;
-  model.outputs = static_cast<Index>(fields.stack("C").shape[1]);
-  model.inputs = static_cast<Index>(fields.stack("B").shape[2]);
+  model.outputs = static_cast<Index>(fields.stack_shape("C")[1]);
+  model.inputs = static_cast<Index>(fields.stack_shape("B")[2]);
   const std::vector<Index> state_dim = fields.integers("state_dim", steps + 1, 0, states);
+  for (const StepField& field : step_fields::all)
+    if (!field.optional || fields.has(field.name)) check_shape(fields, field, steps, states, model);
+  model.step.reserve(steps);
   for (size_t s = 0; s < steps; ++s)
     model.step.emplace_back(state_dim[s], state_dim[s + 1], model.inputs, model.outputs);
   if (fields.has("k_begin")) model.k_begin = fields.integer("k_begin");

@@ -37,7 +37,7 @@ void rotate(Model& model, const Matrix& r) {
 void lead_into(Model& model, const Matrix& s) {
   const Step& last = model.step.back();
   Step next(s * last.A(), s * last.B(), last.C(), last.D(), s * last.G());
-  next.take_evidence_of(last);
+  next.take_diagnostics_of(last);
   if (last.has_Q()) next.set_Q(s * last.Q() * s.transpose());
   if (last.has_R()) next.set_R(last.R());
   if (last.has_K()) next.set_K(last.K());

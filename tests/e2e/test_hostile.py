@@ -648,3 +648,10 @@ def test_nothing_is_told_behind_the_message(tokid):
     """The HDF5 library complains when it is closed about what a damaged file has left open."""
     found = ROOT / "fuzz" / "corpus" / "ensemble_h5" / "found-superblock-beyond-file.h5"
     assert len(tokid("info", found, status=2).stderr.splitlines()) == 1
+
+
+def test_model_whose_matrices_hold_nothing(refused, tmp_path):
+    """No numbers are in the file, and two gigabytes in the model that its shapes speak of."""
+    shapes = {"A": (2, 100, 100), "B": (2, 0, 1_000_000), "C": (2, 1_000_000, 0), "D": (2, 0, 0), "G": (2, 0, 0)}
+    np.savez(tmp_path / "model.npz", state_dim=[100] * 3, **{name: np.zeros(shape) for name, shape in shapes.items()})
+    refused("model.npz", "'B'", "2 steps of 0 x 1000000 found, 2 steps of 100 x 1000000 needed")
