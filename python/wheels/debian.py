@@ -57,7 +57,8 @@ Acquire::Languages "none";
         folder = self.directory / "packages" / f"{package}-{release}-{architecture}"
         if not list(folder.glob("*.deb")):
             folder.mkdir(exist_ok=True)
-            self._run("apt-get", "download", f"{package}:{architecture}/{release}", cwd=folder)
+            # As on a machine of that processor: the packages that are for all of them are for this one then.
+            self._run("apt-get", "-o", f"APT::Architecture={architecture}", "download", f"{package}/{release}", cwd=folder)
         (file,) = folder.glob("*.deb")
         run("dpkg-deb", "--extract", file, target)
         return run("dpkg-deb", "--field", file, "Version").strip()
