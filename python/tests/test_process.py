@@ -201,7 +201,13 @@ def test_python_goes_on_during_a_call(noisy):
     assert during > 0.1 * alone, (during, alone, seconds)
 
 
-LONG = """
+# What a shell without a terminal starts in the background ignores Ctrl-C, and so do all that come from it.
+HEEDS_CTRL_C = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+"""
+
+LONG = HEEDS_CTRL_C + """
 import sys, time
 import tokid
 data = tokid.example("oscillator", experiments=300, steps=1500, process_noise=0.05, measurement_noise=0.1)
@@ -236,7 +242,7 @@ def test_ctrl_c_stops_a_long_call(tmp_path, call):
     assert {path.name for path in tmp_path.iterdir()} <= {"data.h5"}  # no model, nothing half written
 
 
-SHORT_CALLS = """
+SHORT_CALLS = HEEDS_CTRL_C + """
 import sys
 import numpy as np
 import tokid
@@ -323,7 +329,7 @@ def test_a_state_is_locked_by_one_at_a_time(tmp_path):
 
 
 def test_ctrl_c_stops_a_wait(tmp_path):
-    script = """
+    script = HEEDS_CTRL_C + """
 import tokid
 print("begin", flush=True)
 try:
