@@ -552,12 +552,12 @@ std::string csv_cell(const std::string& text) {
   return plain ? text : cell;
 }
 
-void write_notes(const Ensemble& e, fmt::memory_buffer& out) {
+void write_notes(const Ensemble& e, std::string& out) {
   const auto note = [&](const char* key, const auto& value) {
-    fmt::format_to(std::back_inserter(out), "# {} = {}\n", key, nlohmann::json(value).dump());
+    out += fmt::format("# {} = {}\n", key, nlohmann::json(value).dump());
   };
-  if (e.dt_stated) fmt::format_to(std::back_inserter(out), "# dt = {}\n", e.dt);
-  if (e.initial_state) fmt::format_to(std::back_inserter(out), "# initial_state = {}\n", to_string(*e.initial_state));
+  if (e.dt_stated) out += fmt::format("# dt = {}\n", e.dt);
+  if (e.initial_state) out += fmt::format("# initial_state = {}\n", to_string(*e.initial_state));
   if (!e.length.empty()) note("length", e.length);
   if (!e.names.input_names.empty()) note("input_names", e.names.input_names);
   if (!e.names.output_names.empty()) note("output_names", e.names.output_names);
@@ -565,12 +565,12 @@ void write_notes(const Ensemble& e, fmt::memory_buffer& out) {
   if (!e.names.output_units.empty()) note("output_units", e.names.output_units);
 }
 
-void write_row(const Ensemble& e, Index n, Index k, std::string_view experiment, fmt::memory_buffer& out) {
-  fmt::format_to(std::back_inserter(out), "{},{}", experiment, static_cast<double>(k) * (e.dt_stated ? e.dt : 1.0));
+void write_row(const Ensemble& e, Index n, Index k, std::string_view experiment, std::string& out) {
+  out += fmt::format("{},{}", experiment, static_cast<double>(k) * (e.dt_stated ? e.dt : 1.0));
   for (Index c = 0; c < e.channels(); ++c) {
     const double value = e.samples()(n, k * e.channels() + c);
     out.push_back(',');
-    if (!std::isnan(value)) fmt::format_to(std::back_inserter(out), "{}", value);
+    if (!std::isnan(value)) out += fmt::format("{}", value);
   }
   out.push_back('\n');
 }
@@ -599,11 +599,11 @@ void check_fits(const Ensemble& e) {
 void write_csv(const Ensemble& e, const std::filesystem::path& path) {
   check_fits(e);
   ByteWriter file(path);
-  fmt::memory_buffer out;
+  std::string out;
   write_notes(e, out);
   Names cells = column_names(e);
   std::transform(cells.begin(), cells.end(), cells.begin(), csv_cell);
-  fmt::format_to(std::back_inserter(out), "{}\n", fmt::join(cells, ","));
+  out += fmt::format("{}\n", fmt::join(cells, ","));
   for (Index n = 0; n < e.experiments(); ++n) {
     checkpoint();
     const std::string name = e.experiment_name(n);
