@@ -248,7 +248,7 @@ import sys
 import numpy as np
 import tokid
 import time
-data = tokid.Ensemble(*np.random.default_rng(0).normal(size=(2, 400, 4000, 1)))
+data = tokid.Ensemble(*np.random.default_rng(0).normal(size=(2, 400, 10000, 1)))
 many = tokid.example_system("oscillator", steps=100000)
 whole = 60.0
 if sys.argv[1:]:
