@@ -165,6 +165,7 @@ std::vector<std::string> noise_fields(const Model& model) {
 
 Json json(const Call& call, const Model& model) {
   const Span dims = state_dimensions(model), lags = lag_orders(model);
+  const std::vector<double> condition = conditions(model);
   Json j;
   j["file"] = call.file.string();
   j["kind"] = "model";
@@ -184,8 +185,8 @@ Json json(const Call& call, const Model& model) {
   j["full_begin"] = model.full_begin();
   j["full_end"] = model.full_end();
   j["lags"] = {{"min", lags.least}, {"max", lags.most}};
-  j["condition_median"] = median(conditions(model));
-  j["condition_max"] = largest(conditions(model));
+  j["condition_median"] = median(condition);
+  j["condition_max"] = largest(condition);
   j["rank_deficient_steps"] = rank_deficient_steps(model);
   j["deadbeat_product_norm"] = deadbeat_norm(model);
   j["noise"] = noise_fields(model);
@@ -220,10 +221,10 @@ std::string report(const Call& call, const Model& model) {
                           ? fmt::format("trajectory of {}", plural(model.u_nominal.rows(), "step"))
                           : "none");
   if (model.has(&Step::has_lags)) page.row("Lag order", text(lag_orders(model)));
-  if (model.has(&Step::has_condition))
-    page.row("Regressions", fmt::format("condition median {}, largest {}; {} of {} rank deficient",
-                                        number(median(conditions(model))), number(largest(conditions(model))),
-                                        rank_deficient_steps(model), plural(model.steps(), "step")));
+  if (const std::vector<double> condition = conditions(model); !condition.empty())
+    page.row("Regressions",
+             fmt::format("condition median {}, largest {}; {} of {} rank deficient", number(median(condition)),
+                         number(largest(condition)), rank_deficient_steps(model), plural(model.steps(), "step")));
   page.row("Observer", fmt::format("median norm of {} successive closed-loop matrices {}", model.max_lags(),
                                    number(deadbeat_norm(model))));
   if (!noise_fields(model).empty()) page.row("Noise", fmt::format("{}", fmt::join(noise_fields(model), ", ")));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include "tokid/model.hpp"
 
@@ -52,6 +53,23 @@ inline constexpr std::array all{
 
 inline bool has(const Model& model, const StepField& field) {
   return !model.step.empty() && field.known(model.step.front());
+}
+
+// What the steps know of a kind; nothing where they don't.
+template <class Value>
+std::vector<Value> known_values(const Model& model, bool (Step::*known)() const, Value (Step::*get)() const) {
+  std::vector<Value> values;
+  if (!model.has(known)) return values;
+  values.reserve(model.step.size());
+  for (const Step& step : model.step) values.push_back((step.*get)());
+  return values;
+}
+
+// n_k, k_begin ≤ k ≤ k_end
+inline std::vector<Index> state_dimensions(const Model& model) {
+  std::vector<Index> result;
+  for (Index k = model.k_begin; k <= model.k_end(); ++k) result.push_back(model.n(k));
+  return result;
 }
 
 // Of the matrix at a step.

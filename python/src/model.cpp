@@ -52,12 +52,6 @@ void set_state_dim(Model& model, const std::vector<Index>& state_dim) {
     model.step.emplace_back(state_dim[s], state_dim[s + 1], model.inputs, model.outputs);
 }
 
-std::vector<Index> state_dim(const Model& model) {
-  std::vector<Index> result;
-  for (Index k = model.k_begin; k <= model.k_end(); ++k) result.push_back(model.n(k));
-  return result;
-}
-
 void need_entries(const Model& model, const std::string& name, size_t found) {
   if (found != model.step.size())
     throw std::invalid_argument("model: " + std::to_string(found) + " entries of " + name + " found, " +
@@ -96,16 +90,8 @@ void set_stack(Model& model, const std::string& name,
   }
 }
 
-// What the steps have of a kind; nothing where they have not. The setters are for models that nobody has seen yet: they
-// end the life of views, and to set nothing leaves things as they are.
-template <class Value>
-std::vector<Value> all(const Model& model, bool (Step::*known)() const, Value (Step::*get)() const) {
-  std::vector<Value> values;
-  for (const Step& step : model.step)
-    if ((step.*known)()) values.push_back((step.*get)());
-  return values;
-}
-
+// The setters are for models that nobody has seen yet: they end the life of views, and to set nothing leaves things as
+// they are.
 template <class Value>
 void set_all(Model& model, const char* name, void (Step::*set)(Value), const std::vector<Value>& values) {
   if (values.empty()) return;
@@ -194,19 +180,19 @@ void bind_model(nb::module_& module) {
       .def_rw("outputs", &Model::outputs)
       .def_rw("k_begin", &Model::k_begin)
       .def_rw("dt", &Model::dt)
-      .def_prop_rw("state_dim", &state_dim, &set_state_dim)
+      .def_prop_rw("state_dim", &state_dimensions, &set_state_dim)
       .def_rw("period", &Model::period)
       .def_rw("frame", &Model::frame)
       .def_rw("method", &Model::method)
       .def_rw("initial_state", &Model::initial_state)
       .def_prop_rw(
-          "condition", [](const Model& m) { return all(m, &Step::has_condition, &Step::condition); },
+          "condition", [](const Model& m) { return known_values(m, &Step::has_condition, &Step::condition); },
           [](Model& m, const std::vector<double>& values) { set_all(m, "condition", &Step::set_condition, values); })
       .def_prop_rw(
-          "rank", [](const Model& m) { return all(m, &Step::has_rank, &Step::rank); },
+          "rank", [](const Model& m) { return known_values(m, &Step::has_rank, &Step::rank); },
           [](Model& m, const std::vector<Index>& values) { set_all(m, "rank", &Step::set_rank, values); })
       .def_prop_rw(
-          "lags", [](const Model& m) { return all(m, &Step::has_lags, &Step::lags); },
+          "lags", [](const Model& m) { return known_values(m, &Step::has_lags, &Step::lags); },
           [](Model& m, const std::vector<Index>& values) { set_all(m, "lags", &Step::set_lags, values); })
       .def_rw("options", &Model::options)
       .def_rw("version", &Model::version)

@@ -106,16 +106,11 @@ constexpr NominalField nominal_fields[] = {{"u_nominal", &Model::u_nominal, &Mod
 
 void add_diagnostics(const Model& model, Arrays& arrays) {
   if (model.has(&Step::has_condition)) {
-    std::vector<double> values;
-    for (const Step& step : model.step) values.push_back(step.condition());
-    arrays.emplace_back("condition", Array{{values.size()}, values});
+    std::vector<double> values = known_values(model, &Step::has_condition, &Step::condition);
+    arrays.emplace_back("condition", Array{{values.size()}, std::move(values)});
   }
-  for (const CountField& field : count_fields) {
-    if (!model.has(field.has)) continue;
-    std::vector<Index> counts;
-    for (const Step& step : model.step) counts.push_back((step.*field.get)());
-    arrays.emplace_back(field.name, list(counts));
-  }
+  for (const CountField& field : count_fields)
+    if (model.has(field.has)) arrays.emplace_back(field.name, list(known_values(model, field.has, field.get)));
 }
 
 void read_diagnostics(const Fields& fields, Model& model) {
@@ -197,9 +192,7 @@ Arrays small_arrays_of(const Model& model) {
   add_channels(model.names, arrays);
   add_diagnostics(model, arrays);
   add_initial_estimate(model, arrays);
-  std::vector<Index> state_dim;
-  for (Index k = model.k_begin; k <= model.k_end(); ++k) state_dim.push_back(model.n(k));
-  arrays.emplace_back("state_dim", list(state_dim));
+  arrays.emplace_back("state_dim", list(state_dimensions(model)));
   return arrays;
 }
 

@@ -11,6 +11,7 @@
 #include "options_json.hpp"
 #include "regressions.hpp"
 #include "statistics.hpp"
+#include "step_fields.hpp"
 #include "tokid/gtv_arx.hpp"
 
 namespace tokid::report {
@@ -181,9 +182,7 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
 }
 
 void judge_regressions(const Model& model, Evidence& found) {
-  std::vector<double> condition;
-  if (model.has(&Step::has_condition))
-    for (const Step& step : model.step) condition.push_back(step.condition());
+  const std::vector<double> condition = known_values(model, &Step::has_condition, &Step::condition);
   found.condition_median = finite_median(condition);
   found.condition_max = nan;
   for (const double c : condition) found.condition_max = std::fmax(found.condition_max, c);
