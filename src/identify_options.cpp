@@ -5,23 +5,20 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 
-#include "options_json.hpp"
+#include "json.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid {
 
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 [[noreturn]] void refuse(const char* key, const Json& found, const std::string& needed) {
-  throw std::invalid_argument(fmt::format("options of the model, \"{}\": {} found, {} needed", key,
-                                          found.dump(-1, ' ', false, Json::error_handler_t::replace), needed));
+  throw std::invalid_argument(
+      fmt::format("options of the model, \"{}\": {} found, {} needed", key, text_of(found), needed));
 }
 
 // λ, with "infinity", which JSON has no number for.
@@ -148,7 +145,7 @@ constexpr std::string_view others[] = {experiments_key, data_key, choices_key, r
 
 // What the model holds, or an empty object.
 Json told(const Model& model) {
-  Json json = options_json<Json>(model.options);
+  Json json = options_json(model.options);
   return json.is_object() ? json : Json::object();
 }
 
@@ -164,11 +161,11 @@ std::string to_json(const IdentifyOptions& options, Index experiments) {
   Json json;
   for (const Entry& entry : table) json[entry.key] = entry.write(options);
   json[experiments_key] = experiments;
-  return json.dump();
+  return text_of(json);
 }
 
 IdentifyOptions identify_options(const Model& model) {
-  const Json json = options_json<Json>(model.options);
+  const Json json = options_json(model.options);
   if (!json.is_object())
     throw std::invalid_argument(model.options.empty()
                                     ? "options of the model: none found, those of an identified model needed"
@@ -191,7 +188,7 @@ void note_data(Model& model, const std::string& fingerprint) {
   Json& list = json[data_key];
   if (!list.is_array()) list = Json::array();
   if (std::find(list.begin(), list.end(), fingerprint) == list.end()) list.push_back(fingerprint);
-  model.options = json.dump();
+  model.options = text_of(json);
 }
 
 bool has_seen(const Model& model, const Ensemble& data) {
@@ -204,13 +201,13 @@ void note_update(Model& model, Index experiments) {
   Json json = told(model);
   json[experiments_key] = experiments;
   json.erase(refined_key);
-  model.options = json.dump();
+  model.options = text_of(json);
 }
 
 void note_refinement(Model& model, double smoothing, Index iterations) {
   Json json = told(model);
   json[refined_key] = {{"smoothing", penalty(smoothing)}, {"iterations", iterations}};
-  model.options = json.dump();
+  model.options = text_of(json);
 }
 
 void note_choices(Model& model, const NoisyChoices& choices) {
@@ -221,13 +218,13 @@ void note_choices(Model& model, const NoisyChoices& choices) {
                        {"weighting", word_of(weightings, std::optional(choices.weighting))},
                        {"refinement_smoothing", penalty(choices.refinement_smoothing)},
                        {"refinement_iterations", choices.refinement_iterations}};
-  model.options = json.dump();
+  model.options = text_of(json);
 }
 
 void note_missing_dt(Model& model) {
   Json json = told(model);
   json[dt_key] = false;
-  model.options = json.dump();
+  model.options = text_of(json);
 }
 
 bool states_dt(const Model& model) { return told(model).value(dt_key, Json(true)) != Json(false); }

@@ -10,7 +10,6 @@
 #include <fstream>
 #include <limits>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <unordered_map>
 #include <unordered_set>
@@ -18,6 +17,7 @@
 #include "atomic_file.hpp"
 #include "claims.hpp"
 #include "formats.hpp"
+#include "json.hpp"
 #include "text.hpp"
 #include "time_axis.hpp"
 #include "time_unit.hpp"
@@ -126,12 +126,12 @@ std::string trimmed(std::string_view text) {
 
 template <typename T>
 void parse_note(const Row& comment, const std::string& key, const std::string& value, T& to) {
-  const auto json = nlohmann::json::parse(value, nullptr, false);
+  const Json json = parse_json(value);
   const auto is_whole = [](const auto& count) { return count.is_number_integer(); };
   try {
     const bool valid = !std::is_same_v<T, std::vector<Index>> || std::all_of(json.begin(), json.end(), is_whole);
     if (valid) return static_cast<void>(to = json.get<typename std::decay_t<T>>());
-  } catch (const nlohmann::json::exception&) {
+  } catch (const Json::exception&) {
   }
   fail("line {}: {} = '{}' found, a value in JSON's notation needed", comment.line, key, value);
 }
@@ -141,7 +141,7 @@ void check_repeated(std::map<std::string, Row>& lines, const std::string& key, c
   const auto [before, is_new] = lines.try_emplace(key, line);
   const std::string &first = before->second.cells.front(), &second = line.cells.front();
   if (is_new || first == second) return;
-  const auto a = nlohmann::json::parse(first, nullptr, false), b = nlohmann::json::parse(second, nullptr, false);
+  const Json a = parse_json(first), b = parse_json(second);
   if (!a.is_discarded() && a == b) return;
   fail("line {}: {} = '{}' found, but line {} has {} = '{}'; one of them needed", line.line, key, second,
        before->second.line, key, first);
@@ -553,9 +553,7 @@ std::string csv_cell(const std::string& text) {
 }
 
 void write_notes(const Ensemble& e, std::string& out) {
-  const auto note = [&](const char* key, const auto& value) {
-    out += fmt::format("# {} = {}\n", key, nlohmann::json(value).dump());
-  };
+  const auto note = [&](const char* key, const auto& value) { out += fmt::format("# {} = {}\n", key, text_of(value)); };
   if (e.dt_stated) out += fmt::format("# dt = {}\n", e.dt);
   if (e.initial_state) out += fmt::format("# initial_state = {}\n", to_string(*e.initial_state));
   if (!e.length.empty()) note("length", e.length);

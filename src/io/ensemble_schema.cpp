@@ -3,8 +3,8 @@
 #include <optional>
 
 #include "experiment_names.hpp"
+#include "json.hpp"
 #include "linalg/transposition.hpp"
-#include "options_json.hpp"
 #include "schema.hpp"
 
 namespace tokid::io {

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "json.hpp"
 #include "judged.hpp"
 #include "nan.hpp"
-#include "options_json.hpp"
 #include "regressions.hpp"
 #include "statistics.hpp"
 #include "step_fields.hpp"

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
+#include "json.hpp"
 #include "report/assets.hpp"
 #include "report/page.hpp"
 #include "report/paper_figures.hpp"
@@ -175,7 +175,6 @@ std::vector<PaperFile> paper_figure_files(const Paper& paper, const KalmanStudy&
 }
 
 std::string paper_json(const Paper& paper, const KalmanStudy& study) {
-  using Json = nlohmann::ordered_json;
   const auto figure_json = [](const report::Figure& figure) {
     Json panels = Json::array();
     for (const report::Panel& panel : figure.panels) {
@@ -225,7 +224,7 @@ std::string paper_json(const Paper& paper, const KalmanStudy& study) {
                                {"experiments", cell.experiments > 0 ? Json(cell.experiments) : Json(nullptr)},
                                {"error", cell.error},
                                {"gain", cell.gain}});
-  return json.dump(1) + "\n";
+  return text_of(json, 1) + "\n";
 }
 
 }  // namespace tokid

@@ -6,11 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 
 #include "assets.hpp"
 #include "evidence.hpp"
-#include "options_json.hpp"
+#include "json.hpp"
 #include "page.hpp"
 #include "provenance.hpp"
 #include "report_data.hpp"
@@ -249,15 +248,14 @@ class Report {
 
   // What was asked for, and what was left to the program.
   std::string option_text() const {
-    const auto json = options_json<nlohmann::ordered_json>(model_.options);
+    const auto json = options_json(model_.options);
     if (!json.is_object()) return model_.options;
     std::vector<std::string> asked, automatic;
     for (const auto& [key, value] : json.items()) {
       if (key == "experiments") continue;  // a row of its own
       std::string name = key;
       std::replace(name.begin(), name.end(), '_', ' ');
-      const std::string text = value.is_string() ? value.get<std::string>()
-                                                 : value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+      const std::string text = value.is_string() ? value.get<std::string>() : text_of(value);
       if (text == "auto")
         automatic.push_back(name);
       else

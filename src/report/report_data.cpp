@@ -8,19 +8,17 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <set>
 #include <stdexcept>
 
+#include "json.hpp"
 #include "nan.hpp"
 #include "words.hpp"
 
 namespace tokid::report {
 
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // The page holds at most so many numbers of each kind; seven bytes each, more or less.
 constexpr Index most_trace_numbers = 400'000;
@@ -179,7 +177,7 @@ class Collector {
     poles();
     entries();
     whiteness();
-    plots_.json = json_.dump(-1, ' ', false, Json::error_handler_t::replace);
+    plots_.json = text_of(json_);
     return std::move(plots_);
   }
 

@@ -8,19 +8,18 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <nlohmann/json.hpp>
 #include <vector>
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
 #include "io/naming.hpp"
+#include "json.hpp"
 
 namespace tokid::stream {
 
 namespace {
 
-using Json = nlohmann::ordered_json;
 using io::fail;
 
 constexpr std::string_view magic =
@@ -46,8 +45,8 @@ std::string differences(const Json& found, const Json& needed) {
   for (const auto& [key, value] : needed.items()) {
     const auto there = found.find(key);
     if (there == found.end() || *there != value)
-      result.push_back(
-          fmt::format("{}: {} found, {} needed", key, there == found.end() ? "nothing" : there->dump(), value.dump()));
+      result.push_back(fmt::format("{}: {} found, {} needed", key, there == found.end() ? "nothing" : text_of(*there),
+                                   text_of(value)));
   }
   return fmt::format("{}", fmt::join(result, "; "));
 }
@@ -103,7 +102,7 @@ void Journal::check_magic() {
 void Journal::begin(const std::string& about) {
   io::naming_write(path_, [&] {
     if (!kept_) return restart(about);  // nothing is lost
-    const Json found = Json::parse(*about_, nullptr, false), needed = Json::parse(about);
+    const Json found = parse_json(*about_), needed = parse_json(about);
     if (found != needed)
       fail("the journal of another identification found ({}); delete it to begin anew, or call as then to go on",
            differences(found, needed));

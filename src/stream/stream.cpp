@@ -9,7 +9,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #define XXH_INLINE_ALL
@@ -18,6 +17,7 @@
 #include "archive.hpp"
 #include "io/atomic_file.hpp"
 #include "io/naming.hpp"
+#include "json.hpp"
 #include "linalg/simd.hpp"
 #include "realisation.hpp"
 #include "statistics.hpp"
@@ -194,18 +194,18 @@ class Record {
 std::string about_blocks(const EnsembleFile& file, const Plan& plan, const std::string& settled,
                          const StreamOptions& options) {
   const FileState data = file.state();
-  nlohmann::ordered_json json;
+  Json json;
   json["version"] = version;
   json["instructions"] = simd::to_string(simd::target());
   json["number of the file"] = data.number;
   json["bytes of the data"] = data.bytes;
   json["time of the data"] = data.modified;
   json["change of the file"] = data.changed;
-  json.update(nlohmann::ordered_json::parse(to_json(options.identify, file.experiments())));
+  json.update(parse_json(to_json(options.identify, file.experiments())));
   json["steps"] = plan.steps;
   json["blocks"] = plan.count;
   json["choices"] = fmt::format("{:016x}", XXH3_64bits(settled.data(), settled.size()));
-  return json.dump();
+  return text_of(json);
 }
 
 // The blocks of an earlier call.
