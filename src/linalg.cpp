@@ -2,7 +2,7 @@
 #include "tokid/linalg.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
@@ -99,6 +99,8 @@ MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, doubl
   return result;
 }
 
+Matrix solve(const ConstMatrixRef& a, const ConstMatrixRef& b) { return a.partialPivLu().solve(b); }
+
 Matrix pseudo_inverse(const ConstMatrixRef& a, double tolerance) {
   const Svd d = svd(a);
   if (tolerance < 0) tolerance = 8 * epsilon * double(std::max(a.rows(), a.cols()));
@@ -130,14 +132,14 @@ std::optional<Matrix> covariance_factor(const ConstMatrixRef& s) {
   const Vector size = s.diagonal().cwiseSqrt();
   const Vector inverse = (size.array() > 0).select(size.cwiseInverse(), 1.0);
   const Matrix correlation = inverse.asDiagonal() * s * inverse.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Matrix> decomposition(correlation);
+  const SymmetricEigensystem decomposition = symmetric_eigensystem(correlation);
   if ((correlation - correlation.transpose()).cwiseAbs().maxCoeff() > rounding ||
-      decomposition.eigenvalues().minCoeff() < -rounding)
+      decomposition.values.minCoeff() < -rounding)
     return std::nullopt;
   // What rounding has made of zero must not become its root, 1e-8: a direction without variance has none.
-  const Vector& values = decomposition.eigenvalues();
+  const Vector& values = decomposition.values;
   const double zero = 4 * epsilon * double(s.rows()) * values(values.size() - 1);
-  return size.asDiagonal() * decomposition.eigenvectors() *
+  return size.asDiagonal() * decomposition.vectors *
          (values.array() > zero).select(values, 0.0).cwiseSqrt().asDiagonal();
 }
 

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -197,7 +196,7 @@ void compare_with_print(Paper& paper) {
   add_matrix("(74)", "G", Matrix{{-1.0}, {-3.0}}, constant.step[1].G(), rounding);
   add_matrix("(75)", "A+GC", Matrix{{1, -1}, {1, -1}}, constant.at(1).closed_loop(), rounding);
 
-  const Matrix t = similarity_to_print(paper), t_inverse = t.inverse();
+  const Matrix t = similarity_to_print(paper), t_inverse = linalg::solve(t, Matrix::Identity(t.rows(), t.cols()));
   const auto closed = [&](Index k) -> Matrix { return t_inverse * paper.framed.model.at(k).closed_loop() * t; };
   for (Index i = 0; i < 3; ++i) {
     const Index k = first_printed + i;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "riccati.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 
 #include "regressions.hpp"
@@ -45,12 +44,11 @@ class Riccati {
   Matrix missing_noise(const Matrix& seen) const {
     const Vector& size = noise_.output_size;
     const Vector unit = (size.array() > 0).select(size.cwiseInverse(), 0.0);
-    const Eigen::SelfAdjointEigenSolver<Matrix> directions(covariance_of(seen * unit.asDiagonal()));
-    const Vector& variance = directions.eigenvalues();  // in increasing order
+    const auto [variance, directions] = linalg::symmetric_eigensystem(covariance_of(seen * unit.asDiagonal()));
     const double least = least_noise * least_noise * variance(variance.size() - 1);
     const Index lacking = (variance.array() < least).count();
     return (least - variance.head(lacking).array().max(0.0)).sqrt().matrix().asDiagonal() *
-           directions.eigenvectors().leftCols(lacking).transpose() * size.asDiagonal();
+           directions.leftCols(lacking).transpose() * size.asDiagonal();
   }
 
   const Model& model_;

@@ -40,6 +40,30 @@ TEST_P(Factorisations, TriangularFactorHasTheGramMatrix) {
     for (Index j = 0; j < i; ++j) EXPECT_EQ(r(i, j), 0.0);
 }
 
+TEST(Solve, LeavesResidualsOfRounding) {
+  for (const Index n : {1, 2, 5, 12, 40}) {
+    Random random(std::uint64_t(300 + n));
+    const Matrix a = random.matrix(n, n), b = random.matrix(n, 3), x = linalg::solve(a, b);
+    // Partial pivoting is stable but for a growth of the pivots, which is modest in random matrices.
+    EXPECT_LE((a * x - b).norm(), 10 * epsilon * double(n) * (a.norm() * x.norm() + b.norm())) << n;
+  }
+}
+
+TEST(SymmetricEigensystem, ReproducesTheMatrixOfItsLowerTriangle) {
+  for (const Index n : {1, 2, 5, 12, 40}) {
+    Random random(std::uint64_t(400 + n));
+    const Matrix half = random.matrix(n, n);
+    const Matrix s = half + half.transpose();
+    Matrix lower = s;
+    for (Index j = 1; j < n; ++j) lower.col(j).head(j).setConstant(nan);
+    const auto [values, vectors] = linalg::symmetric_eigensystem(lower);
+    const double tolerance = 10 * epsilon * double(n);
+    EXPECT_LE((vectors * values.asDiagonal() * vectors.transpose() - s).norm(), tolerance * s.norm()) << n;
+    EXPECT_LE((vectors.transpose() * vectors - Matrix::Identity(n, n)).norm(), tolerance) << n;
+    for (Index i = 1; i < n; ++i) EXPECT_LE(values(i - 1), values(i)) << n;
+  }
+}
+
 // Of every number of columns beside one another, odd and even lengths, more columns than rows, zeros among them; and
 // one that is too large for the caches.
 TEST(TriangularFactor, IsThatOfEigen) {

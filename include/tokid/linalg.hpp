@@ -72,6 +72,17 @@ Matrix whitener(const ConstMatrixRef& s);
 // largest correlation.
 std::optional<Matrix> covariance_factor(const ConstMatrixRef& s);
 
+// a⁻¹·b for a (n × n) and b (n × cols), by an LU decomposition with partial pivoting. Not finite, or huge, where a is
+// singular.
+Matrix solve(const ConstMatrixRef& a, const ConstMatrixRef& b);
+
+// s = vectors · diag(values) · vectorsᵀ for a symmetric s (n × n), of which the lower triangle is read.
+struct SymmetricEigensystem {
+  Vector values;   // (n), in increasing order
+  Matrix vectors;  // (n × n), orthogonal
+};
+SymmetricEigensystem symmetric_eigensystem(const ConstMatrixRef& s);
+
 // Eigenvalues (n) of a (n × n), in no order of meaning; conjugate pairs stand together. NaN, all of them, where a is
 // not finite or the iteration does not converge. \throws std::invalid_argument where a is not square
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "em/symmetric.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <limits>
 
@@ -27,8 +26,6 @@ void cholesky(Matrix& l) {
   }
   l.triangularView<Eigen::StrictlyUpper>().setZero();
 }
-
-using Eigensystem = Eigen::SelfAdjointEigenSolver<Matrix>;
 
 }  // namespace
 
@@ -69,25 +66,26 @@ Matrix bounded_below(const Matrix& s, const Vector& floor, bool* raised) {
   if (raised) *raised = false;
   if (s.size() == 0) return s;
   const Vector root = floor.cwiseSqrt();
-  const Eigensystem scaled(root.cwiseInverse().asDiagonal() * s * root.cwiseInverse().asDiagonal());
-  if (scaled.eigenvalues()(0) >= 1) return s;
+  const auto scaled =
+      linalg::symmetric_eigensystem(root.cwiseInverse().asDiagonal() * s * root.cwiseInverse().asDiagonal());
+  if (scaled.values(0) >= 1) return s;
   if (raised) *raised = true;
-  const Matrix vectors = root.asDiagonal() * scaled.eigenvectors();
-  return vectors * scaled.eigenvalues().cwiseMax(1.0).asDiagonal() * vectors.transpose();
+  const Matrix vectors = root.asDiagonal() * scaled.vectors;
+  return vectors * scaled.values.cwiseMax(1.0).asDiagonal() * vectors.transpose();
 }
 
 Matrix logarithm(const Matrix& s, const Matrix& w) {
   if (s.size() == 0) return s;
-  const Eigensystem scaled(w * s * w.transpose());
-  const Vector logs = scaled.eigenvalues().cwiseMax(std::numeric_limits<double>::min()).array().log();
-  return scaled.eigenvectors() * logs.asDiagonal() * scaled.eigenvectors().transpose();
+  const auto scaled = linalg::symmetric_eigensystem(w * s * w.transpose());
+  const Vector logs = scaled.values.cwiseMax(std::numeric_limits<double>::min()).array().log();
+  return scaled.vectors * logs.asDiagonal() * scaled.vectors.transpose();
 }
 
 Matrix exponential(const Matrix& log, const Matrix& w_inverse) {
   if (log.size() == 0) return log;
-  const Eigensystem scaled(log);
-  const Matrix vectors = w_inverse * scaled.eigenvectors();
-  return vectors * scaled.eigenvalues().array().exp().matrix().asDiagonal() * vectors.transpose();
+  const auto scaled = linalg::symmetric_eigensystem(log);
+  const Matrix vectors = w_inverse * scaled.vectors;
+  return vectors * scaled.values.array().exp().matrix().asDiagonal() * vectors.transpose();
 }
 
 }  // namespace tokid::em

@@ -26,6 +26,11 @@ bool solves(Eigen::EigenSolver<Matrix>& solver, const ConstMatrixRef& a, bool wi
 
 }  // namespace
 
+SymmetricEigensystem symmetric_eigensystem(const ConstMatrixRef& s) {
+  const Eigen::SelfAdjointEigenSolver<Matrix> solver(s);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a) {
   check_square(a);
   if (a.size() == 0) return {};

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "outliers/sketch.hpp"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -311,7 +310,7 @@ void Sketch::regress(Place& p, const std::vector<char>& out) const {
       p.deviation.row(i).setConstant(1 / std::sqrt(left));
     } else {
       const Matrix left = Matrix::Identity(own, own) - g.middleRows(i, own) * g.middleRows(i, own).transpose();
-      const Matrix back = left.partialPivLu().inverse();
+      const Matrix back = linalg::solve(left, Matrix::Identity(own, own));
       p.residual.middleRows(i, own) = back * e.middleRows(i, own);
       for (Index a = 0; a < own; ++a) p.deviation.row(i + a).setConstant(std::sqrt(std::max(1.0, back(a, a))));
     }

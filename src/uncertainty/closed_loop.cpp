@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -188,7 +187,12 @@ class ClosedLoop {
   Gradient gradient(std::complex<double> value, const VectorXcd& right, const VectorXcd& left) const {
     const Index m = model_.outputs;
     const size_t at = model_.index(k_);
-    const VectorXcd a = to_frame_.cast<std::complex<double>>().fullPivLu().solve(right);
+    Matrix parts(right.size(), 2);
+    parts << right.real(), right.imag();
+    parts = linalg::solve(to_frame_, parts);
+    VectorXcd a(right.size());
+    a.real() = parts.col(0);
+    a.imag() = parts.col(1);
     const VectorXcd beta = next_to_frame_.transpose() * left;
     const VectorXcd frame_weights = projection_.transpose() * left;  // Pᵀ ω
     Gradient gradient(arx_);
