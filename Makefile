@@ -39,7 +39,7 @@ python := $(firstword $(wildcard /usr/bin/python3) python3)
 .PHONY: help build demo test wheel wheels wheel-test package release-test portability bench sbom install-test asan tsan valgrind coverage fuzz tidy format clean
 
 help:
-	@echo 'make demo          build, then the main job on the example of the paper (files in build/demo)'
+	@echo 'make demo          the tool, then the main job on the example of the paper (files in build/demo)'
 	@echo 'make test          build with the tests and run all of them'
 	@echo 'make wheel         the Python package for this Python as a wheel for any Linux with glibc 2.28 (build/wheel)'
 	@echo 'make wheels        those of all Pythons from 3.9 on, for x86_64 and aarch64; for half an hour'
@@ -65,7 +65,10 @@ build:
 	@$(configure) release >/dev/null
 	@cmake --build build
 
-demo: build
+demo:
+	$(call install,$(build_packages))
+	@$(configure) release >/dev/null
+	@cmake --build build --target tokid_tool
 	@examples/demo.sh build/bin build/demo
 
 test:
