@@ -178,7 +178,7 @@ class ClosedLoop {
         // order.
         head_(frame.rows * model.outputs) {
     projection_ = linalg::pseudo_inverse(observability(model, s_, frame.rows));
-    to_frame_ = projection_ * observability(model, k, frame.rows);
+    from_frame_ = linalg::pseudo_inverse(projection_ * observability(model, k, frame.rows));
     next_to_frame_ = projection_ * observability(model, k + 1, frame.rows);
     loop_ = model.at(k).closed_loop();
   }
@@ -187,12 +187,7 @@ class ClosedLoop {
   Gradient gradient(std::complex<double> value, const VectorXcd& right, const VectorXcd& left) const {
     const Index m = model_.outputs;
     const size_t at = model_.index(k_);
-    Matrix parts(right.size(), 2);
-    parts << right.real(), right.imag();
-    parts = linalg::solve(to_frame_, parts);
-    VectorXcd a(right.size());
-    a.real() = parts.col(0);
-    a.imag() = parts.col(1);
+    const VectorXcd a = from_frame_ * right;
     const VectorXcd beta = next_to_frame_.transpose() * left;
     const VectorXcd frame_weights = projection_.transpose() * left;  // Pᵀ ω
     Gradient gradient(arx_);
@@ -235,7 +230,7 @@ class ClosedLoop {
   Index k_, s_;
   Factor now_, next_, reference_;
   Index head_;  // rows of outputs that the frame is made of
-  Matrix projection_, to_frame_, next_to_frame_, loop_;
+  Matrix projection_, from_frame_, next_to_frame_, loop_;
 };
 
 void check_model(const GtvArx& arx, const Model& model, const TveraOptions& o) {
