@@ -1,7 +1,7 @@
 // How often experiments are said not to fit, of campaigns that nothing is wrong with and of those that one experiment
 // is wrong in: the rates of docs/math.md.
 // SPDX-License-Identifier: BSD-3-Clause
-#include "outliers.hpp"
+#include "diagnose/outliers.hpp"
 
 #include <fmt/format.h>
 

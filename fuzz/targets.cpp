@@ -14,7 +14,7 @@
 
 #include "command.hpp"
 #include "io/claims.hpp"
-#include "stream/blocks.hpp"
+#include "large/blocks.hpp"
 #include "tokid/tokid.hpp"
 #include "tool.hpp"
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "accuracy_cases.hpp"
-#include "em/estimator.hpp"
-#include "em/symmetric.hpp"
+#include "noise/em/estimator.hpp"
+#include "noise/em/symmetric.hpp"
 #include "oracle.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/observer.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "archive.hpp"
+#include "base/archive.hpp"
 
 #include <gtest/gtest.h>
 

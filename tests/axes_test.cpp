@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "axes.hpp"
+#include "data/axes.hpp"
 
 #include <gtest/gtest.h>
 

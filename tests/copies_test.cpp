@@ -11,7 +11,7 @@
 #include <limits>
 #include <set>
 
-#include "repeats.hpp"
+#include "diagnose/repeats.hpp"
 #include "testing.hpp"
 #include "tokid/cross_validate.hpp"
 #include "tokid/identify.hpp"

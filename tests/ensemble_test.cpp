@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "survey.hpp"
+#include "diagnose/survey.hpp"
 #include "testing.hpp"
 
 namespace tokid::testing {

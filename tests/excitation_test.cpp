@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "excitation.hpp"
+#include "diagnose/excitation.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "combination.hpp"
+#include "diagnose/combination.hpp"
 #include "testing.hpp"
 
 namespace tokid::testing {

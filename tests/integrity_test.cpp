@@ -11,7 +11,7 @@
 #include <limits>
 #include <random>
 
-#include "../src/archive.hpp"
+#include "base/archive.hpp"
 #include "testing.hpp"
 #include "tokid/io.hpp"
 #include "tokid/update.hpp"

@@ -19,9 +19,9 @@
 #include <optional>
 #include <random>
 
-#include "../src/io/claims.hpp"
-#include "../src/io/formats.hpp"
-#include "../src/step_fields.hpp"
+#include "model/step_fields.hpp"
+#include "io/claims.hpp"
+#include "io/formats.hpp"
 
 // NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming): the sanitizers look for these names
 // A damaged file may make the HDF5 library ask for more memory than there is, and it copes with getting none.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "outliers.hpp"
+#include "diagnose/outliers.hpp"
 
 #include <gtest/gtest.h>
 

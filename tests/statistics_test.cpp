@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "statistics.hpp"
+#include "base/statistics.hpp"
 
 #include <gtest/gtest.h>
 

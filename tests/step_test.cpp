@@ -6,7 +6,7 @@
 #include <array>
 #include <optional>
 
-#include "step_fields.hpp"
+#include "model/step_fields.hpp"
 #include "testing.hpp"
 
 namespace tokid::testing {

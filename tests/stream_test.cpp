@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "stream/reader.hpp"
+#include "large/reader.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/io.hpp"

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "expected_errors.hpp"
+#include "model/expected_errors.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
 

@@ -5,7 +5,7 @@
 
 #include "arrays.hpp"
 #include "call.hpp"
-#include "step_fields.hpp"
+#include "model/step_fields.hpp"
 
 namespace tokid::python {
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "random.hpp"
+#include "base/random.hpp"
 #include "tokid/design.hpp"
 
 namespace tokid::design {

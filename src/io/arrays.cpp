@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "arrays.hpp"
+#include "io/arrays.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "atomic_file.hpp"
+#include "io/atomic_file.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -14,8 +14,8 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-#include "arrays.hpp"
-#include "naming.hpp"
+#include "io/arrays.hpp"
+#include "io/naming.hpp"
 
 namespace tokid::io {
 

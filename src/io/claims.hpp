@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "arrays.hpp"
+#include "io/arrays.hpp"
 
 namespace tokid::io {
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 
-#include "nan.hpp"
-#include "schema.hpp"
+#include "base/nan.hpp"
+#include "io/schema.hpp"
 
 namespace tokid::io {
 

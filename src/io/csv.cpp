@@ -14,13 +14,13 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include "atomic_file.hpp"
-#include "claims.hpp"
-#include "formats.hpp"
-#include "json.hpp"
-#include "text.hpp"
-#include "time_axis.hpp"
-#include "time_unit.hpp"
+#include "base/json.hpp"
+#include "io/atomic_file.hpp"
+#include "io/claims.hpp"
+#include "io/formats.hpp"
+#include "io/text.hpp"
+#include "io/time_axis.hpp"
+#include "io/time_unit.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid::io {

@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "arrays.hpp"
+#include "io/arrays.hpp"
 #include "tokid/stream.hpp"
 
 namespace tokid::io {

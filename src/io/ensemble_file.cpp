@@ -6,12 +6,12 @@
 #include <ctime>
 #include <mutex>
 
-#include "descriptor.hpp"
-#include "formats.hpp"
-#include "hdf5_blocks.hpp"
+#include "io/descriptor.hpp"
+#include "io/formats.hpp"
+#include "io/hdf5_blocks.hpp"
+#include "io/naming.hpp"
+#include "io/schema.hpp"
 #include "linalg/transposition.hpp"
-#include "naming.hpp"
-#include "schema.hpp"
 #include "tokid/stream.hpp"
 
 namespace tokid {

@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <optional>
 
-#include "experiment_names.hpp"
-#include "json.hpp"
+#include "base/json.hpp"
+#include "data/experiment_names.hpp"
+#include "io/schema.hpp"
 #include "linalg/transposition.hpp"
-#include "schema.hpp"
 
 namespace tokid::io {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "fields.hpp"
+#include "io/fields.hpp"
 
 #include <algorithm>
 #include <cmath>

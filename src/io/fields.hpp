@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "arrays.hpp"
+#include "io/arrays.hpp"
 
 namespace tokid::io {
 

@@ -12,8 +12,8 @@
 #include <optional>
 #include <thread>
 
-#include "atomic_file.hpp"
-#include "naming.hpp"
+#include "io/atomic_file.hpp"
+#include "io/naming.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid {

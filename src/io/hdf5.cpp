@@ -8,14 +8,14 @@
 #include <optional>
 #include <unordered_set>
 
-#include "claims.hpp"
-#include "formats.hpp"
-#include "hdf5_bytes.hpp"
-#include "hdf5_chunks.hpp"
-#include "hdf5_sink.hpp"
-#include "matlab.hpp"
-#include "naming.hpp"
-#include "text.hpp"
+#include "io/claims.hpp"
+#include "io/formats.hpp"
+#include "io/hdf5_bytes.hpp"
+#include "io/hdf5_chunks.hpp"
+#include "io/hdf5_sink.hpp"
+#include "io/matlab.hpp"
+#include "io/naming.hpp"
+#include "io/text.hpp"
 
 namespace tokid::io {
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "hdf5_blocks.hpp"
+#include "io/hdf5_blocks.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
 
 #include <algorithm>
 
-#include "atomic_file.hpp"
+#include "io/atomic_file.hpp"
 
 namespace tokid::io {
 

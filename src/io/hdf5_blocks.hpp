@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <optional>
 
-#include "descriptor.hpp"
-#include "hdf5_chunks.hpp"
-#include "hdf5_handles.hpp"
+#include "io/descriptor.hpp"
+#include "io/hdf5_chunks.hpp"
+#include "io/hdf5_handles.hpp"
 
 namespace tokid::io {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "hdf5_handles.hpp"
+#include "io/hdf5_handles.hpp"
 
 namespace tokid::io {
 

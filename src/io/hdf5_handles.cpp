@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "hdf5_handles.hpp"
+#include "io/hdf5_handles.hpp"
 
 namespace tokid::io {
 

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <utility>
 
-#include "arrays.hpp"
+#include "io/arrays.hpp"
 
 namespace tokid::io {
 

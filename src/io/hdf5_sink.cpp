@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "hdf5_sink.hpp"
+#include "io/hdf5_sink.hpp"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "atomic_file.hpp"
+#include "io/atomic_file.hpp"
 
 namespace tokid::io {
 

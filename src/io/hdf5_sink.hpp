@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "hdf5_handles.hpp"
+#include "io/hdf5_handles.hpp"
 
 namespace tokid::io {
 

@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <fstream>
 
-#include "atomic_file.hpp"
-#include "descriptor.hpp"
-#include "formats.hpp"
-#include "naming.hpp"
-#include "schema.hpp"
-#include "text.hpp"
+#include "io/atomic_file.hpp"
+#include "io/descriptor.hpp"
+#include "io/formats.hpp"
+#include "io/naming.hpp"
+#include "io/schema.hpp"
+#include "io/text.hpp"
 
 namespace tokid {
 

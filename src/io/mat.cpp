@@ -9,12 +9,12 @@
 #include <mutex>
 #include <optional>
 
-#include "atomic_file.hpp"
-#include "claims.hpp"
-#include "formats.hpp"
-#include "mat_frame.hpp"
-#include "matlab.hpp"
-#include "text.hpp"
+#include "io/atomic_file.hpp"
+#include "io/claims.hpp"
+#include "io/formats.hpp"
+#include "io/mat_frame.hpp"
+#include "io/matlab.hpp"
+#include "io/text.hpp"
 
 namespace tokid::io {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mat_frame.hpp"
+#include "io/mat_frame.hpp"
 
 #include <zlib.h>
 
@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "arrays.hpp"
+#include "io/arrays.hpp"
 
 namespace tokid::io {
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "matlab.hpp"
+#include "io/matlab.hpp"
 
 #include <algorithm>
 
-#include "text.hpp"
+#include "io/text.hpp"
 
 namespace tokid::io {
 

@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "archive.hpp"
-#include "atomic_file.hpp"
-#include "hdf5_sink.hpp"
-#include "naming.hpp"
-#include "schema.hpp"
-#include "text.hpp"
+#include "base/archive.hpp"
+#include "io/atomic_file.hpp"
+#include "io/hdf5_sink.hpp"
+#include "io/naming.hpp"
+#include "io/schema.hpp"
+#include "io/text.hpp"
 #include "tokid/parallel.hpp"
 #include "tokid/stream.hpp"
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <limits>
 
-#include "schema.hpp"
-#include "step_fields.hpp"
+#include "io/schema.hpp"
+#include "model/step_fields.hpp"
 
 namespace tokid::io {
 

@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "arrays.hpp"
+#include "io/arrays.hpp"
 
 namespace tokid::io {
 

@@ -14,10 +14,10 @@
 #include <optional>
 #include <unordered_set>
 
-#include "atomic_file.hpp"
-#include "claims.hpp"
-#include "formats.hpp"
-#include "text.hpp"
+#include "io/atomic_file.hpp"
+#include "io/claims.hpp"
+#include "io/formats.hpp"
+#include "io/text.hpp"
 
 namespace tokid::io {
 

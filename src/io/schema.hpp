@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "fields.hpp"
+#include "io/fields.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/update.hpp"
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "text.hpp"
+#include "io/text.hpp"
 
 #include <algorithm>
 
-#include "arrays.hpp"
+#include "io/arrays.hpp"
 #include "tokid/io.hpp"
 
 namespace tokid::io {

@@ -1,6 +1,6 @@
 // From times as they were written to steps of a grid: a line through those of each experiment, and one for all.
 // SPDX-License-Identifier: BSD-3-Clause
-#include "time_axis.hpp"
+#include "io/time_axis.hpp"
 
 #include <fmt/format.h>
 

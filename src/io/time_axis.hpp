@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "arrays.hpp"
-#include "time_unit.hpp"
+#include "io/arrays.hpp"
+#include "io/time_unit.hpp"
 
 namespace tokid::io {
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "time_unit.hpp"
+#include "io/time_unit.hpp"
 
 #include <algorithm>
 #include <array>
 
-#include "arrays.hpp"
-#include "text.hpp"
+#include "io/arrays.hpp"
+#include "io/text.hpp"
 
 namespace tokid::io {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 
-#include "schema.hpp"
+#include "io/schema.hpp"
 
 namespace tokid::io {
 

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "nan.hpp"
+#include "base/nan.hpp"
 #include "tokid/linalg.hpp"
 
 namespace tokid::linalg {

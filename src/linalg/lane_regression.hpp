@@ -7,6 +7,9 @@
 
 namespace tokid::linalg {
 
+// Condition numbers up to here leave no doubt about the rank, whatever pivots a rank revealing factorisation has.
+inline constexpr double certain_rank = 1e10;
+
 // Least-squares problems of one shape, right = left · x, by Householder reflections. Problem l of a batch has its
 // samples `offset`·l entries behind those of problem 0, columns of `rows` entries `stride` apart, the left ones first.
 class LaneRegression {

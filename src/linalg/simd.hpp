@@ -7,8 +7,7 @@
 // AVX-512, AVX2, SSE4 and the baseline are enough. Vectors whose length is not known to the compiler can't be kept in
 // arrays of registers; the bits below HWY_AVX3 are its newer kin. Other processors than x86_64 have the baseline alone,
 // which is NEON on arm64.
-#define HWY_DISABLED_TARGETS \
-  (HWY_SSSE3 | (HWY_AVX3 - 1) | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | (HWY_AVX3 - 1) | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #if !defined(__x86_64__)
 #define HWY_COMPILE_ONLY_STATIC
 #endif

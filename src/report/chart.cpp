@@ -8,9 +8,9 @@
 #include <limits>
 #include <optional>
 
+#include "base/words.hpp"
 #include "report/assets.hpp"
 #include "report/page.hpp"
-#include "words.hpp"
 
 namespace tokid::report {
 

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "evidence.hpp"
+#include "report/evidence.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "json.hpp"
-#include "judged.hpp"
-#include "nan.hpp"
-#include "regressions.hpp"
-#include "statistics.hpp"
-#include "step_fields.hpp"
+#include "base/json.hpp"
+#include "base/nan.hpp"
+#include "base/statistics.hpp"
+#include "diagnose/regressions.hpp"
+#include "model/judged.hpp"
+#include "model/step_fields.hpp"
 #include "tokid/gtv_arx.hpp"
 
 namespace tokid::report {

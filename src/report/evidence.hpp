@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
-#include "conclusions.hpp"
-#include "provenance.hpp"
+#include "base/words.hpp"
+#include "diagnose/conclusions.hpp"
 #include "report/horizon.hpp"
+#include "report/provenance.hpp"
 #include "tokid/report.hpp"
 #include "tokid/validate.hpp"
-#include "words.hpp"
 
 namespace tokid::report {
 

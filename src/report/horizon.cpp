@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "evidence.hpp"
-#include "expected_errors.hpp"
-#include "nan.hpp"
+#include "base/nan.hpp"
+#include "model/expected_errors.hpp"
+#include "report/evidence.hpp"
 
 namespace tokid::report {
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "judged.hpp"
+#include "model/judged.hpp"
 
 namespace tokid::report {
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "page.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <stdexcept>
 
-#include "assets.hpp"
 #include "io/text.hpp"
+#include "report/assets.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid::report {

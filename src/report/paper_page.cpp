@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "json.hpp"
+#include "base/json.hpp"
 #include "report/assets.hpp"
 #include "report/page.hpp"
 #include "report/paper_figures.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "provenance.hpp"
+#include "report/provenance.hpp"
 
 #include <stdexcept>
 #include <utility>

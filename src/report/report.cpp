@@ -7,12 +7,12 @@
 #include <cmath>
 #include <limits>
 
-#include "assets.hpp"
-#include "evidence.hpp"
-#include "json.hpp"
-#include "page.hpp"
-#include "provenance.hpp"
-#include "report_data.hpp"
+#include "base/json.hpp"
+#include "report/assets.hpp"
+#include "report/evidence.hpp"
+#include "report/page.hpp"
+#include "report/provenance.hpp"
+#include "report/report_data.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "report_data.hpp"
+#include "report/report_data.hpp"
 
 #include <fmt/format.h>
 
@@ -12,9 +12,9 @@
 #include <set>
 #include <stdexcept>
 
-#include "json.hpp"
-#include "nan.hpp"
-#include "words.hpp"
+#include "base/json.hpp"
+#include "base/nan.hpp"
+#include "base/words.hpp"
 
 namespace tokid::report {
 

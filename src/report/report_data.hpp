@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "evidence.hpp"
+#include "report/evidence.hpp"
 
 namespace tokid::report {
 

@@ -6,8 +6,8 @@
 #include <cctype>
 #include <cmath>
 
-#include "evidence.hpp"
-#include "provenance.hpp"
+#include "report/evidence.hpp"
+#include "report/provenance.hpp"
 
 namespace tokid {
 

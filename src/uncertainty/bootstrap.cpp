@@ -6,11 +6,11 @@
 #include <optional>
 #include <stdexcept>
 
-#include "interval.hpp"
-#include "nan.hpp"
-#include "random.hpp"
+#include "base/nan.hpp"
+#include "base/random.hpp"
+#include "base/words.hpp"
 #include "tokid/uncertainty.hpp"
-#include "words.hpp"
+#include "uncertainty/interval.hpp"
 
 namespace tokid {
 

@@ -7,9 +7,9 @@
 #include <map>
 #include <stdexcept>
 
-#include "interval.hpp"
-#include "recursion.hpp"
 #include "tokid/uncertainty.hpp"
+#include "uncertainty/interval.hpp"
+#include "uncertainty/recursion.hpp"
 
 namespace tokid {
 

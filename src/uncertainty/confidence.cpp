@@ -6,16 +6,16 @@
 #include <optional>
 #include <stdexcept>
 
-#include "channel_sizes.hpp"
-#include "identify_stretch.hpp"
-#include "interval.hpp"
-#include "json.hpp"
-#include "nan.hpp"
+#include "base/json.hpp"
+#include "base/nan.hpp"
+#include "base/words.hpp"
+#include "data/channel_sizes.hpp"
+#include "identify/identify_stretch.hpp"
 #include "tokid/copies.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
-#include "words.hpp"
+#include "uncertainty/interval.hpp"
 
 namespace tokid {
 

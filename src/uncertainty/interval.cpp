@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "interval.hpp"
+#include "uncertainty/interval.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "statistics.hpp"
+#include "base/statistics.hpp"
 
 namespace tokid::uncertainty {
 

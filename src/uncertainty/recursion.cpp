@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "recursion.hpp"
+#include "uncertainty/recursion.hpp"
 
 #include <algorithm>
 #include <limits>

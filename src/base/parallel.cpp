@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/parallel.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "base/thread_count.hpp"
+
+namespace tokid {
+
+namespace {
+
+thread_local const std::function<void()>* check = nullptr;
+
+}  // namespace
+
+Interruptible::Interruptible(std::function<void()> own) : check_(std::move(own)), outer_(check) { check = &check_; }
+Interruptible::~Interruptible() { check = outer_; }
+
+void checkpoint() {
+  if (check) (*check)();
+}
+
+Execution share(const Execution& whole, double from, double to) {
+  Execution part{whole.threads, {}};
+  if (whole.progress)
+    part.progress = [report = whole.progress, from, to](double done) { report(from + (to - from) * done); };
+  return part;
+}
+
+void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body) {
+  const Index total = end - begin;
+  if (total <= 0) return;
+  checkpoint();  // also where other threads leave nothing to this one
+  const Index threads = std::min(thread_count(execution), total);
+  // Pieces are smaller than a thread's share so that uneven steps balance and progress is seen.
+  const Index piece = std::max<Index>(1, total / (32 * threads));
+
+  std::atomic<Index> next{begin};
+  std::mutex mutex;
+  std::exception_ptr failure;
+  Index done = 0;
+  const auto work = [&] {
+    for (Index first = next.fetch_add(piece); first < end; first = next.fetch_add(piece)) {
+      try {
+        const Index last = std::min(end, first + piece);
+        checkpoint();
+        body(first, last);
+        const std::lock_guard lock(mutex);
+        done += last - first;
+        if (execution.progress) execution.progress(double(done) / double(total));
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        if (!failure) failure = std::current_exception();
+        next = end;
+      }
+    }
+  };
+
+  std::vector<std::jthread> others;
+  for (Index t = 1; t < threads; ++t) others.emplace_back(work);
+  work();
+  others.clear();  // joins
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace tokid

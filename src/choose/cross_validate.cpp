@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/cross_validate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+#include "base/nan.hpp"
+#include "base/random.hpp"
+#include "diagnose/survey.hpp"
+#include "identify/identify_stretch.hpp"
+#include "tokid/copies.hpp"
+
+namespace tokid {
+
+namespace {
+
+std::vector<std::vector<Index>> fold_members(Index experiments, const CrossValidateOptions& options) {
+  if (experiments < 2)
+    throw std::invalid_argument(
+        fmt::format("experiments: {} found, at least 2 needed to judge by those left out", experiments));
+  if (options.folds < 2 || options.folds > experiments)
+    throw std::invalid_argument(
+        fmt::format("folds: {} found, 2 to {} (one for each experiment) needed", options.folds, experiments));
+  std::vector<Index> order(size_t(experiments), 0);
+  std::iota(order.begin(), order.end(), Index{0});
+  if (options.seed) order = RandomNumbers(*options.seed).permutation(experiments);
+  std::vector<std::vector<Index>> members(size_t(options.folds));
+  for (Index n = 0; n < experiments; ++n) members[size_t(n % options.folds)].push_back(order[size_t(n)]);
+  for (std::vector<Index>& fold : members) std::sort(fold.begin(), fold.end());
+  return members;
+}
+
+std::vector<Index> others(Index experiments, const std::vector<Index>& members) {
+  std::vector<Index> rest;
+  for (Index n = 0; n < experiments; ++n)
+    if (!std::binary_search(members.begin(), members.end(), n)) rest.push_back(n);
+  return rest;
+}
+
+std::vector<std::string> names_of(const Ensemble& e, const std::vector<Index>& members) {
+  std::vector<std::string> names;
+  if (!e.experiment_names.empty())
+    for (const Index n : members) names.push_back(e.experiment_name(n));
+  return names;
+}
+
+// Outputs of the whole ensemble, put together from those of the folds.
+class Pooled {
+ public:
+  explicit Pooled(const Ensemble& data) : outputs_(data) {
+    for (Index k = 0; k < data.steps(); ++k) outputs_.output(k).setConstant(nan);
+  }
+  void add(const std::vector<Index>& experiments, const Ensemble& computed) {
+    for (Index k = 0; k < computed.steps(); ++k)
+      for (size_t i = 0; i < experiments.size(); ++i)
+        outputs_.output(k).row(experiments[i]) = computed.output(k).row(Index(i));
+  }
+  const Ensemble& outputs() const { return outputs_; }
+
+ private:
+  Ensemble outputs_;
+};
+
+Vector spread(const std::vector<Fold>& folds, Fit Fold::*fit) {
+  const Index m = (folds.front().*fit).fit.size();
+  Vector result = Vector::Constant(m, nan);
+  for (Index j = 0; j < m; ++j) {
+    double sum = 0.0, squares = 0.0;
+    Index count = 0;
+    for (const Fold& fold : folds)
+      if (const double f = (fold.*fit).fit(j); std::isfinite(f)) sum += f, ++count;
+    if (count < 2) continue;
+    for (const Fold& fold : folds)
+      if (const double f = (fold.*fit).fit(j); std::isfinite(f))
+        squares += (f - sum / double(count)) * (f - sum / double(count));
+    result(j) = std::sqrt(squares / double(count - 1));
+  }
+  return result;
+}
+
+Identification identify_without(const Ensemble& training, const IdentifyOptions& options, size_t fold, size_t folds) {
+  try {
+    return identify_part(training, options, true);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(fmt::format("fold {} of {}, identified from the other {} experiments: {}", fold + 1,
+                                            folds, training.experiments(), error.what()));
+  }
+}
+
+}  // namespace
+
+CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& identify_options,
+                               const CrossValidateOptions& options) {
+  check_horizon(options.horizon, ensemble.steps());
+  const Copies copies = find_copies(ensemble);
+  if (!copies.groups.empty()) {  // in two folds they would make errors look too small
+    CrossValidation result = cross_validate(ensemble.subset(copies.used), identify_options, options);
+    for (Fold& fold : result.folds) {
+      for (Index& n : fold.experiments) n = copies.used[size_t(n)];
+      fold.experiment_names = names_of(ensemble, fold.experiments);
+    }
+    const std::vector<std::string> told = warnings_of(copies, ensemble);
+    result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+    return result;
+  }
+  const auto members = fold_members(ensemble.experiments(), options);
+  // Messages about single experiments name them as in the whole ensemble: their rows in a fold are of no use.
+  const Survey samples = checked(ensemble);
+  Pooled simulation(ensemble), one_step(ensemble), horizon(ensemble);
+  bool nominal = false;
+  CrossValidation result;
+  if (identify_options.period == 0 && samples.missing > 0) result.warnings = warnings_of_steps(ensemble);
+  for (size_t i = 0; i < members.size(); ++i) {
+    IdentifyOptions fold_options = identify_options;
+    fold_options.hold_out = 0.0;
+    fold_options.frame = Frame::raw;  // the outputs are the same in any
+    fold_options.execution =
+        share(identify_options.execution, double(i) / double(members.size()), double(i + 1) / double(members.size()));
+    Identification found =
+        identify_without(ensemble.subset(others(ensemble.experiments(), members[i])), fold_options, i, members.size());
+    const Model& model = found.model;
+    const Ensemble kept = ensemble.subset(members[i]);
+    nominal = nominal || model.y_nominal.size() > 0;
+
+    Fold fold{members[i], names_of(ensemble, members[i]), model.states(), found.lags, {}, {},
+              {},         std::move(found.warnings)};
+    const auto judge = [&](const Ensemble& computed, Pooled& pooled) {
+      pooled.add(members[i], computed);
+      return fit(kept, computed, model.y_nominal);
+    };
+    const Ensemble next = predict(model, kept, {1, model.initial_state}).y;
+    fold.simulation = judge(simulate_data(model, kept, model.initial_state), simulation);
+    fold.one_step = judge(next, one_step);
+    fold.horizon =
+        judge(options.horizon == 1 ? next : predict(model, kept, {options.horizon, model.initial_state}).y, horizon);
+    result.folds.push_back(std::move(fold));
+  }
+  Nominal mean = nominal ? nominal_trajectory(ensemble) : Nominal{};
+  if (nominal && identify_options.period > 0) share_phases(mean, identify_options.period);
+  const Matrix& reference = mean.y;
+  result.simulation = fit(ensemble, simulation.outputs(), reference);
+  result.one_step = fit(ensemble, one_step.outputs(), reference);
+  result.horizon = fit(ensemble, horizon.outputs(), reference);
+  result.simulation_spread = spread(result.folds, &Fold::simulation);
+  result.one_step_spread = spread(result.folds, &Fold::one_step);
+  result.horizon_spread = spread(result.folds, &Fold::horizon);
+  return result;
+}
+
+}  // namespace tokid

@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "choose/folds.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "tokid/em.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Orders behind the best one that are tried, with EM and without.
+constexpr Index patience = 4, refined_patience = 2;
+// Folds that EM is judged on: it takes longer than all other choices.
+constexpr size_t most_refined = 3;
+// Iterations of EM between two looks at its errors. With a penalty the first ones are the best at times; steps that
+// share their matrices take more, and less time for each.
+constexpr Index varying_stages[] = {1, 2, 5, 15, 40}, pooled_stages[] = {10, 30, 100};
+std::span<const Index> refinement_stages(Index period) {
+  if (period > 0) return pooled_stages;
+  return varying_stages;
+}
+// Fall of the errors that is worth a refinement or a state, and the one that is worth it however uncertain.
+constexpr double worth_it = RefinementChoice::worth_it, most_uncertain = 1.02;
+// Share of the ARX model's λ that the search for that of EM begins with.
+constexpr double refined_share = 0.1;
+
+Errors mean_of(const std::vector<Errors>& folds) {
+  Errors mean;
+  for (const Errors& e : folds) {
+    mean.one_step += e.one_step / double(folds.size());
+    mean.ahead += e.ahead / double(folds.size());
+    mean.simulation += e.simulation / double(folds.size());
+  }
+  return mean;
+}
+
+// Of the difference of two models that were judged on the same folds.
+double standard_error(const std::vector<Errors>& a, const std::vector<Errors>& b) {
+  const double count = double(a.size()), mean = mean_of(a).mean() - mean_of(b).mean();
+  double square = 0.0;
+  for (size_t f = 0; f < a.size(); ++f) square += std::pow(a[f].mean() - b[f].mean() - mean, 2);
+  return count > 1 ? std::sqrt(square / (count * (count - 1))) : 0.0;
+}
+
+}  // namespace
+
+void OrderScores::add(Index n, double one_step_error, double ahead_error, double simulation_error) {
+  states.push_back(n);
+  one_step.push_back(one_step_error);
+  ahead.push_back(ahead_error);
+  simulation.push_back(simulation_error);
+  smallest = std::min(smallest, mean(states.size() - 1));
+}
+
+double OrderScores::mean(size_t i) const {
+  return Errors{one_step[i], ahead[i], simulation[i]}.mean() + price * double(states[i]);
+}
+
+void OrderScores::choose() {
+  for (size_t i = states.size(); i-- > 0;) {
+    const double uncertain = i < uncertainty.size() ? uncertainty[i] : 0.0;
+    if (mean(i) <= smallest + std::clamp(uncertain, std::log(worth_it), std::log(most_uncertain))) best = states[i];
+  }
+}
+
+Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first) {
+  model.y_nominal = Matrix::Zero(data.steps(), data.outputs());
+  model.u_nominal = Matrix::Zero(data.steps(), data.inputs());
+  const Index horizon = std::min(OrderScores::horizon, std::max<Index>(1, data.steps() - 1));
+  Computed result{predict(model, data, {1, initial}).y, predict(model, data, {horizon, initial}).y,
+                  simulate_data(model, data, initial)};
+  for (Ensemble* outputs : {&result.one_step, &result.ahead, &result.simulation})
+    for (Index k = 0; k < std::min(first, data.steps()); ++k)
+      outputs->output(k).setConstant(std::numeric_limits<double>::quiet_NaN());
+  return result;
+}
+
+// The least error of an output that counts, as a share of its size, beside the largest such share. What is exact, such
+// as a recorded command, would else outweigh any errors of the others.
+constexpr double least_counted = 1e-3;
+
+Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) {
+  const Matrix none = Matrix::Zero(data.steps(), data.outputs());  // errors are compared with the departures
+  // Outputs that rest are no evidence.
+  std::vector<Index> moving;
+  for (Index j = 0; j < data.outputs(); ++j)
+    for (Index k = 0; k < data.steps(); ++k)
+      if ((data.output(k).col(j).array().abs() > 0).any()) {  // neither zero nor NaN
+        moving.push_back(j);
+        break;
+      }
+  const auto score = [&](Ensemble Computed::*outputs) {
+    Ensemble& own = computed.*outputs;
+    if (like)
+      for (Index k = 0; k < data.steps(); ++k)
+        own.output(k) += 0.0 * (like->*outputs).output(k);  // NaN where there is none
+    if (moving.empty()) return 0.0;
+    Vector left = 1 - fit(data, own, none).fit(moving).array() / 100;
+    left = left.array().isFinite().select(left, 1e12).eval();
+    return left.array().max(std::max(1e-12, least_counted * left.maxCoeff())).log().mean();
+  };
+  return {score(&Computed::one_step), std::min(score(&Computed::ahead), 0.0),
+          std::min(score(&Computed::simulation), 0.0)};
+}
+
+Index first_judged(InitialState initial, Index lags, Index period) {
+  return initial == InitialState::zero ? 0 : period > 0 ? lags : 2 * lags;
+}
+
+Model subspace_model(const Ensemble& data, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o,
+                     InitialState initial, bool from_full_dimension) {
+  Model model = realise(data, arx, factors, o);
+  model.initial_state = initial;
+  if (initial == InitialState::unknown && model.period == 0 && model.states() > 0 && from_full_dimension)
+    model = from_step(model, model.full_begin());
+  return model;
+}
+
+Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(options) {
+  const Index count = fold_count(ensemble.experiments());
+  first_ = first_judged(options.initial_state, options.lags, options.variation.period);
+  SmoothArxOptions arx_options;
+  arx_options.lags = options.lags;
+  arx_options.initial_state = options.initial_state;
+  arx_options.variation = options.variation;
+  folds_.resize(size_t(count));
+  parallel_for(0, count, {options.threads, {}}, [&](Index begin, Index end) {
+    SubspaceOptions o;
+    o.variation = options.variation;
+    for (Index f = begin; f < end; ++f) {
+      Fold& own = folds_[size_t(f)];
+      own.data = fold(ensemble, f, count, options.centred);
+      own.arx = smooth_arx(own.data.training, arx_options);
+      for (const Weighting weighting : options.weightings) {
+        o.weighting = weighting;
+        own.factors[weighting] = predictor_factors(own.data.training, own.arx, o);
+      }
+    }
+  });
+}
+
+template <class MakeModel>
+std::optional<std::vector<Errors>> Folds::errors_of_folds(size_t count, Index states, MakeModel&& make,
+                                                          const std::vector<Computed>& like) const {
+  std::vector<Errors> found(count);
+  std::vector<char> complete(count, 0);
+  parallel_for(0, Index(count), {options_.threads, {}}, [&](Index begin, Index end) {
+    for (Index f = begin; f < end; ++f) {
+      Model model = make(size_t(f));
+      if (model.steps() == 0 || model.states() != states) continue;
+      const Ensemble& held_out = folds_[size_t(f)].data.held_out;
+      found[size_t(f)] = errors_of(computed_by(std::move(model), held_out, options_.initial_state, first_), held_out,
+                                   size_t(f) < like.size() ? &like[size_t(f)] : nullptr);
+      complete[size_t(f)] = 1;
+    }
+  });
+  if (std::find(complete.begin(), complete.end(), 0) != complete.end()) return std::nullopt;
+  return found;
+}
+
+Model Folds::start(size_t f, Index states, Weighting weighting, double smoothing) const {
+  SubspaceOptions o;
+  o.variation = options_.variation;
+  o.states = states;
+  o.weighting = weighting;
+  o.state_smoothing = smoothing;
+  const Fold& own = folds_[f];
+  return subspace_model(own.data.training, own.arx, own.factors.at(weighting), o, options_.initial_state);
+}
+
+// Orders behind the best one are tried until a few of them did no better.
+OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, Index most) const {
+  OrderScores result;
+  result.smoothing = smoothing;
+  result.weighting = weighting;
+  result.cross_validated = true;
+  size_t best = 0;
+  std::vector<std::vector<Errors>> of_order;
+  for (Index n = least; n <= most && n <= least + Index(best) + patience; ++n) {
+    const auto found = errors_of_folds(folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); });
+    if (!found) break;
+    of_order.push_back(*found);
+    const Errors errors = mean_of(*found);
+    result.add(n, errors.one_step, errors.ahead, errors.simulation);
+    if (errors.mean() <= result.smallest) best = of_order.size() - 1;
+  }
+  for (const auto& found : of_order) result.uncertainty.push_back(standard_error(found, of_order[best]));
+  result.choose();
+  return result;
+}
+
+OrderScores Folds::choose_states(Index states, Index most) const {
+  const auto among = [&](Weighting weighting, double smoothing, Index least, Index largest) {
+    return states > 0 ? scores(weighting, smoothing, states, states) : scores(weighting, smoothing, least, largest);
+  };
+  OrderScores all =
+      among(options_.weightings.front(), SubspaceOptions::state_share * options_.variation.smoothing, 1, most);
+  for (size_t i = 1; i < options_.weightings.size(); ++i) {
+    OrderScores other = among(options_.weightings[i], all.smoothing, 1, most);
+    if (other.smallest < all.smallest) all = std::move(other);
+  }
+  if (options_.variation.period > 0) return all;
+  OrderScores best = all;
+  for (const double factor : {std::sqrt(0.1), std::sqrt(10.0)}) {
+    bool moved = false;
+    for (int step = 0; step < 3 && best.smoothing > 0 && best.best > 0; ++step) {
+      OrderScores next = among(best.weighting, best.smoothing * factor, std::max<Index>(1, best.best - 1),
+                               std::min(best.best + 1, most));
+      if (!(next.smallest < best.smallest)) break;
+      best = std::move(next);
+      moved = true;
+    }
+    if (moved) break;
+  }
+  all.best = best.best;
+  all.smoothing = best.smoothing;
+  all.smallest = best.smallest;
+  return all;
+}
+
+RefinementChoice Folds::choose_refinement(Index states, const OrderScores& scores,
+                                          std::optional<double> smoothing_given) const {
+  const size_t count = std::min(folds_.size(), most_refined);
+  std::vector<Computed> like;
+  const auto judge = [&](const std::vector<Model>& models) {
+    const auto found = errors_of_folds(
+        count, states, [&](size_t f) { return models[f]; }, like);
+    constexpr double none = std::numeric_limits<double>::infinity();
+    return found ? mean_of(*found) : Errors{none, none, none};
+  };
+  const auto for_each_fold = [&](auto&& change) {
+    parallel_for(0, Index(count), {options_.threads, {}}, [&](Index begin, Index end) {
+      for (Index f = begin; f < end; ++f) change(size_t(f));
+    });
+  };
+
+  RefinementChoice choice;
+  choice.states = states;
+  std::vector<Model> models(count);
+  for_each_fold([&](size_t f) { models[f] = start(f, states, scores.weighting, scores.smoothing); });
+  choice.error = judge(models).mean();
+  // EM bridges missing samples: what the subspace models can't predict there is no part of the comparison.
+  like.resize(count);
+  for_each_fold(
+      [&](size_t f) { like[f] = computed_by(models[f], folds_[f].data.held_out, options_.initial_state, first_); });
+  choice.trials.push_back({states, 0.0, 0, choice.error});
+
+  // The smallest error on the way of EM with one λ, from the subspace models that are as smooth.
+  const auto climb = [&](double smoothing) {
+    for_each_fold([&](size_t f) { models[f] = start(f, states, scores.weighting, smoothing); });
+    double least = std::numeric_limits<double>::infinity();
+    Index done = 0;
+    for (const Index stage : refinement_stages(options_.variation.period)) {
+      RefineOptions o;
+      o.smoothing = smoothing;
+      o.period = options_.variation.period;
+      o.iterations = stage;
+      o.initial_state = options_.initial_state;
+      for_each_fold([&](size_t f) {
+        try {
+          if (models[f].steps() > 0) models[f] = refine(models[f], folds_[f].data.training, o).model;
+        } catch (const std::runtime_error&) {
+          models[f] = {};  // hopeless: the λ is out of the question
+        }
+      });
+      done += stage;
+      const Errors judged = judge(models);
+      const double error = judged.mean();
+      choice.trials.push_back({states, smoothing, done, error});
+      if (error < choice.error - (choice.iterations > 0 ? 0.0 : std::log(worth_it))) {
+        choice.error = error;
+        choice.one_step = judged.one_step;
+        choice.smoothing = smoothing;
+        choice.iterations = done;
+      }
+      if (!(error < least)) break;
+      least = error;
+    }
+    return least;
+  };
+  if (options_.variation.period == 1) smoothing_given = 0.0;
+  if (smoothing_given) {
+    climb(*smoothing_given);
+    return choice;
+  }
+  const double first = std::clamp(refined_share * options_.variation.smoothing, 1e-2, 1e2);
+  double least = climb(first);
+  for (const double factor : {std::sqrt(10.0), std::sqrt(0.1)}) {
+    double smoothing = first;
+    for (int step = 0; step < 6; ++step) {
+      smoothing *= factor;
+      const double error = climb(smoothing);
+      if (!(error < least)) break;
+      least = error;
+    }
+    if (smoothing != first * factor) break;
+  }
+  return choice;
+}
+
+RefinementChoice Folds::reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most,
+                                          std::optional<double> smoothing_given) const {
+  const Index first = choice.states;
+  double least = choice.error;
+  const auto try_order = [&](Index n, std::optional<double> smoothing, double limit) {
+    RefinementChoice other = choose_refinement(n, scores, smoothing);
+    other.trials.insert(other.trials.begin(), choice.trials.begin(), choice.trials.end());
+    least = std::min(least, other.error);
+    if (other.iterations > 0 && other.error < limit)
+      choice = std::move(other);
+    else
+      choice.trials = std::move(other.trials);
+  };
+  for (Index n = first + 1; n <= std::min(choice.states + refined_patience, most); ++n)
+    try_order(n, choice.smoothing, choice.error - std::log(most_uncertain));
+  for (Index n = first - 1; choice.states <= first && n >= std::max<Index>(1, choice.states - refined_patience); --n)
+    try_order(n, choice.smoothing, least + std::log(worth_it));
+  // What is smooth with other states need not be so with these.
+  if (choice.states != first && options_.variation.period != 1 && !smoothing_given)
+    try_order(choice.states, std::nullopt, choice.error);
+  return choice;
+}
+
+Model refined(Model model, const Ensemble& data, const RefinementChoice& choice, RefineOptions options) {
+  options.smoothing = choice.smoothing;
+  Index done = 0;
+  for (const Index stage : refinement_stages(options.period.value_or(0))) {
+    if (done >= choice.iterations) break;
+    options.iterations = stage;
+    model = refine(model, data, options).model;
+    done += stage;
+  }
+  return model;
+}
+
+}  // namespace tokid

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/refine_model.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "base/nan.hpp"
+#include "tokid/copies.hpp"
+#include "tokid/identify.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Of the folds that choose λ where the model does not tell it, and the most iterations of each.
+constexpr Index folds = 3, iterations = 20;
+
+// The one model starts all folds: it has seen the experiments that are left out, but the climb from it has not.
+void choose(const Model& model, const Ensemble& data, const RefineModelOptions& options, RefinedModel& result) {
+  if (!options.smoothing && options.refine.period.value_or(model.period) == 1) {
+    result.reason = "one model serving all steps";
+  } else if (options.smoothing) {
+    result.smoothing = *options.smoothing;
+    result.reason = "as asked";
+  } else if (const std::optional<double> known = refinement_smoothing(model)) {
+    result.smoothing = *known;
+    result.reason = "as the model was identified";
+  } else if (data.experiments() < 2 * folds) {
+    result.smoothing = 1.0;
+    result.reason = "too few experiments to choose it by";
+  } else {
+    RefineOptions trial = options.refine;
+    trial.iterations = std::min(trial.iterations, iterations);
+    result.choice = choose_smoothing(std::vector<Model>(size_t(folds), model), data, trial);
+    result.smoothing = result.choice.best;
+    result.reason = fmt::format("by the likelihood of experiments left out, {} folds", folds);
+  }
+}
+
+// Both models on the samples that both can compute.
+void compare(const Model& model, const Ensemble& data, std::optional<InitialState> initial, RefinedModel& result) {
+  const Model& refined = result.refinement.model;
+  const auto fits = [&](Ensemble own, Ensemble other, Fit RefinementFigures::*target) {
+    for (Index k = 0; k < data.steps(); ++k) {
+      const auto neither = (own.output(k).array().isNaN() || other.output(k).array().isNaN()).eval();
+      own.output(k) = neither.select(nan, own.output(k)).eval();
+      other.output(k) = neither.select(nan, other.output(k)).eval();
+    }
+    result.before.*target = fit(data, own, model.y_nominal);
+    result.after.*target = fit(data, other, refined.y_nominal);
+  };
+  const PredictOptions one_step{1, initial};
+  fits(predict(model, data, one_step).y, predict(refined, data, one_step).y, &RefinementFigures::one_step);
+  fits(simulate_data(model, data, initial), simulate_data(refined, data, initial), &RefinementFigures::simulation);
+  ValidateOptions validation;
+  validation.initial_state = initial;
+  result.before.whiteness_p = validate(model, data, validation).whiteness_p;
+  result.after.whiteness_p = validate(refined, data, validation).whiteness_p;
+}
+
+}  // namespace
+
+RefinedModel refine_model(const Model& model, const Ensemble& data, const RefineModelOptions& options) {
+  RefinedModel result;
+  if (const Copies copies = find_copies(data); !copies.groups.empty()) {  // they would count twice
+    result = refine_model(model, data.subset(copies.used), options);
+    note_data(result.refinement.model, fingerprint(data));
+    const std::vector<std::string> told = warnings_of(copies, data);
+    result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+    return result;
+  }
+  RefineModelOptions part = options;
+  part.refine.execution = share(options.refine.execution, 0.0, 0.5);
+  choose(model, data, part, result);
+  part.refine.execution = share(options.refine.execution, 0.5, 1.0);
+  part.refine.smoothing = result.smoothing;
+  result.refinement = refine(model, data, part.refine);
+  Model& refined = result.refinement.model;
+  note_data(refined, fingerprint(data));
+  note_refinement(refined, result.smoothing, result.refinement.iterations);
+  refined.version = version;
+  compare(model, data, options.refine.initial_state, result);
+  result.warnings = differences(model, data);
+  result.warnings.insert(result.warnings.end(), result.refinement.warnings.begin(), result.refinement.warnings.end());
+  return result;
+}
+
+}  // namespace tokid

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "data/axes.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "base/words.hpp"
+
+namespace tokid {
+
+namespace {
+
+// What is looked at: neighbouring lines, which are experiments or steps, at positions spread over the other axis.
+constexpr Index most_lines = 96, most_positions = 128, fewest_lines = 6, fewest_positions = 3;
+constexpr Index most_inputs = 2, most_outputs = 3;
+// Neighbours that are alike by chance reach this deviation in fewer than one of 100,000 ensembles.
+constexpr double alike = 4.5;
+// Each of them at least where every other pair is looked at, for copies that lie side by side are pairs too.
+constexpr double alike_by_halves = 2.0;
+// So many experiments of one step are rather one of so many steps.
+constexpr Index shortest_record = 10;
+// Up to here the other axis shows no order.
+constexpr double unlike = 2.5, mostly_unlike = 0.8;
+
+// Lines of each channel as columns (positions × lines) of unit length, without what all lines or all positions share:
+// a mean motion makes experiments alike at each step, an offset makes the steps of an experiment alike.
+using Lines = std::vector<Matrix>;
+using Sample = std::function<double(Index line, Index position, Index channel)>;
+
+void remove_mean(Eigen::Ref<Vector> values) {
+  double sum = 0.0;
+  Index count = 0;
+  for (const double value : values)
+    if (!std::isnan(value)) sum += value, ++count;
+  if (count > 0) values.array() -= sum / double(count);
+}
+
+Lines lines_of(Index lines, Index positions, const std::vector<Index>& channels, const Sample& sample) {
+  const Index used_lines = std::min(lines, most_lines), used_positions = std::min(positions, most_positions);
+  const Index first = (lines - used_lines) / 2;
+  Lines result;
+  for (const Index channel : channels) {
+    Matrix x(used_positions, used_lines);
+    for (Index l = 0; l < used_lines; ++l)
+      for (Index p = 0; p < used_positions; ++p) x(p, l) = sample(first + l, p * positions / used_positions, channel);
+    for (Index l = 0; l < used_lines; ++l) remove_mean(x.col(l));
+    for (Index p = 0; p < used_positions; ++p) {
+      Vector row = x.row(p).transpose();
+      remove_mean(row);
+      x.row(p) = row.transpose();
+    }
+    x = x.unaryExpr([](double value) { return std::isnan(value) ? 0.0 : value; });
+    // What is left of a line that never moves are rounding errors.
+    const Vector norm = x.colwise().norm();
+    const double rounding = 1e-9 * norm.maxCoeff();
+    for (Index l = 0; l < used_lines; ++l)
+      norm(l) > rounding ? static_cast<void>(x.col(l) /= norm(l)) : static_cast<void>(x.col(l).setZero());
+    result.push_back(std::move(x));
+  }
+  return result;
+}
+
+// How much more alike neighbours are than other lines: their mean rank among all, and its deviation from that of any
+// order of the lines in standard deviations; also the smaller deviation of the pairs 0-1, 2-3, … and 1-2, 3-4, …
+struct Neighbours {
+  double rank = 0.5, deviation = 0.0, of_half = 0.0;
+};
+
+// Ranks between 0 and 1 of which two belong to a pair: they say nearly the same.
+double deviation(double sum, Index ranks) {
+  return ranks > 0 ? (sum / double(ranks) - 0.5) * std::sqrt(12 * double(ranks) / 2) : 0.0;
+}
+
+Neighbours neighbours(const Matrix& likeness, const std::vector<bool>& live) {
+  std::array<double, 2> sum{};
+  std::array<Index, 2> ranks{};
+  for (Index i = 0; i + 1 < likeness.rows(); ++i)
+    for (const auto& [line, next] : {std::pair(i, i + 1), std::pair(i + 1, i)}) {
+      double less = 0.0;
+      Index others = 0;
+      for (Index j = 0; j < likeness.rows(); ++j) {
+        if (std::abs(j - line) <= 1 || !live[size_t(j)]) continue;
+        ++others;
+        less += likeness(line, j) < likeness(line, next) ? 1.0 : likeness(line, j) == likeness(line, next) ? 0.5 : 0.0;
+      }
+      if (!live[size_t(line)] || !live[size_t(next)] || others < 3) continue;
+      sum[size_t(i % 2)] += less / double(others);
+      ++ranks[size_t(i % 2)];
+    }
+  const double all = sum[0] + sum[1];
+  const Index count = ranks[0] + ranks[1];
+  if (count < 8) return {};
+  return {all / double(count), deviation(all, count),
+          std::min(deviation(sum[0], ranks[0]), deviation(sum[1], ranks[1]))};
+}
+
+// Outputs follow from inputs and outputs of the step before, with any sign; and what changes slowly keeps its own.
+Neighbours neighbours(const Lines& lines) {
+  const Index count = lines.front().cols();
+  if (count < fewest_lines || lines.front().rows() < fewest_positions) return {};
+  Matrix related = Matrix::Zero(count, count), alike_by_sign = related;
+  for (size_t a = 0; a < lines.size(); ++a)
+    for (size_t b = 0; b < lines.size(); ++b) {
+      const Matrix products = lines[a].transpose() * lines[b];
+      related += products.cwiseAbs2();
+      if (a == b) alike_by_sign += products;
+    }
+  std::vector<bool> live;
+  for (Index l = 0; l < count; ++l) live.push_back(alike_by_sign(l, l) > 0.5);
+  const Neighbours any = neighbours(related + related.transpose(), live), same = neighbours(alike_by_sign, live);
+  return any.deviation > same.deviation ? any : same;
+}
+
+// (T, N, channels): samples follow on from experiment to experiment, but not from step to step.
+bool is_time_along_experiments(const Ensemble& e) {
+  std::vector<Index> channels;
+  for (Index i = 0; i < std::min(e.inputs(), most_inputs); ++i) channels.push_back(i);
+  for (Index j = 0; j < std::min(e.outputs(), most_outputs); ++j) channels.push_back(e.inputs() + j);
+  const Index d = e.channels();
+  const Neighbours experiments = neighbours(lines_of(
+      e.experiments(), e.steps(), channels, [&](Index n, Index k, Index c) { return e.samples()(n, k * d + c); }));
+  if (experiments.deviation < alike || experiments.of_half < alike_by_halves) return false;
+  const Neighbours steps = neighbours(lines_of(e.steps(), e.experiments(), channels,
+                                               [&](Index k, Index n, Index c) { return e.samples()(n, k * d + c); }));
+  return steps.deviation < unlike && steps.rank < mostly_unlike;
+}
+
+}  // namespace
+
+std::optional<std::string> swapped_axes(const Ensemble& e) {
+  const Index N = e.experiments(), T = e.steps(), r = e.inputs(), m = e.outputs();
+  if (N == 0 || T == 0) return std::nullopt;
+  const bool channels_alike = m == 0 || r == m;
+  if (N == 1 && r > T && channels_alike)
+    return fmt::format(
+        "u ({}, {}) was taken for one experiment of {} with {}; (N, T, 1) for N experiments with one input, (T, r) for "
+        "one experiment",
+        T, r, words::plural(T, "step"), words::plural(r, "input"));
+  const std::string read =
+      fmt::format("the axes look swapped: {} of {} with {} and {} were read", words::plural(N, "experiment"),
+                  words::plural(T, "step"), words::plural(r, "input"), words::plural(m, "output"));
+  if (T == 1 && N >= shortest_record)
+    return fmt::format("{}; one experiment of {} is (1, T, channels)", read, words::plural(N, "step"));
+  if (r > T && channels_alike)
+    return fmt::format("{}; the order expected is (N, T, channels), not (N, channels, T)", read);
+  if (is_time_along_experiments(e))
+    return fmt::format(
+        "{}, but the samples follow on from experiment to experiment, not from step to step; the order expected is "
+        "(N, T, channels), not (T, N, channels)",
+        read);
+  return std::nullopt;
+}
+
+}  // namespace tokid

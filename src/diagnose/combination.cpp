@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnose/combination.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace tokid {
+
+namespace {
+
+// Rows beyond the columns that make an exact fit no accident.
+constexpr Index extra_rows = 3;
+
+// Rows spread evenly: a combination of all of them is one of these.
+Matrix some_rows(const ConstMatrixRef& a, Index count) {
+  Matrix result(count, a.cols());
+  for (Index i = 0; i < count; ++i) result.row(i) = a.row(i * a.rows() / count);
+  return result;
+}
+
+// Columns of norm 1 about their means, where those count as nothing; what does not vary becomes zero.
+Matrix normalised(Matrix a, bool centred) {
+  for (Index j = 0; j < a.cols(); ++j) {
+    const double size = a.col(j).stableNorm();
+    if (centred) a.col(j).array() -= a.col(j).mean();
+    const double norm = a.col(j).stableNorm();
+    if (norm > nothing_left * size)
+      a.col(j) /= norm;
+    else
+      a.col(j).setZero();
+  }
+  return a;
+}
+
+double left_over(const ConstMatrixRef& columns, const Vector& target) {
+  if (columns.cols() == 0) return target.norm();
+  return (target - columns * linalg::minimum_norm(columns, target, 1e-12).x).norm();
+}
+
+}  // namespace
+
+double unexplained(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred) {
+  return left_over(normalised(columns, centred), normalised(target, centred));
+}
+
+std::optional<Combination> combination(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred) {
+  const Index rows = columns.rows(), needed = columns.cols() + extra_rows + (centred ? 1 : 0);
+  if (columns.cols() == 0 || rows < needed) return std::nullopt;
+  // A few rows rule most out.
+  if (rows > 2 * needed) {
+    const Matrix few = normalised(some_rows(columns, needed), centred);
+    const Vector t = normalised(some_rows(target, needed), centred);
+    if (left_over(few, t) > 100 * nothing_left) return std::nullopt;
+  }
+  const Matrix a = normalised(columns, centred);
+  const Vector t = normalised(target, centred);
+  if (t.isZero(0) || left_over(a, t) > nothing_left) return std::nullopt;
+
+  std::vector<Index> chosen;
+  const auto left = [&](const std::vector<Index>& set) { return left_over(a(Eigen::all, set), t); };
+  while (Index(chosen.size()) < a.cols() && left(chosen) > nothing_left) {
+    // The one that leaves least: columns may be far from orthogonal.
+    double least = std::numeric_limits<double>::infinity();
+    Index best = -1;
+    for (Index j = 0; j < a.cols(); ++j) {
+      if (a.col(j).isZero(0) || std::find(chosen.begin(), chosen.end(), j) != chosen.end()) continue;
+      std::vector<Index> with = chosen;
+      with.push_back(j);
+      // Of equally good ones, the first.
+      if (const double rest = std::max(left(with), nothing_left); rest < 0.99 * least) least = rest, best = j;
+    }
+    if (best < 0) return std::nullopt;
+    chosen.push_back(best);
+  }
+  for (size_t i = 0; i < chosen.size() && chosen.size() > 1;) {
+    std::vector<Index> without = chosen;
+    without.erase(without.begin() + std::ptrdiff_t(i));
+    if (left(without) <= nothing_left)
+      chosen = std::move(without);
+    else
+      ++i;
+  }
+  std::sort(chosen.begin(), chosen.end());
+
+  Matrix plain = columns(Eigen::all, chosen);
+  Vector y = target;
+  if (centred) {
+    plain.rowwise() -= Eigen::RowVectorXd(plain.colwise().mean());
+    y.array() -= y.mean();
+  }
+  const Vector x = linalg::minimum_norm(plain, y, 1e-12).x;
+  Combination result;
+  for (size_t i = 0; i < chosen.size(); ++i) result.terms.push_back({chosen[i], x(Index(i))});
+  const Vector rest = target - columns(Eigen::all, chosen) * x;
+  result.constant = centred && std::abs(rest.mean()) > nothing_left * target.cwiseAbs().maxCoeff();
+  return result;
+}
+
+bool same_sum(const std::vector<std::pair<std::string, double>>& a,
+              const std::vector<std::pair<std::string, double>>& b) {
+  constexpr double tolerance = 1e-3;
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](const auto& x, const auto& y) {
+    const double own = x.second / a.front().second, other = y.second / b.front().second;
+    return x.first == y.first && std::abs(own - other) <= tolerance * std::abs(own);
+  });
+}
+
+std::string sum_text(const std::vector<std::pair<std::string, double>>& terms) {
+  std::string text;
+  for (const auto& [name, factor] : terms) {
+    const double value = factor / terms.front().second;
+    const std::string size = fmt::format("{:.3g}", std::abs(value));
+    if (!text.empty()) text += value < 0 ? " - " : " + ";
+    text += size == "1" ? name : fmt::format("{} {}", size, name);
+  }
+  return text;
+}
+
+}  // namespace tokid

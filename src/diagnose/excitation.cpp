@@ -1,0 +1,579 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnose/excitation.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "base/nan.hpp"
+#include "base/words.hpp"
+#include "diagnose/combination.hpp"
+#include "diagnose/standstill.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Terms that a message names; more are as good as none.
+constexpr size_t most_terms = 4;
+// Columns that a combination is looked for in: its time grows with their cube.
+constexpr Index most_columns = 40;
+// An output of which less than this is left by the inputs and by the samples before has no noise to speak of.
+constexpr double answers = 100 * nothing_left;
+// Steps that stand for all where nothing is wrong, and outputs that are looked at.
+constexpr Index sampled_steps = 24, sampled_outputs = 16;
+// Different combinations that are told.
+constexpr size_t most_cases = 4;
+// Of so few ensembles chance makes what is told.
+constexpr double chance_of_alarm = 1e-4;
+// Where steps share what they know: steps running, or a share of all, of which it is worth to speak.
+constexpr Index long_run = 8;
+constexpr double large_share = 0.2;
+// Samples of a channel that tell how often its values coincide.
+constexpr Index sampled_values = 2000;
+// Rows of a pooled record that are looked at: what holds for so many holds for all.
+constexpr Index most_rows = 2000;
+
+// Steps all over a range, at no regular distance: inputs may be held for a number of steps, or repeat.
+std::vector<Index> spread(Index begin, Index end, Index count) {
+  std::vector<Index> steps;
+  constexpr double golden = 0.6180339887498949;
+  if (end - begin <= count) count = std::max<Index>(0, end - begin);
+  for (Index i = 0; i < count; ++i) {
+    const double within = count == end - begin ? 0.0 : std::fmod(golden * double(i + 1), 1.0);
+    steps.push_back(begin + Index((double(i) + within) * double(end - begin) / double(count)));
+  }
+  return steps;
+}
+
+// How many of them are the same, of the most frequent one.
+Index most_alike(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  size_t most = 0;
+  for (size_t i = 0, begin = 0; i < values.size(); ++i) {
+    if (values[i] != values[begin]) begin = i;
+    most = std::max(most, i - begin + 1);
+  }
+  return Index(most);
+}
+
+// How often a value of channel c is that of another experiment at some step, or of the step before it: the share of the
+// most frequent one, at steps at which the channel varies.
+struct Coincidence {
+  double value = 0.0, held = 0.0;
+};
+
+Coincidence coincidence(const Ensemble& e, Index c) {
+  const Index d = e.channels(), each = std::min<Index>(e.experiments(), 100);
+  std::vector<double> values;
+  Index held = 0, pairs = 0;
+  for (const Index k : spread(0, e.steps(), sampled_values / each)) {
+    const auto now = e.samples().col(k * d + c);
+    bool varies = false;
+    for (Index n = 1; n < now.size() && !varies; ++n) varies = now(n) != now(0);
+    for (Index i = 0; i < each && (varies || now.size() == 1); ++i)
+      if (const double value = now(i * e.experiments() / each); !std::isnan(value)) values.push_back(value);
+    for (Index i = 0; i < each && k > 0; ++i) {
+      const Index n = i * e.experiments() / each;
+      held += now(n) == e.samples()(n, (k - 1) * d + c);
+      ++pairs;
+    }
+  }
+  const Index all = Index(values.size());
+  return {all > 1 ? double(most_alike(std::move(values)) - 1) / double(all - 1) : 0.0,
+          pairs > 0 ? double(held) / double(pairs) : 0.0};
+}
+
+double log_binomial(Index n, Index k) {
+  return std::lgamma(double(n) + 1) - std::lgamma(double(k) + 1) - std::lgamma(double(n - k) + 1);
+}
+
+// More than so many of `all` steps by chance, each with this probability: a bound of its logarithm.
+double log_chance(Index all, Index steps, double log_each) {
+  return log_binomial(all, steps) + double(steps) * log_each;
+}
+
+// The samples before a group of steps that share a model, and those of the group itself.
+class Inspection {
+ public:
+  Inspection(const Ensemble& e, const ExcitationOptions& o) : e_(e), o_(o) {
+    for (Index i = 0; i < e.inputs(); ++i) coincidence_.push_back(coincidence(e, i));
+  }
+
+  struct Found {
+    std::vector<std::pair<std::string, double>> terms;  // with the channel itself in front
+    std::vector<std::string> channels;                  // inputs of the same step that take part
+    std::vector<std::pair<Index, Index>> samples;       // channel and lag of the terms
+    bool feedback = false, constant = false;
+    double log_chance = 0.0, log_choices = 0.0;  // of it at one step, and how many there are to be found
+    Index depth() const {
+      Index most = 0;
+      for (const auto& [c, lag] : samples) most = std::max(most, lag);
+      return most;
+    }
+  };
+
+  // Do a few experiments allow for one among the inputs of a step? Where they do not, no more are looked at.
+  bool may_be(Index k) const {
+    const Index r = e_.inputs(), needed = r + 5, count = e_.experiments();
+    few_.clear();
+    Index rows = 0;
+    for (Index i = 0; i < 3 * needed && rows < needed; ++i) {
+      const auto u = e_.input(k).row((i * count / (3 * needed) + i) % count);
+      if (u.array().isNaN().any()) continue;
+      few_.insert(few_.end(), u.begin(), u.end());
+      ++rows;
+    }
+    if (rows < needed) return true;
+    // Gram-Schmidt about the means, by columns.
+    for (Index j = 0; j < r; ++j) {
+      const auto at = [&](Index i, Index c) -> double& { return few_[size_t(i * r + c)]; };
+      double mean = 0.0, before = 0.0, after = 0.0;
+      for (Index i = 0; i < rows; ++i) mean += at(i, j) / double(rows);
+      for (Index i = 0; i < rows; ++i) {
+        at(i, j) -= mean;
+        before += at(i, j) * at(i, j);
+      }
+      for (Index c = 0; c < j; ++c) {
+        double product = 0.0;
+        for (Index i = 0; i < rows; ++i) product += at(i, c) * at(i, j);
+        for (Index i = 0; i < rows; ++i) at(i, j) -= product * at(i, c);
+      }
+      for (Index i = 0; i < rows; ++i) after += at(i, j) * at(i, j);
+      if (!(after > 1e4 * nothing_left * nothing_left * before)) return true;
+      for (Index i = 0; i < rows; ++i) at(i, j) /= std::sqrt(after);
+    }
+    return false;
+  }
+
+  // What the inputs of the steps are combinations of: of each other, or with the samples before.
+  std::vector<Found> of(const std::vector<Index>& steps, bool with_past) const {
+    const Index r = e_.inputs(), d = e_.channels();
+    Index lags = with_past ? std::min(o_.lags, steps.front()) : 0;
+    const auto width = [&](Index q) { return q * d + r + (o_.noisy && q > 0 ? e_.outputs() : 0); };
+    while (lags > 0 && width(lags) > most_columns) --lags;
+    Matrix rows = window(steps, lags, most_rows);
+    while (lags > 0 && rows.rows() < width(lags) + 4) rows = window(steps, --lags, most_rows);
+    std::vector<Found> found;
+    if (with_past && lags == 0) return found;
+    std::vector<Index> others;
+    std::vector<std::string> names;
+    // The newest first, which of equally good ones is taken.
+    for (Index j = 1; j <= lags; ++j)
+      for (Index c = 0; c < d; ++c) {
+        others.push_back((lags - j) * d + c);
+        names.push_back(fmt::format("{}(k-{})", channel(c), j));
+      }
+    if (o_.noisy && lags > 0)
+      for (Index c = r; c < d; ++c) {
+        // An output that follows from the inputs and from what was before answers to the inputs, not they to it.
+        if (unexplained(rows.leftCols(lags * d + r), rows.col(lags * d + c), o_.centred) <= answers) continue;
+        others.push_back(lags * d + c);
+        names.push_back(channel(c) + "(k)");
+      }
+    for (Index i = 0; i < r; ++i) {
+      const auto own = rows.col(lags * d + i);
+      const std::string name = with_past ? channel(i) + "(k)" : channel(i);
+      std::optional<Combination> c = combination(rows(Eigen::all, others), own, o_.centred);
+      // Of a record as a whole the shortest recursion, which tells what the input consists of.
+      if (c && with_past && o_.period == 1)
+        for (Index q = 1; q < lags; ++q)
+          if (auto shorter = combination(rows(Eigen::all, std::vector<Index>(others.begin(), others.begin() + q * d)),
+                                         own, o_.centred)) {
+            c = std::move(shorter);
+            break;
+          }
+      if (c) {
+        Found f;
+        f.constant = c->constant;
+        const Coincidence& often = coincidence_[size_t(i)];
+        const double each = std::max({nothing_left, often.value, with_past ? often.held : 0.0});
+        const Index terms = Index(c->terms.size());
+        f.log_chance = double(std::max<Index>(0, rows.rows() - terms - (o_.centred ? 1 : 0))) * std::log(each);
+        f.log_choices = log_binomial(Index(others.size()), terms);
+        f.samples.emplace_back(i, 0);
+        f.terms.emplace_back(name, 1.0);
+        f.channels.push_back(channel(i));
+        for (const Combination::Term& t : c->terms) {
+          const Index at = others[size_t(t.column)] % d;
+          f.feedback = f.feedback || at >= r;
+          if (!with_past) f.channels.push_back(channel(at));
+          f.terms.emplace_back(names[size_t(t.column)], -t.factor);
+          f.samples.emplace_back(at, lags - others[size_t(t.column)] / d);
+        }
+        if (!with_past) {  // in the order of the channels
+          std::rotate(f.terms.begin(), f.terms.begin() + 1, f.terms.end());
+          std::rotate(f.channels.begin(), f.channels.begin() + 1, f.channels.end());
+          std::rotate(f.samples.begin(), f.samples.begin() + 1, f.samples.end());
+        }
+        found.push_back(std::move(f));
+      } else if (!with_past) {
+        others.push_back(i);
+        names.push_back(name);
+      }
+    }
+    return found;
+  }
+
+  // A sum of s sines obeys a recursion of order 2s that reads the same from both of its ends.
+  std::string sines_text(const Found& f) const {
+    const Index own = f.samples.front().first, order = f.depth();
+    if (o_.period != 1 || e_.inputs() != 1 || order < 2 || order % 2 != 0) return "";
+    for (size_t i = 0; i < f.samples.size(); ++i)
+      if (f.samples[i].first != own || (f.samples[i].second == order && std::abs(f.terms[i].second - 1) > 1e-3))
+        return "";
+    return fmt::format(", as of {} where {} are needed at lag order {}",
+                       order == 2 ? "one frequency" : fmt::format("{} frequencies", order / 2),
+                       (2 + o_.lags * e_.channels()) / 2, o_.lags);
+  }
+
+  std::string channel(Index c) const { return c < e_.inputs() ? e_.names.input(c) : e_.names.output(c - e_.inputs()); }
+
+ private:
+  // [v_{k-q} … v_k] of the experiments that have them, of so many spread over steps and experiments.
+  Matrix window(const std::vector<Index>& steps, Index q, Index most) const {
+    const Index all = Index(steps.size()) * e_.experiments(), looked = std::min(all, most),
+                width = (q + 1) * e_.channels();
+    Matrix result(looked, width);
+    Index used = 0;
+    for (Index i = 0; i < looked; ++i) {
+      const Index at = Index(double(i) * double(all) / double(looked)), k = steps[size_t(at / e_.experiments())];
+      if (k < q) continue;
+      const Index n = at % e_.experiments(), from = (k - q) * e_.channels();
+      bool whole = true;
+      for (Index c = 0; c < width && whole; ++c) {
+        result(used, c) = e_.samples()(n, from + c);
+        whole = !std::isnan(result(used, c)) || (c >= width - e_.outputs() && !o_.noisy);
+      }
+      if (whole) ++used;
+    }
+    return result.topRows(used);
+  }
+
+  const Ensemble& e_;
+  const ExcitationOptions& o_;
+  std::vector<Coincidence> coincidence_;  // (r)
+  mutable std::vector<double> few_;
+};
+
+// Steps at which one thing holds, whatever its numbers are.
+struct Case {
+  Inspection::Found found;
+  bool same = true;  // numbers at all steps
+  std::vector<Index> steps;
+  Index independent = 0;  // of them, those that do not repeat the step before
+};
+
+class Cases {
+ public:
+  void add(Inspection::Found found, Index step, bool repeats) {
+    std::string key;
+    for (const auto& [name, factor] : found.terms) key += name + "|";
+    if (found.terms.size() > most_terms) key = found.terms.front().first + "|…";
+    Case& c = cases_[key];
+    if (c.steps.empty()) {
+      c.found = std::move(found);
+    } else {
+      c.same = c.same && same_sum(found.terms, c.found.terms);
+      c.found.constant = c.found.constant || found.constant;
+      c.found.log_chance = std::max(c.found.log_chance, found.log_chance);
+      c.found.log_choices = std::max(c.found.log_choices, found.log_choices);
+    }
+    if (!c.steps.empty() && c.steps.back() == step) return;
+    c.independent += c.steps.empty() || c.steps.back() + 1 != step || !repeats;
+    c.steps.push_back(step);
+  }
+
+  // Those of most steps first, without those that chance makes at so many steps.
+  std::vector<Case> most(Index all, bool shared) const {
+    std::vector<Case> list;
+    for (const auto& [key, c] : cases_)
+      if (c.found.log_choices + log_chance(all, c.independent, c.found.log_chance) <= std::log(chance_of_alarm) &&
+          (!shared || weighty(c, all)))
+        list.push_back(c);
+    std::stable_sort(list.begin(), list.end(),
+                     [](const Case& a, const Case& b) { return a.steps.size() > b.steps.size(); });
+    return list;
+  }
+
+ private:
+  static bool weighty(const Case& c, Index all) {
+    Index run = 1, longest = 1;
+    for (size_t i = 1; i < c.steps.size(); ++i) {
+      run = c.steps[i] == c.steps[i - 1] + 1 ? run + 1 : 1;
+      longest = std::max(longest, run);
+    }
+    return longest >= std::min(long_run, all) || double(c.steps.size()) >= large_share * double(all);
+  }
+
+  std::map<std::string, Case> cases_;
+};
+
+// "u1(k), u1(k-1…6) and y2(k-1, 3)"
+std::string samples_text(const std::vector<std::pair<Index, Index>>& samples, const Inspection& inspect) {
+  std::map<Index, std::vector<Index>> lags;
+  std::vector<std::string> parts;
+  for (const auto& [c, lag] : samples)
+    if (lag == 0)
+      parts.push_back(inspect.channel(c) + "(k)");
+    else
+      lags[c].push_back(lag);
+  for (auto& [c, list] : lags) {
+    std::sort(list.begin(), list.end());
+    std::string text;
+    for (size_t i = 0; i < list.size();) {
+      size_t j = i;
+      while (j + 1 < list.size() && list[j + 1] == list[j] + 1) ++j;
+      text += fmt::format("{}{}", text.empty() ? "" : ", ", list[i]);
+      if (j > i) text += fmt::format("{}{}", j > i + 1 ? "…" : ", ", list[j]);
+      i = j + 1;
+    }
+    parts.push_back(fmt::format("{}(k-{})", inspect.channel(c), text));
+  }
+  return words::listed(parts);
+}
+
+std::string combination_text(const Case& c, const Inspection& inspect, bool with_past) {
+  const char* what = c.found.constant ? "constant" : "zero";
+  if (c.found.terms.size() > most_terms) {
+    if (with_past)
+      return fmt::format("a combination of {} is {}{}", samples_text(c.found.samples, inspect), what,
+                         inspect.sines_text(c.found));
+    return fmt::format("a combination of {} is {}", words::listed(c.found.channels), what);
+  }
+  if (c.same)
+    return fmt::format("{} is {}{}", sum_text(c.found.terms), what, with_past ? inspect.sines_text(c.found) : "");
+  std::vector<std::string> names;
+  for (const auto& [name, factor] : c.found.terms) names.push_back(name);
+  return fmt::format("a combination of {} that changes from step to step is {}", words::listed(names), what);
+}
+
+// Are the samples of this column those of the other one, as far as a few of them tell?
+bool looks_equal(const Matrix& samples, Index a, Index b) {
+  for (Index n = 0; n < std::min<Index>(3, samples.rows()); ++n)
+    if (const double x = samples(n, a), y = samples(n, b); x != y && !(std::isnan(x) || std::isnan(y))) return false;
+  return true;
+}
+
+// Steps at which an output is the same in every experiment after it has moved, where that is no chance.
+std::vector<Index> resting(const Ensemble& e, Index j) {
+  const Index d = e.channels(), c = e.inputs() + j;
+  std::vector<Index> still;
+  Index fewest = e.experiments();
+  double alike = 0.0;  // the share of one value at steps beside those
+  const auto look_beside = [&](Index k) {
+    std::vector<double> values;
+    for (const double value : e.samples().col(k * d + c))
+      if (!std::isnan(value)) values.push_back(value);
+    const Index all = Index(values.size()), most = most_alike(std::move(values));
+    if (most > 1 && most < all) alike = std::max(alike, double(most) / double(all));
+  };
+  bool moved = false;
+  for (Index k = 0, before = -2; k < e.steps(); ++k) {
+    const auto y = e.samples().col(k * d + c);
+    double value = nan;
+    Index present = 0;
+    bool same = true;
+    for (Index n = 0; n < y.size() && same; ++n) {
+      if (std::isnan(y(n))) continue;
+      ++present;
+      if (std::isnan(value)) value = y(n);
+      same = y(n) == value;
+    }
+    const bool rests = same && moved && present > 1;
+    if (rests) {
+      still.push_back(k);
+      fewest = std::min(fewest, present);
+    }
+    if (!same && moved && before == k - 1) look_beside(k);
+    if (rests && before != k - 1) look_beside(k - 1);
+    if (rests) before = k;
+    moved = moved || !same;
+  }
+  if (still.empty()) return {};
+  const double each = std::max({nothing_left, coincidence(e, c).value, alike});
+  const bool chance =
+      log_chance(e.steps(), Index(still.size()), double(fewest - 1) * std::log(each)) > std::log(chance_of_alarm);
+  return chance ? std::vector<Index>{} : still;
+}
+
+// Pairs of outputs and more of them, where one combination holds at all steps at which the last of them moves.
+std::vector<std::string> moving_together(const Ensemble& e) {
+  const Index m = e.outputs();
+  std::vector<std::string> result;
+  std::vector<Index> others{0};
+  const bool single = e.experiments() < 8;
+  for (Index j = 1; j < m; ++j) {
+    std::vector<std::pair<std::string, double>> told;
+    std::vector<std::string> names;
+    Index held = 0;
+    bool always = true, constant = false;
+    for (const Index k : spread(0, e.steps(), single ? 1 : sampled_outputs)) {
+      Matrix y;
+      if (single) {  // one record, or a few: all of their samples
+        y.resize(std::min(most_rows, e.experiments() * e.steps()), m);
+        Index used = 0;
+        for (Index i = 0; i < y.rows(); ++i) {
+          const Index at = i * (e.experiments() * e.steps() / y.rows());
+          const auto row = e.output(at / e.experiments()).row(at % e.experiments());
+          if (!row.array().isNaN().any()) y.row(used++) = row;
+        }
+        y.conservativeResize(used, m);
+      } else {
+        y = e.output(k)(e.complete_rows(k, 0), Eigen::all);
+      }
+      if (y.rows() == 0 || (y.col(j).array() == y(0, j)).all()) continue;
+      const auto c = combination(y(Eigen::all, others), y.col(j), true);
+      always = c.has_value() && c->terms.size() < most_terms;
+      if (!always) break;
+      std::vector<std::pair<std::string, double>> terms;
+      names.clear();
+      for (const Combination::Term& t : c->terms) {
+        names.push_back(e.names.output(others[size_t(t.column)]));
+        terms.emplace_back(names.back(), -t.factor);
+      }
+      names.push_back(e.names.output(j));
+      terms.emplace_back(names.back(), 1.0);
+      constant = constant || c->constant;
+      always = told.empty() || same_sum(terms, told);
+      if (!always) break;
+      if (told.empty()) told = std::move(terms);
+      ++held;
+    }
+    if (always && (single ? held > 0 : held > 2))
+      result.push_back(
+          fmt::format("outputs {} move together ({} is {}) at all steps: {} says nothing that the others "
+                      "don't",
+                      words::listed(names), sum_text(told), constant ? "constant" : "zero", names.back()));
+    else
+      others.push_back(j);
+  }
+  return result;
+}
+
+}  // namespace
+
+Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
+  const Inspection inspect(e, o);
+  const Index steps = e.steps(), r = e.inputs();
+  std::vector<std::vector<Index>> groups;
+  if (o.period > 0 && o.period < steps) {
+    const Index phases = std::min<Index>(o.period, 8);
+    for (Index i = 0; i < phases; ++i) {
+      std::vector<Index> group;
+      for (Index k = i * o.period / phases; k < steps; k += o.period)
+        if (k >= o.lags) group.push_back(k);
+      if (!group.empty()) groups.push_back(std::move(group));
+    }
+  } else {
+    for (Index k = 0; k < steps; ++k) groups.push_back({k});
+  }
+  const bool each = o.period == 0;
+
+  Cases together, before;
+  const auto repeats = [&](Index k) {
+    for (Index i = 0; each && k > 0 && i < r; ++i)
+      if (e.input(k).col(i) != e.input(k - 1).col(i)) return false;
+    return each && k > 0;
+  };
+  if (r > 1)
+    for (const auto& group : groups)
+      if (o.period > 0 || inspect.may_be(group.front()))
+        for (auto& found : inspect.of(group, false))
+          together.add(std::move(found), group.front(), repeats(group.front()));
+
+  // Of the samples before: where a few values say so, at the suspects, and at some steps; then at all.
+  std::vector<Index> few = each ? spread(1, steps, sampled_steps) : spread(0, Index(groups.size()), sampled_steps);
+  if (each) {
+    few.insert(few.end(), o.suspects.begin(), o.suspects.end());
+    for (Index k = 1; k < steps; ++k)
+      for (Index i = 0; i < r; ++i)
+        if (looks_equal(e.samples(), k * e.channels() + i, (k - 1) * e.channels() + i)) few.push_back(k);
+    std::sort(few.begin(), few.end());
+    few.erase(std::unique(few.begin(), few.end()), few.end());
+  }
+  bool any = false;
+  for (const Index g : few)
+    if (any = any || !inspect.of(groups[size_t(g)], true).empty(); any) break;
+  if (any)
+    for (const auto& group : groups)
+      if (group.front() > 0)
+        for (auto& found : inspect.of(group, true)) before.add(std::move(found), group.front(), false);
+
+  Excitation result;
+  const auto where = [&](const Case& c) {
+    if (o.period == 1) return std::string("all along");
+    std::vector<Index> shown = c.steps;
+    for (Index& k : shown) k += o.origin;
+    // The windows of the steps behind hold it too.
+    for (const Index k : c.steps)
+      for (Index later = k; later < std::min(steps, k + std::max<Index>(1, o.lags - c.found.depth() + 1)); ++later)
+        result.named.push_back(later);
+    return fmt::format("{} {}", each ? "in every experiment at" : "at the phases of", words::step_list(shown));
+  };
+  const auto tell = [&](const std::vector<Case>& cases, auto&& text) {
+    for (size_t i = 0; i < std::min(most_cases, cases.size()); ++i) result.warnings.push_back(text(cases[i]));
+    if (cases.size() > most_cases)
+      result.warnings.push_back(fmt::format("{} more of inputs that follow from others were found",
+                                            words::plural(Index(cases.size() - most_cases), "combination")));
+  };
+  const Index all = Index(groups.size());
+  tell(together.most(all, o.shared), [&](const Case& c) {
+    return fmt::format("inputs {} move together ({}) {}: their effects there can't be told apart",
+                       words::listed(c.found.channels), combination_text(c, inspect, false), where(c));
+  });
+  tell(before.most(all, o.shared), [&](const Case& c) {
+    const std::string name = c.found.channels.front();
+    const std::string text = combination_text(c, inspect, true);
+    return c.found.feedback
+               ? fmt::format(
+                     "input {} follows from the samples before it ({}) {}: a feedback without a variation of "
+                     "its own, whose effect there can't be told from theirs",
+                     name, text, where(c))
+               : fmt::format(
+                     "input {} follows from inputs before it ({}) {}: its effect there can't be told from "
+                     "theirs",
+                     name, text, where(c));
+  });
+  std::sort(result.named.begin(), result.named.end());
+  result.named.erase(std::unique(result.named.begin(), result.named.end()), result.named.end());
+  return result;
+}
+
+std::vector<std::string> warnings_of_dependent_outputs(const Ensemble& e, Index origin) {
+  std::vector<std::string> result = moving_together(e);
+  if (e.experiments() < 2) return result;
+  for (Index j = 0; j < e.outputs(); ++j) {
+    std::vector<Index> still = resting(e, j);
+    for (Index& k : still) k += origin;
+    if (!still.empty())
+      result.push_back(
+          fmt::format("output {} is the same in every experiment at {}: nothing can be identified of it there",
+                      e.names.output(j), words::step_list(still)));
+  }
+  return result;
+}
+
+StuckOutputs stuck_outputs(const Ensemble& e, Index origin) {
+  StuckOutputs result;
+  for (Index j = 0; j < e.outputs(); ++j) {
+    const std::vector<Standstill> stuck = standstills(e, e.inputs() + j);
+    for (const Standstill& s : stuck) result.experiments.push_back(s.experiment);
+    for (size_t i = 0; i < std::min(most_cases, stuck.size()); ++i)
+      result.warnings.push_back(
+          fmt::format("output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its sensor "
+                      "stuck there?",
+                      e.names.output(j), stuck[i].value, e.experiment(stuck[i].experiment), origin + stuck[i].begin,
+                      origin + stuck[i].end - 1));
+    if (stuck.size() > most_cases)
+      result.warnings.push_back(fmt::format("output {} stays where it is in {} more", e.names.output(j),
+                                            words::plural(Index(stuck.size() - most_cases), "experiment")));
+  }
+  return result;
+}
+
+}  // namespace tokid

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnose/repeats.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <unordered_map>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include "base/words.hpp"
+
+namespace tokid {
+
+namespace {
+
+bool equal(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+
+// Of the inputs of every experiment; by columns, as they lie in memory.
+std::vector<std::uint64_t> input_hashes(const Ensemble& e) {
+  std::vector<std::uint64_t> result(size_t(e.experiments()), 0);
+  for (Index k = 0; k < e.steps(); ++k)
+    for (Index i = 0; i < e.inputs(); ++i)
+      for (Index n = 0; n < e.experiments(); ++n) {
+        const double found = e.u(n, k, i);
+        // One zero, and one NaN.
+        const double value = std::isnan(found) ? std::numeric_limits<double>::quiet_NaN() : found + 0.0;
+        result[size_t(n)] = XXH3_64bits_withSeed(&value, sizeof(value), result[size_t(n)]);
+      }
+  return result;
+}
+
+bool same_inputs(const Ensemble& e, Index a, Index b) {
+  for (Index k = 0; k < e.steps(); ++k)
+    for (Index i = 0; i < e.inputs(); ++i)
+      if (!equal(e.u(a, k, i), e.u(b, k, i))) return false;
+  return true;
+}
+
+}  // namespace
+
+Index input_courses(const Ensemble& e) {
+  const std::vector<std::uint64_t> hashes = input_hashes(e);
+  std::unordered_map<std::uint64_t, std::vector<Index>> courses;  // the first experiment of each
+  Index count = 0;
+  for (Index n = 0; n < e.experiments(); ++n) {
+    std::vector<Index>& known = courses[hashes[size_t(n)]];
+    if (std::any_of(known.begin(), known.end(), [&](Index other) { return same_inputs(e, other, n); })) continue;
+    known.push_back(n);
+    ++count;
+  }
+  return count;
+}
+
+std::vector<std::string> warnings_of_repeats(const Ensemble& e, Index needed, Index lags) {
+  if (needed <= 1) return {};
+  const Index courses = input_courses(e);
+  if (courses <= 1 || courses >= e.experiments() || courses >= needed) return {};
+  return {
+      fmt::format("{} repeat {} of the inputs: repetitions tell the noise, but excite no more than the first run "
+                  "does; {} needed at lag order {}",
+                  words::plural(e.experiments(), "experiment"), words::plural(courses, "course"), needed, lags)};
+}
+
+}  // namespace tokid

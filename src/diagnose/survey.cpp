@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnose/survey.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <stdexcept>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include "base/words.hpp"
+#include "linalg/canonical.hpp"
+#include "linalg/column_range.hpp"
+
+namespace tokid {
+
+std::string channel_name(const Channels& names, Index inputs, Index c) {
+  return c < inputs ? "input " + names.input(c) : "output " + names.output(c - inputs);
+}
+
+void Survey::append(const Survey& later, Index begin) {
+  if (channel.empty()) {
+    channel.resize(later.channel.size());
+    zero.resize(later.zero.size());
+    same.resize(later.same.size());
+    absent.resize(later.absent.size());
+  }
+  for (size_t c = 0; c < channel.size(); ++c) {
+    channel[c].present += later.channel[c].present;
+    channel[c].min = std::min(channel[c].min, later.channel[c].min);
+    channel[c].max = std::max(channel[c].max, later.channel[c].max);
+  }
+  for (size_t i = 0; i < zero.size(); ++i) {
+    for (const Index k : later.zero[i]) zero[i].push_back(begin + k);
+    for (const Index k : later.same[i]) same[i].push_back(begin + k);
+  }
+  for (size_t c = 0; c < absent.size(); ++c)
+    for (const Index k : later.absent[c]) absent[c].push_back(begin + k);
+  missing += later.missing;
+}
+
+Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
+  const Index d = e.channels();
+  Survey result;
+  result.channel.resize(size_t(d));
+  result.zero.resize(size_t(e.inputs()));
+  result.same.resize(size_t(e.inputs()));
+  result.absent.resize(size_t(d));
+  Index absent = 0;
+  for (Index k = begin; k < end; ++k)
+    for (Index c = 0; c < d; ++c) {
+      const auto column = e.samples().col(k * d + c);
+      ChannelRange& range = result.channel[size_t(c)];
+      auto [finite, least, most] = linalg::column_range(column.data(), column.size());
+      Index present = column.size();
+      if (!finite) {
+        for (Index n = 0; n < column.size(); ++n)
+          if (std::isinf(column(n)))
+            throw std::invalid_argument(
+                fmt::format("{}: infinite value in experiment {} at step {}, finite or missing (NaN) needed",
+                            channel_name(e.names, e.inputs(), c), e.experiment(n), origin + k));
+        present = (column.array() == column.array()).count();
+        least = column.minCoeff<Eigen::PropagateNumbers>();
+        most = column.maxCoeff<Eigen::PropagateNumbers>();
+      }
+      absent += column.size() - present;
+      range.present += present;
+      if (present == 0) {
+        result.absent[size_t(c)].push_back(k - begin);
+        continue;
+      }
+      range.min = std::min(range.min, least);
+      range.max = std::max(range.max, most);
+      if (c < e.inputs() && least == most) (least == 0 ? result.zero : result.same)[size_t(c)].push_back(k - begin);
+    }
+  Index beyond = 0;
+  for (const Index length : e.length) beyond += end - std::clamp(length, begin, end);
+  result.missing = absent - beyond * d;
+  return result;
+}
+
+void check_presence(const Survey& survey, const Channels& names, Index inputs, Index samples) {
+  for (size_t c = 0; c < survey.channel.size(); ++c)
+    if (survey.channel[c].present == 0)
+      throw std::invalid_argument(fmt::format("{}: all {} samples are missing (NaN), at least one needed",
+                                              channel_name(names, inputs, Index(c)), samples));
+}
+
+void check_magnitudes(const Survey& survey, const Channels& names, Index inputs) {
+  constexpr double largest = 1e60, smallest = 1e-60;
+  for (size_t c = 0; c < survey.channel.size(); ++c) {
+    const ChannelRange& range = survey.channel[c];
+    const double magnitude = range.present > 0 ? std::max(std::abs(range.min), std::abs(range.max)) : 0.0;
+    if (magnitude > largest || (magnitude > 0 && magnitude < smallest))
+      throw std::invalid_argument(
+          fmt::format("{}: values up to {:.3g} found, {:.0e} to {:.0e} can be handled: choose another unit",
+                      channel_name(names, inputs, Index(c)), magnitude, smallest, largest));
+  }
+}
+
+std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names) {
+  std::vector<std::string> result;
+  const auto warn = [&](size_t i, const char* what, const std::vector<Index>& steps) {
+    if (steps.empty()) return;
+    result.push_back(fmt::format("input {} is {} in every experiment at {}: its effect there can't be identified",
+                                 names.input(Index(i)), what, words::step_list(steps)));
+  };
+  for (size_t i = 0; i < survey.zero.size(); ++i) {
+    warn(i, "zero", survey.zero[i]);
+    warn(i, "constant", survey.same[i]);
+  }
+  return result;
+}
+
+std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names, Index period, Index steps) {
+  std::vector<std::string> result;
+  for (size_t i = 0; i < survey.zero.size(); ++i) {
+    const std::string name = names.input(Index(i));
+    if (const ChannelRange& range = survey.channel[i]; range.present > 0 && range.min == range.max) {
+      result.push_back(range.min == 0
+                           ? fmt::format("input {} is zero all along: its effect can't be identified", name)
+                           : fmt::format("input {} is constant all along: it shows a step response at most", name));
+      continue;
+    }
+    std::vector<Index> at_rest(size_t(period), 0), phases;
+    for (const auto* nothing : {&survey.zero[i], &survey.absent[i]})
+      for (const Index k : *nothing) ++at_rest[size_t(k % period)];
+    for (Index phase = 0; phase < std::min(period, steps); ++phase)
+      if (at_rest[size_t(phase)] == (steps - phase + period - 1) / period) phases.push_back(phase);
+    if (!phases.empty())
+      result.push_back(fmt::format("input {} is zero at the phases of {}: its effect there can't be identified", name,
+                                   words::step_list(phases)));
+  }
+  return result;
+}
+
+std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channels& names) {
+  std::vector<std::string> result;
+  const size_t inputs = survey.zero.size();
+  for (size_t c = inputs; c < survey.channel.size(); ++c)
+    if (const ChannelRange& range = survey.channel[c]; range.present > 0 && range.min == range.max)
+      result.push_back(
+          fmt::format("output {} never moves: nothing can be identified of it", names.output(Index(c - inputs))));
+  return result;
+}
+
+std::vector<std::string> warnings_of_absence(const Survey& survey, const Channels& names) {
+  std::map<std::vector<Index>, std::vector<std::string>> channels;
+  for (size_t c = 0; c < survey.absent.size(); ++c)
+    if (!survey.absent[c].empty())
+      channels[survey.absent[c]].push_back(channel_name(names, Index(survey.zero.size()), Index(c)));
+  std::vector<std::string> result;
+  for (const auto& [steps, missing] : channels)
+    result.push_back(fmt::format(
+        "{} {} missing in every experiment at {}: what the model says there is a guess from the steps around",
+        words::listed(missing), missing.size() == 1 ? "is" : "are", words::step_list(steps)));
+  return result;
+}
+
+std::vector<std::string> warnings_of_steps(const Ensemble& e) {
+  std::vector<Index> first(size_t(e.experiments()), e.steps()), last(size_t(e.experiments()), -1);
+  for (Index k = 0; k < e.steps(); ++k)
+    for (Index c = 0; c < e.channels(); ++c)
+      for (Index n = 0; n < e.experiments(); ++n) {
+        if (std::isnan(e.samples()(n, k * e.channels() + c))) continue;
+        first[size_t(n)] = std::min(first[size_t(n)], k);
+        last[size_t(n)] = k;
+      }
+  const auto late = std::max_element(first.begin(), first.end()), early = std::min_element(last.begin(), last.end());
+  if (*early < 0 || *late <= *early) return {};
+  return {fmt::format(
+      "experiment {} begins at step {}, when experiment {} has ended at step {}: where experiments share no step, they "
+      "don't tell one from another; steps or times from the begin of each experiment on make them share",
+      e.experiment(late - first.begin()), *late, e.experiment(early - last.begin()), *early)};
+}
+
+std::uint64_t digest(const Ensemble& e, Index k) {
+  const auto samples = e.samples().middleCols(k * e.channels(), e.channels()).reshaped();
+  XXH3_state_t state;
+  XXH3_64bits_reset(&state);
+  std::array<double, 512> piece = {};
+  for (Index begin = 0; begin < samples.size(); begin += Index(piece.size())) {
+    const Index count = std::min(Index(piece.size()), samples.size() - begin);
+    linalg::copy_canonical(samples.data() + begin, count, piece.data());
+    XXH3_64bits_update(&state, piece.data(), size_t(count) * sizeof(double));
+  }
+  return XXH3_64bits_digest(&state);
+}
+
+std::string fingerprint(Index experiments, Index inputs, Index outputs, const std::vector<std::uint64_t>& digests) {
+  XXH3_state_t state;
+  XXH3_64bits_reset(&state);
+  const std::int64_t shape[] = {experiments, std::int64_t(digests.size()), inputs, outputs};
+  XXH3_64bits_update(&state, shape, sizeof(shape));
+  XXH3_64bits_update(&state, digests.data(), digests.size() * sizeof(std::uint64_t));
+  return fmt::format("{:016x}", XXH3_64bits_digest(&state));
+}
+
+}  // namespace tokid

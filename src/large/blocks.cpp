@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "large/blocks.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "base/archive.hpp"
+
+namespace tokid::stream {
+
+namespace {
+
+// The steps from … to-1 of a stretch that itself begins at step `origin` of the record.
+Model excerpt(const Model& model, Index from, Index to, Index origin) {
+  Model part = from_step(model, from);
+  part.step.resize(size_t(std::min(to - from, part.steps())));
+  part.k_begin = origin + from;
+  return part;
+}
+
+// x' = Rᵀ x at all steps, with R orthogonal.
+void rotate(Model& model, const Matrix& r) {
+  const Matrix back = r.transpose();
+  for (size_t s = 0; s < model.step.size(); ++s) {
+    model.step[s].A() = back * model.step[s].A() * r;
+    model.step[s].B() = back * model.step[s].B();
+    model.step[s].C() = model.step[s].C() * r;
+    model.step[s].G() = back * model.step[s].G();
+    if (model.has(&Step::has_Q)) model.step[s].set_Q(back * model.step[s].Q() * r);
+    if (model.has(&Step::has_K)) model.step[s].set_K(back * model.step[s].K());
+  }
+}
+
+// The last step leads to x' = S x.
+void lead_into(Model& model, const Matrix& s) {
+  const Step& last = model.step.back();
+  Step next(s * last.A(), s * last.B(), last.C(), last.D(), s * last.G());
+  next.take_diagnostics_of(last);
+  if (last.has_Q()) next.set_Q(s * last.Q() * s.transpose());
+  if (last.has_R()) next.set_R(last.R());
+  if (last.has_K()) next.set_K(last.K());
+  model.step.back() = std::move(next);
+}
+
+bool same_dimension(const Model& model) {
+  return std::all_of(model.step.begin(), model.step.end(), [n = model.n(model.k_begin)](const Step& step) {
+    return step.states() == n && step.next_states() == n;
+  });
+}
+
+void append_digests(const Ensemble& data, Index begin, Index end, std::vector<std::uint64_t>& digests) {
+  for (Index k = begin; k < end; ++k) digests.push_back(digest(data, k));
+}
+
+double whiteness_of(const Model& model, const Ensemble& data, InitialState initial) {
+  ValidateOptions o;
+  o.initial_state = initial;
+  return validate(model, data, o).whiteness_p;
+}
+
+}  // namespace
+
+Block Plan::block(Index i) const {
+  const Index begin = steps * i / count, end = steps * (i + 1) / count;
+  return {std::max<Index>(0, begin - before), begin, end, std::min(steps, end + behind)};
+}
+
+BlockResult identify_block(Ensemble data, const Plan& plan, Index i) {
+  const Block block = plan.block(i);
+  const bool first = block.first == 0;
+  const Index begin = block.begin - block.first, end = block.end - block.first;
+  BlockResult result;
+  result.begin = block.begin;
+  result.read_begin = block.first;
+  Ensemble held_out;
+  // What surveys and digests look at stays in the second cache level meanwhile.
+  const Index together = std::max<Index>(1, (Index{1} << 16) / (data.experiments() * data.channels()));
+  for (Index k = begin; k < end; k += together) {
+    const Index to = std::min(end, k + together);
+    result.samples.append(survey(data, k, to, block.first), k - begin);
+    if (plan.hold_out == 0) append_digests(data, k, to, result.digests);
+  }
+  if (plan.hold_out > 0) {
+    Split parts = split(data, plan.hold_out);
+    data = std::move(parts.training);
+    held_out = std::move(parts.held_out);
+    held_out.free = {};
+    append_digests(data, begin, end, result.digests);
+  }
+  Stretch stretch = identify_stretch(std::move(data), plan.settled, begin, end, first);
+  Model& model = stretch.model;
+  const Index from = std::max(begin, model.k_begin);
+  if ((i > 0 ? from > begin : from >= end) || model.k_end() < end)
+    throw std::invalid_argument(fmt::format("steps: {} to {} show no model at their {}, longer blocks needed",
+                                            block.begin, block.end - 1, from > begin ? "begin" : "end"));
+  result.regressions = std::move(stretch.regressions);
+  const InitialState initial = first ? plan.settled.initial_state : InitialState::unknown;
+  if (plan.hold_out > 0 && stretch.nominal) held_out = departures(std::move(held_out), *stretch.nominal);
+  const Ensemble& tested = plan.hold_out > 0 ? held_out : stretch.departures;
+  result.errors = evaluate(model, tested, begin, end, initial, i == 0);
+  if (plan.settled.noisy && i == plan.count / 2) result.whiteness_p = whiteness_of(model, tested, initial);
+
+  result.opening = observability(model, from, plan.rows);
+  if (block.end < plan.steps) result.closing = observability(model, end, plan.rows);
+  result.model = excerpt(model, from, end, block.first);
+  result.model.initial_state = plan.settled.initial_state;
+  result.gaps = singular_value_gaps(result.model);
+  if (i > 0) {  // moments of a state in the middle of the record
+    result.model.x0_mean.resize(0);
+    result.model.x0_cov.resize(0, 0);
+  }
+  if (stretch.nominal) {
+    result.model.u_nominal = stretch.nominal->u.middleRows(begin, end - begin);
+    result.model.y_nominal = stretch.nominal->y.middleRows(begin, end - begin);
+  }
+  return result;
+}
+
+FinishedBlock finished_block(std::string_view bytes, const Plan& plan, Index inputs, Index outputs) {
+  auto found = archive::unpacked<FinishedBlock>(bytes);
+  const BlockResult& b = found.result;
+  if (found.number < 0 || found.number >= plan.count)
+    throw std::invalid_argument(fmt::format("block {} found, 0 to {} needed", found.number, plan.count - 1));
+  const Block block = plan.block(found.number);
+  b.model.check();
+  const auto counts = [](const auto& list, Index count) { return Index(list.size()) == count; };
+  const bool fits =
+      b.model.inputs == inputs && b.model.outputs == outputs && b.begin == block.begin && b.read_begin == block.first &&
+      b.model.steps() > 0 && b.model.k_end() == block.end && (found.number == 0 || b.model.k_begin == block.begin) &&
+      b.opening.cols() == b.model.n(b.model.k_begin) &&
+      (block.end == plan.steps ? b.closing.size() == 0 : b.closing.cols() == b.model.n(b.model.k_end())) &&
+      counts(b.samples.channel, inputs + outputs) && counts(b.samples.zero, inputs) && counts(b.samples.same, inputs) &&
+      counts(b.errors.one_step, outputs) && counts(b.errors.simulation, outputs) &&
+      counts(b.digests, block.end - block.begin);
+  if (!fits)
+    throw std::invalid_argument(fmt::format("block {}: sizes found that are not those of the data", found.number));
+  return found;
+}
+
+void Joint::add(BlockResult block) {
+  Model& model = block.model;
+  if (waiting_) {
+    const bool smooth = model.frame == "smooth" && same_dimension(model) && block.opening.cols() == closing_.cols() &&
+                        block.closing.cols() == (block.closing.size() > 0 ? closing_.cols() : 0);
+    const Index rows = std::min(block.opening.rows(), closing_.rows());
+    if (smooth && closing_.cols() > 0) {
+      const Matrix r = linalg::procrustes(block.opening.topRows(rows), closing_.topRows(rows));
+      rotate(model, r);
+      block.opening = block.opening * r;
+      if (block.closing.size() > 0) block.closing = block.closing * r;
+    }
+    lead_into(*waiting_, linalg::pseudo_inverse(block.opening.topRows(rows)) * closing_.topRows(rows));
+    file_.append(*waiting_);
+  }
+  waiting_ = std::move(model);
+  closing_ = std::move(block.closing);
+}
+
+void Joint::finish() {
+  if (waiting_) file_.append(*waiting_);
+  waiting_.reset();
+}
+
+}  // namespace tokid::stream

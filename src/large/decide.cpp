@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "large/decide.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+
+#include "data/axes.hpp"
+#include "data/channel_sizes.hpp"
+#include "diagnose/excitation.hpp"
+#include "diagnose/outliers.hpp"
+#include "tokid/copies.hpp"
+#include "tokid/remarks.hpp"
+
+namespace tokid::stream {
+
+namespace {
+
+// Of a stretch: what it takes in memory [bytes], and the steps that it has at least and at most.
+constexpr double stretch_bytes = 16e6;
+constexpr Index fewest_steps = 160, most_steps = 512;
+// λ where the stretches show no variation, but the whole record may.
+constexpr double stiff = 1e3;
+
+void check(const IdentifyOptions& o) {
+  const auto refuse = [](const char* what, const std::string& found, const char* needed) {
+    throw std::invalid_argument(fmt::format("{}: {} found, {} needed to identify in blocks", what, found, needed));
+  };
+  if (o.period > 0) refuse("period", std::to_string(o.period), "no period");
+  if (std::isinf(o.smoothing)) refuse("smoothing", "infinity", "a finite penalty");
+  if (o.frame == Frame::reference) refuse("frame", "reference", "raw or smooth");
+}
+
+struct Part {
+  Index begin = 0;
+  Ensemble whole;  // all experiments
+};
+
+std::vector<Part> stretches(const EnsembleFile& file, const IdentifyOptions& o) {
+  const double step = double(file.experiments() * file.channels()) * sizeof(double);
+  const Index total = file.steps();
+  const Index length = std::min(
+      total, std::max(Index(std::clamp(stretch_bytes / step, double(fewest_steps), double(most_steps))), 8 * o.lags));
+  std::vector<Index> begins(1, 0);
+  for (const Index begin : {(total - length) / 2, total - length})
+    if (begin >= length / 2 + begins.back()) begins.push_back(begin);
+  for (const Index begin : begins) file.expect(begin, begin + length);
+  std::vector<Part> result;
+  for (const Index begin : begins) {
+    result.push_back({begin, file.read(begin, begin + length)});
+    result.back().whole.free = {};
+  }
+  return result;
+}
+
+// The samples of stretches of one length, one after the other.
+Ensemble in_a_row(const std::vector<const Ensemble*>& stretches) {
+  const Ensemble& first = *stretches.front();
+  const Index width = first.samples().cols(), count = Index(stretches.size());
+  Ensemble all(first.experiments(), first.steps() * count, first.inputs(), first.outputs());
+  for (Index i = 0; i < count; ++i) all.samples().middleCols(i * width, width) = stretches[size_t(i)]->samples();
+  return all;
+}
+
+// One test of the mean motion at the steps of all stretches, which keeps its error whatever their number.
+NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensemble>& data) {
+  std::vector<const Ensemble*> stretches;
+  for (const Ensemble& e : data) stretches.push_back(&e);
+  NominalTest test = tokid::test_nominal(in_a_row(stretches));
+  for (NominalTest::Departure& departure : test.departures)
+    for (Index& k : departure.steps) {
+      const Index length = data.front().steps();
+      k = parts[size_t(k / length)].begin + k % length;
+    }
+  return test;
+}
+
+// What is to be said of single experiments, and of channels that cannot be told apart: of these steps alone. `found`
+// are the identifications of the parts, of which some may have failed.
+void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool nominal,
+             bool states_asked, Identification& result) {
+  std::vector<std::string> texts;
+  std::vector<Index> stuck;
+  const auto add = [&texts](std::vector<std::string> list) {
+    for (std::string& text : list)
+      if (std::find(texts.begin(), texts.end(), text) == texts.end()) texts.push_back(std::move(text));
+  };
+  for (size_t i = 0; i < parts.size(); ++i) {
+    const Part& part = parts[i];
+    add(warnings_of_dependent_outputs(part.whole, part.begin));
+    StuckOutputs own = stuck_outputs(part.whole, part.begin);
+    stuck.insert(stuck.end(), own.experiments.begin(), own.experiments.end());
+    add(std::move(own.warnings));
+    add(excitation(part.whole,
+                   {.lags = result.lags, .noisy = result.noisy, .shared = result.together, .origin = part.begin})
+            .warnings);
+    if (states_asked && found[i]) add(warnings_of_hidden_states(found[i]->model, part.begin));
+  }
+
+  std::vector<const Ensemble*> stretches;
+  for (const Part& part : parts) stretches.push_back(&part.whole);
+  result.copies = find_copies(in_a_row(stretches));
+  add(warnings_of(result.copies, parts.front().whole,
+                  "Blocks use them all, so errors on experiments left out look too small; delete them, or call with "
+                  "--block all"));
+
+  for (size_t i = 0; i < parts.size(); ++i) {
+    const Ensemble& whole = parts[i].whole;
+    const OutlierOptions o{.lags = result.lags,
+                           .nominal = nominal,
+                           .at_rest = found[i] && found[i]->model.initial_state == InitialState::zero,
+                           .period = result.variation.period,
+                           .model = found[i] ? &found[i]->model : nullptr};
+    for (Outlier& own : result.noisy ? outliers(whole, o) : outliers_without_noise(whole, o)) {
+      const auto same = std::find_if(result.outliers.begin(), result.outliers.end(),
+                                     [&](const Outlier& other) { return other.experiment == own.experiment; });
+      if (same == result.outliers.end())
+        result.outliers.push_back(std::move(own));
+      else if (same->ratio < own.ratio)
+        *same = std::move(own);
+    }
+  }
+  add(warnings_of(result.outliers, stuck));
+  for (const std::string& text : texts)
+    result.warnings.push_back(fmt::format("in the stretches that decide, {}", text));
+}
+
+// Which of two stretches asks for more?
+bool demands_more(const Identification& a, const Identification& b) {
+  if (a.together != b.together) return a.together;
+  if (a.model.states() != b.model.states()) return a.model.states() > b.model.states();
+  return a.lags > b.lags;
+}
+
+}  // namespace
+
+Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
+  check(options);
+  const std::vector<Part> parts = stretches(file, options);
+  std::vector<Ensemble> data;
+  for (const Part& part : parts)
+    data.push_back(options.hold_out > 0 ? split(part.whole, options.hold_out).training : part.whole);
+  IdentifyOptions o = options;
+  o.hold_out = 0.0;
+  o.frame = Frame::raw;
+  o.execution.progress = {};
+
+  NominalTest nominal;
+  if (options.nominal == NominalChoice::automatic) {
+    nominal = test_nominal(parts, data);
+    o.nominal = nominal.significant ? NominalChoice::mean : NominalChoice::none;
+  }
+
+  std::vector<std::optional<Identification>> identified(parts.size());
+  identified.front() = with_remark_on_axes(parts.front().whole, [&] { return identify_part(data.front(), o, false); });
+  for (size_t i = 1; i < data.size(); ++i) {
+    IdentifyOptions later = o;
+    later.initial_state = InitialState::unknown;
+    // An order that is exact elsewhere is likely to be so here.
+    const Identification& first = *identified.front();
+    const bool exact = !first.noisy && !first.together && options.lags == 0;
+    if (exact) later.lags = first.lags;
+    try {
+      Identification own = identify_part(data[i], later, false);
+      if (exact && own.noisy) {
+        later.lags = 0;
+        own = identify_part(data[i], later, false);
+      }
+      identified[i] = std::move(own);
+    } catch (const std::invalid_argument&) {
+      continue;  // too few samples are there to tell
+    }
+  }
+
+  std::vector<const Identification*> found;
+  for (const auto& own : identified)
+    if (own) found.push_back(&*own);
+
+  Decision result;
+  Settled& settled = result.settled;
+  const Identification& begin = *found.front();
+  for (const Identification* own : found) {
+    settled.noisy = settled.noisy || own->noisy;
+    settled.together = settled.together || own->together;
+  }
+  const Identification* chosen = found.front();
+  for (const Identification* own : found)
+    if (demands_more(*own, *chosen)) chosen = own;
+  settled.initial_state = begin.model.initial_state;
+  settled.tvera = options.method == Method::tvera || (options.method == Method::automatic && !settled.noisy &&
+                                                      !settled.together && settled.initial_state == InitialState::zero);
+  settled.options = o;
+  settled.options.execution.threads = 1;
+  settled.options.frame = options.frame;
+  settled.options.lags = chosen->lags;
+  if (!settled.noisy)
+    for (const Identification* own : found) settled.options.lags = std::max(settled.options.lags, own->lags);
+  if (settled.noisy && options.states == 0) settled.options.states = chosen->model.states();
+  std::vector<std::string> warnings = remarks(parts.front().whole);
+  if (settled.together) {
+    settled.options.choices = chosen->choices.value_or(NoisyChoices{chosen->variation});
+    if (chosen->variation.period > 0) {
+      settled.options.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
+      warnings.push_back(fmt::format(
+          "the stretches that decide show no variation in time, but the record may: lambda = {} was taken", stiff));
+    }
+  }
+  settled.output_size = Vector::Zero(file.outputs());
+  settled.input_size = Vector::Zero(file.inputs());
+  for (Ensemble& e : data) {
+    if (o.nominal == NominalChoice::mean) {
+      const Nominal mean = nominal_trajectory(e);
+      e = departures(std::move(e), mean);
+    }
+    settled.output_size = settled.output_size.cwiseMax(channel_sizes(e, e.inputs(), e.outputs()));
+    settled.input_size = settled.input_size.cwiseMax(channel_sizes(e, 0, e.inputs()));
+  }
+
+  result.evidence = *chosen;
+  result.evidence.nominal_test = nominal;
+  result.evidence.initial_state_test = begin.initial_state_test;
+  result.evidence.noisy = settled.noisy;
+  result.evidence.together = settled.together;
+  result.evidence.lags = settled.options.lags;
+  result.evidence.warnings = std::move(warnings);
+  examine(parts, identified, o.nominal == NominalChoice::mean, options.states > 0, result.evidence);
+  if (settled.together) {
+    result.evidence.variation = settled.options.choices->variation;
+    result.evidence.state_smoothing = settled.options.choices->state_smoothing;
+    result.evidence.choices = settled.options.choices;
+  }
+  return result;
+}
+
+}  // namespace tokid::stream

@@ -1,0 +1,18 @@
+// The choices of a stream, made on a few stretches of the record.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "identify/identify_stretch.hpp"
+#include "tokid/stream.hpp"
+
+namespace tokid::stream {
+
+struct Decision {
+  Settled settled;
+  Identification evidence;  // of the stretch whose choices were taken, and what was chosen for all
+};
+
+// \throws std::invalid_argument as identify(), and for options that need all steps at once
+Decision decide(const EnsembleFile& data, const IdentifyOptions& options);
+
+}  // namespace tokid::stream

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "large/reader.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <future>
+#include <utility>
+
+#include "tokid/parallel.hpp"
+
+namespace tokid::stream {
+
+namespace {
+
+// What the system fetches ahead, which its memory has to hold [bytes].
+constexpr double most_fetched = 512e6;
+
+}  // namespace
+
+Reader::Reader(const EnsembleFile& file, const Plan& plan, std::vector<Index> blocks, Index ahead)
+    : file_(file), plan_(plan), blocks_(std::move(blocks)), ahead_(ahead) {
+  const double block = double(plan.longest() * file.experiments() * file.channels()) * sizeof(double);
+  group_ = std::clamp<size_t>(size_t(most_fetched / 2 / block), 1, 8);
+  thread_ = std::jthread([this] { run(); });
+}
+
+Reader::~Reader() {
+  const std::lock_guard lock(mutex_);
+  stopped_ = true;
+  taken_.notify_all();
+}
+
+Ensemble Reader::take(Index i) {
+  std::unique_lock lock(mutex_);
+  while (!read_.wait_for(lock, std::chrono::milliseconds(100), [&] { return failure_ || waiting_.count(i) > 0; })) {
+    lock.unlock();
+    checkpoint();
+    lock.lock();
+  }
+  const auto found = waiting_.find(i);
+  if (found == waiting_.end()) std::rethrow_exception(failure_);
+  Ensemble samples = std::move(found->second);
+  waiting_.erase(found);
+  taken_.notify_all();
+  return samples;
+}
+
+// A group of blocks, the first of which is number `from` of them. Those that follow each other without a gap are asked
+// for as one: longer runs of the file.
+void Reader::expect(size_t from) const {
+  const size_t to = std::min(blocks_.size(), from + group_);
+  for (size_t i = from, end = from; i < to; i = end) {
+    for (end = i + 1; end < to && blocks_[end] == blocks_[end - 1] + 1;) ++end;
+    file_.expect(plan_.block(blocks_[i]).first, plan_.block(blocks_[end - 1]).last);
+  }
+}
+
+void Reader::run() {
+  try {
+    std::future<void> expected = std::async(std::launch::async, [this] { expect(0); });
+    for (size_t count = 0; count < blocks_.size(); ++count) {
+      {
+        std::unique_lock lock(mutex_);
+        taken_.wait(lock, [&] { return stopped_ || Index(waiting_.size()) < ahead_; });
+        if (stopped_) return;
+      }
+      if (count % group_ == 0) {
+        expected.wait();
+        expected = std::async(std::launch::async, [this, next = count + group_] { expect(next); });
+      }
+      const Block block = plan_.block(blocks_[count]);
+      Ensemble samples = file_.read(block.first, block.last);
+      const std::lock_guard lock(mutex_);
+      waiting_.emplace(blocks_[count], std::move(samples));
+      read_.notify_all();
+    }
+  } catch (...) {
+    const std::lock_guard lock(mutex_);
+    failure_ = std::current_exception();
+    read_.notify_all();
+  }
+}
+
+}  // namespace tokid::stream

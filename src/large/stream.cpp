@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/stream.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include "base/archive.hpp"
+#include "base/json.hpp"
+#include "base/statistics.hpp"
+#include "base/thread_count.hpp"
+#include "io/atomic_file.hpp"
+#include "io/naming.hpp"
+#include "large/blocks.hpp"
+#include "large/decide.hpp"
+#include "large/journal.hpp"
+#include "large/reader.hpp"
+#include "linalg/simd.hpp"
+#include "method/realisation.hpp"
+#include "tokid/version.hpp"
+
+namespace tokid {
+
+namespace {
+
+using stream::BlockResult;
+using stream::FinishedBlock;
+using stream::Plan;
+
+Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
+
+// What a block makes of its samples is about as large as they are, twice; and the next one waits.
+constexpr double memory_per_sample = 4.0;
+constexpr Index longest_block = 4096;
+// Steps over which the ends of a block still show in models whose steps share what they know.
+constexpr Index fading = 96;
+// Blocks of each thread between two times that results are put in order: they bound what waits.
+constexpr Index blocks_at_a_time = 4;
+
+Plan plan_of(const EnsembleFile& file, const StreamOptions& options, Settled settled) {
+  Plan plan;
+  const Index p = settled.options.lags;
+  const TveraOptions hankel = tvera_options(settled.options, p, file.outputs(), settled.noisy);
+  const Index rows = hankel.rows, cols = hankel.cols;
+  plan.rows = rows;
+  plan.before = p + cols + rows;
+  plan.behind = 2 * rows + 2;
+  if (settled.together) {
+    plan.before = std::max(plan.before, fading);
+    plan.behind = std::max(plan.behind, fading);
+  }
+  plan.settled = std::move(settled);
+  plan.hold_out = options.identify.hold_out;
+  plan.steps = file.steps();
+  const Index overlap = plan.before + plan.behind;
+  Index length = options.block;
+  if (length == 0) {
+    // Steps that share what they know have a triangular factor each, more than once.
+    const double width = plan.settled.together ? double((p + 1) * file.channels()) : 0.0;
+    const double step =
+        (double(file.experiments() * file.channels()) + width * width) * sizeof(double) * memory_per_sample;
+    const Index fewest = (plan.settled.together ? 2 : 4) * overlap;
+    length = std::max(fewest, Index(std::min(options.memory_per_thread / step, double(longest_block))));
+  } else if (length < std::min(overlap, plan.steps)) {
+    throw std::invalid_argument(fmt::format(
+        "block: {} steps found, at least {} needed, which neighbours share at lag order {}", length, overlap, p));
+  }
+  plan.count = ceil_div(plan.steps, length);
+  return plan;
+}
+
+// The whole record, from its blocks in order.
+class Record {
+ public:
+  Record(const EnsembleFile& file, const Plan& plan, ModelFile& model) : file_(file), plan_(plan), joint_(model) {}
+
+  // In any order: a block waits for those before it.
+  void put(FinishedBlock block) {
+    if (block.number < done_) return;
+    waiting_.emplace(block.number, std::move(block.result));
+    for (auto next = waiting_.find(done_); next != waiting_.end(); next = waiting_.find(++done_)) {
+      add(std::move(next->second));
+      waiting_.erase(next);
+    }
+  }
+
+  // The numbers of those that are not there.
+  std::vector<Index> missing() const {
+    std::vector<Index> result;
+    for (Index i = done_; i < plan_.count; ++i)
+      if (waiting_.count(i) == 0) result.push_back(i);
+    return result;
+  }
+
+  void finish(const StreamOptions& options, ModelFile& file, Streamed& streamed) {
+    Identification& result = streamed.identification;
+    joint_.finish();
+    check_presence(samples_, file_.names(), file_.inputs(), file_.experiments() * file_.steps());
+    check_magnitudes(samples_, file_.names(), file_.inputs());
+    streamed.missing = samples_.missing;
+    result.steps = file_.steps();
+    result.experiments = experiments();
+    result.held_out = plan_.hold_out > 0;
+    result.nominal = plan_.settled.options.nominal == NominalChoice::mean;
+    result.min_experiments =
+        minimum_experiments(file_.inputs(), file_.outputs(), result.lags) + (result.nominal ? 1 : 0);
+    result.singular_value_gap = statistics::median(std::move(gaps_));
+    result.condition_max = regressions_.condition_max;
+    result.rank_deficient_steps = regressions_.rank_deficient;
+    result.validation = {};
+    result.validation.noisy = plan_.settled.noisy;
+    result.validation.one_step = result.validation.horizon = fit_of(errors_.one_step, result.nominal);
+    result.validation.simulation = fit_of(errors_.simulation, result.nominal);
+    result.validation.whiteness_p = whiteness_p_;
+    warn(result, file.outline());
+
+    Model notes;  // the text that models remember their identification by
+    notes.options = to_json(options.identify, result.experiments);
+    note_data(notes, fingerprint(result.experiments, file_.inputs(), file_.outputs(), digests_));
+    if (!file_.dt_stated()) note_missing_dt(notes);
+    if (result.choices) note_choices(notes, *result.choices);
+    if (result.refinement.iterations > 0)
+      note_refinement(notes, result.refinement.smoothing, result.refinement.iterations);
+    file.commit(notes.options, version);
+    result.model = file.outline();
+  }
+
+ private:
+  void add(BlockResult block) {
+    samples_.append(block.samples, block.begin);
+    regressions_.append(block.regressions, block.read_begin);
+    errors_.add(block.errors);
+    digests_.insert(digests_.end(), block.digests.begin(), block.digests.end());
+    gaps_.insert(gaps_.end(), block.gaps.begin(), block.gaps.end());
+    if (!std::isnan(block.whiteness_p)) whiteness_p_ = block.whiteness_p;
+    joint_.add(std::move(block));
+  }
+
+  Index experiments() const {
+    const Index held = plan_.hold_out > 0 ? std::llround(plan_.hold_out * double(file_.experiments())) : 0;
+    return file_.experiments() - held;
+  }
+
+  void warn(Identification& result, const Model& model) const {
+    const auto add = [&result](std::vector<std::string> texts) {
+      for (std::string& text : texts) result.warnings.push_back(std::move(text));
+    };
+    add(warnings_of_inputs(samples_, file_.names()));
+    add(warnings_of_outputs(samples_, file_.names()));
+    if (plan_.settled.together) {
+      add(warnings_of_absence(samples_, file_.names()));
+    } else {
+      const Index spent = result.nominal ? 1 : 0;
+      add(warnings_of(regressions_,
+                      {result.experiments, result.experiments - spent, file_.inputs(), file_.outputs(), result.lags},
+                      result.noisy));
+      if (!result.noisy && regressions_.noisy())
+        add(
+            {"the stretches that decide are free of noise, but others are not: --method subspace, or --lags, may suit "
+             "them better"});
+    }
+    if (model.states() == 0)
+      add({"no state was found: the outputs answer to the inputs of the same step alone, or not at all"});
+    if (model.initial_state == InitialState::unknown && model.states() > 0 && model.k_begin > 0)
+      add(
+          {fmt::format("initial states are unknown: the model begins at step {}, the first with the full state "
+                       "dimension",
+                       model.k_begin)});
+    add(warnings_of_fit(result.validation.one_step.fit, file_.names()));
+  }
+
+  const EnsembleFile& file_;
+  const Plan& plan_;
+  stream::Joint joint_;
+  std::map<Index, BlockResult> waiting_;
+  Index done_ = 0;  // blocks
+  Survey samples_;
+  RegressionSurvey regressions_;
+  ErrorTotals errors_;
+  std::vector<std::uint64_t> digests_;
+  std::vector<double> gaps_;
+  double whiteness_p_ = std::numeric_limits<double>::quiet_NaN();
+};
+
+// All that decides about the bits of the blocks. The choices, made anew from samples, tell data apart that look alike.
+std::string about_blocks(const EnsembleFile& file, const Plan& plan, const std::string& settled,
+                         const StreamOptions& options) {
+  const FileState data = file.state();
+  Json json;
+  json["version"] = version;
+  json["instructions"] = simd::to_string(simd::target());
+  json["number of the file"] = data.number;
+  json["bytes of the data"] = data.bytes;
+  json["time of the data"] = data.modified;
+  json["change of the file"] = data.changed;
+  json.update(parse_json(to_json(options.identify, file.experiments())));
+  json["steps"] = plan.steps;
+  json["blocks"] = plan.count;
+  json["choices"] = fmt::format("{:016x}", XXH3_64bits(settled.data(), settled.size()));
+  return text_of(json);
+}
+
+// The blocks of an earlier call.
+void replay(stream::Journal& journal, const EnsembleFile& file, const Plan& plan, Record& record) {
+  while (const std::optional<std::string> kept = journal.next()) {
+    checkpoint();
+    record.put(
+        io::naming(journal.path(), [&] { return stream::finished_block(*kept, plan, file.inputs(), file.outputs()); }));
+  }
+}
+
+}  // namespace
+
+Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& path, const StreamOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const Team& team = options.team;
+  std::optional<ModelFile> model;
+  std::shared_ptr<stream::Journal> journal;
+  if (team.rank == 0) {
+    model.emplace(path);
+    if (options.resume) journal = std::make_shared<stream::Journal>(path);
+  }
+  if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
+  stream::Decision decision;
+  if (team.rank == 0) decision = stream::decide(file, options.identify);
+  // All members follow what the first one has decided, to the last bit.
+  const std::string settled = team.broadcast(archive::packed(decision.settled));
+  const Plan plan = plan_of(file, options, archive::unpacked<Settled>(settled));
+  std::optional<Record> record;
+  std::vector<Index> todo;
+  if (model) {
+    record.emplace(file, plan, *model);
+    if (journal) {
+      journal->begin(about_blocks(file, plan, settled, options));
+      replay(*journal, file, plan, *record);
+    }
+    todo = record->missing();
+  }
+  todo = archive::unpacked<std::vector<Index>>(team.broadcast(archive::packed(todo)));
+  const Index count = Index(todo.size()), resumed = plan.count - count;
+  std::vector<Index> share;
+  for (Index i = team.rank; i < count; i += team.size) share.push_back(todo[size_t(i)]);
+  const Index threads = thread_count(options.identify.execution);
+  // What others have finished is kept when it is gathered: often, where it is to be kept.
+  const Index round = (options.resume && team.size > 1 ? 1 : blocks_at_a_time) * threads;
+  stream::Reader reader(file, plan, share, threads);
+  std::mutex keeping;
+  for (Index from = 0; from < count; from += round * team.size) {
+    const Index to = std::min(count, from + round * team.size);
+    std::vector<FinishedBlock> own(size_t(std::max<Index>(0, ceil_div(to - from - team.rank, team.size))));
+    parallel_for(0, Index(own.size()), {int(threads), {}}, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) {
+        const Index block = todo[size_t(from + i * team.size + team.rank)];
+        own[size_t(i)] = {block, stream::identify_block(reader.take(block), plan, block)};
+        if (!journal) continue;
+        const std::string kept = archive::packed(own[size_t(i)]);
+        const std::lock_guard lock(keeping);
+        journal->add(kept);
+      }
+    });
+    const std::vector<std::string> all = team.gather(archive::packed(own));
+    if (record) {
+      for (size_t member = 0; member < all.size(); ++member)
+        for (FinishedBlock& block : archive::unpacked<std::vector<FinishedBlock>>(all[member])) {
+          if (journal && Index(member) != team.rank) journal->add(archive::packed(block));
+          record->put(std::move(block));
+        }
+      if (options.identify.execution.progress)
+        options.identify.execution.progress(double(resumed + to) / double(plan.count));
+    }
+  }
+  Streamed result;
+  result.identification = std::move(decision.evidence);
+  result.block = plan.longest();
+  result.blocks = plan.count;
+  result.overlap = plan.before + plan.behind;
+  result.resumed = resumed;
+  if (record) record->finish(options, *model, result);
+  if (model)  // a journal that is of no use any more may be an earlier call's
+    io::AtomicFile::when_published([path, journal] { journal ? journal->remove() : stream::Journal::discard(path); });
+  result.identification.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+}  // namespace tokid

@@ -1,0 +1,477 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/gtv_arx.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+
+#include "base/large_pages.hpp"
+#include "linalg/lane_regression.hpp"
+#include "linalg/orthonormal.hpp"
+#include "linalg/row_absorption.hpp"
+
+namespace tokid {
+
+void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments) {
+  inputs = r;
+  outputs = m;
+  k_begin = 0;
+  step.assign(size_t(T), GtvArxStep{});
+  slot_ = lags_max * (r + m) + r;
+  shape_rows_ = noise_shape ? slot_ : 0;
+  coefficients_.resize(m, T * slot_);
+  noise_shape_.resize(shape_rows_, T * shape_rows_);
+  for (const Matrix* a : {&coefficients_, &noise_shape_})
+    prefer_large_pages(a->data(), size_t(a->size()) * sizeof(double));
+  residual_cov_.setZero(m, T * m);
+  output_rms_.setZero(m, T);
+  leverages_.setZero(experiments, T);
+}
+
+void GtvArx::forget_noise_shapes() {
+  noise_shape_.resize(0, 0);
+  shape_rows_ = 0;
+}
+
+void GtvArx::begin_at(Index k) {
+  k_begin = k = std::clamp(k, k_begin, steps());
+  coefficients_.leftCols(k * slot_).setZero();
+  std::fill_n(step.begin(), k, GtvArxStep{});
+  residual_cov_.leftCols(k * outputs).setZero();
+  output_rms_.leftCols(k).setZero();
+}
+
+void GtvArx::require_noise_shape() const {
+  if (!has_noise_shape())
+    throw std::invalid_argument("noise_shape: not stored with the regressions, needed for variances");
+}
+
+namespace {
+
+// Inverse norms of the columns; 1 for columns of zeros, which stay zero.
+Vector column_scales(const ConstMatrixRef& a) {
+  Vector scales = a.colwise().norm();
+  for (double& s : scales) s = s > 0 ? 1 / s : 1.0;
+  return scales;
+}
+
+// Diagonal of W W⁺ for W with scaled columns.
+Vector leverages(const Matrix& w, Index rank) {
+  if (rank >= w.rows()) return Vector::Ones(w.rows());
+  if (rank == w.cols()) return linalg::orthonormal_factor(w).rowwise().squaredNorm();
+  return linalg::svd(w).u.leftCols(rank).rowwise().squaredNorm();
+}
+
+// The regression of one step from the triangular factor of its window.
+class StepRegression {
+ public:
+  StepRegression(Index inputs, Index outputs, const GtvArxOptions& options, GtvArx& arx)
+      : inputs_(inputs), outputs_(outputs), options_(options), arx_(arx) {}
+
+  // R (w × w, upper) of step k with these lags, from factor(i, j), i ≤ j. Of its rows no more than `rows`, the number
+  // of experiments, are more than rounding errors, those of columns that are zero left aside.
+  template <class Factor>
+  void run(Index k, Index lags, Index rows, Factor&& factor) {
+    const Index left = lags * (inputs_ + outputs_) + inputs_;
+    GtvArxStep& step = arx_.step[size_t(k)];
+    step.lags = lags;
+    step.rows = rows;
+    // r = [R_WW R_Wy; 0 R_yy]
+    r_.setZero(left, linalg::whole_vectors(left));
+    r_y_.setZero(left, linalg::whole_vectors(outputs_));
+    r_yy_.setZero(outputs_, outputs_);
+    for (Index i = 0, used = 0; i < left + outputs_ && used < rows; ++i) {
+      if (factor(i, i) == 0) continue;
+      ++used;
+      for (Index j = i; j < left; ++j) r_(i, j) = factor(i, j);
+      for (Index j = std::max(i, left); j < left + outputs_; ++j)
+        (i < left ? r_y_(i, j - left) : r_yy_(i - left, j - left)) = factor(i, j);
+    }
+    arx_.output_rms(k) = ((r_y_.leftCols(outputs_).colwise().squaredNorm() + r_yy_.colwise().squaredNorm()) /
+                          double(std::max<Index>(1, rows)))
+                             .cwiseSqrt()
+                             .transpose();
+    solve(k);
+  }
+
+ private:
+  // The least-squares problem Y_k = W_k M_kᵀ (19). Columns of norm 1: the rank and the smallest norm then do not depend
+  // on the units of the channels.
+  void solve(Index k) {
+    const Index left = r_.rows();
+    GtvArxStep& step = arx_.step[size_t(k)];
+    scales_.resize(left);
+    for (Index j = 0; j < left; ++j) {
+      double norm = r_.col(j).norm();
+      if (!(norm > 1e-140 && norm < 1e140)) norm = r_.col(j).stableNorm();
+      scales_(j) = norm > 0 ? 1 / norm : 1.0;
+    }
+    r_.leftCols(left) *= scales_.asDiagonal();
+    Matrix unexplained;  // beyond the numerical rank
+    const double size = r_.norm(), least = r_.diagonal().cwiseAbs().minCoeff();
+    bool is_clear = least * linalg::certain_rank > size;
+    if (is_clear) {
+      inverse_.setIdentity(left, r_.cols());
+      linalg::back_substitute(r_, inverse_, true);
+      step.condition = size * inverse_.norm();
+      is_clear = step.condition < linalg::certain_rank;
+    }
+    if (is_clear) {
+      step.rank = left;
+      x_ = r_y_;
+      linalg::back_substitute(r_, x_, false);
+      arx_.coefficients(k) = (scales_.asDiagonal() * x_.leftCols(outputs_)).transpose();
+      if (options_.noise_shape) arx_.noise_shape(k) = scales_.asDiagonal() * inverse_.leftCols(left);
+    } else {
+      const Matrix a = r_.leftCols(left), b = r_y_.leftCols(outputs_);
+      const linalg::MinimumNorm solution = linalg::minimum_norm(a, b, options_.tolerance * std::sqrt(double(left)));
+      step.rank = solution.rank;
+      step.condition = solution.condition;
+      arx_.coefficients(k) = (scales_.asDiagonal() * solution.x).transpose();
+      if (options_.noise_shape) arx_.noise_shape(k) = scales_.asDiagonal() * solution.inverse_t;
+      unexplained = b - a * solution.x;
+    }
+    step.freedom = std::max<Index>(0, step.rows - step.rank - options_.spent);
+    if (step.freedom == 0) return;
+    auto covariance = arx_.residual_cov(k);
+    covariance.noalias() = r_yy_.transpose() * r_yy_;
+    if (unexplained.size() > 0) covariance += unexplained.transpose() * unexplained;
+    covariance /= double(step.freedom);
+  }
+
+  const Index inputs_, outputs_;
+  const GtvArxOptions& options_;
+  GtvArx& arx_;
+  linalg::RowMatrix r_, r_y_, r_yy_, inverse_, x_;
+  Vector scales_;
+};
+
+// Steps by themselves, over their experiments without a gap.
+class AloneRoute {
+ public:
+  AloneRoute(const Windows& windows, const GtvArxOptions& options, GtvArx& arx)
+      : windows_(windows), options_(options), arx_(arx), step_(windows.inputs(), windows.outputs(), options, arx) {}
+
+  void run(Index k, Index lags) {
+    const Index count = windows_.rows(k, lags, rows_);
+    factor_.reset(rows_.cols());
+    factor_.absorb(rows_);
+    step_.run(k, lags, count, factor_);
+    if (!options_.leverages) return;
+    Matrix scaled = rows_.leftCols(arx_.regressors(k));
+    scaled *= column_scales(scaled).asDiagonal();
+    arx_.leverages(k) = leverages(scaled, arx_.step[size_t(k)].rank);
+  }
+
+ private:
+  const Windows& windows_;
+  const GtvArxOptions& options_;
+  GtvArx& arx_;
+  StepRegression step_;
+  linalg::RowAbsorption factor_;
+  Matrix rows_;
+};
+
+// The steps begin … end-1 from one factorisation of all their samples. A step has the oldest samples of its window
+// before all others but those of the steps before it; once these are dropped, their rows of the triangular factor are
+// absorbed by the rest of it.
+class SharedRoute {
+ public:
+  SharedRoute(const Windows& windows, const GtvArxOptions& options, GtvArx& arx)
+      : ensemble_(*windows.ensemble()),
+        step_(ensemble_.inputs(), ensemble_.outputs(), options, arx),
+        alone_(windows, options, arx) {}
+
+  void run(Index begin, Index end, Index lags) {
+    const Index d = ensemble_.channels(), first = std::max<Index>(0, begin - lags);
+    const auto window = ensemble_.samples().middleCols(first * d, (end - first) * d);
+    if (std::isnan(window.sum())) {  // a gap makes it so
+      for (Index k = begin; k < end; ++k) alone_.run(k, std::min(k, lags));
+      return;
+    }
+    factor_.reset(window.cols());
+    factor_.absorb(window);
+    Index oldest = first;
+    for (Index k = begin; k < end; ++k) {
+      for (; oldest < k - lags; ++oldest) factor_.drop((oldest - first) * d, d);
+      const Index from = (oldest - first) * d;
+      step_.run(k, k - oldest, ensemble_.experiments(), [&](Index i, Index j) { return factor_(from + i, from + j); });
+    }
+  }
+
+ private:
+  const Ensemble& ensemble_;
+  StepRegression step_;
+  AloneRoute alone_;
+  linalg::RowAbsorption factor_;
+};
+
+// As many successive steps of full lag order at once as a vector has lanes. Those with a gap, or whose rank is in
+// doubt, are regressed by themselves.
+class LaneRoute {
+ public:
+  LaneRoute(const Windows& windows, Index lags, const GtvArxOptions& options, GtvArx& arx)
+      : ensemble_(*windows.ensemble()),
+        options_(options),
+        arx_(arx),
+        lags_(lags),
+        left_(lags * ensemble_.channels() + ensemble_.inputs()),
+        batch_(ensemble_.experiments(), left_, ensemble_.outputs()),
+        alone_(windows, options, arx) {}
+
+  // The steps k … k+lanes-1, of which those from `first` on are kept.
+  void run(Index k, Index first) {
+    const Index rows = ensemble_.experiments(), offset = rows * ensemble_.channels();
+    batch_.run(ensemble_.samples().data() + (k - lags_) * offset, rows, offset);
+    for (Index l = first - k; l < batch_.lanes(); ++l) take(k + l, l);
+  }
+
+ private:
+  void take(Index k, Index l) {
+    const auto factor = [&](Index i, Index j) { return batch_.factor(l, i, j); };
+    const Index rows = ensemble_.experiments(), m = ensemble_.outputs();
+    GtvArxStep& step = arx_.step[size_t(k)];
+    step.condition = batch_.condition(l);
+    auto rms = arx_.output_rms(k);
+    bool sound = step.condition < linalg::certain_rank;
+    for (Index j = 0; j < m; ++j) {  // of a gap no number, of very large or small ones no square
+      double square = 0.0;
+      for (Index i = 0; i <= left_ + j; ++i) square += factor(i, left_ + j) * factor(i, left_ + j);
+      rms(j) = std::sqrt(square / double(rows));
+      sound = sound && (square == 0 || (square > 1e-200 && square < 1e200));
+    }
+    if (!sound) return alone_.run(k, lags_);
+    step.lags = lags_;
+    step.rows = rows;
+    step.rank = left_;
+    step.freedom = std::max<Index>(0, rows - left_ - options_.spent);
+    auto coefficients = arx_.coefficients(k);
+    auto covariance = arx_.residual_cov(k);
+    for (Index j = 0; j < left_; ++j)
+      for (Index i = 0; i < m; ++i) coefficients(i, j) = batch_.x(l, j, i);
+    for (Index j = 0; j < m; ++j)
+      for (Index i = 0; i <= j && step.freedom > 0; ++i) {
+        double product = 0.0;
+        for (Index h = 0; h <= i; ++h) product += factor(left_ + h, left_ + i) * factor(left_ + h, left_ + j);
+        covariance(i, j) = covariance(j, i) = product / double(step.freedom);
+      }
+    if (!options_.noise_shape) return;
+    auto shape = arx_.noise_shape(k);
+    for (Index j = 0; j < left_; ++j) {
+      for (Index i = 0; i <= j; ++i) shape(i, j) = batch_.inverse(l, i, j);
+      shape.col(j).tail(left_ - j - 1).setZero();
+    }
+  }
+
+  const Ensemble& ensemble_;
+  const GtvArxOptions& options_;
+  GtvArx& arx_;
+  const Index lags_, left_;
+  linalg::LaneRegression batch_;
+  AloneRoute alone_;
+};
+
+// b with the fewest operations per step: the factorisation of p+b steps, shared by b of them, and what it takes to drop
+// samples, whose operations are slower by about the factor `slow`.
+Index best_block(Index experiments, Index channels, Index lags) {
+  constexpr double slow = 2.5, worth_it = 0.8;
+  const auto cost = [&](Index b) {
+    const double n = double(experiments), width = double((lags + b) * channels);
+    const double rest = (double(lags) + double(b) / 2) * double(channels);
+    return 2 * n * width * width / double(b) + (b > 1 ? slow * 2 * double(channels) * rest * rest : 0.0);
+  };
+  Index best = 1;
+  for (Index b = 2; b <= 2 * lags; ++b)
+    if (cost(b) < cost(best)) best = b;
+  return cost(best) < worth_it * cost(1) ? best : 1;
+}
+
+void check(const Windows& w) {
+  if (w.experiments() == 0 || w.steps() == 0 || w.inputs() == 0 || w.outputs() == 0)
+    throw std::invalid_argument(
+        fmt::format("ensemble: {} experiments of {} steps with {} inputs and {} outputs found, at least one of each "
+                    "needed",
+                    w.experiments(), w.steps(), w.inputs(), w.outputs()));
+}
+
+// An ARX model with room for all regressions, and their first step.
+GtvArx prepared(const Windows& windows, const GtvArxOptions& options) {
+  check(windows);
+  const Index steps = windows.steps();
+  if (options.lags.size() != 1 && static_cast<Index>(options.lags.size()) != steps)
+    throw std::invalid_argument(
+        fmt::format("lags: {} lag orders found, one or {} (one for each step) needed", options.lags.size(), steps));
+  for (const Index p : options.lags)
+    if (p < 1) throw std::invalid_argument(fmt::format("lags: lag order {} found, at least 1 needed", p));
+  if (options.block < 0)
+    throw std::invalid_argument(fmt::format("block: {} found, 0 (automatic) or more needed", options.block));
+
+  GtvArx arx;
+  Index lags_max = 0;
+  for (Index k = 0; k < steps; ++k) lags_max = std::max(lags_max, std::min(options.lags_of(k), k));
+  arx.resize(steps, windows.inputs(), windows.outputs(), lags_max, options.noise_shape,
+             options.leverages ? windows.experiments() : 0);
+  if (options.initial_state == InitialState::zero) return arx;
+  // The regressions begin where every later step has its lags within the data.
+  Index begin = steps;
+  while (begin > 0 && options.lags_of(begin - 1) < begin) --begin;
+  arx.begin_at(begin);
+  return arx;
+}
+
+void regress_alone(const Windows& windows, Index begin, Index end, const Execution& execution,
+                   const GtvArxOptions& options, GtvArx& arx) {
+  parallel_for(begin, end, execution, [&](Index from, Index to) {
+    AloneRoute route(windows, options, arx);
+    for (Index k = from; k < to; ++k) route.run(k, std::min(options.lags_of(k), k));
+  });
+}
+
+}  // namespace
+
+GtvArx gtv_arx(const Windows& windows, const GtvArxOptions& options) {
+  GtvArx arx = prepared(windows, options);
+  regress_alone(windows, arx.k_begin, arx.steps(), options.execution, options, arx);
+  return arx;
+}
+
+GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
+  const Windows windows(ensemble);
+  const bool alike = options.lags.size() == 1 && !options.leverages;
+  if (!alike || options.block == 1) return gtv_arx(windows, options);
+
+  GtvArx arx = prepared(windows, options);
+  const Index steps = arx.steps(), p = options.lags.front(), first = std::max(p, arx.k_begin);
+  const Index lanes = linalg::LaneRegression::lanes();
+  if (options.block == 0 && (p + 1) * ensemble.channels() <= linalg::LaneRegression::most_columns() &&
+      ensemble.experiments() > minimum_experiments(ensemble.inputs(), ensemble.outputs(), p) &&
+      steps - first >= lanes) {
+    regress_alone(windows, arx.k_begin, first, {options.execution.threads, {}}, options, arx);
+    parallel_for(0, (steps - first + lanes - 1) / lanes, options.execution, [&](Index begin, Index end) {
+      LaneRoute route(windows, p, options, arx);
+      for (Index i = begin; i < end; ++i) route.run(std::min(first + i * lanes, steps - lanes), first + i * lanes);
+    });
+    return arx;
+  }
+  const Index block = options.block > 0 ? options.block : best_block(ensemble.experiments(), ensemble.channels(), p);
+  parallel_for(0, (steps - arx.k_begin + block - 1) / block, options.execution, [&](Index begin, Index end) {
+    SharedRoute route(windows, options, arx);
+    for (Index i = begin; i < end; ++i) {
+      const Index from = arx.k_begin + i * block;
+      route.run(from, std::min(steps, from + block), p);
+    }
+  });
+  return arx;
+}
+
+Index minimum_experiments(Index inputs, Index outputs, Index lags) { return inputs + lags * (inputs + outputs); }
+
+Index largest_lag_order(Index experiments, Index inputs, Index outputs) {
+  return std::max<Index>(0, (experiments - inputs) / (inputs + outputs));
+}
+
+namespace {
+
+constexpr double inf = std::numeric_limits<double>::infinity();
+
+// Leave-one-out errors of one step for the lag orders 1 … p_max, as log of the share of the mean square of y.
+Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact) {
+  const Index d = ensemble.channels(), r = ensemble.inputs(), m = ensemble.outputs();
+  const std::vector<Index> rows = ensemble.complete_rows(k, p_max);
+  const Index count = static_cast<Index>(rows.size());
+  Vector error = Vector::Constant(p_max, inf);
+  const Index p_judged = std::min(p_max, largest_lag_order(count - 1, r, m));  // at least one degree of freedom
+  if (p_judged < 1) return error;
+
+  Matrix w(count, r + p_judged * d);  // newest lag first
+  const bool all = count == ensemble.experiments();
+  const auto put = [&](const auto& samples, Index at) {
+    if (all)
+      w.middleCols(at, samples.cols()) = samples;
+    else
+      w.middleCols(at, samples.cols()) = samples(rows, Eigen::all);
+  };
+  put(ensemble.input(k), 0);
+  for (Index j = 1; j <= p_judged; ++j) put(ensemble.samples().middleCols((k - j) * d, d), r + (j - 1) * d);
+  w *= column_scales(w).asDiagonal();
+  const Matrix y = ensemble.output(k)(rows, Eigen::all);
+  linalg::orthonormalise(w);
+
+  Matrix residual = y;
+  Vector left = Vector::Ones(count);  // 1 - leverage
+  Index used = 0;
+  const auto use = [&](Index columns) {
+    const auto part = w.middleCols(used, columns);
+    residual -= part * (part.transpose() * residual);
+    left -= part.rowwise().squaredNorm();
+    used += columns;
+  };
+  use(r);
+  for (Index p = 1; p <= p_judged; ++p) {
+    use(d);
+    double sum = 0.0;
+    for (Index j = 0; j < m; ++j) {
+      const double scale = y.col(j).squaredNorm();
+      // An experiment that alone determines a coefficient (leverage 1) can't be predicted from the others.
+      const double loo = (residual.col(j).array() / left.array().max(1e-12)).square().sum();
+      sum += scale > 0 ? std::log(std::max(loo / scale, exact * exact)) : 0.0;
+    }
+    error(p - 1) = sum / double(m);
+  }
+  return error;
+}
+
+}  // namespace
+
+LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions& options) {
+  check(ensemble);
+  const Index p_max = std::min(options.p_max, ensemble.steps() - 1);
+  LagOrderErrors result;
+  result.best = std::max<Index>(1, options.p_min);
+  if (p_max < 1) return result;
+
+  const Index available = ensemble.steps() - p_max;
+  const Index count = std::min(available, std::max<Index>(1, options.steps));
+  for (Index s = 0; s < count; ++s) result.steps.push_back(p_max + (2 * s + 1) * available / (2 * count));
+  result.error.resize(count, p_max);
+  parallel_for(0, count, options.execution, [&](Index begin, Index end) {
+    for (Index s = begin; s < end; ++s)
+      result.error.row(s) =
+          step_errors(ensemble, result.steps[static_cast<size_t>(s)], p_max, options.exact).transpose();
+  });
+  // Missing samples may leave some steps too few experiments: orders are compared at the steps that can judge all of
+  // them, up to the largest order that at least half of the steps can judge.
+  const auto judging = [&](Index p) { return (result.error.col(p - 1).array() < inf).count(); };
+  Index judged = p_max;
+  while (judged > 1 && 2 * judging(judged) < count) --judged;
+  std::vector<Index> rows;
+  for (Index s = 0; s < count; ++s)
+    if (result.error(s, judged - 1) < inf) rows.push_back(s);
+  const Matrix error = result.error(rows, Eigen::all);
+  result.mean.setConstant(p_max, inf);
+  if (!rows.empty()) result.mean.head(judged) = error.leftCols(judged).colwise().mean().transpose();
+
+  // One standard error of the paired difference over steps decides against needless lags.
+  const Index first = std::clamp<Index>(options.p_min, 1, p_max);
+  Index smallest = first;
+  for (Index p = first; p <= p_max; ++p)
+    if (result.mean(p - 1) < result.mean(smallest - 1)) smallest = p;
+  result.best = std::max(options.p_min, smallest);
+  if (!std::isfinite(result.mean(smallest - 1))) return result;
+  for (Index p = first; p < smallest; ++p) {
+    const Vector difference = error.col(p - 1) - error.col(smallest - 1);
+    const double mean = difference.mean(), steps = double(difference.size());
+    const double variance = (difference.array() - mean).square().sum() / std::max(1.0, steps - 1);
+    if (mean <= std::sqrt(variance / steps)) {
+      result.best = p;
+      break;
+    }
+  }
+  return result;
+}
+
+}  // namespace tokid

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+
+#include "base/nan.hpp"
+#include "tokid/innovations.hpp"
+#include "tokid/parallel.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Rows of the nominal trajectory beyond its end are zero.
+Eigen::RowVectorXd nominal(const Matrix& trajectory, Index k, Index size) {
+  if (k < trajectory.rows()) return trajectory.row(k);
+  return Eigen::RowVectorXd::Zero(size);
+}
+
+std::vector<Index> finite_entries(const Eigen::Ref<const Eigen::RowVectorXd>& row) {
+  std::vector<Index> entries;
+  for (Index j = 0; j < row.size(); ++j)
+    if (std::isfinite(row(j))) entries.push_back(j);
+  return entries;
+}
+
+// How a state estimated from the samples k … k+window-1 errs, much enlarged: all that is known of it at step k is what
+// the same samples will tell the filter once more.
+Matrix vague(const Model& model, Index k, Index window) {
+  constexpr double enlarged = 1e4;
+  const Index n = model.n(k), m = model.outputs;
+  Matrix sensitivity(window * m, n), transition = Matrix::Identity(n, n);
+  for (Index j = 0; j < window; ++j) {
+    const size_t s = model.index(k + j);
+    sensitivity.middleRows(j * m, m) =
+        linalg::whitener(model.step[s].innovation_cov()) * model.step[s].C() * transition;
+    transition = model.at(k + j).closed_loop() * transition;
+  }
+  const Matrix none = Matrix::Zero(sensitivity.rows(), 1);
+  const Matrix root = linalg::minimum_norm(sensitivity, none, 1e-12).inverse_t;
+  return enlarged * root * root.transpose();
+}
+
+// The state of one experiment relative to the model's own observer, the one that has seen all.
+struct Knowledge {
+  bool blind = false;
+  Index from = 0;     // first step whose innovation counts
+  Matrix error;       // P_k, the covariance of the difference; empty where the two are one
+  Index settled = 0;  // steps for which the difference has not shown in the outputs
+
+  bool exact() const { return error.size() == 0; }
+};
+
+class Filter {
+ public:
+  Filter(const Model& model, const Ensemble& data, std::optional<InitialState> initial)
+      : model_(model),
+        data_(data),
+        window_(estimation_window(model)),
+        end_(std::min(model.k_end(), data.steps())),
+        known_(size_t(data.experiments())),
+        x_(Matrix::Zero(data.experiments(), model.steps() > 0 ? model.n(model.k_begin) : 0)) {
+    const InitialState state = initial.value_or(data.initial_state.value_or(model.initial_state));
+    if (!starts_from_zero(model, state))
+      for (Knowledge& known : known_) known.blind = true;
+  }
+
+  Innovations run() {
+    Innovations result(size_t(data_.steps()), Matrix::Constant(data_.experiments(), model_.outputs, nan));
+    for (Index k = model_.k_begin; k < end_; ++k) {
+      checkpoint();
+      if (k >= model_.full_begin()) wake(k);
+      result[size_t(k)] = advance(k);
+    }
+    return result;
+  }
+
+ private:
+  // Blind experiments whose next samples tell the state.
+  void wake(Index k) {
+    for (const Index window : {window_, 2 * window_}) {
+      if (k + window > end_) return;
+      std::vector<Index> rows;
+      for (Index n = 0; n < data_.experiments(); ++n) {
+        bool inputs = known_[size_t(n)].blind;
+        for (Index j = k; inputs && j < k + window; ++j) inputs = data_.input(j).row(n).allFinite();
+        if (inputs) rows.push_back(n);
+      }
+      if (rows.empty()) return;
+      const Matrix x = estimate_state(model_, data_.subset(rows), k, window).transpose();
+      const Matrix error = vague(model_, k, window);
+      for (size_t i = 0; i < rows.size(); ++i) {
+        if (!x.row(Index(i)).allFinite()) continue;
+        x_.row(rows[i]) = x.row(Index(i));
+        known_[size_t(rows[i])] = {false, k + window, error, 0};
+      }
+    }
+  }
+
+  // The innovations of step k, and the states of the next.
+  Matrix advance(Index k) {
+    const size_t s = model_.index(k);
+    Matrix u = data_.input(k).rowwise() - nominal(model_.u_nominal, k, model_.inputs);
+    for (Index n = 0; n < u.rows(); ++n)
+      if (!u.row(n).allFinite()) {
+        u.row(n).setZero();
+        known_[size_t(n)] = {true, 0, {}, 0};
+      }
+    Matrix e = (data_.output(k).rowwise() - nominal(model_.y_nominal, k, model_.outputs)) -
+               (x_ * model_.step[s].C().transpose() + u * model_.step[s].D().transpose());
+    Matrix next = x_ * model_.step[s].A().transpose() + u * model_.step[s].B().transpose();
+    for (Index n = 0; n < e.rows(); ++n) {
+      Knowledge& known = known_[size_t(n)];
+      if (known.blind) {
+        e.row(n).setConstant(nan);
+      } else if (known.exact() && e.row(n).allFinite()) {
+        next.row(n) -= e.row(n) * model_.step[s].G().transpose();
+      } else {
+        next.row(n) += correction(k, known, e.row(n));
+        if (k < known.from) e.row(n).setConstant(nan);
+      }
+    }
+    x_ = std::move(next);
+    return e;
+  }
+
+  // With δ_k the difference of the states, the innovations seen are E (ε_k + C δ_k), their covariance is
+  // Σ = E (S + C P Cᵀ) Eᵀ, and δ_{k+1} = A δ_k - G ε_k less the correction K by what is seen. Scales e to covariance
+  // E S Eᵀ.
+  Eigen::RowVectorXd correction(Index k, Knowledge& known, Eigen::Ref<Eigen::RowVectorXd, 0, Eigen::InnerStride<>> e) {
+    const size_t s = model_.index(k);
+    const Step::View a = model_.step[s].A(), g = model_.step[s].G(), noise = model_.step[s].innovation_cov();
+    if (known.exact()) known.error = Matrix::Zero(a.cols(), a.cols());
+    const Matrix& error = known.error;
+    const std::vector<Index> seen = finite_entries(e);
+    const Index count = static_cast<Index>(seen.size());
+    Matrix gain = Matrix::Zero(a.rows(), model_.outputs);
+    Eigen::RowVectorXd correction = Eigen::RowVectorXd::Zero(a.rows());
+    if (count > 0) {
+      const Matrix c = model_.step[s].C()(seen, Eigen::all);
+      const Matrix own = noise(seen, seen), w = linalg::whitener(own + c * error * c.transpose());
+      const Matrix shared = noise(Eigen::all, seen);
+      const Matrix k_seen = (a * error * c.transpose() - g * shared) * w.transpose() * w;
+      gain(Eigen::all, seen) = k_seen;
+      const Vector innovation = e(seen).transpose();
+      correction = (k_seen * innovation).transpose();
+      e(seen) = (linalg::pseudo_inverse(linalg::whitener(own)) * w * innovation).transpose();
+    }
+    const Matrix f = a - gain * model_.step[s].C(), h = g + gain;
+    known.error = f * error * f.transpose() + h * noise * h.transpose();
+    settle(k, known);
+    return correction;
+  }
+
+  // What has not shown for as long as a state takes to show is gone.
+  void settle(Index k, Knowledge& known) const {
+    if (k + 1 >= model_.k_end()) return;
+    const size_t s = model_.index(k + 1);
+    const Step::View c = model_.step[s].C();
+    const bool shows = (c * known.error * c.transpose()).trace() > 1e-6 * model_.step[s].innovation_cov().trace();
+    known.settled = shows ? 0 : known.settled + 1;
+    if (known.settled > window_) known.error.resize(0, 0);
+  }
+
+  const Model& model_;
+  const Ensemble& data_;
+  Index window_, end_;
+  std::vector<Knowledge> known_;  // (N)
+  Matrix x_;                      // (N × n_k)
+};
+
+}  // namespace
+
+Innovations model_innovations(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
+  if (!model.has(&Step::has_innovation_cov)) return predict(model, data, {1, initial_state}).innovations;
+  if (model.steps() == 0 || std::min(model.k_end(), data.steps()) <= model.k_begin)
+    return Innovations(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
+  return Filter(model, data, initial_state).run();
+}
+
+}  // namespace tokid

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "model/riccati.hpp"
+
+#include <algorithm>
+
+#include "diagnose/regressions.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Directions of the innovations below this share of the largest carry nothing but rounding errors.
+constexpr double singular = 1e-12;
+
+// Periods after which the gains of a periodic model have settled.
+constexpr Index most_settling = 1000;
+constexpr double settled = 1e-13;
+
+class Riccati {
+ public:
+  Riccati(const Model& model, const NoiseRoots& noise)
+      : model_(model), noise_(noise), root_(Matrix::Zero(0, model.n(model.k_begin))) {}
+
+  Matrix covariance() const { return covariance_of(root_); }
+
+  struct Step {
+    Matrix gain, innovation_cov;
+  };
+  Step advance(size_t s) {
+    const Matrix& sigma = noise_.innovation[s];
+    Matrix seen = linalg::stacked(sigma, root_ * model_.step[s].C().transpose());
+    drop_rounding(seen, noise_.output_size);
+    Matrix rest = linalg::stacked(-sigma * model_.step[s].G().transpose(), root_ * model_.step[s].A().transpose());
+    const Matrix missing = missing_noise(seen);
+    rest = linalg::stacked(rest, Matrix::Zero(missing.rows(), rest.cols()));
+    const Matrix gain = prediction_gain(linalg::stacked(seen, missing), rest);
+    Matrix next = linalg::stacked(rest, noise_.state[s]);
+    root_ = linalg::triangular_factor(next);
+    return {-gain, covariance_of(seen)};
+  }
+
+ private:
+  // A root of what the innovations lack of least_noise in each direction.
+  Matrix missing_noise(const Matrix& seen) const {
+    const Vector& size = noise_.output_size;
+    const Vector unit = (size.array() > 0).select(size.cwiseInverse(), 0.0);
+    const auto [variance, directions] = linalg::symmetric_eigensystem(covariance_of(seen * unit.asDiagonal()));
+    const double least = least_noise * least_noise * variance(variance.size() - 1);
+    const Index lacking = (variance.array() < least).count();
+    return (least - variance.head(lacking).array().max(0.0)).sqrt().matrix().asDiagonal() *
+           directions.leftCols(lacking).transpose() * size.asDiagonal();
+  }
+
+  const Model& model_;
+  const NoiseRoots& noise_;
+  Matrix root_;  // of P
+};
+
+}  // namespace
+
+Matrix prediction_gain(const Matrix& seen, Matrix& rest) {
+  Vector scale = seen.colwise().norm();  // outputs in any units
+  scale = (scale.array() > 0).select(scale.cwiseInverse(), 1.0);
+  const Matrix transposed = scale.asDiagonal() * linalg::minimum_norm(seen * scale.asDiagonal(), rest, singular).x;
+  rest -= seen * transposed;
+  return transposed.transpose();
+}
+
+Matrix covariance_of(const Matrix& root) {
+  Matrix product = Matrix::Zero(root.cols(), root.cols());
+  product.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
+  product.triangularView<Eigen::StrictlyUpper>() = product.transpose();
+  return product;
+}
+
+void drop_rounding(Matrix& residuals, const Vector& size) {
+  for (Index j = 0; j < residuals.cols(); ++j)
+    if (size(j) == 0 || residuals.col(j).norm() <= rounding_share * size(j)) residuals.col(j).setZero();
+}
+
+void filter_gains(Model& model, const NoiseRoots& noise) {
+  Riccati filter(model, noise);
+  Matrix before;
+  for (Index round = 0; model.period > 0 && round < most_settling; ++round) {
+    before = filter.covariance();
+    for (Index s = 0; s < std::min(model.period, model.steps()); ++s) filter.advance(size_t(s));
+    if ((filter.covariance() - before).norm() <= settled * filter.covariance().norm()) break;
+  }
+  std::vector<Riccati::Step> steady;
+  for (size_t s = 0; s < model.step.size(); ++s) steady.push_back(filter.advance(s));
+  for (size_t s = 0; s < steady.size(); ++s) {
+    model.step[s].G() = steady[s].gain;
+    model.step[s].set_innovation_cov(steady[s].innovation_cov);
+  }
+}
+
+}  // namespace tokid

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/validate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "base/nan.hpp"
+#include "model/error_sums.hpp"
+#include "model/judged.hpp"
+#include "model/step_by_step.hpp"
+#include "tokid/remarks.hpp"
+
+namespace tokid {
+
+Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nominal) {
+  if (measured.experiments() != computed.experiments() || measured.steps() != computed.steps() ||
+      measured.outputs() != computed.outputs())
+    throw std::invalid_argument(fmt::format("fit: {} x {} x {} measured and {} x {} x {} computed outputs",
+                                            measured.experiments(), measured.steps(), measured.outputs(),
+                                            computed.experiments(), computed.steps(), computed.outputs()));
+  ErrorCollector errors(measured, y_nominal);
+  for (Index k = 0; k < measured.steps(); ++k) errors.simulated(k, measured.output(k) - computed.output(k));
+  return fit_of(errors.totals.simulation, y_nominal.rows() > 0);
+}
+
+namespace {
+
+// Divided by their standard deviations, so that those of different steps may be pooled; tests over the experiments are
+// blind to it.
+Innovations standardised(const Model& model, Innovations innovations) {
+  for (size_t s = 0; model.has(&Step::has_innovation_cov) && s < model.step.size(); ++s) {
+    const size_t k = size_t(model.k_begin) + s;
+    const Vector variance = model.step[s].innovation_cov().diagonal();
+    if (k < innovations.size() && variance.minCoeff() > 0)
+      innovations[k] *= variance.cwiseSqrt().cwiseInverse().asDiagonal();
+  }
+  return innovations;
+}
+
+void check_steps(const Model& model, const Ensemble& data) {
+  if (std::min(model.k_end(), data.steps()) <= model.k_begin)
+    throw std::invalid_argument(
+        fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
+}
+
+// From the errors of all steps, and the innovations, which are asked for where they are tested.
+template <class OneStepErrors>
+Validation validation(const Model& model, const Ensemble& data, const ValidateOptions& options,
+                      const ErrorCollector& errors, OneStepErrors&& innovations) {
+  const bool departures = model.y_nominal.rows() > 0;
+  Validation result;
+  result.one_step = result.horizon = fit_of(errors.totals.one_step, departures);
+  result.simulation = fit_of(errors.totals.simulation, departures);
+  if (options.horizon != 1)
+    result.horizon = fit(data, predict(model, data, {options.horizon, options.initial_state}).y, model.y_nominal);
+  result.first_predicted = errors.first_predicted.value_or(0);
+  result.first_simulated = errors.first_simulated.value_or(data.steps() - 1);
+  const Vector untested = Vector::Constant(model.inputs, nan);
+  result.gains = {untested, untested, untested};
+  // No test of noise applies to errors of arithmetic.
+  result.noisy = errors.totals.noisy();
+  if (result.noisy && options.whiteness_lags > 0) {
+    const Innovations e = model_innovations(model, data, options.initial_state);
+    const Innovations scaled = standardised(model, e);
+    result.whiteness = whiteness(scaled, options.whiteness_lags);
+    result.independence = independence(scaled, data, 0, options.whiteness_lags);
+    result.feedback = independence(scaled, data, -options.whiteness_lags, -1);
+    result.squares = normalised_squares(model, e);
+    result.gains = input_gains(model, data, innovations());
+  }
+  result.whiteness_p = result.whiteness.p;
+  if (!errors.first_predicted)
+    result.warnings.push_back(
+        fmt::format("no step could be predicted: the model covers steps {} to {}, and {} steps are "
+                    "needed to find an unknown initial state",
+                    model.k_begin, model.k_end() - 1, estimation_window(model)));
+  if (auto beyond = steps_beyond(model, data)) result.warnings.push_back(*std::move(beyond));
+  if (options.horizon > 1 && result.horizon.samples == 0)
+    result.warnings.push_back(fmt::format("no step could be predicted {} steps ahead", options.horizon));
+  if (!result.simulation.rmse.allFinite() && result.simulation.samples > 0)
+    result.warnings.emplace_back("the simulation overflows: the model is unstable over its steps");
+  return result;
+}
+
+}  // namespace
+
+Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  if (ends_early(model, data.steps())) return judge(continued(model, data.steps()), data, options);
+  check_steps(model, data);
+  Judged judged;
+  judged.prediction = predict(model, data, {1, options.initial_state});
+  judged.simulated = simulate_data(model, data, options.initial_state);
+  ErrorCollector errors(data, model.y_nominal);
+  for (Index k = 0; k < data.steps(); ++k) {
+    errors.predicted(k, judged.prediction.innovations[size_t(k)]);
+    errors.simulated(k, data.output(k) - judged.simulated.output(k));
+  }
+  judged.validation = validation(model, data, options, errors,
+                                 [&judged]() -> const Innovations& { return judged.prediction.innovations; });
+  return judged;
+}
+
+Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  if (ends_early(model, data.steps())) return validate(continued(model, data.steps()), data, options);
+  check_steps(model, data);
+  ErrorCollector errors(data, model.y_nominal);
+  predict_each(model, data, options.initial_state,
+               [&](Index k, const Matrix& innovation) { errors.predicted(k, innovation); });
+  Matrix error;
+  simulate_data_each(model, data, options.initial_state, [&](Index k, const Matrix& y) {
+    error = data.output(k) - y;
+    if (k < model.y_nominal.rows()) error.rowwise() -= model.y_nominal.row(k);
+    errors.simulated(k, error);
+  });
+  return validation(model, data, options, errors, [&] {
+    return predict(model, data, {1, options.initial_state}).innovations;
+  });
+}
+
+}  // namespace tokid

@@ -1,0 +1,532 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/em.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <optional>
+#include <stdexcept>
+
+#include "base/statistics.hpp"
+#include "base/words.hpp"
+#include "model/riccati.hpp"
+#include "noise/em/anderson.hpp"
+#include "noise/em/estimator.hpp"
+#include "noise/em/symmetric.hpp"
+#include "tokid/observer.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Pairs that the acceleration looks back on.
+constexpr size_t depth = 8;
+// Samples for each entry of a covariance in a segment with a size of its own.
+constexpr double samples_per_entry = 20;
+
+// Sizes of noise that differ by less than this, root mean square over the segments, count as one: a model that has not
+// converged shows so much.
+constexpr double noise_spread = 0.1;
+// What remains unknown of outputs that a model predicts exactly, as a share of their mean square.
+constexpr double exact = 1e-12;
+// Shares of the penalty that the climb begins with, as far as they are not too weak to matter.
+constexpr double warm_up[] = {1.0 / 9, 1.0 / 3}, weak = 0.1;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+Matrix mean_innovation_cov(const Model& model) {
+  Matrix mean = Matrix::Zero(model.outputs, model.outputs);
+  for (const Step& step : model.step) mean += step.innovation_cov() / double(model.steps());
+  return mean;
+}
+
+Index window_of(const Model& model) { return (model.states() + model.outputs - 1) / model.outputs + 1; }
+
+// The covariance of a state estimated from the next few outputs alone, whose noise has covariance S, mean over the
+// steps; directions that they hardly show count as shown by a thousandth of the mean.
+Matrix estimation_covariance(const Model& model, const Matrix& s, Index begin, Index end) {
+  const Index n = model.states();
+  Matrix w, mean = Matrix::Zero(n, n);
+  em::inverse_root(s, w);
+  for (Index k = begin; k < end; ++k) {
+    const Matrix o = observability(model, k, window_of(model));
+    Matrix information = Matrix::Zero(n, n);
+    for (Index i = 0; i < o.rows(); i += model.outputs)
+      information += (w * o.middleRows(i, model.outputs)).transpose() * (w * o.middleRows(i, model.outputs));
+    const double trace = information.trace();
+    if (!(trace > 0)) continue;
+    information.diagonal().array() += 1e-3 * trace / double(n);
+    mean += linalg::pseudo_inverse(information) / double(end - begin);
+  }
+  return mean;
+}
+
+// Process noise that goes with the gains of a model of constant states whose innovations have covariance S.
+Matrix process_noise(const Matrix& s, const Model& model) {
+  const std::optional<Matrix> root = linalg::covariance_factor(s);
+  if (!root)
+    throw std::invalid_argument(
+        "innovation_cov: no covariance found, symmetric matrices without negative eigenvalues are needed");
+  Matrix q = 1e-3 * estimation_covariance(model, s, 0, model.steps());
+  // By roots: gains that cancel the noise which outputs have in common are far larger than what they leave.
+  for (const Step& step : model.step) q += covariance_of((step.G() * *root).transpose()) / double(model.steps());
+  q += 0.01 * Matrix(q.diagonal().asDiagonal());
+  em::symmetrise(q);
+  return q;
+}
+
+void set_noise(const Matrix& s, Model& model) {
+  const Matrix q = process_noise(s, model);
+  for (Step& step : model.step) {
+    step.set_Q(q);
+    step.set_R(s);
+  }
+}
+
+}  // namespace
+
+Model with_constant_states(const Model& model, Index steps) {
+  model.check();
+  if (steps < 1) throw std::invalid_argument(fmt::format("steps: {} found, at least 1 needed", steps));
+  const Index n = model.states();
+  const Index begin = model.steps() > 0 ? model.full_begin() : 0;
+  Index last = model.steps() > 0 ? model.full_end() - 1 : 0;  // last state of the full dimension
+  const bool to_smooth = model.frame == "raw" && model.method != "known";
+  if (last <= begin)
+    throw std::invalid_argument(
+        fmt::format("model: no two successive steps with all {} states found, at least two needed", n));
+  // From so late on the outputs to come don't tell the frame of a state.
+  if (to_smooth) last = std::max(std::min(last, model.k_end() - (n + model.outputs - 1) / model.outputs), begin + 1);
+  Model full = to_smooth ? smooth_frame(model, std::max(model.max_lags(), window_of(model) - 1)) : model;
+
+  Model result = full;
+  result.step.clear();
+  result.k_begin = 0;
+  for (Index k = 0; k < steps; ++k) {
+    const Step& state = full.at(std::clamp(k, begin, std::min(last, full.k_end() - 1)));
+    const Step& transition = full.at(std::clamp(k, begin, last - 1));
+    const Step& own = full.at(std::clamp(k, full.k_begin, full.k_end() - 1));
+    Step& step = result.step.emplace_back(transition.A(), transition.B(), state.C(), own.D(), transition.G());
+    step.take_diagnostics_of(own);
+    if (!own.has_Q() || !own.has_R()) continue;
+    step.set_Q(transition.Q());
+    step.set_R(own.R());
+  }
+  if (model.k_begin > 0 || model.n(model.k_begin) < n) {
+    result.x0_mean.resize(0);
+    result.x0_cov.resize(0, 0);
+  }
+  if (!result.has(&Step::has_Q) && result.has(&Step::has_innovation_cov))
+    set_noise(mean_innovation_cov(result), result);
+  return result;
+}
+
+namespace {
+
+void check(const RefineOptions& o, Index steps) {
+  if (!(o.smoothing >= 0))
+    throw std::invalid_argument(fmt::format("smoothing: {} found, 0 or more (or infinity) needed", o.smoothing));
+  if (o.period.value_or(0) < 0)
+    throw std::invalid_argument(fmt::format("period: {} found, 0 or more needed", *o.period));
+  if (o.iterations < 0)
+    throw std::invalid_argument(fmt::format("iterations: {} found, 0 or more needed", o.iterations));
+  if (!(o.tolerance >= 0))
+    throw std::invalid_argument(fmt::format("tolerance: {} found, 0 or more needed", o.tolerance));
+  if (o.period.value_or(0) > 1 && *o.period >= steps)
+    throw std::invalid_argument(
+        fmt::format("period: {} found, less than the {} steps of the data needed", *o.period, steps));
+}
+
+// Coordinates in which the states of the steps k and k+P can share their matrices: those of the steps in the middle.
+Model in_phase(const Model& model, Index period) {
+  const Index rows = window_of(model), middle = std::max<Index>(0, (model.steps() - period) / 2);
+  std::vector<Matrix> s;
+  for (Index k = 0; k <= model.steps(); ++k) {
+    const Index like = middle + (((k - middle) % period) + period) % period;
+    Matrix candidate = Matrix::Identity(model.states(), model.states());
+    if (k != like && k + rows <= model.steps() && like + rows <= model.steps()) {
+      const Matrix change = linalg::pseudo_inverse(observability(model, like, rows)) * observability(model, k, rows);
+      const Vector sigma = linalg::singular_values(change);
+      if (sigma.size() > 0 && sigma(sigma.size() - 1) > 1e-6 * sigma(0)) candidate = change;
+    }
+    s.push_back(std::move(candidate));
+  }
+  return transform(model, s);
+}
+
+Index period_of(const Model& model, const RefineOptions& o) {
+  return o.smoothing == infinity ? 1 : o.period.value_or(model.period);
+}
+
+// The covariance of the innovations of a model that does not tell it.
+Matrix innovation_covariance(const Model& model, const Ensemble& data, InitialState initial) {
+  const Prediction prediction = predict(model, data, {1, initial});
+  Matrix sum = Matrix::Zero(model.outputs, model.outputs);
+  double count = 0;
+  for (const Matrix& e : prediction.innovations)
+    for (Index i = 0; i < e.rows(); ++i)
+      if (e.row(i).allFinite()) sum += e.row(i).transpose() * e.row(i), count += 1;
+  const em::Samples samples = em::samples_of(model, data);
+  const Matrix size = samples.y_square.cwiseMax(std::numeric_limits<double>::min()).asDiagonal();
+  return count > 0 ? Matrix(sum / count + exact * size) : size;
+}
+
+Model starting_model(const Model& model, const Ensemble& data, const RefineOptions& o, InitialState initial) {
+  Model start = with_constant_states(model, data.steps());
+  const Index period = period_of(model, o);
+  if (period > 0 && period < start.steps() && start.states() > 0) start = in_phase(start, period);
+  if (!start.has(&Step::has_innovation_cov))
+    for (const Matrix covariance = innovation_covariance(start, data, initial); Step & step : start.step)
+      step.set_innovation_cov(covariance);
+  if (!start.has(&Step::has_Q)) set_noise(mean_innovation_cov(start), start);
+  const bool knows_start = has_initial_estimate(start, initial);
+  start.initial_state = initial;
+  if (initial == InitialState::zero) {
+    start.x0_mean = Vector::Zero(start.states());
+    start.x0_cov = Matrix::Zero(start.states(), start.states());
+  } else if (!knows_start) {
+    // States whose outputs are of the size of the data.
+    const em::Samples samples = em::samples_of(start, data);
+    const Matrix size = samples.y_square.cwiseMax(std::numeric_limits<double>::min()).asDiagonal();
+    start.x0_mean = Vector::Zero(start.states());
+    start.x0_cov = double(window_of(start)) * estimation_covariance(start, size, 0, 1);
+    em::symmetrise(start.x0_cov);
+  }
+  return start;
+}
+
+// Phases of a segment in which the size of the noise counts as constant; 0 where it may be for all of them: analysis of
+// variance of the normalised squares of the innovations.
+Index varying_noise(const Model& model, const em::Samples& samples) {
+  const Matrix squares = em::innovation_squares(model, samples);
+  const double n = double(model.states()), m = double(model.outputs);
+  const double entries = std::max(n * (n + 1), m * (m + 1)) / 2;
+  const double per_step = samples.outputs / m / double(std::max<Index>(1, samples.steps));
+  const Index length = Index(std::ceil(samples_per_entry * entries / std::max(per_step, 1e-3)));
+  const Index segments = samples.steps / length;
+  if (segments < 2) return 0;
+  Vector sum = Vector::Zero(segments), count = sum;
+  double square = 0.0;
+  for (Index t = 0; t < squares.rows(); ++t)
+    for (const double value : squares.row(t)) {
+      if (std::isnan(value)) continue;
+      const Index i = std::min(segments - 1, t / length);
+      sum(i) += value;
+      count(i) += 1;
+      square += value * value;
+    }
+  const double mean = sum.sum() / count.sum();
+  double between = 0.0, within = square;
+  Index filled = 0;
+  for (Index i = 0; i < segments; ++i) {
+    if (count(i) == 0) continue;
+    ++filled;
+    between += count(i) * (sum(i) / count(i) - mean) * (sum(i) / count(i) - mean);
+    within -= sum(i) * sum(i) / count(i);
+  }
+  const double a = double(filled - 1), b = count.sum() - double(filled);
+  if (a < 1 || b < 1 || !(within > 0)) return 0;
+  const double variance = within / b, excess = (between / a - variance) / (count.sum() / double(filled));
+  const bool significant = between / a > statistics::f_quantile(0.999, a, b) * variance;
+  return significant && excess > noise_spread * noise_spread * mean * mean ? length : 0;
+}
+
+// One point of the climb with what the next step needs.
+struct Point {
+  em::Parameters parameters;
+  em::Moments moments;
+  double log_likelihood = -infinity, penalised = -infinity;
+};
+
+// The penalty weighs changes against the covariance of the innovations and of what they do to the state, by which
+// a model that is refined again is the model that it was.
+em::EstimatorOptions estimator_options(const Model& start, const RefineOptions& o, InitialState initial) {
+  const bool constant = o.smoothing == infinity;
+  return {constant ? 1.0 : o.smoothing, period_of(start, o), initial == InitialState::unknown,
+          mean_innovation_cov(start)};
+}
+
+class Climb {
+ public:
+  Climb(const Model& start, const Ensemble& data, const RefineOptions& options, InitialState initial)
+      : options_(options),
+        silent_{options.execution.threads, {}},
+        samples_(em::samples_of(start, data)),
+        estimator_(start, samples_, estimator_options(start, options, initial)) {
+    if (!(samples_.outputs > 0)) throw std::invalid_argument("data: no output sample found at the steps of the model");
+  }
+
+  Refinement run();
+
+ private:
+  Point point(em::Parameters parameters) const;
+  bool split_noise(Point& now);
+  void warn(const Point& now, Refinement& result) const;
+
+  const RefineOptions& options_;
+  Execution silent_;
+  em::Samples samples_;
+  em::Estimator estimator_;
+  Index noise_segments_ = 1;
+};
+
+Point Climb::point(em::Parameters parameters) const {
+  Point result;
+  if (!parameters.finite()) return result;
+  em::Smoothed smoothed = em::smooth(estimator_.model(parameters), samples_, silent_);
+  result.log_likelihood = smoothed.log_likelihood.sum();
+  result.penalised = result.log_likelihood - estimator_.penalty(parameters);
+  if (!std::isfinite(result.penalised)) result.penalised = -infinity;
+  result.parameters = std::move(parameters);
+  result.moments = std::move(smoothed.moments);
+  return result;
+}
+
+// Scales of their own change nothing until the next step, so the climb goes on from where it is.
+bool Climb::split_noise(Point& now) {
+  if (!estimator_.noise_is_pooled() || estimator_.phases() < samples_.steps) return false;
+  const Index length = varying_noise(estimator_.model(now.parameters), samples_);
+  if (length == 0) return false;
+  estimator_.split_noise(length, now.parameters);
+  noise_segments_ = now.parameters.process.scale.size();
+  return true;
+}
+
+void Climb::warn(const Point& now, Refinement& result) const {
+  const auto add = [&result](std::string text) { result.warnings.push_back(std::move(text)); };
+  const bool no_process = estimator_.at_floor(now.parameters.process, estimator_.process_floor());
+  const bool no_measurement = estimator_.at_floor(now.parameters.measurement, estimator_.measurement_floor());
+  if (no_process && no_measurement)
+    add("the data show no noise in some directions: maximum likelihood gains nothing there, and Q and R stand at "
+        "1e-12 of the signals");
+  else if (no_measurement)
+    add("no measurement noise is left in some direction of the outputs: R stands at 1e-12 of the signals there");
+  else if (no_process)
+    add("no process noise is left in some direction of the states: Q stands at 1e-12 of the signals there");
+  if (!result.converged && options_.iterations > 0)
+    add(fmt::format("not converged after {}: the last one gained {:.2g} in log-likelihood per output sample",
+                    words::plural(result.iterations, "iteration"),
+                    (result.penalised.back() - result.penalised[result.penalised.size() - 2]) / samples_.outputs));
+  const Index unknowns = result.model.states() + result.model.inputs;
+  if (options_.smoothing == 0 && estimator_.phases() == samples_.steps && samples_.experiments < 2 * unknowns)
+    add(
+        fmt::format("{} are few for the {} unknowns of a row of A and B, or C and D, at every step: smoothing above "
+                    "zero would hold them together",
+                    words::plural(samples_.experiments, "experiment"), unknowns));
+  else if (estimator_.phases() == samples_.steps && samples_.steps > 1 && std::isfinite(options_.smoothing) &&
+           samples_.experiments < unknowns)
+    add(fmt::format(
+        "{} less than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on "
+        "variation stands in for what the data don't show, and the fit on them says little",
+        samples_.experiments == 1 ? "1 experiment is" : fmt::format("{} experiments are", samples_.experiments),
+        unknowns));
+}
+
+Refinement Climb::run() {
+  Refinement result;
+  {
+    const em::Smoothed first = em::smooth(estimator_.model(estimator_.start()), samples_, silent_);
+    estimator_.set_scales(first.moments, samples_);
+  }
+  Point now = point(estimator_.start());
+  if (!std::isfinite(now.penalised))
+    throw std::runtime_error("the likelihood of the starting model is not finite: it does not fit the data at all");
+  const auto record = [&] {
+    result.log_likelihood.push_back(now.log_likelihood);
+    result.penalised.push_back(now.penalised);
+  };
+  record();
+  em::Anderson anderson(depth);
+  bool noise_tested = false;
+  int small_gains = 0;
+  while (result.iterations < options_.iterations && !result.converged) {
+    ++result.iterations;
+    em::Parameters plain = estimator_.maximise(now.moments, now.parameters, silent_);
+    Point next;
+    if (options_.accelerate) {
+      const std::optional<Vector> guess =
+          anderson.next(estimator_.coordinates(now.parameters), estimator_.coordinates(plain));
+      if (guess && guess->allFinite()) next = point(estimator_.parameters(*guess, plain));
+      if (guess && !(next.penalised >= now.penalised)) anderson.reset();
+    }
+    if (!(next.penalised >= now.penalised)) next = point(std::move(plain));
+    const double gain = next.penalised - now.penalised;
+    if (gain >= 0) now = std::move(next);  // else rounding errors are all that is left
+    record();
+    small_gains = gain <= options_.tolerance * samples_.outputs ? small_gains + 1 : 0;
+    result.converged = small_gains >= 2 || gain <= 0;
+    if (!noise_tested && (result.converged || 2 * result.iterations >= options_.iterations)) {
+      noise_tested = true;
+      if (split_noise(now)) {
+        anderson.reset();
+        result.converged = false;
+      }
+    }
+    if (options_.execution.progress)
+      options_.execution.progress(double(result.iterations) / double(options_.iterations));
+  }
+  result.noise_segments = noise_segments_;
+  result.model = estimator_.model(now.parameters);
+  warn(now, result);
+  return result;
+}
+
+}  // namespace
+
+Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options) {
+  if (data.steps() < 1) throw std::invalid_argument("data: no step found, at least one needed");
+  check(options, data.steps());
+  if (period_of(model, options) == 1 && options.smoothing > 0 && std::isfinite(options.smoothing))
+    throw std::invalid_argument(
+        fmt::format("smoothing: {} found, none needed where one model serves all steps", options.smoothing));
+  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  em::samples_of(model, data, em::Tail::drop, 0);  // checks the channels
+  Model start = starting_model(model, data, options, initial);
+  const double likelihood = log_likelihoods(start, data, {options.execution.threads, {}}).sum();
+  // A strong penalty on a start whose coordinates are not smooth yet makes all steps one, and it takes many iterations
+  // to get away from there. Weaker ones first lead around that.
+  for (const double share : warm_up) {
+    if (!options.warm_up || !std::isfinite(options.smoothing) || options.smoothing * share < weak) continue;
+    RefineOptions o = options;
+    o.smoothing *= share;
+    o.iterations = options.iterations / 3;
+    o.execution.progress = {};
+    start = kalman_observer(Climb(start, data, o, initial).run().model);
+  }
+  Refinement result = Climb(start, data, options, initial).run();
+  for (const Step& step : result.model.step)
+    if (!linalg::covariance_factor(step.R()) || !linalg::covariance_factor(step.Q()))
+      throw std::runtime_error(
+          "the covariances of the noise left the range of double precision: the model does not fit "
+          "the data at all");
+  result.start_log_likelihood = likelihood;
+  result.model = kalman_observer(std::move(result.model));
+  result.model.method = "em";
+  result.model.period = period_of(start, options);
+  if (initial == InitialState::unknown && data.experiments() <= result.model.states()) {
+    // So few experiments don't show how the states of others are distributed: those are to be estimated.
+    result.model.x0_mean.resize(0);
+    result.model.x0_cov.resize(0, 0);
+  }
+  if (result.model.period == 0 && data.steps() != model.k_end())
+    result.warnings.push_back(
+        data.steps() > model.k_end()
+            ? fmt::format("the data have {}, the model ends with step {}: those beyond began as its last",
+                          words::plural(data.steps(), "step"), model.k_end() - 1)
+            : fmt::format("the data have {}, the model reached to step {}: it ends with the data now",
+                          words::plural(data.steps(), "step"), model.k_end() - 1));
+  if (options.execution.progress) options.execution.progress(1.0);
+  return result;
+}
+
+Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution& execution) {
+  model.check();
+  const auto needed = [&](bool (Step::*part)() const, const char* name) {
+    if (!model.has(part))
+      throw std::invalid_argument(fmt::format("{}: not known of this model, needed at each step", name));
+  };
+  needed(&Step::has_Q, "Q");
+  needed(&Step::has_R, "R");
+  const em::Samples samples = em::samples_of(model, data);
+  const Vector of_column = em::log_likelihoods(model, samples, execution);
+  Vector result(of_column.size());
+  for (Index i = 0; i < result.size(); ++i) result(samples.experiment[size_t(i)]) = of_column(i);
+  return result;
+}
+
+namespace {
+
+struct Fold {
+  Ensemble training, held_out;
+  std::vector<Index> rows;  // held out
+};
+
+Fold fold_of(const Ensemble& data, Index f, Index folds) {
+  std::vector<Index> training, held_out;
+  for (Index n = 0; n < data.experiments(); ++n) (n % folds == f ? held_out : training).push_back(n);
+  return {data.subset(training), data.subset(held_out), held_out};
+}
+
+// Descending; a decade apart, then the neighbours of the best half a decade from it.
+constexpr double coarse[] = {infinity, 3, 0.3, 0.03, 0.003, 0.0003};
+
+class CrossValidation {
+ public:
+  CrossValidation(const std::vector<Model>& starts, const Ensemble& data, const RefineOptions& options)
+      : starts_(starts), options_(options), experiments_(data.experiments()) {
+    const Index folds = Index(starts.size());
+    for (Index f = 0; f < folds; ++f) folds_.push_back(fold_of(data, f, folds));
+    for (Index k = 0; k < data.steps(); ++k) samples_ += double(data.output(k).array().isFinite().count());
+  }
+
+  // Pairs of fold and candidate stand each on their own, so that threads may share them in any order.
+  void run(const std::vector<double>& smoothing, double from, double to) {
+    const Index count = Index(smoothing.size()), folds = Index(folds_.size());
+    Matrix found(experiments_, count);
+    Execution execution{options_.execution.threads, {}};
+    if (options_.execution.progress)
+      execution.progress = [&](double done) { options_.execution.progress(from + (to - from) * done); };
+    parallel_for(0, folds * count, execution, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) {
+        const Fold& part = folds_[size_t(i / count)];
+        RefineOptions o = options_;
+        o.smoothing = smoothing[size_t(i % count)];
+        o.execution = {};
+        const Model model = refine(starts_[size_t(i / count)], part.training, o).model;
+        found(part.rows, i % count) = log_likelihoods(model, part.held_out);
+      }
+    });
+    for (Index i = 0; i < count; ++i) trials_[smoothing[size_t(i)]] = found.col(i);
+  }
+
+  double best() const {
+    const auto less = [](const auto& a, const auto& b) { return a.second.sum() < b.second.sum(); };
+    return std::max_element(trials_.begin(), trials_.end(), less)->first;
+  }
+
+  LikelihoodChoice choice() const {
+    LikelihoodChoice choice;
+    choice.best = best();
+    for (const auto& [smoothing, likelihood] : trials_) {
+      const Vector difference = likelihood - trials_.at(choice.best);
+      const double square = (difference.array() - difference.mean()).square().sum() / double(experiments_ - 1);
+      choice.smoothing.push_back(smoothing);
+      choice.log_likelihood.push_back(likelihood.sum() / std::max(1.0, samples_));
+      choice.error.push_back(std::sqrt(double(experiments_) * square) / std::max(1.0, samples_));
+    }
+    const size_t likeliest = size_t(std::distance(trials_.begin(), trials_.find(choice.best)));
+    if (choice.log_likelihood[0] + choice.error[0] >= choice.log_likelihood[likeliest]) choice.best = infinity;
+    return choice;
+  }
+
+ private:
+  const std::vector<Model>& starts_;
+  const RefineOptions& options_;
+  Index experiments_;
+  std::vector<Fold> folds_;
+  double samples_ = 0.0;
+  std::map<double, Vector, std::greater<>> trials_;  // λ → log-likelihood of each experiment left out
+};
+
+}  // namespace
+
+LikelihoodChoice choose_smoothing(const std::vector<Model>& starts, const Ensemble& data,
+                                  const RefineOptions& options) {
+  const Index folds = Index(starts.size()), experiments = data.experiments();
+  if (folds < 2) throw std::invalid_argument(fmt::format("starts: {} found, at least 2 folds needed", folds));
+  if (experiments < folds)
+    throw std::invalid_argument(fmt::format("experiments: {} found, {} folds need as many", experiments, folds));
+  CrossValidation trials(starts, data, options);
+  std::vector<double> candidates(std::begin(coarse), std::end(coarse));
+  const Index unknowns = starts[0].states() + starts[0].inputs;
+  if (experiments - experiments / folds >= 2 * unknowns) candidates.push_back(0);
+  trials.run(candidates, 0.0, 0.75);
+  const double best = trials.best();
+  if (best > 0 && best < infinity) trials.run({best * 10 / 3, best / 3}, 0.75, 1.0);
+  return trials.choice();
+}
+
+}  // namespace tokid

@@ -1,0 +1,83 @@
+// The parameters of a model between two steps of EM: from second moments, to coordinates and back.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "noise/em/smoother.hpp"
+
+namespace tokid::em {
+
+// Covariances of all phases: shape (one for each phase, or one for all) times scale (of the phase's segment).
+struct Noise {
+  std::vector<Matrix> shape;
+  Vector scale;                // (segments)
+  std::vector<Index> segment;  // (phases)
+
+  Matrix of(Index phase) const { return scale(segment[size_t(phase)]) * shape[shape.size() == 1 ? 0 : size_t(phase)]; }
+};
+
+struct Parameters {
+  std::vector<Matrix> ab;  // (phases) [A B]: n × (n+r)
+  std::vector<Matrix> cd;  // (phases) [C D]: m × (n+r)
+  Noise process, measurement;
+  Vector x0_mean;
+  Matrix x0_cov;
+
+  bool finite() const;
+};
+
+struct EstimatorOptions {
+  double smoothing = 0.0;  // λ
+  Index period = 0;
+  bool estimate_x0 = false;
+  Matrix innovation_cov;  // (m × m)
+};
+
+// Steps that share their matrices are a phase. With 0 < λ < ∞ the matrices of neighbouring phases are held together by
+//   λ/2 Σ_g tr( V⁻¹ (Θ_{g+1} - Θ_g) W (Θ_{g+1} - Θ_g)ᵀ ),   Θ = [A B] and [C D] with a V for each,
+// and W the diagonal of the second moment of [x; u] of a typical step at the start, summed over the experiments.
+class Estimator {
+ public:
+  // A model of constant state dimension with Q, R, from step 0 on.
+  Estimator(const Model& start, const Samples& samples, const EstimatorOptions& options);
+
+  const Parameters& start() const { return start_; }
+  Model model(const Parameters& p) const;  // A, B, C, D, Q, R, x0_mean, x0_cov of every step
+  // Units, floors and weights of the penalty, from the moments of the start.
+  void set_scales(const Moments& moments, const Samples& samples);
+  double penalty(const Parameters& p) const;  // to be subtracted from the log-likelihood
+  // M-step: the parameters that maximise the expected log-likelihood less the penalty; of each covariance given the
+  // matrices, and of its scales given its shape, one after the other.
+  Parameters maximise(const Moments& moments, const Parameters& p, const Execution& execution) const;
+  // Gives the noise of pooled phases scales of their own, for segments of so many phases.
+  void split_noise(Index phases, Parameters& p) const;
+  bool noise_is_pooled() const { return pooled_; }
+  Index phases() const { return phases_; }
+  bool at_floor(const Noise& noise, const Vector& floor) const;
+  const Vector& process_floor() const { return process_floor_; }
+  const Vector& measurement_floor() const { return measurement_floor_; }
+
+  // Unbounded coordinates, in units in which a step in any direction weighs about the same.
+  Vector coordinates(const Parameters& p) const;
+  Parameters parameters(const Vector& coordinates, const Parameters& like) const;
+
+ private:
+  std::vector<Matrix> phase_roots(const std::vector<Matrix>& moments, const Vector& counts, Vector& totals) const;
+  std::vector<Matrix> regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before, const Noise& noise,
+                              const Matrix& reference, const Vector& weight, const Execution& execution) const;
+  void update_noise(const std::vector<Matrix>& roots, const Vector& counts, const std::vector<Matrix>& coefficients,
+                    const Vector& floor, double spent, Noise& noise) const;
+
+  Model model_;  // of the start, with all that EM does not touch
+  EstimatorOptions options_;
+  Index n_, r_, m_, steps_, phases_;
+  bool pooled_;
+  Parameters start_;
+  Matrix process_reference_, measurement_reference_;  // V
+  Vector process_weight_, measurement_weight_;        // W
+  Vector process_floor_, measurement_floor_;
+  Vector moved_, measured_;                               // (phases) samples of each
+  double process_spent_ = 0.0, measurement_spent_ = 0.0;  // share of them that the coefficients use up
+  Matrix x0_prior_;                                       // C_0: the mean of the inverse Wishart prior of x0_cov
+};
+
+}  // namespace tokid::em

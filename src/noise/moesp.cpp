@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "noise/moesp.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <stdexcept>
+
+#include "data/channel_sizes.hpp"
+#include "model/riccati.hpp"
+#include "noise/rounding.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Of a state that is simulated without a new start.
+constexpr double most_growth = 100.0;
+
+class Moesp {
+ public:
+  Moesp(const Ensemble& e, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o)
+      : e_(e),
+        factors_(factors),
+        variation_(o.variation),
+        groups_(o.variation.groups(e.steps())),
+        r_(e.inputs()),
+        m_(e.outputs()),
+        lags_(factors.lags),
+        from_rest_(arx.k_begin == 0),
+        noisy_(o.noisy),
+        sizes_(channel_sizes(e, e.inputs(), e.outputs())) {
+    n_ = o.states > 0 ? o.states : factors.future * m_;
+    for (const PredictorFactor& f : factors.group) {
+      n_ = std::min(n_, f.observability.cols());
+      if (!noisy_)
+        n_ = std::min<Index>(n_,
+                             (f.singular_values.array() > rounding::arithmetic * f.singular_values.maxCoeff()).count());
+    }
+  }
+
+  Model run() {
+    model_.inputs = r_;
+    model_.outputs = m_;
+    model_.dt = e_.dt;
+    model_.names = e_.names;
+    model_.method = "subspace";
+    model_.period = variation_.period;
+    model_.step.assign(size_t(groups_), Step(n_, n_, r_, m_));
+    shift();
+    simulate_inputs();
+    for (Index k = groups_; k < e_.steps(); ++k) model_.step.push_back(Step(model_.step[size_t(k - groups_)]));
+    for (Index k = 0; k < e_.steps(); ++k) {
+      model_.step[size_t(k)].set_lags(lags_);
+      model_.step[size_t(k)].set_singular_values(factors_.group[size_t(variation_.group(k))].singular_values);
+    }
+    find_gains();
+    return std::move(model_);
+  }
+
+ private:
+  Index next(Index g) const { return (g + 1) % groups_; }
+  auto observability(Index g) const { return factors_.group[size_t(g)].observability.leftCols(n_); }
+  // x_k = state · z_k
+  auto state(Index g) const { return factors_.group[size_t(g)].state.topRows(n_); }
+
+  void shift() {
+    const Index rows = (factors_.future - 1) * m_;
+    for (Index g = 0; g < groups_; ++g) {
+      Step& step = model_.step[size_t(g)];
+      step.C() = sizes_.asDiagonal() * observability(g).topRows(m_);
+      step.A() = linalg::minimum_norm(observability(next(g)).topRows(rows), observability(g).bottomRows(rows),
+                                      rounding::negligible)
+                     .x;
+    }
+  }
+
+  // The outputs are linear in B, D and the state at the start of each stretch of known inputs:
+  //   y_k = C Φ x_0 + Σ_j C Φ_{k,j+1} B u_j + D u_k
+  void simulate_inputs() {
+    const Index b = groups_ * n_ * r_, d = groups_ * m_ * r_, unknowns = b + d;
+    linalg::RowStack rows(unknowns + 1);
+    for (Index n = 0; n < e_.experiments(); ++n)
+      for (Index begin = 0, end = 0; begin < e_.steps(); begin = std::max(end, begin + 1)) {
+        end = stretch_end(n, begin);
+        if (end > begin) rows.add(stretch_rows(n, begin, end, b));
+      }
+    const Matrix factor = rows.factor();
+    Vector norm = factor.leftCols(unknowns).colwise().norm().transpose();
+    norm = (norm.array() > 0).select(norm, 1.0);
+    const Vector theta = norm.cwiseInverse().asDiagonal() *
+                         linalg::minimum_norm(factor.leftCols(unknowns) * norm.cwiseInverse().asDiagonal(),
+                                              factor.rightCols(1), rounding::negligible)
+                             .x;
+    for (Index g = 0; g < groups_; ++g) {
+      Step& step = model_.step[size_t(g)];
+      step.B() = theta.segment(g * n_ * r_, n_ * r_).reshaped(n_, r_);
+      step.D() = sizes_.asDiagonal() * theta.segment(b + g * m_ * r_, m_ * r_).reshaped(m_, r_);
+    }
+  }
+
+  // The inputs are known up to there, and an unstable system has not outgrown what the state at the begin was.
+  Index stretch_end(Index n, Index begin) const {
+    Matrix growth = Matrix::Identity(n_, n_);
+    Index end = begin;
+    while (end < e_.steps() && e_.input(end).row(n).allFinite() &&
+           growth.norm() < most_growth * std::sqrt(double(n_))) {
+      growth = model_.step[size_t(variation_.group(end))].A() * growth;
+      ++end;
+    }
+    return end;
+  }
+
+  // [∂y/∂B ∂y/∂D y] of the steps begin … end-1, outputs over their sizes, orthogonal to what the state at the begin
+  // does.
+  Matrix stretch_rows(Index n, Index begin, Index end, Index b) const {
+    const bool known = begin == 0 && from_rest_;
+    const Index start = known ? 0 : n_, unknowns = b + groups_ * m_ * r_;
+    Matrix rows = Matrix::Zero((end - begin) * m_, start + unknowns + 1);
+    Matrix x = Matrix::Zero(n_, start + b);  // ∂x_k / ∂(x_0, B)
+    x.leftCols(start) = Matrix::Identity(n_, start);
+    Index used = 0;
+    for (Index k = begin; k < end; ++k) {
+      const Index g = variation_.group(k);
+      const Matrix response = sizes_.cwiseInverse().asDiagonal() * (model_.step[size_t(g)].C() * x);
+      for (Index j = 0; j < m_; ++j) {
+        if (std::isnan(e_.y(n, k, j))) continue;
+        rows.row(used).head(start + b) = response.row(j);
+        for (Index i = 0; i < r_; ++i) rows(used, start + b + (g * r_ + i) * m_ + j) = e_.u(n, k, i);
+        rows(used++, start + unknowns) = e_.y(n, k, j) / sizes_(j);
+      }
+      x = model_.step[size_t(g)].A() * x;
+      for (Index i = 0; i < r_; ++i) x.middleCols(start + (g * r_ + i) * n_, n_).diagonal().array() += e_.u(n, k, i);
+    }
+    Matrix kept = rows.topRows(used);
+    if (start == 0) return kept;
+    const Matrix factor = linalg::triangular_factor(kept);
+    const Index left = std::max<Index>(0, factor.rows() - start);
+    return factor.bottomRightCorner(left, unknowns + 1);
+  }
+
+  // ε = y - C x - D u and w = x⁺ - A x - B u of the state samples: w = -G ε + w'.
+  void find_gains() {
+    std::vector<linalg::RowStack> stacks(size_t(groups_), linalg::RowStack(m_ + n_));  // [ε w]
+    Vector squares = Vector::Zero(m_);                                                 // of y
+    Vector count = Vector::Zero(groups_);
+    const bool every_row = e_.missing() == 0;
+    for (Index k = lags_; k + 1 < e_.steps(); ++k) {
+      const Index g = variation_.group(k), width = lags_ * e_.channels();
+      const auto window = e_.window_and_output(k, lags_);
+      const Matrix rows = every_row ? Matrix(window) : Matrix(window(e_.complete_rows(k, lags_), Eigen::all));
+      const auto u = rows.middleCols(width, r_), y = rows.rightCols(m_);
+      const Matrix x = rows.leftCols(width) * state(g).transpose();
+      Matrix residuals(rows.rows(), m_ + n_);
+      const size_t s = size_t(g);
+      residuals.leftCols(m_) = y - x * model_.step[s].C().transpose() - u * model_.step[s].D().transpose();
+      residuals.rightCols(n_) = rows.middleCols(e_.channels(), width) * state(next(g)).transpose() -
+                                x * model_.step[s].A().transpose() - u * model_.step[s].B().transpose();
+      stacks[s].add(residuals);
+      squares += y.colwise().squaredNorm().transpose();
+      count(g) += double(rows.rows());
+    }
+    std::vector<Matrix> gain;
+    NoiseRoots of_group, noise;
+    noise.output_size = (squares / std::max(1.0, count.sum())).cwiseSqrt();
+    for (Index g = 0; g < groups_; ++g) {
+      const Matrix factor = stacks[size_t(g)].factor() / std::sqrt(std::max(1.0, count(g)));
+      Matrix innovations = factor.leftCols(m_), rest = factor.rightCols(n_);
+      drop_rounding(innovations, noise.output_size);
+      gain.emplace_back(-prediction_gain(innovations, rest));
+      of_group.innovation.push_back(std::move(innovations));
+      of_group.state.push_back(std::move(rest));
+    }
+    for (Index k = 0; k < e_.steps(); ++k) {
+      const Index g = variation_.group(k);
+      // Without noise there is no ε, and the observer is read off the map of the next state.
+      model_.step[size_t(k)].G() = noisy_ ? gain[size_t(g)] : Matrix(-state(next(g)).rightCols(m_));
+      noise.innovation.push_back(of_group.innovation[size_t(g)]);
+      noise.state.push_back(of_group.state[size_t(g)]);
+      model_.step[size_t(k)].set_innovation_cov(covariance_of(noise.innovation.back()));
+    }
+    if (noisy_) filter_gains(model_, noise);
+  }
+
+  const Ensemble& e_;
+  const PredictorFactors& factors_;
+  TimeVariation variation_;
+  Index groups_, r_, m_, lags_, n_ = 0;
+  bool from_rest_, noisy_;
+  Vector sizes_;
+  Model model_;
+};
+
+}  // namespace
+
+PredictorFactors projection_factors(const Ensemble& e, const GtvArx& arx, const SubspaceOptions& o) {
+  Index lags = 1;
+  for (const GtvArxStep& s : arx.step) lags = std::max(lags, s.lags);
+  if (o.variation.period == 0)
+    throw std::invalid_argument("weighting: projections need the data of many steps, and a period that pools them");
+  const Index groups = o.variation.groups(e.steps()), d = e.channels(), r = e.inputs(), m = e.outputs();
+  const Index f = o.future > 0 ? o.future : lags, z = lags * d, width = f * (r + m) + z;
+  if (e.steps() < lags + f + groups - 1)
+    throw std::invalid_argument(fmt::format("steps: {} found, at least {} needed (twice the lag order, and the period)",
+                                            e.steps(), lags + f + groups - 1));
+  const Vector sizes = channel_sizes(e, e.inputs(), e.outputs());
+  const bool every_row = e.missing() == 0;
+  PredictorFactors result;
+  result.lags = lags;
+  result.future = f;
+  result.k_begin = arx.k_begin;
+  result.group.resize(size_t(groups));
+  parallel_for(0, groups, o.execution, [&](Index from, Index to) {
+    for (Index g = from; g < to; ++g) {
+      linalg::RowStack stack(width);
+      double count = 0.0;
+      for (Index k = g; k + f <= e.steps(); k += groups) {
+        if (k < lags) continue;
+        const auto all = e.samples().middleCols((k - lags) * d, (lags + f) * d);
+        const Matrix window =
+            every_row ? Matrix(all) : Matrix(all(e.complete_rows(k + f - 1, lags + f - 1), Eigen::all));
+        Matrix rows(window.rows(), width);
+        rows.middleCols(f * r, z) = window.leftCols(z);
+        for (Index j = 0; j < f; ++j) {
+          rows.middleCols(j * r, r) = window.middleCols(z + j * d, r);
+          rows.middleCols(f * r + z + j * m, m) =
+              window.middleCols(z + j * d + r, m) * sizes.cwiseInverse().asDiagonal();
+        }
+        count += double(rows.rows());
+        stack.add(rows);
+      }
+      const Matrix factor = stack.factor();
+      const Index lead = std::min(factor.rows(), f * r + z), own = std::max<Index>(0, lead - f * r);
+      const auto r_zz = factor.block(lead - own, f * r, own, z), r_zy = factor.block(lead - own, f * r + z, own, f * m);
+      const linalg::Svd svd = linalg::svd(Matrix(r_zy.transpose()) / std::sqrt(std::max(1.0, count)));
+      PredictorFactor& result_of = result.group[size_t(g)];
+      result_of.singular_values = svd.s;
+      const Index q = svd.s.size() > 0 ? (svd.s.array() > rounding::negligible * svd.s(0)).count() : 0;
+      const Vector root = svd.s.head(q).cwiseSqrt();
+      result_of.observability = svd.u.leftCols(q) * root.asDiagonal();
+      const Vector unit = r_zz.colwise().norm().unaryExpr([](double norm) { return norm > 0 ? 1 / norm : 1.0; });
+      const Matrix predictor =
+          linalg::minimum_norm(r_zz * unit.asDiagonal(), r_zy, rounding::negligible).x.transpose() * unit.asDiagonal();
+      result_of.state = root.cwiseInverse().asDiagonal() * (svd.u.leftCols(q).transpose() * predictor);
+    }
+  });
+  return result;
+}
+
+Model moesp(const Ensemble& e, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o) {
+  return Moesp(e, arx, factors, o).run();
+}
+
+}  // namespace tokid

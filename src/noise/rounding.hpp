@@ -1,0 +1,12 @@
+// Which numbers of the subspace methods are rounding errors, as shares of the largest ones.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+namespace tokid::rounding {
+
+// Pivots and singular values of regressors below this share of the largest count as zero.
+inline constexpr double negligible = 1e-12;
+// Singular values of data without noise below this share of the largest of all steps count as zero.
+inline constexpr double arithmetic = 1e-9;
+
+}  // namespace tokid::rounding

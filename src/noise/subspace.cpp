@@ -1,0 +1,445 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/subspace.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "model/riccati.hpp"
+#include "noise/moesp.hpp"
+#include "noise/rounding.hpp"
+#include "tokid/random_walk.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Singular values that a choice of the order may want to see.
+constexpr Index most_shown = 24;
+// Rows per column from which on a sample covariance is left alone.
+constexpr double enough_rows = 5.0;
+
+Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
+
+// The steps of the data, in groups that share their model, and the samples that belong to them.
+class Steps {
+ public:
+  Steps(const Windows& e, const GtvArx& arx, const SubspaceOptions& o)
+      : data(e), variation(o.variation), lags(largest_lags(arx)), begin(arx.k_begin) {
+    if (e.inputs() != arx.inputs || e.outputs() != arx.outputs || e.steps() != arx.steps())
+      throw std::invalid_argument(fmt::format("ARX model: {} steps, {} inputs, {} outputs found, {}, {}, {} needed",
+                                              arx.steps(), arx.inputs, arx.outputs, e.steps(), e.inputs(),
+                                              e.outputs()));
+    if (variation.period > 0 && e.steps() < lags + std::min(variation.period, e.steps()))
+      throw std::invalid_argument(fmt::format("steps: {} found, at least {} needed (lag order and period)", e.steps(),
+                                              lags + variation.period));
+  }
+
+  Index groups() const { return variation.groups(data.steps()); }
+  Index group(Index k) const { return variation.group(k); }
+  Index next(Index g) const { return variation.period > 0 ? (g + 1) % groups() : g + 1; }
+  bool varying() const { return variation.period == 0; }
+  // Coefficients that vary slowly go on beyond both ends of the experiments: all steps can have all states.
+  bool smooth() const { return varying() && variation.smoothing > 0; }
+  // Steps of group g that a regression may use.
+  std::vector<Index> of(Index g) const {
+    std::vector<Index> steps;
+    for (Index k = g; k < data.steps(); k += varying() ? data.steps() : groups())
+      if (k >= begin) steps.push_back(k);
+    return steps;
+  }
+  // A step whose ARX model has all p lags and shows what holds a steps after group g.
+  Index shown(Index g, Index a) const {
+    if (varying()) return std::min(g + a, data.steps() - 1);
+    Index k = g + a;
+    while (k < lags) k += groups();
+    while (k >= data.steps()) k -= groups();
+    return k;
+  }
+  // Block rows of the predictor at group g.
+  Index future(Index g, Index f) const { return varying() && !smooth() ? std::min(f, data.steps() - g) : f; }
+
+  Index width() const { return lags * data.channels(); }  // of the past samples
+
+  // [z_k u_k y_k] and how many experiments it stands for.
+  Matrix window(Index k) const { return data.rows(k, lags); }
+  double count(Index k) const { return double(data.count(k, lags)); }
+
+  const Windows& data;
+  TimeVariation variation;
+  Index lags, begin;
+
+ private:
+  static Index largest_lags(const GtvArx& arx) {
+    Index p = 1;
+    for (const GtvArxStep& s : arx.step) p = std::max(p, s.lags);
+    return p;
+  }
+};
+
+// The least noise of an output, as a share of its size, beside the largest such share: outputs (nearly) without noise
+// count as if they had this, or they would take all states for themselves.
+constexpr double least_weighed = 1e-5;
+
+// What weighs the errors of the outputs against each other: the innovations, pooled where the model is smooth.
+std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
+  const Index m = arx.outputs;
+  std::vector<Matrix> result(arx.step.size());
+  const bool pooled = o.variation.smoothing > 0 || o.variation.period > 0 || !o.noisy;
+  Matrix covariance = Matrix::Zero(m, m);
+  for (Index k = arx.k_begin; k < arx.steps(); ++k) {
+    const Vector squares = arx.output_rms(k).cwiseAbs2();
+    Matrix own = squares.asDiagonal();
+    if (o.noisy) {
+      own = arx.residual_cov(k);
+      double noisiest = 0.0;
+      for (Index j = 0; j < m; ++j)
+        if (squares(j) > 0) noisiest = std::max(noisiest, own(j, j) / squares(j));
+      own.diagonal() = own.diagonal().cwiseMax(least_weighed * least_weighed * noisiest * squares);
+    }
+    if (pooled)
+      covariance += own / double(arx.steps());
+    else
+      result[size_t(k)] = linalg::whitener(own);
+  }
+  if (pooled) std::fill(result.begin(), result.end(), linalg::whitener(covariance));
+  return result;
+}
+
+// M (f·m × p·d): block row a predicts the weighted output of a steps after group g from the past.
+Matrix predictor(const Steps& steps, const GtvArx& arx, const std::vector<Matrix>& whitener, Index g, Index f,
+                 Weighting weighting) {
+  const Index d = arx.inputs + arx.outputs, m = arx.outputs, p = steps.lags;
+  Matrix result = Matrix::Zero(f * m, p * d);
+  for (Index a = 0; a < f; ++a) {
+    const Index k = steps.shown(g, a);
+    const GtvArxStep& s = arx.step[size_t(k)];
+    auto row = result.middleRows(a * m, m);
+    const Index lags = s.lags - a;  // those that reach back beyond the a samples since
+    if (lags > 0) row.middleCols((p - lags) * d, lags * d) = arx.coefficients(k).leftCols(lags * d);
+    if (weighting == Weighting::many_steps)
+      for (Index j = 1; j <= std::min(a, s.lags); ++j)
+        row += arx.output_block(k, j) * result.middleRows((a - j) * m, m);
+  }
+  for (Index a = 0; a < f; ++a) {
+    auto row = result.middleRows(a * m, m);
+    row = whitener[size_t(steps.shown(g, a))] * row.eval();
+  }
+  return result;
+}
+
+// Triangular factor of the past samples of a group, and how many experiments it stands for.
+struct Past {
+  Matrix factor;
+  double rows = 0.0;
+
+  void add(const Matrix& z, double count, double weight) {
+    Matrix both = linalg::stacked(factor, std::sqrt(weight) * z);
+    factor = linalg::triangular_factor(both);
+    rows += weight * count;
+  }
+};
+
+std::vector<Past> pasts(const Steps& steps, const SubspaceOptions& o) {
+  std::vector<Past> own(size_t(steps.groups()));
+  parallel_for(0, steps.groups(), {o.execution.threads, {}}, [&](Index from, Index to) {
+    for (Index g = from; g < to; ++g)
+      for (const Index k : steps.of(g)) {
+        own[size_t(g)].add(steps.window(k).leftCols(steps.width()), steps.count(k), 1.0);
+      }
+  });
+  // Few experiments don't show how so many samples vary together: neighbouring steps lend theirs, with weights that
+  // fall exponentially.
+  const double width = double(steps.lags * steps.data.channels());
+  double reach = enough_rows * width / double(std::max<Index>(1, steps.data.experiments()));
+  for (Index g = steps.begin; g < steps.groups(); ++g)
+    if (own[size_t(g)].rows < enough_rows * width) reach = std::max(reach, 1.0);  // missing samples
+  if (!steps.varying() || o.variation.smoothing == 0 || reach < 1) return own;
+  const double weight = std::exp(-2 / reach);
+  std::vector<Past> all = own;
+  Past before, after;
+  for (size_t g = 0; g < own.size(); ++g) {
+    if (before.rows > 0) all[g].add(before.factor, before.rows, weight);
+    before = all[g];
+  }
+  for (size_t g = own.size(); g-- > 0;) {
+    const Past later = after;
+    after = own[g];
+    if (later.rows > 0) {
+      after.add(later.factor, later.rows, weight);
+      all[g].add(later.factor, later.rows, weight);
+    }
+  }
+  return all;
+}
+
+const Ensemble& ensemble_of(const Windows& windows) {
+  if (!windows.ensemble())
+    throw std::invalid_argument("weighting: projection found, which needs the experiments and not only their factors");
+  return *windows.ensemble();
+}
+
+}  // namespace
+
+PredictorFactors predictor_factors(const Windows& windows, const GtvArx& arx, const SubspaceOptions& o) {
+  if (o.weighting == Weighting::projection) return projection_factors(ensemble_of(windows), arx, o);
+  const Steps steps(windows, arx, o);
+  PredictorFactors result;
+  result.lags = steps.lags;
+  result.k_begin = steps.begin;
+  const Index shown = o.weighting == Weighting::one_step ? ceil_div(most_shown, arx.outputs) : steps.lags;
+  result.future = o.future > 0 ? o.future : std::min(steps.lags, shown);
+  result.group.resize(size_t(steps.groups()));
+  const std::vector<Matrix> weights = whiteners(arx, o);
+  const std::vector<Past> past = pasts(steps, o);
+  parallel_for(0, steps.groups(), o.execution, [&](Index from, Index to) {
+    for (Index g = from; g < to; ++g) {
+      const Past& z = past[size_t(g)];
+      if (steps.of(g).empty()) continue;
+      const Matrix m = predictor(steps, arx, weights, g, steps.future(g, result.future), o.weighting);
+      const linalg::Svd d = linalg::svd(m * z.factor.transpose() / std::sqrt(std::max(1.0, z.rows)));
+      PredictorFactor& factor = result.group[size_t(g)];
+      factor.singular_values = d.s;
+      const Index q = (d.s.array() > 1e-14 * (d.s.size() > 0 ? d.s(0) : 0.0)).count();
+      const Vector root = d.s.head(q).cwiseSqrt();
+      factor.observability = d.u.leftCols(q) * root.asDiagonal();
+      factor.state = root.cwiseInverse().asDiagonal() * (d.u.leftCols(q).transpose() * m);
+    }
+  });
+  return result;
+}
+
+namespace {
+
+// The state samples of one order: n_k and the maps from the past, aligned from step to step.
+struct StateMaps {
+  std::vector<Matrix> of;  // (groups, and one for the end) n_k × p·d
+};
+
+StateMaps state_maps(const Steps& steps, const PredictorFactors& factors, const SubspaceOptions& o) {
+  double largest = 0.0;
+  for (const PredictorFactor& f : factors.group)
+    if (f.singular_values.size() > 0) largest = std::max(largest, f.singular_values(0));
+  StateMaps maps;
+  Matrix previous(0, 0);
+  for (const PredictorFactor& f : factors.group) {
+    Index n = f.observability.cols();
+    if (!o.noisy) n = std::min<Index>(n, (f.singular_values.array() > rounding::arithmetic * largest).count());
+    if (o.states > 0) n = std::min(n, o.states);
+    Matrix map = f.state.topRows(n);
+    if (map.cols() == 0) map.resize(0, steps.width());
+    if (steps.varying() && n > 0) {
+      // Orthogonal Procrustes alignment with the step before: the matrices then vary as slowly as the system does.
+      Matrix own = f.observability.leftCols(n);
+      const Index common = std::min(own.rows(), previous.rows()), shared = std::min(n, previous.cols());
+      if (common > 0 && shared > 0) {
+        Matrix target = Matrix::Zero(common, n);
+        target.leftCols(shared) = previous.topLeftCorner(common, shared);
+        const Matrix rotation = linalg::procrustes(own.topRows(common), target);
+        own *= rotation;
+        map = rotation.transpose() * map;
+      }
+      previous = own;
+    }
+    maps.of.push_back(std::move(map));
+  }
+  // Nothing is seen of x_T, and the first samples tell no full state.
+  if (steps.varying()) maps.of.push_back(steps.smooth() ? maps.of.back() : Matrix(0, steps.width()));
+  if (steps.smooth()) {
+    Index most = 0;
+    for (const Matrix& map : maps.of) most = std::max(most, map.rows());
+    size_t first = size_t(steps.begin);
+    while (first < maps.of.size() && maps.of[first].rows() < most) ++first;
+    for (size_t g = size_t(steps.begin); g < first; ++g) maps.of[g] = maps.of[first];
+    for (size_t g = first + 1; g < maps.of.size(); ++g)
+      if (maps.of[g].rows() < most) maps.of[g] = maps.of[g - 1];  // samples are missing
+  }
+  return maps;
+}
+
+// Coefficients (right × regressors) of one group of steps, and what they leave of the right side.
+struct Fitted {
+  Matrix coefficients;
+  Matrix residual;         // triangular (· × right): residualᵀ·residual is the sum of squares
+  Vector squares;          // (right) of the right side itself, summed
+  double rows = 0.0;       // experiments, over the steps of the group
+  Index rank = 0;          // of the group's own regressors …
+  double condition = 0.0;  // … and of the part of that rank
+};
+
+// Rank and condition of regressors, which do not depend on units once their columns have norm 1.
+void judge(const ConstMatrixRef& regressors, Fitted& fitted) {
+  if (regressors.rows() == 0) return;
+  Vector norm = regressors.colwise().norm().transpose();
+  norm = (norm.array() > 0).select(norm, 1.0);
+  const Vector sigma = linalg::singular_values(regressors * norm.cwiseInverse().asDiagonal());
+  fitted.rank = sigma.size() > 0 ? (sigma.array() > rounding::negligible * sigma(0)).count() : 0;
+  fitted.condition = fitted.rank > 0 ? sigma(0) / sigma(fitted.rank - 1) : 0.0;
+}
+
+// Regressions of all groups: rows_of(k) gives [regressors right] of a step, nothing where it has none.
+template <class Rows>
+std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const std::vector<Index>& regressors,
+                            Rows&& rows_of) {
+  const size_t groups = size_t(steps.groups());
+  std::vector<Matrix> factor(groups);
+  std::vector<Fitted> result(groups);
+  parallel_for(0, steps.groups(), {o.execution.threads, {}}, [&](Index from, Index to) {
+    for (Index g = from; g < to; ++g) {
+      Matrix& r = factor[size_t(g)];
+      for (const Index k : steps.of(g)) {
+        const Matrix block = rows_of(k);
+        if (block.cols() == 0) continue;
+        result[size_t(g)].rows += steps.count(k);
+        Matrix both = linalg::stacked(r, block);
+        r = linalg::triangular_factor(both);
+      }
+    }
+  });
+  const double smoothing = !steps.smooth()         ? 0.0
+                           : o.state_smoothing < 0 ? SubspaceOptions::state_share * o.variation.smoothing
+                                                   : o.state_smoothing;
+  const auto solve = [&](size_t begin, size_t end) {
+    const Index l = regressors[begin];
+    Vector rms = Vector::Zero(l);
+    for (size_t g = begin; g < end; ++g) rms += factor[g].leftCols(l).colwise().squaredNorm().transpose();
+    rms = (rms / double(end - begin)).cwiseSqrt();
+    rms = (rms.array() > 0).select(rms, 1.0);  // columns of equal size: the rank does not depend on units
+    std::vector<Matrix> rows(factor.begin() + std::ptrdiff_t(begin), factor.begin() + std::ptrdiff_t(end));
+    for (Matrix& block : rows) block.leftCols(l) *= rms.cwiseInverse().asDiagonal();
+    const std::vector<Matrix> x = random_walk_regression(rows, l, Vector::Constant(l, std::sqrt(smoothing)));
+    for (size_t g = begin; g < end; ++g) {
+      const Matrix& block = rows[g - begin];
+      const auto right = block.rightCols(block.cols() - l);
+      Matrix left = right - block.leftCols(l) * x[g - begin];
+      result[g].squares = right.colwise().squaredNorm();
+      judge(block.leftCols(l), result[g]);
+      result[g].coefficients = (rms.cwiseInverse().asDiagonal() * x[g - begin]).transpose();
+      result[g].residual = linalg::triangular_factor(left);
+    }
+  };
+  // Steps without a row are held by their neighbours.
+  Index most = 0;
+  for (const Matrix& rows : factor) most = std::max(most, rows.cols());
+  for (Matrix& rows : factor)
+    if (steps.smooth() && rows.cols() == 0) rows.resize(0, most);
+  // Runs of steps with the same sizes share a penalty.
+  for (size_t begin = 0, end = 0; begin < groups; begin = end) {
+    for (end = begin + 1; smoothing > 0 && end < groups && regressors[end] == regressors[begin] &&
+                          factor[end].cols() == factor[begin].cols();)
+      ++end;
+    if (factor[begin].cols() > 0) solve(begin, end);
+  }
+  return result;
+}
+
+}  // namespace
+
+Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o) {
+  if (o.weighting == Weighting::projection) return moesp(ensemble_of(e), arx, factors, o);
+  const Steps steps(e, arx, o);
+  const Index r = e.inputs(), m = e.outputs(), d = e.channels();
+  const StateMaps maps = state_maps(steps, factors, o);
+  const auto n_of = [&](Index g) { return maps.of[size_t(g)].rows(); };
+  const auto states = [&](const Matrix& z, Index g) { return Matrix(z * maps.of[size_t(g)].transpose()); };
+
+  // y on [x; u]
+  std::vector<Index> regressors;
+  for (Index g = 0; g < steps.groups(); ++g) regressors.push_back(n_of(g) + r);
+  const auto outputs_on_states = [&](const Matrix& window, Index k) {
+    const Matrix x = states(window.leftCols(steps.width()), steps.group(k));
+    Matrix block(x.rows(), x.cols() + d);
+    block << x, window.rightCols(d);
+    return block;
+  };
+  const std::vector<Fitted> outputs =
+      regress(steps, o, regressors, [&](Index k) { return outputs_on_states(steps.window(k), k); });
+
+  // x⁺ on [x; u; ε]; without noise there is no ε, and the observer is read off the map of the next state.
+  const Index errors = o.noisy ? m : 0;
+  for (Index& l : regressors) l += errors;
+  const auto next_on_states = [&](Index k) {
+    if (k + 1 >= e.steps() && !steps.smooth()) return Matrix();
+    const Index g = steps.group(k), known = n_of(g) + r;
+    const Matrix window = steps.window(k), block = outputs_on_states(window, k);
+    const Matrix next = states(window.rightCols(steps.width()), steps.next(g));
+    Matrix both(block.rows(), known + errors + next.cols());
+    both.leftCols(known) = block.leftCols(known);
+    if (o.noisy) {
+      Matrix innovations = block.rightCols(m) - block.leftCols(known) * outputs[size_t(g)].coefficients.transpose();
+      drop_rounding(innovations, block.rightCols(m).colwise().norm());
+      both.middleCols(known, m) = innovations;
+    }
+    both.rightCols(next.cols()) = next;
+    return both;
+  };
+  const std::vector<Fitted> next_states = regress(steps, o, regressors, next_on_states);
+
+  // Few experiments show one covariance for all steps of full dimension, many one for each.
+  const bool pooled = o.variation.smoothing > 0 && steps.varying();
+  Index most = 0;
+  for (Index g = 0; g < steps.groups(); ++g) most = std::max(most, n_of(g));
+  const auto full = [&](Index g) { return n_of(g) == most && n_of(steps.next(g)) == most; };
+  linalg::RowStack all_outputs(m), all_states(most);
+  double rows_outputs = 0.0, rows_states = 0.0;
+  Vector squares = Vector::Zero(m);
+  for (Index g = 0; g < steps.groups(); ++g) {
+    if (outputs[size_t(g)].rows > 0) {
+      squares += outputs[size_t(g)].squares;
+      if (pooled) all_outputs.add(outputs[size_t(g)].residual);
+    }
+    rows_outputs += outputs[size_t(g)].rows;
+    if (!pooled || !full(g) || next_states[size_t(g)].rows == 0) continue;
+    all_states.add(next_states[size_t(g)].residual);
+    rows_states += next_states[size_t(g)].rows;
+  }
+  const Matrix shared_outputs = all_outputs.factor(), shared_states = all_states.factor();
+
+  Model model;
+  model.inputs = r;
+  model.outputs = m;
+  model.dt = e.dt;
+  model.names = e.names;
+  model.method = "subspace";
+  model.period = o.variation.period;
+  if (steps.smooth()) model.frame = "smooth";
+  model.k_begin = steps.varying() ? steps.begin : 0;
+  NoiseRoots noise;
+  noise.output_size = (squares / std::max(1.0, rows_outputs)).cwiseSqrt();
+  for (Index k = model.k_begin; k < e.steps(); ++k) {
+    const size_t g = size_t(steps.group(k));
+    const Index next_g = steps.next(Index(g)), n = n_of(Index(g)), next = n_of(next_g);
+    const Fitted &y = outputs[g], &x = next_states[g];
+    const Matrix ab = x.coefficients.size() > 0 ? x.coefficients : Matrix(Matrix::Zero(next, n + r + errors));
+    const Matrix cd = y.coefficients.size() > 0 ? y.coefficients : Matrix(Matrix::Zero(m, n + r));
+    Step& step = model.step.emplace_back(n, next, r, m);
+    step.A() = ab.leftCols(n);
+    step.B() = ab.middleCols(n, r);
+    step.C() = cd.leftCols(n);
+    step.D() = cd.rightCols(r);
+    step.G() = o.noisy ? -ab.rightCols(m) : -maps.of[size_t(next_g)].rightCols(m);
+    const auto root = [](const Matrix& residual, double rows, Index spent, Index size) -> Matrix {
+      if (residual.cols() != size) return Matrix::Zero(0, size);
+      return residual / std::sqrt(std::max(1.0, rows - double(spent)));
+    };
+    noise.innovation.push_back(pooled ? root(shared_outputs, rows_outputs, 0, m) : root(y.residual, y.rows, n + r, m));
+    noise.state.push_back(pooled && full(Index(g)) ? root(shared_states, rows_states, 0, next)
+                                                   : root(x.residual, x.rows, n + r + errors, next));
+    step.set_innovation_cov(covariance_of(noise.innovation.back()));
+    step.set_singular_values(factors.group[g].singular_values);
+    step.set_condition(y.condition);
+    step.set_rank(y.rank);
+    step.set_lags(arx.step[size_t(k)].lags > 0 ? arx.step[size_t(k)].lags : steps.lags);
+  }
+  if (o.noisy) filter_gains(model, noise);
+  return model;
+}
+
+Model subspace(const Windows& windows, const GtvArx& arx, const SubspaceOptions& options) {
+  return realise(windows, arx, predictor_factors(windows, arx, options), options);
+}
+
+}  // namespace tokid
