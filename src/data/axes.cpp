@@ -137,7 +137,7 @@ std::optional<std::string> swapped_axes(const Ensemble& e) {
   if (N == 1 && r > T && channels_alike)
     return fmt::format(
         "u ({}, {}) was taken for one experiment of {} with {}; (N, T, 1) for N experiments with one input, (T, r) for "
-        "one experiment",
+        "one experiment, not (r, T)",
         T, r, words::plural(T, "step"), words::plural(r, "input"));
   const std::string read =
       fmt::format("the axes look swapped: {} of {} with {} and {} were read", words::plural(N, "experiment"),

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "base/json.hpp"
+#include "base/words.hpp"
 #include "data/experiment_names.hpp"
 #include "io/schema.hpp"
 #include "linalg/transposition.hpp"
@@ -27,11 +28,30 @@ Shape one_channel(const Shape& shape) { return {shape[0], shape[1], 1}; }
 
 bool is_grid(const Shape& shape, const Shape& other) { return shape[0] == other[0] && shape[1] == other[1]; }
 
-// What shapes that don't go together look like, if they would in another order of the axes.
-const char* other_order(const Shape& u, const Shape& y) {
-  if (u.size() != y.size() || u.back() != y.back() || u.back() <= std::max(u[u.size() - 2], y[y.size() - 2])) return "";
-  return u.size() == 2 ? " (both look like (channels, T) in place of (T, channels))"
-                       : " (both look like (N, channels, T) in place of (N, T, channels))";
+// Of shapes that don't go together: which look like those of another order of the axes, and would go together in it.
+std::string in_other_order(const Shape& u, const Shape& y) {
+  if (u.size() != y.size() || (u.size() == 3 && u[0] != y[0])) return "";
+  const size_t steps = u.size() - 2, channels = u.size() - 1;
+  if (u[channels] == y[channels] && u[channels] > std::max(u[steps], y[steps])) return "both look";
+  if (u[channels] == y[steps] && u[channels] > u[steps]) return "'u' looks";
+  if (y[channels] == u[steps] && y[channels] > y[steps]) return "'y' looks";
+  return "";
+}
+
+// `u` and `y` as the file has them, and how they were read.
+[[noreturn]] void fail_grid(const Shape& u, const Shape& y, const Shape& read_u, const Shape& read_y) {
+  const std::string looks = in_other_order(u, y);
+  const bool one = u.size() == 2 && y.size() == 2 && read_u == one_experiment(u);
+  if (looks.empty())
+    fail_shape("y", y,
+               one ? fmt::format("({}, channels) like 'u'", u[0])
+                   : fmt::format("({}, {}, channels) like 'u'", read_u[0], read_u[1]));
+  const auto steps = [](const Shape& shape, const char* channel) {
+    return fmt::format("{} with {}", words::plural(Index(shape[1]), "step"), words::plural(Index(shape[2]), channel));
+  };
+  fail("data sets 'u' and 'y': shapes {} and {} found, read as {} of {}, and {}; {} like {}, {} needed", text(u),
+       text(y), words::plural(Index(read_u[0]), "experiment"), steps(read_u, "input"), steps(read_y, "output"), looks,
+       one ? "(channels, T)" : "(N, channels, T)", one ? "(T, channels)" : "(N, T, channels)");
 }
 
 Shape beside(const char* name, const Shape& shape, const char* other_name, const Shape& other, Layout layout) {
@@ -74,10 +94,7 @@ Shapes shapes_of(const Fields& fields, bool has_outputs) {
       s.y = fields.shape("u").size() == 3 ? beside("y", s.y, "u", s.u, fields.layout()) : one_experiment(s.y);
   }
   if (!has_outputs) s.y = {s.u[0], s.u[1], 0};
-  if (!is_grid(s.y, s.u))
-    fail_shape(
-        "y", fields.shape("y"),
-        fmt::format("({}, {}, channels) like 'u'", s.u[0], s.u[1]) + other_order(fields.shape("u"), fields.shape("y")));
+  if (!is_grid(s.y, s.u)) fail_grid(fields.shape("u"), fields.shape("y"), s.u, s.y);
   if (s.u[0] == 0 || s.u[1] == 0 || s.u[2] + s.y[2] == 0)
     fail_shape("u", fields.shape("u"), "at least one experiment of one step with one channel");
   return s;

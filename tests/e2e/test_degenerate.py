@@ -363,6 +363,12 @@ def _(folder, tokid):
     return ["info", data(folder, u.swapaxes(1, 2), experiments(u).swapaxes(1, 2))]
 
 
+@case("channels before time in two axes")
+def _(folder, tokid):
+    u = gaussian(count=1, steps=200)
+    return ["info", data(folder, u[0].T, experiments(u, outputs=1)[0].T)]
+
+
 @case("an array of two axes for many experiments")
 def _(folder, tokid):
     u = gaussian(1, count=20)

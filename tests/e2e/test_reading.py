@@ -326,7 +326,44 @@ def test_channels_before_time(tokid, tmp_path):
     u, y = samples(experiments=50, steps=40, outputs=1)
     swapped = write(tmp_path / "swapped.npz", u=u.swapaxes(1, 2), y=y.swapaxes(1, 2), dt=0.1)
     error = tokid("info", swapped, status=2).stderr
-    assert "(50, 1, 40)" in error and "(N, channels, T) in place of (N, T, channels)" in error
+    assert "(50, 2, 40) and (50, 1, 40) found, read as 50 experiments of 2 steps with 40 inputs, and 1 step" in error
+    assert "both look like (N, channels, T), (N, T, channels) needed" in error
+
+
+@pytest.mark.parametrize("extension", [".npz", ".h5", ".mat"])
+def test_channels_before_time_in_two_axes(tokid, tmp_path, extension):
+    u, y = samples(experiments=1, steps=200)
+    u, y = u[0], y[0, :, :1]
+    file = tmp_path / f"data{extension}"
+    for shown_u, shown_y, words in (
+            (u.T, y.T, ("(2, 200) and (1, 200)", "2 steps with 200 inputs, and 1 step with 200 outputs", "both look")),
+            (u.T, y, ("(2, 200) and (200, 1)", "2 steps with 200 inputs, and 200 steps with 1 output", "'u' looks")),
+            (u, y.T, ("(200, 2) and (1, 200)", "200 steps with 2 inputs, and 1 step with 200 outputs", "'y' looks"))):
+        write_one(file, u=shown_u, y=shown_y)
+        for arguments in (["info", file], ["identify", file, "-o", tmp_path / "model.npz", "--time-invariant"]):
+            error = tokid(*arguments, status=2).stderr
+            assert f"shapes {words[0]} found, read as 1 experiment of {words[1]}" in error
+            assert f"{words[2]} like (channels, T), (T, channels) needed" in error
+    write_one(file, u=u, y=y[:-1])
+    assert "shape (199, 1) found, (200, channels) like 'u' needed" in tokid("info", file, status=2).stderr
+    # With as many inputs as outputs they go together.
+    write_one(file, u=u[:, :1].T, y=y.T)
+    words = "u (1, 200) was taken for one experiment of 1 step with 200 inputs", "(T, r) for one experiment, not (r, T)"
+    assert told_of(tokid.json("info", file)["warnings"], *words)
+    error = tokid("identify", file, "-o", tmp_path / "model.npz", "--time-invariant", status=2).stderr
+    assert all(text in error for text in words)
+    write_one(file, u=u, y=y)
+    tokid("identify", file, "-o", tmp_path / "model.npz", "--time-invariant", "--states", 2)
+    write_one(file, u=u.T, y=y.T)
+    assert "both look" in tokid("validate", tmp_path / "model.npz", file, status=2).stderr
+
+
+def write_one(path, u, y):
+    """One experiment of two axes, as people save it."""
+    if path.suffix == ".mat":
+        scipy.io.savemat(path, {"u": u, "y": y, "dt": 0.1})
+    else:
+        write(path, u=u, y=y, dt=0.1)
 
 
 def test_two_axes_in_another_order(tokid, tmp_path):
@@ -336,8 +373,6 @@ def test_two_axes_in_another_order(tokid, tmp_path):
     assert "u (30, 40) was taken for one experiment of 30 steps with 40 inputs; (N, T, 1)" in text
     assert "(N, T, 1)" in tokid("identify", rows, "-o", tmp_path / "model.npz", status=2).stderr
     columns = write(tmp_path / "columns.npz", u=u[0].T, y=y[0].T, dt=0.1)  # (channels, T)
-    assert "(T, r) for one experiment" in tokid.json("info", columns)["warnings"][0]
-    columns = write(tmp_path / "columns.npz", u=u[0].T, y=y[0, :, :1].T, dt=0.1)
-    assert "(channels, T) in place of (T, channels)" in tokid("info", columns, status=2).stderr
+    assert "(T, r) for one experiment, not (r, T)" in tokid.json("info", columns)["warnings"][0]
     one = write(tmp_path / "one.npz", u=u[0][:, np.newaxis], y=y[0][:, np.newaxis], dt=0.1)  # (T, 1, channels)
     assert "(1, T, channels)" in tokid.json("info", one)["warnings"][0]
