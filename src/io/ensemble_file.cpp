@@ -10,6 +10,7 @@
 #include "io/formats.hpp"
 #include "io/hdf5_blocks.hpp"
 #include "io/naming.hpp"
+#include "io/sample_time.hpp"
 #include "io/schema.hpp"
 #include "linalg/transposition.hpp"
 #include "tokid/stream.hpp"
@@ -67,6 +68,14 @@ struct EnsembleFile::Content {
     if (fields.layout() == io::Layout::matlab)
       fail("MATLAB's order of the samples found, that of docs/formats.md needed to read them in blocks");
     io::EnsembleOutline outline = io::outline_of(fields, true);
+    io::complete_sample_time(outline, outline.steps, fields.names(), [&](const io::Names& wanted) {
+      // Times of each experiment, as many as samples of a channel, stay in the file.
+      const io::Contents shapes = io::read_hdf5(path, wanted, wanted);
+      const bool is_small = std::all_of(shapes.arrays.begin(), shapes.arrays.end(), [&](const auto& entry) {
+        return io::checked_product(entry.second.shape) <= size_t(outline.steps);
+      });
+      return is_small ? io::read_hdf5(path, wanted) : shapes;
+    });
     check(outline);
     return outline;
   }
@@ -133,6 +142,7 @@ Ensemble EnsembleFile::read(Index begin, Index end) const {
     content_->read(content_->y, all.outputs, all.inputs, begin, part);
   });
   part.dt_stated = all.dt_stated;
+  part.remarks = all.remarks;
   part.names = all.names;
   part.experiment_names = all.experiment_names;
   part.initial_state = begin == 0 ? all.initial_state : InitialState::unknown;

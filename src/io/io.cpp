@@ -8,6 +8,7 @@
 #include "io/descriptor.hpp"
 #include "io/formats.hpp"
 #include "io/naming.hpp"
+#include "io/sample_time.hpp"
 #include "io/schema.hpp"
 #include "io/text.hpp"
 
@@ -109,7 +110,10 @@ Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
       fail("columns can be chosen in .csv files only; here 'u' are the inputs and 'y' the outputs");
     const io::Fields fields(read(path, format, io::ensemble_names()));
     if (io::is_model(fields.names())) fail("a model found, an ensemble ('u', 'y') needed");
-    return io::ensemble_of(fields, options.outputs_required);
+    Ensemble e = io::ensemble_of(fields, options.outputs_required);
+    io::complete_sample_time(e, e.steps(), fields.names(),
+                             [&](const io::Names& wanted) { return read(path, format, wanted); });
+    return e;
   });
   const bool chosen = !options.inputs.empty() || !options.outputs.empty();
   std::optional<Ensemble> ordered = chosen ? std::nullopt : in_order(found, options.wanted);

@@ -41,6 +41,7 @@ struct EnsembleOutline {
   std::vector<Index> length;
   std::vector<std::string> experiment_names;
   FreeResponse free;
+  std::vector<std::string> remarks;
 };
 EnsembleOutline outline_of(const Fields& fields, bool outputs_required);
 

@@ -421,6 +421,27 @@ double Precision::unit(double value) const {
   return std::max({std::pow(10.0, -decimals_), of_digits, single_ ? single_epsilon * size : 0.0});
 }
 
+std::optional<double> even_spacing(const std::vector<double>& times) {
+  if (times.size() < 2) return std::nullopt;
+  TimeColumn rows;
+  rows.time = times;
+  rows.experiment.resize(times.size());
+  rows.line.resize(times.size());
+  rows.experiments.resize(1);
+  for (const double time : times) {
+    if (!std::isfinite(time)) return std::nullopt;
+    rows.precision.add(fmt::format("{}", time), time);
+  }
+  try {
+    const Grid grid = time_grid(rows, std::nullopt);
+    for (size_t k = 0; k < times.size(); ++k)
+      if (grid.step(times[k]) != static_cast<double>(k)) return std::nullopt;
+    return grid.dt;
+  } catch (const IoError&) {
+    return std::nullopt;
+  }
+}
+
 Grid time_grid(const TimeColumn& rows, std::optional<double> stated) {
   std::optional<double> dt = stated;
   if (dt) *dt = rows.unit.from_seconds(*dt);

@@ -46,4 +46,7 @@ struct Grid {
 // that share no steps, and a stated dt of which all times are multiples
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
 
+// Of times in their order, even as for time_grid() and without a gap; empty for others, and for fewer than two.
+std::optional<double> even_spacing(const std::vector<double>& times);
+
 }  // namespace tokid::io

@@ -344,6 +344,13 @@ def _(folder, tokid):
     return ["info", file]
 
 
+@case("times that are uneven beside arrays")
+def _(folder, tokid):
+    u = gaussian()
+    np.savez(folder / "data.npz", u=u, y=experiments(u), initial_state="zero", time=0.1 * np.arange(T) ** 1.1)
+    return ["identify", folder / "data.npz", "-o", folder / "model.npz"]
+
+
 @case("data without a sample time")
 def _(folder, tokid):
     u = gaussian()

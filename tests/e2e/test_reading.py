@@ -283,6 +283,58 @@ def test_plans_state_no_sample_time_by_themselves(tokid, tmp_path):
     assert load(tmp_path / "plan.npz")["dt"] == 1
 
 
+@pytest.mark.parametrize("extension", [".npz", ".h5", ".mat"])
+def test_other_names_of_the_sample_time(tokid, tmp_path, extension):
+    u, y = samples()
+    times = DT * np.arange(30)
+
+    def dt(**named):
+        found = tokid.json("info", write(tmp_path / f"data{extension}", u=u, y=y, **named))
+        return found["dt"] if found["dt_stated"] else None, found["warnings"]
+
+    for named in ({"Ts": DT}, {"t": times}, {"time": 7.5 + times}, {"t": times[:, None]}, {"Ts": DT, "time": 3 * times},
+                  {"t": times.astype("float32")}, {"time": np.round(np.arange(30) * DT, 2)}):
+        assert dt(**named) == (DT, []), named
+    # What is stated needs no other name.
+    assert dt(dt=0.1, Ts=DT, t=times, fs=20.0) == (0.1, [])
+    uneven, gap, back = times.copy(), times.copy(), times[::-1]
+    uneven[7] += 0.01
+    gap[7:] += DT
+    for name, value in (("Ts", -1.0), ("Ts", times), ("t", uneven), ("time", gap), ("t", back), ("t", times[1:]),
+                        ("time", np.tile(times, (40, 1))), ("t", times + 1j), ("fs", 20.0), ("sample_time", DT),
+                        ("time_ms", 50.0), ("t", np.where(times > 1, np.nan, times))):
+        stated, texts = dt(**{name: value})
+        assert stated is None and told_of(texts, f"'{name}' is not used: the sample time is 'dt'", "30 even"), name
+        assert told_of(texts, "no sample time")
+    assert told_of(dt(fs=20.0, t=uneven)[1], "'fs'", "'t'", "are not used")
+    assert len(dt(T=30, tau=0.3, temperature=times)[1]) == 1
+
+
+def test_times_that_cannot_be_read_are_not_used(tokid, tmp_path):
+    """They were none of tokid's business before."""
+    u, y = samples()
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file["u"], file["y"] = u, y
+        file.create_dataset("time", data=30 * ["noon"], dtype=h5py.string_dtype(), chunks=(10,))
+        file.create_group("t")
+    assert told_of(tokid.json("info", tmp_path / "data.h5")["warnings"], "'t', 'time' are not used")
+
+
+def test_other_names_of_the_sample_time_in_blocks(tokid, tmp_path):
+    u, y = samples(steps=60)
+
+    def identified(**named):
+        file = write(tmp_path / "data.h5", u=u, y=y, **named)
+        found = tokid.json("identify", file, "-o", tmp_path / "model.h5", "--block", "30")
+        model = tokid.json("info", tmp_path / "model.h5")
+        return model["dt"] if model["dt_stated"] else None, found["warnings"]
+
+    for named in ({"Ts": DT}, {"t": DT * np.arange(60)}):
+        assert identified(**named) == (DT, [])
+    dt, texts = identified(time=np.zeros((40, 60)))
+    assert dt is None and len(told_of(texts, "'time' is not used")) == 1
+
+
 def test_no_sample_time_in_blocks(tokid, tmp_path):
     u, y = samples(steps=60)
     file = write(tmp_path / "data.h5", u=u, y=y)

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/sample_time.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "io/text.hpp"
+#include "io/time_axis.hpp"
+
+namespace tokid::io {
+
+namespace {
+
+using Read = std::function<Contents(const Names&)>;
+
+// In small letters, without what may stand between two words.
+const Names& words_for_sample_time() {
+  static const Names words{"dt",
+                           "ts",
+                           "fs",
+                           "deltat",
+                           "stepsize",
+                           "timestep",
+                           "sampletime",
+                           "samplingtime",
+                           "sampleinterval",
+                           "samplinginterval",
+                           "sampleperiod",
+                           "samplerate",
+                           "samplingrate",
+                           "samplingperiod",
+                           "samplefrequency",
+                           "times",
+                           "timestamps",
+                           "timevector",
+                           "samplingfrequency",
+                           "tout"};
+  return words;
+}
+
+bool is_about_time(const std::string& name) {
+  std::string word = in_lower_case(name);
+  std::erase_if(word, [](char c) { return c == '_' || c == '-' || c == ' '; });
+  // Units in brackets, which time_unit() refuses where it does not know them, are for tables.
+  return contains(words_for_sample_time(), word) ||
+         (name.find_first_of("[(") == std::string::npos && time_unit(name).has_value());
+}
+
+// The real numbers of a vector or a scalar; none of what is something else, or can't be read.
+std::vector<double> numbers(const std::string& name, const Read& read) {
+  try {
+    const Contents contents = read({name});
+    for (const auto& [found, array] : contents.arrays) {
+      const auto* values = std::get_if<std::vector<double>>(&array.values);
+      const auto longest = std::max_element(array.shape.begin(), array.shape.end());
+      if (values && (longest == array.shape.end() || *longest == values->size())) return *values;
+    }
+  } catch (const IoError&) {
+  }
+  return {};
+}
+
+std::optional<double> stated(const Names& names, Index steps, const Read& read) {
+  if (contains(names, "Ts"))
+    if (const auto found = numbers("Ts", read); found.size() == 1 && std::isfinite(found[0]) && found[0] > 0)
+      return found[0];
+  for (const char* name : {"t", "time"}) {
+    if (!contains(names, name)) continue;
+    const auto times = numbers(name, read);
+    const auto dt = times.size() == static_cast<size_t>(steps) ? even_spacing(times) : std::nullopt;
+    if (dt) return dt;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+SampleTime sample_time(const Names& names, Index steps, const Read& read) {
+  SampleTime result{stated(names, steps, read), {}};
+  Names unused;
+  std::copy_if(names.begin(), names.end(), std::back_inserter(unused), is_about_time);
+  if (!result.dt && !unused.empty())
+    result.remark = fmt::format(
+        "{} {} not used: the sample time is 'dt' or 'Ts', one number, or 't' or 'time' with the {} even times of all "
+        "steps, in seconds",
+        quoted(unused), unused.size() == 1 ? "is" : "are", steps);
+  return result;
+}
+
+}  // namespace tokid::io

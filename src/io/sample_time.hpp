@@ -1,0 +1,32 @@
+// The sample time of a file of arrays that has no data set `dt`, by the other names that people have for it.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "io/fields.hpp"
+
+namespace tokid::io {
+
+struct SampleTime {
+  std::optional<double> dt;           // [s]
+  std::optional<std::string> remark;  // on what looks like a sample time or times and is neither
+};
+
+// Of a file with data sets of these names and T steps: MATLAB's `Ts`, one positive number; or `t` or `time`, the T even
+// times of all steps [s]. `read` delivers data sets of the file; what it can't is taken for something else.
+SampleTime sample_time(const Names& names, Index steps, const std::function<Contents(const Names& wanted)>& read);
+
+// Takes it into an ensemble, or the outline of one, that states none.
+template <class Data, class Read>
+void complete_sample_time(Data& data, Index steps, const Names& names, Read&& read) {
+  if (data.dt_stated) return;
+  const SampleTime found = sample_time(names, steps, read);
+  data.dt_stated = found.dt.has_value();
+  data.dt = found.dt.value_or(data.dt);
+  if (found.remark) data.remarks.push_back(*found.remark);
+}
+
+}  // namespace tokid::io
