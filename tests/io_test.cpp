@@ -19,9 +19,9 @@
 #include <optional>
 #include <random>
 
-#include "model/step_fields.hpp"
 #include "io/claims.hpp"
 #include "io/formats.hpp"
+#include "model/step_fields.hpp"
 
 // NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming): the sanitizers look for these names
 // A damaged file may make the HDF5 library ask for more memory than there is, and it copes with getting none.
@@ -782,6 +782,18 @@ TEST_F(Csv, NeitherStepsNorTime) {
   EXPECT_EQ(e.steps(), 3);
   EXPECT_EQ(e.dt, 0.5);
   EXPECT_EQ(e.y(0, 2, 0), 6);
+}
+
+TEST_F(Csv, NotesAreFlat) {
+  const std::string rows = "k,u,y\n0,1,2\n";
+  for (const std::string& note : {std::string("[[1]]"), std::string("{\"a\": 1}"), "[" + std::string(500, '1') + "}"})
+    for (const char* name : {"dt", "length", "input_names"}) {
+      const std::string message = error_of([&] { load(fmt::format("# {} = {}\n{}", name, note, rows)); });
+      expect_words(message, {"line 1", name, note.substr(0, 80), "JSON"});
+      EXPECT_LT(message.size(), file("a.csv").string().size() + 200);
+    }
+  EXPECT_EQ(load("# length = [1,2]\n# length = [1, 2]\nexperiment,k,u,y\n0,0,1,2\n1,0,1,2\n1,1,1,2\n").length.size(),
+            2u);
 }
 
 TEST_F(Csv, ChannelsByName) {

@@ -15,6 +15,7 @@
 #include <unordered_set>
 
 #include "base/json.hpp"
+#include "base/words.hpp"
 #include "io/atomic_file.hpp"
 #include "io/claims.hpp"
 #include "io/formats.hpp"
@@ -110,12 +111,18 @@ class Tokenizer {
 
 // ---- comments before the header: "# name = value" ----
 
+struct Note {
+  Index line = 0;
+  std::string text;
+  Json value;  // discarded for a word, and for what no note holds
+};
+
 struct Notes {
   std::optional<double> dt;
   std::optional<InitialState> initial_state;
   Channels channels;
   std::vector<Index> length;
-  std::map<std::string, Row> lines;  // by their names
+  std::map<std::string, Note> lines;  // by their names
 };
 
 std::string trimmed(std::string_view text) {
@@ -124,44 +131,51 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(begin, text.find_last_not_of(" \t\r") + 1 - begin));
 }
 
+// A number or a flat list. Objects are not parsed: their keys are searched one by one.
+Json value_of_note(std::string_view text) {
+  const JsonMeasure found = measure_json(text);
+  return found.depth <= 1 && found.keys == 0 ? parse_json(text) : Json(Json::value_t::discarded);
+}
+
 template <typename T>
-void parse_note(const Row& comment, const std::string& key, const std::string& value, T& to) {
-  const Json json = parse_json(value);
+void take(const Note& note, const std::string& key, T& to) {
   const auto is_whole = [](const auto& count) { return count.is_number_integer(); };
   try {
+    const Json& json = note.value;
     const bool valid = !std::is_same_v<T, std::vector<Index>> || std::all_of(json.begin(), json.end(), is_whole);
     if (valid) return static_cast<void>(to = json.get<typename std::decay_t<T>>());
   } catch (const Json::exception&) {
   }
-  fail("line {}: {} = '{}' found, a value in JSON's notation needed", comment.line, key, value);
+  fail("line {}: {} = '{}' found, a value in JSON's notation needed", note.line, key, words::quoted(note.text));
 }
 
 // What is said twice must be the same.
-void check_repeated(std::map<std::string, Row>& lines, const std::string& key, const Row& line) {
-  const auto [before, is_new] = lines.try_emplace(key, line);
-  const std::string &first = before->second.cells.front(), &second = line.cells.front();
-  if (is_new || first == second) return;
-  const Json a = parse_json(first), b = parse_json(second);
-  if (!a.is_discarded() && a == b) return;
-  fail("line {}: {} = '{}' found, but line {} has {} = '{}'; one of them needed", line.line, key, second,
-       before->second.line, key, first);
+void check_repeated(std::map<std::string, Note>& lines, const std::string& key, const Note& note) {
+  const auto [before, is_new] = lines.try_emplace(key, note);
+  const Note& first = before->second;
+  if (is_new || first.text == note.text || (!first.value.is_discarded() && first.value == note.value)) return;
+  fail("line {}: {} = '{}' found, but line {} has {} = '{}'; one of them needed", note.line, key,
+       words::quoted(note.text), first.line, key, words::quoted(first.text));
 }
 
 void read_note(const Row& comment, Notes& notes) {
   const std::string& text = comment.cells.front();
   const size_t equals = text.find('=');
   if (equals == std::string::npos) return;
-  const std::string key = trimmed(text.substr(0, equals)), value = trimmed(text.substr(equals + 1));
+  const std::string key = trimmed(std::string_view(text).substr(0, equals));
   const std::map<std::string, Names*> lists{{"input_names", &notes.channels.input_names},
                                             {"output_names", &notes.channels.output_names},
                                             {"input_units", &notes.channels.input_units},
                                             {"output_units", &notes.channels.output_units}};
-  const bool known = lists.count(key) > 0 || key == "dt" || key == "length" || key == "initial_state";
-  if (known) check_repeated(notes.lines, key, {comment.line, {value}});
-  if (key == "dt") parse_note(comment, key, value, notes.dt.emplace());
-  if (key == "length") parse_note(comment, key, value, notes.length);
-  if (key == "initial_state") notes.initial_state = initial_state_from(value);
-  if (const auto list = lists.find(key); list != lists.end()) parse_note(comment, key, value, *list->second);
+  const auto list = lists.find(key);
+  if (list == lists.end() && key != "dt" && key != "length" && key != "initial_state") return;
+  Note note{comment.line, trimmed(std::string_view(text).substr(equals + 1)), {}};
+  note.value = value_of_note(note.text);
+  check_repeated(notes.lines, key, note);
+  if (key == "dt") take(note, key, notes.dt.emplace());
+  if (key == "length") take(note, key, notes.length);
+  if (key == "initial_state") notes.initial_state = initial_state_from(note.text.substr(0, 80));
+  if (list != lists.end()) take(note, key, *list->second);
 }
 
 // ---- columns ----
@@ -313,7 +327,7 @@ double number_of(std::string_view text, const Row& row, const std::string& colum
   double value = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
   if (error != std::errc() || end != digits.data() + digits.size())
-    fail("line {}, column '{}': '{}' found, a number needed", row.line, column, text);
+    fail("line {}, column '{}': '{}' found, a number needed", row.line, column, words::quoted(text));
   return value;
 }
 
@@ -323,7 +337,7 @@ void check_width(const Row& row, const Cells& names) {
     fail("line {}: {} cells found, {} needed; column '{}' has none", row.line, found, needed, names[found]);
   if (found > needed)
     fail("line {}: {} cells found, {} needed; '{}' after the last column '{}'", row.line, found, needed,
-         row.cells[needed], names.back());
+         words::quoted(row.cells[needed]), names.back());
 }
 
 class RecordReader {
@@ -462,7 +476,7 @@ std::string remark_on_end(const Row& row, const Columns& columns) {
   return fmt::format(
       "line {}, the last one, ends without a line break: its {} = '{}' may have been cut; see whether "
       "the file is whole, and end it with a line break",
-      row.line, columns.names.back(), row.cells.back());
+      row.line, columns.names.back(), words::quoted(row.cells.back()));
 }
 
 void apply_length(const std::vector<Index>& length, Ensemble& e) {

@@ -496,6 +496,21 @@ def test_options_that_are_deep(tokid, refused, tmp_path, oscillator):
         refused("model.npz", "'options'", words)
 
 
+@pytest.mark.parametrize("note", ["{" + ",".join(f'"{n}":1' for n in range(200000)) + "}", "[" * 10**6 + "]" * 10**6],
+                         ids=["keys", "depth"])
+@pytest.mark.parametrize("name", ["dt", "length", "input_names", "initial_state"])
+def test_notes_that_are_deep(refused, tmp_path, name, note):
+    """Of objects and of nested lists, which no note holds; the message quotes the beginning."""
+    (tmp_path / "data.csv").write_text(f"# {name} = {note}\nexperiment,k,u1,y1\n0,0,1,2\n")
+    assert len(refused("data.csv", name, note[:50])) < 300
+
+
+def test_notes_that_are_said_often(refused, tmp_path):
+    notes = "# length = [1," + 10**6 * " " + "1]\n" + 20000 * "# length = [1, 1]\n"
+    (tmp_path / "data.csv").write_text(notes + "experiment,k,u1,y1\n0,0,1,2\n1,0,one,2\n")
+    refused("data.csv", "line 20004", "'one'")
+
+
 # Paths
 
 def test_links_are_not_followed_out_of_the_file(refused, tmp_path):
