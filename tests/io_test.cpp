@@ -782,6 +782,21 @@ TEST_F(Csv, NeitherStepsNorTime) {
   EXPECT_EQ(e.steps(), 3);
   EXPECT_EQ(e.dt, 0.5);
   EXPECT_EQ(e.y(0, 2, 0), 6);
+  ASSERT_EQ(e.remarks.size(), 1u);
+  expect_words(e.remarks.front(), {"successive steps", "'time'", "'k'"});
+}
+
+TEST_F(Csv, StepNumbersByOtherNames) {
+  const Ensemble e = load("Sample number,experiment,u,y\n10,1,1,2\n12,1,3,4\n11,2,5,6\n");
+  EXPECT_EQ(e.steps(), 3);
+  EXPECT_EQ(e.y(1, 1, 0), 6);
+  EXPECT_FALSE(e.dt_stated);
+  EXPECT_TRUE(e.remarks.empty());
+  const std::string doubt = "'step' was taken for step numbers";
+  expect_error("step,u,y\n0,1,2\n0,1,2\n", {"line 3", "second row", doubt});
+  expect_error("step,u,y\n0,1,2\n0.5,1,2\n", {"line 3", "whole number", doubt});
+  expect_error("step,experiment,u,y\n0,1,1,2\n1,1,3,4\n2,2,5,6\n", {"'2' begins at 2", "'1' has ended at 1", "'k'"});
+  expect_error("step,Sample,u,y\n0,1,1,2\n", {"'step', 'Sample'", "step numbers"});
 }
 
 TEST_F(Csv, NotesAreFlat) {

@@ -30,6 +30,8 @@ void bind_io(nb::module_& module) {
       },
       nb::arg("column"));
   module.def(
+      "is_step_number", [](const std::string& column) { return io::is_step_number(column); }, nb::arg("column"));
+  module.def(
       "load_model", [](const Path& path) { return without_gil([&] { return load_model(path); }); }, nb::arg("path"));
   module.def(
       "save_ensemble",

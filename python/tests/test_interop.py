@@ -510,6 +510,22 @@ BAD = {
         {},
         "row 2: a second row for step 0 of experiment 'a' found, one needed",
     ),
+    "half a sample": (
+        {"Sample": [0, 0.5], "u1": [1.0, 2.0]},
+        {},
+        "row 1, column 'Sample': '0.5' found, a whole number needed; 'Sample' was taken for step numbers: rename it",
+    ),
+    "a step that is a signal": (
+        {"step": [0, 1, 1], "u1": [1.0, 2.0, 3.0]},
+        {},
+        "row 2: a second row for step 1 of experiment '' found, one needed; 'step' was taken for step numbers: ",
+    ),
+    "numbers of rows": (
+        {"experiment": ["a", "a", "b"], "sample number": [0, 1, 2], "u1": [1.0, 2.0, 3.0]},
+        {},
+        "column 'sample number': experiment 'b' begins at 2, when experiment 'a' has ended at 1; step numbers from the "
+        "begin of each experiment on needed, or the name 'k'",
+    ),
     "uneven": (
         {"time": [0, 1, 2.2], "u1": [1.0, 2.0, 3.0]},
         {"dt": 1.0},
@@ -605,7 +621,20 @@ def test_columns_of_one_name_are_told():
 
 
 @pytest.mark.parametrize(
-    "kind", ["text", "half a step", "twice", "no experiment", "uneven", "wild", "both", "no inputs"]
+    "kind",
+    [
+        "text",
+        "half a step",
+        "twice",
+        "no experiment",
+        "uneven",
+        "wild",
+        "both",
+        "no inputs",
+        "half a sample",
+        "a step that is a signal",
+        "numbers of rows",
+    ],
 )
 def test_words_are_those_of_the_reader_of_csv(kind, tmp_path):
     """But for the place: rows of a table count from 0, lines of a file from 1 and with the header."""

@@ -6,6 +6,7 @@ import pickle
 import warnings
 
 import numpy as np
+import pandas as pd
 import pytest
 import tokid
 
@@ -62,6 +63,31 @@ def test_files_are_told_of_when_they_are_loaded(data, tmp_path):
     assert "'batch' is not used" in found[0] and "without a line break" in found[1]
     model, again = told(lambda: tokid.identify(loaded, lags=1, states=1, period=1))
     assert not set(found) & set(again) and set(found) <= set(model.warnings)
+
+
+ROWS = "no column of times or step numbers found: the rows of an experiment were taken as successive steps"
+
+
+def test_rows_and_step_numbers(tmp_path):
+    """Of tables as of files."""
+
+    def of(columns, **options):
+        table = pd.DataFrame(columns)
+        loaded, found = told(lambda: tokid.Ensemble.from_dataframe(table, **options))
+        if not options:
+            table.to_csv(tmp_path / "data.csv", index=False)
+            same, told_of = told(lambda: tokid.Ensemble.load(tmp_path / "data.csv"))
+            assert found == told_of and loaded.steps == same.steps
+        return loaded.steps, found
+
+    u = {"u1": [1.0, 2.0, 3.0]}
+    assert of({"Step": [3, 5, 4], **u}) == (3, [NO_DT])
+    assert of({"sample_number": [0, 1, 5], **u}) == (6, [NO_DT])
+    assert of({"seconds": [0, 1, 5], **u}) == (6, [])
+    assert of({"time since start [ms]": [0, 1, 5], **u}) == (6, [])
+    steps, found = of({"index": [0, 1, 5], **u})
+    assert steps == 3 and "'index' is not used" in found[0] and ROWS in found[1] and found[2] == NO_DT
+    assert of(u, dt=0.1) == (3, [])  # whoever says this knows
 
 
 def test_what_comes_back_of_no_sample_time(data, tmp_path):

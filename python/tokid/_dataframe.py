@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Optional
 
 import numpy as np
@@ -17,6 +17,10 @@ from ._typing import Array, ArrayLike
 _EPSILON = float(np.finfo(np.float64).eps)
 _RESERVED = ("experiment", "time", "k")
 _NOTES = "tokid"  # in DataFrame.attrs: what a table has no place for
+_ROWS_AS_STEPS = (
+    "no column of times or step numbers found: the rows of an experiment were taken as successive steps; name a column "
+    "of times 'time', one of step numbers 'k'"
+)
 
 
 def pandas() -> Any:
@@ -48,14 +52,19 @@ def _time_unit(name: Any) -> Optional[tuple[float, float]]:
         raise ValueError(str(error)) from None
 
 
+def _is_place(name: str) -> bool:
+    """Whether a column says to which step a row belongs."""
+    return name == "k" or _time_unit(name) is not None or _tokid.is_step_number(name)
+
+
 def _with_index(table: Any, timed: bool) -> Any:
     """The table with what its index says of experiments and times as columns; an index that says what is not understood
     is refused, lest it be ignored. Without `timed` the rows are steps of a sample time that was given."""
-    levels = [name for name in table.index.names if name in _RESERVED or (name is not None and _time_unit(name))]
+    levels = [name for name in table.index.names if name in _RESERVED or (name is not None and _is_place(str(name)))]
     if levels:
         table = table.reset_index(level=levels)
     columns = {str(label) for label in table.columns}
-    if not len(table) or "k" in columns or any(map(_time_unit, columns)):
+    if not len(table) or any(map(_is_place, columns)):
         return table
     index = table.index
     if index.nlevels == 1:
@@ -147,18 +156,32 @@ class _Table:
     def time(self, channels: set[int]) -> Optional[int]:
         """The column "time"; without it the only one, but for channels, whose name says that it holds times."""
         column = self.find("time")
-        if column is not None:
+        return self._only(channels, "times", "time", _time_unit) if column is None else column
+
+    def step(self, channels: set[int], time: Optional[int]) -> Optional[int]:
+        """The column "k"; without it, and without times, the only one whose name says that it holds step numbers."""
+        column = self.find("k")
+        if column is not None or time is not None:
             return column
-        noted = {name for key in ("input_names", "output_names") for name in self.notes.get(key) or ()}
+        return self._only(channels, "step numbers", "k", _tokid.is_step_number)
+
+    def doubt(self, time: Optional[int], step: Optional[int]) -> str:
+        """What a column without the name "k" was taken for, where its values say otherwise."""
+        if time is not None or step is None or self.names[step] == "k":
+            return ""
+        return f"; '{self.names[step]}' was taken for step numbers: rename it where it holds something else"
+
+    def _only(self, channels: set[int], what: str, name: str, wanted: Callable[[str], Any]) -> Optional[int]:
+        noted = {label for key in ("input_names", "output_names") for label in self.notes.get(key) or ()}
         named = [
             column
-            for column, name in enumerate(self.names)
-            if column not in channels and name not in noted and _time_unit(name)
+            for column, label in enumerate(self.names)
+            if column not in channels and label not in noted and wanted(label)
         ]
         if len(named) > 1:
             found = _quoted([self.names[column] for column in named])
             raise ValueError(
-                f"columns: {found} found, one column of times needed; rename the one that holds them to 'time'"
+                f"columns: {found} found, one column of {what} needed; rename the one that holds them to '{name}'"
             )
         return named[0] if named else None
 
@@ -291,8 +314,8 @@ def _experiments(table: _Table, column: Optional[int]) -> tuple[Any, list[Any]]:
     return codes, names
 
 
-def _times(table: _Table, time: Optional[int], k: Optional[int], experiment: Any) -> Array:
-    column = time if time is not None else k
+def _times(table: _Table, time: Optional[int], step: Optional[int], experiment: Any) -> Array:
+    column = time if time is not None else step
     if column is None:  # the number of the row in its experiment
         order = np.argsort(experiment, kind="stable")
         grouped = experiment[order]
@@ -310,6 +333,7 @@ def _times(table: _Table, time: Optional[int], k: Optional[int], experiment: Any
         needed = "whole number" if time is None else "finite time"
         raise ValueError(
             f"row {row}, column '{table.names[column]}': '{table.series(column).iloc[row]}' found, a {needed} needed"
+            f"{table.doubt(time, step)}"
         )
     return times
 
@@ -324,6 +348,20 @@ def _same_origin(times: Array, experiment: Any, names: list[Any]) -> None:
         raise ValueError(
             f"column 'time': experiment '{names[last]}' begins {_text(begin[last] - end[first])} s behind the end of "
             f"'{names[first]}', times from a common origin needed: time less the begin of its experiment"
+        )
+
+
+def _common_steps(steps: Array, experiment: Any, names: list[Any], column: str) -> None:
+    """Refuses numbers that run on from one experiment to the next: they count rows, unless they are called k."""
+    begin, end = np.full(len(names), np.inf), np.full(len(names), -np.inf)
+    np.minimum.at(begin, experiment, steps)
+    np.maximum.at(end, experiment, steps)
+    first, last = int(np.argmin(end)), int(np.argmax(begin))
+    if begin[last] > end[first]:
+        raise ValueError(
+            f"column '{column}': experiment '{names[last]}' begins at {_text(begin[last])}, when experiment "
+            f"'{names[first]}' has ended at {_text(end[first])}; step numbers from the begin of each experiment on "
+            "needed, or the name 'k'"
         )
 
 
@@ -348,7 +386,7 @@ def from_dataframe(
         raise ValueError(f"data: {type(data).__name__} found, a DataFrame needed")
     table = _Table(data, dt is None)
     notes = table.notes
-    experiment, k = table.find("experiment"), table.find("k")
+    experiment = table.find("experiment")
     u = table.channels("input", inputs, "u", () if outputs is None else outputs)
     y = table.channels("output", outputs, "y", () if inputs is None else inputs)
     for column in u:
@@ -361,9 +399,12 @@ def from_dataframe(
     if not table.rows:
         raise ValueError("no rows found, samples needed")
     time = table.time({*u, *y})
+    step = table.step({*u, *y}, time)
 
     row_experiment, experiments = _experiments(table, experiment)
-    times = _times(table, time, k, row_experiment)
+    times = _times(table, time, step, row_experiment)
+    if step is not None and table.doubt(time, step):
+        _common_steps(times, row_experiment, experiments, table.names[step])
     stated = None if dt is None else _options.real("dt", dt, 0.0)
     stamped = table.stamped(time)
     if stamped:
@@ -376,12 +417,14 @@ def from_dataframe(
         row = int(again.min())
         raise ValueError(
             f"row {row}: a second row for step {grid.step[row]} of experiment '{experiments[row_experiment[row]]}' "
-            "found, one needed"
+            f"found, one needed{table.doubt(time, step)}"
         )
 
     core = _tokid.Ensemble(len(experiments), grid.steps, len(u), len(y), grid.dt)
     core.dt_stated = grid.dt_stated
-    core.reader_remarks = table.remark_on_unused({*u, *y, experiment, k if time is None else time})
+    core.reader_remarks = table.remark_on_unused({*u, *y, experiment, step if time is None else time})
+    if time is None and step is None and dt is None:
+        core.reader_remarks = [*core.reader_remarks, _ROWS_AS_STEPS]
     for samples, columns in ((core.u(), u), (core.y(), y)):
         for channel, column in enumerate(columns):
             samples[row_experiment, grid.step, channel] = table.numbers(column)

@@ -182,7 +182,7 @@ void read_note(const Row& comment, Notes& notes) {
 
 struct Columns {
   Cells names;
-  std::optional<size_t> experiment, time, k;
+  std::optional<size_t> experiment, time, step;
   TimeUnit unit;  // of the times
   std::vector<size_t> inputs, outputs;
 
@@ -251,27 +251,36 @@ const Names& names_to_read(const Row& header, const Names& stated, const Names& 
   return std::all_of(wanted.begin(), wanted.end(), is_there) ? wanted : noted;
 }
 
-// "time" decides; without it the only column whose name says that it holds times. Channels are none, also those that
-// the comments name.
-void find_time(const Channels& noted, Columns& columns) {
-  columns.time = Header(columns.names).find("time");
-  if (columns.time) return;
+// The only column that is `wanted` by its name. Channels are none, also those that the comments name.
+template <class Wanted>
+std::optional<size_t> only_column(const Columns& columns, const Channels& noted, const char* what, const char* name,
+                                  Wanted&& wanted) {
   std::unordered_set<std::string> channels(noted.input_names.begin(), noted.input_names.end());
   channels.insert(noted.output_names.begin(), noted.output_names.end());
   for (const auto* chosen : {&columns.inputs, &columns.outputs})
     for (const size_t c : *chosen) channels.insert(columns.names[c]);
+  std::optional<size_t> column;
   Names candidates;
   for (size_t c = 0; c < columns.names.size(); ++c) {
-    const std::string& name = columns.names[c];
-    if (channels.count(name) > 0) continue;
-    const auto unit = time_unit(name);
-    if (!unit) continue;
-    columns.time = c;
-    columns.unit = *unit;
-    candidates.push_back(name);
+    if (channels.count(columns.names[c]) > 0 || !wanted(columns.names[c])) continue;
+    column = c;
+    candidates.push_back(columns.names[c]);
   }
   if (candidates.size() > 1)
-    fail("header: {} found, one column of times needed; rename the one that holds them to 'time'", quoted(candidates));
+    fail("header: {} found, one column of {} needed; rename the one that holds them to '{}'", quoted(candidates), what,
+         name);
+  return column;
+}
+
+// "time" decides, then another name of times, then "k", then another name of step numbers.
+void find_steps(const Channels& noted, Columns& columns) {
+  const Header header(columns.names);
+  columns.time = header.find("time");
+  columns.step = header.find("k");
+  if (columns.time) return;
+  columns.time = only_column(columns, noted, "times", "time", [](const std::string& name) { return time_unit(name); });
+  if (columns.time) columns.unit = *time_unit(columns.names[*columns.time]);
+  if (!columns.time && !columns.step) columns.step = only_column(columns, noted, "step numbers", "k", is_step_number);
 }
 
 Columns columns_of(const Row& header, const Names& inputs, const Names& outputs) {
@@ -279,7 +288,6 @@ Columns columns_of(const Row& header, const Names& inputs, const Names& outputs)
   columns.names = header.cells;
   const Header found(columns.names);
   columns.experiment = found.find("experiment");
-  columns.k = found.find("k");
   columns.inputs = inputs.empty() ? prefixed_columns(found, 'u', outputs) : named_columns(found, inputs);
   columns.outputs = outputs.empty() ? prefixed_columns(found, 'y', inputs) : named_columns(found, outputs);
   const std::unordered_set<size_t> outputs_found(columns.outputs.begin(), columns.outputs.end());
@@ -293,7 +301,7 @@ Columns columns_of(const Row& header, const Names& inputs, const Names& outputs)
 std::optional<std::string> remark_on_unused(const Columns& columns) {
   std::unordered_set<size_t> used(columns.inputs.begin(), columns.inputs.end());
   used.insert(columns.outputs.begin(), columns.outputs.end());
-  for (const auto& column : {columns.experiment, columns.time ? columns.time : columns.k})
+  for (const auto& column : {columns.experiment, columns.time ? columns.time : columns.step})
     if (column) used.insert(*column);
   Names unused;
   for (size_t c = 0; c < columns.names.size(); ++c)
@@ -304,6 +312,12 @@ std::optional<std::string> remark_on_unused(const Columns& columns) {
              ? fmt::format("column {} is not used: name it as input or output if it is a channel", quoted(unused))
              : fmt::format("columns {} are not used: name those that are channels as inputs or outputs",
                            quoted(unused));
+}
+
+std::optional<std::string> remark_on_steps(const Columns& columns) {
+  if (columns.time || columns.step) return std::nullopt;
+  return "no column of times or step numbers found: the rows of an experiment were taken as successive steps; name a "
+         "column of times 'time', one of step numbers 'k'";
 }
 
 void require_channels(const Columns& columns, bool outputs_required) {
@@ -340,12 +354,19 @@ void check_width(const Row& row, const Cells& names) {
          words::quoted(row.cells[needed]), names.back());
 }
 
+// What a column without the name of its own was taken for, where its values say otherwise.
+std::string doubt(const Columns& columns) {
+  if (columns.time || !columns.step || columns.names[*columns.step] == "k") return "";
+  return fmt::format("; '{}' was taken for step numbers: rename it where it holds something else",
+                     columns.names[*columns.step]);
+}
+
 class RecordReader {
  public:
   explicit RecordReader(Columns columns) {
     records_.columns = std::move(columns);
-    if (!records_.columns.time) return;
-    records_.rows.name = records_.columns.names[*records_.columns.time];
+    const auto& column = records_.columns.time ? records_.columns.time : records_.columns.step;
+    if (column) records_.rows.name = records_.columns.names[*column];
     records_.rows.unit = records_.columns.unit;
   }
 
@@ -377,13 +398,13 @@ class RecordReader {
 
   double time_of(const Row& row, Index n) {
     const Columns& columns = records_.columns;
-    const auto column = columns.time ? columns.time : columns.k;
+    const auto column = columns.time ? columns.time : columns.step;
     if (!column) return static_cast<double>(rows_[static_cast<size_t>(n)]++);
     const double time = number_of(row.cells[*column], row, columns.names[*column]);
     const bool whole = columns.time || time == std::floor(time);
     if (!std::isfinite(time) || !whole)
-      fail("line {}, column '{}': '{}' found, a {} needed", row.line, columns.names[*column], row.cells[*column],
-           columns.time ? "finite time" : "whole number");
+      fail("line {}, column '{}': '{}' found, a {} needed{}", row.line, columns.names[*column],
+           words::quoted(row.cells[*column]), columns.time ? "finite time" : "whole number", doubt(columns));
     records_.rows.precision.add(row.cells[*column], time);
     return time;
   }
@@ -404,6 +425,9 @@ struct Steps {
 Steps steps_of(const Records& records, std::optional<double> dt) {
   const auto [first, last] = std::minmax_element(records.rows.time.begin(), records.rows.time.end());
   if (dt && (!(*dt > 0) || !std::isfinite(*dt))) fail("dt: {} found, a positive time in seconds needed", *dt);
+  // A number that runs on from one experiment to the next counts rows, unless it is called k.
+  if (!doubt(records.columns).empty())
+    check_common_steps(records.rows, "step numbers from the begin of each experiment on needed, or the name 'k'");
   const Grid grid = records.columns.time ? time_grid(records.rows, dt) : Grid{*first, 1.0};
   const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.rows.time.size());
   const size_t experiments = records.rows.experiments.size();
@@ -427,8 +451,8 @@ void fill(const Records& records, const Grid& grid, Ensemble& e) {
     const Index n = records.rows.experiment[i], k = static_cast<Index>(grid.step(records.rows.time[i]));
     auto cell = seen[static_cast<size_t>(n * e.steps() + k)];
     if (cell)
-      fail("line {}: a second row for step {} of experiment '{}' found, one needed", records.rows.line[i], k,
-           records.rows.experiments[static_cast<size_t>(n)]);
+      fail("line {}: a second row for step {} of experiment '{}' found, one needed{}", records.rows.line[i], k,
+           records.rows.experiments[static_cast<size_t>(n)], doubt(records.columns));
     cell = true;
     for (Index j = 0; j < e.inputs(); ++j) e.u(n, k, j) = *sample++;
     for (Index j = 0; j < e.outputs(); ++j) e.y(n, k, j) = *sample++;
@@ -503,7 +527,7 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
       names_to_read(*header, options.outputs, notes.channels.output_names, options.wanted.output_names);
   Columns columns = columns_of(*header, inputs, outputs);
   require_channels(columns, options.outputs_required);
-  find_time(notes.channels, columns);
+  find_steps(notes.channels, columns);
 
   RecordReader reader(columns);
   std::optional<std::string> cut;
@@ -527,7 +551,7 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   e.initial_state = notes.initial_state;
   apply_length(notes.length, e);
   e.check(options.outputs_required);
-  for (const auto& remark : {remark_on_unused(columns), cut})
+  for (const auto& remark : {remark_on_unused(columns), remark_on_steps(columns), cut})
     if (remark) e.remarks.push_back(*remark);
   return e;
 }

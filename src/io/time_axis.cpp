@@ -232,21 +232,6 @@ double meant(const Axis& axis, double resolution) {
 
 // ---- the times of all ----
 
-// Experiments that share no step can't show how one step differs from another. A sample time that is stated tells that
-// the gaps are meant.
-void check_overlap(const TimeColumn& rows, const std::vector<Axis>& axes, double dt) {
-  const auto by = [](double Axis::*time) { return [time](const Axis& a, const Axis& b) { return a.*time < b.*time; }; };
-  const auto last = std::max_element(axes.begin(), axes.end(), by(&Axis::first));
-  const auto first = std::min_element(axes.begin(), axes.end(), by(&Axis::last));
-  if (last->first <= first->last) return;
-  const auto& name = rows.experiments;
-  fail(
-      "column '{}': experiment '{}' begins at {:.6g}, when experiment '{}' has ended at {:.6g}; times from the begin of "
-      "each experiment on needed, or a line '# dt = {}' above the header where samples are missing",
-      rows.name, name[size_t(last - axes.begin())], last->first, name[size_t(first - axes.begin())], first->last,
-      rows.unit.in_seconds(dt));
-}
-
 // Experiments of different sample times would have gaps where the others have samples.
 void check_spacings(const TimeColumn& rows, const std::vector<Axis>& axes, size_t longest, double resolution) {
   const Axis& common = axes[longest];
@@ -315,7 +300,12 @@ Fit fitted(const TimeColumn& rows, const std::vector<Axis>& axes, std::optional<
   const std::vector<double> times = distinct(rows.time, resolution);
   grid.shows_dt = dt || times.size() > 1;
   grid.dt = dt ? *dt : longest ? meant(axes[*longest], resolution) : spacing(times);
-  if (!dt) check_overlap(rows, axes, grid.dt);
+  // A sample time that is stated tells that the gaps are meant.
+  if (!dt)
+    check_common_steps(rows,
+                       fmt::format("times from the begin of each experiment on needed, or a line '# dt = {}' above "
+                                   "the header where samples are missing",
+                                   rows.unit.in_seconds(grid.dt)));
   const bool rounded = longest && std::any_of(axes.begin(), axes.end(), [&](const Axis& axis) {
                          return axis.is_even && is_rounded(axis, resolution);
                        });
@@ -419,6 +409,21 @@ double Precision::unit(double value) const {
   const double of_digits = size > 0 ? std::pow(10.0, std::floor(std::log10(size)) + 1 - digits_) : 0.0;
   constexpr double single_epsilon = std::numeric_limits<float>::epsilon();
   return std::max({std::pow(10.0, -decimals_), of_digits, single_ ? single_epsilon * size : 0.0});
+}
+
+void check_common_steps(const TimeColumn& rows, std::string_view needed) {
+  std::vector<double> first(rows.experiments.size(), inf), last(rows.experiments.size(), -inf);
+  for (size_t i = 0; i < rows.time.size(); ++i) {
+    const size_t n = size_t(rows.experiment[i]);
+    first[n] = std::min(first[n], rows.time[i]);
+    last[n] = std::max(last[n], rows.time[i]);
+  }
+  const auto begin = std::max_element(first.begin(), first.end());
+  const auto end = std::min_element(last.begin(), last.end());
+  if (*begin <= *end) return;
+  fail("column '{}': experiment '{}' begins at {:.6g}, when experiment '{}' has ended at {:.6g}; {}", rows.name,
+       rows.experiments[size_t(begin - first.begin())], *begin, rows.experiments[size_t(end - last.begin())], *end,
+       needed);
 }
 
 std::optional<double> even_spacing(const std::vector<double>& times) {

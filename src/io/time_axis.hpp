@@ -46,6 +46,10 @@ struct Grid {
 // that share no steps, and a stated dt of which all times are multiples
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
 
+// Experiments that share no step can't show how one step differs from another. \throws IoError that names two of them
+// and says what is needed
+void check_common_steps(const TimeColumn& rows, std::string_view needed);
+
 // Of times in their order, even as for time_grid() and without a gap; empty for others, and for fewer than two.
 std::optional<double> even_spacing(const std::vector<double>& times);
 

@@ -43,10 +43,19 @@ std::string_view stripped(std::string_view text, std::string_view marks) {
   return text.substr(begin, text.find_last_not_of(marks) + 1 - begin);
 }
 
+// With a space for each mark that may stand between two words.
+std::string with_spaces(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c == '_' || c == '-' || c == '.'; }, ' ');
+  return text;
+}
+
 // What stands behind a word for time; empty where the name begins with none.
 std::optional<std::string_view> behind_word(std::string_view name, std::string_view lower) {
-  for (const std::string_view word : {"elapsed time", "elapsed_time", "timestamp", "time", "t"}) {
-    if (!lower.starts_with(word) || (word == "t" && name[0] != 't')) continue;
+  const std::string spaced = with_spaces(std::string(lower));
+  for (const std::string_view word :
+       {"time since start", "time elapsed", "elapsed time", "elapsed", "timestamp", "time", "t"}) {
+    if (!spaced.starts_with(word) || (word == "t" && name[0] != 't')) continue;
     const std::string_view rest = lower.substr(word.size());
     // "temperature", "times_pressed", "t1" are other words.
     if (rest.empty() || between.find(rest[0]) != std::string_view::npos || rest[0] == '[' || rest[0] == '(')
@@ -55,13 +64,24 @@ std::optional<std::string_view> behind_word(std::string_view name, std::string_v
   return std::nullopt;
 }
 
+// Units that say by themselves that they count time: "s" may be any quantity, "second" the one behind the first, and
+// hours and minutes are parts of a date.
+std::optional<TimeUnit> unit_alone(const std::string& lower) {
+  constexpr std::string_view origin = " since start";
+  std::string word = with_spaces(lower);
+  if (word.ends_with(origin)) word.resize(word.size() - origin.size());
+  const bool is_plural = word.size() > 3 && word.ends_with('s');
+  const auto unit = is_plural || word == "sec" ? unit_of(word) : std::nullopt;
+  return unit && unit->seconds <= 1 ? unit : std::nullopt;
+}
+
 }  // namespace
 
 std::optional<TimeUnit> time_unit(std::string_view column) {
   const std::string_view name = stripped(column, " \t");
   const std::string lower = in_lower_case(std::string(name));
   const auto behind = behind_word(name, lower);
-  if (!behind) return std::nullopt;
+  if (!behind) return unit_alone(lower);
   std::string_view rest = stripped(*behind, between);
   if (rest.empty()) return TimeUnit{};
   const bool in_brackets = (rest.front() == '[' && rest.back() == ']') || (rest.front() == '(' && rest.back() == ')');
@@ -73,10 +93,18 @@ std::optional<TimeUnit> time_unit(std::string_view column) {
     // t_min is rather the smallest t than t in minutes.
     if (in_brackets || is_long_word || unit->seconds <= 1) return unit;
   }
-  // A time in a unit that is read as another one would be wrong; t [m] is a thickness.
-  if (in_brackets && is_long_word)
+  // A time in a unit that is read as another one would be wrong; t [m] is a thickness, elapsed [m] a distance.
+  if (in_brackets && lower.substr(0, lower.size() - behind->size()).find("time") != std::string::npos)
     fail("column '{}': the unit '{}' is not known; one of s, ms, us, ns, min, h, d needed", name, rest);
   return std::nullopt;
+}
+
+bool is_step_number(std::string_view column) {
+  const std::string name = with_spaces(in_lower_case(std::string(stripped(column, between))));
+  for (const std::string word : {"step", "sample"})
+    for (const char* behind : {"", " number", " no", " index"})
+      if (name == word + behind) return true;
+  return false;
 }
 
 }  // namespace tokid::io

@@ -328,6 +328,19 @@ def _(folder, tokid):
     return ["info", file]
 
 
+@case("rows without times or step numbers")
+def _(folder, tokid):
+    file = csv(folder, [0.1 * np.arange(30)] * 2)[1]
+    file.write_text(re.sub("^([^,]*),[^,]*", r"\1", file.read_text(), flags=re.MULTILINE))
+    return ["info", file]
+
+
+@case("step numbers that are something else")
+def _(folder, tokid):
+    (folder / "data.csv").write_text("experiment,step,u1,y1\na,0,1,2\na,0,2,3\na,1,3,4\n")
+    return ["info", folder / "data.csv"]
+
+
 @case("a file that may have been cut")
 def _(folder, tokid):
     csv(folder, [0.1 * np.arange(30)] * 2)

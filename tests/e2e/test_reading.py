@@ -45,6 +45,9 @@ def told_of(texts, *words):
     ("time/s", 1), ("time in seconds", 1), ("timestamp", 1), ("Elapsed Time [s]", 1), ("t_s", 1), (" t ", 1),
     ("Time (ms)", 1e-3), ("time_ms", 1e-3), ("t[ms]", 1e-3), ("time - milliseconds", 1e-3), ("t_us", 1e-6),
     ("time [\u00b5s]", 1e-6), ("time [\u03bcs]", 1e-6), ("timestamp_ns", 1e-9), ("time [min]", 60), ("Time (h)", 3600),
+    ("seconds", 1), ("Sec", 1), ("milliseconds", 1e-3), ("millis", 1e-3), ("seconds since start", 1), ("elapsed", 1),
+    ("time since start", 1), ("Time Since Start [s]", 1), ("time_since_start_ms", 1e-3), ("time elapsed", 1),
+    ("elapsed_ms", 1e-3), ("Elapsed (min)", 60),
 ])
 def test_names_and_units_of_time(tokid, tmp_path, name, seconds):
     needed = tokid.arrays(table(tmp_path / "known.csv"), tmp_path)
@@ -57,10 +60,62 @@ def test_names_and_units_of_time(tokid, tmp_path, name, seconds):
     assert warnings(tokid, "info", file) == []
 
 
-@pytest.mark.parametrize("name", ["T", "temperature", "t1", "times_pressed", "T [s]", "t [degC]", "t_min", "time_const"])
+@pytest.mark.parametrize("name", ["T", "temperature", "t1", "times_pressed", "T [s]", "t [degC]", "t_min", "time_const",
+                                  "s", "second", "hours", "elapsed [m]", "index", "row", "sample_id", "stepsize", "K"])
 def test_names_of_other_things(tokid, tmp_path, name):
     texts = warnings(tokid, "info", table(tmp_path / "data.csv", name))
     assert told_of(texts, f"column '{name}' is not used") and told_of(texts, "no sample time")
+    text, = told_of(texts, "no column of times or step numbers found")
+    assert "taken as successive steps" in text and "'time'" in text and "'k'" in text
+
+
+# Step numbers
+
+@pytest.mark.parametrize("name", ["step", "Sample", "step number", "SAMPLE_NUMBER", "sample no", "step_index"])
+def test_names_of_step_numbers(tokid, tmp_path, name):
+    needed = tokid.arrays(table(tmp_path / "known.csv", "k", DT), tmp_path)
+    file = table(tmp_path / "data.csv", name, DT)
+    found = tokid.arrays(file, tmp_path)
+    assert np.isnan(needed["u"]).any() and "dt" not in found
+    for key in ("u", "y"):
+        np.testing.assert_array_equal(found[key], needed[key])
+    text, = warnings(tokid, "info", file)
+    assert "no sample time" in text
+    # Times and k decide.
+    for decides in "time", "k":
+        texts = warnings(tokid, "info", table(tmp_path / "data.csv", decides, DT, extra=[(name, 3)]))
+        assert told_of(texts, f"column '{name}' is not used")
+
+
+def test_step_numbers_that_are_none(tokid, tmp_path):
+    def error(text):
+        (tmp_path / "data.csv").write_text(text)
+        return tokid("info", tmp_path / "data.csv", status=2).stderr
+
+    doubt = "'step' was taken for step numbers: rename it where it holds something else"
+    found = error("step,u1,y1\n0,1,2\n0,2,3\n1,3,4\n")  # a signal that jumps
+    assert "line 3: a second row for step 0" in found and doubt in found
+    found = error("step,u1,y1\n0,1,2\n0.5,2,3\n")
+    assert "line 3, column 'step': '0.5' found, a whole number needed" in found and doubt in found
+    found = error("step,sample,u1,y1\n0,0,1,2\n1,1,2,3\n")
+    assert "'step', 'sample' found, one column of step numbers needed" in found and "'k'" in found
+    # The number of the row in the whole file
+    rows = "experiment,{},u1,y1\na,0,1,2\na,1,2,3\nb,2,3,4\nb,3,4,5\n"
+    found = error(rows.format("Sample"))
+    assert "column 'Sample': experiment 'b' begins at 2, when experiment 'a' has ended at 1; step numbers" in found
+    (tmp_path / "data.csv").write_text(rows.format("k"))
+    assert tokid.json("info", tmp_path / "data.csv")["steps"] == 4
+    # A channel stays one.
+    (tmp_path / "data.csv").write_text("step,u1,y1\n0,1,2\n0,2,3\n1,3,4\n")
+    found = tokid.json("info", tmp_path / "data.csv", "--inputs", "u1,step")
+    assert found["inputs"] == 2 and told_of(found["warnings"], "taken as successive steps")
+
+
+def test_rows_as_steps_are_told_wherever_files_are_read(tokid, tmp_path):
+    file, model = table(tmp_path / "data.csv", None, comments="# dt = 0.05\n", steps=range(40)), tmp_path / "model.npz"
+    for arguments in (["info", file], ["identify", file, "-o", model, "--lags", "1", "--time-invariant"],
+                      ["validate", model, file]):
+        assert told_of(warnings(tokid, *arguments), "the rows of an experiment were taken as successive steps")
 
 
 def test_times_in_an_unknown_unit(tokid, tmp_path):
