@@ -21,6 +21,7 @@
 
 #include "io/claims.hpp"
 #include "io/formats.hpp"
+#include "io/text_checksum.hpp"
 #include "model/step_fields.hpp"
 
 // NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming): the sanitizers look for these names
@@ -809,6 +810,66 @@ TEST_F(Csv, NotesAreFlat) {
     }
   EXPECT_EQ(load("# length = [1,2]\n# length = [1, 2]\nexperiment,k,u,y\n0,0,1,2\n1,0,1,2\n1,1,1,2\n").length.size(),
             2u);
+}
+
+TEST_F(Csv, ChecksumOfTheRest) {
+  const std::string rest = "# dt = 0.1\nexperiment,time,u,y\n0,0,1,2\n0,0.1,3,4\n";
+  io::TextChecksum checksum;
+  checksum.add(rest);
+  const std::string first = "# checksum = " + checksum.digits() + "\n";
+  const auto said = [&](const std::string& text) { return load(text).remarks; };
+  const auto with_returns = [](std::string text) {
+    for (size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2) text.insert(at, 1, '\r');
+    return text;
+  };
+  for (const std::string& text : {rest, first + rest, with_returns(first + rest), "\xEF\xBB\xBF" + first + rest})
+    EXPECT_TRUE(said(text).empty()) << text;
+  std::string other = rest;
+  other.replace(other.find(",4\n"), 3, ",5\n");
+  for (const std::string& text :
+       {first + other, "# checksum = 12\n" + rest, "# checksum = \n" + rest, "# checksun = " + first.substr(13) + rest,
+        "# a remark\n" + first + rest, first + rest + "0,0.2,5,6\n", first + "\n" + rest}) {
+    ASSERT_EQ(said(text).size(), 1u) << text;
+    expect_words(said(text).front(), {file("a.csv").string(), "changed since tokid wrote it", "by hand", "damaged"});
+  }
+  // What is written is read without a word, and so is what editors make of its line ends.
+  Random random(1);
+  Ensemble e = random_ensemble(random, 3, 4, 1, 2);
+  e.dt = 0.5;
+  e.names.input_names = {"of two\r\nlines"};
+  save_ensemble(e, file("b.csv"));
+  const std::string written = bytes_of(file("b.csv"));
+  EXPECT_TRUE(said(written).empty());
+  EXPECT_TRUE(
+      said(with_returns(written.substr(0, written.find('\n') + 1)) + written.substr(written.find('\n') + 1)).empty());
+}
+
+TEST(TextChecksum, KnowsNoPiecesAndNoReturnsBeforeNewLines) {
+  std::mt19937_64 random(3);
+  const auto checksum = [&](std::string_view text, bool in_pieces) {
+    io::TextChecksum sum;
+    while (!text.empty()) {
+      const size_t size = in_pieces ? 1 + random() % text.size() : text.size();
+      sum.add(text.substr(0, size));
+      text.remove_prefix(size);
+    }
+    return sum.digits();
+  };
+  for (int i = 0; i < 200; ++i) {
+    std::string text, other;
+    const std::string_view letters[] = {"a", "1", "\r", "\n", ","};
+    for (int c = 0; c < 12; ++c) {
+      const std::string_view letter = letters[random() % 5];
+      // Returns that stand alone count.
+      if (letter == "\n" && text.ends_with('\r')) continue;
+      text += letter;
+      other += letter == "\n" ? "\r\n" : letter;
+    }
+    EXPECT_EQ(checksum(text, true), checksum(text, false));
+    EXPECT_EQ(checksum(text, true), checksum(other, true)) << text;
+    EXPECT_EQ(checksum(text, false).size(), 16u);
+    EXPECT_NE(checksum(text, false), checksum(text + "\r", false));
+  }
 }
 
 TEST_F(Csv, ChannelsByName) {

@@ -65,6 +65,17 @@ def test_files_are_told_of_when_they_are_loaded(data, tmp_path):
     assert not set(found) & set(again) and set(found) <= set(model.warnings)
 
 
+def test_a_table_that_was_changed(data, tmp_path):
+    path = tmp_path / "data.csv"
+    tokid.Ensemble(data.u, data.y, dt=0.1).save(path)
+    assert told(lambda: tokid.Ensemble.load(path))[1] == []
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert told(lambda: tokid.Ensemble.load(path))[1] == []
+    path.write_bytes(path.read_bytes()[:-3] + b"7\r\n")
+    text, = told(lambda: tokid.Ensemble.load(path))[1]
+    assert f"'{path}' has been changed since tokid wrote it" in text and "remove that line" in text
+
+
 ROWS = "no column of times or step numbers found: the rows of an experiment were taken as successive steps"
 
 

@@ -170,8 +170,9 @@ class Ensemble(Channels):
         Warns
         -----
         TokidWarning
-            Where the file states no sample time, so that dt is 1 s; of columns that are not used; of a last line that
-            may have been cut; of axes that look swapped.
+            Where the file states no sample time, so that dt is 1 s; of columns that are not used; of rows that were
+            taken as successive steps; of a last line that may have been cut; of a .csv that has been changed since
+            tokid wrote it; of axes that look swapped.
         """
         with reading(path) as file:
             core = _tokid.load_ensemble(file, list(inputs), list(outputs), bool(outputs_required))

@@ -236,6 +236,10 @@ ByteWriter::ByteWriter(const fs::path& path) : file_(open(path.c_str(), O_WRONLY
   if (file_ < 0) fail_to_write(errno);
 }
 
+void ByteWriter::rewind() {
+  if (lseek(file_, 0, SEEK_SET) != 0) fail_to_write(errno);
+}
+
 }  // namespace tokid::io
 
 namespace tokid {

@@ -75,6 +75,7 @@ class ByteWriter {
   explicit ByteWriter(const std::filesystem::path& path);
 
   void write(std::string_view bytes) { write_all(file_, bytes); }
+  void rewind();  // what is written next replaces the first bytes
 
  private:
   Descriptor file_;

@@ -8,8 +8,10 @@
 #include <cmath>
 #include <deque>
 #include <fstream>
+#include <functional>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <unordered_map>
 #include <unordered_set>
@@ -20,6 +22,7 @@
 #include "io/claims.hpp"
 #include "io/formats.hpp"
 #include "io/text.hpp"
+#include "io/text_checksum.hpp"
 #include "io/time_axis.hpp"
 #include "io/time_unit.hpp"
 #include "tokid/parallel.hpp"
@@ -29,6 +32,22 @@ namespace tokid::io {
 namespace {
 
 constexpr double missing = std::numeric_limits<double>::quiet_NaN();
+
+// ---- the first line of a file that tokid wrote: the checksum of the rest ----
+
+constexpr std::string_view checksum_begin = "# checksum = ";
+
+std::string checksum_line(std::string_view digits) { return fmt::format("{}{}\n", checksum_begin, digits); }
+
+// Empty for another line. The beginning of this one may be damaged itself, in a character.
+std::optional<std::string> checksum_in(std::string_view line) {
+  if (line.size() < checksum_begin.size()) return std::nullopt;
+  const auto same = std::inner_product(checksum_begin.begin(), checksum_begin.end(), line.begin(), size_t{0},
+                                       std::plus<>(), std::equal_to<>());
+  if (same + 1 < checksum_begin.size()) return std::nullopt;
+  const std::string_view digits = line.substr(checksum_begin.size());
+  return same < checksum_begin.size() ? "" : std::string(digits.substr(0, digits.size() - digits.ends_with('\r')));
+}
 
 // ---- rows of cells ----
 
@@ -46,6 +65,8 @@ class Tokenizer {
     constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
     read_line();
     if (line_text_.starts_with(byte_order_mark)) line_text_.erase(0, byte_order_mark.size());
+    checksum_ = checksum_in(line_text_);
+    if (checksum_) read_line();
   }
   ~Tokenizer() { csv_free(&parser_); }
   Tokenizer(const Tokenizer&) = delete;
@@ -69,6 +90,9 @@ class Tokenizer {
     return row;
   }
 
+  // The file has a checksum that another text was written with. To be asked behind the last row.
+  bool is_changed() { return checksum_ && *checksum_ != rest_.digits(); }
+
   // The file ends with this row, but without a line break or a quotation mark that closes its last cell.
   bool has_open_end(const Row& row) const { return open_end_ && row.line == line_; }
 
@@ -77,6 +101,7 @@ class Tokenizer {
     has_line_ = static_cast<bool>(std::getline(file_, line_text_));
     if (!has_line_) return;
     ++line_;
+    if (checksum_) rest_.add(line_text_), rest_.add(file_.eof() ? "" : "\n");
     open_end_ = file_.eof() && !line_text_.ends_with('"') && !line_text_.ends_with('\r');
   }
 
@@ -107,6 +132,8 @@ class Tokenizer {
   Index line_ = 0;
   Cells cells_;
   std::deque<Row> rows_;
+  std::optional<std::string> checksum_;
+  TextChecksum rest_;  // of what follows it
 };
 
 // ---- comments before the header: "# name = value" ----
@@ -123,6 +150,7 @@ struct Notes {
   Channels channels;
   std::vector<Index> length;
   std::map<std::string, Note> lines;  // by their names
+  bool has_checksum = false;          // which belongs into the first line
 };
 
 std::string trimmed(std::string_view text) {
@@ -168,6 +196,7 @@ void read_note(const Row& comment, Notes& notes) {
                                             {"input_units", &notes.channels.input_units},
                                             {"output_units", &notes.channels.output_units}};
   const auto list = lists.find(key);
+  notes.has_checksum = notes.has_checksum || key == "checksum";
   if (list == lists.end() && key != "dt" && key != "length" && key != "initial_state") return;
   Note note{comment.line, trimmed(std::string_view(text).substr(equals + 1)), {}};
   note.value = value_of_note(note.text);
@@ -503,6 +532,13 @@ std::string remark_on_end(const Row& row, const Columns& columns) {
       row.line, columns.names.back(), words::quoted(row.cells.back()));
 }
 
+std::string remark_on_change(const std::filesystem::path& path) {
+  return fmt::format(
+      "'{}' has been changed since tokid wrote it, says its line '# checksum = …': remove that line if you changed the "
+      "file by hand; otherwise it is damaged",
+      path.string());
+}
+
 void apply_length(const std::vector<Index>& length, Ensemble& e) {
   e.length = length;
   if (e.length.size() != static_cast<size_t>(e.experiments()) && !length.empty())
@@ -553,6 +589,7 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   e.check(options.outputs_required);
   for (const auto& remark : {remark_on_unused(columns), remark_on_steps(columns), cut})
     if (remark) e.remarks.push_back(*remark);
+  if (notes.has_checksum || file.is_changed()) e.remarks.push_back(remark_on_change(path));
   return e;
 }
 
@@ -635,7 +672,10 @@ void check_fits(const Ensemble& e) {
 void write_csv(const Ensemble& e, const std::filesystem::path& path) {
   check_fits(e);
   ByteWriter file(path);
-  std::string out;
+  TextChecksum checksum;
+  std::string out = checksum_line(std::string(16, '0'));  // its place, until it is known
+  file.write(out);
+  out.clear();
   write_notes(e, out);
   Names cells = column_names(e);
   std::transform(cells.begin(), cells.end(), cells.begin(), csv_cell);
@@ -646,9 +686,12 @@ void write_csv(const Ensemble& e, const std::filesystem::path& path) {
     const std::string experiment = name.empty() ? fmt::format("{}", n) : csv_cell(name);
     for (Index k = 0; k < e.steps(); ++k)
       if (is_needed(e, n, k)) write_row(e, n, k, experiment, out);
-    file.write({out.data(), out.size()});
+    checksum.add(out);
+    file.write(out);
     out.clear();
   }
+  file.rewind();
+  file.write(checksum_line(checksum.digits()));
 }
 
 }  // namespace tokid::io

@@ -341,6 +341,15 @@ def _(folder, tokid):
     return ["info", folder / "data.csv"]
 
 
+@case("a table that was changed")
+def _(folder, tokid):
+    u = gaussian()
+    tokid("convert", data(folder, u, experiments(u)), folder / "data.csv")
+    file = folder / "data.csv"
+    file.write_text(file.read_text().replace("\n1,0,", "\n1,0,1", 1).replace("1,0,1-", "1,0,-1"))
+    return ["info", file]
+
+
 @case("a file that may have been cut")
 def _(folder, tokid):
     csv(folder, [0.1 * np.arange(30)] * 2)
@@ -425,7 +434,8 @@ def messages(tokid, arguments):
     assert result.returncode in (0, 2), result.stderr
     assert (result.returncode == 2) == ("warning: " not in result.stderr and result.stderr != "")
     lines = [line.removeprefix("tokid: ").removeprefix("warning: ") for line in result.stderr.splitlines()]
-    return [re.sub(r"^\S*/(data|fresh)\.(npz|csv): ", "", line) for line in lines]
+    lines = [re.sub(r"^\S*/(data|fresh)\.(npz|csv): ", "", line) for line in lines]
+    return [re.sub(r"^'\S*/data\.csv'", "'data.csv'", line) for line in lines]
 
 
 def rows():

@@ -2,6 +2,7 @@
 """What is read of a file, and what is said of the rest: times by other names, columns that are not used, an end that may
 have been cut, things said twice, no sample time, axes in another order."""
 
+import re
 import zipfile
 
 import h5py
@@ -209,6 +210,46 @@ def test_a_last_line_without_its_break(tokid, tmp_path):
     assert warnings(tokid, "info", file) == []
 
 
+# The checksum in the first line
+
+CHANGED = "has been changed since tokid wrote it"
+
+
+@pytest.fixture
+def written(tokid, tmp_path):
+    file = tmp_path / "data.csv"
+    tokid("convert", table(tmp_path / "in.csv", steps=range(40)), file)
+    assert re.match(r"# checksum = [0-9a-f]{16}\n", file.read_text())
+    return file
+
+
+def test_line_ends_are_no_damage(tokid, written):
+    content = written.read_bytes()
+    for same in (content, content.replace(b"\n", b"\r\n"), b"\xef\xbb\xbf" + content.replace(b"\n", b"\r\n"),
+                 content.split(b"\n", 1)[1]):
+        written.write_bytes(same)
+        assert warnings(tokid, "info", written) == []
+
+
+def test_a_file_that_was_changed(tokid, tmp_path, written):
+    text, model = written.read_text(), tmp_path / "model.npz"
+    first, rest = text.split("\n", 1)
+    cells = rest.rsplit(",", 1)
+    for changed in (f"{first}\n{cells[0]},7.25\n", f"{first[:-1]}\n{rest}", f"# checksum = \n{rest}",
+                    f"{first},,\n{rest}", f"# measured on Monday\n{text}", text + "2,2.0,1,2\n",
+                    text.replace("# checksum", "#(checksum")):
+        written.write_text(changed)
+        found = warnings(tokid, "info", written)
+        assert len(found) == 1 and CHANGED in found[0] and f"'{written}'" in found[0]
+        assert "remove that line if you changed the file by hand; otherwise it is damaged" in found[0]
+    for arguments in (["identify", written, "-o", model, "--lags", "1", "--time-invariant"],
+                      ["validate", model, written]):
+        assert told_of(warnings(tokid, *arguments), CHANGED)
+    assert CHANGED in tokid("convert", written, tmp_path / "out.npz").stderr
+    written.write_text(changed.split("\n", 1)[1])
+    assert warnings(tokid, "info", written) == []
+
+
 # Said twice
 
 @pytest.mark.parametrize("first,second", [
@@ -327,7 +368,7 @@ def test_step_numbers_state_no_sample_time(tokid, tmp_path):
     for extension in ("csv", "npz", "h5", "mat"):
         tokid("convert", tmp_path / "k.csv", tmp_path / f"copy.{extension}")
         assert tokid.json("info", tmp_path / f"copy.{extension}")["dt_stated"] is False
-    assert (tmp_path / "copy.csv").read_text().startswith("experiment,k,u1,y1\n0,0,")
+    assert "\nexperiment,k,u1,y1\n0,0," in (tmp_path / "copy.csv").read_text()
 
 
 def test_plans_state_no_sample_time_by_themselves(tokid, tmp_path):
