@@ -10,6 +10,7 @@
 
 #include "base/nan.hpp"
 #include "linalg/tall_product.hpp"
+#include "model/channels.hpp"
 #include "model/step_by_step.hpp"
 #include "noise/em/smoother.hpp"
 #include "tokid/identify.hpp"
@@ -59,13 +60,6 @@ void check_step(const Model& model, Index s) {
   if (step.has_Q()) finite("Q", step.Q());
   if (step.has_R()) finite("R", step.R());
   if (step.has_K()) finite("K", step.K());
-}
-
-void check_channels(const Model& model, const Ensemble& data, bool with_outputs) {
-  if (data.inputs() != model.inputs)
-    throw std::invalid_argument(fmt::format("inputs: {} found, the model has {}", data.inputs(), model.inputs));
-  if (with_outputs && data.outputs() != model.outputs)
-    throw std::invalid_argument(fmt::format("outputs: {} found, the model has {}", data.outputs(), model.outputs));
 }
 
 // Inputs and outputs of one step as departures from the nominal trajectory.

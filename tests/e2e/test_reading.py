@@ -504,6 +504,13 @@ def test_channels_before_time_in_two_axes(tokid, tmp_path, extension):
     tokid("identify", file, "-o", tmp_path / "model.npz", "--time-invariant", "--states", 2)
     write_one(file, u=u.T, y=y.T)
     assert "both look" in tokid("validate", tmp_path / "model.npz", file, status=2).stderr
+    # For a model, whose channels they are not.
+    write_one(file, u=u.T, y=u.T)
+    for command in ("validate", "predict", "simulate", "refine"):
+        output = [] if command == "validate" else ["-o", tmp_path / "out.npz"]
+        error = tokid(command, tmp_path / "model.npz", file, *output, status=2).stderr
+        assert "inputs: 200 found, the model has 2; u (2, 200) was taken for one experiment of 2 steps" in error
+        assert "not (r, T)" in error
 
 
 def write_one(path, u, y):

@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "noise/em/smoother.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <numbers>
 #include <optional>
-#include <stdexcept>
 
+#include "model/channels.hpp"
 #include "noise/em/symmetric.hpp"
 
 namespace tokid::em {
@@ -73,10 +71,7 @@ Matrix arranged(const Matrix& samples, const Matrix& nominal, Index k, const std
 }  // namespace
 
 Samples samples_of(const Model& model, const Ensemble& data, Tail tail, Index steps) {
-  if (data.inputs() != model.inputs)
-    throw std::invalid_argument(fmt::format("inputs: {} found, the model has {}", data.inputs(), model.inputs));
-  if (data.outputs() != model.outputs)
-    throw std::invalid_argument(fmt::format("outputs: {} found, the model has {}", data.outputs(), model.outputs));
+  check_channels(model, data, true);
   Samples samples;
   samples.experiments = data.experiments();
   samples.steps = std::max<Index>(0, std::min(model.k_end(), data.steps()) - model.k_begin);
