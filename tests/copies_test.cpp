@@ -160,6 +160,28 @@ TEST(Copies, WithGapsOfTheirOwnAreRecognised) {
   EXPECT_EQ(find_copies(e).groups, Groups{});
 }
 
+// However few of the steps they have, and wherever.
+TEST(Copies, OfShortExperimentsAreRecognised) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    Ensemble e = campaign(60, 400, seed, 0.05);
+    Random random(seed);
+    Groups expected;
+    for (Index n = 0; n < 20; n += 2) {
+      const Index length = Index(random.uniform(3, 30)), begin = Index(random.uniform(0, double(400 - length)));
+      const bool rounded = n % 4 == 0;
+      for (Index k = 0; k < 400; ++k)
+        for (Index c = 0; c < e.channels(); ++c) {
+          double& own = e.samples()(n, k * e.channels() + c);
+          if (k < begin || k >= begin + length) own = nan;
+          e.samples()(n + 1, k * e.channels() + c) = rounded ? double(float(own)) : own;
+        }
+      expected.push_back({n, n + 1});
+    }
+    EXPECT_EQ(find_copies(e).groups, expected);
+  }
+}
+
 TEST(Copies, OneFarOffExperimentHidesNone) {
   Ensemble e = twice(campaign(12, 60, 4, 0.01), [](double v) { return v * (1 + 1e-7); });
   e.samples().row(5) *= 1e6;

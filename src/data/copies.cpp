@@ -7,6 +7,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <string_view>
 
@@ -112,8 +113,16 @@ class Search {
     Vector whole = Vector::Zero(e_.experiments());
     for (Index k = 0; k < e_.steps(); ++k) whole += e_.samples().middleCols(k * d, d) * weights();
     compare(whole, std::sqrt(double(e_.steps() * d)), same);
-    // Others by steps at which they have samples. Many may be alike there, as where experiments begin at rest.
     if (std::none_of(whole.begin(), whole.end(), [](double v) { return std::isnan(v); })) return;
+    // Others by the samples that they have, few as they may be: copies mostly lack the same ones.
+    Vector present = Vector::Zero(e_.experiments());
+    for (Index k = 0; k < e_.steps(); ++k) {
+      const auto samples = e_.samples().middleCols(k * d, d).array();
+      present += samples.isNaN().select(0.0, samples).matrix() * weights();
+    }
+    compare(whole.array().isNaN().select(present, std::numeric_limits<double>::quiet_NaN()),
+            std::sqrt(double(e_.steps() * d)), same);
+    // And by steps at which both have samples. Many may be alike there, as where experiments begin at rest.
     for (const Index step : probes())
       compare(e_.samples().middleCols(step * d, d) * weights(), std::sqrt(double(d)), [&](Index a, Index b) {
         if (std::isnan(whole(a)) || std::isnan(whole(b))) same(a, b);
@@ -318,8 +327,9 @@ std::vector<std::string> warnings_of(const Copies& copies, const Ensemble& e, st
   constexpr size_t most_told = 4;
   if (copies.groups.empty()) return {};
   std::vector<std::string> told;
-  size_t more = 0;
+  size_t count = 0, more = 0;
   for (const std::vector<Index>& group : copies.groups) {
+    count += group.size() - 1;
     if (told.size() == most_told) {
       more += group.size() - 1;
       continue;
@@ -331,7 +341,6 @@ std::vector<std::string> warnings_of(const Copies& copies, const Ensemble& e, st
       list = fmt::format("{} and {} more", fmt::join(names, ", "), group.size() - 1 - most_told);
     told.push_back(fmt::format("{} of {}", list, e.experiment(group.front())));
   }
-  const Index count = e.experiments() - Index(copies.used.size());
   std::string text = fmt::format("{} of {} experiments {}, within rounding: {}", count, e.experiments(),
                                  count == 1 ? "is a copy of another" : "are copies of others", fmt::join(told, "; "));
   if (more > 0) text += fmt::format("; and {} more", more);
