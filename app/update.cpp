@@ -38,12 +38,14 @@ std::string report(const Call& call, const Result& result) {
   }
   page.row("", describe(result.new_experiments, result.steps, model.inputs, model.outputs, result.dt));
   page.row("Experiments", fmt::format("{}, {} of them new", result.now.experiments, result.new_experiments));
-  page.row("Fit", "of the model so far on the new experiments, which it had not seen");
-  std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
-  for (Index j = 0; j < model.outputs; ++j)
-    rows.push_back(
-        {output_label(model.names, j), percent(result.added.simulation.fit(j)), percent(result.added.one_step.fit(j))});
-  page.table(rows);
+  if (result.new_experiments > 0) {
+    page.row("Fit", "of the model so far on the new experiments, which it had not seen");
+    std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
+    for (Index j = 0; j < model.outputs; ++j)
+      rows.push_back({output_label(model.names, j), percent(result.added.simulation.fit(j)),
+                      percent(result.added.one_step.fit(j))});
+    page.table(rows);
+  }
   page.row("Model", describe(model));
   page.row("Written", call.state.string());
   if (!call.model.empty()) page.row("", call.model.string());
@@ -62,6 +64,7 @@ Json json(const Call& call, const Result& result) {
   j["model"] = call.model.empty() ? Json() : Json(call.model.string());
   j["experiments"] = now.experiments;
   j["new_experiments"] = result.new_experiments;
+  j["known_experiments"] = result.added.known;
   j["steps"] = result.steps;
   j["inputs"] = now.model.inputs;
   j["outputs"] = now.model.outputs;

@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/ensemble.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <set>
 
 #include "diagnose/survey.hpp"
 #include "testing.hpp"
@@ -214,6 +220,47 @@ TEST(Ensemble, FingerprintsAreOfTheSamplesAlone) {
   other.y(1, 1, 0) = -nan;
   EXPECT_EQ(fingerprint(other), fingerprint(e));
   EXPECT_NE(fingerprint(e), own);
+}
+
+// Of as many experiments, steps and channels as make tiles of every kind: whole ones, cut ones, a single sample.
+TEST(Ensemble, DigestsTellExperimentsApart) {
+  Random random(11);
+  for (const Index experiments : {1, 2, 31, 32, 33, 70})
+    for (const Index steps : {1, 7, 16, 40}) {
+      SCOPED_TRACE(fmt::format("{} x {}", experiments, steps));
+      Ensemble e(experiments, steps, 2, 2);
+      e.samples() = random.matrix(experiments, steps * 4);
+      const std::vector<Digest> own = experiment_digests(e);
+      ASSERT_EQ(own.size(), size_t(experiments));
+      EXPECT_EQ(std::set<Digest>(own.begin(), own.end()).size(), own.size());
+      // Those of an experiment alone, wherever it stands and whatever is said of it.
+      Ensemble reversed = e;
+      for (Index n = 0; n < experiments; ++n) reversed.samples().row(n) = e.samples().row(experiments - 1 - n);
+      reversed.names.input_names = {"a", "b"};
+      reversed.dt = 0.1;
+      const std::vector<Digest> backwards = experiment_digests(reversed);
+      EXPECT_TRUE(std::equal(own.rbegin(), own.rend(), backwards.begin()));
+      EXPECT_EQ(experiment_digests(e.subset({experiments / 2})).front(), own[size_t(experiments / 2)]);
+      // One bit of one sample, a gap, exchanged channels: each changes its own experiment and no other.
+      const Index n = Index(random.uniform(0, double(experiments))), k = Index(random.uniform(0, double(steps)));
+      const std::vector<std::function<void(Ensemble&)>> changes{
+          [&](Ensemble& x) { x.y(n, k, 1) = std::nextafter(x.y(n, k, 1), 9.0); },
+          [&](Ensemble& x) { x.u(n, k, 0) = nan; },
+          [&](Ensemble& x) { std::swap(x.y(n, k, 0), x.y(n, k, 1)); },
+          [&](Ensemble& x) { std::swap(x.u(n, k, 0), x.y(n, k, 0)); },
+      };
+      for (const auto& change : changes) {
+        Ensemble other = e;
+        change(other);
+        const std::vector<Digest> found = experiment_digests(other);
+        for (size_t i = 0; i < found.size(); ++i) EXPECT_EQ(found[i] == own[i], Index(i) != n) << i;
+      }
+      // Zeros and gaps are what they are, whatever their bits.
+      Ensemble one = e, other = e;
+      one.u(n, k, 1) = 0.0, other.u(n, k, 1) = -0.0;
+      one.y(n, k, 0) = nan, other.y(n, k, 0) = -nan;
+      EXPECT_EQ(experiment_digests(one), experiment_digests(other));
+    }
 }
 
 TEST(Ensemble, ChecksNameChannelExperimentAndStep) {

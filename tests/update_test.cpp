@@ -6,11 +6,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <filesystem>
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <random>
 #include <thread>
 
 #include "members.hpp"
@@ -210,6 +212,8 @@ TEST(Update, StatesComeBackFromFiles) {
     EXPECT_EQ(back.factors.rows, state.factors.rows);
     EXPECT_EQ(back.factors.sum, state.factors.sum);
     EXPECT_EQ(back.options, state.options);
+    EXPECT_EQ(back.digests, state.digests);
+    EXPECT_EQ(back.without_digest, 0);
     EXPECT_EQ(std::tuple(back.method, back.states, back.together, back.noisy, back.nominal),
               std::tuple(state.method, state.states, state.together, state.noisy, state.nominal));
     EXPECT_THROW(load_model(path), IoError);
@@ -222,7 +226,6 @@ TEST(Update, RefusesWhatDoesNotFit) {
   const Identification result = identify(e);
   UpdateState state = update_state(e, result, {});
   const auto refusal = [&](const Ensemble& more) { return message([&] { update(state, more); }); };
-  EXPECT_EQ(refusal(e), "experiments: the state has these already, they would count twice");
   EXPECT_EQ(refusal(random_experiments(random_system({3, 2, 1}, 21, 1.0, 13), 30, 14)),
             "steps: 21 found, 20 needed as in the experiments before");
   EXPECT_EQ(refusal(random_experiments(random_system({3, 1, 1}, 20, 1.0, 13), 30, 14)),
@@ -238,6 +241,156 @@ TEST(Update, RefusesWhatDoesNotFit) {
   held.hold_out = 0.3;
   EXPECT_EQ(message([&] { update_state(e, identify(e, held), held); }),
             "hold-out fraction: a state is of all experiments, none can be held out");
+}
+
+// Experiments in a random order, of a random system; some have gaps.
+Ensemble random_campaign(Random& random, unsigned seed) {
+  const Index m = Index(random.uniform(1, 4)), r = Index(random.uniform(1, 3)), steps = Index(random.uniform(12, 32));
+  Ensemble e = with_noise(random_experiments(random_system({2, m, r}, steps, 1.0, seed), 60, seed + 1), 0.05, seed + 2);
+  for (Index n = 0; n < 60; n += 7)
+    e.y(n, Index(random.uniform(0, double(steps))), 0) = std::numeric_limits<double>::quiet_NaN();
+  return e;
+}
+
+UpdateState state_of(const Ensemble& e) {
+  IdentifyOptions options;
+  options.lags = options.states = 2;
+  options.refine = false;
+  return update_state(e, identify(e, options), options);
+}
+
+void expect_same_state(const UpdateState& a, const UpdateState& b) {
+  EXPECT_EQ(a.factors.factor, b.factors.factor);
+  EXPECT_EQ(a.factors.experiments, b.factors.experiments);
+  EXPECT_EQ(a.factors.rows, b.factors.rows);
+  EXPECT_EQ(a.factors.sum, b.factors.sum);
+  EXPECT_EQ(a.factors.spread, b.factors.spread);
+  EXPECT_EQ(a.digests, b.digests);
+}
+
+TEST(Update, LeavesOutWhatTheStateHas) {
+  Random random(40);
+  for (unsigned seed = 100; seed < 112; ++seed) {
+    SCOPED_TRACE(seed);
+    const Ensemble e = random_campaign(random, seed);
+    const Index first = Index(random.uniform(25, 40)), overlap = Index(random.uniform(1, double(first)));
+    const Index end = Index(random.uniform(double(first + 1), 61));
+    UpdateState once = state_of(e.subset(range(0, first))), twice = once;
+    EXPECT_TRUE(update(once, e.subset(range(first, end))).empty());
+    std::vector<Index> rows = range(first - overlap, end);
+    std::shuffle(rows.begin(), rows.begin() + overlap, std::mt19937(seed));  // the new ones keep their order
+    const std::vector<std::string> told = update(twice, e.subset(rows));
+    expect_same_state(twice, once);  // what is left out leaves no trace in a bit
+    ASSERT_EQ(told.size(), 1);
+    const std::string count = fmt::format("{} of {} experiments ", overlap, end - first + overlap);
+    EXPECT_EQ(told.front().find(count), 0) << told.front();
+    EXPECT_NE(told.front().find("in the state already: \""), std::string::npos) << told.front();
+    // Any part of what was given adds nothing.
+    const UpdateState before = twice;
+    EXPECT_EQ(update(twice, e.subset(range(0, end))),
+              std::vector{fmt::format("all {} experiments are in the state already. Nothing is added", end)});
+    EXPECT_EQ(update(twice, e.subset({first})),
+              std::vector<std::string>{"the experiment is in the state already. Nothing is added"});
+    expect_same_state(twice, before);
+    EXPECT_TRUE(has_seen(identify(twice).model, e.subset(range(0, end))));
+  }
+}
+
+TEST(Update, NamesWhatItLeavesOut) {
+  Ensemble e = random_experiments(random_system({2, 1, 1}, 15, 1.0, 41), 40, 42);
+  const UpdateState state = state_of(e.subset(range(0, 30)));
+  Ensemble rows = e;
+  rows.experiment_names.clear();
+  const auto told = [&](const Ensemble& more) {
+    UpdateState own = state;
+    return update(own, more).front();
+  };
+  EXPECT_EQ(told(rows), "30 of 40 experiments are in the state already: 0–29. They are not added again");
+  for (Index k = 0; k < 15; ++k) rows.output(k).row(3).array() += 1.0, rows.output(k).topRows(1).array() += 1.0;
+  EXPECT_EQ(told(rows), "28 of 40 experiments are in the state already: 1–2 and 4–29. They are not added again");
+  for (Index n = 0; n < 40; ++n) e.experiment_names.push_back(fmt::format("run {}", n));
+  EXPECT_EQ(told(e.subset({35, 7, 36})),
+            "1 of 3 experiments is in the state already: \"run 7\" (row 1). It is not added again");
+  EXPECT_EQ(told(e),
+            "30 of 40 experiments are in the state already: \"run 0\" (row 0), \"run 1\" (row 1), \"run 2\" (row 2), "
+            "\"run 3\" (row 3), \"run 4\" (row 4), \"run 5\" (row 5) and 24 more. They are not added again");
+}
+
+// Files that overlap: the same digests in whatever order, and the same products within the rounding of the merges.
+TEST(Update, KnowsTheUnionOfWhatOverlaps) {
+  Random random(43);
+  for (unsigned seed = 200; seed < 206; ++seed) {
+    const Ensemble e = random_campaign(random, seed);
+    const UpdateState state = state_of(e.subset(range(0, 30)));
+    std::vector<Ensemble> files{e.subset(range(20, 40)), e.subset(range(35, 55)), e.subset(range(10, 60))};
+    UpdateState whole = state, in_order = state, backwards = state;
+    update(whole, e.subset(range(30, 60)));
+    for (const Ensemble& file : files) update(in_order, file);
+    std::reverse(files.begin(), files.end());
+    for (const Ensemble& file : files) update(backwards, file);
+    for (const UpdateState& own : {in_order, backwards}) {
+      EXPECT_EQ(own.digests, whole.digests);
+      EXPECT_EQ(own.factors.experiments, 60);
+      EXPECT_EQ(own.factors.rows, whole.factors.rows);
+      for (Index k = own.factors.begin(); k < e.steps(); ++k) {
+        const Matrix a = own.factors.of(k).transpose() * own.factors.of(k);
+        const Matrix b = whole.factors.of(k).transpose() * whole.factors.of(k);
+        EXPECT_LE((a - b).norm(), 1e2 * epsilon * b.norm()) << k;  // one factorisation after another, three at most
+      }
+    }
+  }
+}
+
+// A copy within rounding is left out with the experiment that the state has, and is known by itself from then on.
+TEST(Update, KnowsCopiesOfWhatItHas) {
+  const Ensemble e = with_noise(random_experiments(random_system({2, 2, 1}, 30, 1.0, 44), 50, 45), 0.05, 46);
+  std::vector<Index> order = range(25, 50);
+  order.push_back(27);  // row 25: a copy of what the state has
+  order.push_back(40);  // row 26: a copy of what is new
+  Ensemble more = e.subset(order);
+  for (const Index n : {25, 26})
+    for (Index k = 0; k < 30; ++k)
+      for (Index c = 0; c < e.channels(); ++c)
+        more.samples()(n, k * e.channels() + c) = double(float(more.samples()(n, k * e.channels() + c)));
+  UpdateState once = state_of(e.subset(range(0, 30))), state = once;
+  update(once, e.subset(range(30, 50)));
+  EXPECT_EQ(update(state, more),
+            (std::vector<std::string>{
+                "6 of 27 experiments are in the state already: 0–4 and 25. They are not added again",
+                "1 of 27 experiments is a copy of another, within rounding: 26 of 15. Each experiment was used once"}));
+  EXPECT_EQ(state.factors.factor, once.factors.factor);
+  EXPECT_EQ(state.factors.experiments, 50);
+  EXPECT_EQ(state.digests.size(), 52);
+  update(state, more.subset({25, 26}));
+  EXPECT_EQ(state.factors.experiments, 50);
+}
+
+TEST(Update, SaysWhatAStateWithoutDigestsCannotTell) {
+  const Ensemble e = random_experiments(random_system({2, 1, 1}, 15, 1.0, 47), 50, 48);
+  const Ensemble first = e.subset(range(0, 30)), more = e.subset(range(30, 40));
+  UpdateState state = state_of(first);
+  state.digests.clear();
+  state.without_digest = 30;
+  const std::filesystem::path path = std::filesystem::path(::testing::TempDir()) / "tokid_update_old.npz";
+  save_update_state(state, path);  // as an earlier version did
+  state = load_update_state(path);
+  EXPECT_EQ(state.without_digest, 30);
+  // By its fingerprint a whole ensemble is known all the same.
+  EXPECT_EQ(update(state, first),
+            std::vector<std::string>{"all 30 experiments are in the state already. Nothing is added"});
+  EXPECT_EQ(state.factors.experiments, 30);
+  const auto warned = [&](const Ensemble& added) {
+    const std::vector<std::string> told = update(state, added);
+    return !told.empty() && told.back().find("no digests of 30 experiments") != std::string::npos;
+  };
+  EXPECT_TRUE(warned(more));
+  save_update_state(state, path);
+  state = load_update_state(path);
+  std::filesystem::remove(path);
+  EXPECT_EQ(state.without_digest, 30);
+  EXPECT_EQ(state.factors.experiments, 40);
+  EXPECT_TRUE(warned(e.subset(range(35, 50))));
+  EXPECT_EQ(state.factors.experiments, 50);
 }
 
 // Parts of an ensemble in files that are removed with it; not .h5, which threads can't read side by side.
@@ -265,8 +418,11 @@ TEST(UpdateFromFiles, IsTheSameForAnyNumberOfMembers) {
   const Model before = identify(begun).model;
   UpdateState one_by_one = begun;
   Files files;
+  std::vector<std::vector<Index>> known;
   for (Index from = 40; from < 70; from += 6) {
-    const Ensemble part = e.subset(range(from, from + 6));
+    const Index overlap = (from - 40) / 6;  // with the file before it
+    const Ensemble part = e.subset(range(from - overlap, from + 6));
+    known.push_back(range(0, overlap));
     files.add(part);
     update(one_by_one, part);
   }
@@ -285,7 +441,9 @@ TEST(UpdateFromFiles, IsTheSameForAnyNumberOfMembers) {
     EXPECT_EQ(state.factors.count, one_by_one.factors.count);
     EXPECT_EQ(state.factors.rows, one_by_one.factors.rows);
     EXPECT_EQ(state.options, one_by_one.options);
+    EXPECT_EQ(state.digests, one_by_one.digests);
     EXPECT_EQ(added.experiments, std::vector<Index>(5, 6));
+    EXPECT_EQ(added.known, known);
   }
 }
 
@@ -341,18 +499,44 @@ TEST(UpdateFromFiles, NamesTheFileThatDoesNotFit) {
   const Model before = identify(begun).model;
   Files files;
   files.add(e.subset(range(40, 45)));
-  files.add(e.subset(range(0, 40)));
   files.add(random_experiments(random_system({3, 2, 1}, 21, 1.0, 28), 5, 30));
-  const std::string one = files.paths[0].string(), seen = files.paths[1].string(), longer = files.paths[2].string();
+  const std::string one = files.paths[0].string(), longer = files.paths[1].string();
   const auto refusal = [&](const std::vector<std::filesystem::path>& paths) {
     UpdateState state = begun;
     return message([&] { update(state, before, paths); });
   };
-  EXPECT_EQ(refusal({one, seen}), seen + ": experiments: the state has these already, they would count twice");
   EXPECT_EQ(refusal({one, longer}), longer + ": steps: 21 found, 20 needed as in the experiments before");
-  EXPECT_EQ(refusal({one, one}), one + ": experiments: the same as in " + one + ", they would count twice");
   UpdateState state = begun;
   EXPECT_THROW(update(state, before, {one, "none.h5"}), IoError);
+}
+
+TEST(UpdateFromFiles, AFileThatAddsNothingIsTold) {
+  const Ensemble e = random_experiments(random_system({3, 2, 1}, 20, 1.0, 31), 50, 32);
+  const UpdateState first = state_of(e.subset(range(0, 40)));
+  const Model before = identify(first).model;
+  Files files;
+  files.add(e.subset(range(40, 45)));
+  files.add(e.subset(range(0, 40)));
+  const std::string one = files.paths[0].string(), seen = files.paths[1].string();
+  UpdateState state = first;
+  const Additions added = update(state, before, {one, seen, one});
+  EXPECT_EQ(added.experiments, (std::vector<Index>{5, 0, 0}));
+  EXPECT_EQ(added.known, (std::vector<std::vector<Index>>{{}, range(0, 40), range(0, 5)}));
+  EXPECT_EQ(added.warnings,
+            (std::vector<std::string>{seen + ": all 40 experiments are in the state already. Nothing is added",
+                                      one + ": all 5 experiments are in the state already. Nothing is added"}));
+  UpdateState alone = first;
+  const Additions of_one = update(alone, before, e.subset(range(40, 45)));
+  expect_same_state(state, alone);
+  EXPECT_EQ(added.simulation.fit, of_one.simulation.fit);
+  EXPECT_EQ(added.one_step.samples, of_one.one_step.samples);
+  // Nothing at all: no figures, and no complaint about outputs that never move.
+  state = first;
+  const Additions none = update(state, before, {seen});
+  expect_same_state(state, first);
+  EXPECT_EQ(state.options, first.options);
+  EXPECT_EQ(none.warnings.size(), 1);
+  EXPECT_TRUE(none.one_step.fit.size() == 2 && none.one_step.fit.array().isNaN().all());
 }
 
 std::string refusal(const std::function<void()>& call) {

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <string>
@@ -150,6 +152,11 @@ Split split(const Ensemble& ensemble, double fraction, Index period = 0);
 // 16 hexadecimal digits (XXH3, 64 bits) that tell the samples u and y of one ensemble from those of any other, whatever
 // file they came from.
 std::string fingerprint(const Ensemble& ensemble);
+
+// 128 bits (XXH3) that tell the samples u and y of one experiment from those of any other with as many steps, inputs
+// and outputs. Missing samples count, what names and lengths say does not; 0 and −0 are the same.
+using Digest = std::array<std::uint64_t, 2>;
+std::vector<Digest> experiment_digests(const Ensemble& ensemble);  // (N)
 
 // The steps begin … end-1 of every experiment as an ensemble of its own, whose initial states are unknown unless it
 // begins with the experiments. Free responses stay behind. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T

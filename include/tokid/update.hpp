@@ -21,6 +21,9 @@ namespace tokid {
 struct UpdateState {
   WindowFactors factors;
   std::string options;  // as Model::options has them, with the fingerprints of all data
+  // Of all experiments that were given, copies and repetitions among them, ascending; they are not added again.
+  std::vector<Digest> digests;
+  Index without_digest = 0;  // experiments of a state that was written before states had digests
   Method method = Method::subspace;
   Index states = 0;  // n at most; 0: the rank
   bool together = false, noisy = false, nominal = false;
@@ -40,12 +43,23 @@ struct Updated {
 };
 Updated identify(const UpdateState& state, const Execution& execution = {});
 
-// \throws std::invalid_argument that names what differs from the experiments before, or where the state has them
-// already
+// \throws std::invalid_argument that names what differs from the experiments before
 void check_update(const UpdateState& state, const Ensemble& more);
-// Copies within the new experiments are used once, which the warnings tell; whether the state has single ones of them
-// already nobody knows. \throws as check_update()
+// Experiments with the samples of one that was given before are left out, and copies within the new ones are used once;
+// the warnings tell of both. \throws as check_update()
 std::vector<std::string> update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
+
+// What ensembles have added, and how well the model of the experiments before does on that.
+struct Additions {
+  std::vector<Index> experiments;         // that each of them has added
+  std::vector<std::vector<Index>> known;  // row numbers, ascending, of those in each that the state had already
+  Fit simulation, one_step;               // as validate() finds them on all new experiments in one ensemble
+  // Among them one for each output that the model before predicts no better than by its mean, or simulates far worse.
+  std::vector<std::string> warnings;
+};
+
+// As update(), with the figures of the model before, which is identify() of the state. \throws as check_update()
+Additions update(UpdateState& state, const Model& before, const Ensemble& more, const Execution& execution = {});
 
 struct UpdateOptions {
   ReadOptions read = {};
@@ -53,19 +67,10 @@ struct UpdateOptions {
   Team team = {};  // shares the files
 };
 
-// What files have added, and how well the model of the experiments before does on them.
-struct Additions {
-  std::vector<Index> experiments;  // of each file
-  Fit simulation, one_step;        // as validate() finds them on all new experiments in one ensemble
-  std::vector<std::string> warnings;
-};
-// With a warning of each output that the model before predicts no better than by its mean, or simulates far worse.
-Additions additions(std::vector<Index> experiments, Fit simulation, Fit one_step, const Channels& names);
-
 // Each file as update() of its experiments, in this order and with one of them in memory at a time: the same state, to
-// the last bit, for any number of members and threads. `before` is identify() of the state. Every member of the team
-// calls it; state, model and what is returned are those of the first one. Where it throws, the state has some of the
-// files, and is of no use. \throws IoError, and as check_update() with the name of the file in front
+// the last bit, for any number of members and threads. Every member of the team calls it; state, model and what is
+// returned are those of the first one. Where it throws, the state has some of the files, and is of no use. \throws
+// IoError, and as check_update() with the name of the file in front
 Additions update(UpdateState& state, const Model& before, const std::vector<std::filesystem::path>& files,
                  const UpdateOptions& options = {});
 

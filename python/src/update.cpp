@@ -12,6 +12,7 @@ using Path = std::filesystem::path;
 
 nb::any object_of(const Additions& a) {
   return make("Additions", {{"experiments", a.experiments},
+                            {"known", a.known},
                             {"simulation", python::object_of(a.simulation)},
                             {"one_step", python::object_of(a.one_step)},
                             {"warnings", texts(a.warnings)}});
@@ -39,16 +40,7 @@ void bind_update(nb::module_& module) {
           [](UpdateState& state, const Model& before, const Ensemble& more, int threads, nb::object listener) {
             Call call(std::move(listener));
             const Execution execution = call.execution(threads);
-            return object_of(call.run([&] {
-              check_update(state, more);
-              const Validation found = validate(before, more, {.whiteness_lags = 0});
-              const Index known = state.factors.experiments;
-              const std::vector<std::string> told = update(state, more, execution);
-              Additions added =
-                  additions({state.factors.experiments - known}, found.simulation, found.one_step, before.names);
-              added.warnings.insert(added.warnings.begin(), told.begin(), told.end());
-              return added;
-            }));
+            return object_of(call.run([&] { return update(state, before, more, execution); }));
           },
           nb::arg("before"), nb::arg("more"), nb::kw_only(), nb::arg("threads"), nb::arg("listener").none())
       .def(

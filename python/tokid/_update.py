@@ -22,8 +22,8 @@ from .results import Additions, Updated
 class UpdateState:
     """What is kept of all experiments so far: the factors of the regressions, and the choices made from the first ones.
 
-    `tokid.identify` with ``keep_state=True`` makes one, `Model.state`. Its size does not depend on the number of
-    experiments.
+    `tokid.identify` with ``keep_state=True`` makes one, `Model.state`. Beside 16 bytes for each
+    experiment, by which it is known again, its size does not depend on their number.
     """
 
     __slots__ = ("_core", "__weakref__")
@@ -159,6 +159,8 @@ def update(
 ) -> Model:
     """Adds experiments to those that a state was kept of.
 
+    Experiments that the state has already are not added again; a warning and `updated.added.known` name them.
+
     Parameters
     ----------
     state : UpdateState, path or FileLock
@@ -182,7 +184,7 @@ def update(
     Raises
     ------
     ValueError
-        Names what differs from the experiments before, or says that the state has them already.
+        Names what differs from the experiments before.
     IoError
         Where another update has the file for longer than `wait`.
     """

@@ -900,14 +900,17 @@ class Additions(_Result):
     Attributes
     ----------
     experiments : list of int
-        Of each ensemble or file.
+        That each ensemble or file has added.
+    known : list of list of int
+        Row numbers, in each ensemble or file, of experiments that the state had already. They are not added again.
     simulation, one_step : Fit
         Of the model before on all new experiments.
     warnings : list of str
-        Of outputs that the model before predicts no better than by their mean, or simulates far worse.
+        Among them one for each output that the model before predicts no better than by its mean, or simulates far worse.
     """
 
     experiments: list[int]
+    known: list[list[int]]
     simulation: Fit
     one_step: Fit
     warnings: list[str]

@@ -65,24 +65,22 @@ std::string listed(const std::vector<std::string>& names) {
   return text;
 }
 
-std::string step_list(const std::vector<Index>& steps) {
+std::string ranges(const std::vector<Index>& numbers) {
   constexpr size_t most_ranges = 6;
-  std::vector<std::string> ranges;
-  for (size_t i = 0; i < steps.size();) {
+  std::vector<std::string> found;
+  for (size_t i = 0; i < numbers.size();) {
     size_t j = i;
-    while (j + 1 < steps.size() && steps[j + 1] == steps[j] + 1) ++j;
-    ranges.push_back(i == j ? fmt::format("{}", steps[i]) : fmt::format("{}–{}", steps[i], steps[j]));
+    while (j + 1 < numbers.size() && numbers[j + 1] == numbers[j] + 1) ++j;
+    found.push_back(i == j ? fmt::format("{}", numbers[i]) : fmt::format("{}–{}", numbers[i], numbers[j]));
     i = j + 1;
   }
-  std::string text = steps.size() == 1 ? "step " : "steps ";
-  if (ranges.size() > most_ranges) {
-    ranges.resize(most_ranges);
-    return text + fmt::format("{} and more ({} in all)", fmt::join(ranges, ", "), steps.size());
-  }
-  if (ranges.size() == 1) return text + ranges.front();
-  const std::string last = ranges.empty() ? "" : ranges.back();
-  if (!ranges.empty()) ranges.pop_back();
-  return text + fmt::format("{} and {}", fmt::join(ranges, ", "), last);
+  if (found.size() <= most_ranges) return listed(found);
+  found.resize(most_ranges);
+  return fmt::format("{} and more ({} in all)", fmt::join(found, ", "), numbers.size());
+}
+
+std::string step_list(const std::vector<Index>& steps) {
+  return (steps.size() == 1 ? "step " : "steps ") + ranges(steps);
 }
 
 namespace {

@@ -10,7 +10,9 @@
 
 namespace tokid::words {
 
-// "steps 3, 5–9 and 12", a few ranges at most
+// "3, 5–9 and 12", a few ranges at most
+std::string ranges(const std::vector<Index>& numbers);
+// "steps 3, 5–9 and 12"
 std::string step_list(const std::vector<Index>& steps);
 // "u1, u2 and u3"
 std::string listed(const std::vector<std::string>& names);

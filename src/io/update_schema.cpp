@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <cstdint>
 
 #include "io/schema.hpp"
 
@@ -19,14 +20,47 @@ Vector vector_of(const Fields& fields, const char* name, Index rows, Index cols)
   return v;
 }
 
+// In four whole numbers of 32 bits each, highest first: numbers of 64 bits do not pass through double precision.
+constexpr Index words_of_digest = 4;
+constexpr double word_end = 4294967296.0;
+
+Array digests_array(const std::vector<Digest>& digests) {
+  Array array{{digests.size(), size(words_of_digest)}, {}};
+  std::vector<std::int64_t> words;
+  for (const Digest& digest : digests)
+    for (const std::uint64_t half : digest) {
+      words.push_back(std::int64_t(half >> 32));
+      words.push_back(std::int64_t(half & 0xFFFFFFFFu));
+    }
+  array.values = std::move(words);
+  return array;
+}
+
+std::vector<Digest> digests_of(const Fields& fields, const char* name) {
+  const Matrix words = fields.matrix(name);
+  if (words.rows() < 1 || words.cols() != words_of_digest)
+    fail_shape(name, fields.shape(name), fmt::format("one row or more, {} columns", words_of_digest));
+  if (!(words.array() >= 0 && words.array() < word_end && words.array() == words.array().floor()).all())
+    fail("data set '{}': values found that are no whole numbers from 0 to {:.0f}", name, word_end - 1);
+  std::vector<Digest> digests;
+  const auto half = [&](Index i, Index j) { return std::uint64_t(words(i, j)) << 32 | std::uint64_t(words(i, j + 1)); };
+  for (Index i = 0; i < words.rows(); ++i) digests.push_back({half(i, 0), half(i, 2)});
+  if (!std::is_sorted(digests.begin(), digests.end()))
+    fail("data set '{}': rows found that are not in ascending order", name);
+  return digests;
+}
+
 }  // namespace
 
 const Names& update_names() {
-  static const Names names{
-      "window_factors", "window_rows", "sample_sums", "sample_counts", "sample_spreads", "inputs",
-      "lags",           "experiments", "dt",          "options",       "method",         "states",
-      "together",       "noisy",       "nominal",     "initial_state", "input_names",    "output_names",
-      "input_units",    "output_units"};
+  static const Names names{"window_factors", "window_rows",    "sample_sums",
+                           "sample_counts",  "sample_spreads", "inputs",
+                           "lags",           "experiments",    "dt",
+                           "options",        "method",         "states",
+                           "together",       "noisy",          "nominal",
+                           "initial_state",  "input_names",    "output_names",
+                           "input_units",    "output_units",   "experiment_digests",
+                           "without_digest"};
   return names;
 }
 
@@ -47,6 +81,10 @@ Arrays arrays_of(const UpdateState& state, Layout layout) {
   arrays.emplace_back("nominal", scalar(Index(state.nominal)));
   arrays.emplace_back("dt", scalar(f.dt));
   add_channels(f.names, arrays);
+  if (!state.digests.empty()) {
+    arrays.emplace_back("without_digest", scalar(state.without_digest));
+    arrays.emplace_back("experiment_digests", digests_array(state.digests));
+  }
   arrays.emplace_back("sample_sums", vector_array(f.sum, f.steps()));
   arrays.emplace_back("sample_counts", vector_array(f.count, f.steps()));
   arrays.emplace_back("sample_spreads", vector_array(f.spread, f.steps()));
@@ -106,6 +144,15 @@ UpdateState update_state_of(const Fields& fields) {
   state.together = fields.integer("together") != 0;
   state.noisy = fields.integer("noisy") != 0;
   state.nominal = fields.integer("nominal") != 0;
+  state.without_digest = f.experiments;  // of a state of an earlier version
+  if (!fields.has("experiment_digests")) return state;
+  state.digests = digests_of(fields, "experiment_digests");
+  state.without_digest = fields.integer("without_digest");
+  if (state.without_digest < 0 || state.without_digest > f.experiments)
+    fail("data set 'without_digest': {} found, 0 to {} needed", state.without_digest, f.experiments);
+  if (const Index fewest = f.experiments - state.without_digest; Index(state.digests.size()) < fewest)
+    fail("data set 'experiment_digests': {} rows found, at least {} needed for as many experiments",
+         state.digests.size(), fewest);
   return state;
 }
 

@@ -4,6 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
+#include <iterator>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <string_view>
@@ -18,6 +21,7 @@
 #include "identify/identify_stretch.hpp"
 #include "large/evaluate.hpp"
 #include "method/realisation.hpp"
+#include "tokid/copies.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/smooth_arx.hpp"
 #include "tokid/subspace.hpp"
@@ -76,6 +80,14 @@ Model subspace_model(const UpdateState& state, const IdentifyOptions& options, c
   return subspace(windows, arx, o);
 }
 
+// Whatever was given once is known from then on, in the order of the digests; the order of the files leaves no trace.
+void remember(std::vector<Digest>& known, std::vector<Digest> given) {
+  std::sort(given.begin(), given.end());
+  std::vector<Digest> both;
+  std::set_union(known.begin(), known.end(), given.begin(), given.end(), std::back_inserter(both));
+  known = std::move(both);
+}
+
 }  // namespace
 
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options) {
@@ -112,6 +124,7 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   if (result.together) note_choices(told, choices);
   state.options = told.options;
   state.factors = window_factors(used, result.lags, result.model.initial_state, options.execution);
+  remember(state.digests, experiment_digests(data));
   return state;
 }
 
@@ -183,47 +196,123 @@ void check_update(const UpdateState& state, const Ensemble& more) {
   check_alike(before, kind_of(more, before.lags, more.initial_state.value_or(before.initial_state)));
   if (more.free.experiments > 0)
     throw std::invalid_argument("free responses: found, forced experiments alone can be added");
-  if (has_seen(with_options(state.options), more))
-    throw std::invalid_argument("experiments: the state has these already, they would count twice");
   check_magnitudes(samples, more.names, more.inputs());
 }
 
 namespace {
 
-// What is left of experiments when they have been factorised.
-struct Portion {
-  WindowFactors factors;
-  std::string fingerprint;
-  ErrorTotals errors;                // of the model before
+// Experiments that ask to join, and all that tells which of them do.
+struct Given {
+  Ensemble data;
+  Copies copies;                     // within the data
+  std::vector<Digest> digests;       // (N)
+  std::string fingerprint;           // of the data
   std::vector<std::string> remarks;  // on their file
 };
 
-// Of experiments that are checked, each of them once; they are left that way.
-Portion portion(const UpdateState& state, Ensemble& more, const Execution& execution) {
-  Portion result;
-  result.fingerprint = tokid::fingerprint(more);
-  const Copies copies = find_copies(more);
-  result.remarks = warnings_of(copies, more);
-  if (!copies.groups.empty()) more = more.subset(copies.used);
-  result.factors = window_factors(more, state.factors.lags, state.factors.initial_state, execution);
+Given given(Ensemble data) {
+  Given result{{}, find_copies(data), experiment_digests(data), fingerprint(data), {}};
+  result.data = std::move(data);
+  return result;
+}
+
+// Rows of the experiments that the state has: as they are, or as a copy that is beside them in the data.
+std::vector<Index> known_rows(const UpdateState& state, const Given& given) {
+  std::vector<bool> known(given.digests.size());
+  // States without digests know whole ensembles only.
+  const bool all = state.without_digest > 0 && has_seen(with_options(state.options), given.data);
+  for (size_t n = 0; n < known.size(); ++n)
+    known[n] = all || std::binary_search(state.digests.begin(), state.digests.end(), given.digests[n]);
+  for (const std::vector<Index>& group : given.copies.groups)
+    if (std::any_of(group.begin(), group.end(), [&](Index n) { return known[size_t(n)]; }))
+      for (const Index n : group) known[size_t(n)] = true;
+  std::vector<Index> rows;
+  for (size_t n = 0; n < known.size(); ++n)
+    if (known[n]) rows.push_back(Index(n));
+  return rows;
+}
+
+std::vector<std::string> warnings_of_known(const std::vector<Index>& rows, const Ensemble& data) {
+  constexpr size_t most_told = 6;
+  if (rows.empty()) return {};
+  if (Index(rows.size()) == data.experiments())
+    return {fmt::format("{} in the state already. Nothing is added",
+                        rows.size() == 1 ? "the experiment is" : fmt::format("all {} experiments are", rows.size()))};
+  std::string list = words::ranges(rows);
+  if (!data.experiment_names.empty()) {
+    std::vector<std::string> names;
+    for (size_t i = 0; i < std::min(rows.size(), most_told); ++i) names.push_back(data.experiment(rows[i]));
+    list = rows.size() <= most_told ? words::listed(names)
+                                    : fmt::format("{} and {} more", fmt::join(names, ", "), rows.size() - most_told);
+  }
+  return {fmt::format("{} of {} experiments {} in the state already: {}. {} not added again", rows.size(),
+                      data.experiments(), rows.size() == 1 ? "is" : "are", list,
+                      rows.size() == 1 ? "It is" : "They are")};
+}
+
+// Those of the given experiments that join: new ones, each of them once.
+struct Joining {
+  Ensemble data;
+  std::vector<Index> known;  // rows of those that don't, because the state has them
+  std::string fingerprint;
+  std::vector<std::string> remarks;
+};
+
+Joining joining(const UpdateState& state, Given given) {
+  Joining result{{}, known_rows(state, given), std::move(given.fingerprint), std::move(given.remarks)};
+  const auto is_known = [&](Index n) { return std::binary_search(result.known.begin(), result.known.end(), n); };
+  std::erase_if(given.copies.used, is_known);
+  std::erase_if(given.copies.groups, [&](const std::vector<Index>& group) { return is_known(group.front()); });
+  for (const auto& texts : {warnings_of_known(result.known, given.data), warnings_of(given.copies, given.data)})
+    result.remarks.insert(result.remarks.end(), texts.begin(), texts.end());
+  const bool all = Index(given.copies.used.size()) == given.data.experiments();
+  result.data = all ? std::move(given.data) : given.data.subset(given.copies.used);
+  return result;
+}
+
+// What is left of experiments that join when they have been factorised.
+struct Portion {
+  WindowFactors factors;  // of none, where none joins
+  std::vector<Index> known;
+  std::string fingerprint;
+  ErrorTotals errors;  // of the model before
+  std::vector<std::string> remarks;
+};
+
+Portion portion(const UpdateState& state, const Joining& more, const Execution& execution) {
+  Portion result{{}, more.known, more.fingerprint, {}, more.remarks};
+  if (more.data.experiments() > 0)
+    result.factors = window_factors(more.data, state.factors.lags, state.factors.initial_state, execution);
   return result;
 }
 
 void add(UpdateState& state, const Portion& more, const Execution& execution) {
   Model told = with_options(state.options);
-  merge(state.factors, more.factors, execution);
+  if (more.factors.experiments > 0) merge(state.factors, more.factors, execution);
   note_data(told, more.fingerprint);
   note_update(told, state.factors.experiments);
   state.options = told.options;
+}
+
+std::vector<std::string> warnings_of_unknown(const UpdateState& state, Index added) {
+  if (state.without_digest == 0 || added == 0) return {};
+  return {fmt::format(
+      "the state was begun by an earlier version of tokid, and has no digests of {}: new ones that repeat one of them "
+      "are not recognised, and count twice; begin it anew with identify --state to be sure",
+      words::plural(state.without_digest, "experiment"))};
 }
 
 }  // namespace
 
 std::vector<std::string> update(UpdateState& state, const Ensemble& more, const Execution& execution) {
   check_update(state, more);
-  Ensemble experiments = more;
-  Portion added = portion(state, experiments, execution);
+  Given asking = given(more);
+  const std::vector<Digest> digests = asking.digests;
+  Portion added = portion(state, joining(state, std::move(asking)), execution);
   add(state, added, execution);
+  remember(state.digests, digests);
+  for (std::string& text : warnings_of_unknown(state, added.factors.experiments))
+    added.remarks.push_back(std::move(text));
   return std::move(added.remarks);
 }
 
@@ -238,16 +327,16 @@ void fields(Archive& archive, F& f) {
 template <class Archive, class S>
 requires std::is_same_v<std::remove_const_t<S>, UpdateState>
 void fields(Archive& archive, S& s) {
-  archive(s.factors, s.options, s.method, s.states, s.together, s.noisy, s.nominal);
+  archive(s.factors, s.options, s.method, s.states, s.together, s.noisy, s.nominal, s.digests, s.without_digest);
 }
 
 namespace {
 
 template <class Archive, class P>
 requires std::is_same_v<std::remove_const_t<P>, Portion>
-void fields(Archive& archive, P& p) { archive(p.factors, p.fingerprint, p.errors, p.remarks); }
+void fields(Archive& archive, P& p) { archive(p.factors, p.known, p.fingerprint, p.errors, p.remarks); }
 
-// All that a member needs to know of the state and its model to make a portion of a file.
+// All that a member needs to know of the state and its model to make a portion of experiments.
 struct Needs {
   UpdateState state;  // without factors
   Model model;        // of departures, where `mean` is what they depart from
@@ -268,6 +357,8 @@ Needs needs_of(const UpdateState& state, const Model& before) {
   kind.names = f.names;
   kind.rows.assign(f.rows.size(), 0);
   result.state.options = state.options;
+  result.state.digests = state.digests;
+  result.state.without_digest = state.without_digest;
   result.model = continued(before, f.steps());
   std::swap(result.mean.u, result.model.u_nominal);
   std::swap(result.mean.y, result.model.y_nominal);
@@ -283,79 +374,123 @@ auto about(const std::filesystem::path& file, Work&& work) {
   }
 }
 
-Portion portion_of_file(const Needs& needs, const std::filesystem::path& file, const UpdateOptions& options) {
+Given given(const Needs& needs, Ensemble data, std::vector<std::string> remarks) {
+  check_update(needs.state, data);
+  Given result = given(std::move(data));
+  result.remarks = std::move(remarks);
+  return result;
+}
+
+Given given_by(const std::filesystem::path& file, const Needs& needs, const UpdateOptions& options) {
   ReadOptions read = options.read;
   read.wanted = complete(needs.state.factors.names, needs.state.factors.inputs, needs.state.factors.outputs);
   Ensemble data = load_ensemble(file, read);
   return about(file, [&] {
     std::vector<std::string> found = remarks(needs.model, data);
     if (!data.dt_stated) data.dt = needs.state.factors.dt;
-    check_update(needs.state, data);
-    Portion result = portion(needs.state, data, options.execution);
-    result.remarks.insert(result.remarks.begin(), found.begin(), found.end());
-    if (needs.mean.y.size() > 0) data = departures(std::move(data), needs.mean);
-    result.errors = stream::evaluate(needs.model, data, 0, data.steps(), needs.model.initial_state, true);
-    return result;
+    return given(needs, std::move(data), std::move(found));
   });
+}
+
+Portion judged_portion(const Needs& needs, Given given, const Execution& execution) {
+  Joining more = joining(needs.state, std::move(given));
+  Portion result = portion(needs.state, more, execution);
+  if (more.data.experiments() == 0) return result;
+  if (needs.mean.y.size() > 0) more.data = departures(std::move(more.data), needs.mean);
+  result.errors = stream::evaluate(needs.model, more.data, 0, more.data.steps(), needs.model.initial_state, true);
+  return result;
+}
+
+// Warnings of outputs that the model before predicts no better than by their mean, or simulates far worse.
+std::vector<std::string> warnings_of_fits(const Fit& simulation, const Fit& one_step, const Channels& names) {
+  std::vector<std::string> result;
+  const auto warn = [&](std::string_view text) {
+    result.push_back(fmt::format(
+        "new experiments, by the model before: {}; are they of the same system, with the same channels?", text));
+  };
+  for (Index j = 0; j < one_step.fit.size(); ++j)
+    if (one_step.samples > 0 && std::isnan(one_step.fit(j)))
+      warn(fmt::format("output {} never moves in them", names.output(j)));
+  for (const std::string& text : warnings_of_fit(one_step.fit, names)) warn(text);
+  if (!result.empty()) return result;
+  // Outputs that change slowly are predicted by themselves, whatever the system.
+  constexpr double much_worse = -20.0;
+  for (Index j = 0; j < simulation.fit.size(); ++j)
+    if (simulation.fit(j) < much_worse)
+      warn(fmt::format("output {} is simulated worse than by its mean: {:.3g} % fit", names.output(j),
+                       simulation.fit(j)));
+  return result;
+}
+
+// Ensembles that come one after the other, by number, and the words in front of what is said of each of them.
+struct Source {
+  Index count = 0;
+  std::function<Given(const Needs&, Index)> given;
+  std::function<std::string(Index)> name;
+};
+
+// In rounds, in which each member has one ensemble. Nobody knows which of its experiments join before he has the
+// digests of those before it; then all factorise theirs, and the first one adds the portions in order, with one of them
+// in memory.
+Additions update_from(UpdateState& state, const Model& before, const Source& source, const Execution& execution,
+                      const Team& team) {
+  const bool first = team.rank == 0;
+  // All members follow what the first one knows, to the last bit.
+  auto needs =
+      archive::unpacked<Needs>(team.broadcast(first ? archive::packed(needs_of(state, before)) : std::string()));
+  const size_t outputs = size_t(needs.state.factors.outputs);
+  Additions result;
+  ErrorTotals errors;
+  errors.one_step.resize(outputs), errors.simulation.resize(outputs);
+  for (Index begin = 0; begin < source.count; begin += team.size) {
+    const Index end = std::min(source.count, begin + team.size), mine = begin + team.rank;
+    std::optional<Given> own;
+    if (mine < end) own = source.given(needs, mine);
+    const auto digests = archive::unpacked<std::vector<std::string>>(
+        team.broadcast(archive::packed(team.gather(archive::packed(own ? own->digests : std::vector<Digest>())))));
+    std::optional<Portion> portion;
+    for (Index i = begin; i < end; ++i) {
+      if (i == mine) portion = judged_portion(needs, *std::exchange(own, {}), execution);
+      remember(needs.state.digests, archive::unpacked<std::vector<Digest>>(digests[size_t(i - begin)]));
+    }
+    for (Index i = begin; i < end; ++i) {
+      std::vector<std::string> all = team.gather(i == mine && !first ? archive::packed(*portion) : std::string());
+      if (!first) continue;
+      if (i != mine) portion = archive::unpacked<Portion>(all[size_t(i - begin)]);
+      all.clear();
+      add(state, *portion, execution);
+      result.experiments.push_back(portion->factors.experiments);
+      result.known.push_back(portion->known);
+      if (portion->factors.experiments > 0) errors.add(portion->errors);
+      for (const std::string& text : portion->remarks) result.warnings.push_back(source.name(i) + text);
+    }
+  }
+  if (!first) return result;
+  state.digests = std::move(needs.state.digests);
+  const bool centred = needs.mean.y.size() > 0;
+  result.simulation = fit_of(errors.simulation, centred);
+  result.one_step = fit_of(errors.one_step, centred);
+  const Index added = std::accumulate(result.experiments.begin(), result.experiments.end(), Index{0});
+  for (const auto& texts :
+       {warnings_of_unknown(state, added), warnings_of_fits(result.simulation, result.one_step, state.factors.names)})
+    result.warnings.insert(result.warnings.end(), texts.begin(), texts.end());
+  return result;
 }
 
 }  // namespace
 
-Additions additions(std::vector<Index> experiments, Fit simulation, Fit one_step, const Channels& names) {
-  Additions result{std::move(experiments), std::move(simulation), std::move(one_step), {}};
-  const auto warn = [&](std::string_view text) {
-    result.warnings.push_back(fmt::format(
-        "new experiments, by the model before: {}; are they of the same system, with the same channels?", text));
-  };
-  for (Index j = 0; j < result.one_step.fit.size(); ++j)
-    if (result.one_step.samples > 0 && std::isnan(result.one_step.fit(j)))
-      warn(fmt::format("output {} never moves in them", names.output(j)));
-  for (const std::string& text : warnings_of_fit(result.one_step.fit, names)) warn(text);
-  if (!result.warnings.empty()) return result;
-  // Outputs that change slowly are predicted by themselves, whatever the system.
-  constexpr double much_worse = -20.0;
-  for (Index j = 0; j < result.simulation.fit.size(); ++j)
-    if (result.simulation.fit(j) < much_worse)
-      warn(fmt::format("output {} is simulated worse than by its mean: {:.3g} % fit", names.output(j),
-                       result.simulation.fit(j)));
-  return result;
+Additions update(UpdateState& state, const Model& before, const Ensemble& more, const Execution& execution) {
+  const Source source{1, [&](const Needs& needs, Index) { return given(needs, more, {}); },
+                      [](Index) { return std::string(); }};
+  return update_from(state, before, source, execution, {});
 }
 
 Additions update(UpdateState& state, const Model& before, const std::vector<std::filesystem::path>& files,
                  const UpdateOptions& options) {
-  const Team& team = options.team;
-  const bool first = team.rank == 0;
-  // All members follow what the first one knows, to the last bit.
-  const Needs needs =
-      archive::unpacked<Needs>(team.broadcast(first ? archive::packed(needs_of(state, before)) : std::string()));
-  std::vector<Index> experiments;
-  std::vector<std::string> fingerprints;
-  ErrorTotals errors;
-  std::vector<std::string> found;
-  // In the order of the files; meanwhile each member is at the next of its own. So the first one holds one portion.
-  for (size_t i = 0; i < files.size(); ++i) {
-    const Index owner = Index(i) % team.size;
-    std::optional<Portion> own;
-    if (owner == team.rank) own = portion_of_file(needs, files[i], options);
-    std::vector<std::string> all = team.gather(own && !first ? archive::packed(*own) : std::string());
-    if (!first) continue;
-    if (!own) own = archive::unpacked<Portion>(all[size_t(owner)]);
-    all.clear();
-    const auto same = std::find(fingerprints.begin(), fingerprints.end(), own->fingerprint);
-    if (same != fingerprints.end())
-      throw std::invalid_argument(fmt::format("{}: experiments: the same as in {}, they would count twice",
-                                              files[i].string(), files[size_t(same - fingerprints.begin())].string()));
-    fingerprints.push_back(own->fingerprint);
-    about(files[i], [&] { add(state, *own, options.execution); });
-    experiments.push_back(own->factors.experiments);
-    errors.add(own->errors);
-    for (const std::string& text : own->remarks) found.push_back(fmt::format("{}: {}", files[i].string(), text));
-  }
-  const bool centred = needs.mean.y.size() > 0;
-  Additions result = additions(std::move(experiments), fit_of(errors.simulation, centred),
-                               fit_of(errors.one_step, centred), state.factors.names);
-  result.warnings.insert(result.warnings.begin(), found.begin(), found.end());
-  return result;
+  const Source source{Index(files.size()),
+                      [&](const Needs& needs, Index i) { return given_by(files[size_t(i)], needs, options); },
+                      [&](Index i) { return files[size_t(i)].string() + ": "; }};
+  return update_from(state, before, source, options.execution, options.team);
 }
 
 }  // namespace tokid

@@ -208,18 +208,15 @@ def test_more_processes_than_files_update(tmp_path):
     assert state.read_bytes() == alone.read_bytes()
 
 
-@pytest.mark.parametrize("wrong, reason", [(0, "infinite"), (1, "infinite"), (3, "infinite"), (2, "no such file"),
-                                           (3, "the same as in")])
+@pytest.mark.parametrize("wrong, reason", [(0, "infinite"), (1, "infinite"), (3, "infinite"), (2, "no such file")])
 def test_a_file_that_does_not_fit_leaves_the_state_as_it_was(tmp_path, wrong, reason):
     state, later = portions(tmp_path, [3, 4, 5, 6], steps=60)
     before = state.read_bytes()
     if reason == "infinite":
         with h5py.File(later[wrong], "a") as file:
             file["y"][2, 50, 0] = np.inf
-    elif reason == "no such file":
-        later[wrong].unlink()
     else:
-        shutil.copy(later[0], later[wrong])
+        later[wrong].unlink()
     result = mpi(2, "update", state, *later, "-o", tmp_path / "model.h5")
     assert result.returncode == 2
     said = said_by_tokid(result.stderr)
@@ -227,6 +224,29 @@ def test_a_file_that_does_not_fit_leaves_the_state_as_it_was(tmp_path, wrong, re
     assert state.read_bytes() == before
     assert not (tmp_path / "model.h5").exists()
     assert leftovers(tmp_path) == []
+
+
+def test_files_that_share_experiments_update_alike(tmp_path):
+    """With a file of the same round, and with one of a round before."""
+    state, later = portions(tmp_path, [6, 8, 5, 7, 3], steps=60)
+    shared = [later[0], tmp_path / "of-two.h5", later[1], later[0], *later[2:]]
+    with h5py.File(later[0]) as one, h5py.File(later[1]) as other, h5py.File(shared[1], "w") as both:
+        for key in one:
+            both[key] = np.concatenate([one[key][3:], other[key][:5]]) if key in ("u", "y") else one[key][()]
+    alone = tmp_path / "alone.h5"
+    shutil.copy(state, alone)
+    told = json.loads(tokid("update", alone, *shared, "--json").stdout)
+    assert (told["experiments"], told["new_experiments"]) == (40 + 29, 29)
+    assert told["known_experiments"] == [[], [0, 1, 2], [0, 1, 2, 3, 4], [0, 1, 2, 3, 4, 5], [], [], []]
+    for processes in (2, 3):
+        own = tmp_path / f"state-{processes}.h5"
+        shutil.copy(state, own)
+        result = mpi(processes, "update", own, *shared, "--json")
+        assert result.returncode == 0, result.stderr
+        assert own.read_bytes() == alone.read_bytes()
+        found = json.loads(result.stdout)
+        assert found["known_experiments"] == told["known_experiments"] and found["warnings"] == told["warnings"]
+        assert found["simulation_fit"] == told["simulation_fit"]
 
 
 def opened_by(process):

@@ -127,16 +127,13 @@ def test_refusals_leave_the_state_as_it_was(tokid, campaign):
     before = state.read_bytes()
     tokid("example", "oscillator", "-o", campaign / "short.npz", "--experiments", 5, "--steps", 50)
     for arguments, reason in [
-        ([state, campaign / "first.npz"], "has these already"),
         ([state, campaign / "short.npz"], "steps: 50 found, 80 needed"),
         ([state, campaign / "later.npz", "-o", campaign / "none" / "m.npz"], "does not exist"),
         ([campaign / "model.npz", campaign / "later.npz"], "what identify --state writes"),
         ([campaign / "later.npz", campaign / "later.npz"], "another name needed"),
         ([campaign / "none.h5", campaign / "later.npz"], "none.h5"),
         ([campaign / "none.h5", campaign / "later.npz", campaign / "neither.npz"], "neither.npz: no such file"),
-        ([state, campaign / "later.npz", campaign / "first.npz"], "first.npz: experiments: the state has these already"),
         ([state, campaign / "later.npz", campaign / "short.npz", "-o", campaign / "m.npz"], "short.npz: steps: 50 found"),
-        ([state, campaign / "tuesday.npz", campaign / "later.npz", campaign / "tuesday.npz"], "tuesday.npz: experiments: the same as in"),
         ([state, campaign / "later.npz", campaign / "missing.npz"], "missing.npz: no such file"),
         ([state, campaign / "later.npz", campaign / "tuesday.npz", "-o", campaign / "tuesday.npz"], "another name needed"),
     ]:
@@ -150,6 +147,97 @@ def test_refusals_leave_the_state_as_it_was(tokid, campaign):
     assert not (campaign / "x.npz").exists() and not (campaign / "y.h5").exists()
 
 
+def test_experiments_of_the_state_are_not_added_again(tokid, campaign):
+    """Runs 0 to 39 yesterday, a file with runs 20 to 59 today: 20 of them join, as if they had been given alone."""
+    whole = dict(np.load(campaign / "all.npz"))
+    np.savez(campaign / "today.npz", **{k: v[20:] if k in ("u", "y") else v for k, v in whole.items()})
+    state, alone = campaign / "state.h5", campaign / "alone.h5"
+    tokid("identify", campaign / "first.npz", "-o", campaign / "first-model.npz", "--state", state)
+    shutil.copy(state, alone)
+    told = tokid.json("update", state, campaign / "today.npz", "-o", campaign / "model.npz")
+    plain = tokid.json("update", alone, campaign / "later.npz", "-o", campaign / "plain.npz")
+    assert (told["experiments"], told["new_experiments"]) == (60, 20)
+    assert told["known_experiments"] == [list(range(20))] and plain["known_experiments"] == [[]]
+    assert told["warnings"] == [
+        f"{campaign / 'today.npz'}: 20 of 40 experiments are in the state already: 0–19. They are not added again"]
+    for name in "simulation_fit", "one_step_fit", "states", "condition_max":
+        assert told[name] == plain[name], name
+    one, other = np.load(campaign / "model.npz"), np.load(campaign / "plain.npz")
+    assert all(one[name].tobytes() == other[name].tobytes() for name in one.files if name != "options")
+    with h5py.File(state) as found, h5py.File(alone) as expected:
+        assert found["experiment_digests"].shape == (60, 4)
+        for name in expected:
+            if name != "options":  # these name the files
+                assert np.array_equal(found[name][()], expected[name][()]), name
+
+
+def test_files_that_add_nothing_leave_the_state_as_it_is(tokid, campaign):
+    """So that a call which was stopped can be made once more."""
+    state, model = campaign / "state.npz", campaign / "model.npz"
+    tokid("identify", campaign / "first.npz", "-o", campaign / "first-model.npz", "--state", state)
+    tokid("update", state, campaign / "later.npz", "-o", model)
+    before, content = state.read_bytes(), model.read_bytes()
+    model.unlink()
+    again = tokid("update", state, campaign / "later.npz", "-o", model)
+    assert again.stderr.splitlines() == [
+        f"tokid: warning: {campaign / 'later.npz'}: all 20 experiments are in the state already. Nothing is added"]
+    assert "60, 0 of them new" in again.stdout and "Fit" not in again.stdout
+    assert state.read_bytes() == before and model.read_bytes() == content
+    told = tokid.json("update", state, campaign / "first.npz", campaign / "tuesday.npz")
+    assert (told["experiments"], told["new_experiments"]) == (60, 0)
+    assert told["known_experiments"] == [list(range(40)), list(range(12))]
+    assert told["simulation_fit"] == told["one_step_fit"] == [None, None]
+
+
+def test_files_of_one_call_that_share_experiments(tokid, campaign):
+    state = campaign / "state.h5"
+    tokid("identify", campaign / "first.npz", "-o", campaign / "first-model.npz", "--state", state)
+    digests, models = [], []
+    for i, names in enumerate([["tuesday", "later", "wednesday"], ["wednesday", "tuesday", "later"], ["later"]]):
+        own = campaign / f"own-{i}.h5"
+        shutil.copy(state, own)
+        told = tokid.json("update", own, *(campaign / f"{name}.npz" for name in names), "-o", campaign / "model.npz")
+        assert (told["experiments"], told["new_experiments"]) == (60, 20)
+        assert sum(map(len, told["known_experiments"])) == 20 * (len(names) == 3)
+        with h5py.File(own) as file:
+            digests.append(file["experiment_digests"][()])
+        models.append(markov(campaign / "model.npz"))
+    for i in 0, 1:
+        assert np.array_equal(digests[i], digests[2])
+        # The order of the merges differs, and with it the rounding of factors that have condition numbers of some hundred.
+        assert np.abs(models[i] - models[2]).max() <= 1e-10 * np.abs(models[2]).max()
+
+
+def test_experiments_are_known_in_any_format_and_order_of_channels(tokid, campaign):
+    state = campaign / "state.h5"
+    tokid("identify", campaign / "first.npz", "-o", campaign / "first-model.npz", "--state", state)
+    for extension in "csv", "mat", "h5":
+        other = campaign / f"other.{extension}"
+        tokid("convert", campaign / "first.npz", other)
+        assert tokid.json("update", state, other)["known_experiments"] == [list(range(40))]
+    values = dict(np.load(campaign / "first.npz"))
+    values["y"], values["output_names"] = values["y"][:, :, ::-1], np.array(["y2", "y1"])
+    np.savez(campaign / "other.npz", **values)
+    assert tokid.json("update", state, campaign / "other.npz")["known_experiments"] == [list(range(40))]
+
+
+def test_states_of_earlier_versions_say_that_they_cannot_tell(tokid, campaign):
+    state = campaign / "state.npz"
+    tokid("identify", campaign / "first.npz", "-o", campaign / "first-model.npz", "--state", state)
+    values = dict(np.load(state))
+    del values["experiment_digests"], values["without_digest"]
+    np.savez(state, **values)
+    said = tokid("update", state, campaign / "first.npz").stderr  # a whole file is known by its fingerprint
+    assert said.count("\n") == 1 and "all 40 experiments are in the state already. Nothing is added" in said
+    for name, new in ("tuesday", 12), ("later", 8), ("wednesday", 0):
+        told = tokid.json("update", state, campaign / f"{name}.npz")
+        assert told["new_experiments"] == new
+        assert any("no digests of 40 experiments" in text for text in told["warnings"]) == (new > 0)
+    with np.load(state) as now:
+        # The first file has left its digests, given once more.
+        assert (now["without_digest"], now["experiments"], len(now["experiment_digests"])) == (40, 60, 60)
+
+
 def test_damaged_states_are_refused(tokid, campaign):
     state = campaign / "state.npz"
     tokid("identify", campaign / "first.npz", "-o", campaign / "model.npz", "--state", state)
@@ -161,6 +249,12 @@ def test_damaged_states_are_refused(tokid, campaign):
         ({"sample_sums": sound["sample_sums"][:, :-1]}, "sample_sums"),
         ({"window_factors": sound["window_factors"] * np.nan}, "window_factors"),
         ({"method": np.array("magic")}, "magic"),
+        ({"experiment_digests": sound["experiment_digests"][::-1]}, "'experiment_digests': rows found that are not in ascending"),
+        ({"experiment_digests": sound["experiment_digests"][1:]}, "'experiment_digests': 39 rows found, at least 40 needed"),
+        ({"experiment_digests": sound["experiment_digests"][:, 1:]}, "'experiment_digests': shape (40, 3) found"),
+        ({"experiment_digests": sound["experiment_digests"] + 2**32}, "'experiment_digests': values found that are no whole"),
+        ({"experiment_digests": sound["experiment_digests"] * np.nan}, "'experiment_digests': values found that are no whole"),
+        ({"without_digest": np.int64(41)}, "'without_digest': 41 found, 0 to 40 needed"),
     ]:
         np.savez(campaign / "damaged.npz", **{**sound, **change})
         failed = tokid("update", campaign / "damaged.npz", campaign / "later.npz", status=2)
