@@ -199,6 +199,32 @@ TEST(Outliers, NoneInHealthyCampaignsOfAnyKind) {
           ADD_FAILURE() << kind.name << ", seed " << seed << ": " << warnings_of({o}).front();
 }
 
+// Where all others have ended, nothing is left to judge those by that go on.
+TEST(Outliers, AreJudgedWhereThereAreOthers) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    Ensemble e = campaign({100, 100, {2, 1, 1}, 0.05, 2}, seed);
+    Random random(seed);
+    const double size = output_sizes(e)(0);
+    std::vector<Index> length(100, 60), expected;
+    for (Index n = 3; n < 100; n += 10) {
+      expected.push_back(n);
+      length[size_t(n)] = 100;
+      for (Index k = 0; k < 100; ++k) e.y(n, k, 0) = 50 * size * random.normal();
+    }
+    set_length(e, length);
+    std::vector<Index> found;
+    for (const Outlier& o : outliers(e, {.lags = 2})) {
+      found.push_back(o.experiment);
+      EXPECT_TRUE(std::isfinite(o.ratio));
+      // Samples that are shrunk have small residuals of any model; the shares of the outputs tell.
+      EXPECT_EQ(o.explanation.find("they would be as usual"), std::string::npos) << o.explanation;
+    }
+    std::sort(found.begin(), found.end());
+    EXPECT_EQ(found, expected);
+  }
+}
+
 TEST(Outliers, OneWildSampleIsNoWildExperiment) {
   const Campaign c{20, 80, {2, 1, 1}, 0.05, 2};
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {

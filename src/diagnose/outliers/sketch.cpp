@@ -56,7 +56,7 @@ void Sketch::judge(const std::vector<char>& out) {
   const size_t n = size_t(e_.experiments());
   std::vector<std::vector<double>> sizes(n * size_t(m)), plain(n * size_t(m));
   for (const Place& p : places_)
-    for (size_t i = 0; i < p.owner.size(); ++i)
+    for (size_t i = 0; i < p.owner.size() && !p.empty; ++i)
       for (Index j = 0; j < m; ++j) {
         if (!(p.median(j) > 0)) continue;
         const size_t at = size_t(p.owner[i] * m + j);
@@ -103,7 +103,7 @@ double Sketch::error() const {
   double sum = 0.0;
   Index count = 0;
   for (const Place& p : places_)
-    for (Index j = 0; j < e_.outputs(); ++j) {
+    for (Index j = 0; j < e_.outputs() && !p.empty; ++j) {
       const Vector unweighted = p.y.col(j).cwiseQuotient(p.weight);
       const double size = std::sqrt(unweighted.squaredNorm() / double(unweighted.size()));
       if (size > 0 && p.plain_median(j) > 0) sum += std::log(p.plain_median(j) / size), ++count;
@@ -115,7 +115,8 @@ Vector Sketch::usual_residual() const {
   Vector result(e_.outputs());
   for (Index j = 0; j < e_.outputs(); ++j) {
     std::vector<double> sizes;
-    for (const Place& p : places_) sizes.push_back(p.plain_median(j));
+    for (const Place& p : places_)
+      if (!p.empty) sizes.push_back(p.plain_median(j));
     result(j) = statistics::median(sizes);
   }
   return result;
@@ -141,7 +142,7 @@ void Sketch::for_each_row(const Eigen::RowVectorXd& x, Places at, Use&& use) con
   Vector w(regressors());
   for (size_t i = 0; i < places_.size(); ++i) {
     const Place& p = places_[i];
-    if (at != Places::all && (i % 2 == 0) != (at == Places::even)) continue;
+    if (p.empty || (at != Places::all && (i % 2 == 0) != (at == Places::even))) continue;
     for (Index k = p.begin; k < p.begin + layout_.together; ++k) {
       const auto window = x.segment((k - q) * d, (q + 1) * d);
       if (window.array().isNaN().any()) continue;
@@ -273,6 +274,8 @@ void Sketch::regress(Place& p, const std::vector<char>& out) const {
   std::vector<Index> used;
   for (Index i = 0; i < rows; ++i)
     if (!out[size_t(p.owner[size_t(i)])]) used.push_back(i);
+  p.empty = used.empty();
+  if (p.empty) return;
   // Enough of them, whole experiments, make the model; the others are judged by it all the same.
   std::vector<char> inside(size_t(rows), 0);
   const Index most = Index(most_rows_each * double(l)),

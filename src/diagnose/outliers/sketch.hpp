@@ -66,6 +66,7 @@ class Sketch {
     std::vector<Index> owner;      // of each row
     Vector weight;                 // of each row
     Vector scale;                  // of the columns of w: medians of their sizes
+    bool empty = false;            // no others are here: nothing is said of anyone
     Matrix coefficients, inverse;  // of the model of the others: x, R⁻¹
     Matrix residual, deviation;    // leave-one-out ones, unweighted, and what they scatter by in units of the noise
     Vector median, plain_median;   // (m) of their sizes over the others
