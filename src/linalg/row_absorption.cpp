@@ -203,7 +203,6 @@ namespace tokid::linalg {
 
 namespace {
 
-constexpr Index width = RowAbsorption::width;
 // Rows come in multiples of these …
 constexpr Index whole_rows = 8;
 // … and so many at once: they stay in the second level cache together with what absorbs them.
