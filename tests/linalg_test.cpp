@@ -49,6 +49,23 @@ TEST(Solve, LeavesResidualsOfRounding) {
   }
 }
 
+// What is said of a singular matrix: the solution is not finite, or huge, and never passes for a sound one.
+TEST(Solve, OfASingularMatrixIsNotFiniteOrHuge) {
+  for (const Index n : {1, 2, 5, 12, 40}) {
+    SCOPED_TRACE(n);
+    Random random(std::uint64_t(350 + n));
+    const Matrix b = random.matrix(n, 3);
+    EXPECT_FALSE(linalg::solve(Matrix::Zero(n, n), b).allFinite());
+    Matrix row = random.matrix(n, n);
+    row.row(n / 2).setZero();
+    EXPECT_FALSE(linalg::solve(row, b).allFinite());
+    if (n == 1) continue;
+    // Of rank n - 1 within rounding: a pivot of n ε at most times the largest entries stands for zero.
+    const Matrix rank = random.matrix(n, n - 1) * random.matrix(n - 1, n), x = linalg::solve(rank, b);
+    EXPECT_TRUE(!x.allFinite() || x.norm() * rank.norm() > 1e-3 / epsilon / double(n * n) * b.norm());
+  }
+}
+
 TEST(SymmetricEigensystem, ReproducesTheMatrixOfItsLowerTriangle) {
   for (const Index n : {1, 2, 5, 12, 40}) {
     Random random(std::uint64_t(400 + n));

@@ -46,6 +46,37 @@ void expect_kept(const Step& step, const Kept& kept) {
   }
 }
 
+// What the other step has replaces one's own, what it lacks is left; matrices and noise stay.
+TEST(Step, TakesDiagnosticsOfAnother) {
+  Random random(17);
+  for (int own = 0; own < 32; ++own)
+    for (int other = 0; other < 32; ++other) {
+      const auto step = [&random](Index n, int known, Kept& kept) {
+        Step made(random.matrix(n, n), random.matrix(n, 1), random.matrix(2, n), random.matrix(2, 1),
+                  random.matrix(n, 2));
+        for (size_t i = 0; i < 5; ++i) kept.matrices[i] = Matrix((made.*step_fields::all[i].view)());
+        if (known & 1) made.set_innovation_cov(*(kept.matrices[5] = random.matrix(2, 2)));
+        if (known & 2) made.set_singular_values(*(kept.singular_values = random.matrix(1 + Index(known), 1)));
+        if (known & 4) made.set_condition(*(kept.condition = random.normal()));
+        if (known & 8) made.set_rank(*(kept.rank = Index(random.uniform(0, 50))));
+        if (known & 16) made.set_lags(*(kept.lags = Index(random.uniform(0, 50))));
+        return made;
+      };
+      Kept kept, theirs;
+      Step taker = step(3, own, kept);
+      taker.set_R(*(kept.matrices[7] = random.matrix(2, 2)));
+      const Step giver = step(4, other, theirs);
+      taker.take_diagnostics_of(giver);
+      if (theirs.matrices[5]) kept.matrices[5] = theirs.matrices[5];
+      if (theirs.singular_values) kept.singular_values = theirs.singular_values;
+      if (theirs.condition) kept.condition = theirs.condition;
+      if (theirs.rank) kept.rank = theirs.rank;
+      if (theirs.lags) kept.lags = theirs.lags;
+      expect_kept(taker, kept);
+      expect_kept(giver, theirs);
+    }
+}
+
 TEST(Step, HoldsWhatItWasGivenInWhateverOrder) {
   for (const auto& [n, next, r, m] :
        {std::array<Index, 4>{2, 2, 1, 1}, {3, 4, 2, 3}, {0, 3, 2, 1}, {3, 0, 1, 2}, {0, 0, 1, 1}, {4, 4, 0, 2}}) {
