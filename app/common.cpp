@@ -183,7 +183,7 @@ void print(const std::string& text) {
 // NaN and infinity become null; text that is not UTF-8 is repaired rather than refused. What printable() would not
 // leave as it is, is written as its number, which says the same.
 void print(const Json& json) {
-  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace);
+  const std::string text = text_of(json, 2);
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);)
     if (printable(line) != line) return print(json.dump(2, ' ', true, Json::error_handler_t::replace) + '\n');

@@ -6,18 +6,17 @@
 
 #include <chrono>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <vector>
 
+#include "base/json.hpp"
 #include "tokid/tokid.hpp"
 
 namespace tokid::app {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;  // keys stay in the order in which they were written
 
 // Files
 
