@@ -348,6 +348,9 @@ Json json(const Call& call, const Data& data, const Identification& result) {
                              {"ratio", o.ratio},
                              {"explanation", o.explanation}});
   j["copies"] = result.copies.groups;
+  j["dependent"] = Json::array();
+  for (const DependentExperiment& c : result.dependent.combinations)
+    j["dependent"].push_back({{"experiment", c.experiment}, {"of", c.of}, {"weights", c.weights}});
   j["warnings"] = result.warnings;
   j["seconds"] = result.seconds;
   j["version"] = version;

@@ -174,7 +174,7 @@ CrossValidation cross_validation(const Call& call, const Model& model, const Ens
 void run(const Call& call) {
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
-  Validation result = about(call.data, [&] { return validate(model, data, call.options); });
+  Validation result = about(call.data, [&] { return validate_distinct(model, data, call.options); });
   const std::vector<std::string> before = remarks(model, data), behind = differences(model, data);
   result.warnings.insert(result.warnings.begin(), before.begin(), before.end());
   result.warnings.insert(result.warnings.end(), behind.begin(), behind.end());

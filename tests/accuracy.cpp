@@ -17,7 +17,7 @@
 #include "members.hpp"
 #include "oracle.hpp"
 #include "testing.hpp"
-#include "tokid/copies.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/io.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/observer.hpp"
@@ -120,13 +120,20 @@ Ensemble ill_conditioned_experiments(const Sizes& size, Index experiments, Index
   return e;
 }
 
-// Adds experiments as the processes of tokid-mpi do, from files.
-void add_from_files(UpdateState& state, const Model& before, const Ensemble& e, Index parts, const Folder& folder) {
-  std::vector<fs::path> files;
+std::vector<Ensemble> in_parts(const Ensemble& e, Index parts) {
+  std::vector<Ensemble> result;
   parts = std::min(parts, e.experiments());
-  for (Index i = 0; i < parts; ++i) {
-    files.push_back(folder / ("part" + std::to_string(i) + ".npz"));
-    save_ensemble(e.subset(range(e.experiments() * i / parts, e.experiments() * (i + 1) / parts)), files.back());
+  for (Index i = 0; i < parts; ++i)
+    result.push_back(e.subset(range(e.experiments() * i / parts, e.experiments() * (i + 1) / parts)));
+  return result;
+}
+
+// Adds experiments as the processes of tokid-mpi do, from files.
+void add_from_files(UpdateState& state, const Model& before, const std::vector<Ensemble>& parts, const Folder& folder) {
+  std::vector<fs::path> files;
+  for (const Ensemble& part : parts) {
+    files.push_back(folder / ("part" + std::to_string(files.size()) + ".npz"));
+    save_ensemble(part, files.back());
   }
   Threads(2).run([&](const Team& team) {
     UpdateState none;
@@ -160,13 +167,14 @@ std::vector<std::pair<std::string, GtvArx>> every_route(const Ensemble& e, Index
     merge(factors,
           window_factors(e.subset(range(n, std::min(e.experiments(), n + batch))), lags, InitialState::unknown));
   routes.emplace_back("streamed update", gtv_arx(Windows(factors), o));
-  // Experiments that differ by rounding errors alone count once in an update.
-  if (folder && find_copies(e).groups.empty()) {
-    const Index first = std::max<Index>(1, e.experiments() / 4);
+  // An update leaves out experiments that differ from others, or from combinations of them, by rounding errors alone.
+  const Index first = std::max<Index>(1, e.experiments() / 4);
+  const std::vector<Ensemble> parts = in_parts(e.subset(range(first, e.experiments())), 3);
+  if (folder &&
+      std::all_of(parts.begin(), parts.end(), [](const Ensemble& part) { return used_experiments(part).all(part); })) {
     UpdateState state;
     state.factors = window_factors(e.subset(range(0, first)), lags, o.initial_state);
-    add_from_files(state, random_system({1, e.outputs(), e.inputs()}, e.steps(), 0.5, 1),
-                   e.subset(range(first, e.experiments())), 3, *folder);
+    add_from_files(state, random_system({1, e.outputs(), e.inputs()}, e.steps(), 0.5, 1), parts, *folder);
     routes.emplace_back("merged files (MPI)", gtv_arx(Windows(state.factors), o));
   }
   return routes;
@@ -737,7 +745,7 @@ AccuracyFindings identifications(int cases) {
     UpdateState one_by_one = state, from_files = state;
     for (Index i = 0; i < more.experiments(); ++i) update(one_by_one, more.subset({i}));
     judge_route("update, one by one", identify(one_by_one).model);
-    add_from_files(from_files, identify(state).model, more, 3, folder);
+    add_from_files(from_files, identify(state).model, in_parts(more, 3), folder);
     judge_route("update from files (MPI)", identify(from_files).model);
   }
   return findings;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tokid/copies.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/gtv_arx.hpp"
 #include "tokid/model.hpp"
 #include "tokid/subspace.hpp"
@@ -132,7 +133,9 @@ struct Identification {
   Validation validation;
   // Among all experiments of the data, numbered as there. Looked for where there is noise, and five of them or more.
   std::vector<Outlier> outliers;
-  Copies copies;  // among all experiments of the data: each experiment was used once
+  // Among all experiments of the data: each was used once, and those that are made of others were not.
+  Copies copies;
+  Dependence dependent;
   std::vector<std::string> warnings;
   double seconds = 0.0;
 };

@@ -4,6 +4,7 @@
 
 #include "tokid/copies.hpp"
 #include "tokid/cross_validate.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/design.hpp"
 #include "tokid/em.hpp"
 #include "tokid/ensemble.hpp"

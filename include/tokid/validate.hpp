@@ -41,6 +41,9 @@ struct Validation {
 };
 // \throws std::invalid_argument where channels disagree or no step of the data has a model
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
+// Judged by the experiments that tell something of their own: copies once, and no combinations of others, which the
+// warnings name.
+Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
 
 // What a test of the innovations says against a model: nothing; something beyond chance that is too small to matter; or
 // something that counts.

@@ -128,6 +128,10 @@ nb::any object_of(const Outlier& o) {
                           {"explanation", o.explanation}});
 }
 
+nb::any object_of(const DependentExperiment& c) {
+  return make("DependentExperiment", {{"experiment", c.experiment}, {"of", c.of}, {"weights", c.weights}});
+}
+
 }  // namespace
 
 nb::any object_of(const Fit& f) { return make("Fit", {{"fit", f.fit}, {"rmse", f.rmse}, {"samples", f.samples}}); }
@@ -171,6 +175,8 @@ nb::any object_of(const Verdict& v) {
 nb::any object_of(const Identification& i) {
   nb::list outliers;
   for (const Outlier& o : i.outliers) outliers.append(object_of(o));
+  nb::list dependent;
+  for (const DependentExperiment& c : i.dependent.combinations) dependent.append(object_of(c));
   return make("Identification", {{"experiments", i.experiments},
                                  {"steps", i.steps},
                                  {"lags", i.lags},
@@ -194,6 +200,7 @@ nb::any object_of(const Identification& i) {
                                  {"validation", object_of(i.validation)},
                                  {"outliers", outliers},
                                  {"copies", i.copies.groups},
+                                 {"dependent", dependent},
                                  {"warnings", texts(i.warnings)},
                                  {"seconds", i.seconds}});
 }

@@ -12,7 +12,7 @@ void bind_validate(nb::module_& module) {
       [](const Model& model, const Ensemble& data, Index horizon, Index whiteness_lags,
          std::optional<InitialState> initial_state) {
         Validation result = without_gil([&] {
-          return validate(model, data, {horizon, whiteness_lags, initial_state});
+          return validate_distinct(model, data, {horizon, whiteness_lags, initial_state});
         });
         const std::vector<std::string> remarks = differences(model, data);
         result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());

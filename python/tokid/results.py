@@ -457,6 +457,24 @@ class Outlier(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class DependentExperiment(_Result):
+    """An experiment that is the sum of others, each multiplied by its weight, within rounding.
+
+    Attributes
+    ----------
+    experiment : int
+        Its row in the data.
+    of : list of int
+        Rows of the others.
+    weights : ndarray, shape (others,)
+    """
+
+    experiment: int
+    of: list[int]
+    weights: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification(_Result):
     """The evidence for every choice of an identification.
 
@@ -497,6 +515,8 @@ class Identification(_Result):
         Looked for where there is noise, and five experiments or more.
     copies : list of list of int
         Rows of experiments that are copies of each other, within rounding; the first one of each list was used.
+    dependent : list of DependentExperiment
+        Experiments that are sums or multiples of others, within rounding; they were not used.
     warnings : list of str
     seconds : float
     """
@@ -524,6 +544,7 @@ class Identification(_Result):
     validation: Validation
     outliers: list[Outlier]
     copies: list[list[int]]
+    dependent: list[DependentExperiment]
     warnings: list[str]
     seconds: float
 

@@ -13,7 +13,7 @@
 #include "base/random.hpp"
 #include "diagnose/survey.hpp"
 #include "identify/identify_stretch.hpp"
-#include "tokid/copies.hpp"
+#include "tokid/dependence.hpp"
 
 namespace tokid {
 
@@ -97,14 +97,14 @@ Identification identify_without(const Ensemble& training, const IdentifyOptions&
 CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& identify_options,
                                const CrossValidateOptions& options) {
   check_horizon(options.horizon, ensemble.steps());
-  const Copies copies = find_copies(ensemble);
-  if (!copies.groups.empty()) {  // in two folds they would make errors look too small
-    CrossValidation result = cross_validate(ensemble.subset(copies.used), identify_options, options);
+  const UsedExperiments used = used_experiments(ensemble);
+  if (!used.all(ensemble)) {  // copies and sums in two folds would make errors look too small
+    CrossValidation result = cross_validate(ensemble.subset(used.rows()), identify_options, options);
     for (Fold& fold : result.folds) {
-      for (Index& n : fold.experiments) n = copies.used[size_t(n)];
+      for (Index& n : fold.experiments) n = used.rows()[size_t(n)];
       fold.experiment_names = names_of(ensemble, fold.experiments);
     }
-    const std::vector<std::string> told = warnings_of(copies, ensemble);
+    const std::vector<std::string> told = warnings_of(used, ensemble);
     result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
     return result;
   }

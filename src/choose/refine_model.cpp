@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "base/nan.hpp"
-#include "tokid/copies.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid {
@@ -63,10 +63,10 @@ void compare(const Model& model, const Ensemble& data, std::optional<InitialStat
 
 RefinedModel refine_model(const Model& model, const Ensemble& data, const RefineModelOptions& options) {
   RefinedModel result;
-  if (const Copies copies = find_copies(data); !copies.groups.empty()) {  // they would count twice
-    result = refine_model(model, data.subset(copies.used), options);
+  if (const UsedExperiments used = used_experiments(data); !used.all(data)) {  // the others would count twice
+    result = refine_model(model, data.subset(used.rows()), options);
     note_data(result.refinement.model, fingerprint(data));
-    const std::vector<std::string> told = warnings_of(copies, data);
+    const std::vector<std::string> told = warnings_of(used, data);
     result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
     return result;
   }

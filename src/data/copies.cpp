@@ -4,98 +4,27 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <string_view>
 
 #include "base/random.hpp"
 #include "base/words.hpp"
+#include "data/scales.hpp"
 
 namespace tokid {
 
 namespace {
 
-// Root mean square of a difference that is rounding, as a share of the usual departure of a channel. Sensors have more
-// noise than this, and copies that were computed with anew differ by less.
-constexpr double rounding_share = 4e-6;
-// The same of the size of a channel: rounding of sums in double precision.
-constexpr double arithmetic_share = 1e-12;
-// Rounding to so few digits that the error is a larger share of the departures says nothing.
-constexpr double coarsest_share = 0.05;
-// Steps at which departures are measured, and those of them where experiments are compared.
-constexpr Index most_measured = 256, most_probes = 16;
+// Steps where experiments are compared.
+constexpr Index most_probes = 16;
 // Successors in an order that an experiment is compared with.
 constexpr size_t most_successors = 16;
-constexpr Index most_digits = 9;  // of text that was rounded
-
-// What the decimal digits or the bits of a channel of an experiment resolve.
-struct Precision {
-  enum class Kind { full, single, decimal } kind = Kind::full;
-  int significant = 0, decimals = 0;  // digits, of decimal ones
-
-  bool operator==(const Precision&) const = default;
-
-  // Half a unit of the last place of this value.
-  double rounding(double value) const {
-    if (kind == Kind::full || value == 0) return kind == Kind::decimal ? 0.5 * std::pow(10.0, -decimals) : 0.0;
-    if (kind == Kind::single) return std::ldexp(std::abs(value), -24);
-    const int magnitude = int(std::floor(std::log10(std::abs(value)))) + 1;
-    return 0.5 * std::pow(10.0, std::max(-decimals, magnitude - significant));
-  }
-};
-
-// Digits of the shortest text that reads as this value: significant ones, and those behind the point.
-std::pair<int, int> digits_of(double value) {
-  std::array<char, 32> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::scientific).ptr;
-  const std::string_view all(text.data(), size_t(end - text.data()));
-  const size_t e = all.find('e');
-  const int significant =
-      int(std::count_if(all.begin(), all.begin() + std::ptrdiff_t(e), [](char c) { return c >= '0' && c <= '9'; }));
-  int exponent = 0;
-  const std::string_view tail = all.substr(e + (all[e + 1] == '+' ? 2 : 1));
-  std::from_chars(tail.data(), tail.data() + tail.size(), exponent);
-  return {significant, significant - 1 - exponent};
-}
-
-Precision precision_of(const Ensemble& e, Index n, Index channel, const std::vector<Index>& steps) {
-  constexpr int enough = 12;
-  Precision decimal{Precision::Kind::decimal, 0, -400};
-  bool single = true;
-  int looked_at = 0;
-  for (const Index k : steps) {
-    const double value = e.samples()(n, k * e.channels() + channel);
-    if (!std::isfinite(value) || value == 0) continue;
-    single = single && double(float(value)) == value;
-    const auto [significant, decimals] = digits_of(value);
-    decimal.significant = std::max(decimal.significant, significant);
-    decimal.decimals = std::max(decimal.decimals, decimals);
-    if (!single && decimal.significant > most_digits) return {};
-    if (++looked_at == enough) break;
-  }
-  if (looked_at == 0) return {};
-  if (decimal.significant <= most_digits) return decimal;
-  return single ? Precision{Precision::Kind::single, 0, 0} : Precision{};
-}
-
-double median(std::vector<double>& values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // What copies are searched with: the sizes of the channels, and steps where experiments differ.
 class Search {
  public:
-  explicit Search(const Ensemble& ensemble) : e_(ensemble) {
-    choose_steps();
-    measure();
-    for (Index n = 0; n < e_.experiments(); ++n)
-      for (Index c = 0; c < e_.channels(); ++c) precision_.push_back(precision_of(e_, n, c, steps_));
+  explicit Search(const Ensemble& ensemble) : e_(ensemble), scales_(scales(ensemble)) {
     for (Index n = 1; n < e_.experiments(); ++n) several_ = several_ || !alike(0, n);
   }
 
@@ -106,7 +35,8 @@ class Search {
     const Index d = e_.channels();
     const auto weights = [&] {
       Vector w(d);
-      for (Index c = 0; c < d; ++c) w(c) = departure_(c) > 0 ? (2 * random.uniform() - 1) / departure_(c) : 0.0;
+      for (Index c = 0; c < d; ++c)
+        w(c) = scales_.departure(c) > 0 ? (2 * random.uniform() - 1) / scales_.departure(c) : 0.0;
       return w;
     };
     // Experiments without a gap by all of their samples: two of them are hardly ever alike by chance.
@@ -176,7 +106,7 @@ class Search {
       if (std::isfinite(values(n))) order.emplace_back(values(n), n);
     std::sort(order.begin(), order.end());
     // Single differences are larger than their root mean square.
-    const double close = 10 * rounding_share * size, far = several_ ? 4 * coarsest_share * size : close;
+    const double close = 10 * rounding_of_departures * size, far = several_ ? 4 * coarsest_share * size : close;
     for (size_t i = 0; i < order.size(); ++i)
       for (size_t j = i + 1; j < std::min(order.size(), i + 1 + most_successors); ++j) {
         const double apart = order[j].first - order[i].first;
@@ -188,95 +118,38 @@ class Search {
 
   // Root mean square that a difference of two experiments may have. Small experiments differ by less.
   double allowed(Index a, Index b, Index c, bool rounded) const {
-    const double size = std::min(departure_(c), std::max(own_(a, c), own_(b, c)));
-    return rounded ? coarsest_share * size : std::max(rounding_share * size, arithmetic_(c));
+    const double size = std::min(scales_.departure(c), std::max(scales_.own(a, c), scales_.own(b, c)));
+    return rounded ? coarsest_share * size : std::max(rounding_of_departures * size, scales_.arithmetic(c));
   }
-  const Precision& precision(Index n, Index c) const { return precision_[size_t(n * e_.channels() + c)]; }
+  const Precision& precision(Index n, Index c) const { return scales_.precision_of(n, c); }
   bool alike(Index a, Index b) const {
     for (Index c = 0; c < e_.channels(); ++c)
       if (!(precision(a, c) == precision(b, c))) return false;
     return true;
   }
 
-  void choose_steps() {
-    constexpr double most_samples = 2e6;
-    const double each = double(e_.experiments() * e_.channels());
-    const Index count = std::min(e_.steps(), std::clamp(Index(most_samples / each), most_probes, most_measured));
-    for (Index i = 0; i < count; ++i) steps_.push_back((2 * i + 1) * e_.steps() / (2 * count));
-  }
-
-  // Departures from the median over the experiments, root mean squares of each experiment, and their median: single
-  // experiments that are far off change little.
-  void measure() {
-    const Index N = e_.experiments(), d = e_.channels();
-    departure_ = Vector::Zero(d);
-    arithmetic_ = Vector::Zero(d);
-    own_ = Matrix::Zero(N, d);
-    spread_ = Matrix::Zero(Index(steps_.size()), d);
-    Vector motion(d);
-    for (Index c = 0; c < d; ++c) {
-      Vector square = Vector::Zero(N), count = Vector::Zero(N);
-      std::vector<double> values, centres, sizes;
-      for (size_t i = 0; i < steps_.size(); ++i) {
-        const auto column = e_.samples().col(steps_[i] * d + c);
-        values.clear();
-        for (const double v : column)
-          if (std::isfinite(v)) values.push_back(v);
-        if (values.empty()) continue;
-        const double centre = median(values);
-        centres.push_back(centre);
-        sizes.push_back(std::abs(centre));
-        for (Index n = 0; n < N; ++n)
-          if (std::isfinite(column(n))) {
-            square(n) += (column(n) - centre) * (column(n) - centre);
-            count(n) += 1;
-          }
-        for (double& v : values) v = std::abs(v - centre);
-        spread_(Index(i), c) = median(values);
-      }
-      std::vector<double> usual;
-      for (Index n = 0; n < N; ++n)
-        if (square(n) > 0) usual.push_back(own_(n, c) = std::sqrt(square(n) / count(n)));
-      departure_(c) = median(usual);
-      const double size = median(sizes), middle = median(centres);
-      for (double& v : centres) v = std::abs(v - middle);
-      motion(c) = median(centres);
-      arithmetic_(c) = arithmetic_share * std::max(size, departure_(c));
-    }
-    // One experiment, over and over.
-    if ((departure_.array() <= rounding_share * motion.array()).all()) {
-      departure_ = departure_.cwiseMax(motion);
-      own_.rowwise() = departure_.transpose();
-    }
-  }
-
   // Of each stretch of the record the step where the experiments differ most.
   std::vector<Index> probes() const {
-    const Index count = std::min(most_probes, Index(steps_.size()));
+    const Index count = std::min(most_probes, Index(scales_.steps.size()));
     std::vector<Index> result;
     for (Index p = 0; p < count; ++p) {
-      const Index begin = p * Index(steps_.size()) / count, end = (p + 1) * Index(steps_.size()) / count;
+      const Index begin = p * Index(scales_.steps.size()) / count, end = (p + 1) * Index(scales_.steps.size()) / count;
       Index best = begin;
       const auto score = [&](Index i) {
         double sum = 0.0;
         for (Index c = 0; c < e_.channels(); ++c)
-          if (departure_(c) > 0) sum += spread_(i, c) / departure_(c);
+          if (scales_.departure(c) > 0) sum += scales_.spread(i, c) / scales_.departure(c);
         return sum;
       };
       for (Index i = begin + 1; i < end; ++i)
         if (score(i) > score(best)) best = i;
-      result.push_back(steps_[size_t(best)]);
+      result.push_back(scales_.steps[size_t(best)]);
     }
     return result;
   }
 
   const Ensemble& e_;
-  std::vector<Index> steps_;
-  Matrix spread_;      // (steps × d) median departure of each step
-  Vector departure_;   // (d) usual departure of a channel
-  Matrix own_;         // (N × d) departure of each experiment
-  Vector arithmetic_;  // (d) rounding of sums in a channel
-  std::vector<Precision> precision_;
+  const Scales scales_;
   bool several_ = false;  // precisions
 };
 

@@ -20,7 +20,7 @@
 #include "diagnose/survey.hpp"
 #include "identify/identify_stretch.hpp"
 #include "method/realisation.hpp"
-#include "tokid/copies.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/subspace.hpp"
@@ -919,15 +919,16 @@ Identification Pipeline::run(bool validated, const Ensemble* measured, const std
 
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options) {
   return with_remark_on_axes(ensemble, [&] {
-    Copies copies = find_copies(ensemble);
-    if (copies.groups.empty()) return Pipeline(ensemble, options).run(true, &ensemble);
+    UsedExperiments used = used_experiments(ensemble);
+    if (used.all(ensemble)) return Pipeline(ensemble, options).run(true, &ensemble);
     ensemble.check();  // what is wrong is reported with the rows of the caller
-    const Ensemble once = ensemble.subset(copies.used);
-    Identification result = Pipeline(once, options).run(true, &ensemble, copies.used);
+    const Ensemble own = ensemble.subset(used.rows());
+    Identification result = Pipeline(own, options).run(true, &ensemble, used.rows());
     note_data(result.model, fingerprint(ensemble));
-    const std::vector<std::string> told = warnings_of(copies, ensemble);
+    const std::vector<std::string> told = warnings_of(used, ensemble);
     result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
-    result.copies = std::move(copies);
+    result.copies = std::move(used.copies);
+    result.dependent = std::move(used.dependent);
     return result;
   });
 }

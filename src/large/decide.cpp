@@ -12,7 +12,7 @@
 #include "data/channel_sizes.hpp"
 #include "diagnose/excitation.hpp"
 #include "diagnose/outliers.hpp"
-#include "tokid/copies.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/remarks.hpp"
 
 namespace tokid::stream {
@@ -102,10 +102,13 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
 
   std::vector<const Ensemble*> stretches;
   for (const Part& part : parts) stretches.push_back(&part.whole);
+  constexpr const char* consequence =
+      "Blocks use them all, so errors on experiments left out look too small; delete them, or call with --block all";
+  const Ensemble& first = parts.front().whole;
   result.copies = find_copies(in_a_row(stretches));
-  add(warnings_of(result.copies, parts.front().whole,
-                  "Blocks use them all, so errors on experiments left out look too small; delete them, or call with "
-                  "--block all"));
+  add(warnings_of(result.copies, first, consequence));
+  result.dependent = dependence_beside(result.copies, first);
+  add(warnings_of(result.dependent, first, consequence));
 
   for (size_t i = 0; i < parts.size(); ++i) {
     const Ensemble& whole = parts[i].whole;

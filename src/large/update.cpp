@@ -21,7 +21,7 @@
 #include "identify/identify_stretch.hpp"
 #include "large/evaluate.hpp"
 #include "method/realisation.hpp"
-#include "tokid/copies.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/smooth_arx.hpp"
 #include "tokid/subspace.hpp"
@@ -116,9 +116,10 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   if ((result.together && choices.weighting == Weighting::projection) || options.weighting == Weighting::projection)
     throw std::invalid_argument(
         "weighting: projection found, which needs samples; --weighting one-step or many-steps can be updated");
-  const bool copied = !result.copies.groups.empty();
-  const Ensemble once = copied ? data.subset(result.copies.used) : Ensemble();
-  const Ensemble& used = copied ? once : data;
+  const std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
+  const bool all = Index(rows.size()) == data.experiments();
+  const Ensemble own = all ? Ensemble() : data.subset(rows);
+  const Ensemble& used = all ? data : own;
   Model told = with_options(result.model.options);
   note_update(told, used.experiments());
   if (result.together) note_choices(told, choices);
@@ -263,10 +264,11 @@ Joining joining(const UpdateState& state, Given given) {
   const auto is_known = [&](Index n) { return std::binary_search(result.known.begin(), result.known.end(), n); };
   std::erase_if(given.copies.used, is_known);
   std::erase_if(given.copies.groups, [&](const std::vector<Index>& group) { return is_known(group.front()); });
-  for (const auto& texts : {warnings_of_known(result.known, given.data), warnings_of(given.copies, given.data)})
+  UsedExperiments used{std::move(given.copies), {}};
+  used.dependent = dependence_beside(used.copies, given.data);
+  for (const auto& texts : {warnings_of_known(result.known, given.data), warnings_of(used, given.data)})
     result.remarks.insert(result.remarks.end(), texts.begin(), texts.end());
-  const bool all = Index(given.copies.used.size()) == given.data.experiments();
-  result.data = all ? std::move(given.data) : given.data.subset(given.copies.used);
+  result.data = used.all(given.data) ? std::move(given.data) : given.data.subset(used.rows());
   return result;
 }
 

@@ -10,6 +10,7 @@
 #include "model/error_sums.hpp"
 #include "model/judged.hpp"
 #include "model/step_by_step.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/remarks.hpp"
 
 namespace tokid {
@@ -117,6 +118,16 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
   return validation(model, data, options, errors, [&] {
     return predict(model, data, {1, options.initial_state}).innovations;
   });
+}
+
+Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  const UsedExperiments used = used_experiments(data);
+  if (used.all(data)) return validate(model, data, options);
+  data.check(false);  // what is wrong is reported with the rows of the caller
+  Validation result = validate(model, data.subset(used.rows()), options);
+  const std::vector<std::string> told = warnings_of(used, data);
+  result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+  return result;
 }
 
 }  // namespace tokid

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "tokid/copies.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid::report {
@@ -16,16 +16,16 @@ Tested tested_part(const Ensemble& data, Ensemble part, std::vector<Index> rows,
 }
 
 Tested tested(const Model& model, const Ensemble& data, const ReportOptions& options) {
-  const Copies copies = find_copies(data);
-  Tested result = tested_part(data, copies.groups.empty() ? data : data.subset(copies.used), copies.used, options);
-  for (std::string& text : warnings_of(copies, data)) result.options.warnings.push_back(std::move(text));
+  const UsedExperiments used = used_experiments(data);
+  Tested result = tested_part(data, used.all(data) ? data : data.subset(used.rows()), used.rows(), options);
+  for (std::string& text : warnings_of(used, data)) result.options.warnings.push_back(std::move(text));
   if (options.evaluation != Evaluation::automatic) return result;
   result.options.evaluation = has_seen(model, data) ? Evaluation::training : Evaluation::given;
   try {
     const IdentifyOptions identification = identify_options(model);
     Split parts = split(result.data, identification.hold_out, identification.period);
     if (result.options.evaluation == Evaluation::given && has_seen(model, parts.training)) {
-      for (Index& n : parts.held_out_rows) n = copies.used[size_t(n)];
+      for (Index& n : parts.held_out_rows) n = used.rows()[size_t(n)];
       result = tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(result.options));
       result.options.evaluation = Evaluation::held_out;
     }

@@ -615,15 +615,14 @@ ReportPage identification_page(const Identification& result, const Ensemble& dat
   options.identified_from = result.experiments;
   options.warnings = result.warnings;
   options.initial_state = result.model.initial_state;
-  const bool copied = !result.copies.groups.empty();
-  const Ensemble once = copied ? data.subset(result.copies.used) : Ensemble();
-  const Ensemble& used = copied ? once : data;
-  if (!result.held_out && !copied) return report_page(result.model, data, options);
-  if (!result.held_out)
-    return page_of(result.model, report::tested_part(data, once, result.copies.used, std::move(options)));
+  const std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
+  const bool all = Index(rows.size()) == data.experiments();
+  const Ensemble own = all ? Ensemble() : data.subset(rows);
+  const Ensemble& used = all ? data : own;
+  if (!result.held_out && all) return report_page(result.model, data, options);
+  if (!result.held_out) return page_of(result.model, report::tested_part(data, own, rows, std::move(options)));
   Split parts = split(used, identified.hold_out, identified.period);
-  if (copied)
-    for (Index& n : parts.held_out_rows) n = result.copies.used[size_t(n)];
+  for (Index& n : parts.held_out_rows) n = rows[size_t(n)];
   return page_of(result.model, report::tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows),
                                                    std::move(options)));
 }

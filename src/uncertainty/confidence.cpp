@@ -11,7 +11,7 @@
 #include "base/words.hpp"
 #include "data/channel_sizes.hpp"
 #include "identify/identify_stretch.hpp"
-#include "tokid/copies.hpp"
+#include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
@@ -40,8 +40,8 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
   if (model.inputs != data.inputs() || model.outputs != data.outputs())
     throw std::invalid_argument(fmt::format("channels: {} inputs and {} outputs found, the model has {} and {}",
                                             data.inputs(), data.outputs(), model.inputs, model.outputs));
-  const Copies copies = find_copies(data);
-  Ensemble training = copies.groups.empty() ? data : data.subset(copies.used);
+  const UsedExperiments used = used_experiments(data);
+  Ensemble training = used.all(data) ? data : data.subset(used.rows());
   if (identification.hold_out > 0) training = split(training, identification.hold_out, identification.period).training;
   const Index recorded = recorded_experiments(model);
   if (recorded > 0 && recorded != training.experiments())

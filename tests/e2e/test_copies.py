@@ -54,6 +54,21 @@ def test_the_model_is_that_of_each_experiment_once(tokid, tmp_path, change, nois
     assert folds["one_step_fit"] == own["one_step_fit"]
 
 
+def test_validation_judges_each_experiment_once(tokid, tmp_path):
+    u, y = campaign(24)
+    tokid("identify", write(tmp_path / "data.npz", u, y), "-o", tmp_path / "model.npz", "--no-refine")
+    fresh, fresh_y = campaign(12, seed=4)
+    once = write(tmp_path / "once.npz", fresh, fresh_y)
+    copied = write(tmp_path / "copied.npz", *(np.concatenate([v, v[:4], v[:4]]) for v in (fresh, fresh_y)))
+    plain = tokid.json("validate", tmp_path / "model.npz", once)
+    found = tokid.json("validate", tmp_path / "model.npz", copied)
+    assert found["warnings"][0].startswith(
+        "8 of 20 experiments are copies of others, within rounding: 12 and 16 of 0; 13 and 17 of 1; ")
+    assert not any("copies" in text for text in plain["warnings"])
+    for name in ("one_step_fit", "simulation_fit", "whiteness_p", "nis", "samples"):
+        assert found[name] == plain[name]
+
+
 def test_text_with_few_digits(tokid, tmp_path):
     """A file of four decimals, in which some experiments come from others in single precision."""
     u, y = campaign(12)

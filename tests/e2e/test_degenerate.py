@@ -202,6 +202,16 @@ def _(folder, tokid):
     return identify(folder, u, y)
 
 
+@case("experiments that are sums of others")
+def _(folder, tokid):
+    u = gaussian()
+    y = experiments(u, 0.05)
+    for v in (u, y):
+        v[7] = v[3] + v[5]
+        v[9] = 2 * v[4]
+    return identify(folder, u, y)
+
+
 @case("repetitions of a few experiments")
 def _(folder, tokid):
     u = np.repeat(gaussian(count=4), 10, axis=0)

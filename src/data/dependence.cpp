@@ -1,0 +1,504 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/dependence.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <utility>
+
+#include "base/statistics.hpp"
+#include "base/words.hpp"
+#include "data/noise_of.hpp"
+#include "data/scales.hpp"
+
+namespace tokid {
+
+namespace {
+
+// A search may cost so many operations, or so many for each sample.
+constexpr double most_operations = 1e10;
+constexpr double operations_per_sample = 200;
+// A basis must leave so many sums free: what it explains with fewer may be chance.
+constexpr Index most_spare = 16;
+// The residual of a combination may be so many times what the roundings of its terms add up to.
+constexpr double slack = 3.0;
+// A term is zero if its loss would add a smaller share of the allowed residual.
+constexpr double counted = 0.5;
+// Terms of a combination that are fitted by themselves.
+constexpr Index most_fitted = 32;
+// The part of a term that no other explains must be so many times rounding, also in two thirds of the record.
+constexpr double visible = 8.0;
+// A residual that is a larger share of an experiment is no rounding.
+constexpr double surely_apart = 0.1;
+// A share that is larger by less is a tie, which the order of the experiments decides.
+constexpr double tie = 1.1;
+// Above so many terms for each experiment, combinations are verified at some of the steps only.
+constexpr double most_verified = 50;
+
+// Mean squares per sample of each experiment: what rounding makes of it, how far it departs from the others, and its
+// size, of each channel (N × d).
+struct Sizes {
+  Matrix rounding, departure;
+  Vector unit;                                // (d) of a channel; infinite: it is zero everywhere
+  Vector all_rounding, all_departure, share;  // (N) mean over the channels in their units; `share` is a root
+};
+
+Sizes sizes_of(const Ensemble& e, const Scales& s) {
+  const Index N = e.experiments(), d = e.channels();
+  Sizes result{Matrix::Zero(N, d), s.own.array().square().matrix(), Vector(d), {}, {}, {}};
+  Matrix raw = Matrix::Zero(N, d);
+  for (Index c = 0; c < d; ++c)
+    for (Index n = 0; n < N; ++n) {
+      double count = 0;
+      for (const Index k : s.steps) {
+        const double x = e.samples()(n, k * d + c);
+        if (!std::isfinite(x)) continue;
+        raw(n, c) += x * x;
+        result.rounding(n, c) += std::pow(s.precision_of(n, c).rounding(x), 2) / 3;  // evenly spread
+        ++count;
+      }
+      if (count > 0) raw(n, c) /= count, result.rounding(n, c) /= count;
+      result.rounding(n, c) += rounding_of_sizes * rounding_of_sizes * raw(n, c);
+    }
+  for (Index c = 0; c < d; ++c) {
+    const double size = s.departure(c) > 0 ? s.departure(c) : std::sqrt(raw.col(c).maxCoeff());
+    result.unit(c) = size > 0 ? size : std::numeric_limits<double>::infinity();
+  }
+  const Vector weights = result.unit.array().square().inverse() / double(d);
+  result.all_rounding = result.rounding * weights;
+  result.all_departure = result.departure * weights;
+  // Beside a large motion that all share, what departs from it tells sums from their terms. Medians need several.
+  constexpr Index several = 8;
+  const Vector all = raw * weights;
+  const double usual = statistics::median({all.begin(), all.end()}),
+               apart = statistics::median({result.all_departure.begin(), result.all_departure.end()});
+  result.share = (N >= several && usual > 2 * apart ? result.all_departure : all).cwiseSqrt();
+  constexpr double least = 1e-3;  // none is zero
+  result.share = result.share.cwiseMax(least * result.share.maxCoeff());
+  return result;
+}
+
+// Experiments as columns of few numbers: sums of their samples with random signs, which keep lengths and combinations.
+// Each third of them is of a third of the record.
+struct Sketch {
+  std::vector<Index> experiments;  // those that are looked at, ascending
+  Matrix sums;                     // (p × their number)
+  double samples = 0;              // in each column
+};
+
+// The samples that all of the chosen experiments have, where not all have all of them.
+struct Complete {
+  std::vector<Index> experiments;
+  std::vector<bool> column;  // empty: all of them
+  Index columns = 0;
+};
+
+// Takes experiments with few missing samples first, and as many as still have enough samples in common.
+Complete complete_samples(const Ensemble& e) {
+  const Index N = e.experiments(), C = e.samples().cols();
+  Complete result;
+  for (Index n = 0; n < N; ++n) result.experiments.push_back(n);
+  std::vector<bool> gap(static_cast<size_t>(C));
+  std::vector<Index> missing(static_cast<size_t>(N));
+  for (Index c = 0; c < C; ++c) {
+    if (std::isfinite(e.samples().col(c).sum())) continue;
+    gap[size_t(c)] = true;
+    for (Index n = 0; n < N; ++n) missing[size_t(n)] += !std::isfinite(e.samples()(n, c));
+  }
+  result.columns = C;
+  if (std::none_of(gap.begin(), gap.end(), [](bool g) { return g; })) return result;
+  std::vector<Index>& order = result.experiments;
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index a, Index b) { return missing[size_t(a)] < missing[size_t(b)]; });
+  // Counts columns by the number of experiments at the begin of that order that have them.
+  std::vector<Index> whole(static_cast<size_t>(C), N), count(static_cast<size_t>(N) + 1, 0);
+  for (Index c = 0; c < C; ++c) {
+    if (gap[size_t(c)])
+      whole[size_t(c)] =
+          std::find_if(order.begin(), order.end(), [&](Index n) { return !std::isfinite(e.samples()(n, c)); }) -
+          order.begin();
+    ++count[size_t(whole[size_t(c)])];
+  }
+  Index chosen = N, common = count[size_t(N)], any = C - count[0];
+  while (chosen > 1 && common < std::min(2 * (chosen + most_spare), any / 2)) common += count[size_t(--chosen)];
+  order.resize(size_t(chosen));
+  std::sort(order.begin(), order.end());
+  result.columns = common;
+  result.column.resize(size_t(C));
+  for (Index c = 0; c < C; ++c) result.column[size_t(c)] = whole[size_t(c)] >= chosen;
+  return result;
+}
+
+// The same signs on every machine (splitmix64).
+double sign(std::uint64_t i) {
+  i = (i + 1) * 0x9e3779b97f4a7c15U;
+  i = (i ^ (i >> 30U)) * 0xbf58476d1ce4e5b9U;
+  i = (i ^ (i >> 27U)) * 0x94d049bb133111ebU;
+  return (i >> 63U) != 0 ? -1.0 : 1.0;
+}
+
+Sketch sketch(const Ensemble& e, const Sizes& sizes) {
+  Complete whole = complete_samples(e);
+  const Index N = Index(whole.experiments.size()), C = whole.columns, d = e.channels();
+  const double operations = std::max(most_operations, operations_per_sample * double(N) * double(C));
+  const Index affordable = Index(std::sqrt(operations / double(4 * N)));
+  const Index p = std::min({C, 2 * (N + most_spare), std::max(affordable, 8 * most_spare)});
+  Sketch result;
+  result.samples = double(C);
+  Matrix sums = Matrix::Zero(e.experiments(), p);
+  Index third = 0, i = 0;
+  for (Index c = 0; c < e.samples().cols() && p > 0; ++c) {
+    if (!whole.column.empty() && !whole.column[size_t(c)]) continue;
+    while (i >= (third + 1) * C / 3) ++third;
+    const Index begin = third * p / 3, count = (third + 1) * p / 3 - begin;
+    if (count > 0)
+      sums.col(begin + (i - third * C / 3) % count) +=
+          (sign(std::uint64_t(i)) / sizes.unit(c % d)) * e.samples().col(c);
+    ++i;
+  }
+  result.sums = sums(whole.experiments, Eigen::all).transpose();
+  result.experiments = std::move(whole.experiments);
+  return result;
+}
+
+// What is searched: the sums, and how they are judged. Experiments are numbered as columns of the sketch.
+class Combinations {
+ public:
+  Combinations(const Sketch& s, const Sizes& sizes) : s_(s), sizes_(sizes) {}
+
+  struct Parts {
+    std::vector<Index> basis, dependent;
+  };
+
+  // Goes through the experiments in their order. The basis takes those that it does not explain yet, as long as it has
+  // room; the others that it explains are dependent.
+  Parts parts() const {
+    const Index p = s_.sums.rows(), N = s_.sums.cols(), width = 32;
+    const Index limit = std::min(N, p - std::min(most_spare, std::max<Index>(2, p / 4)));
+    Parts result;
+    if (limit < 1) return result;
+    Matrix q(p, limit), r = Matrix::Zero(limit, limit);
+    Index K = 0;
+    for (Index begin = 0; begin < N; begin += width) {
+      const Index count = std::min(width, N - begin), before = K;
+      Matrix a = s_.sums.middleCols(begin, count), t = Matrix::Zero(limit, count);
+      for (int pass = 0; pass < 2; ++pass) {  // the second one makes up for rounding errors of the first
+        const Matrix more = q.leftCols(K).transpose() * a;
+        a.noalias() -= q.leftCols(K) * more;
+        t.topRows(K) += more;
+      }
+      for (Index j = 0; j < count; ++j) {
+        const Index n = begin + j;
+        for (int pass = 0; pass < 2; ++pass) {
+          const Vector more = q.middleCols(before, K - before).transpose() * a.col(j);
+          a.col(j).noalias() -= q.middleCols(before, K - before) * more;
+          t.col(j).segment(before, K - before) += more;
+        }
+        const double left = a.col(j).norm(), size = s_.sums.col(n).norm();
+        if (size == 0) continue;
+        if (K > 0 && left <= surely_apart * size) {
+          const Vector weights = r.topLeftCorner(K, K).triangularView<Eigen::Upper>().solve(t.col(j).head(K));
+          if (mean_square(left, p - K) <= allowed(n, result.basis, weights)) {
+            result.dependent.push_back(n);
+            continue;
+          }
+        }
+        if (K == limit || left == 0) continue;
+        q.col(K) = a.col(j) / left;
+        r.col(K).head(K) = t.col(j).head(K);
+        r(K, K) = left;
+        ++K;
+        result.basis.push_back(n);
+      }
+    }
+    return result;
+  }
+
+  // The dependent ones as combinations of those of the basis, without the terms that are rounding; those alone that are
+  // no coincidence.
+  std::vector<DependentExperiment> combinations(const Parts& parts) const {
+    const Fit all = fit(parts.basis, parts.dependent);
+    const Index K = Index(parts.basis.size());
+    const Vector of_all = distances_of_thirds(parts.basis);
+    std::vector<DependentExperiment> result;
+    for (size_t i = 0; i < parts.dependent.size(); ++i) {
+      const Index n = parts.dependent[i];
+      const double bound = allowed(n, parts.basis, all.weights.col(Index(i)));
+      std::vector<Index> terms, rows;
+      for (Index b = 0; b < K; ++b)
+        if (std::pow(all.weights(b, Index(i)) * all.distance(b), 2) > counted * counted * bound) {
+          terms.push_back(b);
+          rows.push_back(parts.basis[size_t(b)]);
+        }
+      if (rows.empty()) continue;
+      // Of few terms the weights are better without the others.
+      const bool few = Index(rows.size()) <= most_fitted;
+      const Vector weights = few ? fit(rows, {n}).weights.col(0) : Vector(all.weights.col(Index(i))(terms));
+      const double permitted = allowed(n, rows, weights), unit = permitted / (1 + weights.squaredNorm());
+      const double left = (s_.sums.col(n) - s_.sums(Eigen::all, rows) * weights).norm();
+      if (!(mean_square(left, s_.sums.rows() - Index(rows.size())) <= permitted)) continue;
+      const auto clear = [&](const Vector& distance) {
+        return distance.array().square().minCoeff() >= visible * visible * unit;
+      };
+      // Terms are no closer to each other than to the whole basis, which costs less to look at.
+      if (clear(of_all(terms)) || (few && clear(distances_of_thirds(rows))))
+        result.push_back({n, std::move(rows), {weights.begin(), weights.end()}});
+    }
+    return result;
+  }
+
+  // The basis that leaves the largest shares to the combinations, and of equal ones the last.
+  Parts exchanged(const Parts& parts, const std::vector<DependentExperiment>& combinations) const {
+    Parts result{parts.basis, {}};
+    const Index K = Index(parts.basis.size()), D = Index(combinations.size());
+    Matrix w = Matrix::Zero(K, D);  // weights in units of the shares
+    for (Index j = 0; j < D; ++j) {
+      const DependentExperiment& c = combinations[size_t(j)];
+      result.dependent.push_back(c.experiment);
+      for (size_t i = 0; i < c.of.size(); ++i) {
+        const auto b = std::lower_bound(parts.basis.begin(), parts.basis.end(), c.of[i]) - parts.basis.begin();
+        w(b, j) = c.weights[i] * share(c.of[i]) / share(c.experiment);
+      }
+    }
+    const auto swap = [&](Index b, Index j) {
+      std::swap(result.basis[size_t(b)], result.dependent[size_t(j)]);
+      const double pivot = w(b, j);
+      const Vector column = w.col(j);
+      const Eigen::RowVectorXd row = w.row(b) / pivot;
+      w.noalias() -= column * row;
+      w.row(b) = row;
+      w.col(j) = -column / pivot;
+      w(b, j) = 1 / pivot;
+    };
+    for (Index swaps = 0; swaps < 4 * (K + D); ++swaps) {
+      Index b = 0, j = 0;
+      if (!(w.cwiseAbs().maxCoeff(&b, &j) > tie)) break;
+      swap(b, j);
+    }
+    for (bool changed = true; changed;) {
+      changed = false;
+      for (Index j = 0; j < D && !changed; ++j)
+        for (Index b = 0; b < K && !changed; ++b)
+          if (std::abs(w(b, j)) >= 1 / tie && result.dependent[size_t(j)] < result.basis[size_t(b)])
+            swap(b, j), changed = true;
+    }
+    for (const Index n : parts.dependent)  // of many terms, which may be few of the new basis
+      if (std::none_of(combinations.begin(), combinations.end(),
+                       [&](const DependentExperiment& c) { return c.experiment == n; }))
+        result.dependent.push_back(n);
+    std::sort(result.basis.begin(), result.basis.end());
+    std::sort(result.dependent.begin(), result.dependent.end());
+    return result;
+  }
+
+ private:
+  struct Fit {
+    Matrix weights;   // (K × D)
+    Vector distance;  // (K) of each column of the basis from the others, root mean squares
+  };
+
+  // Mean square of a sample of a residual for which so many sums are free.
+  double mean_square(double norm, Index free) const {
+    return norm * norm / s_.samples * double(s_.sums.rows()) / double(std::max<Index>(1, free));
+  }
+
+  Fit fit(const std::vector<Index>& basis, const std::vector<Index>& dependent) const {
+    const Index K = Index(basis.size()), D = Index(dependent.size());
+    Matrix all(s_.sums.rows(), K + D);
+    all << s_.sums(Eigen::all, basis), s_.sums(Eigen::all, dependent);
+    const Matrix r = linalg::triangular_factor(all);
+    const auto triangle = r.topLeftCorner(K, K).triangularView<Eigen::Upper>();
+    return {triangle.solve(r.topRightCorner(K, D)), distances_of(r.topLeftCorner(K, K), s_.sums.rows())};
+  }
+
+  // Root mean squares, from the rows of the inverse of a triangular factor of so many sums.
+  Vector distances_of(const Matrix& r, Index sums) const {
+    const Index K = r.rows();
+    const Matrix inverse = r.triangularView<Eigen::Upper>().solve(Matrix::Identity(K, K));
+    const double samples = s_.samples * double(sums) / double(s_.sums.rows());
+    const double scale = std::sqrt(double(sums) / double(std::max<Index>(1, sums - K + 1)) / samples);
+    return scale * inverse.rowwise().norm().cwiseInverse();
+  }
+
+  // The smaller ones of the first two thirds of the record and of the last two.
+  Vector distances_of_thirds(const std::vector<Index>& columns) const {
+    const Index p = s_.sums.rows();
+    return distances(0, 2 * p / 3, columns).cwiseMin(distances(p / 3, p - p / 3, columns));
+  }
+
+  // How far each of the columns is from the span of the others, in some of the sums; zero where these are too few.
+  Vector distances(Index begin, Index sums, const std::vector<Index>& columns) const {
+    const Index K = Index(columns.size());
+    if (sums < K + std::min(most_spare / 2, std::max<Index>(2, sums / 4))) return Vector::Zero(K);
+    Matrix part = s_.sums(Eigen::seqN(begin, sums), columns);
+    const Matrix r = linalg::triangular_factor(part);
+    if ((r.diagonal().array() == 0).any()) return Vector::Zero(K);
+    return distances_of(r, sums);
+  }
+
+  // Mean square of a residual that is rounding.
+  double allowed(Index n, const std::vector<Index>& basis, const Vector& weights) const {
+    double rounding = sizes_.all_rounding(row(n)), departure = sizes_.all_departure(row(n));
+    for (size_t i = 0; i < basis.size(); ++i) {
+      const double square = weights(Index(i)) * weights(Index(i));
+      rounding += square * sizes_.all_rounding(row(basis[i]));
+      departure += square * sizes_.all_departure(row(basis[i]));
+    }
+    return std::max(slack * slack * rounding, rounding_of_departures * rounding_of_departures * departure);
+  }
+
+  Index row(Index n) const { return s_.experiments[size_t(n)]; }
+  double share(Index n) const { return sizes_.share(row(n)); }
+
+  const Sketch& s_;
+  const Sizes& sizes_;
+};
+
+// By the samples that an experiment and its terms have, half of its own at least.
+std::vector<DependentExperiment> verified(const Ensemble& e, const Sizes& sizes,
+                                          std::vector<DependentExperiment> combinations) {
+  const Index C = e.samples().cols(), d = e.channels(), D = Index(combinations.size());
+  Matrix square = Matrix::Zero(D, d), count = Matrix::Zero(D, d);
+  Vector own = Vector::Zero(D);
+  double terms = 0;
+  for (const DependentExperiment& c : combinations) terms += double(c.of.size());
+  // Samples of each channel alike: steps.
+  const Index stride = std::max<Index>(1, Index(terms / (most_verified * double(e.experiments()))));
+  for (Index k = 0; k < C / d; k += stride)
+    for (Index c = 0; c < d; ++c) {
+      const double* sample = e.samples().col(k * d + c).data();
+      for (Index j = 0; j < D; ++j) {
+        const DependentExperiment& made = combinations[size_t(j)];
+        double apart = sample[made.experiment];
+        if (!std::isfinite(apart)) continue;
+        ++own(j);
+        for (size_t i = 0; i < made.of.size(); ++i) apart -= made.weights[i] * sample[made.of[i]];
+        if (!std::isfinite(apart)) continue;
+        square(j, c) += apart * apart;
+        ++count(j, c);
+      }
+    }
+  std::vector<DependentExperiment> result;
+  for (Index j = 0; j < D; ++j) {
+    DependentExperiment& made = combinations[size_t(j)];
+    bool holds = 2 * count.row(j).sum() >= own(j);
+    for (Index c = 0; c < d; ++c) {
+      double rounding = sizes.rounding(made.experiment, c), departure = sizes.departure(made.experiment, c);
+      for (size_t i = 0; i < made.of.size(); ++i) {
+        const double weight = made.weights[i] * made.weights[i];
+        rounding += weight * sizes.rounding(made.of[i], c);
+        departure += weight * sizes.departure(made.of[i], c);
+      }
+      const double bound =
+          std::max(slack * slack * rounding, rounding_of_departures * rounding_of_departures * departure);
+      holds = holds && square(j, c) <= bound * count(j, c);
+    }
+    if (holds) result.push_back(std::move(made));
+  }
+  return result;
+}
+
+// Did somebody choose the terms? Experiments without noise that are excited in a few ways only are combinations of all
+// independent ones.
+bool chosen(const std::vector<DependentExperiment>& combinations, size_t independent) {
+  return combinations.size() == 1 ||
+         std::any_of(combinations.begin(), combinations.end(),
+                     [&](const DependentExperiment& c) { return c.of.size() < independent; });
+}
+
+std::vector<DependentExperiment> made_of_others(const Ensemble& e) {
+  if (e.experiments() < 2 || e.steps() == 0 || e.outputs() == 0) return {};
+  const Scales s = scales(e);
+  const Sizes sizes = sizes_of(e, s);
+  const Sketch sums = sketch(e, sizes);
+  const Combinations search(sums, sizes);
+  Combinations::Parts parts = search.parts();
+  std::vector<DependentExperiment> found = search.combinations(parts);
+  for (size_t before = 0; found.size() > before;) {
+    before = found.size();
+    parts = search.exchanged(parts, found);
+    found = search.combinations(parts);
+  }
+  if (found.empty()) return found;
+  const auto row = [&](Index& n) { n = sums.experiments[size_t(n)]; };
+  std::for_each(parts.basis.begin(), parts.basis.end(), row);
+  for (DependentExperiment& c : found) {
+    row(c.experiment);
+    std::for_each(c.of.begin(), c.of.end(), row);
+  }
+  found = verified(e, sizes, std::move(found));
+  if (found.empty()) return found;
+  const Noise noise = noise_of(e, parts.basis, s);
+  return noise == Noise::visible || (noise == Noise::unknown && chosen(found, parts.basis.size()))
+             ? found
+             : std::vector<DependentExperiment>();
+}
+
+}  // namespace
+
+Dependence find_dependence(const Ensemble& ensemble) {
+  Dependence result;
+  result.combinations = made_of_others(ensemble);
+  result.used = used_experiments(ensemble.experiments(), {}, result);
+  return result;
+}
+
+std::vector<Index> used_experiments(Index experiments, const Copies& copies, const Dependence& dependence) {
+  std::vector<bool> used(static_cast<size_t>(experiments), true);
+  for (const std::vector<Index>& group : copies.groups)
+    for (size_t i = 1; i < group.size(); ++i) used[size_t(group[i])] = false;
+  for (const DependentExperiment& c : dependence.combinations) used[size_t(c.experiment)] = false;
+  std::vector<Index> result;
+  for (Index n = 0; n < experiments; ++n)
+    if (used[size_t(n)]) result.push_back(n);
+  return result;
+}
+
+Dependence dependence_beside(const Copies& copies, const Ensemble& ensemble) {
+  if (Index(copies.used.size()) == ensemble.experiments()) return find_dependence(ensemble);
+  const auto row = [&](Index& n) { n = copies.used[size_t(n)]; };
+  Dependence result = find_dependence(ensemble.subset(copies.used));
+  std::for_each(result.used.begin(), result.used.end(), row);
+  for (DependentExperiment& c : result.combinations) {
+    row(c.experiment);
+    std::for_each(c.of.begin(), c.of.end(), row);
+  }
+  return result;
+}
+
+UsedExperiments used_experiments(const Ensemble& ensemble) {
+  UsedExperiments result{find_copies(ensemble), {}};
+  result.dependent = dependence_beside(result.copies, ensemble);
+  return result;
+}
+
+std::vector<std::string> warnings_of(const Dependence& dependence, const Ensemble& e, std::string_view consequence) {
+  constexpr size_t most_told = 4;
+  const std::vector<DependentExperiment>& all = dependence.combinations;
+  if (all.empty()) return {};
+  const auto listed = [&](const std::vector<Index>& rows) {
+    std::vector<std::string> names;
+    for (size_t i = 0; i < std::min(rows.size(), most_told); ++i) names.push_back(e.experiment(rows[i]));
+    return rows.size() > most_told ? fmt::format("{} and {} more", fmt::join(names, ", "), rows.size() - most_told)
+                                   : words::listed(names);
+  };
+  std::vector<std::string> told;
+  for (size_t i = 0; i < std::min(all.size(), most_told); ++i)
+    told.push_back(fmt::format("{} of {}", e.experiment(all[i].experiment), listed(all[i].of)));
+  std::string text = fmt::format("{} of {} experiments {}, within rounding: {}", all.size(), e.experiments(),
+                                 all.size() == 1 ? "is a sum or multiple of others" : "are sums or multiples of others",
+                                 fmt::join(told, "; "));
+  if (all.size() > most_told) text += fmt::format("; and {} more", all.size() - most_told);
+  return {fmt::format("{}. {}", text, consequence)};
+}
+
+std::vector<std::string> warnings_of(const UsedExperiments& used, const Ensemble& ensemble) {
+  std::vector<std::string> result = warnings_of(used.copies, ensemble);
+  for (std::string& text : warnings_of(used.dependent, ensemble)) result.push_back(std::move(text));
+  return result;
+}
+
+}  // namespace tokid
