@@ -181,6 +181,8 @@ class Maker:
         (info / "WHEEL").write_text("Wheel-Version: 1.0\nGenerator: tokid make_wheels\nRoot-Is-Purelib: false\n"
                                     f"Tag: {python.tag}-{platform_tag}\n")
         self._describe(info, list(self.parts(python, machine)))
+        for old in self.directory.glob(f"tokid-*-{python.tag}-{platform_tag}.whl"):
+            old.unlink()
         run(self.tools, "-m", "wheel", "pack", files, "--dest-dir", self.directory, env=environment_of(self.source))
         (wheel,) = self.directory.glob(f"tokid-*-{python.tag}-{platform_tag}.whl")
         self.check(wheel, module)
@@ -231,8 +233,6 @@ def main():
     given = options.parse_args()
     directory = given.directory.resolve()
     directory.mkdir(parents=True, exist_ok=True)
-    for old in directory.glob("*.whl"):
-        old.unlink()
     maker = Maker(given.source.resolve(), directory)
     pure = maker.pure()
 

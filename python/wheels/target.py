@@ -53,6 +53,8 @@ class Target:
         words = f"-target {machine}-linux-gnu.{GLIBC} -mcpu={PROCESSORS[machine]} -ffile-prefix-map={HERE.parents[1]}=."
         for name, command in {"cc": f"cc {words}", "c++": f"c++ {words}", "ar": "ar", "ranlib": "ranlib"}.items():
             self._program(name, f'exec "{zig}" {command} "$@"')
+        # Libraries are compiled anew with other flags, or another compiler.
+        self.made_with = f"{words} {(HERE / 'requirements.txt').read_text()}"
         self.toolchain = directory / "toolchain.cmake"
         self.toolchain.write_text(f"""
 set(CMAKE_SYSTEM_NAME Linux)
@@ -92,7 +94,7 @@ set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
             source, version = debian.source(package, release)
             parts.append((package, version, "linked statically", source / "debian/copyright"))
             # HDF5 would be compiled anew: its configuration writes a header each time.
-            stamp, wanted = self.directory / f"{package}.done", f"{version} {CMAKE_OPTIONS.get(package)}"
+            stamp, wanted = self.directory / f"{package}.done", f"{version} {self.made_with} {CMAKE_OPTIONS.get(package)}"
             if stamp.exists() and stamp.read_text() == wanted:
                 continue
             if package in PLAIN:

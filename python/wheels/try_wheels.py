@@ -105,7 +105,11 @@ def main():
     done("models by the tool of this machine")
     # The wheel of the stable ABI is compiled with a later Python than the oldest that it serves.
     for version, tag in (*((python.version, python.tag) for python in PYTHONS), ("3.12", "cp312-abi3")):
-        if program_of_this_machine(version) and list(wheels.glob(f"*-{tag}-*_x86_64.whl")):
+        if not program_of_this_machine(version):
+            print(f"not tried: Python {version}, which is not on this machine")
+        elif not list(wheels.glob(f"*-{tag}-*_x86_64.whl")):
+            print(f"not tried: Python {version}, for which there is no wheel {tag}")
+        else:
             done(try_here(version, material, directory))
     with emulation():
         for name, release, architecture in MACHINES:
