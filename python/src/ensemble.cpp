@@ -7,6 +7,7 @@
 
 #include "arrays.hpp"
 #include "call.hpp"
+#include "data/axes.hpp"
 #include "tokid/remarks.hpp"
 
 namespace tokid::python {
@@ -81,6 +82,7 @@ void bind_ensemble(nb::module_& module) {
       .def_rw("reader_remarks", &Ensemble::remarks)
       .def(
           "remarks", [](const Ensemble& e) { return remarks(e); }, nb::call_guard<nb::gil_scoped_release>())
+      .def("swapped_axes", &swapped_axes, nb::call_guard<nb::gil_scoped_release>())
       .def_prop_rw(
           "length", [](const Ensemble& e) { return e.length; },
           [](Ensemble& e, std::vector<Index> length) { set_length(e, std::move(length)); })

@@ -120,6 +120,15 @@ def test_axes_in_another_order(data):
     assert len(found) == 1 and "u (12, 40) was taken for one experiment of 12 steps with 40 inputs" in found[0]
 
 
+def test_axes_in_another_order_beside_a_model(data):
+    model, _ = told(lambda: tokid.identify(data.u, data.y, dt=0.1))
+    u, y = data.u.swapaxes(0, 1), data.y.swapaxes(0, 1)
+    for use in (lambda: model.predict(u, y), lambda: model.validate(u, y)):
+        found = told(use)[1]
+        assert len([text for text in found if "(N, T, channels), not (T, N, channels)" in text]) == 1
+    assert not [text for text in told(lambda: model.validate(data.u, data.y))[1] if "axes" in text]
+
+
 def table(time, values, **more):
     pandas = pytest.importorskip("pandas")
     rng = np.random.default_rng(1)

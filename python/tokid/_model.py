@@ -1003,6 +1003,8 @@ class Model(Channels):
             if core.outputs == self.outputs:
                 setattr(core, name, getattr(self._core, name))
         core.check(False)
+        if outputs and (remark := core.swapped_axes()) is not None:
+            warn([remark])
         return core, single
 
     def _by_name(self, data: _tokid.Ensemble) -> _tokid.Ensemble:
