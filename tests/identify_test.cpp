@@ -232,7 +232,7 @@ TEST(Identify, ConstantInputsAreNamedWithTheirSteps) {
   data.names = inputs.names;
   const Identification result = identify(data, {.states = 4, .lags = 2});
   EXPECT_TRUE(mentions(result.warnings, "input valve is zero in every experiment at steps 0–9"));
-  EXPECT_TRUE(mentions(result.warnings, "input torque is constant in every experiment at steps 30–39"));
+  EXPECT_TRUE(mentions(result.warnings, "input torque is the same in every experiment at steps 30–39"));
   result.model.check();  // all matrices are finite
 }
 

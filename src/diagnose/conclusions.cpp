@@ -123,7 +123,7 @@ Conclusion gains(const Validation& v, const Channels& names) {
   const InputGains& g = v.gains;
   Conclusion result = untested(v);
   double widest = 0.0;
-  std::vector<std::string> wrong, small, unknown;
+  std::vector<std::string> wrong, small, unknown, lost;
   for (Index i = 0; i < g.error.size(); ++i) {
     const double error = g.error(i), half = two_sided_99 * g.deviation(i), share = std::min(1.0, g.share(i));
     if (std::isnan(half)) continue;
@@ -133,6 +133,9 @@ Conclusion gains(const Validation& v, const Channels& names) {
     } else if (std::abs(error) > half) {
       const std::string text = fmt::format("to {} {} the model says (± {:.2g} %)", name, answer(error), 100 * half);
       (std::abs(error) * share >= counts::gain ? wrong : small).push_back(text);
+    } else if (std::isfinite(half) && half > 1) {
+      lost.push_back(name);
+      result.finding = Finding::nothing;
     } else if (std::isfinite(half)) {
       widest = std::max(widest, half);
       result.finding = Finding::nothing;
@@ -150,9 +153,14 @@ Conclusion gains(const Validation& v, const Channels& names) {
     return {Finding::against, "the data do not tell how strongly the outputs answer to " + listed(unknown)};
   if (!small.empty())
     return {Finding::negligible, fmt::format("the outputs answer {}; too little to count", listed(small))};
-  if (result.finding == Finding::nothing)
-    result.text =
-        fmt::format("the outputs answer to the inputs as strongly as the model says (± {:.2g} %)", 100 * widest);
+  const std::string too_faint =
+      lost.empty() ? "" : fmt::format("what the outputs answer to {} is lost in the noise", listed(lost));
+  if (widest > 0)
+    result.text = fmt::format("the outputs answer to {} as strongly as the model says (± {:.2g} %){}",
+                              lost.empty() ? "the inputs" : "the other inputs", 100 * widest,
+                              lost.empty() ? "" : "; " + too_faint);
+  else if (!lost.empty())
+    result.text = too_faint;
   else if (v.noisy && g.error.size() > 0)
     result.text = "not tested, the inputs do not differ between the experiments or the model says that they do nothing";
   return result;

@@ -112,7 +112,7 @@ std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels
   };
   for (size_t i = 0; i < survey.zero.size(); ++i) {
     warn(i, "zero", survey.zero[i]);
-    warn(i, "constant", survey.same[i]);
+    warn(i, "the same", survey.same[i]);
   }
   return result;
 }

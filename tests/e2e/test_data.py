@@ -44,7 +44,7 @@ def warning_with(found, *words):
 # Inputs that identify nothing
 
 @pytest.mark.parametrize("states", [2, 3])  # as many as two block columns of one live input can reach, and more
-@pytest.mark.parametrize("value,word", [(0.0, "zero"), (2.5, "constant")])
+@pytest.mark.parametrize("value,word", [(0.0, "zero"), (2.5, "the same")])
 def test_dead_input(tokid, identify, tmp_path, value, word, states):
     system = random_system(1, 20, states, 2, 2)
     system["B"][:, :, 1] = system["D"][:, :, 1] = 0.0  # what never moves leaves no trace in the outputs
