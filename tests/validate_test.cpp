@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include "base/random.hpp"
 #include "model/expected_errors.hpp"
+#include "noisy.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
 
@@ -54,6 +56,43 @@ TEST(Validate, SaysWhenNothingCanBePredicted) {
   EXPECT_THROW(validate(from_step(system, 10), e), std::invalid_argument);
 }
 
+TEST(OutlyingSamples, AreFoundWhereTheyAre) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const Model system = random_system({3, 2, 2}, 60, 0.95, seed);
+    Ensemble e = noisy_experiments(system, 12, seed);
+    e.y(7, 20, 1) += 100;
+    e.y(7, 41, 1) -= 200;
+    const Validation v = validate(system, e);
+    const auto found = std::find_if(v.outlying.begin(), v.outlying.end(),
+                                    [](const OutlyingSamples& o) { return o.experiment == 7 && o.output == 1; });
+    ASSERT_NE(found, v.outlying.end()) << "seed " << seed;
+    for (const Index k : {20, 41}) EXPECT_EQ(std::count(found->steps.begin(), found->steps.end(), k), 1);
+    // What the sample was before is within the usual error: five standard deviations of it.
+    EXPECT_NEAR(found->error, 200, 5 * found->usual / 0.67);
+    for (const OutlyingSamples& o : v.outlying) EXPECT_EQ(o.experiment, 7);
+    EXPECT_EQ(v.warnings.size(), v.outlying.size());
+    EXPECT_NE(v.warnings.back().find("experiment 7, output"), std::string::npos);
+  }
+}
+
+// Normal errors, of few experiments and many, from unknown states, and behind gaps.
+TEST(OutlyingSamples, AreNoneOfNormalErrors) {
+  for (const Index count : {1, 4, 20, 200})
+    for (const InitialState initial : {InitialState::zero, InitialState::unknown})
+      for (const double missing : {0.0, 0.05})
+        for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+          const Model system = random_system({3, 1, 2}, 100, 0.95, seed);
+          Ensemble e = noisy_experiments(system, count, seed, initial);
+          RandomNumbers random(seed);
+          for (Index n = 0; n < count; ++n)
+            for (Index k = 0; k < e.steps(); ++k)
+              if (random.uniform() < missing) e.y(n, k, 0) = nan;
+          if (missing > 0 && count > 1)
+            for (Index k = 30; k < 60; ++k) e.y(1, k, 0) = e.y(1, k, 1) = nan;
+          EXPECT_TRUE(validate(system, e).outlying.empty()) << count << ' ' << missing << ' ' << seed;
+        }
+}
+
 // Mean squares of what the simulations and predictions of true models leave, over their expectations. Of N experiments
 // the standard deviation is √(2/N); the largest of some hundred means lies within five of them.
 TEST(ExpectedErrors, AreThoseOfTrueModels) {
@@ -100,6 +139,22 @@ TEST(Conclusions, SayWhatWasNotTested) {
     EXPECT_EQ(c->finding, Finding::untested);
     EXPECT_EQ(c->text, "not tested, the innovations are at rounding level");
   }
+}
+
+// An effect that is a hundredth of the outputs, known to 200 %, is no confirmation of the model to 200 %.
+TEST(Conclusions, NameInputsWhoseEffectIsLostInTheNoise) {
+  Validation v;
+  v.noisy = true;
+  Channels names;
+  names.input_names = {"torque", "brake"};
+  v.gains = {Vector::Zero(2), (Vector(2) << 0.01, 0.8).finished(), (Vector(2) << 0.9, 0.01).finished()};
+  EXPECT_EQ(
+      conclusions(v, names).gains.text,
+      "the outputs answer to the other inputs as strongly as the model says (± 2.6 %); what the outputs answer to "
+      "brake is lost in the noise");
+  EXPECT_EQ(conclusions(v, names).gains.finding, Finding::nothing);
+  v.gains.deviation(0) = 0.8, v.gains.share(0) = 0.01;
+  EXPECT_EQ(conclusions(v, names).gains.text, "what the outputs answer to torque, brake is lost in the noise");
 }
 
 }  // namespace

@@ -25,6 +25,16 @@ struct Fit {
 };
 Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nominal = {});
 
+// Samples of one output of one experiment that lie farther off their predictions one step ahead than 20 times the
+// median over the experiments at that time, and than 5 % of the spread of the output: faults of a sensor, or another
+// motion.
+struct OutlyingSamples {
+  Index experiment = 0, output = 0;
+  std::vector<Index> steps;
+  double error = 0.0, usual = 0.0;  // the largest, and the median there; in the unit of the output
+  std::string name;                 // of the experiment; empty where the data give it none
+};
+
 struct Validation {
   Fit simulation, one_step, horizon;
   bool noisy = false;  // innovations beyond rounding errors
@@ -35,8 +45,9 @@ struct Validation {
   Independence feedback;      // of later inputs, lags -whiteness_lags … -1: a small p is no fault of the model
   NormalisedSquares squares;
   InputGains gains;
-  Index first_predicted = 0;  // first step with a prediction
-  Index first_simulated = 0;  // and with a simulation
+  std::vector<OutlyingSamples> outlying;  // of noisy data
+  Index first_predicted = 0;              // first step with a prediction
+  Index first_simulated = 0;              // and with a simulation
   std::vector<std::string> warnings;
 };
 // \throws std::invalid_argument where channels disagree or no step of the data has a model

@@ -136,7 +136,18 @@ nb::any object_of(const DependentExperiment& c) {
 
 nb::any object_of(const Fit& f) { return make("Fit", {{"fit", f.fit}, {"rmse", f.rmse}, {"samples", f.samples}}); }
 
+nb::any object_of(const OutlyingSamples& o) {
+  return make("OutlyingSamples", {{"experiment", o.experiment},
+                                  {"name", o.name.empty() ? nb::object(nb::none()) : results::cast(o.name)},
+                                  {"output", o.output},
+                                  {"steps", o.steps},
+                                  {"error", o.error},
+                                  {"usual", o.usual}});
+}
+
 nb::any object_of(const Validation& v) {
+  nb::list outlying;
+  for (const OutlyingSamples& o : v.outlying) outlying.append(object_of(o));
   return make("Validation",
               {{"simulation", object_of(v.simulation)},
                {"one_step", object_of(v.one_step)},
@@ -149,6 +160,7 @@ nb::any object_of(const Validation& v) {
                {"squares", object_of(v.squares)},
                {"gains", make("InputGains",
                               {{"error", v.gains.error}, {"deviation", v.gains.deviation}, {"share", v.gains.share}})},
+               {"outlying", outlying},
                {"first_predicted", v.first_predicted},
                {"first_simulated", v.first_simulated},
                {"warnings", texts(v.warnings)}});

@@ -152,6 +152,31 @@ class InputGains(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class OutlyingSamples(_Result):
+    """Samples of one output of one experiment that lie far off their predictions while those of the others do not.
+
+    Attributes
+    ----------
+    experiment : int
+        Its row in the data.
+    name : str or None
+        Its name, where the data give it one.
+    output : int
+        Counted from 0.
+    steps : list of int
+    error, usual : float
+        The largest prediction error one step ahead, and the median over the experiments there.
+    """
+
+    experiment: int
+    name: Optional[str]
+    output: int
+    steps: list[int]
+    error: float
+    usual: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Validation(_Result):
     """How good a model is on data.
 
@@ -170,6 +195,8 @@ class Validation(_Result):
         Of later inputs: a small p is no fault of the model.
     squares : NormalisedSquares
     gains : InputGains
+    outlying : list of OutlyingSamples
+        Of noisy data.
     first_predicted, first_simulated : int
         First steps with a prediction and with a simulation.
     warnings : list of str
@@ -185,6 +212,7 @@ class Validation(_Result):
     feedback: Independence
     squares: NormalisedSquares
     gains: InputGains
+    outlying: list[OutlyingSamples]
     first_predicted: int
     first_simulated: int
     warnings: list[str]

@@ -9,6 +9,7 @@
 #include "base/nan.hpp"
 #include "model/error_sums.hpp"
 #include "model/judged.hpp"
+#include "model/outlying_samples.hpp"
 #include "model/step_by_step.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/remarks.hpp"
@@ -49,7 +50,8 @@ void check_steps(const Model& model, const Ensemble& data) {
 // From the errors of all steps, and the innovations, which are asked for where they are tested.
 template <class OneStepErrors>
 Validation validation(const Model& model, const Ensemble& data, const ValidateOptions& options,
-                      const ErrorCollector& errors, OneStepErrors&& innovations) {
+                      const ErrorCollector& errors, std::vector<OutlyingSamples> outlying,
+                      OneStepErrors&& innovations) {
   const bool departures = model.y_nominal.rows() > 0;
   Validation result;
   result.one_step = result.horizon = fit_of(errors.totals.one_step, departures);
@@ -62,6 +64,7 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
   result.gains = {untested, untested, untested};
   // No test of noise applies to errors of arithmetic.
   result.noisy = errors.totals.noisy();
+  if (result.noisy) result.outlying = std::move(outlying);
   if (result.noisy && options.whiteness_lags > 0) {
     const Innovations e = model_innovations(model, data, options.initial_state);
     const Innovations scaled = standardised(model, e);
@@ -82,6 +85,7 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
     result.warnings.push_back(fmt::format("no step could be predicted {} steps ahead", options.horizon));
   if (!result.simulation.rmse.allFinite() && result.simulation.samples > 0)
     result.warnings.emplace_back("the simulation overflows: the model is unstable over its steps");
+  for (std::string& text : warnings_of(result.outlying, data)) result.warnings.push_back(std::move(text));
   return result;
 }
 
@@ -94,11 +98,13 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
   judged.prediction = predict(model, data, {1, options.initial_state});
   judged.simulated = simulate_data(model, data, options.initial_state);
   ErrorCollector errors(data, model.y_nominal);
+  OutlyingSampleCollector outlying(model, data, output_spread(model, data));
   for (Index k = 0; k < data.steps(); ++k) {
+    outlying.add(k, judged.prediction.innovations[size_t(k)]);
     errors.predicted(k, judged.prediction.innovations[size_t(k)]);
     errors.simulated(k, data.output(k) - judged.simulated.output(k));
   }
-  judged.validation = validation(model, data, options, errors,
+  judged.validation = validation(model, data, options, errors, outlying.found(),
                                  [&judged]() -> const Innovations& { return judged.prediction.innovations; });
   return judged;
 }
@@ -107,15 +113,18 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
   if (ends_early(model, data.steps())) return validate(continued(model, data.steps()), data, options);
   check_steps(model, data);
   ErrorCollector errors(data, model.y_nominal);
-  predict_each(model, data, options.initial_state,
-               [&](Index k, const Matrix& innovation) { errors.predicted(k, innovation); });
+  OutlyingSampleCollector outlying(model, data, output_spread(model, data));
+  predict_each(model, data, options.initial_state, [&](Index k, const Matrix& innovation) {
+    outlying.add(k, innovation);
+    errors.predicted(k, innovation);
+  });
   Matrix error;
   simulate_data_each(model, data, options.initial_state, [&](Index k, const Matrix& y) {
     error = data.output(k) - y;
     if (k < model.y_nominal.rows()) error.rowwise() -= model.y_nominal.row(k);
     errors.simulated(k, error);
   });
-  return validation(model, data, options, errors, [&] {
+  return validation(model, data, options, errors, outlying.found(), [&] {
     return predict(model, data, {1, options.initial_state}).innovations;
   });
 }

@@ -11,33 +11,13 @@
 #include "base/statistics.hpp"
 #include "diagnose/regressions.hpp"
 #include "model/judged.hpp"
+#include "model/outlying_samples.hpp"
 #include "model/step_fields.hpp"
 #include "tokid/gtv_arx.hpp"
 
 namespace tokid::report {
 
 namespace {
-
-// Spread of each output about the nominal trajectory, or about its mean: what errors are compared with.
-Vector output_spread(const Model& model, const Ensemble& data) {
-  Vector spread(data.outputs());
-  for (Index j = 0; j < data.outputs(); ++j) {
-    double sum = 0.0, squares = 0.0;
-    Index count = 0;
-    for (Index k = 0; k < data.steps(); ++k)
-      for (const double value : data.output(k).col(j)) {
-        if (std::isnan(value)) continue;
-        const double y = k < model.y_nominal.rows() ? value - model.y_nominal(k, j) : value;
-        sum += y;
-        squares += y * y;
-        ++count;
-      }
-    const double mean = model.y_nominal.rows() > 0 || count == 0 ? 0.0 : sum / double(count);
-    const double variance = count > 0 ? squares / double(count) - mean * mean : 0.0;
-    spread(j) = variance > 0 ? std::sqrt(variance) : 1.0;
-  }
-  return spread;
-}
 
 // Root mean square errors, relative to the spread of the outputs, by step or by experiment.
 struct Errors {
