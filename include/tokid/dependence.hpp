@@ -30,7 +30,7 @@ struct Dependence {
 //   room for experiments that are no combination of them.
 // Of experiments that can be computed from each other, those with the smaller share in the combination are used, and
 // the first ones of equal shares. Experiments with so many missing samples that the others have few in common with them
-// are used. Takes time that is linear in the samples, but for about 10¹⁰ operations. Copies must have been removed.
+// are used. Takes time that is linear in the samples, but for some 10⁹ operations. Copies must have been removed.
 Dependence find_dependence(const Ensemble& ensemble);
 
 // "4 of 24 experiments are sums or multiples of others …", with what follows from it; nothing where there are none.

@@ -19,7 +19,7 @@ namespace tokid {
 namespace {
 
 // A search may cost so many operations, or so many for each sample.
-constexpr double most_operations = 1e10;
+constexpr double most_operations = 4e9;
 constexpr double operations_per_sample = 200;
 // A basis must leave so many sums free: what it explains with fewer may be chance.
 constexpr Index most_spare = 16;
