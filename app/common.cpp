@@ -12,6 +12,7 @@
 #include <sstream>
 #include <system_error>
 
+#include "tokid/printable.hpp"
 #include "tool.hpp"
 
 namespace tokid::app {

@@ -6,6 +6,7 @@
 
 #include "command.hpp"
 #include "common.hpp"
+#include "tokid/provenance.hpp"
 
 namespace tokid::app {
 

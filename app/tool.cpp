@@ -17,6 +17,7 @@
 #include "command.hpp"
 #include "common.hpp"
 #include "suggestion.hpp"
+#include "tokid/printable.hpp"
 
 namespace tokid::app {
 namespace {

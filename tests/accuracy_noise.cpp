@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "accuracy_cases.hpp"
+#include "linalg/symmetric.hpp"
 #include "noise/em/estimator.hpp"
-#include "noise/em/symmetric.hpp"
 #include "oracle.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/observer.hpp"
@@ -266,8 +266,8 @@ AccuracyFindings likelihoods(int cases) {
           if (random.uniform(0, 1) < 0.25 || (i + 1 == experiments && k + 1 == steps)) data.y(i, k, j) = std::nan("");
       }
 
-    const em::Samples samples = em::samples_of(model, data);
-    const em::Smoothed found = em::smooth(model, samples);
+    const kalman::Samples samples = kalman::samples_of(model, data);
+    const kalman::Smoothed found = kalman::smooth(model, samples);
     const oracle::Expectation truth = oracle::expectation(model, data);
     const auto moved = every_draw([&] { return oracle::expectation(nudged(model), nudged(data)); });
     Accuracy moments = stage_of("EM: expected moments", "smoother"), density = stage_of("EM: log-likelihood", "filter");
@@ -296,14 +296,14 @@ AccuracyFindings likelihoods(int cases) {
       see(matrices, exact(coefficients), exactly.coefficients,
           each(otherwise, [](const oracle::Regression& g) { return g.coefficients; }));
       bool raised = false;
-      em::bounded_below(exactly.residual.cast<double>() / count, floor, &raised);
+      linalg::bounded_below(exactly.residual.cast<double>() / count, floor, &raised);
       if (raised) return;  // a covariance at the floor is the floor's
       see(noise, exact(covariance) * oracle::Real(count), exactly.residual,
           each(otherwise, [](const oracle::Regression& g) { return g.residual; }));
     };
     for (Index k = 0; k < steps; ++k) {
       const size_t s = size_t(k);
-      const em::Moments& sums = found.moments;
+      const kalman::Moments& sums = found.moments;
       if (sums.moved_count(k) > 0)
         see_regression(sums.moved[s], sums.moved_count(k), next.ab[s], next.process.of(k), estimator.process_floor());
       if (sums.measured_count(k) > 0)

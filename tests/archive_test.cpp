@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "base/archive.hpp"
+#include "model/archived.hpp"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <functional>
 #include <set>
 
-#include "diagnose/survey.hpp"
+#include "data/survey.hpp"
 #include "testing.hpp"
 
 namespace tokid::testing {

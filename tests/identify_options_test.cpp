@@ -6,6 +6,7 @@
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/provenance.hpp"
 
 namespace tokid::testing {
 namespace {

@@ -13,7 +13,7 @@
 #include <limits>
 #include <random>
 
-#include "base/archive.hpp"
+#include "model/archived.hpp"
 #include "testing.hpp"
 #include "tokid/io.hpp"
 #include "tokid/update.hpp"

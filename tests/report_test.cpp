@@ -7,12 +7,13 @@
 #include <nlohmann/json.hpp>
 
 #include "report/evidence.hpp"
+#include "report/origin.hpp"
 #include "report/page.hpp"
-#include "report/provenance.hpp"
 #include "report/report_data.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/provenance.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -309,7 +310,8 @@ TEST(Verdict, SaysWhereAnInputRests) {
   const Verdict v = verdict(model, data);
   EXPECT_NE(v.trust, Trust::good);
   // Windows with two or more resting steps: 42 and on, as far as they reach back.
-  EXPECT_TRUE(contains(v.summary, "are ill-conditioned: input throttle is nearly the same in all experiments at steps 41–44"))
+  EXPECT_TRUE(
+      contains(v.summary, "are ill-conditioned: input throttle is nearly the same in all experiments at steps 41–44"))
       << v.summary;
   EXPECT_TRUE(contains(v.summary, "15 held-out experiments"));
   EXPECT_FALSE(contains(all_reasons(v), "elevator"));
@@ -437,9 +439,10 @@ TEST(Verdict, BlamesAnInputForItsOwnStepsOnly) {
   ReportOptions options;
   options.evaluation = Evaluation::held_out;
   const Verdict v = verdict(model, data, options);
-  EXPECT_TRUE(contains(v.summary,
-                       "Steps 43–45 are ill-conditioned: input u2 is nearly the same in all experiments at steps 41–44. "
-                       "Step 10 is ill-conditioned."))
+  EXPECT_TRUE(
+      contains(v.summary,
+               "Steps 43–45 are ill-conditioned: input u2 is nearly the same in all experiments at steps 41–44. "
+               "Step 10 is ill-conditioned."))
       << v.summary;
 }
 
@@ -493,7 +496,8 @@ TEST(Verdict, DoesNotBlameFreshDataForTheRegressions) {
   for (Index k = 0; k < 40; ++k) data.output(k) += 0.02 * random.matrix(20, 2);
   const Verdict v = verdict(model, data);
   EXPECT_TRUE(contains(v.summary, "Step 20 is ill-conditioned.")) << v.summary;
-  EXPECT_TRUE(contains(all_reasons(v), "Input u1 is nearly the same in all experiments at steps 18–20")) << all_reasons(v);
+  EXPECT_TRUE(contains(all_reasons(v), "Input u1 is nearly the same in all experiments at steps 18–20"))
+      << all_reasons(v);
 }
 
 TEST(Verdict, CountsOneExperimentAsHardlyATest) {

@@ -10,6 +10,7 @@
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/io.hpp"
+#include "tokid/provenance.hpp"
 
 namespace tokid::testing {
 namespace {

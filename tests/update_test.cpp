@@ -18,6 +18,7 @@
 #include "members.hpp"
 #include "testing.hpp"
 #include "tokid/io.hpp"
+#include "tokid/provenance.hpp"
 
 namespace tokid {
 namespace {

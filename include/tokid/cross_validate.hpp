@@ -43,4 +43,7 @@ struct CrossValidation {
 CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& identify_options = {},
                                const CrossValidateOptions& options = {});
 
+// The warnings of the folds, each of them once.
+std::vector<std::string> remarks(const CrossValidation& cross);
+
 }  // namespace tokid

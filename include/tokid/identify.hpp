@@ -7,11 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "tokid/choices.hpp"
 #include "tokid/copies.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/gtv_arx.hpp"
 #include "tokid/model.hpp"
-#include "tokid/subspace.hpp"
+#include "tokid/outlier.hpp"
 #include "tokid/validate.hpp"
 
 namespace tokid {
@@ -20,15 +21,6 @@ enum class NominalChoice { automatic, none, mean };
 enum class Frame { raw, reference, smooth };
 // automatic: TVERA for data without noise from zero initial states, else the subspace realisation
 enum class Method { automatic, tvera, subspace };
-
-// What an identification from noisy data has chosen beside p and n.
-struct NoisyChoices {
-  TimeVariation variation;
-  double state_smoothing = 0.0;  // λ of the regressions on states
-  Weighting weighting = Weighting::one_step;
-  double refinement_smoothing = 0.0;  // λ of EM
-  Index refinement_iterations = 0;    // 0: no refinement
-};
 
 struct IdentifyOptions {
   // n; 0: the rank of each H_k where the data are free of noise, else the order that predicts and simulates best
@@ -62,50 +54,6 @@ struct InitialStateTest {
   double threshold = 0.0;
   InitialState decision = InitialState::zero;
   std::string reason;
-};
-
-// What each order made of the data; filled where the order was chosen from noisy data.
-struct OrderScores {
-  static constexpr Index horizon = 10;  // H of `ahead`
-  std::vector<Index> states;
-  std::vector<double> one_step, ahead, simulation;  // RMS error over that of the departures, mean logs over outputs
-  bool cross_validated = false;  // on experiments left out (subspace), else on the training data (TVERA)
-  double smoothing = 0.0;        // λ of the regressions on states at which they were found
-  Weighting weighting = Weighting::one_step;
-  double price = 0.0;                                         // of a state: 2/3 (r+m) / (N m) on the training data
-  double smallest = std::numeric_limits<double>::infinity();  // mean
-  // Of the difference from the order of the smallest mean, over the folds; empty on training data.
-  std::vector<double> uncertainty;
-  Index best = 0;  // the smallest order whose mean is within that uncertainty, and 0.5 to 2 %, of the smallest
-
-  void add(Index n, double one_step_error, double ahead_error, double simulation_error);
-  double mean(size_t i) const;  // of the three logs, one_step thrice, and the price of the states
-  void choose();
-};
-
-// How far EM brought the models of experiments forward on others; filled where that was tried.
-struct RefinementTrial {
-  Index states = 0;        // n
-  double smoothing = 0.0;  // λ of EM
-  Index iterations = 0;    // 0: the subspace model as it was
-  double error = 0.0;      // mean log as of OrderScores
-};
-struct RefinementChoice {
-  static constexpr double worth_it = 1.005;  // fall of the errors
-  std::vector<RefinementTrial> trials;
-  Index states = 0;  // n: OrderScores::best, unless fewer do as well after EM, or missing samples hid some from it
-  double smoothing = 0.0;
-  Index iterations = 0;  // 0: no refinement
-  double error = 0.0;
-  double one_step = 0.0;  // the log of the one-step error alone, where there are iterations
-};
-
-// An experiment that does not obey the model of the others, by the residuals that it has with it.
-struct Outlier {
-  Index experiment = 0;
-  double ratio = 0.0;       // size of its leave-one-out residuals over the usual one
-  std::string explanation;  // what would make it as usual, in words; empty: nothing that was tried
-  std::string name;         // of the experiment, empty where the data give none
 };
 
 struct Identification {
@@ -151,16 +99,8 @@ std::string to_json(const IdentifyOptions& options, Index experiments);
 // \throws std::invalid_argument where the model holds none, or one that is not known or has another kind of value
 IdentifyOptions identify_options(const Model& model);
 
-// Beside the options Model::options remembers which data the model comes from, by their fingerprints, what was chosen,
-// and the λ and the iterations of its last refinement.
-void note_data(Model& model, const std::string& fingerprint);
-bool has_seen(const Model& model, const Ensemble& data);
-void note_refinement(Model& model, double smoothing, Index iterations);
-void note_update(Model& model, Index experiments);  // so many by now, and no refinement of them
+// Beside the options Model::options remembers what was chosen.
 void note_choices(Model& model, const NoisyChoices& choices);
-void note_missing_dt(Model& model);  // the data stated none
-bool states_dt(const Model& model);
 std::optional<NoisyChoices> noted_choices(const Model& model);
-std::optional<double> refinement_smoothing(const Model& model);
 
 }  // namespace tokid

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <stdexcept>
@@ -42,6 +43,12 @@ struct ReadOptions {
   Channels wanted = {};
 };
 
+// Which file it is, and when it last changed: not even programs that set the time of a file can set that of its status.
+struct FileState {
+  std::uint64_t number = 0, bytes = 0;
+  std::string modified, changed;  // in UTC
+};
+
 enum class FileKind { ensemble, model };
 
 // docs/formats.md holds the names and shapes. \throws IoError
@@ -77,9 +84,5 @@ class FilesTogether {
   struct Content;
   std::unique_ptr<Content> content_;
 };
-
-// Text from a file or a name, as one line for people: control characters and line separators, which a terminal would
-// obey, become spaces, marks that turn the direction of the text are left out, and what is not UTF-8 becomes U+FFFD.
-std::string printable(std::string_view text);
 
 }  // namespace tokid

@@ -2,19 +2,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <Eigen/Core>
 #include <optional>
 
-#include "tokid/version.hpp"  // checks that Eigen allocates here as it did when the library was built
+#include "tokid/types.hpp"
 
-namespace tokid {
-
-using Index = Eigen::Index;
-using Matrix = Eigen::MatrixXd;
-using Vector = Eigen::VectorXd;
-using ConstMatrixRef = Eigen::Ref<const Matrix>;
-
-namespace linalg {
+namespace tokid::linalg {
 
 // Thin singular value decomposition a = u · diag(s) · vᵀ, singular values in decreasing order.
 struct Svd {
@@ -98,5 +90,4 @@ Eigensystem eigensystem(const ConstMatrixRef& a);
 // Orthogonal matrix Q (a.cols × b.cols, a.cols = b.cols) that minimises ‖a·Q - b‖_F (orthogonal Procrustes).
 Matrix procrustes(const ConstMatrixRef& a, const ConstMatrixRef& b);
 
-}  // namespace linalg
-}  // namespace tokid
+}  // namespace tokid::linalg

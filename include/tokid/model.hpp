@@ -61,6 +61,10 @@ struct Model {
 // number of inputs or a wrong shape of x0
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0 = {});
 
+// Of steps of the data that lie behind the last one of the model, where nothing is computed; empty where there are
+// none.
+std::optional<std::string> steps_beyond(const Model& model, const Ensemble& data);
+
 // Differences in sample time and names that are no error, but may be a mistake, in words; empty where there are none.
 std::vector<std::string> differences(const Model& model, const Ensemble& data);
 

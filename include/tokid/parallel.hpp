@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "tokid/linalg.hpp"
+#include "tokid/types.hpp"
 
 namespace tokid {
 
@@ -15,6 +15,9 @@ struct Execution {
   int threads = 1;         // 0: as many as the machine has
   Progress progress = {};  // empty: silent
 };
+
+// Threads that it asks for: 0 stands for as many as the machine has.
+Index thread_count(const Execution& execution);
 
 // For a stage that takes the part from … to of the whole progress: the same threads, and its own share reported so.
 Execution share(const Execution& whole, double from, double to);

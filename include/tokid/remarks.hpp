@@ -2,11 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "tokid/cross_validate.hpp"
 #include "tokid/model.hpp"
 
 namespace tokid {
@@ -20,10 +18,6 @@ std::vector<std::string> remarks(const Model& model, const Ensemble& data);
 // simulate_data() does it, "state that the first samples tell".
 std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate);
 
-// Of steps of the data that lie behind the last one of the model, where nothing is computed; empty where there are
-// none.
-std::optional<std::string> steps_beyond(const Model& model, const Ensemble& data);
-
 // Of simulate() or simulate_data() and its result, and of predict(). The differences of model and data come first.
 std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& inputs, const Ensemble& simulated,
                                             bool estimate);
@@ -32,8 +26,5 @@ std::vector<std::string> prediction_remarks(const Model& model, const Ensemble& 
 // What was done with the mean motion by this test, why, and which channels depart at which steps: for one line of a
 // table. `inputs`: how many of the channels are inputs. With a period the steps are phases.
 std::string nominal_remark(const NominalTest& test, const Channels& names, Index inputs, Index period);
-
-// The warnings of the folds, each of them once.
-std::vector<std::string> remarks(const CrossValidation& cross);
 
 }  // namespace tokid

@@ -4,85 +4,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
-#include <functional>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
 
+#include "tokid/ensemble_file.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/model_file.hpp"
 #include "tokid/team.hpp"
 
 namespace tokid {
-
-// Which file it is, and when it last changed: not even programs that set the time of a file can set that of its status.
-struct FileState {
-  std::uint64_t number = 0, bytes = 0;
-  std::string modified, changed;  // in UTC
-};
-
-// An ensemble that stays in its .h5 but for the steps asked for. Free responses are read with the names.
-class EnsembleFile {
- public:
-  // \throws IoError for what load_ensemble() refuses, and for MATLAB's files, whose samples lie the other way round
-  explicit EnsembleFile(const std::filesystem::path& path);
-  ~EnsembleFile();
-  EnsembleFile(const EnsembleFile&) = delete;
-  EnsembleFile& operator=(const EnsembleFile&) = delete;
-
-  Index experiments() const;  // N
-  Index steps() const;        // T
-  Index inputs() const;       // r
-  Index outputs() const;      // m
-  Index channels() const { return inputs() + outputs(); }
-  Index free_responses() const;
-  double dt() const;       // [s]
-  bool dt_stated() const;  // false: the file states none, and dt() is 1
-  const Channels& names() const;
-  const std::optional<InitialState>& initial_state() const;
-  const std::filesystem::path& path() const;
-  FileState state() const;  // when it was opened
-
-  // The steps begin … end-1 as stretch() would have them of the whole ensemble, with the same steps of the free
-  // responses. May be called from several threads. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T, IoError
-  Ensemble read(Index begin, Index end) const;
-  // Has the system fetch the steps begin … end-1, which will be read soon, while something else is done: a hint.
-  void expect(Index begin, Index end) const;
-
- private:
-  struct Content;
-  std::unique_ptr<Content> content_;
-};
-
-// Can the samples of this file be read in blocks, and how many bytes are they as doubles? Empty for other formats than
-// .h5 and for MATLAB's files. \throws IoError where the file is no ensemble
-std::optional<double> bytes_in_blocks(const std::filesystem::path& path);
-
-// A model that grows at its end and becomes an .h5 like that of save_model(), whole or not at all. What comes first
-// waits in an unnamed file beside the target.
-class ModelFile {
- public:
-  // \throws IoError where nothing can be written beside the target, or it is no .h5
-  explicit ModelFile(const std::filesystem::path& path);
-  ~ModelFile();
-  ModelFile(const ModelFile&) = delete;
-  ModelFile& operator=(const ModelFile&) = delete;
-
-  // The next steps: the first ones say all that is said once per model. A nominal trajectory is that of these steps
-  // alone, and of those before the first step of the model. \throws std::invalid_argument where steps or state
-  // dimensions do not follow on, IoError
-  void append(const Model& steps);
-  // Everything appended, with empty matrices: dimensions, condition, rank and lags per step.
-  const Model& outline() const;
-  // \throws IoError
-  void commit(const std::string& options, const std::string& program_version);
-
- private:
-  struct Content;
-  std::unique_ptr<Content> content_;
-};
 
 struct StreamOptions {
   IdentifyOptions identify = {};     // what is left to be chosen is chosen from stretches at the begin, middle and end

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "tokid/linalg.hpp"
+#include "tokid/types.hpp"
 
 namespace tokid {
 

@@ -79,4 +79,11 @@ class Windows {
   Vector mean_;  // (T·d); empty: none
 };
 
+// Window factors without factors, sums and counted rows: sizes, names, dt and initial states alone.
+WindowFactors kind_of(const Ensemble& ensemble, Index lags, InitialState initial_state);
+
+// What experiments must have in common for their windows to be merged; looks at their kinds alone.
+// \throws std::invalid_argument that names what differs
+void check_alike(const WindowFactors& factors, const WindowFactors& others);
+
 }  // namespace tokid

@@ -14,12 +14,16 @@
 #include <type_traits>
 #include <vector>
 
-#include "tokid/model.hpp"
+#include "tokid/types.hpp"
 
 namespace tokid::archive {
 
 // A struct takes part by a function `template <class Archive, class S> void fields(Archive& archive, S& s)` that calls
 // archive(s.a, s.b, …).
+
+// Bytes that a record of a type takes at least: a list can't have more of them than its bytes allow.
+template <class T>
+inline constexpr size_t least_bytes = sizeof(size_t);
 
 class Writer {
  public:
@@ -82,8 +86,6 @@ class Reader {
  private:
   [[noreturn]] static void damaged() { throw std::runtime_error("a damaged record found"); }
 
-  static constexpr size_t smallest_step = 6 * sizeof(std::int32_t) + sizeof(Index);  // its dimensions alone
-
   // Of entries that take at least so many bytes each.
   size_t taken_count(size_t bytes) {
     const auto count = taken<size_t>();
@@ -124,7 +126,7 @@ class Reader {
   template <class T>
   void read(std::vector<T>& list) {
     constexpr bool plain = std::is_arithmetic_v<T> || std::is_enum_v<T>;
-    list.resize(taken_count(plain ? sizeof(T) : std::is_same_v<T, Step> ? smallest_step : sizeof(size_t)));
+    list.resize(taken_count(plain ? sizeof(T) : least_bytes<T>));
     for (T& value : list) read(value);
   }
   template <class T>
@@ -171,27 +173,3 @@ T unpacked(std::string_view bytes) {
 }
 
 }  // namespace tokid::archive
-
-namespace tokid {
-
-template <class Archive, class C>
-requires std::is_same_v<std::remove_const_t<C>, Channels>
-void fields(Archive& archive, C& c) { archive(c.input_names, c.output_names, c.input_units, c.output_units); }
-
-template <class Archive, class S>
-requires std::is_same_v<std::remove_const_t<S>, Step>
-void fields(Archive& archive, S& step) {
-  archive(step.states_, step.next_states_, step.inputs_, step.outputs_, step.singular_values_, step.parts_,
-          step.numbers_);
-  if constexpr (!std::is_const_v<S>)
-    if (!step.whole()) throw std::runtime_error("a damaged record found");
-}
-
-template <class Archive, class M>
-requires std::is_same_v<std::remove_const_t<M>, Model>
-void fields(Archive& archive, M& m) {
-  archive(m.inputs, m.outputs, m.k_begin, m.dt, m.step, m.period, m.frame, m.method, m.initial_state, m.names,
-          m.u_nominal, m.y_nominal, m.x0_mean, m.x0_cov, m.options, m.version);
-}
-
-}  // namespace tokid

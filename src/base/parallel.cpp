@@ -9,8 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "base/thread_count.hpp"
-
 namespace tokid {
 
 namespace {
@@ -24,6 +22,10 @@ Interruptible::~Interruptible() { check = outer_; }
 
 void checkpoint() {
   if (check) (*check)();
+}
+
+Index thread_count(const Execution& execution) {
+  return execution.threads > 0 ? execution.threads : std::max(1, int(std::thread::hardware_concurrency()));
 }
 
 Execution share(const Execution& whole, double from, double to) {

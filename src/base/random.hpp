@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "tokid/linalg.hpp"
+#include "tokid/types.hpp"
 
 namespace tokid {
 

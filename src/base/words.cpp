@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tokid/io.hpp"
+#include "tokid/printable.hpp"
 
 namespace tokid::words {
 

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "tokid/linalg.hpp"
+#include "tokid/types.hpp"
 
 namespace tokid::words {
 

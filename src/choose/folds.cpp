@@ -6,6 +6,7 @@
 #include <span>
 
 #include "tokid/em.hpp"
+#include "tokid/validate.hpp"
 
 namespace tokid {
 

@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
+#include "tokid/choices.hpp"
 #include "tokid/em.hpp"
-#include "tokid/identify.hpp"
 #include "tokid/subspace.hpp"
 
 namespace tokid {

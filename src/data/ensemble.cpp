@@ -13,8 +13,8 @@
 
 #include "base/large_pages.hpp"
 #include "base/statistics.hpp"
+#include "base/words.hpp"
 #include "data/experiment_names.hpp"
-#include "diagnose/survey.hpp"
 
 namespace tokid {
 
@@ -22,29 +22,6 @@ namespace {
 
 std::string channel_name(const std::vector<std::string>& names, char prefix, Index i) {
   return static_cast<size_t>(i) < names.size() ? names[static_cast<size_t>(i)] : fmt::format("{}{}", prefix, i + 1);
-}
-
-void check_count(const std::vector<std::string>& list, const char* what, Index channels) {
-  if (!list.empty() && static_cast<Index>(list.size()) != channels)
-    throw std::invalid_argument(fmt::format("{}: {} given for {} channels", what, list.size(), channels));
-}
-
-void check_length(const Ensemble& e, const std::vector<Index>& length) {
-  if (!length.empty() && static_cast<Index>(length.size()) != e.experiments())
-    throw std::invalid_argument(fmt::format("length: {} entries for {} experiments", length.size(), e.experiments()));
-  for (const Index l : length)
-    if (l < 0 || l > e.steps())
-      throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, e.steps()));
-}
-
-// Free-response experiments are samples like any other; NaN marks what is missing.
-void check_free_response(const FreeResponse& free, Index outputs) {
-  if (free.experiments == 0) return;
-  if (free.y.rows() != free.experiments || free.y.cols() != free.steps * outputs)
-    throw std::invalid_argument(
-        fmt::format("free_y: {} x {} samples found, {} experiments x {} steps x {} outputs needed", free.y.rows(),
-                    free.y.cols(), free.experiments, free.steps, outputs));
-  if (free.y.array().isInf().any()) throw std::invalid_argument("free_y: infinite value");
 }
 
 }  // namespace
@@ -121,7 +98,7 @@ Ensemble Ensemble::subset(const std::vector<Index>& chosen) const {
   result.initial_state = initial_state;
   if (!length.empty())
     for (const Index n : chosen) result.length.push_back(length[static_cast<size_t>(n)]);
-  result.experiment_names = names_of_subset(*this, chosen);
+  result.experiment_names = names_of_subset(experiment_names, chosen);
   result.free = free;
   return result;
 }
@@ -189,36 +166,18 @@ std::optional<Ensemble> in_order(const Ensemble& e, const Channels& wanted) {
   return e.select(*inputs, *outputs);
 }
 
-void Ensemble::check(bool outputs_needed) const { checked(*this, outputs_needed); }
-
-Survey checked(const Ensemble& e, bool outputs_needed) {
-  if (!(e.dt > 0) || !std::isfinite(e.dt))
-    throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", e.dt));
-  if (e.experiments() == 0 || e.steps() == 0)
-    throw std::invalid_argument(fmt::format("ensemble: {} experiments of {} steps found, at least one of one needed",
-                                            e.experiments(), e.steps()));
-  check_count(e.names.input_names, "input_names", e.inputs());
-  check_count(e.names.output_names, "output_names", e.outputs());
-  check_count(e.names.input_units, "input_units", e.inputs());
-  check_count(e.names.output_units, "output_units", e.outputs());
-  if (!e.experiment_names.empty() && Index(e.experiment_names.size()) != e.experiments())
-    throw std::invalid_argument(fault_of_experiment_names(e.experiment_names, e.experiments()));
-  check_length(e, e.length);
-
-  Survey samples = survey(e, 0, e.steps());
-  if (!outputs_needed) samples.channel.resize(size_t(e.inputs()));
-  check_presence(samples, e.names, e.inputs(), e.experiments() * e.steps());
-  check_free_response(e.free, e.outputs());
-  return samples;
+void set_experiment_names(Ensemble& e, std::vector<std::string> names) {
+  const std::string fault = fault_of_experiment_names(names, e.experiments());
+  if (!fault.empty()) throw std::invalid_argument(fault);
+  if (are_row_numbers(names)) names.clear();
+  e.experiment_names = std::move(names);
 }
 
-void set_length(Ensemble& ensemble, std::vector<Index> length) {
-  const Index T = ensemble.steps(), d = ensemble.channels();
-  check_length(ensemble, length);
-  for (size_t n = 0; n < length.size(); ++n)
-    ensemble.samples().row(Index(n)).tail((T - length[n]) * d).setConstant(std::numeric_limits<double>::quiet_NaN());
-  ensemble.length = std::move(length);
+std::string Ensemble::experiment_name(Index n) const {
+  return size_t(n) < experiment_names.size() ? experiment_names[size_t(n)] : std::string();
 }
+
+std::string Ensemble::experiment(Index n) const { return words::experiment(n, experiment_name(n)); }
 
 Index missing_samples(const Ensemble& ensemble) {
   Index beyond = 0;
@@ -247,12 +206,6 @@ ChannelSummary channel_summary(const Ensemble& e, Index channel) {
     }
   if (s.samples > 0) s.std = std::sqrt(squares / double(s.samples));
   return s;
-}
-
-std::string fingerprint(const Ensemble& e) {
-  std::vector<std::uint64_t> digests;
-  for (Index k = 0; k < e.steps(); ++k) digests.push_back(digest(e, k));
-  return fingerprint(e.experiments(), e.inputs(), e.outputs(), digests);
 }
 
 void share_phases(Nominal& nominal, Index period) {

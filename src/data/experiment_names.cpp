@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <stdexcept>
 #include <string_view>
 #include <unordered_map>
 #include <utility>
@@ -14,12 +13,6 @@
 namespace tokid {
 
 namespace {
-
-bool are_row_numbers(const std::vector<std::string>& names) {
-  for (size_t n = 0; n < names.size(); ++n)
-    if (names[n] != std::to_string(n)) return false;
-  return true;
-}
 
 bool any_twice(std::vector<Index> rows) {
   std::sort(rows.begin(), rows.end());
@@ -44,27 +37,19 @@ std::string fault_of_experiment_names(const std::vector<std::string>& names, Ind
   return "";
 }
 
-void set_experiment_names(Ensemble& e, std::vector<std::string> names) {
-  const std::string fault = fault_of_experiment_names(names, e.experiments());
-  if (!fault.empty()) throw std::invalid_argument(fault);
-  if (are_row_numbers(names)) names.clear();
-  e.experiment_names = std::move(names);
+bool are_row_numbers(const std::vector<std::string>& names) {
+  for (size_t n = 0; n < names.size(); ++n)
+    if (names[n] != std::to_string(n)) return false;
+  return true;
 }
 
-std::string Ensemble::experiment_name(Index n) const {
-  return size_t(n) < experiment_names.size() ? experiment_names[size_t(n)] : std::string();
-}
-
-std::string Ensemble::experiment(Index n) const { return words::experiment(n, experiment_name(n)); }
-
-std::vector<std::string> names_of_subset(const Ensemble& e, const std::vector<Index>& chosen) {
+std::vector<std::string> names_of_subset(const std::vector<std::string>& names, const std::vector<Index>& chosen) {
   if (any_twice(chosen)) return {};
-  std::vector<std::string> names;
-  names.reserve(chosen.size());
-  for (const Index n : chosen)
-    names.push_back(e.experiment_names.empty() ? std::to_string(n) : e.experiment_names[size_t(n)]);
-  if (are_row_numbers(names)) names.clear();
-  return names;
+  std::vector<std::string> result;
+  result.reserve(chosen.size());
+  for (const Index n : chosen) result.push_back(names.empty() ? std::to_string(n) : names[size_t(n)]);
+  if (are_row_numbers(result)) result.clear();
+  return result;
 }
 
 }  // namespace tokid

@@ -9,7 +9,6 @@
 #include <stdexcept>
 
 #include "data/channel_sizes.hpp"
-#include "data/window_kind.hpp"
 #include "linalg/row_absorption.hpp"
 
 namespace tokid {

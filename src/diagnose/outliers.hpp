@@ -6,7 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "tokid/identify.hpp"
+#include "tokid/ensemble.hpp"
+#include "tokid/model.hpp"
+#include "tokid/outlier.hpp"
 
 namespace tokid {
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "base/rounding.hpp"
 #include "base/words.hpp"
 #include "tokid/gtv_arx.hpp"
 

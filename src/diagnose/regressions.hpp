@@ -28,9 +28,4 @@ struct RegressionSizes {
 };
 std::vector<std::string> warnings_of(const RegressionSurvey& survey, const RegressionSizes& sizes, bool noisy);
 
-// Residuals below this share of the outputs are errors of arithmetic: the data are free of noise.
-inline constexpr double rounding_share = 1e-9;
-// Windows worse conditioned than this leave fewer than eight digits to the coefficients.
-inline constexpr double ill_conditioned = 1e8;
-
 }  // namespace tokid

@@ -9,7 +9,7 @@
 
 #include "base/words.hpp"
 #include "data/axes.hpp"
-#include "tokid/identify.hpp"
+#include "tokid/provenance.hpp"
 
 namespace tokid {
 
@@ -56,12 +56,6 @@ std::string simulation_start(const Model& model, const Ensemble& inputs, bool es
   return has_initial_estimate(model, initial) ? "mean initial state" : "zero state";
 }
 
-std::optional<std::string> steps_beyond(const Model& model, const Ensemble& data) {
-  if (model.period > 0 || data.steps() <= model.k_end()) return std::nullopt;
-  return fmt::format("the model ends with step {}: it says nothing of the last {} of the data", model.k_end() - 1,
-                     words::plural(data.steps() - model.k_end(), "step"));
-}
-
 std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& inputs, const Ensemble& simulated,
                                             bool estimate) {
   std::vector<std::string> result = remarks_on_data(model, inputs);
@@ -101,24 +95,6 @@ std::string nominal_remark(const NominalTest& test, const Channels& names, Index
   }
   return fmt::format("the mean motion was removed, it is significant: {} ({}; {})", fmt::join(channels, ", "), mean,
                      step);
-}
-
-std::vector<std::string> remarks(const CrossValidation& cross) {
-  std::vector<std::pair<std::string, int>> seen;
-  for (const Fold& fold : cross.folds)
-    for (const std::string& text : fold.warnings) {
-      const auto same = [&text](const auto& entry) { return entry.first == text; };
-      const auto found = std::find_if(seen.begin(), seen.end(), same);
-      if (found == seen.end())
-        seen.emplace_back(text, 1);
-      else
-        ++found->second;
-    }
-  std::vector<std::string> result;
-  for (const std::string& text : cross.warnings) result.push_back(fmt::format("cross-validation: {}", text));
-  for (const auto& [text, count] : seen)
-    result.push_back(fmt::format("cross-validation, {} of {} folds: {}", count, cross.folds.size(), text));
-  return result;
 }
 
 }  // namespace tokid

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/json.hpp"
+#include "model/provenance.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid {
@@ -19,15 +20,6 @@ namespace {
 [[noreturn]] void refuse(const char* key, const Json& found, const std::string& needed) {
   throw std::invalid_argument(
       fmt::format("options of the model, \"{}\": {} found, {} needed", key, text_of(found), needed));
-}
-
-// λ, with "infinity", which JSON has no number for.
-Json penalty(double smoothing) { return std::isinf(smoothing) ? Json("infinity") : Json(smoothing); }
-
-std::optional<double> penalty(const Json& value) {
-  if (value == "infinity") return std::numeric_limits<double>::infinity();
-  if (!value.is_number() || !(value.get<double>() >= 0)) return std::nullopt;
-  return value.get<double>();
 }
 
 // One option: its key, and its way into the text and back.
@@ -107,9 +99,10 @@ constexpr Words<std::optional<Weighting>, 4> weightings{{{"auto", std::nullopt},
 
 // λ: a penalty, or "auto" for a negative one.
 constexpr Entry smoothing = {
-    "smoothing", [](const IdentifyOptions& o) { return o.smoothing < 0 ? Json("auto") : penalty(o.smoothing); },
+    "smoothing",
+    [](const IdentifyOptions& o) { return o.smoothing < 0 ? Json("auto") : provenance::penalty(o.smoothing); },
     [](IdentifyOptions& o, const char* k, const Json& value) {
-      const std::optional<double> given = penalty(value);
+      const std::optional<double> given = provenance::penalty(value);
       if (!given && value != "auto") refuse(k, value, "\"auto\", \"infinity\" or a number from 0 on");
       o.smoothing = given.value_or(-1.0);
     }};
@@ -138,16 +131,6 @@ constexpr Entry table[] = {
     count<&IdentifyOptions::rows>("rows"),
     count<&IdentifyOptions::cols>("cols"),
 };
-// No options, but told beside them.
-constexpr const char *experiments_key = "experiments", *data_key = "data", *choices_key = "choices",
-                     *refined_key = "refined", *dt_key = "dt_stated";
-constexpr std::string_view others[] = {experiments_key, data_key, choices_key, refined_key, dt_key};
-
-// What the model holds, or an empty object.
-Json told(const Model& model) {
-  Json json = options_json(model.options);
-  return json.is_object() ? json : Json::object();
-}
 
 const Entry* find(std::string_view key) {
   for (const Entry& entry : table)
@@ -160,7 +143,7 @@ const Entry* find(std::string_view key) {
 std::string to_json(const IdentifyOptions& options, Index experiments) {
   Json json;
   for (const Entry& entry : table) json[entry.key] = entry.write(options);
-  json[experiments_key] = experiments;
+  json[provenance::experiments_key] = experiments;
   return text_of(json);
 }
 
@@ -172,7 +155,7 @@ IdentifyOptions identify_options(const Model& model) {
                                     : "options of the model: not the text of a JSON object, as identify() writes it");
   IdentifyOptions options;
   for (const auto& [key, value] : json.items()) {
-    if (std::find(std::begin(others), std::end(others), key) != std::end(others)) continue;
+    if (provenance::is_key(key)) continue;
     const Entry* entry = find(key);
     if (!entry)
       throw std::invalid_argument(
@@ -183,57 +166,22 @@ IdentifyOptions identify_options(const Model& model) {
   return options;
 }
 
-void note_data(Model& model, const std::string& fingerprint) {
-  Json json = told(model);
-  Json& list = json[data_key];
-  if (!list.is_array()) list = Json::array();
-  if (std::find(list.begin(), list.end(), fingerprint) == list.end()) list.push_back(fingerprint);
-  model.options = text_of(json);
-}
-
-bool has_seen(const Model& model, const Ensemble& data) {
-  const Json json = told(model);
-  const auto list = json.find(data_key);
-  return list != json.end() && std::find(list->begin(), list->end(), fingerprint(data)) != list->end();
-}
-
-void note_update(Model& model, Index experiments) {
-  Json json = told(model);
-  json[experiments_key] = experiments;
-  json.erase(refined_key);
-  model.options = text_of(json);
-}
-
-void note_refinement(Model& model, double smoothing, Index iterations) {
-  Json json = told(model);
-  json[refined_key] = {{"smoothing", penalty(smoothing)}, {"iterations", iterations}};
-  model.options = text_of(json);
-}
-
 void note_choices(Model& model, const NoisyChoices& choices) {
-  Json json = told(model);
-  json[choices_key] = {{"smoothing", penalty(choices.variation.smoothing)},
-                       {"period", choices.variation.period},
-                       {"state_smoothing", penalty(choices.state_smoothing)},
-                       {"weighting", word_of(weightings, std::optional(choices.weighting))},
-                       {"refinement_smoothing", penalty(choices.refinement_smoothing)},
-                       {"refinement_iterations", choices.refinement_iterations}};
+  Json json = provenance::of(model);
+  json[provenance::choices_key] = {{"smoothing", provenance::penalty(choices.variation.smoothing)},
+                                   {"period", choices.variation.period},
+                                   {"state_smoothing", provenance::penalty(choices.state_smoothing)},
+                                   {"weighting", word_of(weightings, std::optional(choices.weighting))},
+                                   {"refinement_smoothing", provenance::penalty(choices.refinement_smoothing)},
+                                   {"refinement_iterations", choices.refinement_iterations}};
   model.options = text_of(json);
 }
-
-void note_missing_dt(Model& model) {
-  Json json = told(model);
-  json[dt_key] = false;
-  model.options = text_of(json);
-}
-
-bool states_dt(const Model& model) { return told(model).value(dt_key, Json(true)) != Json(false); }
 
 std::optional<NoisyChoices> noted_choices(const Model& model) {
-  const Json json = told(model);
-  const auto noted = json.find(choices_key);
+  const Json json = provenance::of(model);
+  const auto noted = json.find(provenance::choices_key);
   if (noted == json.end() || !noted->is_object()) return std::nullopt;
-  const auto number = [&](const char* key) { return penalty(noted->value(key, Json())); };
+  const auto number = [&](const char* key) { return provenance::penalty(noted->value(key, Json())); };
   const auto count = [&](const char* key) -> std::optional<Index> {
     const Json value = noted->value(key, Json());
     return value.is_number_integer() && value >= 0 ? std::optional(value.get<Index>()) : std::nullopt;
@@ -243,12 +191,6 @@ std::optional<NoisyChoices> noted_choices(const Model& model) {
   const auto weighting = value_of(weightings, noted->value("weighting", Json()));
   if (!smoothing || !states || !em || !period || !iterations || !weighting || !*weighting) return std::nullopt;
   return NoisyChoices{{*smoothing, *period}, *states, **weighting, *em, *iterations};
-}
-
-std::optional<double> refinement_smoothing(const Model& model) {
-  const Json json = told(model);
-  const auto refined = json.find(refined_key);
-  return refined != json.end() && refined->is_object() ? penalty(refined->value("smoothing", Json())) : std::nullopt;
 }
 
 }  // namespace tokid

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "io/arrays.hpp"
-#include "tokid/stream.hpp"
+#include "tokid/io.hpp"
 
 namespace tokid::io {
 

@@ -13,7 +13,7 @@
 #include "io/sample_time.hpp"
 #include "io/schema.hpp"
 #include "linalg/transposition.hpp"
-#include "tokid/stream.hpp"
+#include "tokid/ensemble_file.hpp"
 
 namespace tokid {
 

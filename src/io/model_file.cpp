@@ -4,14 +4,14 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "base/archive.hpp"
 #include "io/atomic_file.hpp"
 #include "io/hdf5_sink.hpp"
 #include "io/naming.hpp"
 #include "io/schema.hpp"
 #include "io/text.hpp"
+#include "model/archived.hpp"
+#include "tokid/model_file.hpp"
 #include "tokid/parallel.hpp"
-#include "tokid/stream.hpp"
 
 namespace tokid {
 

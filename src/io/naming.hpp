@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "io/arrays.hpp"
+#include "tokid/printable.hpp"
 
 namespace tokid::io {
 

@@ -3,14 +3,12 @@
 #pragma once
 
 #include "io/fields.hpp"
-#include "tokid/uncertainty.hpp"
-#include "tokid/update.hpp"
+#include "tokid/model.hpp"
 
 namespace tokid::io {
 
 const Names& ensemble_names();
 const Names& model_names();
-const Names& update_names();
 
 bool is_ensemble(const Names& found);
 bool is_model(const Names& found);
@@ -19,8 +17,6 @@ bool is_update_state(const Names& found);
 // What is required comes last, so that a file which lost its end is never taken for a complete one.
 Arrays arrays_of(const Ensemble& ensemble, Layout layout);
 Arrays arrays_of(const Model& model, Layout layout);
-Arrays arrays_of(const Confidence& confidence, Layout layout);
-Arrays arrays_of(const UpdateState& state, Layout layout);
 
 // The two parts of a model's arrays: those that are small whatever the number of steps, the counts among them, and
 // those with a row for each step, padded to so many states and singular values.
@@ -47,7 +43,6 @@ EnsembleOutline outline_of(const Fields& fields, bool outputs_required);
 
 Ensemble ensemble_of(const Fields& fields, bool outputs_required);
 Model model_of(const Fields& fields);
-UpdateState update_state_of(const Fields& fields);
 
 // The channel names and units, which ensembles and models share.
 void add_channels(const Channels& channels, Arrays& arrays);

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "base/archive.hpp"
+#include "model/archived.hpp"
 
 namespace tokid::stream {
 

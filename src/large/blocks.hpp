@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "diagnose/survey.hpp"
+#include "data/survey.hpp"
 #include "identify/identify_stretch.hpp"
 #include "large/evaluate.hpp"
 #include "tokid/stream.hpp"

@@ -13,15 +13,16 @@
 #include <type_traits>
 #include <utility>
 
-#include "base/archive.hpp"
+#include "base/rounding.hpp"
 #include "base/words.hpp"
-#include "data/window_kind.hpp"
+#include "data/check.hpp"
 #include "diagnose/regressions.hpp"
-#include "diagnose/survey.hpp"
 #include "identify/identify_stretch.hpp"
+#include "identify/realisation.hpp"
 #include "large/evaluate.hpp"
-#include "method/realisation.hpp"
+#include "model/archived.hpp"
 #include "tokid/dependence.hpp"
+#include "tokid/provenance.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/smooth_arx.hpp"
 #include "tokid/subspace.hpp"

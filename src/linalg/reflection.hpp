@@ -8,7 +8,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tokid/linalg.hpp"
+#include "tokid/types.hpp"
 
 namespace tokid::linalg {
 

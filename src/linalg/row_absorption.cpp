@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "linalg/simd.hpp"
+#include "base/integers.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "linalg/row_absorption.cpp"
@@ -207,8 +208,6 @@ namespace {
 constexpr Index whole_rows = 8;
 // … and so many at once: they stay in the second level cache together with what absorbs them.
 constexpr Index rows_at_once = 192;
-
-Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 
 }  // namespace
 

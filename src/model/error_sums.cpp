@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "base/nan.hpp"
-#include "diagnose/regressions.hpp"
+#include "base/rounding.hpp"
 
 namespace tokid {
 

@@ -333,16 +333,6 @@ Independence independence_over_time(const Innovations& innovations, const Ensemb
 
 }  // namespace
 
-void check_innovations(const Innovations& innovations, const Ensemble& data) {
-  const auto disagrees = [&](const Matrix& e) { return e.rows() != data.experiments() || e.cols() != data.outputs(); };
-  if (static_cast<Index>(innovations.size()) != data.steps() ||
-      std::any_of(innovations.begin(), innovations.end(), disagrees))
-    throw std::invalid_argument(fmt::format("innovations: {} steps of {} x {} found, {} of {} x {} needed",
-                                            innovations.size(), innovations.empty() ? 0 : innovations.front().rows(),
-                                            innovations.empty() ? 0 : innovations.front().cols(), data.steps(),
-                                            data.experiments(), data.outputs()));
-}
-
 Independence independence(const Innovations& innovations, const Ensemble& data, Index first, Index last) {
   if (first > last)
     throw std::invalid_argument(fmt::format("lags: {} to {} found, a first and a last one needed", first, last));

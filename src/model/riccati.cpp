@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "diagnose/regressions.hpp"
+#include "base/rounding.hpp"
 
 namespace tokid {
 

@@ -12,10 +12,10 @@
 
 #include "base/statistics.hpp"
 #include "base/words.hpp"
+#include "linalg/symmetric.hpp"
 #include "model/riccati.hpp"
 #include "noise/em/anderson.hpp"
 #include "noise/em/estimator.hpp"
-#include "noise/em/symmetric.hpp"
 #include "tokid/observer.hpp"
 
 namespace tokid {
@@ -50,7 +50,7 @@ Index window_of(const Model& model) { return (model.states() + model.outputs - 1
 Matrix estimation_covariance(const Model& model, const Matrix& s, Index begin, Index end) {
   const Index n = model.states();
   Matrix w, mean = Matrix::Zero(n, n);
-  em::inverse_root(s, w);
+  linalg::inverse_root(s, w);
   for (Index k = begin; k < end; ++k) {
     const Matrix o = observability(model, k, window_of(model));
     Matrix information = Matrix::Zero(n, n);
@@ -74,7 +74,7 @@ Matrix process_noise(const Matrix& s, const Model& model) {
   // By roots: gains that cancel the noise which outputs have in common are far larger than what they leave.
   for (const Step& step : model.step) q += covariance_of((step.G() * *root).transpose()) / double(model.steps());
   q += 0.01 * Matrix(q.diagonal().asDiagonal());
-  em::symmetrise(q);
+  linalg::symmetrise(q);
   return q;
 }
 
@@ -169,7 +169,7 @@ Matrix innovation_covariance(const Model& model, const Ensemble& data, InitialSt
   for (const Matrix& e : prediction.innovations)
     for (Index i = 0; i < e.rows(); ++i)
       if (e.row(i).allFinite()) sum += e.row(i).transpose() * e.row(i), count += 1;
-  const em::Samples samples = em::samples_of(model, data);
+  const kalman::Samples samples = kalman::samples_of(model, data);
   const Matrix size = samples.y_square.cwiseMax(std::numeric_limits<double>::min()).asDiagonal();
   return count > 0 ? Matrix(sum / count + exact * size) : size;
 }
@@ -189,19 +189,19 @@ Model starting_model(const Model& model, const Ensemble& data, const RefineOptio
     start.x0_cov = Matrix::Zero(start.states(), start.states());
   } else if (!knows_start) {
     // States whose outputs are of the size of the data.
-    const em::Samples samples = em::samples_of(start, data);
+    const kalman::Samples samples = kalman::samples_of(start, data);
     const Matrix size = samples.y_square.cwiseMax(std::numeric_limits<double>::min()).asDiagonal();
     start.x0_mean = Vector::Zero(start.states());
     start.x0_cov = double(window_of(start)) * estimation_covariance(start, size, 0, 1);
-    em::symmetrise(start.x0_cov);
+    linalg::symmetrise(start.x0_cov);
   }
   return start;
 }
 
 // Phases of a segment in which the size of the noise counts as constant; 0 where it may be for all of them: analysis of
 // variance of the normalised squares of the innovations.
-Index varying_noise(const Model& model, const em::Samples& samples) {
-  const Matrix squares = em::innovation_squares(model, samples);
+Index varying_noise(const Model& model, const kalman::Samples& samples) {
+  const Matrix squares = kalman::innovation_squares(model, samples);
   const double n = double(model.states()), m = double(model.outputs);
   const double entries = std::max(n * (n + 1), m * (m + 1)) / 2;
   const double per_step = samples.outputs / m / double(std::max<Index>(1, samples.steps));
@@ -237,7 +237,7 @@ Index varying_noise(const Model& model, const em::Samples& samples) {
 // One point of the climb with what the next step needs.
 struct Point {
   em::Parameters parameters;
-  em::Moments moments;
+  kalman::Moments moments;
   double log_likelihood = -infinity, penalised = -infinity;
 };
 
@@ -254,7 +254,7 @@ class Climb {
   Climb(const Model& start, const Ensemble& data, const RefineOptions& options, InitialState initial)
       : options_(options),
         silent_{options.execution.threads, {}},
-        samples_(em::samples_of(start, data)),
+        samples_(kalman::samples_of(start, data)),
         estimator_(start, samples_, estimator_options(start, options, initial)) {
     if (!(samples_.outputs > 0)) throw std::invalid_argument("data: no output sample found at the steps of the model");
   }
@@ -268,7 +268,7 @@ class Climb {
 
   const RefineOptions& options_;
   Execution silent_;
-  em::Samples samples_;
+  kalman::Samples samples_;
   em::Estimator estimator_;
   Index noise_segments_ = 1;
 };
@@ -276,7 +276,7 @@ class Climb {
 Point Climb::point(em::Parameters parameters) const {
   Point result;
   if (!parameters.finite()) return result;
-  em::Smoothed smoothed = em::smooth(estimator_.model(parameters), samples_, silent_);
+  kalman::Smoothed smoothed = kalman::smooth(estimator_.model(parameters), samples_, silent_);
   result.log_likelihood = smoothed.log_likelihood.sum();
   result.penalised = result.log_likelihood - estimator_.penalty(parameters);
   if (!std::isfinite(result.penalised)) result.penalised = -infinity;
@@ -328,7 +328,7 @@ void Climb::warn(const Point& now, Refinement& result) const {
 Refinement Climb::run() {
   Refinement result;
   {
-    const em::Smoothed first = em::smooth(estimator_.model(estimator_.start()), samples_, silent_);
+    const kalman::Smoothed first = kalman::smooth(estimator_.model(estimator_.start()), samples_, silent_);
     estimator_.set_scales(first.moments, samples_);
   }
   Point now = point(estimator_.start());
@@ -383,7 +383,7 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
     throw std::invalid_argument(
         fmt::format("smoothing: {} found, none needed where one model serves all steps", options.smoothing));
   const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
-  em::samples_of(model, data, em::Tail::drop, 0);  // checks the channels
+  kalman::samples_of(model, data, kalman::Tail::drop, 0);  // checks the channels
   Model start = starting_model(model, data, options, initial);
   const double likelihood = log_likelihoods(start, data, {options.execution.threads, {}}).sum();
   // A strong penalty on a start whose coordinates are not smooth yet makes all steps one, and it takes many iterations
@@ -430,8 +430,8 @@ Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution
   };
   needed(&Step::has_Q, "Q");
   needed(&Step::has_R, "R");
-  const em::Samples samples = em::samples_of(model, data);
-  const Vector of_column = em::log_likelihoods(model, samples, execution);
+  const kalman::Samples samples = kalman::samples_of(model, data);
+  const Vector of_column = kalman::log_likelihoods(model, samples, execution);
   Vector result(of_column.size());
   for (Index i = 0; i < result.size(); ++i) result(samples.experiment[size_t(i)]) = of_column(i);
   return result;

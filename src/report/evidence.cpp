@@ -8,8 +8,8 @@
 
 #include "base/json.hpp"
 #include "base/nan.hpp"
+#include "base/rounding.hpp"
 #include "base/statistics.hpp"
-#include "diagnose/regressions.hpp"
 #include "model/judged.hpp"
 #include "model/outlying_samples.hpp"
 #include "model/step_fields.hpp"

@@ -7,37 +7,15 @@
 
 #include "base/words.hpp"
 #include "diagnose/conclusions.hpp"
+#include "report/bounds.hpp"
 #include "report/horizon.hpp"
-#include "report/provenance.hpp"
+#include "report/origin.hpp"
 #include "tokid/report.hpp"
 #include "tokid/validate.hpp"
 
 namespace tokid::report {
 
 using words::figure, words::percent, words::percent_range, words::plural, words::probability, words::step_list;
-
-// Bounds that the verdict and the tables use; the page states them.
-namespace bounds {
-inline constexpr double good_fit = 80.0, poor_fit = 50.0;  // [%]
-inline constexpr double useless_fit = 10.0;                // [%] below it noise is no excuse
-inline constexpr double expected_fit = 90.0;               // [%] an exact model predicts well from here on …
-inline constexpr double like_one_step = 1.25;              // … or with errors so many times those of one step
-inline constexpr double as_expected = 1.25;                // errors over those of an exact model that noise explains
-inline constexpr double inputs_show = 0.5;                 // what inputs do within a horizon over its errors
-inline constexpr double ill_conditioned = 1e8;             // always
-inline constexpr double worse_than_usual = 30.0;           // with noise: so many times the median condition …
-inline constexpr double worth_a_word = 1e3;                // … and larger than this
-inline constexpr double weak_input = 0.02;                 // spread of an input over its median spread
-inline constexpr double error_peak = 5.0;                  // one-step error of a step over the median of the steps
-inline constexpr double error_floor = 0.05;                // … and over the spread of the output …
-inline constexpr double error_stated = 2.0;                // … and over what the model states for the step
-inline constexpr double beyond_noise = 5.0;                // one-step error over what the identification left there
-inline constexpr double outlier = 10.0;                    // error of an experiment over the median of all
-inline constexpr double coverage = 0.9;                    // share of the model's steps that the data test
-inline constexpr double chance = 0.01;                     // of weak inputs that are none
-inline constexpr double many_missing = 0.1;                // of all samples
-inline constexpr Index few_tested = 3;                     // experiments
-}  // namespace bounds
 
 // An input that hardly differs between the experiments at some steps, or nowhere.
 struct WeakInput {

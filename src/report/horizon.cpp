@@ -6,7 +6,7 @@
 
 #include "base/nan.hpp"
 #include "model/expected_errors.hpp"
-#include "report/evidence.hpp"
+#include "report/bounds.hpp"
 
 namespace tokid::report {
 

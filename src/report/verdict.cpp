@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "report/evidence.hpp"
-#include "report/provenance.hpp"
+#include "report/origin.hpp"
 
 namespace tokid {
 
@@ -300,7 +300,8 @@ class Judge {
 
   std::string rests(const WeakInput& weak) const {
     if (weak.always) return fmt::format("input {} is the same in all experiments", found_.names.input(weak.input));
-    return fmt::format("input {} is nearly the same in all experiments at {}", found_.names.input(weak.input), step_list(weak.steps));
+    return fmt::format("input {} is nearly the same in all experiments at {}", found_.names.input(weak.input),
+                       step_list(weak.steps));
   }
   std::string spread(const WeakInput& weak) const {
     return fmt::format("its spread over the experiments falls to {} % of the usual one", figure(100 * weak.spread, 2));

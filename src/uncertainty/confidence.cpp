@@ -13,6 +13,7 @@
 #include "identify/identify_stretch.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/provenance.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
 #include "uncertainty/interval.hpp"

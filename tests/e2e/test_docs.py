@@ -78,3 +78,17 @@ def test_readme(tokid, tmp_path):
         if command:
             status, printed = run(tokid, command, tmp_path)
             assert status == 0, "\n".join([command, *printed])
+
+
+def test_files_and_functions_that_documents_name():
+    named = 0
+    for document in [*(ROOT / "docs").glob("*.md"), ROOT / "CONTRIBUTING.md"]:
+        text = " ".join(document.read_text().split())
+        for path, list_of_names in re.findall(r"`((?:src|include|app|bench)/[\w./-]+)`((?:[:,;]? (?:class )?`[\w:]+`)*)", text):
+            assert (ROOT / path).exists(), f"{document.name}: {path}"
+            if list_of_names.startswith(":"):
+                source = (ROOT / path).read_text()
+                for name in re.findall(r"`([\w:]+)`", list_of_names):
+                    assert re.search(rf"\b{name.split('::')[-1]}\b", source), f"{document.name}: {name} in {path}"
+                    named += 1
+    assert named > 50

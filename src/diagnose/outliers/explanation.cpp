@@ -8,8 +8,8 @@
 
 #include "base/nan.hpp"
 #include "base/words.hpp"
+#include "data/survey.hpp"
 #include "diagnose/standstill.hpp"
-#include "diagnose/survey.hpp"
 
 namespace tokid {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "noise/em/symmetric.hpp"
+#include "linalg/symmetric.hpp"
 #include "tokid/random_walk.hpp"
 
 namespace tokid::em {
@@ -43,7 +43,7 @@ double freedom_per_phase(Index phases, double smoothing) {
 
 Matrix whitener_of(const Matrix& covariance) {
   Matrix w;
-  inverse_root(covariance, w);
+  linalg::inverse_root(covariance, w);
   return w;
 }
 
@@ -57,7 +57,7 @@ bool Parameters::finite() const {
          measurement.scale.allFinite() && x0_mean.allFinite() && x0_cov.allFinite();
 }
 
-Estimator::Estimator(const Model& start, const Samples& samples, const EstimatorOptions& options)
+Estimator::Estimator(const Model& start, const kalman::Samples& samples, const EstimatorOptions& options)
     : model_(start),
       options_(options),
       n_(start.states()),
@@ -116,7 +116,7 @@ Vector typical(const std::vector<Matrix>& moments, Index size) {
 
 }  // namespace
 
-void Estimator::set_scales(const Moments& moments, const Samples& samples) {
+void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples& samples) {
   const auto mean_diagonal = [&](const std::vector<Matrix>& list) {
     Vector sum = Vector::Zero(n_ + r_);
     for (const Matrix& a : list) sum += a.diagonal().head(n_ + r_);
@@ -134,8 +134,8 @@ void Estimator::set_scales(const Moments& moments, const Samples& samples) {
   const double count = std::max(1.0, moments.measured_count.sum());
   process_floor_ = (smallest_noise / count * mean_diagonal(moments.measured).head(n_)).array().max(1e-300);
   measurement_floor_ = (smallest_noise * samples.y_square).array().max(1e-300);
-  for (Matrix& q : start_.process.shape) q = bounded_below(q, process_floor_);
-  for (Matrix& r : start_.measurement.shape) r = bounded_below(r, measurement_floor_);
+  for (Matrix& q : start_.process.shape) q = linalg::bounded_below(q, process_floor_);
+  for (Matrix& r : start_.measurement.shape) r = linalg::bounded_below(r, measurement_floor_);
   // The second moment of the state, in the ratio of the innovations to the outputs, all of a typical step.
   const double of_step = double(std::max<Index>(1, (moments.measured_count.array() > 0).count())) / count;
   Matrix state = Matrix::Zero(n_, n_);
@@ -147,10 +147,10 @@ void Estimator::set_scales(const Moments& moments, const Samples& samples) {
   const Vector size = (typical(moments.measured, n_) * of_step).cwiseMax(process_floor_);
   const Vector scale = (size.array() / state.diagonal().array().max(process_floor_.array())).sqrt();
   state = scale.asDiagonal() * state * scale.asDiagonal();
-  measurement_reference_ = bounded_below(options_.innovation_cov, measurement_floor_);
+  measurement_reference_ = linalg::bounded_below(options_.innovation_cov, measurement_floor_);
   const Vector output = (typical(outputs, m_) * of_step).cwiseMax(measurement_floor_);
   const double ratio = (measurement_reference_.diagonal().array() / output.array()).mean();
-  process_reference_ = bounded_below(ratio * state, process_floor_);
+  process_reference_ = linalg::bounded_below(ratio * state, process_floor_);
   const auto per_phase = [&](const Vector& counts) {
     Vector sums = Vector::Zero(phases_);
     for (Index t = 0; t < steps_; ++t) sums(t % phases_) += counts(t);
@@ -168,7 +168,7 @@ void Estimator::set_scales(const Moments& moments, const Samples& samples) {
   if (options_.estimate_x0) {
     const double known = std::max(1.0, moments.x0_count);
     const Vector mean = moments.x0 / known;
-    x0_prior_ = bounded_below(moments.x0_square / known - mean * mean.transpose(), process_floor_);
+    x0_prior_ = linalg::bounded_below(moments.x0_square / known - mean * mean.transpose(), process_floor_);
     start_.x0_mean = mean;
     start_.x0_cov = x0_prior_;
   }
@@ -187,7 +187,7 @@ double variation(const std::vector<Matrix>& theta, const Matrix& reference, cons
 // Σ_g count_g log det of the noise of phase g
 double log_determinants(const Noise& noise, const Vector& counts) {
   Matrix w;
-  const double shape = em::inverse_root(noise.shape[0], w), size = double(noise.shape[0].rows());
+  const double shape = linalg::inverse_root(noise.shape[0], w), size = double(noise.shape[0].rows());
   double sum = 0.0;
   for (size_t g = 0; g < noise.segment.size(); ++g)
     sum += counts(Index(g)) * (shape + size * std::log(noise.scale(noise.segment[g])));
@@ -207,7 +207,7 @@ double Estimator::penalty(const Parameters& p) const {
                   measurement_spent_ * log_determinants(p.measurement, measured_));
   if (options_.estimate_x0) {
     Matrix w;
-    const double log_det = inverse_root(p.x0_cov, w);
+    const double log_det = linalg::inverse_root(p.x0_cov, w);
     sum += 0.5 * double(n_ + 1) * (log_det + (w * x0_prior_ * w.transpose()).trace());
   }
   return sum;
@@ -221,7 +221,7 @@ std::vector<Matrix> Estimator::phase_roots(const std::vector<Matrix>& moments, c
     sums[size_t(t % phases_)] += moments[size_t(t)];
     totals(t % phases_) += counts(t);
   }
-  for (Matrix& sum : sums) sum = upper_root(sum);
+  for (Matrix& sum : sums) sum = linalg::upper_root(sum);
   return sums;
 }
 
@@ -281,14 +281,14 @@ void Estimator::update_noise(const std::vector<Matrix>& roots, const Vector& cou
   }
   if (!pooled_) {
     for (size_t g = 0; g < residual.size(); ++g)
-      if (counts(Index(g)) > 0) noise.shape[g] = bounded_below(residual[g] / counts(Index(g)), floor);
+      if (counts(Index(g)) > 0) noise.shape[g] = linalg::bounded_below(residual[g] / counts(Index(g)), floor);
     return;
   }
   if (!(counts.sum() > 0)) return;
   Matrix sum = Matrix::Zero(q, q);
   for (size_t g = 0; g < residual.size(); ++g) sum += residual[g] / noise.scale(noise.segment[g]);
   Matrix& shape = noise.shape[0];
-  shape = bounded_below(sum / (counts.sum() * (1 - spent)), floor / noise.scale.minCoeff());
+  shape = linalg::bounded_below(sum / (counts.sum() * (1 - spent)), floor / noise.scale.minCoeff());
   if (noise.scale.size() == 1) return;
   const Matrix w = whitener_of(shape);
   // The smallest scale that keeps all variances above the floor.
@@ -302,7 +302,7 @@ void Estimator::update_noise(const std::vector<Matrix>& roots, const Vector& cou
     if (samples(i) > 0) noise.scale(i) = std::max(least, squares(i) / (double(q) * samples(i) * (1 - spent)));
 }
 
-Parameters Estimator::maximise(const Moments& moments, const Parameters& p, const Execution& execution) const {
+Parameters Estimator::maximise(const kalman::Moments& moments, const Parameters& p, const Execution& execution) const {
   Parameters next = p;
   Vector moved, measured;
   const std::vector<Matrix> process = phase_roots(moments.moved, moments.moved_count, moved);
@@ -315,8 +315,8 @@ Parameters Estimator::maximise(const Moments& moments, const Parameters& p, cons
     const double prior = double(n_ + 1);
     next.x0_mean = moments.x0 / moments.x0_count;
     Matrix scatter = moments.x0_square - moments.x0_count * next.x0_mean * next.x0_mean.transpose();
-    symmetrise(scatter);
-    next.x0_cov = bounded_below((scatter + prior * x0_prior_) / (moments.x0_count + prior), process_floor_);
+    linalg::symmetrise(scatter);
+    next.x0_cov = linalg::bounded_below((scatter + prior * x0_prior_) / (moments.x0_count + prior), process_floor_);
   }
   return next;
 }
@@ -331,7 +331,8 @@ void Estimator::split_noise(Index phases, Parameters& p) const {
 
 bool Estimator::at_floor(const Noise& noise, const Vector& floor) const {
   bool raised = false;
-  for (size_t g = 0; g < noise.segment.size() && !raised; ++g) bounded_below(noise.of(Index(g)), 1.01 * floor, &raised);
+  for (size_t g = 0; g < noise.segment.size() && !raised; ++g)
+    linalg::bounded_below(noise.of(Index(g)), 1.01 * floor, &raised);
   return raised;
 }
 
@@ -366,14 +367,14 @@ Vector Estimator::coordinates(const Parameters& p) const {
   const Vector process_units = process_weight_.cwiseSqrt(), measurement_units = measurement_weight_.cwiseSqrt();
   for (const Matrix& ab : p.ab) write(process * ab * process_units.asDiagonal());
   for (const Matrix& cd : p.cd) write(measurement * cd * measurement_units.asDiagonal());
-  for (const Matrix& q : p.process.shape) write(logarithm(q, process));
-  for (const Matrix& r : p.measurement.shape) write(logarithm(r, measurement));
+  for (const Matrix& q : p.process.shape) write(linalg::logarithm(q, process));
+  for (const Matrix& r : p.measurement.shape) write(linalg::logarithm(r, measurement));
   write(p.process.scale.array().log().matrix());
   write(p.measurement.scale.array().log().matrix());
   if (options_.estimate_x0) {
     const Matrix w = whitener_of(x0_prior_);
     write(w * p.x0_mean);
-    write(logarithm(p.x0_cov, w));
+    write(linalg::logarithm(p.x0_cov, w));
   }
   return Eigen::Map<const Vector>(write.values.data(), Index(write.values.size()));
 }
@@ -387,16 +388,17 @@ Parameters Estimator::parameters(const Vector& coordinates, const Parameters& li
   const Vector measurement_units = measurement_weight_.cwiseSqrt().cwiseInverse();
   for (Matrix& ab : p.ab) ab = process * read(n_, n_ + r_) * process_units.asDiagonal();
   for (Matrix& cd : p.cd) cd = measurement * read(m_, n_ + r_) * measurement_units.asDiagonal();
-  for (Matrix& q : p.process.shape) q = exponential(read(n_, n_), process);
-  for (Matrix& r : p.measurement.shape) r = exponential(read(m_, m_), measurement);
+  for (Matrix& q : p.process.shape) q = linalg::exponential(read(n_, n_), process);
+  for (Matrix& r : p.measurement.shape) r = linalg::exponential(read(m_, m_), measurement);
   p.process.scale = read(p.process.scale.size(), 1).array().exp();
   p.measurement.scale = read(p.measurement.scale.size(), 1).array().exp();
-  for (Matrix& q : p.process.shape) q = bounded_below(q, process_floor_ / p.process.scale.minCoeff());
-  for (Matrix& r : p.measurement.shape) r = bounded_below(r, measurement_floor_ / p.measurement.scale.minCoeff());
+  for (Matrix& q : p.process.shape) q = linalg::bounded_below(q, process_floor_ / p.process.scale.minCoeff());
+  for (Matrix& r : p.measurement.shape)
+    r = linalg::bounded_below(r, measurement_floor_ / p.measurement.scale.minCoeff());
   if (options_.estimate_x0) {
     const Matrix w = inverse_of(x0_prior_);
     p.x0_mean = w * read(n_, 1);
-    p.x0_cov = bounded_below(exponential(read(n_, n_), w), process_floor_);
+    p.x0_cov = linalg::bounded_below(linalg::exponential(read(n_, n_), w), process_floor_);
   }
   return p;
 }

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "noise/em/smoother.hpp"
+#include "model/smoother.hpp"
 
 namespace tokid::em {
 
@@ -38,16 +38,16 @@ struct EstimatorOptions {
 class Estimator {
  public:
   // A model of constant state dimension with Q, R, from step 0 on.
-  Estimator(const Model& start, const Samples& samples, const EstimatorOptions& options);
+  Estimator(const Model& start, const kalman::Samples& samples, const EstimatorOptions& options);
 
   const Parameters& start() const { return start_; }
   Model model(const Parameters& p) const;  // A, B, C, D, Q, R, x0_mean, x0_cov of every step
   // Units, floors and weights of the penalty, from the moments of the start.
-  void set_scales(const Moments& moments, const Samples& samples);
+  void set_scales(const kalman::Moments& moments, const kalman::Samples& samples);
   double penalty(const Parameters& p) const;  // to be subtracted from the log-likelihood
   // M-step: the parameters that maximise the expected log-likelihood less the penalty; of each covariance given the
   // matrices, and of its scales given its shape, one after the other.
-  Parameters maximise(const Moments& moments, const Parameters& p, const Execution& execution) const;
+  Parameters maximise(const kalman::Moments& moments, const Parameters& p, const Execution& execution) const;
   // Gives the noise of pooled phases scales of their own, for segments of so many phases.
   void split_noise(Index phases, Parameters& p) const;
   bool noise_is_pooled() const { return pooled_; }

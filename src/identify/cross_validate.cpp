@@ -11,7 +11,7 @@
 
 #include "base/nan.hpp"
 #include "base/random.hpp"
-#include "diagnose/survey.hpp"
+#include "data/check.hpp"
 #include "identify/identify_stretch.hpp"
 #include "tokid/dependence.hpp"
 
@@ -149,6 +149,24 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
   result.simulation_spread = spread(result.folds, &Fold::simulation);
   result.one_step_spread = spread(result.folds, &Fold::one_step);
   result.horizon_spread = spread(result.folds, &Fold::horizon);
+  return result;
+}
+
+std::vector<std::string> remarks(const CrossValidation& cross) {
+  std::vector<std::pair<std::string, int>> seen;
+  for (const Fold& fold : cross.folds)
+    for (const std::string& text : fold.warnings) {
+      const auto same = [&text](const auto& entry) { return entry.first == text; };
+      const auto found = std::find_if(seen.begin(), seen.end(), same);
+      if (found == seen.end())
+        seen.emplace_back(text, 1);
+      else
+        ++found->second;
+    }
+  std::vector<std::string> result;
+  for (const std::string& text : cross.warnings) result.push_back(fmt::format("cross-validation: {}", text));
+  for (const auto& [text, count] : seen)
+    result.push_back(fmt::format("cross-validation, {} of {} folds: {}", count, cross.folds.size(), text));
   return result;
 }
 

@@ -1,12 +1,17 @@
+// Confidence bounds in files: docs/formats.md.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 
 #include "base/nan.hpp"
+#include "io/files.hpp"
 #include "io/schema.hpp"
+#include "tokid/uncertainty.hpp"
 
-namespace tokid::io {
+namespace tokid {
 
 namespace {
+
+using namespace io;
 
 struct Part {
   const char* suffix;
@@ -67,8 +72,6 @@ void add_spectrum(const SpectrumBounds& spectrum, Arrays& arrays) {
   }
 }
 
-}  // namespace
-
 Arrays arrays_of(const Confidence& c, Layout layout) {
   Arrays arrays;
   arrays.emplace_back("method", scalar(std::string(to_string(c.method))));
@@ -90,4 +93,10 @@ Arrays arrays_of(const Confidence& c, Layout layout) {
   return arrays;
 }
 
-}  // namespace tokid::io
+}  // namespace
+
+void save_confidence(const Confidence& confidence, const std::filesystem::path& path, const WriteOptions& options) {
+  save_arrays(path, options, [&](Layout layout) { return arrays_of(confidence, layout); });
+}
+
+}  // namespace tokid

@@ -9,19 +9,22 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "base/integers.hpp"
+#include "base/rounding.hpp"
 #include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "choose/folds.hpp"
 #include "data/axes.hpp"
 #include "data/channel_sizes.hpp"
+#include "data/check.hpp"
 #include "diagnose/excitation.hpp"
 #include "diagnose/outliers.hpp"
 #include "diagnose/repeats.hpp"
-#include "diagnose/survey.hpp"
 #include "identify/identify_stretch.hpp"
-#include "method/realisation.hpp"
+#include "identify/realisation.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/markov.hpp"
+#include "tokid/provenance.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
@@ -42,8 +45,6 @@ constexpr Index most_judged = 64;
 constexpr double spoilt = 1.1;
 // Steps that the choices for noisy data look at.
 constexpr Index most_judged_steps = 256;
-
-Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 
 void check_options(const IdentifyOptions& o) {
   static constexpr Index most = 1'000'000;

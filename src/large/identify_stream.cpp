@@ -14,10 +14,10 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-#include "base/archive.hpp"
+#include "base/integers.hpp"
 #include "base/json.hpp"
 #include "base/statistics.hpp"
-#include "base/thread_count.hpp"
+#include "identify/realisation.hpp"
 #include "io/atomic_file.hpp"
 #include "io/naming.hpp"
 #include "large/blocks.hpp"
@@ -25,7 +25,8 @@
 #include "large/journal.hpp"
 #include "large/reader.hpp"
 #include "linalg/simd.hpp"
-#include "method/realisation.hpp"
+#include "model/archived.hpp"
+#include "tokid/provenance.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid {
@@ -35,8 +36,6 @@ namespace {
 using stream::BlockResult;
 using stream::FinishedBlock;
 using stream::Plan;
-
-Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 
 // What a block makes of its samples is about as large as they are, twice; and the next one waits.
 constexpr double memory_per_sample = 4.0;

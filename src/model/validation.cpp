@@ -12,7 +12,6 @@
 #include "model/outlying_samples.hpp"
 #include "model/step_by_step.hpp"
 #include "tokid/dependence.hpp"
-#include "tokid/remarks.hpp"
 
 namespace tokid {
 
@@ -134,6 +133,7 @@ Validation validate_distinct(const Model& model, const Ensemble& data, const Val
   if (used.all(data)) return validate(model, data, options);
   data.check(false);  // what is wrong is reported with the rows of the caller
   Validation result = validate(model, data.subset(used.rows()), options);
+  for (OutlyingSamples& samples : result.outlying) samples.experiment = used.rows()[size_t(samples.experiment)];
   const std::vector<std::string> told = warnings_of(used, data);
   result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
   return result;

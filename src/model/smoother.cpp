@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "noise/em/smoother.hpp"
+#include "model/smoother.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,10 +8,10 @@
 #include <numbers>
 #include <optional>
 
+#include "linalg/symmetric.hpp"
 #include "model/channels.hpp"
-#include "noise/em/symmetric.hpp"
 
-namespace tokid::em {
+namespace tokid::kalman {
 
 namespace {
 
@@ -153,10 +153,10 @@ class Covariances {
       fp_.noalias() = f_ * c.filtered;
       c.predicted = model.step[s].Q();
       c.predicted.noalias() += fp_ * f_.transpose();
-      symmetrise(c.predicted);
+      linalg::symmetrise(c.predicted);
       p = c.predicted;
       if (!smooth) continue;
-      inverse_root(p, w_);
+      linalg::inverse_root(p, w_);
       wfp_.noalias() = w_ * fp_;
       c.smoother.noalias() = wfp_.transpose() * w_;
     }
@@ -185,8 +185,8 @@ class Covariances {
     hp_.noalias() = h_ * prior_;
     innovation_ = r_;
     innovation_.noalias() += hp_ * h_.transpose();
-    symmetrise(innovation_);
-    c.log_det = inverse_root(innovation_, c.whitener);
+    linalg::symmetrise(innovation_);
+    c.log_det = linalg::inverse_root(innovation_, c.whitener);
     whp_.noalias() = c.whitener * hp_;
     c.gain.noalias() = whp_.transpose() * c.whitener;
     left_.setIdentity(prior_.rows(), prior_.rows());
@@ -195,7 +195,7 @@ class Covariances {
     c.filtered.noalias() = product_ * left_.transpose();
     product_.noalias() = c.gain * r_;
     c.filtered.noalias() += product_ * c.gain.transpose();
-    symmetrise(c.filtered);
+    linalg::symmetrise(c.filtered);
   }
 
   // l_k - E[l_k | everything] = (I - J F)(l_k - E[l_k | y_0 … y_k]) - J (w_k - …): the sum of three squares.
@@ -213,7 +213,7 @@ class Covariances {
       r_ = model.step[size_t(t)].Q() + step[size_t(t) + 1].smoothed.topLeftCorner(n, n);
       product_.noalias() = c.smoother * r_;
       c.smoothed.noalias() += product_ * c.smoother.transpose();
-      symmetrise(c.smoothed);
+      linalg::symmetrise(c.smoothed);
     }
   }
 
@@ -357,7 +357,7 @@ class Means {
       cross_(j, j) = 1.0;
       carry_.col(j).setZero();
     });
-    inverse_root(cross_, w_);
+    linalg::inverse_root(cross_, w_);
     whitened_.noalias() = carry_ * w_.transpose();
     carry_.noalias() = whitened_ * w_;
     rest_.setIdentity(m, m);
@@ -515,4 +515,4 @@ Matrix smoothed_first_states(const Model& model, const Samples& samples) {
   return states;
 }
 
-}  // namespace tokid::em
+}  // namespace tokid::kalman

@@ -15,6 +15,7 @@
 #include "design/inputs.hpp"
 #include "design/optimise.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/provenance.hpp"
 
 namespace tokid {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "tokid/io.hpp"
+#include "io/files.hpp"
 
 #include <algorithm>
 #include <fstream>
@@ -120,12 +120,20 @@ Ensemble load_ensemble(const fs::path& path, const ReadOptions& options) {
   return ordered ? *std::move(ordered) : std::move(found);
 }
 
-Model load_model(const fs::path& path) {
-  return loaded(path, [&](Format format) {
-    const io::Fields fields(read(path, format, io::model_names()));
-    if (io::is_ensemble(fields.names())) fail("an ensemble found, a model ('A', 'B', 'C', 'D', 'state_dim') needed");
-    return io::model_of(fields);
+void io::load_arrays(const fs::path& path, const Names& wanted, const std::function<void(const Fields&)>& use) {
+  loaded(path, [&](Format format) {
+    use(Fields(read(path, format, wanted)));
+    return 0;
   });
+}
+
+Model load_model(const fs::path& path) {
+  Model model;
+  io::load_arrays(path, io::model_names(), [&](const io::Fields& fields) {
+    if (io::is_ensemble(fields.names())) fail("an ensemble found, a model ('A', 'B', 'C', 'D', 'state_dim') needed");
+    model = io::model_of(fields);
+  });
+  return model;
 }
 
 void save_ensemble(const Ensemble& ensemble, const fs::path& path, const WriteOptions& options) {
@@ -141,47 +149,18 @@ void save_ensemble(const Ensemble& ensemble, const fs::path& path, const WriteOp
   });
 }
 
-namespace {
-
-template <class Subject>
-void save_arrays(const Subject& subject, const fs::path& path, const WriteOptions& options) {
+void io::save_arrays(const fs::path& path, const WriteOptions& options, const std::function<Arrays(Layout)>& arrays) {
   naming_write(path, [&] {
     const Format format = format_of(path);
-    io::AtomicFile file(path);
-    write(io::arrays_of(subject, layout_of(format)), file.path(), format, options);
+    AtomicFile file(path);
+    write(arrays(layout_of(format)), file.path(), format, options);
     file.commit();
   });
 }
 
-}  // namespace
-
 void save_model(const Model& model, const fs::path& path, const WriteOptions& options) {
   model.check();
-  save_arrays(model, path, options);
-}
-
-void save_confidence(const Confidence& confidence, const fs::path& path, const WriteOptions& options) {
-  save_arrays(confidence, path, options);
-}
-
-void save_update_state(const UpdateState& state, const fs::path& path) { save_arrays(state, path, {}); }
-
-void save_update_state(const UpdateState& state, FileLock& held) {
-  held.check();
-  save_update_state(state, held.path());
-  io::AtomicFile::when_published([&held] { held.see(); });
-}
-
-UpdateState load_update_state(const fs::path& path) {
-  return loaded(path, [&](Format format) {
-    const io::Fields fields(read(path, format, io::update_names()));
-    if (!io::is_update_state(fields.names()))
-      fail("{} found, what identify --state writes ('window_factors') needed", io::is_model(fields.names()) ? "a model"
-                                                                               : io::is_ensemble(fields.names())
-                                                                                   ? "an ensemble"
-                                                                                   : "another file");
-    return io::update_state_of(fields);
-  });
+  io::save_arrays(path, options, [&](io::Layout layout) { return io::arrays_of(model, layout); });
 }
 
 void save_text(std::string_view text, const fs::path& path) {

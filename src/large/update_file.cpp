@@ -1,12 +1,20 @@
+// States of an update in files: docs/formats.md.
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdint>
 
+#include "io/atomic_file.hpp"
+#include "io/files.hpp"
 #include "io/schema.hpp"
+#include "tokid/update.hpp"
 
-namespace tokid::io {
+namespace tokid {
 
 namespace {
+
+using namespace io;
 
 Array vector_array(const Vector& v, Index rows) {
   return {{size(rows), size(v.size() / std::max<Index>(1, rows))}, std::vector<double>(v.begin(), v.end())};
@@ -50,8 +58,6 @@ std::vector<Digest> digests_of(const Fields& fields, const char* name) {
   return digests;
 }
 
-}  // namespace
-
 const Names& update_names() {
   static const Names names{"window_factors", "window_rows",    "sample_sums",
                            "sample_counts",  "sample_spreads", "inputs",
@@ -63,8 +69,6 @@ const Names& update_names() {
                            "without_digest"};
   return names;
 }
-
-bool is_update_state(const Names& found) { return contains(found, "window_factors"); }
 
 Arrays arrays_of(const UpdateState& state, Layout layout) {
   const WindowFactors& f = state.factors;
@@ -156,4 +160,29 @@ UpdateState update_state_of(const Fields& fields) {
   return state;
 }
 
-}  // namespace tokid::io
+}  // namespace
+
+void save_update_state(const UpdateState& state, const std::filesystem::path& path) {
+  save_arrays(path, {}, [&](Layout layout) { return arrays_of(state, layout); });
+}
+
+void save_update_state(const UpdateState& state, FileLock& held) {
+  held.check();
+  save_update_state(state, held.path());
+  AtomicFile::when_published([&held] { held.see(); });
+}
+
+UpdateState load_update_state(const std::filesystem::path& path) {
+  UpdateState state;
+  load_arrays(path, update_names(), [&](const Fields& fields) {
+    if (!is_update_state(fields.names()))
+      fail("{} found, what identify --state writes ('window_factors') needed", is_model(fields.names()) ? "a model"
+                                                                               : is_ensemble(fields.names())
+                                                                                   ? "an ensemble"
+                                                                                   : "another file");
+    state = update_state_of(fields);
+  });
+  return state;
+}
+
+}  // namespace tokid

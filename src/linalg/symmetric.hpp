@@ -4,7 +4,7 @@
 
 #include "tokid/linalg.hpp"
 
-namespace tokid::em {
+namespace tokid::linalg {
 
 // (A + Aᵀ)/2, in place.
 void symmetrise(Matrix& a);
@@ -24,4 +24,4 @@ Matrix bounded_below(const Matrix& s, const Vector& floor, bool* raised = nullpt
 Matrix logarithm(const Matrix& s, const Matrix& w);
 Matrix exponential(const Matrix& log, const Matrix& w_inverse);
 
-}  // namespace tokid::em
+}  // namespace tokid::linalg

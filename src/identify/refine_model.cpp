@@ -8,6 +8,7 @@
 #include "base/nan.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/provenance.hpp"
 
 namespace tokid {
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "method/realisation.hpp"
+#include "identify/realisation.hpp"
+#include "base/integers.hpp"
 
 #include <fmt/format.h>
 
@@ -12,8 +13,6 @@ namespace {
 
 // Block columns of H_k for noisy data: twice as many gained nothing in any system tried, half as many lost.
 constexpr Index noisy_columns = 48;
-
-Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 
 }  // namespace
 

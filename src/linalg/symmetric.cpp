@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "noise/em/symmetric.hpp"
+#include "linalg/symmetric.hpp"
 
 #include <cmath>
 #include <limits>
 
-namespace tokid::em {
+namespace tokid::linalg {
 
 namespace {
 
@@ -88,4 +88,4 @@ Matrix exponential(const Matrix& log, const Matrix& w_inverse) {
   return vectors * scaled.values.array().exp().matrix().asDiagonal() * vectors.transpose();
 }
 
-}  // namespace tokid::em
+}  // namespace tokid::linalg

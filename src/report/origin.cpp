@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "report/provenance.hpp"
+#include "report/origin.hpp"
 
 #include <stdexcept>
 #include <utility>
 
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/provenance.hpp"
 
 namespace tokid::report {
 

@@ -10,8 +10,8 @@
 #include "base/json.hpp"
 #include "report/assets.hpp"
 #include "report/evidence.hpp"
+#include "report/origin.hpp"
 #include "report/page.hpp"
-#include "report/provenance.hpp"
 #include "report/report_data.hpp"
 #include "tokid/version.hpp"
 

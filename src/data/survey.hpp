@@ -35,9 +35,6 @@ std::string channel_name(const Channels& names, Index inputs, Index c);
 // experiment and the step, counted from `origin` on, of an infinite value
 Survey survey(const Ensemble& ensemble, Index begin, Index end, Index origin = 0);
 
-// Of all steps of an ensemble that passes its check(). \throws as that
-Survey checked(const Ensemble& ensemble, bool outputs_needed = true);
-
 // \throws std::invalid_argument that names a channel of which all samples are missing
 void check_presence(const Survey& survey, const Channels& names, Index inputs, Index samples);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnose/survey.hpp"
+#include "data/survey.hpp"
 
 #include <fmt/format.h>
 
@@ -199,6 +199,12 @@ std::string fingerprint(Index experiments, Index inputs, Index outputs, const st
   XXH3_64bits_update(&state, shape, sizeof(shape));
   XXH3_64bits_update(&state, digests.data(), digests.size() * sizeof(std::uint64_t));
   return fmt::format("{:016x}", XXH3_64bits_digest(&state));
+}
+
+std::string fingerprint(const Ensemble& e) {
+  std::vector<std::uint64_t> digests;
+  for (Index k = 0; k < e.steps(); ++k) digests.push_back(digest(e, k));
+  return fingerprint(e.experiments(), e.inputs(), e.outputs(), digests);
 }
 
 }  // namespace tokid

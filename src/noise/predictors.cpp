@@ -8,6 +8,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/integers.hpp"
 #include "model/riccati.hpp"
 #include "noise/moesp.hpp"
 #include "noise/rounding.hpp"
@@ -21,8 +22,6 @@ namespace {
 constexpr Index most_shown = 24;
 // Rows per column from which on a sample covariance is left alone.
 constexpr double enough_rows = 5.0;
-
-Index ceil_div(Index a, Index b) { return (a + b - 1) / b; }
 
 // The steps of the data, in groups that share their model, and the samples that belong to them.
 class Steps {

@@ -7,7 +7,7 @@
 #include "tokid/model.hpp"
 #include "tokid/parallel.hpp"
 
-namespace tokid::em {
+namespace tokid::kalman {
 
 // Experiments whose samples are missing at the same places share all covariances.
 struct Alike {
@@ -61,4 +61,4 @@ std::vector<Matrix> predicted_states(const Model& model, const Samples& samples)
 // E[x_0 | all samples] (n_0 × N)
 Matrix smoothed_first_states(const Model& model, const Samples& samples);
 
-}  // namespace tokid::em
+}  // namespace tokid::kalman

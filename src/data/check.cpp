@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "data/check.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+#include "data/experiment_names.hpp"
+
+namespace tokid {
+
+namespace {
+
+void check_count(const std::vector<std::string>& list, const char* what, Index channels) {
+  if (!list.empty() && static_cast<Index>(list.size()) != channels)
+    throw std::invalid_argument(fmt::format("{}: {} given for {} channels", what, list.size(), channels));
+}
+
+void check_length(const Ensemble& e, const std::vector<Index>& length) {
+  if (!length.empty() && static_cast<Index>(length.size()) != e.experiments())
+    throw std::invalid_argument(fmt::format("length: {} entries for {} experiments", length.size(), e.experiments()));
+  for (const Index l : length)
+    if (l < 0 || l > e.steps())
+      throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, e.steps()));
+}
+
+// Free-response experiments are samples like any other; NaN marks what is missing.
+void check_free_response(const FreeResponse& free, Index outputs) {
+  if (free.experiments == 0) return;
+  if (free.y.rows() != free.experiments || free.y.cols() != free.steps * outputs)
+    throw std::invalid_argument(
+        fmt::format("free_y: {} x {} samples found, {} experiments x {} steps x {} outputs needed", free.y.rows(),
+                    free.y.cols(), free.experiments, free.steps, outputs));
+  if (free.y.array().isInf().any()) throw std::invalid_argument("free_y: infinite value");
+}
+
+}  // namespace
+
+void Ensemble::check(bool outputs_needed) const { checked(*this, outputs_needed); }
+
+Survey checked(const Ensemble& e, bool outputs_needed) {
+  if (!(e.dt > 0) || !std::isfinite(e.dt))
+    throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", e.dt));
+  if (e.experiments() == 0 || e.steps() == 0)
+    throw std::invalid_argument(fmt::format("ensemble: {} experiments of {} steps found, at least one of one needed",
+                                            e.experiments(), e.steps()));
+  check_count(e.names.input_names, "input_names", e.inputs());
+  check_count(e.names.output_names, "output_names", e.outputs());
+  check_count(e.names.input_units, "input_units", e.inputs());
+  check_count(e.names.output_units, "output_units", e.outputs());
+  if (!e.experiment_names.empty() && Index(e.experiment_names.size()) != e.experiments())
+    throw std::invalid_argument(fault_of_experiment_names(e.experiment_names, e.experiments()));
+  check_length(e, e.length);
+
+  Survey samples = survey(e, 0, e.steps());
+  if (!outputs_needed) samples.channel.resize(size_t(e.inputs()));
+  check_presence(samples, e.names, e.inputs(), e.experiments() * e.steps());
+  check_free_response(e.free, e.outputs());
+  return samples;
+}
+
+void set_length(Ensemble& ensemble, std::vector<Index> length) {
+  const Index T = ensemble.steps(), d = ensemble.channels();
+  check_length(ensemble, length);
+  for (size_t n = 0; n < length.size(); ++n)
+    ensemble.samples().row(Index(n)).tail((T - length[n]) * d).setConstant(std::numeric_limits<double>::quiet_NaN());
+  ensemble.length = std::move(length);
+}
+
+}  // namespace tokid

@@ -1,0 +1,37 @@
+// Models as bytes and back.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <stdexcept>
+#include <type_traits>
+
+#include "base/archive.hpp"
+#include "tokid/model.hpp"
+
+namespace tokid {
+
+template <>
+inline constexpr size_t archive::least_bytes<Step> = 6 * sizeof(std::int32_t) + sizeof(Index);  // its dimensions
+
+template <class Archive, class C>
+requires std::is_same_v<std::remove_const_t<C>, Channels>
+void fields(Archive& archive, C& c) { archive(c.input_names, c.output_names, c.input_units, c.output_units); }
+
+template <class Archive, class S>
+requires std::is_same_v<std::remove_const_t<S>, Step>
+void fields(Archive& archive, S& step) {
+  archive(step.states_, step.next_states_, step.inputs_, step.outputs_, step.singular_values_, step.parts_,
+          step.numbers_);
+  if constexpr (!std::is_const_v<S>)
+    if (!step.whole()) throw std::runtime_error("a damaged record found");
+}
+
+template <class Archive, class M>
+requires std::is_same_v<std::remove_const_t<M>, Model>
+void fields(Archive& archive, M& m) {
+  archive(m.inputs, m.outputs, m.k_begin, m.dt, m.step, m.period, m.frame, m.method, m.initial_state, m.names,
+          m.u_nominal, m.y_nominal, m.x0_mean, m.x0_cov, m.options, m.version);
+}
+
+}  // namespace tokid

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Every include points down: no cycle among files or among rooms. A header and the source of its name are one file."""
+
+import re
+
+from conftest import ROOT
+
+# Who owns a public header that has no source of its name.
+OWNERS = {"types": "base", "printable": "base", "version": "base", "team": "base", "validate": "model", "subspace": "noise",
+          "outlier": "diagnose", "choices": "choose", "identify": "identify", "stream": "large", "io": "io",
+          "uncertainty": "uncertainty", "design": "design", "report": "report"}
+EVERYTHING = "tokid/tokid"  # the header that includes all others
+
+
+def files():
+    found = [path for folder in ("src", "include/tokid") for path in (ROOT / folder).rglob("*.[ch]pp")]
+    return [path for path in found if "vendor" not in path.parts]
+
+
+def unit_of(path, sources):
+    """The name of a header and its source, "room/name"; "tokid/name" for a public header without a source."""
+    if (ROOT / "src") in path.parents:
+        return str(path.relative_to(ROOT / "src").with_suffix(""))
+    own = [source for source in sources if source.endswith("/" + path.stem)]
+    return own[0] if len(own) == 1 else f"tokid/{path.stem}"
+
+
+def included(path):
+    for name in re.findall(r'^#include "([^"]+)"', path.read_text(), re.MULTILINE):
+        for folder in ("src", "include"):
+            if (ROOT / folder / name).exists():
+                yield ROOT / folder / name
+
+
+def includes():
+    """Unit → the units that it includes."""
+    paths = files()
+    sources = {str(path.relative_to(ROOT / "src").with_suffix("")) for path in paths if path.suffix == ".cpp"}
+    edges = {}
+    for path in paths:
+        unit = unit_of(path, sources)
+        edges.setdefault(unit, set()).update(unit_of(other, sources) for other in included(path))
+        edges[unit].discard(unit)
+    return edges
+
+
+def knots(edges):
+    """What is left when all that depends on nothing, or on which nothing depends, is taken away again and again."""
+    left = {unit: set(others) for unit, others in edges.items()}
+    while True:
+        used = set().union(*left.values()) if left else set()
+        ends = [unit for unit, others in left.items() if not others or unit not in used]
+        if not ends:
+            return left
+        for unit in ends:
+            del left[unit]
+        for others in left.values():
+            others.difference_update(ends)
+
+
+def room(unit):
+    folder, name = unit.split("/")[0], unit.split("/")[-1]
+    return OWNERS[name] if folder == "tokid" else folder
+
+
+def test_files():
+    edges = includes()
+    assert len(edges) > 150 and any(edges.values())
+    assert knots(edges) == {}
+
+
+def test_rooms():
+    edges = {}
+    for unit, others in includes().items():
+        if unit != EVERYTHING:
+            edges.setdefault(room(unit), set()).update(room(other) for other in others)
+    for name, others in edges.items():
+        others.discard(name)
+    assert len(edges) > 10
+    assert knots(edges) == {}
+
+
+def test_knots_are_found():
+    assert knots({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": set()}) == {"b": {"c"}, "c": {"b"}}
+    assert knots({"a": {"b"}, "b": {"c"}, "c": set()}) == {}
