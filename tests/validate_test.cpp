@@ -72,6 +72,7 @@ TEST(OutlyingSamples, AreFoundWhereTheyAre) {
     for (const OutlyingSamples& o : v.outlying) EXPECT_EQ(o.experiment, 7);
     EXPECT_EQ(v.warnings.size(), v.outlying.size());
     EXPECT_NE(v.warnings.back().find("experiment 7, output"), std::string::npos);
+    EXPECT_TRUE(validate(system, e, {.misfits = {"7"}}).outlying.empty());
   }
 }
 

@@ -95,6 +95,8 @@ class Ensemble {
   std::string experiment_name(Index n) const;
   // Experiment n as messages name it: "16", or with its name and its row: "\"17\" (row 16)".
   std::string experiment(Index n) const;
+  // The name, or the row where it has none: the same text for an experiment in the data and in a part of them.
+  std::string experiment_label(Index n) const;
 
   // \throws std::invalid_argument that names the channel, experiment and step of an infinite value, or the channel
   // without a single finite sample, or what else is inconsistent.

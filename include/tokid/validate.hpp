@@ -13,6 +13,9 @@ struct ValidateOptions {
   Index horizon = 1;                               // H of the H-step fit
   Index whiteness_lags = test_lags;                // of the tests of the innovations; 0: none of them
   std::optional<InitialState> initial_state = {};  // as in PredictOptions
+  // Experiments that are known not to fit, by name, or by row where they have none: outlying samples are those of
+  // others.
+  std::vector<std::string> misfits = {};
 };
 
 // Fit of output j: 100·(1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%], over all experiments and steps where both are known; ȳ is the

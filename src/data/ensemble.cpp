@@ -177,6 +177,11 @@ std::string Ensemble::experiment_name(Index n) const {
   return size_t(n) < experiment_names.size() ? experiment_names[size_t(n)] : std::string();
 }
 
+std::string Ensemble::experiment_label(Index n) const {
+  const std::string name = experiment_name(n);
+  return name.empty() ? std::to_string(n) : name;
+}
+
 std::string Ensemble::experiment(Index n) const { return words::experiment(n, experiment_name(n)); }
 
 Index missing_samples(const Ensemble& ensemble) {

@@ -136,10 +136,11 @@ class Pipeline {
   void warn_of_freedom();
   void warn_of_regressions();
   std::vector<Index> warn_of_excitation(const std::vector<Index>& suspects);
-  void warn_of_experiments(const Ensemble& whole, const Ensemble& measured, const std::vector<Index>& rows);
+  std::vector<std::string> warn_of_experiments(const Ensemble& whole, const Ensemble& measured,
+                                               const std::vector<Index>& rows);
   void warn_of_states();
   void choose_frame();
-  void evaluate();
+  void evaluate(std::vector<std::string> misfits);
 
   Index experiments_for(Index lags) const {
     return minimum_experiments(data_->inputs(), data_->outputs(), lags) + (nominal_ ? 1 : 0);
@@ -755,7 +756,9 @@ std::vector<Index> Pipeline::warn_of_excitation(const std::vector<Index>& suspec
 }
 
 // Single experiments: those that repeat others, those with a stuck sensor, and those that do not fit the others.
-void Pipeline::warn_of_experiments(const Ensemble& whole, const Ensemble& measured, const std::vector<Index>& rows) {
+// Returns their names, or rows where they have none.
+std::vector<std::string> Pipeline::warn_of_experiments(const Ensemble& whole, const Ensemble& measured,
+                                                       const std::vector<Index>& rows) {
   const bool exact = !result_.noisy && initial_ == InitialState::zero;
   const Index r = whole.inputs(), p = result_.lags;
   // From unknown initial states, and with noise, states vary without the inputs.
@@ -779,6 +782,10 @@ void Pipeline::warn_of_experiments(const Ensemble& whole, const Ensemble& measur
       outlier.name = measured.experiment_name(outlier.experiment);
     }
   for (std::string& text : warnings_of(result_.outliers, stuck.experiments)) warn(std::move(text));
+  std::vector<std::string> misfits;
+  for (const Index n : stuck.experiments) misfits.push_back(measured.experiment_label(n));
+  for (const Outlier& outlier : result_.outliers) misfits.push_back(measured.experiment_label(outlier.experiment));
+  return misfits;
 }
 
 void Pipeline::warn_of_states() {
@@ -808,8 +815,9 @@ void Pipeline::choose_frame() {
   if (!told.empty()) warn(std::move(told));
 }
 
-void Pipeline::evaluate() {
+void Pipeline::evaluate(std::vector<std::string> misfits) {
   ValidateOptions o;
+  o.misfits = std::move(misfits);
   o.initial_state = initial_;
   if (result_.held_out) {
     result_.validation = validate(result_.model, held_out_, o);
@@ -891,7 +899,8 @@ Identification Pipeline::run(bool validated, const Ensemble* measured, const std
       for (std::string& text : warnings_of_absence(samples, data_->names)) warn(std::move(text));
   }
   realise_model();
-  if (measured) warn_of_experiments(all, *measured, rows);
+  std::vector<std::string> misfits;
+  if (measured) misfits = warn_of_experiments(all, *measured, rows);
   warn_of_states();
   choose_frame();
   check_finite(result_.model);
@@ -910,7 +919,7 @@ Identification Pipeline::run(bool validated, const Ensemble* measured, const std
   if (result_.refinement.iterations > 0)
     note_refinement(result_.model, result_.refinement.smoothing, result_.refinement.iterations);
   arx_ = {};  // the validation takes its room
-  if (validated) evaluate();
+  if (validated) evaluate(std::move(misfits));
   if (options_.execution.progress) options_.execution.progress(1.0);
   result_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return std::move(result_);

@@ -50,13 +50,18 @@ Vector output_spread(const Model& model, const Ensemble& data) {
   return spread;
 }
 
-OutlyingSampleCollector::OutlyingSampleCollector(const Model& model, const Ensemble& data, Vector spread)
+OutlyingSampleCollector::OutlyingSampleCollector(const Model& model, const Ensemble& data, Vector spread,
+                                                 const std::vector<std::string>& misfits)
     : data_(data),
       spread_(std::move(spread)),
       window_(estimation_window(model)),
       together_((enough + data.experiments() - 1) / std::max<Index>(1, data.experiments())),
       uncertain_until_(size_t(data.experiments()), 0),
-      gap_(size_t(data.experiments()), 0) {}
+      gap_(size_t(data.experiments()), 0) {
+  for (Index n = 0; n < data.experiments(); ++n)
+    if (std::find(misfits.begin(), misfits.end(), data.experiment_label(n)) != misfits.end())
+      uncertain_until_[size_t(n)] = data.steps();
+}
 
 void OutlyingSampleCollector::add(Index k, const Matrix& innovation) {
   if (block_.empty()) begin_ = k;
@@ -69,7 +74,7 @@ void OutlyingSampleCollector::add(Index k, const Matrix& innovation) {
       ++gap;
     } else if (gap > 0) {
       // What was lost in a gap takes as long to be found again, and no less than a state takes.
-      until = k + gap + window_;
+      until = std::max(until, k + gap + window_);
       gap = 0;
       block_.back().row(n).setConstant(nan);
     }
@@ -120,8 +125,8 @@ std::vector<std::string> warnings_of(const std::vector<OutlyingSamples>& outlyin
       break;
     }
     result.push_back(fmt::format(
-        "experiment {}, output {}: {} up to {:.3g} off {} (usual: {:.2g}), at {}. Set faulty samples to NaN: they weigh on "
-        "the model",
+        "experiment {}, output {}: {} up to {:.3g} off {} (usual: {:.2g}), at {}. Mark faulty samples as missing: they "
+        "weigh on the model",
         o.name.empty() ? std::to_string(o.experiment) : fmt::format("\"{}\"", words::quoted(o.name)),
         data.names.output(o.output), words::plural(Index(o.steps.size()), "sample"), o.error,
         o.steps.size() == 1 ? "its prediction" : "their predictions", o.usual, words::step_list(o.steps)));

@@ -15,8 +15,10 @@ namespace tokid {
 // together as it takes for enough samples.
 class OutlyingSampleCollector {
  public:
-  // The spread (m) of the outputs is what errors have to be large against; see output_spread().
-  OutlyingSampleCollector(const Model& model, const Ensemble& data, Vector spread);
+  // The spread (m) of the outputs is what errors have to be large against; see output_spread(). Misfits, by name, or by
+  // row where they have none, are left aside.
+  OutlyingSampleCollector(const Model& model, const Ensemble& data, Vector spread,
+                          const std::vector<std::string>& misfits);
 
   // Innovations (N × m) of the next step k, NaN where there is none.
   void add(Index k, const Matrix& innovation);

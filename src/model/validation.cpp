@@ -97,7 +97,7 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
   judged.prediction = predict(model, data, {1, options.initial_state});
   judged.simulated = simulate_data(model, data, options.initial_state);
   ErrorCollector errors(data, model.y_nominal);
-  OutlyingSampleCollector outlying(model, data, output_spread(model, data));
+  OutlyingSampleCollector outlying(model, data, output_spread(model, data), options.misfits);
   for (Index k = 0; k < data.steps(); ++k) {
     outlying.add(k, judged.prediction.innovations[size_t(k)]);
     errors.predicted(k, judged.prediction.innovations[size_t(k)]);
@@ -112,7 +112,7 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
   if (ends_early(model, data.steps())) return validate(continued(model, data.steps()), data, options);
   check_steps(model, data);
   ErrorCollector errors(data, model.y_nominal);
-  OutlyingSampleCollector outlying(model, data, output_spread(model, data));
+  OutlyingSampleCollector outlying(model, data, output_spread(model, data), options.misfits);
   predict_each(model, data, options.initial_state, [&](Index k, const Matrix& innovation) {
     outlying.add(k, innovation);
     errors.predicted(k, innovation);
