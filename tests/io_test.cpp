@@ -800,6 +800,14 @@ TEST_F(Csv, StepNumbersByOtherNames) {
   expect_error("step,Sample,u,y\n0,1,1,2\n", {"'step', 'Sample'", "step numbers"});
 }
 
+TEST_F(Csv, StepsThatNoExperimentHas) {
+  const Ensemble e = load("step,u,y\n0,1,2\n10,3,4\n30,5,6\n");
+  EXPECT_EQ(e.steps(), 31);
+  ASSERT_EQ(e.remarks.size(), 1u);
+  expect_words(e.remarks.front(), {"'step'", "multiples of", "10", "missing"});
+  EXPECT_TRUE(load("step,u,y\n0,1,2\n2,3,4\n3,5,6\n").remarks.empty());
+}
+
 TEST_F(Csv, NotesAreFlat) {
   const std::string rows = "k,u,y\n0,1,2\n";
   for (const std::string& note : {std::string("[[1]]"), std::string("{\"a\": 1}"), "[" + std::string(500, '1') + "}"})
@@ -832,6 +840,9 @@ TEST_F(Csv, ChecksumOfTheRest) {
     ASSERT_EQ(said(text).size(), 1u) << text;
     expect_words(said(text).front(), {file("a.csv").string(), "changed since tokid wrote it", "by hand", "damaged"});
   }
+  // Those of other programs are comments.
+  for (const char* line : {"# checksum = md5 abc\n", "# checksum = 0123456789abcdef0\n"})
+    EXPECT_TRUE(said(line + rest).empty()) << line;
   // What is written is read without a word, and so is what editors make of its line ends.
   Random random(1);
   Ensemble e = random_ensemble(random, 3, 4, 1, 2);

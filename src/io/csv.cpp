@@ -39,14 +39,25 @@ constexpr std::string_view checksum_begin = "# checksum = ";
 
 std::string checksum_line(std::string_view digits) { return fmt::format("{}{}\n", checksum_begin, digits); }
 
-// Empty for another line. The beginning of this one may be damaged itself, in a character.
+// Other programs may write checksums of another kind. One character of ours may be damaged, and a spreadsheet program
+// fills rows with empty cells.
+bool is_ours(std::string_view digits) {
+  digits = digits.substr(0, digits.find_last_not_of(",;\t ") + 1);
+  const auto is_digit = [](char c) { return std::string_view("0123456789abcdef").find(c) != std::string_view::npos; };
+  return digits.size() <= 16 &&
+         std::count_if(digits.begin(), digits.end(), is_digit) + 1 >= std::ptrdiff_t(digits.size());
+}
+
+// Nothing for another line. The beginning of this one may be damaged itself, in a character.
 std::optional<std::string> checksum_in(std::string_view line) {
   if (line.size() < checksum_begin.size()) return std::nullopt;
   const auto same = std::inner_product(checksum_begin.begin(), checksum_begin.end(), line.begin(), size_t{0},
                                        std::plus<>(), std::equal_to<>());
   if (same + 1 < checksum_begin.size()) return std::nullopt;
-  const std::string_view digits = line.substr(checksum_begin.size());
-  return same < checksum_begin.size() ? "" : std::string(digits.substr(0, digits.size() - digits.ends_with('\r')));
+  std::string_view digits = line.substr(checksum_begin.size());
+  digits.remove_suffix(digits.ends_with('\r') ? 1 : 0);
+  if (!is_ours(digits)) return std::nullopt;
+  return same < checksum_begin.size() ? "" : std::string(digits);
 }
 
 // ---- rows of cells ----
@@ -196,7 +207,7 @@ void read_note(const Row& comment, Notes& notes) {
                                             {"input_units", &notes.channels.input_units},
                                             {"output_units", &notes.channels.output_units}};
   const auto list = lists.find(key);
-  notes.has_checksum = notes.has_checksum || key == "checksum";
+  if (key == "checksum") notes.has_checksum |= is_ours(trimmed(std::string_view(text).substr(equals + 1)));
   if (list == lists.end() && key != "dt" && key != "length" && key != "initial_state") return;
   Note note{comment.line, trimmed(std::string_view(text).substr(equals + 1)), {}};
   note.value = value_of_note(note.text);
@@ -539,6 +550,18 @@ std::string remark_on_change(const std::filesystem::path& path) {
       path.string());
 }
 
+// Steps that no experiment has may be meant, or the numbers count something else.
+std::optional<std::string> remark_on_empty_steps(const Records& records, const Steps& steps) {
+  if (records.columns.time || !records.columns.step) return std::nullopt;
+  std::int64_t common = 0;
+  for (const double number : records.rows.time) common = std::gcd(common, std::int64_t(steps.grid.step(number)));
+  if (common < 2) return std::nullopt;
+  return fmt::format(
+      "column '{0}': all step numbers are {1} or multiples of it apart, so the {2} steps between count as missing; divide "
+      "the numbers by {1} where no step is missing",
+      records.columns.names[*records.columns.step], common, common - 1);
+}
+
 void apply_length(const std::vector<Index>& length, Ensemble& e) {
   e.length = length;
   if (e.length.size() != static_cast<size_t>(e.experiments()) && !length.empty())
@@ -587,7 +610,8 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   e.initial_state = notes.initial_state;
   apply_length(notes.length, e);
   e.check(options.outputs_required);
-  for (const auto& remark : {remark_on_unused(columns), remark_on_steps(columns), cut})
+  for (const auto& remark :
+       {remark_on_unused(columns), remark_on_steps(columns), remark_on_empty_steps(records, steps), cut})
     if (remark) e.remarks.push_back(*remark);
   if (notes.has_checksum || file.is_changed()) e.remarks.push_back(remark_on_change(path));
   return e;

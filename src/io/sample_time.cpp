@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/sample_time.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -60,10 +62,10 @@ std::vector<double> numbers(const std::string& name, const Read& read) {
   return {};
 }
 
-std::optional<double> stated(const Names& names, Index steps, const Read& read) {
-  if (contains(names, "Ts"))
-    if (const auto found = numbers("Ts", read); found.size() == 1 && std::isfinite(found[0]) && found[0] > 0)
-      return found[0];
+// Sample times of this relative difference are the same one, rounded.
+constexpr double rounded = 1e-6;
+
+std::optional<double> in_times(const Names& names, Index steps, const Read& read) {
   for (const char* name : {"t", "time"}) {
     if (!contains(names, name)) continue;
     const auto times = numbers(name, read);
@@ -73,10 +75,25 @@ std::optional<double> stated(const Names& names, Index steps, const Read& read) 
   return std::nullopt;
 }
 
+std::optional<double> in_ts(const Names& names, const Read& read) {
+  if (!contains(names, "Ts")) return std::nullopt;
+  const auto found = numbers("Ts", read);
+  return found.size() == 1 && std::isfinite(found[0]) && found[0] > 0 ? std::optional(found[0]) : std::nullopt;
+}
+
 }  // namespace
 
+std::optional<std::string> contradiction(double dt, const Names& names, const Read& read) {
+  const auto ts = in_ts(names, read);
+  if (!ts || std::abs(*ts - dt) <= rounded * dt) return std::nullopt;
+  return fmt::format("'dt' = {} and 'Ts' = {} found: dt was taken", dt, *ts);
+}
+
 SampleTime sample_time(const Names& names, Index steps, const Read& read) {
-  SampleTime result{stated(names, steps, read), {}};
+  const auto ts = in_ts(names, read), times = in_times(names, steps, read);
+  SampleTime result{ts ? ts : times, {}};
+  if (ts && times && std::abs(*ts - *times) > rounded * *ts)
+    result.remark = fmt::format("'Ts' = {} and times with steps of {} found: Ts was taken", *ts, *times);
   Names unused;
   std::copy_if(names.begin(), names.end(), std::back_inserter(unused), is_about_time);
   if (!result.dt && !unused.empty())

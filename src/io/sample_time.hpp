@@ -19,10 +19,17 @@ struct SampleTime {
 // times of all steps [s]. `read` delivers data sets of the file; what it can't is taken for something else.
 SampleTime sample_time(const Names& names, Index steps, const std::function<Contents(const Names& wanted)>& read);
 
+// Where `Ts` is another sample time than the `dt` that was taken.
+std::optional<std::string> contradiction(double dt, const Names& names,
+                                         const std::function<Contents(const Names& wanted)>& read);
+
 // Takes it into an ensemble, or the outline of one, that states none.
 template <class Data, class Read>
 void complete_sample_time(Data& data, Index steps, const Names& names, Read&& read) {
-  if (data.dt_stated) return;
+  if (data.dt_stated) {
+    if (auto remark = contradiction(data.dt, names, read)) data.remarks.push_back(*std::move(remark));
+    return;
+  }
   const SampleTime found = sample_time(names, steps, read);
   data.dt_stated = found.dt.has_value();
   data.dt = found.dt.value_or(data.dt);

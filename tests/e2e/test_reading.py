@@ -388,11 +388,13 @@ def test_other_names_of_the_sample_time(tokid, tmp_path, extension):
         found = tokid.json("info", write(tmp_path / f"data{extension}", u=u, y=y, **named))
         return found["dt"] if found["dt_stated"] else None, found["warnings"]
 
-    for named in ({"Ts": DT}, {"t": times}, {"time": 7.5 + times}, {"t": times[:, None]}, {"Ts": DT, "time": 3 * times},
+    for named in ({"Ts": DT}, {"t": times}, {"time": 7.5 + times}, {"t": times[:, None]}, {"Ts": DT, "time": times},
                   {"t": times.astype("float32")}, {"time": np.round(np.arange(30) * DT, 2)}):
         assert dt(**named) == (DT, []), named
-    # What is stated needs no other name.
-    assert dt(dt=0.1, Ts=DT, t=times, fs=20.0) == (0.1, [])
+    # What is stated needs no other name, but no other time either.
+    assert dt(dt=DT, Ts=DT, t=times, fs=20.0) == (DT, [])
+    assert dt(dt=0.1, Ts=DT) == (0.1, [f"'dt' = 0.1 and 'Ts' = {DT} found: dt was taken"])
+    assert dt(Ts=0.1, time=times) == (0.1, [f"'Ts' = 0.1 and times with steps of {DT} found: Ts was taken"])
     uneven, gap, back = times.copy(), times.copy(), times[::-1]
     uneven[7] += 0.01
     gap[7:] += DT
