@@ -295,6 +295,26 @@ TEST(Dependence, OfFewTermsIsFoundWhereExperimentsOutnumberSamples) {
   }
 }
 
+// Inputs of two values, or of whole numbers, have few digits, and sums of them have no more rounding than they.
+TEST(Dependence, IsFoundBesideInputsOfFewValues) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed)
+    for (const double levels : {1.0, 3.0}) {
+      const Model system = random_system({3, 2, 1}, 60, 0.9, seed);
+      Ensemble inputs = random_experiments(system, 20, seed);
+      for (Index k = 0; k < 60; ++k)
+        inputs.input(k) = inputs.input(k).unaryExpr(
+            [&](double u) { return levels == 1.0 ? (u < 0 ? -1.0 : 1.0) : std::round(u * levels); });
+      const Ensemble e = with_noise(simulate(system, inputs), 0.05, seed);
+      EXPECT_TRUE(find_dependence(e).combinations.empty()) << seed << ' ' << levels;
+      Matrix weights = Matrix::Zero(1, 20);
+      weights(0, 3) = weights(0, 5) = 1.0;
+      const Dependence found = find_dependence(with(e, weights));
+      ASSERT_EQ(found.combinations.size(), 1u) << seed << ' ' << levels;
+      EXPECT_EQ(found.combinations.front().of, (Rows{3, 5}));
+      EXPECT_NE(warnings_of(found, with(e, weights)).front().find("It tells nothing new"), std::string::npos);
+    }
+}
+
 TEST(Dependence, IsToldByTheRowsAndNames) {
   const Ensemble e = campaign({3, 2, 1}, 12, 60, 1, 0.05);
   Matrix weights = Matrix::Zero(3, 12);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -33,10 +34,10 @@ struct Dependence {
 // are used. Takes time that is linear in the samples, but for some 10⁹ operations. Copies must have been removed.
 Dependence find_dependence(const Ensemble& ensemble);
 
-// "4 of 24 experiments are sums or multiples of others …", with what follows from it; nothing where there are none.
-std::vector<std::string> warnings_of(
-    const Dependence& dependence, const Ensemble& ensemble,
-    std::string_view consequence = "They tell nothing new; the model is made without them");
+// "4 of 24 experiments are sums or multiples of others …", with what follows from it, if not that the model is made
+// without them; nothing where there are none.
+std::vector<std::string> warnings_of(const Dependence& dependence, const Ensemble& ensemble,
+                                     std::optional<std::string_view> consequence = std::nullopt);
 
 // The experiments that tell something of their own. Both parts have the row numbers of the whole data, and
 // `dependent.used` has those that both leave.

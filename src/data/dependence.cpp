@@ -61,6 +61,9 @@ Sizes sizes_of(const Ensemble& e, const Scales& s) {
         ++count;
       }
       if (count > 0) raw(n, c) /= count, result.rounding(n, c) /= count;
+      // Few digits, as of inputs of two values, are no rounding of more.
+      if (result.rounding(n, c) > coarsest_share * coarsest_share * s.departure(c) * s.departure(c))
+        result.rounding(n, c) = 0.0;
       result.rounding(n, c) += rounding_of_sizes * rounding_of_sizes * raw(n, c);
     }
   for (Index c = 0; c < d; ++c) {
@@ -475,7 +478,8 @@ UsedExperiments used_experiments(const Ensemble& ensemble) {
   return result;
 }
 
-std::vector<std::string> warnings_of(const Dependence& dependence, const Ensemble& e, std::string_view consequence) {
+std::vector<std::string> warnings_of(const Dependence& dependence, const Ensemble& e,
+                                     std::optional<std::string_view> consequence) {
   constexpr size_t most_told = 4;
   const std::vector<DependentExperiment>& all = dependence.combinations;
   if (all.empty()) return {};
@@ -492,7 +496,9 @@ std::vector<std::string> warnings_of(const Dependence& dependence, const Ensembl
                                  all.size() == 1 ? "is a sum or multiple of others" : "are sums or multiples of others",
                                  fmt::join(told, "; "));
   if (all.size() > most_told) text += fmt::format("; and {} more", all.size() - most_told);
-  return {fmt::format("{}. {}", text, consequence)};
+  const std::string_view left_out = all.size() == 1 ? "It tells nothing new; the model is made without it"
+                                                    : "They tell nothing new; the model is made without them";
+  return {fmt::format("{}. {}", text, consequence.value_or(left_out))};
 }
 
 std::vector<std::string> warnings_of(const UsedExperiments& used, const Ensemble& ensemble) {
