@@ -8,6 +8,7 @@
 #include "noisy.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
+#include "tokid/identify.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -56,23 +57,70 @@ TEST(Validate, SaysWhenNothingCanBePredicted) {
   EXPECT_THROW(validate(from_step(system, 10), e), std::invalid_argument);
 }
 
+std::vector<Index> outlying_steps(const Validation& v, Index experiment, Index output) {
+  for (const OutlyingSamples& o : v.outlying)
+    if (o.experiment == experiment && o.output == output) return o.steps;
+  return {};
+}
+
+// Neither those that a fault leaves behind in the observer, nor less.
 TEST(OutlyingSamples, AreFoundWhereTheyAre) {
-  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-    const Model system = random_system({3, 2, 2}, 60, 0.95, seed);
-    Ensemble e = noisy_experiments(system, 12, seed);
-    e.y(7, 20, 1) += 100;
-    e.y(7, 41, 1) -= 200;
-    const Validation v = validate(system, e);
-    const auto found = std::find_if(v.outlying.begin(), v.outlying.end(),
-                                    [](const OutlyingSamples& o) { return o.experiment == 7 && o.output == 1; });
-    ASSERT_NE(found, v.outlying.end()) << "seed " << seed;
-    for (const Index k : {20, 41}) EXPECT_EQ(std::count(found->steps.begin(), found->steps.end(), k), 1);
-    // What the sample was before is within the usual error: five standard deviations of it.
-    EXPECT_NEAR(found->error, 200, 5 * found->usual / 0.67);
-    for (const OutlyingSamples& o : v.outlying) EXPECT_EQ(o.experiment, 7);
-    EXPECT_EQ(v.warnings.size(), v.outlying.size());
-    EXPECT_NE(v.warnings.back().find("experiment 7, output"), std::string::npos);
-    EXPECT_TRUE(validate(system, e, {.misfits = {"7"}}).outlying.empty());
+  for (const InitialState initial : {InitialState::zero, InitialState::unknown})
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      const Model system = random_system({3, 2, 2}, 61, 0.95, seed);
+      Ensemble e = noisy_experiments(system, 12, seed, initial);
+      e.y(7, 4, 1) += 100;  // soon after the first prediction from unknown states
+      e.y(7, 20, 1) += 100;
+      e.y(7, 21, 1) += 100;
+      e.y(7, 41, 1) -= 200;
+      e.y(3, 60, 0) += 100;  // the last step
+      const Validation v = validate(system, e, {.initial_state = initial});
+      EXPECT_EQ(v.outlying.size(), 2) << "seed " << seed;
+      EXPECT_EQ(outlying_steps(v, 7, 1), (std::vector<Index>{4, 20, 21, 41})) << "seed " << seed;
+      EXPECT_EQ(outlying_steps(v, 3, 0), std::vector<Index>{60}) << "seed " << seed;
+      for (const OutlyingSamples& o : v.outlying)  // without the fault it is within five standard deviations
+        EXPECT_NEAR(o.error, o.experiment == 7 ? 200 : 100, 5 * o.usual / 0.67);
+      ASSERT_EQ(v.warnings.size(), 2);
+      EXPECT_NE(v.warnings.back().find("experiment 7, output"), std::string::npos);
+      EXPECT_EQ(validate(system, e, {.initial_state = initial, .misfits = {"7"}}).outlying.size(), 1);
+    }
+}
+
+TEST(OutlyingSamples, AreFoundInASingleRecordUpToItsEnd) {
+  const Model system = constant_system({2, 1, 1}, 321, 0.9, 2);
+  Ensemble e = noisy_experiments(system, 1, 2);
+  e.y(0, 100, 0) += 50;
+  e.y(0, 320, 0) += 50;
+  EXPECT_EQ(outlying_steps(validate(system, e), 0, 0), (std::vector<Index>{100, 320}));
+}
+
+// Outputs that are missing at every other step, and outputs far from zero.
+TEST(OutlyingSamples, AreFoundBesideOutputsOfAnotherRate) {
+  Model system = random_system({3, 2, 1}, 60, 0.95, 4);
+  Ensemble e = noisy_experiments(system, 20, 4);
+  for (Index k = 1; k < 60; k += 2) e.output(k).col(1).setConstant(nan);
+  e.y(5, 31, 0) += 100;
+  EXPECT_EQ(outlying_steps(validate(system, e), 5, 0), std::vector<Index>{31});
+  constexpr double offset = 1e6;
+  for (Index k = 0; k < 60; ++k) e.output(k).array() += offset;
+  system.u_nominal = Matrix::Zero(60, 1);
+  system.y_nominal = Matrix::Constant(60, 2, offset);
+  EXPECT_EQ(outlying_steps(validate(system, e), 5, 0), std::vector<Index>{31});
+}
+
+// Of identify() in the rows of all data, whatever part of them is held out, or left out as a copy.
+TEST(OutlyingSamples, OfAnIdentificationHaveTheRowsOfTheData) {
+  const Model system = random_system({2, 1, 1}, 40, 0.9, 6);
+  Ensemble e = noisy_experiments(system, 40, 6);
+  for (Index k = 0; k < 40; ++k) e.u(3, k, 0) = e.u(1, k, 0), e.y(3, k, 0) = e.y(1, k, 0);
+  for (Index n = 10; n < 20; ++n) e.y(n, n + 5, 0) += 100;
+  for (const double share : {0.0, 0.2}) {
+    const Identification found = identify(e, {.hold_out = share});
+    EXPECT_EQ(found.validation.outlying.size(), 10) << share;
+    for (const OutlyingSamples& o : found.validation.outlying) {
+      EXPECT_TRUE(o.experiment >= 10 && o.experiment < 20 && o.name.empty()) << o.experiment << ' ' << o.name;
+      EXPECT_EQ(o.steps, std::vector<Index>{o.experiment + 5});
+    }
   }
 }
 
@@ -82,7 +130,7 @@ TEST(OutlyingSamples, AreNoneOfNormalErrors) {
     for (const InitialState initial : {InitialState::zero, InitialState::unknown})
       for (const double missing : {0.0, 0.05})
         for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-          const Model system = random_system({3, 1, 2}, 100, 0.95, seed);
+          const Model system = random_system({3, 2, 1}, 100, 0.95, seed);
           Ensemble e = noisy_experiments(system, count, seed, initial);
           RandomNumbers random(seed);
           for (Index n = 0; n < count; ++n)
@@ -90,7 +138,9 @@ TEST(OutlyingSamples, AreNoneOfNormalErrors) {
               if (random.uniform() < missing) e.y(n, k, 0) = nan;
           if (missing > 0 && count > 1)
             for (Index k = 30; k < 60; ++k) e.y(1, k, 0) = e.y(1, k, 1) = nan;
-          EXPECT_TRUE(validate(system, e).outlying.empty()) << count << ' ' << missing << ' ' << seed;
+          for (const OutlyingSamples& o : validate(system, e).outlying)
+            ADD_FAILURE() << count << ' ' << missing << ' ' << seed << ": experiment " << o.experiment << ", output "
+                          << o.output << ", step " << o.steps.front() << ", error " << o.error << ", usual " << o.usual;
         }
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <stdexcept>
 
@@ -22,6 +23,8 @@
 #include "diagnose/repeats.hpp"
 #include "identify/identify_stretch.hpp"
 #include "identify/realisation.hpp"
+#include "model/judged.hpp"
+#include "model/outlying_samples.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/provenance.hpp"
@@ -140,7 +143,7 @@ class Pipeline {
                                                const std::vector<Index>& rows);
   void warn_of_states();
   void choose_frame();
-  void evaluate(std::vector<std::string> misfits);
+  void evaluate(std::vector<std::string> misfits, const Ensemble* measured);
 
   Index experiments_for(Index lags) const {
     return minimum_experiments(data_->inputs(), data_->outputs(), lags) + (nominal_ ? 1 : 0);
@@ -815,20 +818,30 @@ void Pipeline::choose_frame() {
   if (!told.empty()) warn(std::move(told));
 }
 
-void Pipeline::evaluate(std::vector<std::string> misfits) {
+// `measured`: what the data are a part of, if it is known.
+void Pipeline::evaluate(std::vector<std::string> misfits, const Ensemble* measured) {
   ValidateOptions o;
   o.misfits = std::move(misfits);
   o.initial_state = initial_;
-  if (result_.held_out) {
-    result_.validation = validate(result_.model, held_out_, o);
-  } else if (nominal_) {
-    // The model adds the nominal trajectory back, so the training data are needed as they were measured.
-    result_.validation = validate(result_.model, departures(*data_, {-nominal_->u, -nominal_->y}), o);
-  } else {
-    result_.validation = validate(result_.model, *data_, o);
+  // The model adds the nominal trajectory back, so the training data are needed as they were measured.
+  const Ensemble restored = nominal_ ? departures(*data_, {-nominal_->u, -nominal_->y}) : Ensemble();
+  const Ensemble& training = nominal_ ? restored : *data_;
+  const Ensemble& judged = result_.held_out ? held_out_ : training;
+  Validation& validation = result_.validation;
+  validation = validate_in_numbers(result_.model, judged, o);
+  if (measured) {
+    // Of a single record the end is held out.
+    const Index first = result_.held_out ? measured->steps() - held_out_.steps() : 0;
+    validation.outlying = outlying_in(*measured, judged, first, std::move(validation.outlying));
+    if (result_.held_out && validation.noisy) {
+      auto more = outlying_in(*measured, training, 0, outlying_samples(result_.model, training, o));
+      std::move(more.begin(), more.end(), std::back_inserter(validation.outlying));
+    }
   }
-  for (const std::string& text : result_.validation.warnings) warn(text);
-  for (std::string& text : warnings_of_fit(result_.validation.one_step.fit, data_->names)) warn(std::move(text));
+  for (std::string& text : warnings_of(validation.outlying, judged.names))
+    validation.warnings.push_back(std::move(text));
+  for (const std::string& text : validation.warnings) warn(text);
+  for (std::string& text : warnings_of_fit(validation.one_step.fit, data_->names)) warn(std::move(text));
 }
 
 Stretch Pipeline::run_settled(const Settled& settled, Index keep_begin, Index keep_end, bool first) {
@@ -919,7 +932,7 @@ Identification Pipeline::run(bool validated, const Ensemble* measured, const std
   if (result_.refinement.iterations > 0)
     note_refinement(result_.model, result_.refinement.smoothing, result_.refinement.iterations);
   arx_ = {};  // the validation takes its room
-  if (validated) evaluate(std::move(misfits));
+  if (validated) evaluate(std::move(misfits), measured);
   if (options_.execution.progress) options_.execution.progress(1.0);
   result_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return std::move(result_);

@@ -14,4 +14,7 @@ struct Judged {
 // \throws as validate(), which returns the first of the three
 Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& options);
 
+// validate() without words on outlying samples, for those who know the data that these are a part of.
+Validation validate_in_numbers(const Model& model, const Ensemble& data, const ValidateOptions& options);
+
 }  // namespace tokid

@@ -84,8 +84,11 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
     result.warnings.push_back(fmt::format("no step could be predicted {} steps ahead", options.horizon));
   if (!result.simulation.rmse.allFinite() && result.simulation.samples > 0)
     result.warnings.emplace_back("the simulation overflows: the model is unstable over its steps");
-  for (std::string& text : warnings_of(result.outlying, data)) result.warnings.push_back(std::move(text));
   return result;
+}
+
+void name_outlying(Validation& validation, const Channels& channels) {
+  for (std::string& text : warnings_of(validation.outlying, channels)) validation.warnings.push_back(std::move(text));
 }
 
 }  // namespace
@@ -97,7 +100,7 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
   judged.prediction = predict(model, data, {1, options.initial_state});
   judged.simulated = simulate_data(model, data, options.initial_state);
   ErrorCollector errors(data, model.y_nominal);
-  OutlyingSampleCollector outlying(model, data, output_spread(model, data), options.misfits);
+  OutlyingSampleCollector outlying(model, data, options);
   for (Index k = 0; k < data.steps(); ++k) {
     outlying.add(k, judged.prediction.innovations[size_t(k)]);
     errors.predicted(k, judged.prediction.innovations[size_t(k)]);
@@ -105,14 +108,15 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
   }
   judged.validation = validation(model, data, options, errors, outlying.found(),
                                  [&judged]() -> const Innovations& { return judged.prediction.innovations; });
+  name_outlying(judged.validation, data.names);
   return judged;
 }
 
-Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options) {
-  if (ends_early(model, data.steps())) return validate(continued(model, data.steps()), data, options);
+Validation validate_in_numbers(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  if (ends_early(model, data.steps())) return validate_in_numbers(continued(model, data.steps()), data, options);
   check_steps(model, data);
   ErrorCollector errors(data, model.y_nominal);
-  OutlyingSampleCollector outlying(model, data, output_spread(model, data), options.misfits);
+  OutlyingSampleCollector outlying(model, data, options);
   predict_each(model, data, options.initial_state, [&](Index k, const Matrix& innovation) {
     outlying.add(k, innovation);
     errors.predicted(k, innovation);
@@ -128,12 +132,20 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
   });
 }
 
+Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  Validation result = validate_in_numbers(model, data, options);
+  name_outlying(result, data.names);
+  return result;
+}
+
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options) {
   const UsedExperiments used = used_experiments(data);
   if (used.all(data)) return validate(model, data, options);
   data.check(false);  // what is wrong is reported with the rows of the caller
-  Validation result = validate(model, data.subset(used.rows()), options);
-  for (OutlyingSamples& samples : result.outlying) samples.experiment = used.rows()[size_t(samples.experiment)];
+  const Ensemble part = data.subset(used.rows());
+  Validation result = validate_in_numbers(model, part, options);
+  result.outlying = outlying_in(data, part, 0, std::move(result.outlying));
+  name_outlying(result, data.names);
   const std::vector<std::string> told = warnings_of(used, data);
   result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
   return result;
