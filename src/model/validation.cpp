@@ -49,8 +49,7 @@ void check_steps(const Model& model, const Ensemble& data) {
 // From the errors of all steps, and the innovations, which are asked for where they are tested.
 template <class OneStepErrors>
 Validation validation(const Model& model, const Ensemble& data, const ValidateOptions& options,
-                      const ErrorCollector& errors, std::vector<OutlyingSamples> outlying,
-                      OneStepErrors&& innovations) {
+                      const ErrorCollector& errors, OutlyingSampleCollector& outlying, OneStepErrors&& innovations) {
   const bool departures = model.y_nominal.rows() > 0;
   Validation result;
   result.one_step = result.horizon = fit_of(errors.totals.one_step, departures);
@@ -63,7 +62,7 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
   result.gains = {untested, untested, untested};
   // No test of noise applies to errors of arithmetic.
   result.noisy = errors.totals.noisy();
-  if (result.noisy) result.outlying = std::move(outlying);
+  if (result.noisy) result.outlying = outlying.found();
   if (result.noisy && options.whiteness_lags > 0) {
     const Innovations e = model_innovations(model, data, options.initial_state);
     const Innovations scaled = standardised(model, e);
@@ -106,7 +105,7 @@ Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& op
     errors.predicted(k, judged.prediction.innovations[size_t(k)]);
     errors.simulated(k, data.output(k) - judged.simulated.output(k));
   }
-  judged.validation = validation(model, data, options, errors, outlying.found(),
+  judged.validation = validation(model, data, options, errors, outlying,
                                  [&judged]() -> const Innovations& { return judged.prediction.innovations; });
   name_outlying(judged.validation, data.names);
   return judged;
@@ -127,7 +126,7 @@ Validation validate_in_numbers(const Model& model, const Ensemble& data, const V
     if (k < model.y_nominal.rows()) error.rowwise() -= model.y_nominal.row(k);
     errors.simulated(k, error);
   });
-  return validation(model, data, options, errors, outlying.found(), [&] {
+  return validation(model, data, options, errors, outlying, [&] {
     return predict(model, data, {1, options.initial_state}).innovations;
   });
 }
