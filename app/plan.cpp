@@ -47,7 +47,7 @@ std::string share(double value) {
   return value < 10 ? fmt::format("{:.3g} %", 100 * value) : fmt::format("{:.0f} times", value);
 }
 
-std::string report(const Call& call, const PlanOptions& sizes, const Plan& plan) {
+std::string report(const Call& call, const PlanOptions& sizes, const ExperimentPlan& plan) {
   const Ensemble& u = plan.inputs;
   Page page;
   page.row("System", fmt::format("n = {} states, r = {} inputs, m = {} outputs; lag order p = {}", sizes.states,
@@ -90,7 +90,7 @@ std::string report(const Call& call, const PlanOptions& sizes, const Plan& plan)
   return page.text();
 }
 
-Json json(const PlanOptions& sizes, const Plan& plan) {
+Json json(const PlanOptions& sizes, const ExperimentPlan& plan) {
   const auto summary = [](const std::vector<double>& values) {
     const Extreme e = extreme(values);
     return Json{{"median", e.median}, {"largest", e.value}, {"step", e.step}, {"per_step", values}};
@@ -138,7 +138,7 @@ void run(const Call& call) {
   } else {
     model = load_model(call.model);
   }
-  const Plan result = [&] {
+  const ExperimentPlan result = [&] {
     ProgressBar bar(true);
     options.execution.progress = bar.callback();
     return model ? plan(*model, options) : plan(options);

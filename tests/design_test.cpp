@@ -171,7 +171,7 @@ TEST(Design, AModelThatIsMostlyNoiseIsNotTrusted) {
 }
 
 TEST(Design, NumbersHaveTheirReasons) {
-  Plan p = plan(oscillator_options(0));
+  ExperimentPlan p = plan(oscillator_options(0));
   EXPECT_EQ(p.lags, 2);
   EXPECT_EQ(p.unknowns, 10);
   EXPECT_EQ(p.minimum, 10);
@@ -217,7 +217,7 @@ TEST(Design, EveryKindKeepsItsLimitsAndIsTheSameAgain) {
     options.kind = kind;
     options.amplitude = {0.3, 7.0};
     const auto make = [&] { return kind == InputKind::optimised ? plan(system, options) : plan(options); };
-    const Plan first = make();
+    const ExperimentPlan first = make();
     EXPECT_EQ(first.inputs.outputs(), 0);
     EXPECT_EQ(first.inputs.missing(), 0);
     for (Index i = 0; i < 2; ++i) {
@@ -245,7 +245,7 @@ TEST(Design, InputsOfAWindowAreIndependent) {
         SCOPED_TRACE(to_string(kind));
         PlanOptions options = options_for(size, 40, minimum + extra);
         options.kind = kind;
-        const Plan result = plan(options);
+        const ExperimentPlan result = plan(options);
         for (Index k = 0; k < 40; ++k) {
           const Vector s = linalg::singular_values(window_columns(result.inputs, k, p));
           EXPECT_NEAR(result.input_condition[size_t(k)] / (s(0) / s(s.size() - 1)), 1, 1e-9);
@@ -264,11 +264,11 @@ TEST(Design, InputsOfAWindowAreIndependent) {
 TEST(Design, OrthogonalInputsOfDeparturesHaveMeanZero) {
   PlanOptions options = oscillator_options(12);
   options.nominal = true;
-  const Plan result = plan(options);
+  const ExperimentPlan result = plan(options);
   for (Index k = 0; k < 80; ++k)
     EXPECT_LT(result.inputs.input(k).colwise().sum().cwiseAbs().maxCoeff(), 100 * epsilon) << k;
   // A descent may leave the mean, but not the condition without it.
-  const Plan better = plan(oscillator(80), options);
+  const ExperimentPlan better = plan(oscillator(80), options);
   EXPECT_LT(*std::max_element(better.condition.begin(), better.condition.end()), better.start_condition / 2);
   // Those that are none don't look like a mean motion either.
   const Ensemble data = simulate(oscillator(80), plan(oscillator_options(12)).inputs);
@@ -283,7 +283,7 @@ TEST(Design, PlannedExperimentsIdentifyTheSystem) {
       // Two more than the minimum: the orders are stated, and a random system is no worse than 1e6 then.
       const Index p = testing::smallest_lag_order(size);
       PlanOptions options = options_for(size, 30, minimum_experiments(size.r, size.m, p) + 2);
-      const Plan result = with_model ? plan(system, options) : plan(options);
+      const ExperimentPlan result = with_model ? plan(system, options) : plan(options);
       const Ensemble data = simulate(system, result.inputs);
       IdentifyOptions how;
       how.lags = p;
@@ -300,7 +300,7 @@ TEST(Design, PlannedExperimentsIdentifyTheSystem) {
 TEST(Design, ForecastsAgreeWithTheRegression) {
   const Model system = oscillator(80);
   PlanOptions options = oscillator_options(12);
-  const Plan result = plan(system, options);
+  const ExperimentPlan result = plan(system, options);
   EXPECT_EQ(result.kind, InputKind::optimised);
   EXPECT_DOUBLE_EQ(*std::max_element(result.condition.begin(), result.condition.end()),
                    worst_condition(system, result.inputs, 2).scaled);
@@ -322,7 +322,7 @@ TEST(Design, ErrorsUnderNoiseAreAsForecast) {
   for (const InputKind kind : {InputKind::orthogonal, InputKind::optimised}) {
     SCOPED_TRACE(to_string(kind));
     options.kind = kind;
-    const Plan result = plan(system, options);
+    const ExperimentPlan result = plan(system, options);
     Matrix truth(78 * 3 * 2, 2), mean = Matrix::Zero(truth.rows(), 2);
     double squares = 0.0, residuals = 0.0, outputs = 0.0;
     for (Index repetition = 1; repetition <= repetitions; ++repetition) {
@@ -377,7 +377,7 @@ TEST(Design, MoreNoiseWantsMoreExperiments) {
   options.noise = NoiseLevel{0.0, 0.01};
   EXPECT_EQ(plan(system, options).recommended, 111);
   options.noise = NoiseLevel{0.0, 0.2};
-  const Plan result = plan(system, options);
+  const ExperimentPlan result = plan(system, options);
   EXPECT_GT(result.recommended, 200);
   EXPECT_TRUE(mentions(result.reasons, "Markov parameters"));
   // Another draw than the one that the number came from.
@@ -446,7 +446,7 @@ TEST(Design, AModelThatBeginsLaterPlansItsOwnSteps) {
     late.initial_state = state;
     PlanOptions options;
     options.experiments = 12;
-    const Plan result = plan(late, options);
+    const ExperimentPlan result = plan(late, options);
     EXPECT_EQ(result.inputs.steps(), 40);
     EXPECT_EQ(result.inputs.dt, 0.05);
     EXPECT_EQ(result.inputs.initial_state, state);
@@ -481,7 +481,7 @@ TEST(Design, UnknownInitialStatesOfTheModelAreThoseOfThePlan) {
   model.initial_state = InitialState::unknown;
   PlanOptions options;
   options.experiments = 12;
-  const Plan result = plan(model, options);
+  const ExperimentPlan result = plan(model, options);
   EXPECT_EQ(result.inputs.initial_state, InitialState::unknown);
   EXPECT_EQ(result.first_step, 2);
   EXPECT_EQ(result.first_forecast, 2);
@@ -493,7 +493,7 @@ TEST(Design, NumbersBeyondReachAreToldButNotDrawn) {
   PlanOptions options = oscillator_options(20);
   options.kind = InputKind::gaussian;
   options.noise = NoiseLevel{0.0, 1e6};
-  const Plan result = plan(system, options);
+  const ExperimentPlan result = plan(system, options);
   EXPECT_EQ(result.inputs.experiments(), 20);
   EXPECT_GT(result.recommended, Index(1e12));
   EXPECT_TRUE(mentions(result.warnings, fmt::format("20 experiments found, {} recommended", result.recommended)));
@@ -509,7 +509,7 @@ TEST(Design, NumbersBeyondReachAreToldButNotDrawn) {
 }
 
 TEST(Design, LargeWindowsAreSampledAndTooLargePlansRefused) {
-  const Plan sampled = plan(options_for({600, 1, 1}, 700, 1201));
+  const ExperimentPlan sampled = plan(options_for({600, 1, 1}, 700, 1201));
   const auto judged = std::count_if(sampled.input_condition.begin(), sampled.input_condition.end(),
                                     [](double c) { return !std::isnan(c); });
   EXPECT_GT(judged, 10);

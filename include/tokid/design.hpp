@@ -53,7 +53,7 @@ struct PlanOptions {
   Execution execution = {};
 };
 
-struct Plan {
+struct ExperimentPlan {
   Index lags = 0;      // p
   Index unknowns = 0;  // L = r + p·(r+m), per output and step
   Index minimum = 0;   // L, and one more for a mean motion
@@ -87,11 +87,11 @@ struct Plan {
 
 // The number of experiments and inputs for them. \throws std::invalid_argument that names the option, what was found
 // and what is needed: sizes, p·m < n, too few experiments or steps, more of them than can be handled
-Plan plan(const PlanOptions& options);
+ExperimentPlan plan(const PlanOptions& options);
 
 // The same on a preliminary model, which must have the stated sizes and dt (those that are zero are taken from it, as
 // are the names) and steps up to T. \throws also where the noise asks for so many experiments that they should be
 // asked for
-Plan plan(const Model& preliminary, const PlanOptions& options = {});
+ExperimentPlan plan(const Model& preliminary, const PlanOptions& options = {});
 
 }  // namespace tokid

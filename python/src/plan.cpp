@@ -11,7 +11,7 @@ namespace {
 nb::tuple planned(const Model* model, PlanOptions options, int threads, nb::object listener) {
   Call call(std::move(listener));
   options.execution = call.execution(threads);
-  Plan p = call.run([&] { return model ? plan(*model, options) : plan(options); });
+  ExperimentPlan p = call.run([&] { return model ? plan(*model, options) : plan(options); });
   const nb::dict fields;
   const auto set = [&fields](const Field& field) { fields[field.name] = field.value; };
   set({"lags", p.lags});

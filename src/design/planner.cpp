@@ -55,7 +55,7 @@ class Planner {
  public:
   Planner(PlanOptions options, const Model* model) : options_(std::move(options)), model_(model) {}
 
-  Plan run() {
+  ExperimentPlan run() {
     if (model_ != nullptr) take_from_model();
     check();
     count();
@@ -482,13 +482,15 @@ class Planner {
   Index forecast_ = 0;  // with one that the model forecasts,
   Index full_ = 0;      // and with one of p lags in the model
   Matrix inputs_;       // (N × T·r)
-  Plan plan_;
+  ExperimentPlan plan_;
 };
 
 }  // namespace
 
-Plan plan(const PlanOptions& options) { return Planner(options, nullptr).run(); }
+ExperimentPlan plan(const PlanOptions& options) { return Planner(options, nullptr).run(); }
 
-Plan plan(const Model& preliminary, const PlanOptions& options) { return Planner(options, &preliminary).run(); }
+ExperimentPlan plan(const Model& preliminary, const PlanOptions& options) {
+  return Planner(options, &preliminary).run();
+}
 
 }  // namespace tokid
