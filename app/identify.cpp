@@ -141,19 +141,19 @@ std::string nominal_text(const Call& call, const Data& data, const Identificatio
 
 // The largest lag order that the experiments carry; the mean motion costs one of them.
 Index largest_lags(const Data& data, const Identification& result) {
-  const Index spent = result.nominal ? 1 : 0;
+  const Index spent = result.plan.nominal ? 1 : 0;
   return largest_lag_order(result.experiments - spent, data.inputs, data.outputs);
 }
 
 std::string smoothing_text(const Call& call, const Identification& result) {
-  const Index period = result.variation.period;
+  const Index period = result.plan.choices.variation.period;
   if (period == 1)
     return call.options.period == 1 ? "one model for all steps, as asked"
                                     : "one model for all steps: the experiments show no variation in time";
   const char* why = call.options.smoothing >= 0 ? "as asked" : "by errors on experiments left out";
   return fmt::format("{}lambda = {} over time, {}",
                      period > 1 ? fmt::format("steps k and k + {} share a model; ", period) : std::string(),
-                     penalty(result.variation.smoothing), why);
+                     penalty(result.plan.choices.variation.smoothing), why);
 }
 
 // The errors of one lag order by rows, those of one lambda by columns.
@@ -178,14 +178,14 @@ void add_lag_order(const Call& call, const Data& data, const Identification& res
   const char* why = call.options.lags > 0 ? "as asked" : tried ? "by leave-one-out error" : "the smallest possible";
   const SmoothingChoice& together = result.smoothing_choice;
   if (!together.trials.empty()) {
-    page.row("Lag order", fmt::format("p = {}, {}", result.lags,
+    page.row("Lag order", fmt::format("p = {}, {}", result.plan.lags,
                                       call.options.lags > 0 ? "as asked" : "by errors on experiments left out"));
     page.row("Smoothing", smoothing_text(call, result));
     add_smoothing_trials(together, page);
     return;
   }
   page.row("Lag order",
-           fmt::format("p = {}, {}; {} carry lag orders up to p = {}, this one needs {}", result.lags, why,
+           fmt::format("p = {}, {}; {} carry lag orders up to p = {}, this one needs {}", result.plan.lags, why,
                        plural(result.experiments, "experiment"), largest_lags(data, result), result.min_experiments));
   add_trial(lag_trial(result), page);
 }
@@ -259,7 +259,7 @@ std::string report(const Call& call, const Data& data, const Identification& res
   page.row("Nominal", nominal_text(call, data, result));
   add_lag_order(call, data, result, page);
   add_states(call, result, page);
-  if (!result.together)
+  if (!result.plan.coupled)
     page.row("Regressions", fmt::format("condition up to {:.3g}, {} of {} rank deficient", result.condition_max,
                                         result.rank_deficient_steps, plural(result.steps, "step")));
   add_fit(data, result, page);
@@ -305,12 +305,12 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["method"] = model.method;
   j["frame"] = model.frame;
   j["states"] = model.states();
-  j["lags"] = result.lags;
+  j["lags"] = result.plan.lags;
   j["largest_lag_order"] = largest_lags(data, result);
   j["min_experiments"] = result.min_experiments;
-  j["smoothing"] = json_penalty(result.variation.smoothing);
-  j["state_smoothing"] = json_penalty(result.state_smoothing);
-  j["period"] = result.variation.period;
+  j["smoothing"] = json_penalty(result.plan.choices.variation.smoothing);
+  j["state_smoothing"] = json_penalty(result.plan.choices.state_smoothing);
+  j["period"] = result.plan.choices.variation.period;
   j["lag_order_errors"] = json(lag_trial(result));
   j["smoothing_trials"] = Json::array();
   for (const SmoothingTrial& t : result.smoothing_choice.trials)
@@ -324,7 +324,7 @@ Json json(const Call& call, const Data& data, const Identification& result) {
                              {"threshold", tested ? Json(initial.threshold) : Json()},
                              {"decision", to_string(initial.decision)},
                              {"reason", initial.reason}};
-  j["nominal"] = result.nominal;
+  j["nominal"] = result.plan.nominal;
   j["nominal_test"] = nullptr;
   if (call.options.nominal == NominalChoice::automatic)
     j["nominal_test"] = json(result.nominal_test, model, data.inputs);
@@ -333,8 +333,8 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["full_begin"] = model.full_begin();
   j["full_end"] = model.full_end();
   j["singular_value_gap"] = result.singular_value_gap;
-  j["condition_max"] = result.together ? Json() : Json(result.condition_max);
-  j["rank_deficient_steps"] = result.together ? Json() : Json(result.rank_deficient_steps);
+  j["condition_max"] = result.plan.coupled ? Json() : Json(result.condition_max);
+  j["rank_deficient_steps"] = result.plan.coupled ? Json() : Json(result.rank_deficient_steps);
   j["evaluated_on"] = result.held_out ? "held_out" : "training";
   j["output_names"] = Json::array();
   for (Index i = 0; i < model.outputs; ++i) j["output_names"].push_back(model.names.output(i));

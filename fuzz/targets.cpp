@@ -123,12 +123,12 @@ void columns(std::string_view bytes) {
 
 // A block of a journal, of the record that make_corpus.py makes.
 void journal(std::string_view bytes) {
-  stream::Plan plan;
-  plan.steps = 2400;
-  plan.count = 120;
-  plan.before = 5;
+  stream::BlockLayout layout;
+  layout.steps = 2400;
+  layout.count = 120;
+  layout.before = 5;
   try {
-    stream::finished_block(bytes, plan, 1, 1);
+    stream::finished_block(bytes, layout, 1, 1);
   } catch (const std::invalid_argument&) {
   } catch (const std::runtime_error&) {
   }

@@ -105,7 +105,7 @@ TEST(CrossValidate, EachFoldMakesItsOwnChoices) {
     for (Index n = 0; n < 41; ++n)
       if (std::count(fold.experiments.begin(), fold.experiments.end(), n) == 0) rest.push_back(n);
     const Identification own = identify(data.subset(rest));  // nothing more is held out
-    EXPECT_EQ(fold.lags, own.lags);
+    EXPECT_EQ(fold.lags, own.plan.lags);
     EXPECT_EQ(fold.states, own.model.states());
     EXPECT_EQ(fold.warnings, own.warnings);
   }

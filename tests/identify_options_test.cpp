@@ -116,13 +116,13 @@ TEST(IdentifyOptions, NotedChoicesLeadToTheSameModel) {
   for (const bool refine : {false, true})
     for (const Ensemble* data : {&varying, &record}) {
       const Identification first = identify(*data, {.period = data == &record ? 1 : 0, .refine = refine});
-      ASSERT_TRUE(first.choices);
+      ASSERT_TRUE(first.plan.coupled);
       const std::optional<NoisyChoices> noted = noted_choices(first.model);
       ASSERT_TRUE(noted);
-      EXPECT_EQ(noted->variation.smoothing, first.variation.smoothing);
+      EXPECT_EQ(noted->variation.smoothing, first.plan.choices.variation.smoothing);
       EXPECT_EQ(noted->refinement_iterations, first.refinement.iterations);
       IdentifyOptions again = identify_options(first.model);
-      again.lags = first.lags;
+      again.lags = first.plan.lags;
       again.states = first.model.states();
       again.choices = noted;
       const Identification second = identify(*data, again);

@@ -120,9 +120,9 @@ TEST(Identify, TimeInvariantSystemsGiveTheModelOfClassicalEra) {
 TEST(Identify, ChoosesTheOrdersOfNoiseFreeData) {
   const Ensemble e = experiments(oscillator(60), {.experiments = 40});
   const Identification result = identify(e);
-  EXPECT_EQ(result.lags, 2);
+  EXPECT_EQ(result.plan.lags, 2);
   EXPECT_EQ(result.model.states(), 4);
-  EXPECT_FALSE(result.noisy);
+  EXPECT_FALSE(result.plan.noisy);
   EXPECT_EQ(result.lag_order_errors.best, 2);
 }
 
@@ -161,7 +161,7 @@ TEST(Identify, MeanMotionsOfFewStepsAreFound) {
   const Ensemble fresh = moved(experiments(system, {.experiments = 10, .seed = 9, .measurement_noise = 0.1}));
   const IdentifyOptions options{.states = 4, .lags = 4};
   const Identification result = identify(e, options);
-  EXPECT_TRUE(result.nominal);
+  EXPECT_TRUE(result.plan.nominal);
   EXPECT_LT(result.nominal_test.statistic, result.nominal_test.threshold);
   ASSERT_EQ(result.nominal_test.departures.size(), 1u);
   EXPECT_EQ(result.nominal_test.departures[0].channel, 2);
@@ -242,7 +242,7 @@ TEST(Identify, HeldOutExperimentsJudgeTheModel) {
   EXPECT_TRUE(result.held_out);
   EXPECT_EQ(result.experiments, 30);
   EXPECT_EQ(result.validation.one_step.samples, 10 * 40);
-  EXPECT_TRUE(result.noisy);
+  EXPECT_TRUE(result.plan.noisy);
 }
 
 // Regressions step by step that were tried and given up leave no figures behind.
@@ -250,7 +250,7 @@ TEST(Identify, FiguresAreOfTheRegressionsThatTheModelComesFrom) {
   for (const std::uint64_t seed : {1, 2, 3}) {
     ExperimentOptions o{.experiments = 60, .seed = seed};
     const Identification exact = identify(experiments(oscillator(40), o));
-    EXPECT_FALSE(exact.together);
+    EXPECT_FALSE(exact.plan.coupled);
     EXPECT_GT(exact.condition_max, 1.0);
     EXPECT_GT(exact.lag_order_errors.mean.size(), 0);
     o.measurement_noise = 0.05;
@@ -258,14 +258,14 @@ TEST(Identify, FiguresAreOfTheRegressionsThatTheModelComesFrom) {
       Ensemble data = experiments(oscillator(40), o);
       if (missing) data.y(7, 12, 1) = nan;
       const Identification noisy = identify(data, {.refine = false});
-      EXPECT_TRUE(noisy.together);
+      EXPECT_TRUE(noisy.plan.coupled);
       EXPECT_FALSE(noisy.smoothing_choice.trials.empty());
       EXPECT_EQ(noisy.condition_max, 0.0);
       EXPECT_EQ(noisy.rank_deficient_steps, 0);
       EXPECT_EQ(noisy.lag_order_errors.mean.size(), 0);
       // Asked for, they are kept.
       const Identification asked = identify(data, {.method = Method::tvera});
-      EXPECT_FALSE(asked.together);
+      EXPECT_FALSE(asked.plan.coupled);
       EXPECT_GT(asked.condition_max, 1.0);
       EXPECT_GT(asked.lag_order_errors.mean.size(), 0);
     }
@@ -406,7 +406,7 @@ TEST(Identify, UnitsDoNotMatterWithinTheRangeOfDoublePrecision) {
   for (const double inputs : {1e-55, 1e-6, 1e55})
     for (const double outputs : {1e-55, 1e6, 1e55}) {
       const Identification result = identify(scaled(inputs, outputs));
-      EXPECT_EQ(result.lags, 2);
+      EXPECT_EQ(result.plan.lags, 2);
       EXPECT_EQ(result.model.states(), 4);
       EXPECT_GT(result.validation.simulation.fit.minCoeff(), 100 - 1e-7);
     }
@@ -436,7 +436,7 @@ TEST(Identify, EveryChannelMayHaveItsOwnUnit) {
   // EM turns rounding errors into hundredths of a percent; what it starts from does not.
   const IdentifyOptions options{.refine = false};
   const Identification a = identify(noisy, options), b = identify(small, options);
-  EXPECT_EQ(a.lags, b.lags);
+  EXPECT_EQ(a.plan.lags, b.plan.lags);
   EXPECT_EQ(a.model.states(), b.model.states());
   // Scaling by powers of ten rounds, and the choices above are the same: equal fits to many digits.
   EXPECT_LE((a.validation.one_step.fit - b.validation.one_step.fit).cwiseAbs().maxCoeff(), 1e-6);
@@ -477,7 +477,7 @@ TEST(Identify, UnequalLengthsDoNotCollapseTheLagOrder) {
     for (Index k = length; k < 100; ++k) e.u(n, k, 0) = e.y(n, k, 0) = nan;
   }
   const Identification result = identify(e);
-  EXPECT_EQ(result.lags, 4);
+  EXPECT_EQ(result.plan.lags, 4);
   EXPECT_EQ(result.model.states(), 4);
   EXPECT_GT(result.validation.simulation.fit(0), 100 - 1e-6);
 }

@@ -31,10 +31,10 @@ TEST_P(OscillatorWithNoise, IsPredictedNearlyAsWellAsByTheKalmanFilter) {
   // Seeds differ by less than a third of the excess.
   EXPECT_LE(ratio - 1, 1.35 * (GetParam().expected - 1));
   EXPECT_EQ(result.model.method, "em");
-  EXPECT_TRUE(result.noisy);
+  EXPECT_TRUE(result.plan.noisy);
   EXPECT_EQ(result.model.k_begin, 0);
   EXPECT_EQ(result.model.k_end(), 60);
-  EXPECT_GT(result.variation.smoothing, 0.0);
+  EXPECT_GT(result.plan.choices.variation.smoothing, 0.0);
   EXPECT_GT(result.refinement.iterations, 0);
 }
 
@@ -115,8 +115,8 @@ TEST(Noise, WithoutNoiseTheModelIsExactFromAnyInitialState) {
         const Index p = smallest_lag_order(size);
         const Ensemble e = random_experiments(system, minimum_experiments(size.r, size.m, p + 2) + 2, 6, initial);
         const Identification result = identify(e);
-        EXPECT_FALSE(result.noisy);
-        EXPECT_EQ(result.lags, p);
+        EXPECT_FALSE(result.plan.noisy);
+        EXPECT_EQ(result.plan.lags, p);
         EXPECT_EQ(result.model.states(), size.n);
         EXPECT_EQ(result.model.method, initial > 0 ? "subspace" : "tvera");
         EXPECT_EQ(result.model.k_begin, initial > 0 ? p : 0);
@@ -142,7 +142,7 @@ TEST(Noise, UnknownInitialStatesAreNoObstacle) {
   e.initial_state.reset();
   const Identification result = identify(e);
   EXPECT_EQ(result.model.initial_state, InitialState::unknown);
-  EXPECT_LE(result.model.k_begin, result.lags);
+  EXPECT_LE(result.model.k_begin, result.plan.lags);
   const Ensemble fresh = noisy_experiments(system, 300, 9, InitialState::unknown);
   Model best = with_noise(system, {.process_noise = process_noise, .measurement_noise = measurement_noise});
   best.initial_state = InitialState::unknown;
@@ -186,7 +186,7 @@ TEST(Noise, OneRecordOrAFewOfATimeInvariantSystem) {
     const Ensemble e = stretch(noisy_experiments(system, count, 11), 0, 400);
     const Identification result = identify(e, {.period = 1});
     EXPECT_EQ(result.model.period, 1);
-    EXPECT_EQ(result.variation.period, 1);
+    EXPECT_EQ(result.plan.choices.variation.period, 1);
     EXPECT_EQ(result.model.steps(), 400);
     for (const Step& step : result.model.step) EXPECT_EQ(step.A(), result.model.step.front().A());
     // The fresh data are longer than those that the model was identified from.
@@ -252,7 +252,7 @@ TEST(Noise, OptionsThatContradictEachOtherOrTheDataAreRefused) {
             "period: 40 found, less than the 40 steps of the data needed");
   EXPECT_EQ(message([&] { identify(many, {.states = 1000}); }),
             "states: 1000 found, 40 steps of 2 outputs show at most 78");
-  EXPECT_EQ(identify(many, {.period = 39, .refine = false}).lags, 1);
+  EXPECT_EQ(identify(many, {.period = 39, .refine = false}).plan.lags, 1);
   EXPECT_NE(message([&] { identify(many, {.period = -2}); }).find("period: -2 found"), std::string::npos);
   EXPECT_NE(message([&] { identify(many, {.smoothing = nan}); }).find("smoothing: nan found"), std::string::npos);
 }
@@ -322,14 +322,14 @@ TEST(Noise, AsManyWindowsAsUnknownsAreNotTakenForDataWithoutNoise) {
   Ensemble gaps = noisy_experiments(system, 1, 86);
   remove_samples(gaps, 0.3, 86);
   const Identification found = identify(gaps, {.period = 1});
-  EXPECT_LE(found.lags, 2);
-  EXPECT_TRUE(found.noisy);
+  EXPECT_LE(found.plan.lags, 2);
+  EXPECT_TRUE(found.plan.noisy);
   const Ensemble record = stretch(noisy_experiments(system, 1, 87), 0, 12);
   EXPECT_EQ(
       message([&] { identify(record, {.lags = 6, .period = 1}); }),
       "steps: 6 windows of 7 successive steps found, at least 13 needed at lag order 6; a smaller one takes fewer");
   const Identification few = identify(record, {.lags = 3, .period = 1});
-  EXPECT_TRUE(few.noisy);
+  EXPECT_TRUE(few.plan.noisy);
   EXPECT_TRUE(std::any_of(few.warnings.begin(), few.warnings.end(), [](const std::string& w) {
     return w.find("9 windows of 4 successive steps found, which are few for the 7 unknowns") == 0;
   }));

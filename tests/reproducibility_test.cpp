@@ -67,8 +67,8 @@ TEST(Reproducibility, SameNumbersWithEveryInstructionSet) {
       simd::limit_target(target);
       const Identification result = identify(c.data, c.options);
       simd::limit_target(simd::Target::avx512);
-      EXPECT_EQ(result.lags, best.lags);
-      EXPECT_EQ(result.variation.smoothing, best.variation.smoothing);
+      EXPECT_EQ(result.plan.lags, best.plan.lags);
+      EXPECT_EQ(result.plan.choices.variation.smoothing, best.plan.choices.variation.smoothing);
       EXPECT_EQ(result.refinement.iterations, best.refinement.iterations);
       EXPECT_EQ(testing::state_dims(result.model), testing::state_dims(best.model));
       EXPECT_LE(kinematically_similar(result.model, best.model, 1e-12, 20).max_difference, 1e-12);

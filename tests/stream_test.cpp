@@ -88,30 +88,30 @@ TEST_F(Stream, ReadsWhatLoadEnsembleReads) {
 TEST_F(Stream, TheReaderHandsOutEachBlockToWhoeverAsks) {
   const Ensemble e = experiments(slow_system(60), {.experiments = 5, .seed = 4});
   const EnsembleFile file(data(e));
-  stream::Plan plan;
-  plan.steps = 60;
-  plan.count = 7;
-  plan.before = 3;
-  plan.behind = 2;
+  stream::BlockLayout layout;
+  layout.steps = 60;
+  layout.count = 7;
+  layout.before = 3;
+  layout.behind = 2;
   const auto expect_block = [&](const Ensemble& found, Index i) {
-    const stream::Block block = plan.block(i);
+    const stream::Block block = layout.block(i);
     EXPECT_EQ(fingerprint(found), fingerprint(stretch(e, block.first, block.last))) << i;
   };
   for (const Index stride : {1, 2, 3})
     for (const Index ahead : {1, 2, 20}) {
       std::vector<Index> blocks;
-      for (Index i = stride - 1; i < plan.count; i += stride) blocks.push_back(i);
-      stream::Reader reader(file, plan, blocks, ahead);
+      for (Index i = stride - 1; i < layout.count; i += stride) blocks.push_back(i);
+      stream::Reader reader(file, layout, blocks, ahead);
       for (const Index i : blocks) expect_block(reader.take(i), i);
     }
   {
     // Out of order, as threads may ask: two blocks wait, and a third one comes once one of them is taken.
-    stream::Reader reader(file, plan, {0, 1, 2, 4}, 2);
+    stream::Reader reader(file, layout, {0, 1, 2, 4}, 2);
     expect_block(reader.take(1), 1);
     expect_block(reader.take(2), 2);
     expect_block(reader.take(0), 0);
   }
-  const stream::Reader unused(file, plan, {0, 1}, 1);  // goes away with blocks that nobody wants
+  const stream::Reader unused(file, layout, {0, 1}, 1);  // goes away with blocks that nobody wants
 }
 
 TEST_F(Stream, TheReaderPassesOnWhatWentWrong) {
@@ -119,10 +119,10 @@ TEST_F(Stream, TheReaderPassesOnWhatWentWrong) {
   const fs::path path = data(e);
   const EnsembleFile file(path);
   fs::resize_file(path, fs::file_size(path) / 4);
-  stream::Plan plan;
-  plan.steps = 3000;
-  plan.count = 2;
-  stream::Reader reader(file, plan, {0, 1}, 1);
+  stream::BlockLayout layout;
+  layout.steps = 3000;
+  layout.count = 2;
+  stream::Reader reader(file, layout, {0, 1}, 1);
   EXPECT_THROW(reader.take(0), IoError);
   EXPECT_THROW(reader.take(1), IoError);
 }
@@ -142,7 +142,7 @@ TEST_P(BlockLength, WithoutNoiseFromZero) {
   const Identification whole = identify(e);
   const Both both = stream(e, GetParam());
   expect_same(both.model, whole.model);
-  EXPECT_EQ(both.streamed.identification.lags, whole.lags);
+  EXPECT_EQ(both.streamed.identification.plan.lags, whole.plan.lags);
   EXPECT_EQ(both.model.options, whole.model.options);
   EXPECT_LE(output_error(e, simulate(both.model, e)), 1e-9);
   EXPECT_GE(both.streamed.identification.validation.one_step.fit.minCoeff(), 99.999999);
@@ -171,9 +171,9 @@ TEST_P(BlockLength, MeanMotion) {
     e.output(k).array() += 3 + 0.01 * double(k);
   }
   const Identification whole = identify(e);
-  ASSERT_TRUE(whole.nominal);
+  ASSERT_TRUE(whole.plan.nominal);
   const Both both = stream(e, GetParam());
-  EXPECT_TRUE(both.streamed.identification.nominal);
+  EXPECT_TRUE(both.streamed.identification.plan.nominal);
   expect_same(both.model, whole.model);
   EXPECT_LE((both.model.u_nominal - whole.model.u_nominal).norm(), 1e-12);
   EXPECT_LE((both.model.y_nominal - whole.model.y_nominal).norm(), 1e-12);

@@ -15,6 +15,8 @@
 #include <random>
 #include <thread>
 
+#include "base/archive.hpp"
+#include "large/plan_archive.hpp"
 #include "members.hpp"
 #include "testing.hpp"
 #include "tokid/io.hpp"
@@ -168,10 +170,10 @@ TEST(Update, IsTheIdentificationOfAllExperiments) {
     update(state, e.subset(range(40, 45)));
     update(state, e.subset(range(45, 60)), {2, {}});
     IdentifyOptions all = c.options;
-    all.lags = begun.lags;
+    all.lags = begun.plan.lags;
     all.initial_state = begun.model.initial_state;
-    all.choices = begun.choices;  // of the first experiments
-    if (begun.noisy) all.states = begun.model.states();
+    if (begun.plan.coupled) all.choices = begun.plan.choices;  // of the first experiments
+    if (begun.plan.noisy) all.states = begun.model.states();
     const Updated now = identify(state);
     EXPECT_EQ(now.experiments, 60);
     const Model whole = identify(e, all).model;
@@ -201,24 +203,46 @@ TEST(Update, WarnsOfNoiseThatComesLater) {
   EXPECT_NE(warnings.front().find("noisy"), std::string::npos);
 }
 
+// All of it but the units of TVERA, which the experiments of the state tell.
+std::string kept(Plan plan) {
+  plan.input_size.resize(0);
+  plan.output_size.resize(0);
+  return archive::packed(plan);
+}
+
 TEST(Update, StatesComeBackFromFiles) {
-  const Ensemble e = random_experiments(random_system({3, 2, 1}, 20, 1.0, 11), 30, 12);
-  const UpdateState state = update_state(e, identify(e), {});
-  for (const char* extension : {".h5", ".npz", ".mat"}) {
-    const std::filesystem::path path =
-        std::filesystem::path(::testing::TempDir()) / (std::string("tokid_update_state") + extension);
-    save_update_state(state, path);
-    const UpdateState back = load_update_state(path);
-    EXPECT_EQ(back.factors.factor, state.factors.factor) << extension;
-    EXPECT_EQ(back.factors.rows, state.factors.rows);
-    EXPECT_EQ(back.factors.sum, state.factors.sum);
-    EXPECT_EQ(back.options, state.options);
-    EXPECT_EQ(back.digests, state.digests);
-    EXPECT_EQ(back.without_digest, 0);
-    EXPECT_EQ(std::tuple(back.method, back.states, back.together, back.noisy, back.nominal),
-              std::tuple(state.method, state.states, state.together, state.noisy, state.nominal));
-    EXPECT_THROW(load_model(path), IoError);
-    std::filesystem::remove(path);
+  const Ensemble exact = random_experiments(random_system({3, 2, 1}, 20, 1.0, 11), 30, 12);
+  const Ensemble noisy = with_noise(exact, 0.05, 13);
+  const Model constant = testing::constant_system({2, 1, 1}, 60, 0.9, 3);
+  const Ensemble still = with_noise(random_experiments(constant, 12, 14), 0.05, 15);
+  const std::vector<std::pair<const Ensemble*, IdentifyOptions>> cases = {
+      {&exact, {}},
+      {&exact, {.frame = Frame::reference, .reference_step = 7}},
+      {&exact, {.nominal = NominalChoice::mean, .frame = Frame::smooth, .rows = 4, .cols = 5}},
+      {&exact, {.method = Method::subspace, .initial_state = InitialState::unknown}},
+      {&noisy, {.states = 3, .lags = 2}},
+      {&noisy, {.method = Method::tvera}},
+      {&noisy, {.smoothing = 10.0, .nominal = NominalChoice::mean}},
+      {&still, {.period = 1, .weighting = Weighting::many_steps, .nominal = NominalChoice::mean}},
+      {&still, {.period = 4, .weighting = Weighting::one_step}}};
+  for (size_t i = 0; i < cases.size(); ++i) {
+    const auto& [data, options] = cases[i];
+    const UpdateState state = update_state(*data, identify(*data, options), options);
+    for (const char* extension : {".h5", ".npz", ".mat"}) {
+      const std::filesystem::path path =
+          std::filesystem::path(::testing::TempDir()) / (std::string("tokid_update_state") + extension);
+      save_update_state(state, path);
+      const UpdateState back = load_update_state(path);
+      EXPECT_EQ(back.factors.factor, state.factors.factor) << i << extension;
+      EXPECT_EQ(back.factors.rows, state.factors.rows);
+      EXPECT_EQ(back.factors.sum, state.factors.sum);
+      EXPECT_EQ(back.options, state.options);
+      EXPECT_EQ(back.digests, state.digests);
+      EXPECT_EQ(back.without_digest, 0);
+      EXPECT_EQ(kept(back.plan), kept(state.plan)) << i << extension;
+      EXPECT_THROW(load_model(path), IoError);
+      std::filesystem::remove(path);
+    }
   }
 }
 

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "tokid/subspace.hpp"
+#include "tokid/types.hpp"
 
 namespace tokid {
 
@@ -16,6 +18,14 @@ struct NoisyChoices {
   Weighting weighting = Weighting::one_step;
   double refinement_smoothing = 0.0;  // λ of EM
   Index refinement_iterations = 0;    // 0: no refinement
+};
+
+// How the residuals of the steps k < p compare with the later ones, which the initial state can't reach.
+struct InitialStateTest {
+  double statistic = 0.0;  // largest ratio of an early to the later residual variance, over steps and outputs
+  double threshold = 0.0;
+  InitialState decision = InitialState::zero;
+  std::string reason;
 };
 
 // What each order made of the data; filled where the order was chosen from noisy data.

@@ -175,6 +175,8 @@ struct Nominal {
 };
 Nominal nominal_trajectory(const Ensemble& ensemble);
 Ensemble departures(Ensemble ensemble, const Nominal& nominal);
+// Free responses as departures from their own mean motion, which are free responses too; none of a single one.
+FreeResponse free_departures(const FreeResponse& free);
 
 // Gives the steps k, k+P, k+2P … the mean of their motions: steps that share a model depart from one motion.
 void share_phases(Nominal& nominal, Index period);

@@ -54,6 +54,9 @@ struct Model {
   void check() const;
 };
 
+// \throws std::overflow_error for a model with infinite entries, or entries that are no numbers
+void check_finite(const Model& model);
+
 // Outputs y_k (N × m each) on the time grid of the inputs, as an ensemble; NaN where the model has no step.
 // x0 (n × N) holds the state of every experiment at k_begin; default zero, or x0_mean where has_initial_estimate() for
 // what the inputs say, or else the model. The nominal trajectory is added back. A missing input leaves the outputs of

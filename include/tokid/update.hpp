@@ -16,17 +16,15 @@
 
 namespace tokid {
 
-// What is kept of all experiments so far, and the choices that were made from the first ones: lag order, realisation,
-// whether a mean motion is removed, and with noise the number of states, λ and weighting.
+// What is kept of all experiments so far, and the plan that was made from the first ones, without EM, which needs
+// samples.
 struct UpdateState {
   WindowFactors factors;
+  Plan plan;            // without the units of TVERA, which all experiments tell
   std::string options;  // as Model::options has them, with the fingerprints of all data
   // Of all experiments that were given, copies and repetitions among them, ascending; they are not added again.
   std::vector<Digest> digests;
   Index without_digest = 0;  // experiments of a state that was written before states had digests
-  Method method = Method::subspace;
-  Index states = 0;  // n at most; 0: the rank
-  bool together = false, noisy = false, nominal = false;
 };
 
 // Of an identification and the data that it used. \throws std::invalid_argument for what takes samples: experiments

@@ -67,7 +67,7 @@ void bind_update(nb::module_& module) {
       .def_prop_ro("inputs", [](const UpdateState& s) { return s.factors.inputs; })
       .def_prop_ro("outputs", [](const UpdateState& s) { return s.factors.outputs; })
       .def_prop_ro("lags", [](const UpdateState& s) { return s.factors.lags; })
-      .def_prop_ro("states", [](const UpdateState& s) { return s.states; })
+      .def_prop_ro("states", [](const UpdateState& s) { return s.plan.states; })
       .def_prop_ro("dt", [](const UpdateState& s) { return s.factors.dt; });
   nb::class_<FileLock>(module, "FileLock", "The lock of the library; tokid.FileLock is what users see of it.")
       .def_static(

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "tokid/em.hpp"
+#include "tokid/plan.hpp"
 #include "tokid/validate.hpp"
 
 namespace tokid {
@@ -111,15 +112,6 @@ Index first_judged(InitialState initial, Index lags, Index period) {
   return initial == InitialState::zero ? 0 : period > 0 ? lags : 2 * lags;
 }
 
-Model subspace_model(const Ensemble& data, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o,
-                     InitialState initial, bool from_full_dimension) {
-  Model model = realise(data, arx, factors, o);
-  model.initial_state = initial;
-  if (initial == InitialState::unknown && model.period == 0 && model.states() > 0 && from_full_dimension)
-    model = from_step(model, model.full_begin());
-  return model;
-}
-
 Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(options) {
   const Index count = fold_count(ensemble.experiments());
   first_ = first_judged(options.initial_state, options.lags, options.variation.period);
@@ -169,7 +161,7 @@ Model Folds::start(size_t f, Index states, Weighting weighting, double smoothing
   o.weighting = weighting;
   o.state_smoothing = smoothing;
   const Fold& own = folds_[f];
-  return subspace_model(own.data.training, own.arx, own.factors.at(weighting), o, options_.initial_state);
+  return from_known_state(realise(own.data.training, own.arx, own.factors.at(weighting), o), options_.initial_state);
 }
 
 // Orders behind the best one are tried until a few of them did no better.
@@ -325,11 +317,11 @@ RefinementChoice Folds::reconsider_states(RefinementChoice choice, const OrderSc
   return choice;
 }
 
-Model refined(Model model, const Ensemble& data, const RefinementChoice& choice, RefineOptions options) {
-  options.smoothing = choice.smoothing;
+Model refined(Model model, const Ensemble& data, double smoothing, Index iterations, RefineOptions options) {
+  options.smoothing = smoothing;
   Index done = 0;
   for (const Index stage : refinement_stages(options.period.value_or(0))) {
-    if (done >= choice.iterations) break;
+    if (done >= iterations) break;
     options.iterations = stage;
     model = refine(model, data, options).model;
     done += stage;

@@ -31,13 +31,8 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like = nullptr);
 Index first_judged(InitialState initial, Index lags, Index period);
 
-// The subspace model from its first usable step on: a state that is not zero at the start can be followed only from
-// where all of it is seen.
-Model subspace_model(const Ensemble& data, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o,
-                     InitialState initial, bool from_full_dimension = true);
-
-// The model after as many iterations as the choice says.
-Model refined(Model model, const Ensemble& data, const RefinementChoice& choice, RefineOptions options);
+// The model after as many iterations of EM with this λ, in the stages that the folds judge.
+Model refined(Model model, const Ensemble& data, double smoothing, Index iterations, RefineOptions options);
 
 class Folds {
  public:

@@ -325,6 +325,13 @@ Ensemble departures(Ensemble ensemble, const Nominal& nominal) {
   return ensemble;
 }
 
+FreeResponse free_departures(const FreeResponse& free) {
+  if (free.experiments < 2) return {};
+  FreeResponse result = complete(free);
+  result.y.rowwise() -= Eigen::RowVectorXd(result.y.colwise().mean());
+  return result;
+}
+
 NominalTest test_nominal(const Ensemble& e) {
   constexpr double error = 0.001 / 2;  // of each of the two tests
   NominalTest test;

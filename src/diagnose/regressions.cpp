@@ -7,9 +7,58 @@
 
 #include "base/rounding.hpp"
 #include "base/words.hpp"
-#include "tokid/gtv_arx.hpp"
+#include "tokid/linalg.hpp"
 
 namespace tokid {
+
+namespace {
+
+// Fewer experiments than unknowns.
+bool is_starved(const GtvArx& arx, bool nominal, Index k) {
+  return arx.step[size_t(k)].rows - (nominal ? 1 : 0) < arx.regressors(k);
+}
+
+// Are the inputs of the steps k-p … k linearly dependent over the experiments, channels at rest left aside?
+bool inputs_dependent(const Ensemble& e, Index k, Index p) {
+  const std::vector<Index> rows = e.complete_rows(k, p);
+  Matrix inputs(static_cast<Index>(rows.size()), (p + 1) * e.inputs());
+  Index used = 0;
+  for (Index j = k - p; j <= k; ++j)
+    for (Index i = 0; i < e.inputs(); ++i) {
+      const Vector u = e.input(j).col(i)(rows);
+      if (u.norm() > 0) inputs.col(used++) = u / u.norm();
+    }
+  if (inputs.rows() < used) return false;  // too few experiments is another matter
+  const Matrix zero = Matrix::Zero(inputs.rows(), 1);
+  return linalg::minimum_norm(inputs.leftCols(used), zero, 1e-12).rank < used;
+}
+
+}  // namespace
+
+RegressionSurvey survey_of(const GtvArx& arx, bool nominal, Index begin, Index end) {
+  RegressionSurvey survey;
+  for (Index k = std::max(begin, arx.k_begin); k < end; ++k) {
+    const GtvArxStep& step = arx.step[size_t(k)];
+    survey.condition_max = std::max(survey.condition_max, step.condition);
+    if (step.rank < arx.regressors(k)) ++survey.rank_deficient;
+    if (step.condition > ill_conditioned) survey.ill.push_back(k);
+    if (is_starved(arx, nominal, k)) survey.starved.push_back(k);
+    survey.freedom += step.freedom;
+    survey.residual += arx.residual_cov(k).trace();
+    survey.square += arx.output_rms(k).squaredNorm();
+  }
+  return survey;
+}
+
+std::vector<Index> unexcited_steps(const Ensemble& data, const GtvArx& arx, bool nominal, Index begin, Index end) {
+  std::vector<Index> result;
+  for (Index k = std::max(begin, arx.k_begin); k < end; ++k) {
+    const GtvArxStep& step = arx.step[size_t(k)];
+    if (!is_starved(arx, nominal, k) && step.rank < arx.regressors(k) && inputs_dependent(data, k, step.lags))
+      result.push_back(k);
+  }
+  return result;
+}
 
 bool RegressionSurvey::noisy() const { return residual > rounding_share * rounding_share * square; }
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tokid/linalg.hpp"
+#include "tokid/gtv_arx.hpp"
 
 namespace tokid {
 
@@ -21,6 +21,13 @@ struct RegressionSurvey {
   // Of later steps, which that survey counts from `begin` on.
   void append(const RegressionSurvey& later, Index begin);
 };
+
+// Of the steps begin … end-1. `nominal`: a mean motion was removed, which costs each step an experiment.
+RegressionSurvey survey_of(const GtvArx& arx, bool nominal, Index begin, Index end);
+
+// Those of these steps whose regressions lack rank although they have enough experiments, because the inputs of
+// neighbouring steps and channels are linearly dependent.
+std::vector<Index> unexcited_steps(const Ensemble& data, const GtvArx& arx, bool nominal, Index begin, Index end);
 
 // The sizes that the words are about: N, those less what a mean motion costs, r, m, p.
 struct RegressionSizes {

@@ -12,7 +12,7 @@
 #include "base/nan.hpp"
 #include "base/random.hpp"
 #include "data/check.hpp"
-#include "identify/identify_stretch.hpp"
+#include "identify/identify.hpp"
 #include "tokid/dependence.hpp"
 
 namespace tokid {
@@ -127,7 +127,7 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
     const Ensemble kept = ensemble.subset(members[i]);
     nominal = nominal || model.y_nominal.size() > 0;
 
-    Fold fold{members[i], names_of(ensemble, members[i]), model.states(), found.lags, {}, {},
+    Fold fold{members[i], names_of(ensemble, members[i]), model.states(), found.plan.lags, {}, {},
               {},         std::move(found.warnings)};
     const auto judge = [&](const Ensemble& computed, Pooled& pooled) {
       pooled.add(members[i], computed);

@@ -4,8 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 
+#include "choose/realisation.hpp"
+#include "diagnose/model_states.hpp"
 #include "model/archived.hpp"
 
 namespace tokid::stream {
@@ -60,15 +63,37 @@ double whiteness_of(const Model& model, const Ensemble& data, InitialState initi
   return validate(model, data, o).whiteness_p;
 }
 
+// Blocks that begin with the experiments know their initial states; the others keep states from where their regressions
+// begin.
+Plan plan_of(const BlockLayout& layout, bool first) {
+  Plan plan = layout.plan;
+  plan.from_full_dimension = first;
+  if (!first) plan.initial_state = InitialState::unknown;
+  return plan;
+}
+
+// `begin` … `end` are the steps that the survey is about, where steps are regressed one by one.
+Model model_of(const Ensemble& departures, const Plan& plan, Index begin, Index end, RegressionSurvey& survey) {
+  const Execution execution{1, {}};
+  GtvArx arx = regressed_as(departures, plan, execution);
+  if (!plan.coupled) {
+    survey = survey_of(arx, plan.nominal, begin, end);
+    survey.unexcited = unexcited_steps(departures, arx, plan.nominal, std::max(begin, plan.lags), end);
+  }
+  Model model = in_frame(realised_as(departures, std::move(arx), plan, execution), plan).model;
+  check_finite(model);
+  return model;
+}
+
 }  // namespace
 
-Block Plan::block(Index i) const {
+Block BlockLayout::block(Index i) const {
   const Index begin = steps * i / count, end = steps * (i + 1) / count;
   return {std::max<Index>(0, begin - before), begin, end, std::min(steps, end + behind)};
 }
 
-BlockResult identify_block(Ensemble data, const Plan& plan, Index i) {
-  const Block block = plan.block(i);
+BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i) {
+  const Block block = layout.block(i);
   const bool first = block.first == 0;
   const Index begin = block.begin - block.first, end = block.end - block.first;
   BlockResult result;
@@ -80,57 +105,61 @@ BlockResult identify_block(Ensemble data, const Plan& plan, Index i) {
   for (Index k = begin; k < end; k += together) {
     const Index to = std::min(end, k + together);
     result.samples.append(survey(data, k, to, block.first), k - begin);
-    if (plan.hold_out == 0) append_digests(data, k, to, result.digests);
+    if (layout.hold_out == 0) append_digests(data, k, to, result.digests);
   }
-  if (plan.hold_out > 0) {
-    Split parts = split(data, plan.hold_out);
+  if (layout.hold_out > 0) {
+    Split parts = split(data, layout.hold_out);
     data = std::move(parts.training);
     held_out = std::move(parts.held_out);
     held_out.free = {};
     append_digests(data, begin, end, result.digests);
   }
-  Stretch stretch = identify_stretch(std::move(data), plan.settled, begin, end, first);
-  Model& model = stretch.model;
+  const Plan plan = plan_of(layout, first);
+  std::optional<Nominal> nominal;
+  if (plan.nominal) {
+    nominal = nominal_trajectory(data);
+    data = departures(std::move(data), *nominal);
+    data.free = free_departures(data.free);
+  }
+  Model model = model_of(data, plan, begin, end, result.regressions);
   const Index from = std::max(begin, model.k_begin);
   if ((i > 0 ? from > begin : from >= end) || model.k_end() < end)
     throw std::invalid_argument(fmt::format("steps: {} to {} show no model at their {}, longer blocks needed",
                                             block.begin, block.end - 1, from > begin ? "begin" : "end"));
-  result.regressions = std::move(stretch.regressions);
-  const InitialState initial = first ? plan.settled.initial_state : InitialState::unknown;
-  if (plan.hold_out > 0 && stretch.nominal) held_out = departures(std::move(held_out), *stretch.nominal);
-  const Ensemble& tested = plan.hold_out > 0 ? held_out : stretch.departures;
-  result.errors = evaluate(model, tested, begin, end, initial, i == 0);
-  if (plan.settled.noisy && i == plan.count / 2) result.whiteness_p = whiteness_of(model, tested, initial);
+  if (layout.hold_out > 0 && nominal) held_out = departures(std::move(held_out), *nominal);
+  const Ensemble& tested = layout.hold_out > 0 ? held_out : data;
+  result.errors = evaluate(model, tested, begin, end, plan.initial_state, i == 0);
+  if (layout.plan.noisy && i == layout.count / 2) result.whiteness_p = whiteness_of(model, tested, plan.initial_state);
 
-  result.opening = observability(model, from, plan.rows);
-  if (block.end < plan.steps) result.closing = observability(model, end, plan.rows);
+  result.opening = observability(model, from, layout.rows);
+  if (block.end < layout.steps) result.closing = observability(model, end, layout.rows);
   result.model = excerpt(model, from, end, block.first);
-  result.model.initial_state = plan.settled.initial_state;
+  result.model.initial_state = layout.plan.initial_state;
   result.gaps = singular_value_gaps(result.model);
   if (i > 0) {  // moments of a state in the middle of the record
     result.model.x0_mean.resize(0);
     result.model.x0_cov.resize(0, 0);
   }
-  if (stretch.nominal) {
-    result.model.u_nominal = stretch.nominal->u.middleRows(begin, end - begin);
-    result.model.y_nominal = stretch.nominal->y.middleRows(begin, end - begin);
+  if (nominal) {
+    result.model.u_nominal = nominal->u.middleRows(begin, end - begin);
+    result.model.y_nominal = nominal->y.middleRows(begin, end - begin);
   }
   return result;
 }
 
-FinishedBlock finished_block(std::string_view bytes, const Plan& plan, Index inputs, Index outputs) {
+FinishedBlock finished_block(std::string_view bytes, const BlockLayout& layout, Index inputs, Index outputs) {
   auto found = archive::unpacked<FinishedBlock>(bytes);
   const BlockResult& b = found.result;
-  if (found.number < 0 || found.number >= plan.count)
-    throw std::invalid_argument(fmt::format("block {} found, 0 to {} needed", found.number, plan.count - 1));
-  const Block block = plan.block(found.number);
+  if (found.number < 0 || found.number >= layout.count)
+    throw std::invalid_argument(fmt::format("block {} found, 0 to {} needed", found.number, layout.count - 1));
+  const Block block = layout.block(found.number);
   b.model.check();
   const auto counts = [](const auto& list, Index count) { return Index(list.size()) == count; };
   const bool fits =
       b.model.inputs == inputs && b.model.outputs == outputs && b.begin == block.begin && b.read_begin == block.first &&
       b.model.steps() > 0 && b.model.k_end() == block.end && (found.number == 0 || b.model.k_begin == block.begin) &&
       b.opening.cols() == b.model.n(b.model.k_begin) &&
-      (block.end == plan.steps ? b.closing.size() == 0 : b.closing.cols() == b.model.n(b.model.k_end())) &&
+      (block.end == layout.steps ? b.closing.size() == 0 : b.closing.cols() == b.model.n(b.model.k_end())) &&
       counts(b.samples.channel, inputs + outputs) && counts(b.samples.zero, inputs) && counts(b.samples.same, inputs) &&
       counts(b.errors.one_step, outputs) && counts(b.errors.simulation, outputs) &&
       counts(b.digests, block.end - block.begin);

@@ -6,8 +6,9 @@
 #include <string_view>
 
 #include "data/survey.hpp"
-#include "identify/identify_stretch.hpp"
+#include "diagnose/regressions.hpp"
 #include "large/evaluate.hpp"
+#include "large/plan_archive.hpp"
 #include "tokid/stream.hpp"
 
 namespace tokid::stream {
@@ -16,9 +17,9 @@ struct Block {
   Index first = 0, begin = 0, end = 0, last = 0;  // reads first … last-1, keeps begin … end-1
 };
 
-// What all blocks share.
-struct Plan {
-  Settled settled;
+// The record in blocks, all of which follow one plan.
+struct BlockLayout {
+  Plan plan;
   double hold_out = 0.0;
   Index steps = 0;               // T
   Index count = 0;               // of blocks
@@ -41,7 +42,7 @@ struct BlockResult {
 };
 
 // `data` are the steps that block i reads.
-BlockResult identify_block(Ensemble data, const Plan& plan, Index i);
+BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i);
 
 // With its number, as it comes from other processes and from the journal of an earlier call.
 struct FinishedBlock {
@@ -50,8 +51,8 @@ struct FinishedBlock {
 };
 
 // Of `inputs` and `outputs`, from bytes that somebody else may have written. \throws std::runtime_error,
-// std::invalid_argument where they are no block of this plan
-FinishedBlock finished_block(std::string_view bytes, const Plan& plan, Index inputs, Index outputs);
+// std::invalid_argument where they are no block of this layout
+FinishedBlock finished_block(std::string_view bytes, const BlockLayout& layout, Index inputs, Index outputs);
 
 // For messages between processes.
 template <class Archive, class B>

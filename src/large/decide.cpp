@@ -11,7 +11,9 @@
 #include "data/axes.hpp"
 #include "data/channel_sizes.hpp"
 #include "diagnose/excitation.hpp"
+#include "diagnose/model_states.hpp"
 #include "diagnose/outliers.hpp"
+#include "identify/identify.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/remarks.hpp"
 
@@ -80,8 +82,8 @@ NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensem
 
 // What is to be said of single experiments, and of channels that cannot be told apart: of these steps alone. `found`
 // are the identifications of the parts, of which some may have failed.
-void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool nominal,
-             bool states_asked, Identification& result) {
+void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool states_asked,
+             Identification& result) {
   std::vector<std::string> texts;
   std::vector<Index> stuck;
   const auto add = [&texts](std::vector<std::string> list) {
@@ -94,8 +96,9 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
     StuckOutputs own = stuck_outputs(part.whole, part.begin);
     stuck.insert(stuck.end(), own.experiments.begin(), own.experiments.end());
     add(std::move(own.warnings));
-    add(excitation(part.whole,
-                   {.lags = result.lags, .noisy = result.noisy, .shared = result.together, .origin = part.begin})
+    add(excitation(
+            part.whole,
+            {.lags = result.plan.lags, .noisy = result.plan.noisy, .shared = result.plan.coupled, .origin = part.begin})
             .warnings);
     if (states_asked && found[i]) add(warnings_of_hidden_states(found[i]->model, part.begin));
   }
@@ -112,12 +115,12 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
 
   for (size_t i = 0; i < parts.size(); ++i) {
     const Ensemble& whole = parts[i].whole;
-    const OutlierOptions o{.lags = result.lags,
-                           .nominal = nominal,
+    const OutlierOptions o{.lags = result.plan.lags,
+                           .nominal = result.plan.nominal,
                            .at_rest = found[i] && found[i]->model.initial_state == InitialState::zero,
-                           .period = result.variation.period,
+                           .period = result.plan.choices.variation.period,
                            .model = found[i] ? &found[i]->model : nullptr};
-    for (Outlier& own : result.noisy ? outliers(whole, o) : outliers_without_noise(whole, o)) {
+    for (Outlier& own : result.plan.noisy ? outliers(whole, o) : outliers_without_noise(whole, o)) {
       const auto same = std::find_if(result.outliers.begin(), result.outliers.end(),
                                      [&](const Outlier& other) { return other.experiment == own.experiment; });
       if (same == result.outliers.end())
@@ -133,9 +136,9 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
 
 // Which of two stretches asks for more?
 bool demands_more(const Identification& a, const Identification& b) {
-  if (a.together != b.together) return a.together;
+  if (a.plan.coupled != b.plan.coupled) return a.plan.coupled;
   if (a.model.states() != b.model.states()) return a.model.states() > b.model.states();
-  return a.lags > b.lags;
+  return a.plan.lags > b.plan.lags;
 }
 
 }  // namespace
@@ -164,11 +167,11 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     later.initial_state = InitialState::unknown;
     // An order that is exact elsewhere is likely to be so here.
     const Identification& first = *identified.front();
-    const bool exact = !first.noisy && !first.together && options.lags == 0;
-    if (exact) later.lags = first.lags;
+    const bool exact = !first.plan.noisy && !first.plan.coupled && options.lags == 0;
+    if (exact) later.lags = first.plan.lags;
     try {
       Identification own = identify_part(data[i], later, false);
-      if (exact && own.noisy) {
+      if (exact && own.plan.noisy) {
         later.lags = 0;
         own = identify_part(data[i], later, false);
       }
@@ -182,59 +185,48 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   for (const auto& own : identified)
     if (own) found.push_back(&*own);
 
-  Decision result;
-  Settled& settled = result.settled;
   const Identification& begin = *found.front();
-  for (const Identification* own : found) {
-    settled.noisy = settled.noisy || own->noisy;
-    settled.together = settled.together || own->together;
-  }
   const Identification* chosen = found.front();
   for (const Identification* own : found)
     if (demands_more(*own, *chosen)) chosen = own;
-  settled.initial_state = begin.model.initial_state;
-  settled.tvera = options.method == Method::tvera || (options.method == Method::automatic && !settled.noisy &&
-                                                      !settled.together && settled.initial_state == InitialState::zero);
-  settled.options = o;
-  settled.options.execution.threads = 1;
-  settled.options.frame = options.frame;
-  settled.options.lags = chosen->lags;
-  if (!settled.noisy)
-    for (const Identification* own : found) settled.options.lags = std::max(settled.options.lags, own->lags);
-  if (settled.noisy && options.states == 0) settled.options.states = chosen->model.states();
-  std::vector<std::string> warnings = remarks(parts.front().whole);
-  if (settled.together) {
-    settled.options.choices = chosen->choices.value_or(NoisyChoices{chosen->variation});
-    if (chosen->variation.period > 0) {
-      settled.options.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
-      warnings.push_back(fmt::format(
-          "the stretches that decide show no variation in time, but the record may: lambda = {} was taken", stiff));
-    }
+
+  Decision result;
+  Plan& plan = result.plan = chosen->plan;
+  for (const Identification* own : found) {
+    plan.noisy = plan.noisy || own->plan.noisy;
+    plan.coupled = plan.coupled || own->plan.coupled;
   }
-  settled.output_size = Vector::Zero(file.outputs());
-  settled.input_size = Vector::Zero(file.inputs());
+  plan.initial_state = begin.model.initial_state;
+  const bool exact = !plan.noisy && !plan.coupled && plan.initial_state == InitialState::zero;
+  plan.method = options.method == Method::tvera || (options.method == Method::automatic && exact) ? Method::tvera
+                                                                                                  : Method::subspace;
+  plan.frame = options.frame;
+  if (!plan.noisy)
+    for (const Identification* own : found) plan.lags = std::max(plan.lags, own->plan.lags);
+  plan.states = options.states > 0 ? options.states : plan.noisy ? chosen->model.states() : 0;
+  plan.output_size = Vector::Zero(file.outputs());
+  plan.input_size = Vector::Zero(file.inputs());
   for (Ensemble& e : data) {
-    if (o.nominal == NominalChoice::mean) {
+    if (plan.nominal) {
       const Nominal mean = nominal_trajectory(e);
       e = departures(std::move(e), mean);
     }
-    settled.output_size = settled.output_size.cwiseMax(channel_sizes(e, e.inputs(), e.outputs()));
-    settled.input_size = settled.input_size.cwiseMax(channel_sizes(e, 0, e.inputs()));
+    plan.output_size = plan.output_size.cwiseMax(channel_sizes(e, e.inputs(), e.outputs()));
+    plan.input_size = plan.input_size.cwiseMax(channel_sizes(e, 0, e.inputs()));
   }
 
   result.evidence = *chosen;
   result.evidence.nominal_test = nominal;
   result.evidence.initial_state_test = begin.initial_state_test;
-  result.evidence.noisy = settled.noisy;
-  result.evidence.together = settled.together;
-  result.evidence.lags = settled.options.lags;
-  result.evidence.warnings = std::move(warnings);
-  examine(parts, identified, o.nominal == NominalChoice::mean, options.states > 0, result.evidence);
-  if (settled.together) {
-    result.evidence.variation = settled.options.choices->variation;
-    result.evidence.state_smoothing = settled.options.choices->state_smoothing;
-    result.evidence.choices = settled.options.choices;
-  }
+  result.evidence.plan = plan;
+  result.evidence.warnings = remarks(parts.front().whole);
+  const bool constant = plan.coupled && plan.choices.variation.period > 0;
+  if (constant)
+    result.evidence.warnings.push_back(fmt::format(
+        "the stretches that decide show no variation in time, but the record may: lambda = {} was taken", stiff));
+  examine(parts, identified, options.states > 0, result.evidence);
+  if (constant) plan.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
+  result.evidence.plan = plan;
   return result;
 }
 

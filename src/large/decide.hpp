@@ -2,13 +2,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "identify/identify_stretch.hpp"
 #include "tokid/stream.hpp"
 
 namespace tokid::stream {
 
 struct Decision {
-  Settled settled;
+  Plan plan;
   Identification evidence;  // of the stretch whose choices were taken, and what was chosen for all
 };
 

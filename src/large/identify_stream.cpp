@@ -17,7 +17,7 @@
 #include "base/integers.hpp"
 #include "base/json.hpp"
 #include "base/statistics.hpp"
-#include "identify/realisation.hpp"
+#include "diagnose/model_states.hpp"
 #include "io/atomic_file.hpp"
 #include "io/naming.hpp"
 #include "large/blocks.hpp"
@@ -33,9 +33,9 @@ namespace tokid {
 
 namespace {
 
+using stream::BlockLayout;
 using stream::BlockResult;
 using stream::FinishedBlock;
-using stream::Plan;
 
 // What a block makes of its samples is about as large as they are, twice; and the next one waits.
 constexpr double memory_per_sample = 4.0;
@@ -45,42 +45,43 @@ constexpr Index fading = 96;
 // Blocks of each thread between two times that results are put in order: they bound what waits.
 constexpr Index blocks_at_a_time = 4;
 
-Plan plan_of(const EnsembleFile& file, const StreamOptions& options, Settled settled) {
-  Plan plan;
-  const Index p = settled.options.lags;
-  const TveraOptions hankel = tvera_options(settled.options, p, file.outputs(), settled.noisy);
+BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Plan plan) {
+  BlockLayout layout;
+  const Index p = plan.lags;
+  const TveraOptions hankel = tvera_options(plan, file.outputs());
   const Index rows = hankel.rows, cols = hankel.cols;
-  plan.rows = rows;
-  plan.before = p + cols + rows;
-  plan.behind = 2 * rows + 2;
-  if (settled.together) {
-    plan.before = std::max(plan.before, fading);
-    plan.behind = std::max(plan.behind, fading);
+  layout.rows = rows;
+  layout.before = p + cols + rows;
+  layout.behind = 2 * rows + 2;
+  if (plan.coupled) {
+    layout.before = std::max(layout.before, fading);
+    layout.behind = std::max(layout.behind, fading);
   }
-  plan.settled = std::move(settled);
-  plan.hold_out = options.identify.hold_out;
-  plan.steps = file.steps();
-  const Index overlap = plan.before + plan.behind;
+  layout.plan = std::move(plan);
+  layout.hold_out = options.identify.hold_out;
+  layout.steps = file.steps();
+  const Index overlap = layout.before + layout.behind;
   Index length = options.block;
   if (length == 0) {
     // Steps that share what they know have a triangular factor each, more than once.
-    const double width = plan.settled.together ? double((p + 1) * file.channels()) : 0.0;
+    const double width = layout.plan.coupled ? double((p + 1) * file.channels()) : 0.0;
     const double step =
         (double(file.experiments() * file.channels()) + width * width) * sizeof(double) * memory_per_sample;
-    const Index fewest = (plan.settled.together ? 2 : 4) * overlap;
+    const Index fewest = (layout.plan.coupled ? 2 : 4) * overlap;
     length = std::max(fewest, Index(std::min(options.memory_per_thread / step, double(longest_block))));
-  } else if (length < std::min(overlap, plan.steps)) {
+  } else if (length < std::min(overlap, layout.steps)) {
     throw std::invalid_argument(fmt::format(
         "block: {} steps found, at least {} needed, which neighbours share at lag order {}", length, overlap, p));
   }
-  plan.count = ceil_div(plan.steps, length);
-  return plan;
+  layout.count = ceil_div(layout.steps, length);
+  return layout;
 }
 
 // The whole record, from its blocks in order.
 class Record {
  public:
-  Record(const EnsembleFile& file, const Plan& plan, ModelFile& model) : file_(file), plan_(plan), joint_(model) {}
+  Record(const EnsembleFile& file, const BlockLayout& layout, ModelFile& model)
+      : file_(file), layout_(layout), joint_(model) {}
 
   // In any order: a block waits for those before it.
   void put(FinishedBlock block) {
@@ -95,7 +96,7 @@ class Record {
   // The numbers of those that are not there.
   std::vector<Index> missing() const {
     std::vector<Index> result;
-    for (Index i = done_; i < plan_.count; ++i)
+    for (Index i = done_; i < layout_.count; ++i)
       if (waiting_.count(i) == 0) result.push_back(i);
     return result;
   }
@@ -108,17 +109,16 @@ class Record {
     streamed.missing = samples_.missing;
     result.steps = file_.steps();
     result.experiments = experiments();
-    result.held_out = plan_.hold_out > 0;
-    result.nominal = plan_.settled.options.nominal == NominalChoice::mean;
-    result.min_experiments =
-        minimum_experiments(file_.inputs(), file_.outputs(), result.lags) + (result.nominal ? 1 : 0);
+    result.held_out = layout_.hold_out > 0;
+    const Plan& plan = layout_.plan;
+    result.min_experiments = minimum_experiments(file_.inputs(), file_.outputs(), plan.lags) + (plan.nominal ? 1 : 0);
     result.singular_value_gap = statistics::median(std::move(gaps_));
     result.condition_max = regressions_.condition_max;
     result.rank_deficient_steps = regressions_.rank_deficient;
     result.validation = {};
-    result.validation.noisy = plan_.settled.noisy;
-    result.validation.one_step = result.validation.horizon = fit_of(errors_.one_step, result.nominal);
-    result.validation.simulation = fit_of(errors_.simulation, result.nominal);
+    result.validation.noisy = layout_.plan.noisy;
+    result.validation.one_step = result.validation.horizon = fit_of(errors_.one_step, plan.nominal);
+    result.validation.simulation = fit_of(errors_.simulation, plan.nominal);
     result.validation.whiteness_p = whiteness_p_;
     warn(result, file.outline());
 
@@ -126,7 +126,7 @@ class Record {
     notes.options = to_json(options.identify, result.experiments);
     note_data(notes, fingerprint(result.experiments, file_.inputs(), file_.outputs(), digests_));
     if (!file_.dt_stated()) note_missing_dt(notes);
-    if (result.choices) note_choices(notes, *result.choices);
+    if (plan.coupled) note_choices(notes, plan.choices);
     if (result.refinement.iterations > 0)
       note_refinement(notes, result.refinement.smoothing, result.refinement.iterations);
     file.commit(notes.options, version);
@@ -145,7 +145,7 @@ class Record {
   }
 
   Index experiments() const {
-    const Index held = plan_.hold_out > 0 ? std::llround(plan_.hold_out * double(file_.experiments())) : 0;
+    const Index held = layout_.hold_out > 0 ? std::llround(layout_.hold_out * double(file_.experiments())) : 0;
     return file_.experiments() - held;
   }
 
@@ -155,30 +155,26 @@ class Record {
     };
     add(warnings_of_inputs(samples_, file_.names()));
     add(warnings_of_outputs(samples_, file_.names()));
-    if (plan_.settled.together) {
+    if (layout_.plan.coupled) {
       add(warnings_of_absence(samples_, file_.names()));
     } else {
-      const Index spent = result.nominal ? 1 : 0;
-      add(warnings_of(regressions_,
-                      {result.experiments, result.experiments - spent, file_.inputs(), file_.outputs(), result.lags},
-                      result.noisy));
-      if (!result.noisy && regressions_.noisy())
+      const Index spent = layout_.plan.nominal ? 1 : 0;
+      add(warnings_of(
+          regressions_,
+          {result.experiments, result.experiments - spent, file_.inputs(), file_.outputs(), layout_.plan.lags},
+          layout_.plan.noisy));
+      if (!layout_.plan.noisy && regressions_.noisy())
         add(
             {"the stretches that decide are free of noise, but others are not: --method subspace, or --lags, may suit "
              "them better"});
     }
-    if (model.states() == 0)
-      add({"no state was found: the outputs answer to the inputs of the same step alone, or not at all"});
-    if (model.initial_state == InitialState::unknown && model.states() > 0 && model.k_begin > 0)
-      add(
-          {fmt::format("initial states are unknown: the model begins at step {}, the first with the full state "
-                       "dimension",
-                       model.k_begin)});
+    add(warnings_of_absent_states(model));
+    add(warnings_of_late_begin(model));
     add(warnings_of_fit(result.validation.one_step.fit, file_.names()));
   }
 
   const EnsembleFile& file_;
-  const Plan& plan_;
+  const BlockLayout& layout_;
   stream::Joint joint_;
   std::map<Index, BlockResult> waiting_;
   Index done_ = 0;  // blocks
@@ -191,7 +187,7 @@ class Record {
 };
 
 // All that decides about the bits of the blocks. The choices, made anew from samples, tell data apart that look alike.
-std::string about_blocks(const EnsembleFile& file, const Plan& plan, const std::string& settled,
+std::string about_blocks(const EnsembleFile& file, const BlockLayout& layout, const std::string& plan,
                          const StreamOptions& options) {
   const FileState data = file.state();
   Json json;
@@ -202,18 +198,18 @@ std::string about_blocks(const EnsembleFile& file, const Plan& plan, const std::
   json["time of the data"] = data.modified;
   json["change of the file"] = data.changed;
   json.update(parse_json(to_json(options.identify, file.experiments())));
-  json["steps"] = plan.steps;
-  json["blocks"] = plan.count;
-  json["choices"] = fmt::format("{:016x}", XXH3_64bits(settled.data(), settled.size()));
+  json["steps"] = layout.steps;
+  json["blocks"] = layout.count;
+  json["choices"] = fmt::format("{:016x}", XXH3_64bits(plan.data(), plan.size()));
   return text_of(json);
 }
 
 // The blocks of an earlier call.
-void replay(stream::Journal& journal, const EnsembleFile& file, const Plan& plan, Record& record) {
+void replay(stream::Journal& journal, const EnsembleFile& file, const BlockLayout& layout, Record& record) {
   while (const std::optional<std::string> kept = journal.next()) {
     checkpoint();
-    record.put(
-        io::naming(journal.path(), [&] { return stream::finished_block(*kept, plan, file.inputs(), file.outputs()); }));
+    record.put(io::naming(journal.path(),
+                          [&] { return stream::finished_block(*kept, layout, file.inputs(), file.outputs()); }));
   }
 }
 
@@ -232,26 +228,26 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   stream::Decision decision;
   if (team.rank == 0) decision = stream::decide(file, options.identify);
   // All members follow what the first one has decided, to the last bit.
-  const std::string settled = team.broadcast(archive::packed(decision.settled));
-  const Plan plan = plan_of(file, options, archive::unpacked<Settled>(settled));
+  const std::string plan = team.broadcast(archive::packed(decision.plan));
+  const BlockLayout layout = layout_of(file, options, archive::unpacked<Plan>(plan));
   std::optional<Record> record;
   std::vector<Index> todo;
   if (model) {
-    record.emplace(file, plan, *model);
+    record.emplace(file, layout, *model);
     if (journal) {
-      journal->begin(about_blocks(file, plan, settled, options));
-      replay(*journal, file, plan, *record);
+      journal->begin(about_blocks(file, layout, plan, options));
+      replay(*journal, file, layout, *record);
     }
     todo = record->missing();
   }
   todo = archive::unpacked<std::vector<Index>>(team.broadcast(archive::packed(todo)));
-  const Index count = Index(todo.size()), resumed = plan.count - count;
+  const Index count = Index(todo.size()), resumed = layout.count - count;
   std::vector<Index> share;
   for (Index i = team.rank; i < count; i += team.size) share.push_back(todo[size_t(i)]);
   const Index threads = thread_count(options.identify.execution);
   // What others have finished is kept when it is gathered: often, where it is to be kept.
   const Index round = (options.resume && team.size > 1 ? 1 : blocks_at_a_time) * threads;
-  stream::Reader reader(file, plan, share, threads);
+  stream::Reader reader(file, layout, share, threads);
   std::mutex keeping;
   for (Index from = 0; from < count; from += round * team.size) {
     const Index to = std::min(count, from + round * team.size);
@@ -259,7 +255,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
     parallel_for(0, Index(own.size()), {int(threads), {}}, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
         const Index block = todo[size_t(from + i * team.size + team.rank)];
-        own[size_t(i)] = {block, stream::identify_block(reader.take(block), plan, block)};
+        own[size_t(i)] = {block, stream::identify_block(reader.take(block), layout, block)};
         if (!journal) continue;
         const std::string kept = archive::packed(own[size_t(i)]);
         const std::lock_guard lock(keeping);
@@ -274,14 +270,14 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
           record->put(std::move(block));
         }
       if (options.identify.execution.progress)
-        options.identify.execution.progress(double(resumed + to) / double(plan.count));
+        options.identify.execution.progress(double(resumed + to) / double(layout.count));
     }
   }
   Streamed result;
   result.identification = std::move(decision.evidence);
-  result.block = plan.longest();
-  result.blocks = plan.count;
-  result.overlap = plan.before + plan.behind;
+  result.block = layout.longest();
+  result.blocks = layout.count;
+  result.overlap = layout.before + layout.behind;
   result.resumed = resumed;
   if (record) record->finish(options, *model, result);
   if (model)  // a journal that is of no use any more may be an earlier call's

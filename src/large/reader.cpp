@@ -17,9 +17,9 @@ constexpr double most_fetched = 512e6;
 
 }  // namespace
 
-Reader::Reader(const EnsembleFile& file, const Plan& plan, std::vector<Index> blocks, Index ahead)
-    : file_(file), plan_(plan), blocks_(std::move(blocks)), ahead_(ahead) {
-  const double block = double(plan.longest() * file.experiments() * file.channels()) * sizeof(double);
+Reader::Reader(const EnsembleFile& file, const BlockLayout& layout, std::vector<Index> blocks, Index ahead)
+    : file_(file), layout_(layout), blocks_(std::move(blocks)), ahead_(ahead) {
+  const double block = double(layout.longest() * file.experiments() * file.channels()) * sizeof(double);
   group_ = std::clamp<size_t>(size_t(most_fetched / 2 / block), 1, 8);
   thread_ = std::jthread([this] { run(); });
 }
@@ -51,7 +51,7 @@ void Reader::expect(size_t from) const {
   const size_t to = std::min(blocks_.size(), from + group_);
   for (size_t i = from, end = from; i < to; i = end) {
     for (end = i + 1; end < to && blocks_[end] == blocks_[end - 1] + 1;) ++end;
-    file_.expect(plan_.block(blocks_[i]).first, plan_.block(blocks_[end - 1]).last);
+    file_.expect(layout_.block(blocks_[i]).first, layout_.block(blocks_[end - 1]).last);
   }
 }
 
@@ -68,7 +68,7 @@ void Reader::run() {
         expected.wait();
         expected = std::async(std::launch::async, [this, next = count + group_] { expect(next); });
       }
-      const Block block = plan_.block(blocks_[count]);
+      const Block block = layout_.block(blocks_[count]);
       Ensemble samples = file_.read(block.first, block.last);
       const std::lock_guard lock(mutex_);
       waiting_.emplace(blocks_[count], std::move(samples));

@@ -18,7 +18,7 @@ namespace tokid::stream {
 class Reader {
  public:
   // Up to `ahead` blocks wait, beside those that were taken.
-  Reader(const EnsembleFile& file, const Plan& plan, std::vector<Index> blocks, Index ahead);
+  Reader(const EnsembleFile& file, const BlockLayout& layout, std::vector<Index> blocks, Index ahead);
   ~Reader();
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
@@ -32,7 +32,7 @@ class Reader {
   void expect(size_t from) const;
 
   const EnsembleFile& file_;
-  const Plan& plan_;
+  const BlockLayout& layout_;
   const std::vector<Index> blocks_;
   const Index ahead_;
   size_t group_;  // blocks that the system is asked to fetch at once

@@ -13,20 +13,16 @@
 #include <type_traits>
 #include <utility>
 
-#include "base/rounding.hpp"
 #include "base/words.hpp"
 #include "data/check.hpp"
+#include "diagnose/model_states.hpp"
 #include "diagnose/regressions.hpp"
-#include "identify/identify_stretch.hpp"
-#include "identify/realisation.hpp"
 #include "large/evaluate.hpp"
+#include "large/plan_archive.hpp"
 #include "model/archived.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/provenance.hpp"
 #include "tokid/remarks.hpp"
-#include "tokid/smooth_arx.hpp"
-#include "tokid/subspace.hpp"
-#include "tokid/tvera.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid {
@@ -38,47 +34,6 @@ Model with_options(const std::string& options) {
   Model model;
   model.options = options;
   return model;
-}
-
-GtvArx regressions(const UpdateState& state, const Windows& windows, const NoisyChoices& choices,
-                   const Execution& execution) {
-  if (state.together)
-    return smooth_arx(windows, {state.factors.lags, state.factors.initial_state, choices.variation, execution});
-  GtvArxOptions o;
-  o.lags = {state.factors.lags};
-  o.initial_state = state.factors.initial_state;
-  o.spent = state.nominal ? 1 : 0;
-  o.execution = execution;
-  return gtv_arx(windows, o);
-}
-
-Model tvera_model(const UpdateState& state, const IdentifyOptions& options, const Windows& windows, const GtvArx& arx,
-                  const Execution& execution) {
-  const Index m = windows.outputs(), r = windows.inputs();
-  TveraOptions o = tvera_options(options, state.factors.lags, m, state.noisy);
-  const Vector sizes = windows.channel_sizes();
-  o.states = state.states;
-  o.input_size = sizes.head(r);
-  o.output_size = sizes.tail(m);
-  o.execution = execution;
-  Model model = tvera(markov(arx, o.rows + o.cols - 1, execution), {}, o);
-  note_regressions(arx, model);
-  return model;
-}
-
-Model subspace_model(const UpdateState& state, const IdentifyOptions& options, const Windows& windows,
-                     const GtvArx& arx, const NoisyChoices& choices, const Execution& execution) {
-  SubspaceOptions o;
-  o.states = state.states;
-  o.noisy = state.noisy;
-  o.weighting = options.weighting.value_or(Weighting::one_step);
-  if (state.together) {
-    o.variation = choices.variation;
-    o.state_smoothing = choices.state_smoothing;
-    o.weighting = choices.weighting;
-  }
-  o.execution = execution;
-  return subspace(windows, arx, o);
 }
 
 // Whatever was given once is known from then on, in the order of the digests; the order of the files leaves no trace.
@@ -94,27 +49,23 @@ void remember(std::vector<Digest>& known, std::vector<Digest> given) {
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options) {
   if (result.held_out)
     throw std::invalid_argument("hold-out fraction: a state is of all experiments, none can be held out");
-  if (data.free.experiments > 0 && result.model.method == "tvera")
+  if (data.free.experiments > 0 && result.plan.method == Method::tvera)
     throw std::invalid_argument("free responses: found, a state of forced experiments alone can be kept");
-  if (result.noisy && result.model.states() == 0)
+  if (result.plan.noisy && result.model.states() == 0)
     throw std::invalid_argument("states: none found in the noise, at least one needed to go on from");
   UpdateState state;
-  state.together = result.together;
-  state.noisy = result.noisy;
-  state.nominal = result.nominal;
-  state.method = result.model.method == "tvera" ? Method::tvera : Method::subspace;
-  NoisyChoices choices = result.choices.value_or(
-      NoisyChoices{result.variation, result.state_smoothing, options.weighting.value_or(Weighting::one_step), 0.0, 0});
+  Plan& plan = state.plan = result.plan;
+  NoisyChoices& choices = plan.choices;
   // Without noise the rank goes on to tell n; with it, what was chosen.
-  state.states = options.states > 0 ? options.states : result.noisy ? result.model.states() : 0;
+  plan.states = options.states > 0 ? options.states : plan.noisy ? result.model.states() : 0;
   // Where EM began is not what does best without it.
   if (choices.refinement_iterations > 0 && !options.choices) {
     choices.state_smoothing = result.order_scores.smoothing;
-    if (options.states == 0) state.states = result.order_scores.best;
+    if (options.states == 0) plan.states = result.order_scores.best;
   }
   choices.refinement_smoothing = 0.0;
   choices.refinement_iterations = 0;
-  if ((result.together && choices.weighting == Weighting::projection) || options.weighting == Weighting::projection)
+  if ((plan.coupled && choices.weighting == Weighting::projection) || options.weighting == Weighting::projection)
     throw std::invalid_argument(
         "weighting: projection found, which needs samples; --weighting one-step or many-steps can be updated");
   const std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
@@ -123,72 +74,55 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   const Ensemble& used = all ? data : own;
   Model told = with_options(result.model.options);
   note_update(told, used.experiments());
-  if (result.together) note_choices(told, choices);
+  if (plan.coupled) note_choices(told, choices);
   state.options = told.options;
-  state.factors = window_factors(used, result.lags, result.model.initial_state, options.execution);
+  state.factors = window_factors(used, plan.lags, plan.initial_state, options.execution);
   remember(state.digests, experiment_digests(data));
   return state;
 }
 
 Updated identify(const UpdateState& state, const Execution& execution) {
-  const Model told = with_options(state.options);
-  const IdentifyOptions options = identify_options(told);
-  const std::optional<NoisyChoices> noted = noted_choices(told);
-  if (state.together && !noted)
-    throw std::invalid_argument("options of the state: no choices found, those of an identification needed");
-  const NoisyChoices choices = noted.value_or(NoisyChoices{});
   const WindowFactors& factors = state.factors;
+  Plan plan = state.plan;
   Nominal nominal;
-  if (state.nominal) nominal = factors.nominal();
-  if (state.nominal && options.period > 0) share_phases(nominal, options.period);
-  const Windows windows(factors, state.nominal ? &nominal : nullptr);
-  const GtvArx arx = regressions(state, windows, choices, execution);
-
-  Updated result;
-  result.experiments = factors.experiments;
-  Model& model = result.model;
-  model = state.method == Method::tvera ? tvera_model(state, options, windows, arx, execution)
-                                        : subspace_model(state, options, windows, arx, choices, execution);
-  model.dt = factors.dt;
-  model.names = factors.names;
-  model.initial_state = factors.initial_state;
-  if (model.initial_state == InitialState::unknown && model.period == 0 && model.states() > 0)
-    model = from_step(model, model.full_begin());
-  if (state.nominal) {
+  if (plan.nominal) nominal = factors.nominal();
+  if (plan.nominal_period > 0) share_phases(nominal, plan.nominal_period);
+  const Windows windows(factors, plan.nominal ? &nominal : nullptr);
+  const Vector sizes = windows.channel_sizes();
+  plan.input_size = sizes.head(windows.inputs());
+  plan.output_size = sizes.tail(windows.outputs());
+  GtvArx arx = regressions(windows, plan, execution);
+  const RegressionSurvey survey = survey_of(arx, plan.nominal, 0, arx.steps());
+  Model model = realise(windows, std::move(arx), {}, plan, execution);
+  if (plan.nominal) {
     model.u_nominal = nominal.u;
     model.y_nominal = nominal.y;
   }
-  std::string told_of_frame;
-  model = in_frame(std::move(model), options, factors.lags, told_of_frame);
-  if (!told_of_frame.empty()) result.warnings.push_back(told_of_frame);
-  model.version = version;
-  model.options = state.options;
+  const Index step = frame_step(model, plan);
+  FramedModel framed = in_frame(std::move(model), plan);
 
-  check_finite(model);
-
-  std::vector<Index> starved;
-  double residual = 0.0, square = 0.0;
-  for (Index k = arx.k_begin; k < arx.steps(); ++k) {
-    const GtvArxStep& step = arx.step[size_t(k)];
-    residual += arx.residual_cov(k).trace();
-    square += arx.output_rms(k).squaredNorm();
-    if (state.together) continue;
-    result.condition_max = std::max(result.condition_max, step.condition);
-    if (step.rank < arx.regressors(k)) ++result.rank_deficient_steps;
-    if (step.rows - (state.nominal ? 1 : 0) < arx.regressors(k)) starved.push_back(k);
-  }
-  if (!state.noisy && residual > rounding_share * rounding_share * square)
+  Updated result;
+  result.experiments = factors.experiments;
+  result.warnings = warnings_of_frame(framed, step, plan);
+  result.model = std::move(framed.model);
+  result.model.version = version;
+  result.model.options = state.options;
+  check_finite(result.model);
+  if (!plan.noisy && survey.noisy())
     result.warnings.emplace_back(
         "the experiments are noisy, and what was chosen from the first ones supposes that they are not: begin anew with "
         "identify");
-  if (!starved.empty())
+  if (!plan.coupled) {
+    result.condition_max = survey.condition_max;
+    result.rank_deficient_steps = survey.rank_deficient;
+    if (!survey.starved.empty())
+      result.warnings.push_back(
+          fmt::format("fewer experiments than unknowns at {}: the solution of smallest norm stands in there",
+                      words::step_list(survey.starved)));
+  }
+  if (plan.states > 0 && result.model.states() < plan.states)
     result.warnings.push_back(
-        fmt::format("fewer experiments than unknowns at {}: the solution of smallest norm stands "
-                    "in there",
-                    words::step_list(starved)));
-  if (state.states > 0 && model.states() < state.states)
-    result.warnings.push_back(
-        fmt::format("{} states asked for, but the experiments show only {}", state.states, model.states()));
+        fmt::format("{} states asked for, but the experiments show only {}", plan.states, result.model.states()));
   return result;
 }
 
@@ -329,9 +263,7 @@ void fields(Archive& archive, F& f) {
 
 template <class Archive, class S>
 requires std::is_same_v<std::remove_const_t<S>, UpdateState>
-void fields(Archive& archive, S& s) {
-  archive(s.factors, s.options, s.method, s.states, s.together, s.noisy, s.nominal, s.digests, s.without_digest);
-}
+void fields(Archive& archive, S& s) { archive(s.factors, s.plan, s.options, s.digests, s.without_digest); }
 
 namespace {
 

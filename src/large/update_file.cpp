@@ -74,15 +74,15 @@ Arrays arrays_of(const UpdateState& state, Layout layout) {
   const WindowFactors& f = state.factors;
   Arrays arrays;
   arrays.emplace_back("options", scalar(state.options));
-  arrays.emplace_back("method", scalar(std::string(state.method == Method::tvera ? "tvera" : "subspace")));
+  arrays.emplace_back("method", scalar(std::string(state.plan.method == Method::tvera ? "tvera" : "subspace")));
   arrays.emplace_back("initial_state", scalar(std::string(to_string(f.initial_state))));
   arrays.emplace_back("inputs", scalar(f.inputs));
   arrays.emplace_back("lags", scalar(f.lags));
-  arrays.emplace_back("states", scalar(state.states));
+  arrays.emplace_back("states", scalar(state.plan.states));
   arrays.emplace_back("experiments", scalar(f.experiments));
-  arrays.emplace_back("together", scalar(Index(state.together)));
-  arrays.emplace_back("noisy", scalar(Index(state.noisy)));
-  arrays.emplace_back("nominal", scalar(Index(state.nominal)));
+  arrays.emplace_back("together", scalar(Index(state.plan.coupled)));
+  arrays.emplace_back("noisy", scalar(Index(state.plan.noisy)));
+  arrays.emplace_back("nominal", scalar(Index(state.plan.nominal)));
   arrays.emplace_back("dt", scalar(f.dt));
   add_channels(f.names, arrays);
   if (!state.digests.empty()) {
@@ -102,6 +102,33 @@ Arrays arrays_of(const UpdateState& state, Layout layout) {
   factors.values = std::move(values);
   arrays.emplace_back("window_factors", layout == Layout::matlab ? permuted(factors, {1, 2, 0}) : factors);
   return arrays;
+}
+
+Plan plan_of(const Fields& fields, const std::string& options, const WindowFactors& factors) {
+  Plan plan;
+  const std::string method = fields.text("method");
+  if (method != "tvera" && method != "subspace")
+    fail("data set 'method': '{}' found, tvera or subspace needed", method);
+  plan.method = method == "tvera" ? Method::tvera : Method::subspace;
+  plan.lags = factors.lags;
+  plan.initial_state = factors.initial_state;
+  plan.states = fields.integer("states");
+  if (plan.states < 0) fail("data set 'states': {} found, 0 or more needed", plan.states);
+  plan.coupled = fields.integer("together") != 0;
+  plan.noisy = fields.integer("noisy") != 0;
+  plan.nominal = fields.integer("nominal") != 0;
+  Model told;
+  told.options = options;
+  const IdentifyOptions asked = identify_options(told);
+  plan.nominal_period = plan.nominal ? asked.period : 0;
+  plan.rows = asked.rows, plan.cols = asked.cols;
+  plan.frame = asked.frame, plan.reference_step = asked.reference_step;
+  plan.choices.weighting = asked.weighting.value_or(Weighting::one_step);
+  if (!plan.coupled) return plan;
+  const std::optional<NoisyChoices> noted = noted_choices(told);
+  if (!noted) fail("data set 'options': no choices found, those of an identification needed");
+  plan.choices = *noted;
+  return plan;
 }
 
 UpdateState update_state_of(const Fields& fields) {
@@ -139,15 +166,7 @@ UpdateState update_state_of(const Fields& fields) {
   if (!f.factor.allFinite()) fail("data set 'window_factors': infinite or missing values found");
   state.options = fields.text("options");
   check_options(state.options);
-  const std::string method = fields.text("method");
-  if (method != "tvera" && method != "subspace")
-    fail("data set 'method': '{}' found, tvera or subspace needed", method);
-  state.method = method == "tvera" ? Method::tvera : Method::subspace;
-  state.states = fields.integer("states");
-  if (state.states < 0) fail("data set 'states': {} found, 0 or more needed", state.states);
-  state.together = fields.integer("together") != 0;
-  state.noisy = fields.integer("noisy") != 0;
-  state.nominal = fields.integer("nominal") != 0;
+  state.plan = plan_of(fields, state.options, f);
   state.without_digest = f.experiments;  // of a state of an earlier version
   if (!fields.has("experiment_digests")) return state;
   state.digests = digests_of(fields, "experiment_digests");

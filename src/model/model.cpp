@@ -207,4 +207,14 @@ Model from_step(Model model, Index k) {
   return model;
 }
 
+void check_finite(const Model& model) {
+  for (const Step& step : model.step)
+    for (const Step::View& a : {step.A(), step.B(), step.C(), step.D(), step.G(),
+                                step.has_innovation_cov() ? step.innovation_cov() : step.D()})
+      if (!a.allFinite())
+        throw std::overflow_error(
+            "the model is not finite: samples or their ratios are beyond the range of double precision; scale the "
+            "data");
+}
+
 }  // namespace tokid

@@ -10,7 +10,7 @@
 #include "base/nan.hpp"
 #include "base/words.hpp"
 #include "data/channel_sizes.hpp"
-#include "identify/identify_stretch.hpp"
+#include "identify/identify.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/provenance.hpp"
@@ -24,8 +24,6 @@ const char* to_string(BoundsMethod method) { return method == BoundsMethod::fact
 
 namespace {
 
-// Block columns of H_k where identify() chooses them for noisy data.
-constexpr Index noisy_columns = 48;
 // Models that differ by less are the same up to rounding and what it does to noisy Hankel matrices.
 constexpr double same = 1e-6;
 
@@ -72,14 +70,14 @@ IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
 
 // The blocks and units with which identify() realises.
 TveraOptions realisation(const Model& model, const Ensemble& departing, const IdentifyOptions& o) {
-  const Index p = model.max_lags(), n = model.states(), m = model.outputs;
-  TveraOptions result;
-  result.states = n;
-  result.rows = o.rows > 0 ? o.rows : std::max(p, (n + m - 1) / m) + 1;
-  result.cols = o.cols > 0 ? o.cols : std::max(p, noisy_columns);
-  result.output_size = channel_sizes(departing, departing.inputs(), m);
-  result.input_size = channel_sizes(departing, 0, departing.inputs());
-  return result;
+  Plan plan;
+  plan.lags = model.max_lags();
+  plan.states = model.states();
+  plan.noisy = true;
+  plan.rows = o.rows, plan.cols = o.cols;
+  plan.output_size = channel_sizes(departing, departing.inputs(), model.outputs);
+  plan.input_size = channel_sizes(departing, 0, departing.inputs());
+  return tvera_options(plan, model.outputs);
 }
 
 bool differ(const Vector& a, const Vector& b) {

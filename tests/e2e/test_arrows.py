@@ -7,7 +7,7 @@ from conftest import ROOT
 
 # Who owns a public header that has no source of its name.
 OWNERS = {"types": "base", "printable": "base", "team": "base", "validate": "model", "subspace": "noise",
-          "outlier": "diagnose", "choices": "choose", "identify": "identify", "stream": "large", "io": "io",
+          "outlier": "diagnose", "choices": "choose", "stream": "large", "io": "io",
           "uncertainty": "uncertainty", "design": "design", "report": "report"}
 EVERYTHING = "tokid/tokid"  # the header that includes all others
 

@@ -11,7 +11,7 @@
 
 #include "base/json.hpp"
 #include "model/provenance.hpp"
-#include "tokid/identify.hpp"
+#include "tokid/options.hpp"
 
 namespace tokid {
 
@@ -92,13 +92,13 @@ constexpr Words<Method, 3> methods{
     {{"auto", Method::automatic}, {"tvera", Method::tvera}, {"subspace", Method::subspace}}};
 constexpr Words<std::optional<bool>, 3> answers{{{"auto", std::nullopt}, {"yes", true}, {"no", false}}};
 
-constexpr Words<std::optional<Weighting>, 4> weightings{{{"auto", std::nullopt},
-                                                         {"one-step", Weighting::one_step},
-                                                         {"many-steps", Weighting::many_steps},
-                                                         {"projection", Weighting::projection}}};
+constexpr Words<std::optional<Weighting>, 4> weighting_words{{{"auto", std::nullopt},
+                                                              {"one-step", Weighting::one_step},
+                                                              {"many-steps", Weighting::many_steps},
+                                                              {"projection", Weighting::projection}}};
 
 // λ: a penalty, or "auto" for a negative one.
-constexpr Entry smoothing = {
+constexpr Entry smoothing_entry = {
     "smoothing",
     [](const IdentifyOptions& o) { return o.smoothing < 0 ? Json("auto") : provenance::penalty(o.smoothing); },
     [](IdentifyOptions& o, const char* k, const Json& value) {
@@ -108,20 +108,21 @@ constexpr Entry smoothing = {
     }};
 
 // P, 0 for none.
-constexpr Entry period = {"period", [](const IdentifyOptions& o) { return Json(o.period); },
-                          [](IdentifyOptions& o, const char* k, const Json& value) {
-                            if (!value.is_number_integer() || value < 0) refuse(k, value, "a whole number from 0 on");
-                            o.period = value.get<Index>();
-                          }};
+constexpr Entry period_entry = {"period", [](const IdentifyOptions& o) { return Json(o.period); },
+                                [](IdentifyOptions& o, const char* k, const Json& value) {
+                                  if (!value.is_number_integer() || value < 0)
+                                    refuse(k, value, "a whole number from 0 on");
+                                  o.period = value.get<Index>();
+                                }};
 
 // Every option that decides about the model, in the order of the text. A new one is one line here.
 constexpr Entry table[] = {
     count<&IdentifyOptions::states>("states"),
     count<&IdentifyOptions::lags>("lags"),
     choice<&IdentifyOptions::method, methods>("method"),
-    smoothing,
-    period,
-    choice<&IdentifyOptions::weighting, weightings>("weighting"),
+    smoothing_entry,
+    period_entry,
+    choice<&IdentifyOptions::weighting, weighting_words>("weighting"),
     choice<&IdentifyOptions::refine, answers>("refine"),
     choice<&IdentifyOptions::initial_state, initial_states>("initial_state"),
     choice<&IdentifyOptions::nominal, nominals>("nominal"),
@@ -171,7 +172,7 @@ void note_choices(Model& model, const NoisyChoices& choices) {
   json[provenance::choices_key] = {{"smoothing", provenance::penalty(choices.variation.smoothing)},
                                    {"period", choices.variation.period},
                                    {"state_smoothing", provenance::penalty(choices.state_smoothing)},
-                                   {"weighting", word_of(weightings, std::optional(choices.weighting))},
+                                   {"weighting", word_of(weighting_words, std::optional(choices.weighting))},
                                    {"refinement_smoothing", provenance::penalty(choices.refinement_smoothing)},
                                    {"refinement_iterations", choices.refinement_iterations}};
   model.options = text_of(json);
@@ -188,7 +189,7 @@ std::optional<NoisyChoices> noted_choices(const Model& model) {
   };
   const auto smoothing = number("smoothing"), states = number("state_smoothing"), em = number("refinement_smoothing");
   const auto period = count("period"), iterations = count("refinement_iterations");
-  const auto weighting = value_of(weightings, noted->value("weighting", Json()));
+  const auto weighting = value_of(weighting_words, noted->value("weighting", Json()));
   if (!smoothing || !states || !em || !period || !iterations || !weighting || !*weighting) return std::nullopt;
   return NoisyChoices{{*smoothing, *period}, *states, **weighting, *em, *iterations};
 }

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/plan.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "base/integers.hpp"
+#include "tokid/markov.hpp"
+#include "tokid/tvera.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Block columns of H_k for noisy data: twice as many gained nothing in any system tried, half as many lost.
+constexpr Index noisy_columns = 48;
+
+GtvArx regressions_of_each_step(const Windows& windows, const Plan& plan, const Execution& execution) {
+  GtvArxOptions o;
+  o.lags = {plan.lags};
+  o.initial_state = plan.initial_state;
+  o.spent = plan.nominal ? 1 : 0;
+  o.execution = execution;
+  return windows.ensemble() ? gtv_arx(*windows.ensemble(), o) : gtv_arx(windows, o);
+}
+
+Model tvera_model(const Windows& windows, GtvArx arx, const FreeResponse& free, const Plan& plan,
+                  const Execution& execution) {
+  TveraOptions o = tvera_options(plan, windows.outputs());
+  const Markov parameters = markov(arx, o.rows + o.cols - 1, share(execution, 0.0, 0.5));
+  arx.forget_noise_shapes();
+  o.execution = share(execution, 0.5, 1.0);
+  return completed(tvera(parameters, free, o), windows, arx, plan);
+}
+
+SubspaceOptions subspace_options(const Plan& plan, const Execution& execution) {
+  SubspaceOptions o;
+  o.states = plan.states;
+  o.variation = plan.choices.variation;
+  o.state_smoothing = plan.choices.state_smoothing;
+  o.weighting = plan.choices.weighting;
+  o.noisy = plan.noisy;
+  o.execution = execution;
+  return o;
+}
+
+Model from_where_it_is_followed(Model model, const Plan& plan) {
+  if (plan.from_full_dimension) return from_known_state(std::move(model), plan.initial_state);
+  model.initial_state = plan.initial_state;
+  return model;
+}
+
+}  // namespace
+
+GtvArx regressions(const Windows& windows, const Plan& plan, const Execution& execution) {
+  if (!plan.coupled) return regressions_of_each_step(windows, plan, execution);
+  return smooth_arx(windows, {plan.lags, plan.initial_state, plan.choices.variation, execution});
+}
+
+Model realise(const Windows& windows, GtvArx arx, const FreeResponse& free, const Plan& plan,
+              const Execution& execution) {
+  if (plan.method == Method::tvera) return tvera_model(windows, std::move(arx), free, plan, execution);
+  return from_where_it_is_followed(subspace(windows, arx, subspace_options(plan, execution)), plan);
+}
+
+TveraOptions tvera_options(const Plan& plan, Index outputs) {
+  const Index p = plan.lags, n = plan.states;
+  TveraOptions o;
+  o.states = n;
+  o.rows = plan.rows > 0 ? plan.rows : std::max(p + 1, ceil_div(n, outputs) + 1);
+  // A single input, or a single direction of the inputs, may have to reach every state by itself: n columns, as n input
+  // steps always suffice. With noise, more columns show the states better, slow and unstable ones above all.
+  const Index most = plan.noisy ? noisy_columns : n > 0 ? n : p * outputs;
+  o.cols = plan.cols > 0 ? plan.cols : std::max(p, most);
+  o.output_size = plan.output_size;
+  o.input_size = plan.input_size;
+  return o;
+}
+
+Model completed(Model model, const Windows& windows, const GtvArx& arx, const Plan& plan) {
+  model.dt = windows.dt;
+  model.names = windows.names;
+  for (Index k = model.k_begin; k < model.k_end(); ++k) {
+    const GtvArxStep& regression = arx.step[size_t(k)];
+    Step& step = model.at(k);
+    step.set_innovation_cov(arx.residual_cov(k));
+    step.set_condition(regression.condition);
+    step.set_rank(regression.rank);
+    step.set_lags(regression.lags);
+  }
+  return from_where_it_is_followed(std::move(model), plan);
+}
+
+Model from_known_state(Model model, InitialState initial) {
+  model.initial_state = initial;
+  if (initial == InitialState::unknown && model.period == 0 && model.states() > 0)
+    model = from_step(model, model.full_begin());
+  return model;
+}
+
+Index frame_step(const Model& model, const Plan& plan) {
+  return plan.reference_step >= 0 ? plan.reference_step : model.full_begin();
+}
+
+FramedModel in_frame(Model model, const Plan& plan) {
+  const Index rows = std::max<Index>(plan.lags, ceil_div(std::max<Index>(1, model.states()), model.outputs));
+  if (plan.frame == Frame::reference) return reference_frame(model, frame_step(model, plan), rows);
+  const Index begin = model.k_begin, end = model.k_end();
+  return {plan.frame == Frame::smooth ? smooth_frame(model, rows) : std::move(model), begin, end};
+}
+
+std::vector<std::string> warnings_of_frame(const FramedModel& framed, Index step, const Plan& plan) {
+  if (plan.frame != Frame::reference) return {};
+  return {fmt::format("reference frame of step {}: steps {} to {} are in it, the others keep their own coordinates",
+                      step, framed.begin, framed.end - 1)};
+}
+
+}  // namespace tokid

@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "choose/realisation.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <tuple>
+#include <utility>
+
+#include "choose/folds.hpp"
+#include "data/channel_sizes.hpp"
+#include "tokid/em.hpp"
+#include "tokid/markov.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Orders that a choice for noisy data looks at, and the experiments that TVERA's is judged by.
+constexpr Index most_states = 16, most_judged = 64;
+// Growth of the one-step error that a refined model is not allowed.
+constexpr double spoilt = 1.1;
+
+// What the options say of the realisation, before anything is chosen by the data.
+Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
+  const bool exact = !plan.noisy && plan.initial_state == InitialState::zero && !plan.coupled;
+  const bool tvera = o.method == Method::tvera || (o.method == Method::automatic && exact);
+  plan.method = tvera ? Method::tvera : Method::subspace;
+  plan.states = o.states;
+  plan.rows = o.rows, plan.cols = o.cols;
+  plan.frame = o.frame, plan.reference_step = o.reference_step;
+  plan.choices.weighting = o.weighting.value_or(Weighting::one_step);
+  plan.choices.state_smoothing = SubspaceOptions::state_share * plan.choices.variation.smoothing;
+  if (tvera) {
+    plan.output_size = channel_sizes(data, data.inputs(), data.outputs());
+    plan.input_size = channel_sizes(data, 0, data.inputs());
+  }
+  return plan;
+}
+
+// Singular values of noisy data show no rank; what counts is how well the model predicts with the outputs and without.
+OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& parameters,
+                         const HankelFactors& factors, TveraOptions o, const Plan& plan) {
+  OrderScores scores;
+  std::optional<Ensemble> fewer;
+  if (data.experiments() > most_judged) {
+    std::vector<Index> rows;
+    for (Index n = 0; n < most_judged; ++n) rows.push_back(n * data.experiments() / most_judged);
+    fewer = data.subset(rows);
+  }
+  const Ensemble& judged = fewer ? *fewer : data;
+  // The training errors of an order are too small by about its share of coefficients in the samples.
+  scores.price = 2.0 / 3 * double(data.channels()) / double(data.outputs() * data.experiments());
+  const Index most = std::min({plan.lags * data.outputs(), o.cols * data.inputs(), most_states});
+  const Index first = first_judged(plan.initial_state, plan.lags, 0);
+  for (Index n = 1; n <= most; ++n) {
+    o.states = n;
+    Model model = completed(realise(parameters, factors, o), data, arx, plan);
+    if (model.steps() == 0 || model.states() < n) break;
+    const Errors e = errors_of(computed_by(std::move(model), judged, plan.initial_state, first), judged);
+    scores.add(n, e.one_step, e.ahead, e.simulation);
+  }
+  scores.choose();
+  return scores;
+}
+
+// TVERA with the order that the training data like best; one factorisation of H_k serves all orders.
+void realise_in_scored_order(const Ensemble& data, GtvArx arx, const Execution& execution, Realised& result) {
+  Plan& plan = result.plan;
+  TveraOptions o = tvera_options(plan, data.outputs());
+  const Markov parameters = markov(arx, o.rows + o.cols - 1, share(execution, 0.0, 0.5));
+  arx.forget_noise_shapes();
+  o.execution = share(execution, 0.5, 1.0);
+  const HankelFactors factors = hankel_factors(parameters, data.free, o);
+  o.execution.progress = {};
+  result.order_scores = score_orders(data, arx, parameters, factors, o, plan);
+  plan.states = o.states = result.order_scores.best;
+  result.model = completed(realise(parameters, factors, o), data, arx, plan);
+}
+
+RefineOptions refine_options(const Plan& plan, const Execution& execution) {
+  RefineOptions o;
+  o.period = plan.choices.variation.period;
+  o.initial_state = plan.initial_state;
+  o.execution.threads = execution.threads;
+  return o;
+}
+
+Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Execution& execution) {
+  return refined(std::move(model), data, plan.choices.refinement_smoothing, plan.choices.refinement_iterations,
+                 refine_options(plan, execution));
+}
+
+// What to choose from: projections need as many windows of twice the length as these have samples.
+std::vector<Weighting> weightings(const Ensemble& judged, const Plan& plan, const IdentifyOptions& options) {
+  if (options.weighting) return {*options.weighting};
+  std::vector<Weighting> result = {Weighting::one_step};
+  const Index period = plan.choices.variation.period, p = plan.lags;
+  if (period == 0) return result;
+  result.push_back(Weighting::many_steps);
+  const Index windows = judged.steps() - 2 * p - period + 1;
+  if (windows > 0 && judged.experiments() * windows / period > 2 * p * judged.channels())
+    result.push_back(Weighting::projection);
+  return result;
+}
+
+// What EM does with all experiments need not be what it did with those of the folds: then it predicts them worse than
+// the models of the folds predicted experiments that they had not seen. And it sees one step only: a model of many
+// samples for each coefficient must not lose over more steps what it wins there.
+void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementChoice& choice,
+                      const Execution& execution, Realised& result) {
+  const Plan plain = result.plan;
+  const Index period = plain.choices.variation.period;
+  const Index first = first_judged(plain.initial_state, plain.lags, period);
+  const double allowed = std::log(spoilt);
+  const Computed start = computed_by(result.model, data, plain.initial_state, first);
+  const Errors before = errors_of(start, data);
+  result.refinement = choice;
+
+  // From the subspace model that is as smooth as those of the folds were; if that leads astray, from the plain one.
+  std::vector<double> starts{choice.smoothing};
+  if (plain.choices.state_smoothing != choice.smoothing) starts.push_back(plain.choices.state_smoothing);
+  bool one_step = true;
+  Errors best = before;
+  std::optional<std::pair<Model, Plan>> fallback;
+  for (const double smoothing : starts) {
+    Plan plan = plain;
+    plan.states = choice.states;
+    plan.choices.state_smoothing = smoothing;
+    plan.choices.refinement_smoothing = choice.smoothing;
+    plan.choices.refinement_iterations = choice.iterations;
+    Model likelier;
+    try {
+      likelier = refined_by(plan, data, realise(data, arx, {}, plan, {execution.threads, {}}), execution);
+    } catch (const std::runtime_error&) {
+      continue;  // hopeless from there
+    }
+    const Errors after = errors_of(computed_by(likelier, data, plan.initial_state, first), data, &start);
+    const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
+    one_step = after.one_step <= choice.one_step + allowed;
+    if (!longer && period > 0) continue;
+    if (one_step) {
+      result.model = std::move(likelier);
+      result.plan = std::move(plan);
+      return;
+    }
+    if (after.one_step < best.one_step && after.mean() < best.mean() - allowed) {
+      best = after;
+      fallback.emplace(std::move(likelier), std::move(plan));
+    }
+  }
+  if (fallback) {
+    result.warnings.emplace_back(
+        "EM predicts all experiments worse than it predicted those left out: it may have gone astray");
+    std::tie(result.model, result.plan) = std::move(*fallback);
+    return;
+  }
+  result.warnings.push_back(fmt::format("the refinement by EM was left out: with all experiments it made the {} worse",
+                                        one_step ? "simulations" : "predictions"));
+  result.plan.choices.refinement_smoothing = choice.smoothing;
+  result.refinement.iterations = 0;
+  result.refinement.states = result.order_scores.best;
+  result.refinement.error = choice.trials.front().error;
+}
+
+// The subspace realisation with n, the weighting, λ and EM by the errors on experiments left out.
+void realise_by_folds(const Ensemble& data, const Ensemble& judged, const GtvArx& arx, const IdentifyOptions& options,
+                      Realised& result) {
+  Plan& plan = result.plan;
+  const Folds folds(judged, {.lags = plan.lags,
+                             .initial_state = &judged == &data ? plan.initial_state : InitialState::unknown,
+                             .variation = plan.choices.variation,
+                             .weightings = weightings(judged, plan, options),
+                             .centred = is_centred(plan),
+                             .threads = options.execution.threads});
+  const Index most = std::min(plan.lags * data.outputs(), most_states);
+  const OrderScores& scores = result.order_scores = folds.choose_states(options.states, most);
+  plan.choices.state_smoothing = scores.smoothing;
+  plan.choices.weighting = scores.weighting;
+  if (options.states == 0) plan.states = scores.best;
+  result.model = realise(data, arx, {}, plan, share(options.execution, 0.7, 0.8));
+  if (!options.refine.value_or(true) || result.model.states() == 0 || result.model.states() < plan.states) return;
+  // A penalty of the ARX model is not one of EM, but none is none.
+  const std::optional<double> stated = options.smoothing == 0 ? std::optional(0.0) : std::nullopt;
+  RefinementChoice choice = folds.choose_refinement(plan.states, scores, stated);
+  if (choice.iterations > 0) {
+    // Windows without a gap may be too few to show all states; EM sees every sample.
+    if (options.states == 0)
+      choice = folds.reconsider_states(std::move(choice), scores,
+                                       windows_are_scarce(judged, plan.lags) ? most : plan.states, stated);
+    refine_if_better(data, arx, choice, options.execution, result);
+  } else {
+    plan.choices.refinement_smoothing = choice.smoothing;
+    result.refinement = std::move(choice);
+  }
+}
+
+}  // namespace
+
+Realised realised(const Ensemble& data, const Ensemble& judged, const Plan& plan, GtvArx arx,
+                  const IdentifyOptions& options) {
+  Realised result;
+  result.plan = as_asked(data, plan, options);
+  const Execution execution = share(options.execution, 0.6, 0.8);
+  if (result.plan.method == Method::tvera) {
+    if (plan.noisy && options.states == 0)
+      realise_in_scored_order(data, std::move(arx), execution, result);
+    else
+      result.model = realise(data, std::move(arx), data.free, result.plan, execution);
+  } else if (options.choices && plan.coupled) {
+    const TimeVariation variation = plan.choices.variation;
+    result.plan.choices = *options.choices;
+    result.plan.choices.variation = variation;
+    result.refinement.smoothing = result.plan.choices.refinement_smoothing;
+    result.refinement.iterations = result.plan.choices.refinement_iterations;
+    result.model = realised_as(data, std::move(arx), result.plan, execution);
+  } else if (plan.noisy && plan.coupled && judged.experiments() > 1) {
+    realise_by_folds(data, judged, arx, options, result);
+  } else {
+    result.model = realise(data, std::move(arx), {}, result.plan, execution);
+  }
+  return result;
+}
+
+Model realised_as(const Ensemble& data, GtvArx arx, const Plan& plan, const Execution& execution) {
+  Model model = realise(data, std::move(arx), data.free, plan, execution);
+  if (plan.choices.refinement_iterations == 0) return model;
+  return refined_by(plan, data, std::move(model), execution);
+}
+
+}  // namespace tokid

@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "choose/regression.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+
+#include "base/integers.hpp"
+#include "base/rounding.hpp"
+#include "base/words.hpp"
+#include "choose/folds.hpp"
+#include "choose/initial_state.hpp"
+#include "diagnose/regressions.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Lag orders that a leave-one-out choice looks at.
+constexpr Index most_lags = 16;
+// Coefficients per output and step that a choice for noisy data looks at: its time grows with their cube.
+constexpr Index most_regressors = 160;
+// Steps that the choices for noisy data look at.
+constexpr Index most_judged_steps = 256;
+// λ where missing samples leave few windows to choose it by, and where a record is too short.
+constexpr double stiff = 1e3, moderate = 1.0;
+
+// Experiments less the one that the mean motion costs.
+Index effective_experiments(const Ensemble& data, bool nominal) { return data.experiments() - (nominal ? 1 : 0); }
+
+// L = r + p·(r+m)
+Index unknowns_of(const Ensemble& data, Index lags) { return minimum_experiments(data.inputs(), data.outputs(), lags); }
+
+// The smallest p that carries the states asked for: p·m ≥ n.
+Index least_lags(const Ensemble& data, const IdentifyOptions& options) {
+  return options.states > 0 ? ceil_div(options.states, data.outputs()) : 1;
+}
+
+// Windows of p+1 steps without a gap.
+Index whole_windows(const Ensemble& e, Index lags) {
+  if (e.missing() == 0) return e.experiments() * std::max<Index>(0, e.steps() - lags);
+  Index whole = 0;
+  for (Index k = lags; k < e.steps(); ++k) whole += Index(e.complete_rows(k, lags).size());
+  return whole;
+}
+
+std::vector<Index> freedom_of(const GtvArx& arx, Index GtvArxStep::*count) {
+  std::vector<Index> freedom;
+  for (const GtvArxStep& step : arx.step) freedom.push_back(step.*count);
+  return freedom;
+}
+
+// p by the leave-one-out errors of one-step predictions.
+void choose_lags(const Ensemble& data, bool nominal, const IdentifyOptions& options, Regressed& result) {
+  const Index r = data.inputs(), m = data.outputs(), needed = least_lags(data, options);
+  LagOrderOptions o;
+  o.p_min = needed;
+  // An order is judged by what is left over: at least one degree of freedom.
+  const Index judged = largest_lag_order(effective_experiments(data, nominal) - 1, r, m);
+  o.p_max = std::min({most_lags, judged, (data.steps() - 1) / 2});
+  o.execution = share(options.execution, 0.0, 0.1);
+  result.plan.lags = needed;
+  if (o.p_max >= needed && o.p_max >= 1) {
+    result.lag_order_errors = lag_order_errors(data, o);
+    result.plan.lags = result.lag_order_errors.best;
+    if (result.plan.lags == o.p_max && o.p_max == judged && judged < most_lags)
+      result.warnings.push_back(
+          fmt::format("lag order {} is the largest that {} experiments can judge: more experiments, or a larger order "
+                      "that is stated, may do better",
+                      judged, data.experiments()));
+  } else if (judged < needed && data.experiments() >= experiments_for(data, needed, nominal)) {
+    result.warnings.push_back(
+        fmt::format("{} experiments leave no degree of freedom to judge lag order {} by: it fits any data exactly",
+                    data.experiments(), needed));
+  }
+}
+
+void check_size(const Ensemble& data, const Plan& plan, bool tvera_asked) {
+  const Index r = data.inputs(), m = data.outputs(), p = plan.lags, found = data.experiments();
+  const Index needed = experiments_for(data, p, plan.nominal);
+  if (found < needed) {
+    const Index would_do = largest_lag_order(effective_experiments(data, plan.nominal), r, m);
+    throw std::invalid_argument(fmt::format(
+        "experiments: {} found, lag order {} with {} inputs and {} outputs needs at least {} (r + p(r+m){}); {}{}",
+        found, p, r, m, needed, plan.nominal ? " + 1 for the mean motion" : "",
+        would_do > 0 ? fmt::format("{} would do for lag orders up to {}", found, would_do)
+                     : fmt::format("no lag order will do, {} are needed for lag order 1",
+                                   experiments_for(data, 1, plan.nominal)),
+        tvera_asked ? "; steps that share what they know need fewer (not --method tvera)" : ""));
+  }
+  if (data.steps() < p + 1)
+    throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", data.steps(), p, p + 1));
+}
+
+// Without as many windows as unknowns any model fits. Returns what was found, in words.
+std::string check_windows(const Ensemble& data, Index lags) {
+  const Index needed = unknowns_of(data, lags), whole = whole_windows(data, lags);
+  const bool gaps = data.missing() > 0;
+  std::string found = fmt::format("{} of {} successive steps {}", words::plural(whole, "window"), lags + 1,
+                                  gaps ? "without a gap found" : "found");
+  if (whole < needed)
+    throw std::invalid_argument(fmt::format(
+        "{}: {}, at least {} needed at lag order {}{}", gaps ? "missing samples" : "steps", found, needed, lags,
+        lags > 1 ? "; a smaller one takes fewer" : "; EM from a model of other data (refine) needs no windows"));
+  return found;
+}
+
+// What the steps leave to be judged, from unknown initial states on, must be half of them, and the windows without a
+// gap twice as many as the unknowns. Steps that nothing couples need a degree of freedom each.
+std::vector<Index> lag_candidates(const Ensemble& judged, const Ensemble& data, bool nominal, InitialState initial,
+                                  Index period, const IdentifyOptions& options) {
+  if (options.lags > 0) return {options.lags};
+  const Index needed = least_lags(data, options), first = first_judged(initial, 1, period);
+  const bool coupled = period > 0 || options.smoothing != 0;
+  std::vector<Index> candidates;
+  for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
+    if (const Index unknowns = unknowns_of(data, p);
+        p >= needed && 2 * std::max<Index>(1, first) * p < judged.steps() && p + period <= judged.steps() &&
+        (candidates.empty() || unknowns <= most_regressors) && whole_windows(judged, p) >= 2 * unknowns &&
+        (coupled || unknowns < effective_experiments(data, nominal)))
+      candidates.push_back(p);
+  if (candidates.empty()) candidates.push_back(needed);
+  return candidates;
+}
+
+// Of each step, where the experiments suffice: the paper's, and all that data without noise need.
+Regressed each_step_alone(const Ensemble& data, bool nominal, const IdentifyOptions& options) {
+  Regressed result;
+  result.plan.nominal = nominal;
+  result.plan.lags = options.lags;
+  if (options.lags == 0) choose_lags(data, nominal, options, result);
+  check_size(data, result.plan, options.method == Method::tvera);
+  // Initial states are taken as zero until the residuals speak against it.
+  result.arx = regressions(data, result.plan, share(options.execution, 0.1, 0.4));
+  GtvArx& arx = result.arx;
+  if (const auto stated = stated_initial_state(data, options))
+    result.initial_state_test = *stated;
+  else
+    result.initial_state_test = test_initial_state(arx, result.plan.lags, freedom_of(arx, &GtvArxStep::freedom));
+  result.plan.initial_state = result.initial_state_test.decision;
+  // The regressions of the steps k ≥ p hold whatever the initial state is; the others are of no use.
+  if (result.plan.initial_state == InitialState::unknown) arx.begin_at(result.plan.lags);
+  result.plan.noisy = survey_of(arx, nominal, 0, arx.steps()).noisy();
+  return result;
+}
+
+// λ and p by the errors on experiments left out, or as asked.
+void choose_variation(const Ensemble& data, const Ensemble& judged, const IdentifyOptions& options, SmoothingOptions o,
+                      Regressed& result) {
+  Plan& plan = result.plan;
+  TimeVariation& variation = plan.choices.variation;
+  plan.lags = o.lags.front();
+  if (options.choices) {
+    variation = options.choices->variation;
+  } else if (judged.experiments() > 1) {
+    result.smoothing_choice = choose_smoothing(judged, o);
+    plan.lags = result.smoothing_choice.lags;
+    variation.smoothing = result.smoothing_choice.smoothing;
+  } else {
+    variation.smoothing = options.smoothing >= 0 ? options.smoothing : options.period > 1 ? moderate : 0.0;
+    if (options.smoothing < 0 && options.period > 1)
+      result.warnings.emplace_back("the record is too short to choose lambda by: 1 was taken");
+  }
+  // A few windows without a gap are too few to see variation by; EM, which sees every sample, looks for λ itself.
+  if (options.smoothing < 0 && !options.choices && std::isinf(variation.smoothing) &&
+      windows_are_scarce(judged, plan.lags)) {
+    variation.smoothing = stiff;
+    result.warnings.emplace_back(
+        "missing samples leave few windows to see variation in time by: lambda = 1000 was taken, and is chosen anew for "
+        "EM");
+  }
+  if (!options.choices) variation.period = options.period;
+  if (!std::isinf(variation.smoothing) && options.period != 1) return;
+  if (options.period == 0 && options.smoothing < 0)
+    result.warnings.emplace_back("the experiments show no variation in time: one model serves all steps");
+  variation = {0.0, 1};
+  // All steps together bear more lags than each of them does.
+  if (options.period > 0 || judged.experiments() < 2) return;
+  o.period = 1;
+  o.lags = lag_candidates(judged, data, plan.nominal, o.initial_state, o.period, options);
+  SmoothingChoice constant = choose_smoothing(judged, o);
+  plan.lags = constant.lags;
+  for (SmoothingTrial& trial : constant.trials) {
+    trial.smoothing = std::numeric_limits<double>::infinity();
+    result.smoothing_choice.trials.push_back(trial);
+  }
+}
+
+// Of all steps in one regression. `known`: what has been decided about the initial state.
+Regressed coupled(const Ensemble& data, const Ensemble& judged, bool nominal, const IdentifyOptions& options,
+                  const std::optional<InitialStateTest>& known) {
+  Regressed result;
+  Plan& plan = result.plan;
+  plan.coupled = true;
+  plan.nominal = nominal;
+  plan.nominal_period = nominal ? options.period : 0;
+  SmoothingOptions o;
+  o.period = options.period;
+  o.initial_state = known && &judged == &data ? known->decision : InitialState::unknown;
+  o.lags = lag_candidates(judged, data, nominal, o.initial_state, o.period, options);
+  o.smoothing = options.smoothing;
+  o.centred = is_centred(plan);
+  o.execution = share(options.execution, 0.4, 0.6);
+  const Index regressors = unknowns_of(data, o.lags.back());
+  o.folds = regressors > 100 ? 3 : fold_count(judged.experiments());
+  o.steps = std::clamp<Index>(Index{256} * 60 * 60 / (regressors * regressors), 64, 256);
+  if (o.lags.back() >= judged.steps())
+    throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", judged.steps(),
+                                            o.lags.back(), o.lags.back() + 1));
+  choose_variation(data, judged, options, o, result);
+
+  const std::string windows = check_windows(data, plan.lags);
+  const Index whole = whole_windows(data, plan.lags), unknowns = unknowns_of(data, plan.lags);
+  if (whole < 2 * unknowns)
+    result.warnings.push_back(
+        fmt::format("{}, which are few for the {} unknowns per output at lag order {}: judge the model by other data",
+                    windows, unknowns, plan.lags));
+  const TimeVariation& variation = plan.choices.variation;
+  if (variation.period == 0 && variation.smoothing == 0) {
+    const RegressionSizes sizes{data.experiments(), effective_experiments(data, nominal), data.inputs(), data.outputs(),
+                                plan.lags};
+    RegressionSurvey survey;
+    survey.freedom = std::max<Index>(0, sizes.effective_experiments - unknowns);
+    for (std::string& text : warnings_of(survey, sizes, true)) result.warnings.push_back(std::move(text));
+  }
+
+  const Execution execution = share(options.execution, 0.6, 0.7);
+  if (known) {
+    result.initial_state_test = *known;
+  } else if (variation.period > 0) {
+    // Steps share their residuals, so that none tells of the start.
+    result.initial_state_test.decision = InitialState::unknown;
+    result.initial_state_test.reason = "not stated with the data";
+  } else {
+    const GtvArx from_rest = regressions(data, plan, execution);
+    result.initial_state_test = test_initial_state(from_rest, plan.lags, freedom_of(from_rest, &GtvArxStep::rows));
+  }
+  plan.initial_state = result.initial_state_test.decision;
+  result.arx = regressions(data, plan, execution);
+
+  const RegressionSurvey survey = survey_of(result.arx, nominal, 0, result.arx.steps());
+  // As many unknowns as windows leave no residual of any noise.
+  const Index models = variation.smoothing > 0 ? 1 : variation.groups(data.steps());
+  plan.noisy = survey.noisy() || whole <= models * (unknowns + data.outputs());
+  return result;
+}
+
+}  // namespace
+
+Regressed regressed(const Ensemble& data, const Ensemble& judged, bool nominal, const IdentifyOptions& options) {
+  const Index needed = options.lags > 0 ? options.lags : least_lags(data, options);
+  const bool asked = options.method == Method::tvera, together = options.period > 0 || options.smoothing > 0;
+  if (!asked && (together || data.experiments() < experiments_for(data, needed, nominal)))
+    return coupled(data, judged, nominal, options, stated_initial_state(data, options));
+  Regressed alone = each_step_alone(data, nominal, options);
+  const std::vector<Index> freedoms = freedom_of(alone.arx, &GtvArxStep::freedom);
+  const Index freedom = std::accumulate(freedoms.begin(), freedoms.end(), Index{0});
+  // Regressions that fit any data exactly are no sign of data without noise, unless somebody chose their order.
+  const bool tells = freedom > 0 || (data.missing() == 0 && (options.lags > 0 || options.states > 0));
+  if (asked || (!alone.plan.noisy && tells)) return alone;
+  // With noise, steps that share what they know do better. What fits any data says nothing of initial states.
+  return coupled(data, judged, nominal, options,
+                 freedom > 0 ? alone.initial_state_test : stated_initial_state(data, options));
+}
+
+GtvArx regressed_as(const Ensemble& data, const Plan& plan, const Execution& execution) {
+  if (plan.coupled)
+    check_windows(data, plan.lags);
+  else
+    check_size(data, plan, plan.method == Method::tvera);
+  return regressions(data, plan, execution);
+}
+
+std::shared_ptr<const Ensemble> judging_samples(const Ensemble& data, const IdentifyOptions& options) {
+  const Index period = options.period, pieces = ceil_div(5, data.experiments()), steps = data.steps();
+  if (period == 0 && steps > 2 * most_judged_steps)
+    return std::make_shared<Ensemble>(stretch(data, (steps - most_judged_steps) / 2, (steps + most_judged_steps) / 2));
+  if (period > 0 && pieces > 1 && steps / pieces >= 2 * std::max(period, options.lags))
+    return std::make_shared<Ensemble>(cut(data, steps / pieces / period * period));
+  return {std::shared_ptr<const Ensemble>(), &data};
+}
+
+bool windows_are_scarce(const Ensemble& data, Index lags) {
+  constexpr double enough = 0.5;
+  return data.missing() > 0 &&
+         double(whole_windows(data, lags)) < enough * double(data.experiments() * (data.steps() - lags));
+}
+
+bool is_centred(const Plan& plan) { return plan.nominal && plan.nominal_period == 0; }
+
+Index experiments_for(const Ensemble& data, Index lags, bool nominal) {
+  return unknowns_of(data, lags) + (nominal ? 1 : 0);
+}
+
+}  // namespace tokid

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnose/model_states.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "base/words.hpp"
+
+namespace tokid {
+
+std::vector<std::string> warnings_of_absent_states(const Model& model) {
+  if (model.states() > 0) return {};
+  return {"no state was found: the outputs answer to the inputs of the same step alone, or not at all"};
+}
+
+std::vector<std::string> warnings_of_late_begin(const Model& model) {
+  if (model.initial_state != InitialState::unknown || model.states() == 0 || model.k_begin == 0) return {};
+  return {
+      fmt::format("initial states are unknown: the model begins at step {}, the first with the full state dimension",
+                  model.k_begin)};
+}
+
+std::vector<std::string> warnings_of_hidden_states(const Model& model, Index origin) {
+  std::vector<Index> fewer;
+  for (Index k = model.full_begin(), waiting = 0; model.states() > 0 && k < model.k_end(); ++k) {
+    if (model.n(k) < model.states()) {
+      ++waiting;
+      continue;
+    }
+    for (Index i = k - waiting; i < k; ++i) fewer.push_back(origin + i);
+    waiting = 0;
+  }
+  if (fewer.empty()) return {};
+  return {
+      fmt::format("the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the inputs "
+                  "don't reach them, and the model has fewer there",
+                  model.states(), words::step_list(fewer))};
+}
+
+std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Channels& names) {
+  // Noise alone can be predicted a little on the data of the identification.
+  constexpr double next_to_nothing = 5.0;
+  std::vector<std::string> result;
+  for (Index j = 0; j < one_step_fit.size(); ++j)
+    if (one_step_fit(j) < next_to_nothing)
+      result.push_back(fmt::format("output {} is predicted no better than by its mean: {:.3g} % fit over one step",
+                                   names.output(j), one_step_fit(j)));
+  return result;
+}
+
+std::vector<double> singular_value_gaps(const Model& model) {
+  std::vector<double> gaps;
+  const Index n = model.states(), end = std::min(model.full_end(), model.k_end());
+  for (Index k = model.full_begin(); n > 0 && k < end; ++k)
+    if (const Vector s = model.at(k).singular_values(); s.size() > n) gaps.push_back(s(n - 1) / s(n));
+  return gaps;
+}
+
+}  // namespace tokid

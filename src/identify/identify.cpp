@@ -1,0 +1,394 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/identify.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iterator>
+#include <stdexcept>
+
+#include "base/integers.hpp"
+#include "base/statistics.hpp"
+#include "base/words.hpp"
+#include "choose/realisation.hpp"
+#include "data/axes.hpp"
+#include "data/check.hpp"
+#include "diagnose/excitation.hpp"
+#include "diagnose/model_states.hpp"
+#include "diagnose/outliers.hpp"
+#include "diagnose/regressions.hpp"
+#include "diagnose/repeats.hpp"
+#include "identify/identify.hpp"
+#include "model/judged.hpp"
+#include "model/outlying_samples.hpp"
+#include "tokid/provenance.hpp"
+#include "tokid/remarks.hpp"
+#include "tokid/version.hpp"
+
+namespace tokid {
+
+namespace {
+
+using Warnings = std::vector<std::string>;
+
+void append(Warnings& all, Warnings more) {
+  all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
+}
+
+void check_options(const IdentifyOptions& o) {
+  static constexpr Index most = 1'000'000;
+  const auto check_count = [](const char* name, Index value) {
+    if (value < 0 || value > most)
+      throw std::invalid_argument(fmt::format("{}: {} found, 1 to {} (or automatic) needed", name, value, most));
+  };
+  check_count("states", o.states);
+  check_count("lags", o.lags);
+  check_count("rows", o.rows);
+  check_count("cols", o.cols);
+  if (std::isnan(o.smoothing))
+    throw std::invalid_argument(
+        "smoothing: nan found, a number from 0 on, infinity or a negative one (automatic) needed");
+  if (!(o.hold_out >= 0 && o.hold_out < 1))
+    throw std::invalid_argument(fmt::format("hold-out fraction: {} found, 0 <= fraction < 1 needed", o.hold_out));
+}
+
+// Steps that share a model depart from one motion: those of the first period stand for all.
+void count_in_phases(NominalTest& test, Index period) {
+  for (NominalTest::Departure& departure : test.departures) {
+    std::vector<Index>& steps = departure.steps;
+    for (Index& k : steps) k %= period;
+    std::sort(steps.begin(), steps.end());
+    steps.erase(std::unique(steps.begin(), steps.end()), steps.end());
+  }
+}
+
+// What this ensemble does not allow.
+void check_method(const Ensemble& data, const IdentifyOptions& options) {
+  const bool tvera = options.method == Method::tvera;
+  if (tvera && options.period > 0)
+    throw std::invalid_argument("method: tvera found, subspace needed to pool the steps of a period");
+  if (tvera && options.smoothing > 0)
+    throw std::invalid_argument("method: tvera found, subspace needed for regularisation over time");
+  if (tvera && options.weighting) throw std::invalid_argument("method: tvera found, subspace needed for a weighting");
+  if (tvera && options.refine.value_or(false))
+    throw std::invalid_argument(
+        "method: tvera found, subspace needed for a refinement as far as it helps; refine() goes on from any model");
+  if (options.period == 1 && options.smoothing >= 0 && !std::isinf(options.smoothing))
+    throw std::invalid_argument(
+        fmt::format("smoothing: {} found, none needed where one model serves all steps", options.smoothing));
+  if (options.period > 1 && options.period >= data.steps())
+    throw std::invalid_argument(
+        fmt::format("period: {} found, less than the {} steps of the data needed", options.period, data.steps()));
+  const Index most = std::max<Index>(1, data.steps() - 1) * data.outputs();
+  if (options.states > most)
+    throw std::invalid_argument(fmt::format("states: {} found, {} steps of {} show at most {}", options.states,
+                                            data.steps(), words::plural(data.outputs(), "output"), most));
+  if (options.weighting == Weighting::projection && options.period == 0)
+    throw std::invalid_argument("weighting: projection found, needs --time-invariant or --period P to pool steps");
+  if (!tvera && options.period == 0 && options.smoothing < 0 && data.experiments() < 2)
+    throw std::invalid_argument(
+        "experiments: 1 found, at least 2 needed to see how a system varies in time (one record is enough where it is "
+        "time-invariant or periodic, if that is stated)");
+}
+
+// What depends on the inputs and a state alone: the mean motion of the experiments is removed where it counts.
+struct Departures {
+  Nominal nominal;
+  Ensemble data;
+};
+struct NominalDecision {
+  NominalTest test;  // where the choice was automatic
+  std::optional<Departures> departures;
+  Warnings warnings;
+};
+
+NominalDecision decide_nominal(const Ensemble& measured, const IdentifyOptions& options) {
+  NominalDecision result;
+  if (options.nominal == NominalChoice::none) return result;
+  if (options.nominal == NominalChoice::automatic) {
+    result.test = test_nominal(options.period > 0 ? *judging_samples(measured, options) : measured);
+    if (options.period > 0) count_in_phases(result.test, options.period);
+    if (!result.test.significant) return result;
+  }
+  if (measured.experiments() < 2 && options.period == 0)
+    throw std::invalid_argument("nominal: one experiment has no mean motion to depart from, at least 2 needed");
+  Nominal nominal = nominal_trajectory(measured);
+  if (options.period > 0) share_phases(nominal, options.period);
+  Ensemble data = departures(measured, nominal);
+  if (data.free.experiments == 1)
+    result.warnings.emplace_back("a single free response has no mean motion to depart from: it was not used");
+  data.free = free_departures(data.free);
+  result.departures = Departures{std::move(nominal), std::move(data)};
+  return result;
+}
+
+// What is to be said of the samples before anything is chosen.
+Warnings warnings_of_samples(const Ensemble& training, const Survey& samples, const IdentifyOptions& options) {
+  Warnings result = options.period > 0 ? warnings_of_inputs(samples, training.names, options.period, training.steps())
+                                       : warnings_of_inputs(samples, training.names);
+  append(result, warnings_of_outputs(samples, training.names));
+  return result;
+}
+
+Warnings warnings_of_lags(const Ensemble& data, const IdentifyOptions& o) {
+  if (o.lags == 0 || o.lags * data.outputs() >= o.states) return {};
+  return {fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", o.lags, data.outputs(),
+                      o.lags * data.outputs(), o.states)};
+}
+
+ExcitationOptions excitation_options(const Plan& plan, const IdentifyOptions& options) {
+  return {.lags = plan.lags,
+          .period = options.period,
+          .centred = options.period == 0 || plan.nominal,
+          .noisy = plan.noisy,
+          .shared = plan.coupled && options.period == 0};
+}
+
+// What regressions of each step alone, or of all steps, say of the data.
+Warnings warnings_of_regressions(const Ensemble& data, const Survey& samples, const Regressed& regressed,
+                                 RegressionSurvey survey, const IdentifyOptions& options) {
+  const Plan& plan = regressed.plan;
+  ExcitationOptions o = excitation_options(plan, options);
+  if (plan.coupled) {
+    Warnings result = excitation(data, o).warnings;
+    if (plan.choices.variation.period == 0) append(result, warnings_of_absence(samples, data.names));
+    return result;
+  }
+  survey.unexcited = unexcited_steps(data, regressed.arx, plan.nominal, plan.lags, regressed.arx.steps());
+  o.suspects = survey.unexcited;
+  Excitation found = excitation(data, o);
+  std::erase_if(survey.unexcited,
+                [&](Index k) { return std::binary_search(found.named.begin(), found.named.end(), k); });
+  const Index spent = plan.nominal ? 1 : 0;
+  append(found.warnings,
+         warnings_of(survey, {data.experiments(), data.experiments() - spent, data.inputs(), data.outputs(), plan.lags},
+                     plan.noisy));
+  return std::move(found.warnings);
+}
+
+Warnings warnings_of_free_responses(const FreeResponse& free, const Plan& plan) {
+  if (plan.method == Method::tvera || free.experiments == 0) return {};
+  return {fmt::format(
+      "{} left aside: the subspace realisation needs none; --method tvera takes them",
+      free.experiments == 1 ? "the free response was" : fmt::format("the {} free responses were", free.experiments))};
+}
+
+// Single experiments: those that repeat others, those with a stuck sensor, and those that do not fit the others.
+struct Suspects {
+  Warnings warnings;
+  std::vector<Outlier> outliers;
+  std::vector<std::string> labels;  // of the experiments that are stuck or outliers
+};
+
+// `used`: the experiments of `measured` with these rows.
+Suspects suspects(const Ensemble& used, const Ensemble& measured, const std::vector<Index>& rows, const Model& model,
+                  const Plan& plan, const IdentifyOptions& options) {
+  const bool exact = !plan.noisy && plan.initial_state == InitialState::zero;
+  const Index r = used.inputs(), p = plan.lags;
+  // From unknown initial states, and with noise, states vary without the inputs.
+  const Index needed = options.period > 0 ? 0
+                       : plan.coupled     ? r + model.states()
+                       : exact            ? experiments_for(used, p, plan.nominal)
+                                          : r * (p + 1);
+  Suspects result;
+  result.warnings = warnings_of_repeats(used, needed, p);
+  StuckOutputs stuck = stuck_outputs(measured);
+  append(result.warnings, std::move(stuck.warnings));
+  const OutlierOptions o{.lags = p,
+                         .nominal = plan.nominal,
+                         .at_rest = plan.initial_state == InitialState::zero,
+                         .threads = options.execution.threads,
+                         .period = plan.choices.variation.period,
+                         .model = &model};
+  result.outliers = plan.noisy ? outliers(used, o) : outliers_without_noise(used, o);
+  for (Outlier& outlier : result.outliers) {
+    outlier.experiment = rows[size_t(outlier.experiment)];
+    outlier.name = measured.experiment_name(outlier.experiment);
+  }
+  append(result.warnings, warnings_of(result.outliers, stuck.experiments));
+  for (const Index n : stuck.experiments) result.labels.push_back(measured.experiment_label(n));
+  for (const Outlier& outlier : result.outliers) result.labels.push_back(measured.experiment_label(outlier.experiment));
+  return result;
+}
+
+// `regressed_from`: the first step with a regression.
+Warnings warnings_of_states(const Model& model, const Ensemble& data, const Plan& plan, Index regressed_from,
+                            const IdentifyOptions& options) {
+  Warnings result;
+  const Index unknowns = model.states() + model.inputs;
+  const TimeVariation& variation = plan.choices.variation;
+  if (plan.coupled && variation.period == 0 && variation.smoothing > 0 && data.experiments() < unknowns)
+    result.push_back(
+        fmt::format("{} are fewer than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on "
+                    "variation stands in for what they don't show; judge the model by other data",
+                    words::plural(data.experiments(), "experiment"), unknowns));
+  if (options.states > 0 && model.states() < options.states)
+    result.push_back(
+        fmt::format("{} states asked for, but the Hankel matrices have at most rank {}: the model has no "
+                    "more",
+                    options.states, model.states()));
+  if (options.states > 0) append(result, warnings_of_hidden_states(model));
+  if (data.free.experiments > 0 && model.states() > 0 && model.full_begin() > regressed_from)
+    result.push_back(
+        fmt::format("the {} free responses don't show all {} states from step {} on, but only from step "
+                    "{}",
+                    data.free.experiments, model.states(), regressed_from, model.full_begin()));
+  append(result, warnings_of_late_begin(model));
+  return result;
+}
+
+// What a model remembers of its identification.
+void note_provenance(const Ensemble& training, const IdentifyOptions& options, Identification& result) {
+  Model& model = result.model;
+  const Plan& plan = result.plan;
+  model.version = version;
+  model.options = to_json(options, training.experiments());
+  note_data(model, fingerprint(training));
+  if (!training.dt_stated) note_missing_dt(model);
+  if (plan.coupled && (plan.noisy || options.choices)) note_choices(model, plan.choices);
+  if (result.refinement.iterations > 0)
+    note_refinement(model, result.refinement.smoothing, result.refinement.iterations);
+}
+
+// By the experiments held out, else by those of the training. `measured`: all of them, with their names; `misfits`:
+// labels of those that are known to be wrong.
+Validation validated(const Model& model, const Ensemble& training, const Ensemble* held_out, const Ensemble* measured,
+                     ValidateOptions o) {
+  const Ensemble& judged = held_out ? *held_out : training;
+  Validation result = validate_in_numbers(model, judged, o);
+  if (measured) {
+    // Of a single record the end is held out.
+    const Index first = held_out ? measured->steps() - held_out->steps() : 0;
+    result.outlying = outlying_in(*measured, judged, first, std::move(result.outlying));
+    if (held_out && result.noisy) {
+      auto more = outlying_in(*measured, training, 0, outlying_samples(model, training, o));
+      std::move(more.begin(), more.end(), std::back_inserter(result.outlying));
+    }
+  }
+  append(result.warnings, warnings_of(result.outlying, judged.names));
+  return result;
+}
+
+// The experiments that were measured, and the rows of those that are used: the others are copies and sums of them.
+struct Measured {
+  const Ensemble& all;
+  std::vector<Index> rows;
+};
+
+// `measured`: what single experiments are named by; null: nothing is said of single ones.
+Identification identified(const Ensemble& used, const Measured* measured, bool validating,
+                          const IdentifyOptions& options) {
+  const auto begin = std::chrono::steady_clock::now();
+  check_options(options);
+  const Survey all_samples = checked(used);
+  if (used.inputs() == 0 || used.outputs() == 0)
+    throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
+                                            used.inputs(), used.outputs()));
+  check_magnitudes(all_samples, used.names, used.inputs());
+
+  Split parts;
+  const bool holding_out = options.hold_out > 0;
+  if (holding_out) parts = split(used, options.hold_out, options.period);
+  const Ensemble& training = holding_out ? parts.training : used;
+  const Survey samples = holding_out ? survey(training, 0, training.steps()) : all_samples;
+
+  Identification result;
+  Warnings& warnings = result.warnings;
+  if (measured) append(warnings, remarks(measured->all));
+  append(warnings, warnings_of_samples(training, samples, options));
+  if (measured && options.period == 0 && all_samples.missing > 0) append(warnings, warnings_of_steps(measured->all));
+  append(warnings, warnings_of_dependent_outputs(training));
+
+  NominalDecision decision = decide_nominal(training, options);
+  append(warnings, std::move(decision.warnings));
+  const bool nominal = decision.departures.has_value();
+  const Ensemble& data = nominal ? decision.departures->data : training;
+  check_method(data, options);
+  append(warnings, warnings_of_lags(data, options));
+
+  const std::shared_ptr<const Ensemble> judged = judging_samples(data, options);
+  Regressed regression = regressed(data, *judged, nominal, options);
+  append(warnings, std::move(regression.warnings));
+  const RegressionSurvey survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
+  append(warnings, warnings_of_regressions(data, samples, regression, survey, options));
+
+  const Index regressed_from = regression.arx.k_begin;
+  Realised realisation = realised(data, *judged, regression.plan, std::move(regression.arx), options);
+  append(warnings, std::move(realisation.warnings));
+  result.plan = std::move(realisation.plan);
+  result.model = std::move(realisation.model);
+  append(warnings, warnings_of_free_responses(data.free, result.plan));
+  append(warnings, warnings_of_absent_states(result.model));
+  if (nominal) {
+    result.model.u_nominal = decision.departures->nominal.u;
+    result.model.y_nominal = decision.departures->nominal.y;
+  }
+  ValidateOptions validation;
+  validation.initial_state = result.plan.initial_state;
+  if (measured) {
+    Suspects found = suspects(used, measured->all, measured->rows, result.model, result.plan, options);
+    append(warnings, std::move(found.warnings));
+    result.outliers = std::move(found.outliers);
+    validation.misfits = std::move(found.labels);
+  }
+  append(warnings, warnings_of_states(result.model, data, result.plan, regressed_from, options));
+
+  const Index step = frame_step(result.model, result.plan);
+  FramedModel framed = in_frame(std::move(result.model), result.plan);
+  append(warnings, warnings_of_frame(framed, step, result.plan));
+  result.model = std::move(framed.model);
+  check_finite(result.model);
+
+  result.experiments = training.experiments();
+  result.steps = training.steps();
+  result.min_experiments = experiments_for(training, result.plan.lags, nominal);
+  if (!result.plan.coupled) {
+    result.condition_max = survey.condition_max;
+    result.rank_deficient_steps = survey.rank_deficient;
+  }
+  result.nominal_test = std::move(decision.test);
+  result.initial_state_test = std::move(regression.initial_state_test);
+  result.lag_order_errors = std::move(regression.lag_order_errors);
+  result.smoothing_choice = std::move(regression.smoothing_choice);
+  result.order_scores = std::move(realisation.order_scores);
+  result.refinement = std::move(realisation.refinement);
+  result.singular_value_gap = statistics::median(singular_value_gaps(result.model));
+  result.held_out = holding_out;
+  note_provenance(training, options, result);
+  if (validating) {
+    decision.departures.reset();  // the validation takes its room
+    result.validation = validated(result.model, training, holding_out ? &parts.held_out : nullptr,
+                                  measured ? &measured->all : nullptr, validation);
+    append(warnings, result.validation.warnings);
+    append(warnings, warnings_of_fit(result.validation.one_step.fit, training.names));
+  }
+  if (options.execution.progress) options.execution.progress(1.0);
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
+}
+
+}  // namespace
+
+Identification identify(const Ensemble& ensemble, const IdentifyOptions& options) {
+  return with_remark_on_axes(ensemble, [&] {
+    UsedExperiments used = used_experiments(ensemble);
+    const Measured measured{ensemble, used.rows()};
+    if (used.all(ensemble)) return identified(ensemble, &measured, true, options);
+    ensemble.check();  // what is wrong is reported with the rows of the caller
+    Identification result = identified(ensemble.subset(measured.rows), &measured, true, options);
+    note_data(result.model, fingerprint(ensemble));
+    const Warnings told = warnings_of(used, ensemble);
+    result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+    result.copies = std::move(used.copies);
+    result.dependent = std::move(used.dependent);
+    return result;
+  });
+}
+
+Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated) {
+  return identified(ensemble, nullptr, validated, options);
+}
+
+}  // namespace tokid
