@@ -4,20 +4,23 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/observer_step.hpp"
+
 namespace tokid::design {
 
 Ensemble response(const Model& model, const Matrix& inputs) {
   const Index r = model.inputs, steps = inputs.cols() / r;
   Ensemble e(inputs.rows(), steps, r, model.outputs, model.dt);
-  Matrix x = Matrix::Zero(inputs.rows(), model.n(model.k_begin));
+  Matrix x = Matrix::Zero(inputs.rows(), model.n(model.k_begin)), y, next;
   for (Index k = 0; k < steps; ++k) {
     const auto u = inputs.middleCols(k * r, r);
     e.input(k) = u;
     e.output(k).setZero();
     if (k < model.k_begin) continue;
-    const size_t s = model.index(k);
-    e.output(k) = x * model.step[s].C().transpose() + u * model.step[s].D().transpose();
-    x = x * model.step[s].A().transpose() + u * model.step[s].B().transpose();
+    observer::output(model.at(k), x, u, y);
+    e.output(k) = y;
+    observer::next_state(model.at(k), x, u, next);
+    x.swap(next);
   }
   return e;
 }
@@ -29,17 +32,19 @@ namespace {
 Matrix output_noise(const Model& model, const Matrix& state, Index first, Index k, const NoiseLevel& noise) {
   const Index m = model.outputs, r = model.inputs, steps = k - first + 1;
   Matrix rows = Matrix::Zero(state.rows() + steps * (r + m), steps * m);
-  Matrix x = Matrix::Zero(rows.rows(), state.cols());  // the state that each row has brought about
+  Matrix x = Matrix::Zero(rows.rows(), state.cols()), computed, next;  // x: what each row has brought about
   x.topRows(state.rows()) = state;
   for (Index j = 0; j < steps; ++j) {
-    const size_t s = model.index(first + j);
+    const Step& step = model.at(first + j);
     Matrix w = Matrix::Zero(rows.rows(), r);
     w.middleRows(state.rows() + j * (r + m), r).setIdentity();
     w *= noise.input;
+    observer::output(step, x, w, computed);
     auto y = rows.middleCols(j * m, m);
-    y = x * model.step[s].C().transpose() + w * model.step[s].D().transpose();
+    y = computed;
     y.middleRows(state.rows() + j * (r + m) + r, m) += noise.output * Matrix::Identity(m, m);
-    x = x * model.step[s].A().transpose() + w * model.step[s].B().transpose();
+    observer::next_state(step, x, w, next);
+    x.swap(next);
   }
   return rows;
 }

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <optional>
 
-#include "linalg/tall_product.hpp"
+#include "model/observer_step.hpp"
 
 namespace tokid::stream {
 
@@ -13,64 +13,33 @@ namespace {
 
 const Matrix none;  // departures have no nominal trajectory
 
-// Observer and simulation side by side, experiments as rows, through samples without a gap.
-class Walk {
- public:
-  Walk(const Model& model, const Ensemble& data) : model_(model), data_(data) {}
-
-  // y_k - C_k x - D_k u_k
-  void error(Index k, const Matrix& x, Matrix& e) const {
-    const size_t s = model_.index(k);
-    e.resize(x.rows(), model_.outputs);
-    linalg::tall_products(data_.output(k), {{x, model_.step[s].C(), true}, {data_.input(k), model_.step[s].D(), true}},
-                          e);
-  }
-  // A_k x + B_k u_k
-  void advance(Index k, Matrix& x) {
-    const size_t s = model_.index(k);
-    next_.resize(x.rows(), model_.n(k + 1));
-    linalg::tall_products({{x, model_.step[s].A()}, {data_.input(k), model_.step[s].B()}}, next_);
-    x.swap(next_);
-  }
-  // A_k x + B_k u_k - G_k e
-  void advance(Index k, const Matrix& e, Matrix& x) {
-    const size_t s = model_.index(k);
-    next_.resize(x.rows(), model_.n(k + 1));
-    linalg::tall_products(
-        {{x, model_.step[s].A()}, {data_.input(k), model_.step[s].B()}, {e, model_.step[s].G(), true}}, next_);
-    x.swap(next_);
-  }
-
- private:
-  const Model& model_;
-  const Ensemble& data_;
-  Matrix next_;
-};
-
-// Nothing where a sample is missing.
+// Observer and simulation side by side, through samples without a gap. Nothing where a sample is missing.
 std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index begin, Index end, bool zero,
                                 bool first) {
   ErrorCollector errors(data, none);
-  Walk walk(model, data);
   Index k = zero ? model.k_begin : model.full_begin();
   const Index window = zero ? 0 : estimation_window(model), known = k + window;
   end = std::min(end, model.k_end());
   if (k + window > end) return std::move(errors.totals);
   Matrix observed = zero ? Matrix(Matrix::Zero(data.experiments(), model.n(k)))
                          : Matrix(estimate_state(model, stretch(data, 0, known), k, window).transpose());
-  Matrix simulated, e;
+  Matrix simulated, e, next;
   for (; k < end; ++k) {
+    const Step& step = model.at(k);
+    const auto u = data.input(k), y = data.output(k);
     // In the first stretch from the estimated state on, later from what was known before.
     if (first ? simulated.size() == 0 : k == begin) simulated = observed;
     if (k >= begin && simulated.rows() > 0) {
-      walk.error(k, simulated, e);
+      observer::innovation(step, simulated, u, y, e);
       errors.simulated(k, e);
-      walk.advance(k, simulated);
+      observer::next_state(step, simulated, u, next);
+      simulated.swap(next);
     }
-    walk.error(k, observed, e);
+    observer::innovation(step, observed, u, y, e);
     if (std::isnan(e.sum())) return std::nullopt;  // a gap
     if (k >= std::max(begin, known)) errors.predicted(k, e);
-    walk.advance(k, e, observed);
+    observer::next_state(step, observed, u, e, next);
+    observed.swap(next);
   }
   return std::move(errors.totals);
 }

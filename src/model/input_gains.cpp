@@ -9,6 +9,7 @@
 
 #include "base/nan.hpp"
 #include "model/innovation_checks.hpp"
+#include "model/observer_step.hpp"
 #include "tokid/innovations.hpp"
 #include "tokid/parallel.hpp"
 
@@ -82,20 +83,23 @@ class GainRegression {
   }
 
   void advance(Index k) {
-    const size_t s = model_.index(k);
+    const Step& step = model_.at(k);
     const Matrix u = inputs(k), &e = innovations_[size_t(k)];
     add_outputs(k);
-    std::vector<Matrix> part;  // of the innovations, for α_i = 1
+    std::vector<Matrix> part(size_t(model_.inputs));  // of the innovations, for α_i = 1
     for (Index i = 0; i < model_.inputs; ++i) {
       Matrix &error = error_[size_t(i)], &alone = alone_[size_t(i)];
-      const auto feedthrough = u.col(i) * model_.step[s].D().col(i).transpose(),
-                 drive = u.col(i) * model_.step[s].B().col(i).transpose();
-      alone_squares_.row(i) += (alone * model_.step[s].C().transpose() + feedthrough).colwise().squaredNorm();
-      alone = (alone * model_.step[s].A().transpose() + drive).eval();
-      part.emplace_back(error * model_.step[s].C().transpose() + feedthrough);
-      // The observer corrects by the outputs that are there.
-      const Matrix seen = e.array().isNaN().select(0.0, part.back());
-      error = (error * model_.step[s].A().transpose() + drive + seen * model_.step[s].G().transpose()).eval();
+      own_.setZero(u.rows(), u.cols());
+      own_.col(i) = u.col(i);
+      observer::output(step, alone, own_, output_);
+      alone_squares_.row(i) += output_.colwise().squaredNorm();
+      observer::next_state(step, alone, own_, next_);
+      alone.swap(next_);
+      // The observer expects an effect that the outputs do not have: it corrects by those that are there.
+      observer::output(step, error, own_, part[size_t(i)]);
+      output_ = e.array().isNaN().select(0.0, -part[size_t(i)]);
+      observer::next_state(step, error, own_, output_, next_);
+      error.swap(next_);
     }
     // A state that is not known will be estimated from what follows.
     for (Index n = 0; n < e.rows(); ++n)
@@ -187,6 +191,7 @@ class GainRegression {
   bool centred_;
   Matrix pooled_;                      // covariance, where the model states none
   std::vector<Matrix> error_, alone_;  // (r) of (N × n_k): s_i, and the state of the model with input i alone
+  Matrix own_, output_, next_;         // of one step and input
   Matrix gram_;                        // lower triangle
   Vector cross_;
   Matrix alone_squares_;   // (r × m)

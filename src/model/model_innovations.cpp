@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/nan.hpp"
+#include "model/observer_step.hpp"
 #include "tokid/innovations.hpp"
 #include "tokid/parallel.hpp"
 
@@ -98,28 +99,32 @@ class Filter {
 
   // The innovations of step k, and the states of the next.
   Matrix advance(Index k) {
-    const size_t s = model_.index(k);
+    const Step& step = model_.at(k);
     Matrix u = data_.input(k).rowwise() - nominal(model_.u_nominal, k, model_.inputs);
     for (Index n = 0; n < u.rows(); ++n)
       if (!u.row(n).allFinite()) {
         u.row(n).setZero();
         known_[size_t(n)] = {true, 0, {}, 0};
       }
-    Matrix e = (data_.output(k).rowwise() - nominal(model_.y_nominal, k, model_.outputs)) -
-               (x_ * model_.step[s].C().transpose() + u * model_.step[s].D().transpose());
-    Matrix next = x_ * model_.step[s].A().transpose() + u * model_.step[s].B().transpose();
+    Matrix e;
+    observer::innovation(step, x_, u, data_.output(k).rowwise() - nominal(model_.y_nominal, k, model_.outputs), e);
+    const auto sees_all = [&](Index n) {
+      return !known_[size_t(n)].blind && known_[size_t(n)].exact() && e.row(n).allFinite();
+    };
+    seen_ = e;
+    for (Index n = 0; n < e.rows(); ++n)
+      if (!sees_all(n)) seen_.row(n).setZero();  // corrected below, if at all
+    observer::next_state(step, x_, u, seen_, next_);
     for (Index n = 0; n < e.rows(); ++n) {
       Knowledge& known = known_[size_t(n)];
       if (known.blind) {
         e.row(n).setConstant(nan);
-      } else if (known.exact() && e.row(n).allFinite()) {
-        next.row(n) -= e.row(n) * model_.step[s].G().transpose();
-      } else {
-        next.row(n) += correction(k, known, e.row(n));
+      } else if (!sees_all(n)) {
+        next_.row(n) += correction(k, known, e.row(n));
         if (k < known.from) e.row(n).setConstant(nan);
       }
     }
-    x_ = std::move(next);
+    x_.swap(next_);
     return e;
   }
 
@@ -166,6 +171,7 @@ class Filter {
   Index window_, end_;
   std::vector<Knowledge> known_;  // (N)
   Matrix x_;                      // (N × n_k)
+  Matrix seen_, next_;            // of one step
 };
 
 }  // namespace

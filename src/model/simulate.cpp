@@ -9,8 +9,8 @@
 #include <stdexcept>
 
 #include "base/nan.hpp"
-#include "linalg/tall_product.hpp"
 #include "model/channels.hpp"
+#include "model/observer_step.hpp"
 #include "model/smoother.hpp"
 #include "model/step_by_step.hpp"
 #include "tokid/parallel.hpp"
@@ -24,12 +24,6 @@ namespace {
 void input_departure(const Model& model, const Ensemble& data, Index k, Matrix& u) {
   u = data.input(k);
   if (k < model.u_nominal.rows()) u.rowwise() -= model.u_nominal.row(k);
-}
-
-Matrix input_departure(const Model& model, const Ensemble& data, Index k) {
-  Matrix u;
-  input_departure(model, data, k, u);
-  return u;
 }
 
 void output_departure(const Model& model, const Ensemble& data, Index k, Matrix& y) {
@@ -63,36 +57,6 @@ void store_output(const Model& model, Index k, const Matrix& y, Ensemble& result
   if (k < model.y_nominal.rows()) stored.rowwise() += model.y_nominal.row(k);
 }
 
-// Experiments as rows: z = x aᵀ + u bᵀ.
-void combine(const Matrix& x, const ConstMatrixRef& a, const Matrix& u, const ConstMatrixRef& b, Matrix& z) {
-  z.resize(x.rows(), a.rows());
-  linalg::tall_products({{x, a}, {u, b}}, z);
-}
-
-// y = x Cᵀ + u Dᵀ
-void output(const Model& model, Index k, const Matrix& x, const Matrix& u, Matrix& y) {
-  const size_t s = model.index(k);
-  combine(x, model.step[s].C(), u, model.step[s].D(), y);
-}
-
-Matrix output(const Model& model, Index k, const Matrix& x, const Matrix& u) {
-  Matrix y;
-  output(model, k, x, u, y);
-  return y;
-}
-
-// x⁺ = x Aᵀ + u Bᵀ
-void next_state(const Model& model, Index k, const Matrix& x, const Matrix& u, Matrix& next) {
-  const size_t s = model.index(k);
-  combine(x, model.step[s].A(), u, model.step[s].B(), next);
-}
-
-Matrix next_state(const Model& model, Index k, const Matrix& x, const Matrix& u) {
-  Matrix next;
-  next_state(model, k, x, u, next);
-  return next;
-}
-
 }  // namespace
 
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0) {
@@ -121,9 +85,9 @@ void simulate_each(const Model& model, const Ensemble& inputs, Index k, Matrix x
   for (const Index end = std::min(model.k_end(), inputs.steps()); k < end; ++k) {
     checkpoint();
     input_departure(model, inputs, k, u);
-    output(model, k, x, u, y);
+    observer::output(model.at(k), x, u, y);
     use(k, y);
-    next_state(model, k, x, u, next);
+    observer::next_state(model.at(k), x, u, next);
     x.swap(next);
   }
 }
@@ -184,21 +148,19 @@ class Observer {
 
   // x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) from the inputs u_                                       (9)
   void correct(Index k, const Ensemble& data, Matrix& x, Matrix& y, Matrix& innovation) {
-    output(model_, k, x, u_, y);
+    const Step& step = model_.at(k);
+    observer::output(step, x, u_, y);
     output_departure(model_, data, k, innovation);
     innovation -= y;
     seen_ = innovation;
-    const size_t s = model_.index(k);
-    if (!std::isfinite(seen_.sum())) fill_in(s, seen_);
-    next_.resize(x.rows(), model_.n(k + 1));
-    linalg::tall_products({{x, model_.step[s].A()}, {u_, model_.step[s].B()}, {seen_, model_.step[s].G(), true}},
-                          next_);
+    if (!std::isfinite(seen_.sum())) fill_in(step, seen_);
+    observer::next_state(step, x, u_, seen_, next_);
     x.swap(next_);
   }
 
   // Missing innovations become what those of the other outputs say of them, E[ε_q | ε_o] = S_qo S_oo⁻¹ ε_o: the gain
   // relies on outputs of the same noise to cancel it. Zero where nothing is known.
-  void fill_in(size_t s, Matrix& innovations) const {
+  void fill_in(const Step& step, Matrix& innovations) const {
     std::vector<Index> seen, missing, before;
     Matrix conditional;  // (missing × seen), the same for experiments with the same gaps
     for (Index n = 0; n < innovations.rows(); ++n) {
@@ -211,7 +173,7 @@ class Observer {
         continue;
       }
       if (missing != before) {
-        const Step::View covariance = model_.step[s].innovation_cov();
+        const Step::View covariance = step.innovation_cov();
         const Matrix whitener = linalg::whitener(covariance(seen, seen));
         conditional = covariance(missing, seen) * whitener.transpose() * whitener;
         before = missing;
@@ -272,8 +234,15 @@ namespace {
 
 // Outputs of the steps after the state x (N × n_k) at step k, without correction: those of step k + ahead - 1.
 Matrix outputs_ahead(const Model& model, const Ensemble& data, Index k, Matrix x, Index ahead) {
-  for (const Index last = k + ahead - 1; k < last; ++k) x = next_state(model, k, x, input_departure(model, data, k));
-  return output(model, k, x, input_departure(model, data, k));
+  Matrix u, next, y;
+  for (const Index last = k + ahead - 1; k < last; ++k) {
+    input_departure(model, data, k, u);
+    observer::next_state(model.at(k), x, u, next);
+    x.swap(next);
+  }
+  input_departure(model, data, k, u);
+  observer::output(model.at(k), x, u, y);
+  return y;
 }
 
 bool knows_noise(const Model& model) { return model.has(&Step::has_Q) && model.has(&Step::has_R); }
@@ -398,19 +367,20 @@ Matrix estimate_alike(const Model& model, const Ensemble& data, Index k, Index w
   const Index m = model.outputs, experiments = data.experiments(), n = model.n(k);
   Matrix sensitivity(window * m, n), innovations(window * m, experiments);
   Matrix transition = Matrix::Identity(n, n);  // of the error of x_k through the observer
-  Matrix x = Matrix::Zero(experiments, n);
+  Matrix x = Matrix::Zero(experiments, n), u, innovation, next;
   for (Index j = k; j < k + window; ++j) {
-    const size_t s = model.index(j);
-    const Matrix u = input_departure(model, data, j);
-    Matrix innovation = output_departure(model, data, j) - output(model, j, x, u);
+    const Step& step = model.at(j);
+    input_departure(model, data, j, u);
+    observer::innovation(step, x, u, output_departure(model, data, j), innovation);
     Vector present = Vector::Ones(m);
     for (Index i = 0; i < m; ++i)
       if (!std::isfinite(data.y(0, j, i))) present(i) = 0.0, innovation.col(i).setZero();
-    const Matrix seen = present.asDiagonal() * model.step[s].C();
+    const Matrix seen = present.asDiagonal() * step.C();
     sensitivity.middleRows((j - k) * m, m) = whitener * seen * transition;
     innovations.middleRows((j - k) * m, m) = whitener * innovation.transpose();
-    x = next_state(model, j, x, u) - innovation * model.step[s].G().transpose();
-    transition = (model.step[s].A() + model.step[s].G() * seen) * transition;
+    observer::next_state(step, x, u, innovation, next);
+    x.swap(next);
+    transition = (step.A() + step.G() * seen) * transition;
   }
   const linalg::MinimumNorm solution = linalg::minimum_norm(sensitivity, innovations, unseen);
   return solution.rank < n ? Matrix::Constant(n, experiments, nan) : solution.x;

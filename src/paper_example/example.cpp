@@ -10,6 +10,7 @@
 #include <unsupported/Eigen/MatrixFunctions>
 
 #include "base/random.hpp"
+#include "model/observer_step.hpp"
 #include "tokid/observer.hpp"
 #include "tokid/version.hpp"
 
@@ -166,7 +167,7 @@ Ensemble expected_moments(const Model& system) {
   Ensemble ensemble(sources, T, system.inputs, system.outputs, system.dt);
   ensemble.names = system.names;
   ensemble.initial_state = system.initial_state;
-  Matrix x = Matrix::Zero(sources, n0);
+  Matrix x = Matrix::Zero(sources, n0), y, next;
   Index row = 0;
   const auto excite = [&](auto&& target, const Matrix& f) {
     target.middleRows(row, f.cols()) += f.transpose();
@@ -177,9 +178,10 @@ Ensemble expected_moments(const Model& system) {
     const size_t s = size_t(k);
     Matrix u = Matrix::Zero(sources, system.inputs);
     excite(u, Matrix::Identity(system.inputs, system.inputs));
-    Matrix y = x * system.step[s].C().transpose() + u * system.step[s].D().transpose();
+    observer::output(system.step[s], x, u, y);
     excite(y, factor(system.step[s].R(), "R"));
-    x = x * system.step[s].A().transpose() + u * system.step[s].B().transpose();
+    observer::next_state(system.step[s], x, u, next);
+    x.swap(next);
     excite(x, factor(system.step[s].Q(), "Q"));
     ensemble.input(k) = weight * u;
     ensemble.output(k) = weight * y;

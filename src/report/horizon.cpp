@@ -6,6 +6,7 @@
 
 #include "base/nan.hpp"
 #include "model/expected_errors.hpp"
+#include "model/observer_step.hpp"
 #include "report/bounds.hpp"
 
 namespace tokid::report {
@@ -54,16 +55,18 @@ Vector forced_response(const Model& model, const Ensemble& data, Index begin, In
   Vector squares = Vector::Zero(model.outputs);
   double count = 0.0;
   for (Index start = begin; start < begin + starts; start += stride) {
-    Matrix x = Matrix::Zero(data.experiments(), model.n(start));
+    Matrix x = Matrix::Zero(data.experiments(), model.n(start)), y, next;
     const Index last = std::min(start + horizon, end) - 1;
     for (Index k = start; k <= last; ++k) {
-      const size_t s = model.index(k);
       Matrix u = data.input(k);
       u = u.array().isNaN().select(0.0, u);
       if (data.experiments() > 1) u.rowwise() -= Eigen::RowVectorXd(u.colwise().mean());
-      if (k == last)
-        squares += (x * model.step[s].C().transpose() + u * model.step[s].D().transpose()).colwise().squaredNorm();
-      x = (x * model.step[s].A().transpose() + u * model.step[s].B().transpose()).eval();
+      if (k == last) {
+        observer::output(model.at(k), x, u, y);
+        squares += y.colwise().squaredNorm();
+      }
+      observer::next_state(model.at(k), x, u, next);
+      x.swap(next);
     }
     count += double(data.experiments());
   }
