@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/kalman_step.hpp"
 #include "model/observer_step.hpp"
 
 namespace tokid::design {
@@ -100,10 +101,8 @@ NoisyRegression noisy_regression(const Model& model, const Ensemble& response, I
       }
     }
     if (k - lags >= model.k_begin) {
-      const size_t s = model.index(k - lags);
-      Matrix next(state.rows() + r, model.step[s].A().rows());
-      next << state * model.step[s].A().transpose(), noise.input * model.step[s].B().transpose();
-      state = linalg::triangular_factor(next);
+      const Step& step = model.at(k - lags);
+      state = kalman::next_root(state * step.A().transpose(), noise.input * step.B().transpose());
     }
   }
   NoisyRegression result;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/nan.hpp"
+#include "model/kalman_step.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid {
@@ -12,11 +13,12 @@ namespace {
 
 // The observer of an exact model has a state that the past tells, x̄_{k+1} = A x̄_k + B u_k - G_k ε_k with white ε, and
 // y_k = C x̄_k + D u_k + ε_k. Computed outputs that are not corrected have a state that is off by δ:
-// δ_{k+1} = A δ_k - G_k ε_k, and leave C_k δ_k + ε_k.
-Matrix next_covariance(const Model& model, const std::vector<Matrix>& covariances, Index k, const Matrix& p) {
-  const size_t s = model.index(k);
-  return model.step[s].A() * p * model.step[s].A().transpose() +
-         model.step[s].G() * covariances[s] * model.step[s].G().transpose();
+// δ_{k+1} = A δ_k - G_k ε_k, and leave C_k δ_k + ε_k. The Kalman filter without its correction: p from step k to k+1.
+void propagate(const Model& model, const std::vector<Matrix>& covariances, Index k, Matrix& p) {
+  const Step& step = model.at(k);
+  Matrix ap, next;
+  kalman::propagate(p, step.A(), step.G() * covariances[model.index(k)] * step.G().transpose(), ap, next);
+  p.swap(next);
 }
 
 Vector output_variance(const Model& model, const std::vector<Matrix>& covariances, Index k, const Matrix& p) {
@@ -89,7 +91,7 @@ Matrix expected_simulation_errors(const Model& model, const std::vector<Matrix>&
   for (; k < end; ++k) {
     checkpoint();
     result.row(k) = output_variance(model, covariances, k, p);
-    p = next_covariance(model, covariances, k, p);
+    propagate(model, covariances, k, p);
   }
   return result;
 }
@@ -108,7 +110,7 @@ Matrix expected_prediction_errors(const Model& model, const std::vector<Matrix>&
     for (Index h = 0; h < std::min(horizons, end - start); ++h) {
       sum.row(h) += output_variance(model, covariances, start + h, p);
       ++count(h);
-      p = next_covariance(model, covariances, start + h, p);
+      propagate(model, covariances, start + h, p);
     }
   }
   return count.cwiseInverse().asDiagonal() * sum;

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/nan.hpp"
+#include "model/kalman_step.hpp"
 #include "model/observer_step.hpp"
 #include "tokid/innovations.hpp"
 #include "tokid/parallel.hpp"
@@ -128,30 +129,33 @@ class Filter {
     return e;
   }
 
-  // With δ_k the difference of the states, the innovations seen are E (ε_k + C δ_k), their covariance is
-  // Σ = E (S + C P Cᵀ) Eᵀ, and δ_{k+1} = A δ_k - G ε_k less the correction K by what is seen. Scales e to covariance
-  // E S Eᵀ.
+  // With δ_k the difference of the states, the innovations seen are E (ε_k + C δ_k), and δ_{k+1} = A δ_k - G ε_k: a
+  // step of the Kalman filter with l = [δ; ε]. Scales e from covariance Σ = E (S + C P Cᵀ) Eᵀ to E S Eᵀ. \return what
+  // to add to the next state
   Eigen::RowVectorXd correction(Index k, Knowledge& known, Eigen::Ref<Eigen::RowVectorXd, 0, Eigen::InnerStride<>> e) {
-    const size_t s = model_.index(k);
-    const Step::View a = model_.step[s].A(), g = model_.step[s].G(), noise = model_.step[s].innovation_cov();
-    if (known.exact()) known.error = Matrix::Zero(a.cols(), a.cols());
-    const Matrix& error = known.error;
+    const Step& step = model_.at(k);
+    const Step::View noise = step.innovation_cov();
+    const Index n = step.states(), m = model_.outputs, q = n + m;
+    prior_.setZero(q, q);
+    if (!known.exact()) prior_.topLeftCorner(n, n) = known.error;
+    prior_.bottomRightCorner(m, m) = noise;
+    f_.resize(step.next_states(), q);
+    f_ << step.A(), -step.G();
     const std::vector<Index> seen = finite_entries(e);
-    const Index count = static_cast<Index>(seen.size());
-    Matrix gain = Matrix::Zero(a.rows(), model_.outputs);
-    Eigen::RowVectorXd correction = Eigen::RowVectorXd::Zero(a.rows());
-    if (count > 0) {
-      const Matrix c = model_.step[s].C()(seen, Eigen::all);
-      const Matrix own = noise(seen, seen), w = linalg::whitener(own + c * error * c.transpose());
-      const Matrix shared = noise(Eigen::all, seen);
-      const Matrix k_seen = (a * error * c.transpose() - g * shared) * w.transpose() * w;
-      gain(Eigen::all, seen) = k_seen;
+    Eigen::RowVectorXd correction = Eigen::RowVectorXd::Zero(f_.rows());
+    if (!seen.empty()) {
+      h_.resize(m, q);
+      h_ << step.C(), Matrix::Identity(m, m);
+      r_.setZero(m, m);
+      kalman::leave_out_missing(seen, h_, r_);
+      kalman::correct(prior_, h_, r_, work_, corrected_);
       const Vector innovation = e(seen).transpose();
-      correction = (k_seen * innovation).transpose();
-      e(seen) = (linalg::pseudo_inverse(linalg::whitener(own)) * w * innovation).transpose();
+      correction = (f_ * (corrected_.gain(Eigen::all, seen) * innovation)).transpose();
+      const Matrix own = linalg::whitener(noise(seen, seen)), all = linalg::whitener(work_.innovation(seen, seen));
+      e(seen) = (linalg::pseudo_inverse(own) * all * innovation).transpose();
     }
-    const Matrix f = a - gain * model_.step[s].C(), h = g + gain;
-    known.error = f * error * f.transpose() + h * noise * h.transpose();
+    kalman::propagate(seen.empty() ? prior_ : corrected_.filtered, f_, Matrix::Zero(f_.rows(), f_.rows()), fp_,
+                      known.error);
     settle(k, known);
     return correction;
   }
@@ -171,7 +175,10 @@ class Filter {
   Index window_, end_;
   std::vector<Knowledge> known_;  // (N)
   Matrix x_;                      // (N × n_k)
-  Matrix seen_, next_;            // of one step
+  // of one step
+  Matrix seen_, next_, prior_, f_, fp_, h_, r_;
+  kalman::Workspace work_;
+  kalman::Correction corrected_;
 };
 
 }  // namespace

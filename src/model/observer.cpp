@@ -7,7 +7,7 @@
 #include <ranges>
 #include <stdexcept>
 
-#include "model/riccati.hpp"
+#include "model/kalman_step.hpp"
 
 namespace tokid {
 
@@ -133,20 +133,17 @@ KalmanFilter kalman_filter(const Model& model) {
   KalmanFilter filter;
   Matrix root = Matrix::Zero(0, model.n(model.k_begin));  // Sᵀ, P = S Sᵀ
   if (model.x0_cov.size() > 0) root = root_of(model.x0_cov, "x0_cov", model.k_begin, model.n(model.k_begin));
-  filter.P.push_back(covariance_of(root));
+  filter.P.push_back(kalman::covariance_of(root));
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
     const size_t step = model.index(k);
-    // F = [R^{1/2}ᵀ; SᵀCᵀ], and what is left of [0; Sᵀ] is a root of Joseph's P⁺ = (I - K C) P (I - K C)ᵀ + K R Kᵀ.
     const Matrix noise = root_of(model.step[step].R(), "R", k, model.outputs);
-    const Matrix f = linalg::stacked(noise, root * model.step[step].C().transpose());
+    const Matrix seen = linalg::stacked(noise, root * model.step[step].C().transpose());
     Matrix rest = linalg::stacked(Matrix::Zero(noise.rows(), model.n(k)), root);
-    filter.innovation_cov.push_back(covariance_of(f));
-    filter.K.push_back(prediction_gain(f, rest));
-
-    Matrix next =
-        linalg::stacked(rest * model.step[step].A().transpose(), root_of(model.step[step].Q(), "Q", k, model.n(k + 1)));
-    root = linalg::triangular_factor(next);
-    filter.P.push_back(covariance_of(root));
+    filter.innovation_cov.push_back(kalman::covariance_of(seen));
+    filter.K.push_back(kalman::prediction_gain(seen, rest));
+    root = kalman::next_root(rest * model.step[step].A().transpose(),
+                             root_of(model.step[step].Q(), "Q", k, model.n(k + 1)));
+    filter.P.push_back(kalman::covariance_of(root));
   }
   return filter;
 }

@@ -4,13 +4,11 @@
 #include <algorithm>
 
 #include "base/rounding.hpp"
+#include "model/kalman_step.hpp"
 
 namespace tokid {
 
 namespace {
-
-// Directions of the innovations below this share of the largest carry nothing but rounding errors.
-constexpr double singular = 1e-12;
 
 // Periods after which the gains of a periodic model have settled.
 constexpr Index most_settling = 1000;
@@ -21,11 +19,12 @@ class Riccati {
   Riccati(const Model& model, const NoiseRoots& noise)
       : model_(model), noise_(noise), root_(Matrix::Zero(0, model.n(model.k_begin))) {}
 
-  Matrix covariance() const { return covariance_of(root_); }
+  Matrix covariance() const { return kalman::covariance_of(root_); }
 
   struct Step {
     Matrix gain, innovation_cov;
   };
+  // l = [x; ε], without noise of the outputs beyond ε: y = C x + ε and F = [A -G], w = w'.
   Step advance(size_t s) {
     const Matrix& sigma = noise_.innovation[s];
     Matrix seen = linalg::stacked(sigma, root_ * model_.step[s].C().transpose());
@@ -33,10 +32,9 @@ class Riccati {
     Matrix rest = linalg::stacked(-sigma * model_.step[s].G().transpose(), root_ * model_.step[s].A().transpose());
     const Matrix missing = missing_noise(seen);
     rest = linalg::stacked(rest, Matrix::Zero(missing.rows(), rest.cols()));
-    const Matrix gain = prediction_gain(linalg::stacked(seen, missing), rest);
-    Matrix next = linalg::stacked(rest, noise_.state[s]);
-    root_ = linalg::triangular_factor(next);
-    return {-gain, covariance_of(seen)};
+    const Matrix gain = kalman::prediction_gain(linalg::stacked(seen, missing), rest);
+    root_ = kalman::next_root(rest, noise_.state[s]);
+    return {-gain, kalman::covariance_of(seen)};
   }
 
  private:
@@ -44,7 +42,7 @@ class Riccati {
   Matrix missing_noise(const Matrix& seen) const {
     const Vector& size = noise_.output_size;
     const Vector unit = (size.array() > 0).select(size.cwiseInverse(), 0.0);
-    const auto [variance, directions] = linalg::symmetric_eigensystem(covariance_of(seen * unit.asDiagonal()));
+    const auto [variance, directions] = linalg::symmetric_eigensystem(kalman::covariance_of(seen * unit.asDiagonal()));
     const double least = least_noise * least_noise * variance(variance.size() - 1);
     const Index lacking = (variance.array() < least).count();
     return (least - variance.head(lacking).array().max(0.0)).sqrt().matrix().asDiagonal() *
@@ -57,21 +55,6 @@ class Riccati {
 };
 
 }  // namespace
-
-Matrix prediction_gain(const Matrix& seen, Matrix& rest) {
-  Vector scale = seen.colwise().norm();  // outputs in any units
-  scale = (scale.array() > 0).select(scale.cwiseInverse(), 1.0);
-  const Matrix transposed = scale.asDiagonal() * linalg::minimum_norm(seen * scale.asDiagonal(), rest, singular).x;
-  rest -= seen * transposed;
-  return transposed.transpose();
-}
-
-Matrix covariance_of(const Matrix& root) {
-  Matrix product = Matrix::Zero(root.cols(), root.cols());
-  product.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
-  product.triangularView<Eigen::StrictlyUpper>() = product.transpose();
-  return product;
-}
 
 void drop_rounding(Matrix& residuals, const Vector& size) {
   for (Index j = 0; j < residuals.cols(); ++j)

@@ -1,5 +1,5 @@
 // The gains of the Kalman filter of a model in innovations form whose states have noise beyond the innovations.
-// Covariances are carried as roots, Σ = RᵀR, of which rounding errors take half as many digits.
+// Covariances are carried as roots (model/kalman_step.hpp).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,14 +12,6 @@ namespace tokid {
 // The least noise of any combination of outputs, as shares of their sizes, beside that of the noisiest. One that has
 // less counts as if it had this: its gain would fit nothing but how a model of few states errs.
 inline constexpr double least_noise = 1e-6;
-
-// Rows are independent sources of variance 1, `seen` (rows × m) is what they do to the innovations, `rest` (rows × n)
-// to what is to be predicted. \return the gain K (n × m) of the best prediction, min ‖seen·Kᵀ - rest‖, of smallest norm
-// where innovations are singular; `rest` keeps what is left, a root of its covariance.
-Matrix prediction_gain(const Matrix& seen, Matrix& rest);
-
-// rootᵀ·root, symmetric to the last bit.
-Matrix covariance_of(const Matrix& root);
 
 // Sets columns of residuals (rows × m) to zero that are nothing but rounding errors of the outputs, whose norms are
 // `size` (m), and those of outputs at rest: gains would be read off them.

@@ -13,7 +13,7 @@
 #include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "linalg/symmetric.hpp"
-#include "model/riccati.hpp"
+#include "model/kalman_step.hpp"
 #include "noise/em/anderson.hpp"
 #include "noise/em/estimator.hpp"
 #include "tokid/observer.hpp"
@@ -72,7 +72,8 @@ Matrix process_noise(const Matrix& s, const Model& model) {
         "innovation_cov: no covariance found, symmetric matrices without negative eigenvalues are needed");
   Matrix q = 1e-3 * estimation_covariance(model, s, 0, model.steps());
   // By roots: gains that cancel the noise which outputs have in common are far larger than what they leave.
-  for (const Step& step : model.step) q += covariance_of((step.G() * *root).transpose()) / double(model.steps());
+  for (const Step& step : model.step)
+    q += kalman::covariance_of((step.G() * *root).transpose()) / double(model.steps());
   q += 0.01 * Matrix(q.diagonal().asDiagonal());
   linalg::symmetrise(q);
   return q;

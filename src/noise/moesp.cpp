@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "data/channel_sizes.hpp"
+#include "model/kalman_step.hpp"
 #include "model/riccati.hpp"
 #include "noise/rounding.hpp"
 
@@ -167,7 +168,7 @@ class Moesp {
       const Matrix factor = stacks[size_t(g)].factor() / std::sqrt(std::max(1.0, count(g)));
       Matrix innovations = factor.leftCols(m_), rest = factor.rightCols(n_);
       drop_rounding(innovations, noise.output_size);
-      gain.emplace_back(-prediction_gain(innovations, rest));
+      gain.emplace_back(-kalman::prediction_gain(innovations, rest));
       of_group.innovation.push_back(std::move(innovations));
       of_group.state.push_back(std::move(rest));
     }
@@ -177,7 +178,7 @@ class Moesp {
       model_.step[size_t(k)].G() = noisy_ ? gain[size_t(g)] : Matrix(-state(next(g)).rightCols(m_));
       noise.innovation.push_back(of_group.innovation[size_t(g)]);
       noise.state.push_back(of_group.state[size_t(g)]);
-      model_.step[size_t(k)].set_innovation_cov(covariance_of(noise.innovation.back()));
+      model_.step[size_t(k)].set_innovation_cov(kalman::covariance_of(noise.innovation.back()));
     }
     if (noisy_) filter_gains(model_, noise);
   }

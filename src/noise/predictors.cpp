@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "base/integers.hpp"
+#include "model/kalman_step.hpp"
 #include "model/riccati.hpp"
 #include "noise/moesp.hpp"
 #include "noise/rounding.hpp"
@@ -427,7 +428,7 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
     noise.innovation.push_back(pooled ? root(shared_outputs, rows_outputs, 0, m) : root(y.residual, y.rows, n + r, m));
     noise.state.push_back(pooled && full(Index(g)) ? root(shared_states, rows_states, 0, next)
                                                    : root(x.residual, x.rows, n + r + errors, next));
-    step.set_innovation_cov(covariance_of(noise.innovation.back()));
+    step.set_innovation_cov(kalman::covariance_of(noise.innovation.back()));
     step.set_singular_values(factors.group[g].singular_values);
     step.set_condition(y.condition);
     step.set_rank(y.rank);

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "model/kalman_step.hpp"
+
+#include "linalg/symmetric.hpp"
+
+namespace tokid::kalman {
+
+namespace {
+
+// Directions of the innovations below this share of the largest carry nothing but rounding errors.
+constexpr double singular = 1e-12;
+
+}  // namespace
+
+// F P Fᵀ + Q
+void propagate(const Matrix& p, const Matrix& f, const ConstMatrixRef& q, Matrix& fp, Matrix& result) {
+  fp.noalias() = f * p;
+  result = q;
+  result.noalias() += fp * f.transpose();
+  linalg::symmetrise(result);
+}
+
+// S = H P Hᵀ + R,   K = P Hᵀ S⁻¹,   P' = (I - K H) P (I - K H)ᵀ + K R Kᵀ
+void correct(const Matrix& p, const Matrix& h, const Matrix& r, Workspace& work, Correction& c) {
+  propagate(p, h, r, work.hp, work.innovation);
+  c.log_det = linalg::inverse_root(work.innovation, c.whitener);
+  work.whp.noalias() = c.whitener * work.hp;
+  c.gain.noalias() = work.whp.transpose() * c.whitener;
+  work.left.setIdentity(p.rows(), p.rows());
+  work.left.noalias() -= c.gain * h;
+  work.product.noalias() = work.left * p;
+  c.filtered.noalias() = work.product * work.left.transpose();
+  work.product.noalias() = c.gain * r;
+  c.filtered.noalias() += work.product * c.gain.transpose();
+  linalg::symmetrise(c.filtered);
+}
+
+void leave_out_missing(const std::vector<Index>& there, Matrix& h, Matrix& r) {
+  each_missing(there, h.rows(), [&](Index j) {
+    h.row(j).setZero();
+    r.row(j).setZero();
+    r.col(j).setZero();
+    r(j, j) = 1.0;
+  });
+}
+
+// Kᵀ = seen⁺ rest
+Matrix prediction_gain(const Matrix& seen, Matrix& rest) {
+  Vector scale = seen.colwise().norm();  // outputs in any units
+  scale = (scale.array() > 0).select(scale.cwiseInverse(), 1.0);
+  const Matrix transposed = scale.asDiagonal() * linalg::minimum_norm(seen * scale.asDiagonal(), rest, singular).x;
+  rest -= seen * transposed;
+  return transposed.transpose();
+}
+
+Matrix next_root(const Matrix& rest, const Matrix& noise) {
+  Matrix both = linalg::stacked(rest, noise);
+  return linalg::triangular_factor(both);
+}
+
+Matrix covariance_of(const Matrix& root) {
+  Matrix product = Matrix::Zero(root.cols(), root.cols());
+  product.selfadjointView<Eigen::Lower>().rankUpdate(root.transpose());
+  product.triangularView<Eigen::StrictlyUpper>() = product.transpose();
+  return product;
+}
+
+}  // namespace tokid::kalman
