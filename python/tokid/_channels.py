@@ -8,10 +8,33 @@ from typing import Union
 from . import _tokid
 
 
+Core = Union[_tokid.Ensemble, _tokid.Model]
+
+
+def input_names(core: Core) -> list[str]:
+    """Names (r) of the inputs, u1 … ur where none were given."""
+    return core.input_names or [f"u{i + 1}" for i in range(core.inputs)]
+
+
+def output_names(core: Core) -> list[str]:
+    """Names (m) of the outputs, y1 … ym where none were given."""
+    return core.output_names or [f"y{j + 1}" for j in range(core.outputs)]
+
+
+def input_units(core: Core) -> list[str]:
+    """Units (r) of the inputs, "" where they are not known."""
+    return core.input_units or [""] * core.inputs
+
+
+def output_units(core: Core) -> list[str]:
+    """Units (m) of the outputs, "" where they are not known."""
+    return core.output_units or [""] * core.outputs
+
+
 class Channels:
     """What ensembles and models say of their inputs and outputs."""
 
-    _core: Union[_tokid.Ensemble, _tokid.Model]
+    _core: Core
     __slots__ = ()
 
     @property
@@ -27,19 +50,19 @@ class Channels:
     @property
     def input_names(self) -> list[str]:
         """Names (r) of the inputs, u1 … ur where none were given."""
-        return self._core.input_names or [f"u{i + 1}" for i in range(self.inputs)]
+        return input_names(self._core)
 
     @property
     def output_names(self) -> list[str]:
         """Names (m) of the outputs, y1 … ym where none were given."""
-        return self._core.output_names or [f"y{j + 1}" for j in range(self.outputs)]
+        return output_names(self._core)
 
     @property
     def input_units(self) -> list[str]:
         """Units (r) of the inputs, "" where they are not known."""
-        return self._core.input_units or [""] * self.inputs
+        return input_units(self._core)
 
     @property
     def output_units(self) -> list[str]:
         """Units (m) of the outputs, "" where they are not known."""
-        return self._core.output_units or [""] * self.outputs
+        return output_units(self._core)

@@ -10,11 +10,12 @@ from typing import Any, Optional
 import numpy as np
 
 from . import _options, _tokid
-from ._ensemble import Ensemble, describe, label, labels_of
+from ._channels import input_names, output_names
 from ._optional import need
+from ._samples import describe, experiment_names, label, labels_of
+from ._time_grid import Grid, seconds, text_of
 from ._typing import Array, ArrayLike
 
-_EPSILON = float(np.finfo(np.float64).eps)
 _RESERVED = ("experiment", "time", "k")
 _NOTES = "tokid"  # in DataFrame.attrs: what a table has no place for
 _ROWS_AS_STEPS = (
@@ -37,11 +38,6 @@ def is_dataframe(data: Any) -> bool:
 
 def _quoted(names: Sequence[str]) -> str:
     return "'" + "', '".join(names) + "'" if names else "nothing"
-
-
-def _text(number: float) -> str:
-    text = repr(float(number))
-    return text[:-2] if text.endswith(".0") else text
 
 
 def _time_unit(name: Any) -> Optional[tuple[float, float]]:
@@ -203,17 +199,6 @@ class _Table:
         return seconds(series.to_numpy(dtype="datetime64[ns]" if series.dtype.kind == "M" else "timedelta64[ns]"))
 
 
-def seconds(stamps: np.ndarray[Any, Any]) -> Array:
-    """Times [s] of time differences, or of dates from the first one on."""
-    missing = np.isnat(stamps)
-    dates = stamps.dtype.kind == "M"
-    nanoseconds = stamps.astype("datetime64[ns]" if dates else "timedelta64[ns]").astype(np.int64)
-    if dates and not missing.all():
-        nanoseconds = nanoseconds - nanoseconds[~missing].min()
-    times: Array = np.where(missing, np.nan, nanoseconds / 1e9)
-    return times
-
-
 def _number(value: Any, row: int, name: str) -> float:
     text = str(value).strip()
     if isinstance(value, str) and text in ("", "NA"):
@@ -226,75 +211,7 @@ def _number(value: Any, row: int, name: str) -> float:
     raise ValueError(f"row {row}, column '{name}': '{value}' found, a number needed")
 
 
-# ---- the grid of time ----
-
-
-def _distinct(times: Array, resolution: float) -> Array:
-    """Distinct times; those closer than rounding errors make them are one."""
-    times = np.unique(times)
-    if len(times) < 2:
-        return times
-    same = max(resolution, 1e-6 * float(np.diff(times).max()))
-    if np.all(np.diff(times) > same):
-        return times
-    kept = [times[0]]
-    for time in times[1:]:
-        if time - kept[-1] > same:
-            kept.append(time)
-    return np.asarray(kept)
-
-
-def _spacing(times: Array) -> float:
-    """The even spacing: the smallest distance counts the steps of the others, and the whole range refines it."""
-    if len(times) < 2:
-        return 1.0
-    gaps = np.diff(times)
-    steps = float(np.floor(gaps / gaps.min() + 0.5).sum())
-    refined = float(times[-1] - times[0]) / steps
-    # Of the numbers that the times allow for, the one that was meant has few digits.
-    rounded = float(f"{refined:.12g}")
-    uncertainty = 2 * _EPSILON * (refined + max(abs(float(times[0])), abs(float(times[-1]))) / steps)
-    return rounded if abs(rounded - refined) <= uncertainty else refined
-
-
-class Grid:
-    def __init__(
-        self, times: Array, timed: bool, dt: Optional[float], noted: Optional[float], groups: int, rounded: float
-    ) -> None:
-        resolution = rounded + 4 * _EPSILON * max(abs(float(times.min())), abs(float(times.max())))
-        self.begin = float(times.min())
-        spacing = 1.0
-        self.dt_stated = dt is not None or noted is not None
-        if timed:
-            distinct = _distinct(times, resolution)
-            found = _spacing(distinct)
-            self.dt_stated = self.dt_stated or len(distinct) > 1
-            # What is noted is the exact one, if it still is that of the rows.
-            still = noted is not None and (len(distinct) < 2 or abs(found - noted) <= 1e-6 * noted)
-            self.dt = spacing = dt if dt is not None else noted if noted is not None and still else found
-        else:
-            self.dt = dt if dt is not None else noted if noted is not None else 1.0
-        if not 0 < self.dt < np.inf:
-            raise ValueError(f"dt: {_text(self.dt)} found, a positive time in seconds needed")
-        # Columns of NumPy's own arithmetic: the error of a wild number is a message, not a warning.
-        with np.errstate(all="ignore"):
-            step = np.floor((times - self.begin) / spacing + 0.5)
-            uneven = ~(np.abs(times - self.begin - step * spacing) <= 1e-6 * spacing + resolution)
-        if timed and uneven.any():
-            row = int(np.flatnonzero(uneven)[0])
-            off = abs(times[row] - self.begin - step[row] * spacing)
-            raise ValueError(
-                f"row {row}, column 'time': {_text(times[row])} found, {off:.4g} off the even steps of {_text(spacing)} "
-                f"from {_text(self.begin)} on, which are needed (or step numbers in a column 'k')"
-            )
-        steps = float(step.max()) + 1
-        # A wild time or step number would otherwise ask for more memory than the table can be worth.
-        if not steps * groups <= 1e6 + 1000 * len(times):
-            raise ValueError(
-                f"{groups} experiments of {_text(steps)} steps found in {len(times)} rows, fewer gaps needed"
-            )
-        self.steps = int(steps)
-        self.step = step.astype(np.int64)
+# ---- experiments and steps ----
 
 
 def _experiments(table: _Table, column: Optional[int]) -> tuple[Any, list[Any]]:
@@ -346,7 +263,7 @@ def _same_origin(times: Array, experiment: Any, names: list[Any]) -> None:
     first, last = int(np.argmin(begin)), int(np.argmax(begin))
     if begin[last] > end[first]:
         raise ValueError(
-            f"column 'time': experiment '{names[last]}' begins {_text(begin[last] - end[first])} s behind the end of "
+            f"column 'time': experiment '{names[last]}' begins {text_of(begin[last] - end[first])} s behind the end of "
             f"'{names[first]}', times from a common origin needed: time less the begin of its experiment"
         )
 
@@ -359,8 +276,8 @@ def _common_steps(steps: Array, experiment: Any, names: list[Any], column: str) 
     first, last = int(np.argmin(end)), int(np.argmax(begin))
     if begin[last] > end[first]:
         raise ValueError(
-            f"column '{column}': experiment '{names[last]}' begins at {_text(begin[last])}, when experiment "
-            f"'{names[first]}' has ended at {_text(end[first])}; step numbers from the begin of each experiment on "
+            f"column '{column}': experiment '{names[last]}' begins at {text_of(begin[last])}, when experiment "
+            f"'{names[first]}' has ended at {text_of(end[first])}; step numbers from the begin of each experiment on "
             "needed, or the name 'k'"
         )
 
@@ -493,9 +410,8 @@ def tidy(dt: Optional[float], labels: Any, columns: Sequence[tuple[Sequence[str]
     return pandas().DataFrame(values)
 
 
-def to_dataframe(data: Ensemble) -> Any:
+def to_dataframe(core: _tokid.Ensemble) -> Any:
     pandas()
-    core = data._ready()
     if core.free_y is not None:
         raise ValueError("free responses don't fit into a DataFrame; .npz, .h5 or .mat needed")
     u, y = core.u(), core.y()
@@ -504,67 +420,22 @@ def to_dataframe(data: Ensemble) -> Any:
     kept[:1] = True
     kept[:, :1] = True
     stated = core.dt if core.dt_stated else None
-    table = tidy(stated, labels_of(core), [(data.input_names, u), (data.output_names, y)], kept)
+    table = tidy(stated, labels_of(core), [(input_names(core), u), (output_names(core), y)], kept)
     notes: dict[str, Any] = {"dt": core.dt} if core.dt_stated else {}
     if core.initial_state is not None:
         notes["initial_state"] = core.initial_state
     if core.length:
-        notes["length"] = {name: int(length) for name, length in zip(data.experiment_names, core.length)}
+        notes["length"] = {name: int(length) for name, length in zip(experiment_names(core), core.length)}
     if core.input_names:
         notes["input_names"] = list(core.input_names)
     if core.output_names:
         notes["output_names"] = list(core.output_names)
     units = {
         name: unit
-        for names, kind in ((data.input_names, core.input_units), (data.output_names, core.output_units))
+        for names, kind in ((input_names(core), core.input_units), (output_names(core), core.output_units))
         for name, unit in zip(names, kind)
     }
     if units:
         notes["units"] = units
     table.attrs[_NOTES] = notes
     return table
-
-
-def outputs_to_dataframe(model: Any, u: Any, y: Any, horizon: int, x0: Optional[ArrayLike], initial_state: str) -> Any:
-    """Measured outputs beside computed ones."""
-    pandas()
-    data, _ = model._data(u, y)
-    ensemble = Ensemble._of(data)
-    names = model.output_names if not data.output_names else ensemble.output_names
-    inputs = model.input_names if not data.input_names else ensemble.input_names
-    columns = [(inputs, np.asarray(ensemble.u))]
-    if data.outputs:
-        columns.append((names, np.asarray(ensemble.y)))
-    if data.outputs and x0 is None:  # initial states that are unknown are those that the first outputs tell
-        initial = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
-        simulated = model._core.simulate_data(data, initial).outputs_copied()
-    else:
-        simulated = model.simulate(ensemble, x0)
-    columns.append(([f"simulated_{name}" for name in names], simulated))
-    if data.outputs:
-        predicted = model.predict(ensemble, horizon=horizon, initial_state=initial_state)
-        columns.append(([f"predicted_{name}" for name in names], predicted))
-    return tidy(data.dt, labels_of(data), columns)
-
-
-def core_from(data: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
-    """The data of a call of identify, whose names are those of the columns."""
-    rest = {name: described.get(name) for name in ("length", "free_y", "input_units", "output_units")}
-    if described.get("experiment_names") is not None:
-        raise ValueError("experiment_names: found beside a DataFrame, whose column 'experiment' has them")
-    return from_dataframe(
-        data,
-        inputs=described.get("input_names"),
-        outputs=described.get("output_names"),
-        dt=dt,
-        outputs_required=True,
-        **rest,
-    )
-
-
-def core_for(model: Any, data: Any, outputs_required: bool) -> _tokid.Ensemble:
-    """The data of a call of a model: the columns of its channels."""
-    inputs, outputs = model._core.input_names, model._core.output_names
-    if not outputs_required and not set(outputs) <= {str(label) for label in data.columns}:
-        outputs = None
-    return from_dataframe(data, inputs=inputs, outputs=outputs, outputs_required=outputs_required)

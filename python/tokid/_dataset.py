@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Datasets of xarray, by the names of dimensions and coordinates that `Ensemble.to_xarray` gives them."""
+"""Datasets of xarray: ensembles from them, and ensembles and models as them."""
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterable, Sequence
 from typing import Any, Optional
@@ -10,10 +11,12 @@ from typing import Any, Optional
 import numpy as np
 
 from . import _arrays, _options, _tokid
-from ._dataframe import Grid, seconds
-from ._ensemble import core_of, describe, label
+from ._channels import input_names, input_units, output_names, output_units
 from ._errors import warn
 from ._optional import need
+from ._samples import core_of, describe, label, labels_of
+from ._state_space import StateSpace
+from ._time_grid import Grid, seconds
 from ._typing import Array, ArrayLike
 
 _STEPS = ("k", "time")
@@ -150,3 +153,119 @@ def from_xarray(
     )
     core.check(outputs_required)
     return core
+
+
+# ---- and back ----
+
+
+def _padded(matrices: Sequence[Array], shape: tuple[int, int]) -> Array:
+    """One array of all steps, NaN where a matrix has no entry."""
+    whole = np.full((len(matrices), *shape), np.nan)
+    for s, matrix in enumerate(matrices):
+        whole[s, : matrix.shape[0], : matrix.shape[1]] = matrix
+    return whole
+
+
+def _vector(values: Array, size: int) -> Array:
+    return np.append(values, np.full(size - len(values), np.nan))
+
+
+def _described(names: list[str], units: list[str], kind: str) -> dict[str, Any]:
+    coordinates: dict[str, Any] = {kind: (kind, np.asarray(names, dtype=str))}
+    if any(units):
+        coordinates[f"{kind}_unit"] = (kind, np.asarray(units, dtype=str))
+    return coordinates
+
+
+def of_ensemble(core: _tokid.Ensemble) -> Any:
+    """An ensemble as a dataset: see `interop.ensemble_to_xarray`."""
+    xr = need("xarray", "to_xarray", "tokid[xarray]")
+    variables: dict[str, Any] = {}
+    if core.inputs:
+        variables["u"] = (("experiment", "k", "input"), core.u())
+    if core.outputs:
+        variables["y"] = (("experiment", "k", "output"), core.y())
+    if core.length:
+        variables["length"] = ("experiment", np.asarray(core.length, dtype=np.int64))
+    if core.free_y is not None:
+        variables["free_y"] = (("free_experiment", "free_k", "output"), core.free_y)
+    k = np.arange(core.steps)
+    coordinates: dict[str, Any] = {
+        "experiment": ("experiment", labels_of(core)),
+        "k": ("k", k, {"long_name": "Step"}),
+    }
+    if core.dt_stated:
+        coordinates["time"] = ("k", k * core.dt, {"long_name": "Time", "units": "s"})
+    if core.inputs:
+        coordinates.update(_described(input_names(core), input_units(core), "input"))
+    if core.outputs:
+        coordinates.update(_described(output_names(core), output_units(core), "output"))
+    attributes: dict[str, Any] = {"dt": core.dt} if core.dt_stated else {}
+    if core.initial_state is not None:
+        attributes["initial_state"] = core.initial_state
+    return xr.Dataset(variables, coordinates, attributes)
+
+
+def of_model(model: StateSpace) -> Any:
+    """A model as a dataset: see `interop.model_to_xarray`."""
+    xr = need("xarray", "to_xarray", "tokid[xarray]")
+    n, r, m = model.states, model.inputs, model.outputs
+    sizes = {"state_next": n, "state": n, "input": r, "output": m}
+    variables: dict[str, Any] = {}
+    for name, rows, columns in (
+        ("A", "state_next", "state"),
+        ("B", "state_next", "input"),
+        ("C", "output", "state"),
+        ("D", "output", "input"),
+        ("G", "state_next", "output"),
+        ("innovation_cov", "output", "output"),
+        ("Q", "state_next", "state_next"),
+        ("R", "output", "output"),
+        ("K", "state", "output"),
+    ):
+        matrices = list(getattr(model, name))
+        if matrices:
+            dims = ("k", rows, columns if columns != rows else f"{columns}_2")
+            variables[name] = (dims, _padded(matrices, (sizes[rows], sizes[columns])))
+    variables["state_dim"] = ("k", model.state_dim[:-1])
+    variables["state_dim_next"] = ("k", model.state_dim[1:])
+    sigma = model.singular_values
+    if sigma:
+        most = max(len(values) for values in sigma)
+        variables["singular_value"] = (("k", "number"), np.stack([_vector(values, most) for values in sigma]))
+    for name in ("condition", "rank", "lags"):
+        values = getattr(model, name)
+        if len(values):
+            variables[name] = ("k", values)
+    for name, dim in (("u_nominal", "input"), ("y_nominal", "output")):
+        nominal = getattr(model, name)
+        if nominal is not None:
+            variables[name] = (("step", dim), np.array(nominal))
+    if model.x0_mean is not None:
+        variables["x0_mean"] = ("state", _vector(model.x0_mean, n))
+    if model.x0_cov is not None:
+        variables["x0_cov"] = (("state", "state_2"), _padded([model.x0_cov], (n, n))[0])
+    k = np.arange(model.k_begin, model.k_end)
+    coordinates: dict[str, Any] = {
+        "k": ("k", k, {"long_name": "Step"}),
+        "time": ("k", k * model.dt, {"long_name": "Time", "units": "s"}),
+        "state": ("state", np.arange(1, n + 1)),
+        "state_next": ("state_next", np.arange(1, n + 1)),
+        **_described(model.input_names, model.input_units, "input"),
+        **_described(model.output_names, model.output_units, "output"),
+    }
+    if "singular_value" in variables:
+        coordinates["number"] = ("number", np.arange(1, variables["singular_value"][1].shape[1] + 1))
+    for name in ("u_nominal", "y_nominal"):
+        if name in variables:
+            coordinates["step"] = ("step", np.arange(len(variables[name][1])))
+    attributes = {
+        "dt": model.dt,
+        "period": model.period,
+        "frame": model.frame_name,
+        "method": model.method,
+        "initial_state": model.initial_state,
+        "version": model.version,
+        "options": json.dumps(model.options),
+    }
+    return xr.Dataset(variables, coordinates, attributes)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
-from . import _arrays, _options, _tokid
+from . import _arrays, _dataframe, _dataset, _options, _samples, _tokid
 from ._channels import Channels
 from ._errors import reading, warn, writing
+from ._samples import core_of, describe, sizes, taken_for_one, with_remark
 from ._typing import Array, ArrayLike, PathLike
 
 if TYPE_CHECKING:
@@ -242,7 +243,7 @@ class Ensemble(Channels):
     @property
     def experiment_names(self) -> list[str]:
         """Names (N) of the experiments, their rows "0" … where none were given."""
-        return self._core.experiment_names or [str(n) for n in range(self.experiments)]
+        return _samples.experiment_names(self._core)
 
     @property
     def initial_state(self) -> Optional[str]:
@@ -356,7 +357,7 @@ class Ensemble(Channels):
         """The experiments less their mean motion."""
         return self._of(self._ready().departures())
 
-    # In the forms of other packages (interop.py)
+    # In the forms of other packages
 
     @classmethod
     def from_dataframe(
@@ -411,9 +412,7 @@ class Ensemble(Channels):
         `to_dataframe` leaves what a table has no place for in ``data.attrs["tokid"]``: dt, names, units, lengths and
         what is known of the initial states. It is taken from there, as far as it still goes with the rows and columns.
         """
-        from . import interop
-
-        made = interop.ensemble_from_dataframe(
+        core = _dataframe.from_dataframe(
             data,
             inputs=inputs,
             outputs=outputs,
@@ -425,7 +424,7 @@ class Ensemble(Channels):
             output_units=output_units,
             outputs_required=outputs_required,
         )
-        return cls._told(made._core)
+        return cls._told(core)
 
     @classmethod
     def from_xarray(
@@ -471,9 +470,7 @@ class Ensemble(Channels):
         ValueError
             Names the variable or coordinate.
         """
-        from . import interop
-
-        made = interop.ensemble_from_xarray(
+        core = _dataset.from_xarray(
             data,
             dt=dt,
             length=length,
@@ -486,7 +483,7 @@ class Ensemble(Channels):
             experiment_names=experiment_names,
             outputs_required=outputs_required,
         )
-        return cls._told(made._core)
+        return cls._told(core)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The ensemble as a tidy `pandas.DataFrame`: ``experiment``, ``time`` [s] and a column for each channel.
@@ -494,18 +491,16 @@ class Ensemble(Channels):
         The table is that of the .csv file. Rows in which everything is missing are left out, except in the first
         experiment and the first step.
         """
-        from . import interop
-
-        return interop.ensemble_to_dataframe(self)
+        table: pandas.DataFrame = _dataframe.to_dataframe(self._ready())
+        return table
 
     def to_xarray(self) -> xarray.Dataset:
         """Samples as an `xarray.Dataset` with the coordinates experiment, k, time, input and output.
 
         They are views of those of the ensemble. See `interop.ensemble_to_xarray`.
         """
-        from . import interop
-
-        return interop.ensemble_to_xarray(self)
+        dataset: xarray.Dataset = _dataset.of_ensemble(self._ready())
+        return dataset
 
     # Copies, also in other processes
 
@@ -535,22 +530,6 @@ def _told(names: Sequence[str]) -> str:
     return ", ".join(shown[: len(names)]) if len(names) <= 4 else f"{', '.join(shown[:3])}, … {shown[3]}"
 
 
-def label(name: Any) -> str:
-    """A name of an experiment, which may be a number: 17.0 is 17."""
-    whole = isinstance(name, (float, np.floating)) and float(name).is_integer()
-    return str(int(name) if whole else name)
-
-
-def labels_of(data: _tokid.Ensemble) -> np.ndarray[Any, Any]:
-    """The names (N,) of the experiments as an index: whole numbers where all of them are, else texts."""
-    names = data.experiment_names
-    if not names:
-        return np.arange(data.experiments)
-    if all(name.isascii() and name.isdecimal() and len(name) <= 18 and str(int(name)) == name for name in names):
-        return np.asarray([int(name) for name in names])
-    return np.asarray(names, dtype=object)
-
-
 def _restored(u: Array, y: Array, state: dict[str, Any], cls: type[Ensemble] = Ensemble) -> Ensemble:
     core = _tokid.Ensemble(u.shape[0], u.shape[1], u.shape[2], y.shape[2], state["dt"], True)
     core.write_inputs(u)
@@ -559,113 +538,3 @@ def _restored(u: Array, y: Array, state: dict[str, Any], cls: type[Ensemble] = E
         if name != "free_y" or value is not None:
             setattr(core, name, value)
     return cls._of(core)
-
-
-def plural(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
-def sizes(e: Any) -> str:
-    return (
-        f"N = {plural(e.experiments, 'experiment')}, T = {plural(e.steps, 'step')}, r = {plural(e.inputs, 'input')}, "
-        f"m = {plural(e.outputs, 'output')}, dt = {e.dt:g} s"
-    )
-
-
-def core_of(u: Any, y: Any, dt: Optional[float]) -> tuple[_tokid.Ensemble, bool]:
-    """Samples laid out for the library, and whether they were those of a single experiment."""
-    if u is None and y is None:
-        raise ValueError("u, y: none of them found, inputs (N, T, r) or outputs (N, T, m) needed")
-    inputs: Optional[np.ndarray[Any, Any]] = None
-    outputs: Optional[np.ndarray[Any, Any]] = None
-    if u is None:
-        outputs, single = _arrays.samples("y", y, "m")
-        shape = outputs.shape
-    else:
-        inputs, single = _arrays.samples("u", u, "r")
-        shape = inputs.shape
-        if y is not None:
-            outputs = _arrays.outputs_beside(y, inputs, single)
-    core = _tokid.Ensemble(
-        shape[0],
-        shape[1],
-        0 if inputs is None else inputs.shape[2],
-        0 if outputs is None else outputs.shape[2],
-        1.0 if dt is None else float(dt),
-        True,
-    )
-    core.dt_stated = dt is not None
-    if inputs is not None:
-        core.write_inputs(inputs)
-    if outputs is not None:
-        core.write_outputs(outputs)
-    return core, single
-
-
-def taken_for_one(core: _tokid.Ensemble) -> str:
-    """How inputs (T, r) were understood, which may have been (N, T)."""
-    steps, r = core.steps, core.inputs
-    return (
-        f"u ({steps}, {r}) was taken for one experiment of {plural(steps, 'step')} with {plural(r, 'input')}; (N, T, 1) "
-        "for N experiments with one input"
-    )
-
-
-def with_remark(texts: Sequence[str], core: _tokid.Ensemble, remark: str) -> Sequence[str]:
-    """Warnings, with a remark of `taken_for_one` where (N, T) is likelier, unless they have it already."""
-    if remark and core.inputs > core.steps and not any(remark in text for text in texts):
-        return [remark, *texts]
-    return texts
-
-
-def describe(
-    core: _tokid.Ensemble,
-    length: Optional[ArrayLike] = None,
-    free_y: Optional[ArrayLike] = None,
-    initial_state: Optional[str] = None,
-    input_names: Optional[Sequence[str]] = None,
-    output_names: Optional[Sequence[str]] = None,
-    input_units: Optional[Sequence[str]] = None,
-    output_units: Optional[Sequence[str]] = None,
-    experiment_names: Optional[Iterable[Any]] = None,
-) -> None:
-    """What goes with the samples."""
-    if length is not None:
-        lengths = _arrays.shaped("length", length, (core.experiments,))
-        if lengths.dtype.kind not in "iu":
-            raise ValueError(f"length: an array of {lengths.dtype} found, whole numbers needed")
-        core.length = [int(n) for n in lengths]
-    if free_y is not None:
-        core.free_y = _arrays.shaped("free_y", free_y, (None, None, core.outputs), "Nf, Tf, m")
-    if initial_state is not None:
-        _options.choice("initial_state", initial_state, {"zero": 0, "unknown": 1})
-        core.initial_state = initial_state
-    name_channels(core, input_names, output_names, input_units, output_units)
-    if experiment_names is not None:
-        if isinstance(experiment_names, str):
-            raise ValueError(
-                f"experiment_names: {experiment_names!r} found, a list of {plural(core.experiments, 'name')} needed"
-            )
-        core.experiment_names = [label(name) for name in experiment_names]
-
-
-def name_channels(
-    core: Any,
-    input_names: Optional[Sequence[str]],
-    output_names: Optional[Sequence[str]],
-    input_units: Optional[Sequence[str]],
-    output_units: Optional[Sequence[str]],
-) -> None:
-    """Names and units of an ensemble or a model, one for each channel."""
-    for name, texts, count in (
-        ("input_names", input_names, core.inputs),
-        ("output_names", output_names, core.outputs),
-        ("input_units", input_units, core.inputs),
-        ("output_units", output_units, core.outputs),
-    ):
-        if texts is not None:
-            listed = [texts] if isinstance(texts, str) else list(texts)
-            if isinstance(texts, str) or len(listed) != count:
-                found = repr(texts) if isinstance(texts, str) else f"{plural(len(listed), 'text')}"
-                raise ValueError(f"{name}: {found} found, a list of {plural(count, 'text')} needed")
-            setattr(core, name, [str(text) for text in listed])

@@ -6,13 +6,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Callable, Optional, Union
 
-from . import _dataframe, _dataset, _options, _tokid
-from ._ensemble import Ensemble, core_of, describe, taken_for_one, with_remark
+from . import _experiments, _identify_options, _options, _tokid
+from ._ensemble import Ensemble
 from ._errors import reading, warn, writing
-from ._model import Model
+from ._identify_options import IdentifyOptions
+from ._model import Model, UpdateState
 from ._progress import listener
+from ._samples import with_remark
 from ._typing import ArrayLike, PathLike, Progress
-from ._update import UpdateState
 from .results import CrossValidation, NoisyChoices, Streamed
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def identify(
     >>> model
     <tokid.Model: n = 4 states, r = 2 inputs, m = 2 outputs, steps 0 to 39, dt = 0.05 s>
     """
-    options = _options.identification(
+    options = _identify_options.checked(
         {
             "states": states,
             "lags": lags,
@@ -155,7 +156,7 @@ def identify(
         "output_units": output_units,
         "experiment_names": experiment_names,
     }
-    core, remark = ensemble_core(u, y, dt, described)
+    core, remark = _experiments.to_identify(u, y, dt, described)
     told = core.remarks() if isinstance(u, Ensemble) else []
     with listener(progress, "identify") as listening:
         model, evidence, state = _remarked(
@@ -167,7 +168,7 @@ def identify(
             listening,
             bool(keep_state),
             report,
-            page_options(),
+            _options.page("model", "data", 10, 24),
         )
     warn(text for text in with_remark(evidence.warnings, core, remark) if text not in told)
     kept = None if state is None else UpdateState._of(state)
@@ -186,7 +187,7 @@ def cross_validate(
     free_y: Optional[ArrayLike] = None,
     threads: int = 1,
     progress: Progress = False,
-    **options: Unpack[_options.IdentifyOptions],
+    **options: Unpack[IdentifyOptions],
 ) -> CrossValidation:
     """Judges a way of identification: every experiment by a model that has not seen it.
 
@@ -217,8 +218,8 @@ def cross_validate(
     --------
     Model.cross_validate : with the options that a model was identified with.
     """
-    checked = _options.identification(options)
-    core, remark = ensemble_core(u, y, dt, {"length": length, "free_y": free_y})
+    checked = _identify_options.checked(options)
+    core, remark = _experiments.to_identify(u, y, dt, {"length": length, "free_y": free_y})
     with listener(progress, "cross-validate") as listening:
         result: CrossValidation = _remarked(
             remark,
@@ -241,7 +242,7 @@ def identify_file(
     resume: bool = False,
     threads: int = 1,
     progress: Progress = False,
-    **options: Unpack[_options.IdentifyOptions],
+    **options: Unpack[IdentifyOptions],
 ) -> Streamed:
     """Identifies an .h5 that is larger than memory, in blocks of steps, and writes the model as they finish.
 
@@ -279,7 +280,7 @@ def identify_file(
         For a file that can't be read in blocks, or not be written, and for a journal of other data or options; an
         OSError.
     """
-    checked = _options.identification(options)
+    checked = _identify_options.checked(options)
     steps = 0 if block == "auto" else _options.integer("block", block, 1, 1_000_000_000, " or 'auto'")
     with listener(progress, "identify") as listening, writing(model) as to, reading(data) as file:
         result: Streamed = _tokid.identify_stream(
@@ -294,43 +295,6 @@ def identify_file(
         )
     warn(result.identification.warnings)
     return result
-
-
-def page_options(
-    model_name: str = "model", data_name: str = "data", horizon: int = 10, experiments: int = 24
-) -> _tokid.ReportOptions:
-    options = _tokid.ReportOptions()
-    options.model_name = model_name
-    options.data_name = data_name
-    options.horizon = _options.integer("horizon", horizon, 1, 1_000_000)
-    options.experiments = _options.integer("experiments", experiments, 1, 1000)
-    return options
-
-
-def ensemble_core(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) -> tuple[_tokid.Ensemble, str]:
-    """The data of a call, an ensemble or arrays with what is said of them, and what there is to say of their shapes."""
-    if _dataframe.is_dataframe(u):
-        if _dataframe.is_dataframe(y):
-            raise ValueError(
-                "u, y: two DataFrames found, one that holds all columns needed; input_names and output_names choose them"
-            )
-        if y is not None:
-            raise ValueError("y: found beside a DataFrame, which has the outputs already")
-        return _dataframe.core_from(u, dt, described), ""
-    if _dataset.is_dataset(u):
-        if y is not None:
-            raise ValueError("y: found beside a Dataset, which has the outputs already")
-        return _dataset.from_xarray(u, dt=dt, outputs_required=True, **described), ""
-    if isinstance(u, Ensemble):
-        for name, value in {"y": y, "dt": dt, **described}.items():
-            if value is not None:
-                raise ValueError(f"{name}: found beside an Ensemble, which has it already")
-        return u._ready(), ""
-    if y is None:
-        raise ValueError("y: none found, outputs (N, T, m) needed")
-    core, single = core_of(u, y, dt)
-    describe(core, **described)
-    return core, taken_for_one(core) if single else ""
 
 
 def _remarked(remark: str, call: Callable[..., Any], *arguments: Any, **options: Any) -> Any:

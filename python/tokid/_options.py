@@ -6,25 +6,15 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Mapping
-from typing import Any, Optional, TypedDict, TypeVar, Union
+from typing import Any, Optional, TypeVar
 
 import numpy as np
 
 from . import _tokid
-from .results import NoisyChoices
 
 T = TypeVar("T")
 
 INITIAL_STATES = {"auto": None, "zero": _tokid.InitialState.zero, "unknown": _tokid.InitialState.unknown}
-WEIGHTINGS = {
-    "auto": None,
-    "one-step": _tokid.Weighting.one_step,
-    "many-steps": _tokid.Weighting.many_steps,
-    "projection": _tokid.Weighting.projection,
-}
-METHODS = {"auto": _tokid.Method.auto, "tvera": _tokid.Method.tvera, "subspace": _tokid.Method.subspace}
-NOMINALS = {"auto": _tokid.NominalChoice.auto, "none": _tokid.NominalChoice.none, "mean": _tokid.NominalChoice.mean}
-FRAMES = {"raw": _tokid.Frame.raw, "reference": _tokid.Frame.reference, "smooth": _tokid.Frame.smooth}
 
 
 def choice(name: str, value: Any, choices: Mapping[str, T]) -> T:
@@ -110,51 +100,11 @@ def cross_validation(folds: Any, horizon: Any, seed: Any, processors: Any) -> di
     }
 
 
-class IdentifyOptions(TypedDict, total=False):
-    """The options of `tokid.identify` that say how to identify, for the calls that identify more than once."""
-
-    states: Union[int, str]
-    lags: Union[int, str]
-    method: str
-    smoothing: Union[float, str]
-    period: Union[int, str]
-    weighting: str
-    refine: Union[bool, str, None]
-    initial_state: str
-    nominal: str
-    frame: str
-    reference_step: Optional[int]
-    hold_out: float
-    rows: Union[int, str]
-    cols: Union[int, str]
-    choices: Optional[NoisyChoices]
-
-
-def identification(options: IdentifyOptions) -> _tokid.IdentifyOptions:
-    """The options of an identification, each one checked."""
-    unknown = set(options) - set(IdentifyOptions.__annotations__)
-    if unknown:
-        raise TypeError(f"{sorted(unknown)[0]!r} is no option of an identification")
-    get = options.get
-    if get("reference_step") is not None and get("frame", "raw") != "reference":
-        raise ValueError("reference_step: needs frame 'reference'")
-    result = _tokid.IdentifyOptions()
-    result.states = count_or_auto("states", get("states", "auto"))
-    result.lags = count_or_auto("lags", get("lags", "auto"))
-    result.method = choice("method", get("method", "auto"), METHODS)
-    penalty = smoothing(get("smoothing", "auto"))
-    result.smoothing = -1.0 if penalty is None else penalty
-    result.period = period(get("period", 0))
-    result.weighting = choice("weighting", get("weighting", "auto"), WEIGHTINGS)
-    result.refine = refinement(get("refine"))
-    result.initial_state = choice("initial_state", get("initial_state", "auto"), INITIAL_STATES)
-    result.nominal = choice("nominal", get("nominal", "auto"), NOMINALS)
-    result.frame = choice("frame", get("frame", "raw"), FRAMES)
-    result.reference_step = step("reference_step", get("reference_step"))
-    result.hold_out = share("hold_out", get("hold_out", 0.0))
-    result.rows = count_or_auto("rows", get("rows", "auto"))
-    result.cols = count_or_auto("cols", get("cols", "auto"))
-    choices = get("choices")
-    if choices is not None:
-        result.follow(choices)
-    return result
+def page(model_name: str, data_name: str, horizon: Any, experiments: Any) -> _tokid.ReportOptions:
+    """What a page shows."""
+    options = _tokid.ReportOptions()
+    options.model_name = model_name
+    options.data_name = data_name
+    options.horizon = integer("horizon", horizon, 1, 1_000_000)
+    options.experiments = integer("experiments", experiments, 1, 1000)
+    return options

@@ -8,7 +8,6 @@ The conversions are methods of models and ensembles, too: `Model.to_control`, `M
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
@@ -16,9 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 import numpy as np
 
 from . import _arrays, _dataframe, _dataset
-from ._ensemble import Ensemble, labels_of
+from ._ensemble import Ensemble
 from ._model import Model
-from ._optional import need
 from ._typing import Array, ArrayLike
 
 if TYPE_CHECKING:
@@ -44,33 +42,6 @@ def _contiguous(array: Any) -> Array:
 
 
 # ---- state-space objects of one step ----
-
-
-def _square_step(model: Model, k: Optional[int], pad: bool) -> tuple[int, list[Array]]:
-    """A step and its matrices A, B, C, D, with as many states behind it as before."""
-    if k is None:
-        stacks = (np.asarray(matrices) for matrices in (model.A, model.B, model.C, model.D))
-        dims = model.state_dim
-        if model.period != 1 and not (
-            np.all(dims == dims[0]) and all(np.array_equal(s, np.broadcast_to(s[0], s.shape)) for s in stacks)
-        ):
-            raise ValueError(
-                f"k: none found, a step from {model.k_begin} to {model.k_end - 1} needed: the model varies with time"
-            )
-        k = model.k_begin
-    step = model.at(k)
-    a, b, c, d = (np.array(matrix) for matrix in (step.A, step.B, step.C, step.D))
-    behind, before = a.shape
-    if pad:
-        n = model.states
-        a = np.pad(a, ((0, n - behind), (0, n - before)))
-        b, c = np.pad(b, ((0, n - behind), (0, 0))), np.pad(c, ((0, 0), (0, n - before)))
-    elif behind != before:
-        raise ValueError(
-            f"k: step {k} has {before} states before and {behind} behind it, equal numbers needed, as steps "
-            f"{model.full_begin} to {model.full_end - 2} have; pad=True fills up with zeros"
-        )
-    return step.k, [a, b, c, d]
 
 
 def to_control(model: Model, k: Optional[int] = None, *, pad: bool = False) -> Any:
@@ -105,16 +76,7 @@ def to_control(model: Model, k: Optional[int] = None, *, pad: bool = False) -> A
     >>> model.to_control(3).dt
     0.05
     """
-    control = need("control", "to_control", "tokid[control]")
-    step, matrices = _square_step(model, k, pad)
-    return control.StateSpace(
-        *matrices,
-        model.dt,
-        inputs=model.input_names,
-        outputs=model.output_names,
-        name=f"step_{step}" if k is not None else "tokid",
-        remove_useless_states=False,
-    )
+    return model.to_control(k, pad=pad)
 
 
 def to_scipy(model: Model, k: Optional[int] = None, *, pad: bool = False) -> Any:
@@ -128,9 +90,7 @@ def to_scipy(model: Model, k: Optional[int] = None, *, pad: bool = False) -> Any
     >>> model.to_scipy(3).A.shape
     (4, 4)
     """
-    signal = need("scipy.signal", "to_scipy", "scipy")
-    _, matrices = _square_step(model, k, pad)
-    return signal.StateSpace(*matrices, dt=model.dt)
+    return model.to_scipy(k, pad=pad)
 
 
 # ---- simulation of any sequence of systems ----
@@ -280,25 +240,6 @@ def simulate_ltv(
 # ---- xarray ----
 
 
-def _padded(matrices: Sequence[Array], shape: tuple[int, int]) -> Array:
-    """One array of all steps, NaN where a matrix has no entry."""
-    whole = np.full((len(matrices), *shape), np.nan)
-    for s, matrix in enumerate(matrices):
-        whole[s, : matrix.shape[0], : matrix.shape[1]] = matrix
-    return whole
-
-
-def _vector(values: Array, size: int) -> Array:
-    return np.append(values, np.full(size - len(values), np.nan))
-
-
-def _described(names: list[str], units: list[str], kind: str) -> dict[str, Any]:
-    coordinates: dict[str, Any] = {kind: (kind, np.asarray(names, dtype=str))}
-    if any(units):
-        coordinates[f"{kind}_unit"] = (kind, np.asarray(units, dtype=str))
-    return coordinates
-
-
 def model_to_xarray(model: Model) -> xarray.Dataset:
     """A model as an `xarray.Dataset`.
 
@@ -332,68 +273,7 @@ def model_to_xarray(model: Model) -> xarray.Dataset:
     >>> data.A.sel(k=3).dims
     ('state_next', 'state')
     """
-    xr = need("xarray", "to_xarray", "tokid[xarray]")
-    n, r, m = model.states, model.inputs, model.outputs
-    sizes = {"state_next": n, "state": n, "input": r, "output": m}
-    variables: dict[str, Any] = {}
-    for name, rows, columns in (
-        ("A", "state_next", "state"),
-        ("B", "state_next", "input"),
-        ("C", "output", "state"),
-        ("D", "output", "input"),
-        ("G", "state_next", "output"),
-        ("innovation_cov", "output", "output"),
-        ("Q", "state_next", "state_next"),
-        ("R", "output", "output"),
-        ("K", "state", "output"),
-    ):
-        matrices = list(getattr(model, name))
-        if matrices:
-            dims = ("k", rows, columns if columns != rows else f"{columns}_2")
-            variables[name] = (dims, _padded(matrices, (sizes[rows], sizes[columns])))
-    variables["state_dim"] = ("k", model.state_dim[:-1])
-    variables["state_dim_next"] = ("k", model.state_dim[1:])
-    sigma = model.singular_values
-    if sigma:
-        most = max(len(values) for values in sigma)
-        variables["singular_value"] = (("k", "number"), np.stack([_vector(values, most) for values in sigma]))
-    for name in ("condition", "rank", "lags"):
-        values = getattr(model, name)
-        if len(values):
-            variables[name] = ("k", values)
-    for name, dim in (("u_nominal", "input"), ("y_nominal", "output")):
-        nominal = getattr(model, name)
-        if nominal is not None:
-            variables[name] = (("step", dim), np.array(nominal))
-    if model.x0_mean is not None:
-        variables["x0_mean"] = ("state", _vector(model.x0_mean, n))
-    if model.x0_cov is not None:
-        variables["x0_cov"] = (("state", "state_2"), _padded([model.x0_cov], (n, n))[0])
-    k = np.arange(model.k_begin, model.k_end)
-    coordinates: dict[str, Any] = {
-        "k": ("k", k, {"long_name": "Step"}),
-        "time": ("k", k * model.dt, {"long_name": "Time", "units": "s"}),
-        "state": ("state", np.arange(1, n + 1)),
-        "state_next": ("state_next", np.arange(1, n + 1)),
-        **_described(model.input_names, model.input_units, "input"),
-        **_described(model.output_names, model.output_units, "output"),
-    }
-    if "singular_value" in variables:
-        coordinates["number"] = ("number", np.arange(1, variables["singular_value"][1].shape[1] + 1))
-    for name in ("u_nominal", "y_nominal"):
-        if name in variables:
-            coordinates["step"] = ("step", np.arange(len(variables[name][1])))
-    attributes = {
-        "dt": model.dt,
-        "period": model.period,
-        "frame": model.frame_name,
-        "method": model.method,
-        "initial_state": model.initial_state,
-        "version": model.version,
-        "options": json.dumps(model.options),
-    }
-    dataset: xarray.Dataset = xr.Dataset(variables, coordinates, attributes)
-    return dataset
+    return model.to_xarray()
 
 
 def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
@@ -413,33 +293,7 @@ def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
         ``time`` [s], ``input`` and ``output`` by name, ``input_unit`` and ``output_unit`` where they are known. The
         attributes hold dt, and initial_state where it is stated.
     """
-    xr = need("xarray", "to_xarray", "tokid[xarray]")
-    ensemble._ready()
-    variables: dict[str, Any] = {}
-    if ensemble.inputs:
-        variables["u"] = (("experiment", "k", "input"), ensemble.u)
-    if ensemble.outputs:
-        variables["y"] = (("experiment", "k", "output"), ensemble.y)
-    if ensemble.length is not None:
-        variables["length"] = ("experiment", ensemble.length)
-    if ensemble.free_y is not None:
-        variables["free_y"] = (("free_experiment", "free_k", "output"), ensemble.free_y)
-    k = np.arange(ensemble.steps)
-    coordinates: dict[str, Any] = {
-        "experiment": ("experiment", labels_of(ensemble._core)),
-        "k": ("k", k, {"long_name": "Step"}),
-    }
-    if ensemble.dt_stated:
-        coordinates["time"] = ("k", ensemble.time, {"long_name": "Time", "units": "s"})
-    if ensemble.inputs:
-        coordinates.update(_described(ensemble.input_names, ensemble.input_units, "input"))
-    if ensemble.outputs:
-        coordinates.update(_described(ensemble.output_names, ensemble.output_units, "output"))
-    attributes: dict[str, Any] = {"dt": ensemble.dt} if ensemble.dt_stated else {}
-    if ensemble.initial_state is not None:
-        attributes["initial_state"] = ensemble.initial_state
-    dataset: xarray.Dataset = xr.Dataset(variables, coordinates, attributes)
-    return dataset
+    return ensemble.to_xarray()
 
 
 def ensemble_from_xarray(data: xarray.Dataset, **options: Any) -> Ensemble:
@@ -457,8 +311,7 @@ def ensemble_from_dataframe(data: pandas.DataFrame, **options: Any) -> Ensemble:
 
 def ensemble_to_dataframe(ensemble: Ensemble) -> pandas.DataFrame:
     """`Ensemble.to_dataframe`."""
-    table: pandas.DataFrame = _dataframe.to_dataframe(ensemble)
-    return table
+    return ensemble.to_dataframe()
 
 
 def model_to_dataframe(
@@ -471,8 +324,7 @@ def model_to_dataframe(
     initial_state: str = "auto",
 ) -> pandas.DataFrame:
     """`Model.to_dataframe`."""
-    table: pandas.DataFrame = _dataframe.outputs_to_dataframe(model, u, y, horizon, x0, initial_state)
-    return table
+    return model.to_dataframe(u, y, horizon=horizon, x0=x0, initial_state=initial_state)
 
 
 def dataframe_of(samples: ArrayLike, names: Sequence[str], *, dt: float = 1.0) -> pandas.DataFrame:

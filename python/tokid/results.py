@@ -4,15 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Optional
+from typing import Any, Optional
 
 import numpy as np
 import numpy.typing as npt
 
+from ._ensemble import Ensemble
 from ._typing import Array, ComplexArray, PathLike
-
-if TYPE_CHECKING:
-    from ._ensemble import Ensemble
 
 
 def _short(value: Any) -> str:

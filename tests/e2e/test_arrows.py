@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every include points down: no cycle among files or among rooms. A header and the source of its name are one file."""
+"""Every include and every import of the Python package points down: no cycle among files or among rooms. A header and
+the source of its name are one file."""
 
+import ast
 import re
 
 from conftest import ROOT
@@ -10,6 +12,7 @@ OWNERS = {"types": "base", "printable": "base", "team": "base", "validate": "mod
           "outlier": "diagnose", "choices": "choose", "stream": "large", "io": "io",
           "uncertainty": "uncertainty", "design": "design", "report": "report"}
 EVERYTHING = "tokid/tokid"  # the header that includes all others
+PACKAGE = ROOT / "python" / "tokid"
 
 
 def files():
@@ -86,6 +89,48 @@ def test_rooms():
     for name, others in edges.items():
         above = set(order[:order.index(name)])
         assert others <= above, f"{name} includes {others - above}"
+
+
+def imported(source):
+    """The names below tokid that a module imports: at its top, inside functions and for types alone."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names = [name.name for name in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            folder = ".".join(filter(None, ["tokid" if node.level else "", node.module]))
+            names = [f"{folder}.{name.name}" for name in node.names]
+        else:
+            continue
+        yield from (name.split(".")[1] for name in names if name.startswith("tokid."))
+
+
+def imports():
+    """Module of the Python package → the modules that it imports. The extension lies below all of them."""
+    sources = {path.stem: path.read_text() for path in PACKAGE.glob("*.py")}
+    return {module: {name if name in sources else "__init__" for name in imported(source) if name != "_tokid"}
+            for module, source in sources.items()}
+
+
+def test_modules():
+    edges = imports()
+    assert len(edges) > 20 and {"_ensemble", "_model", "results", "plot"} <= edges["__init__"]
+    assert knots(edges) == {}
+
+
+def test_imports_are_found():
+    source = """
+import numpy, tokid.plot
+from . import _options, _tokid
+from ._ensemble import Ensemble
+from tokid import results
+if TYPE_CHECKING:
+    from ._model import Model
+def show():
+    from . import interop
+    from tokid import identify
+"""
+    assert set(imported(source)) == {
+        "plot", "_options", "_tokid", "_ensemble", "results", "_model", "interop", "identify"}
 
 
 def test_knots_are_found():

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The experiments of a call: an ensemble, a table of pandas, a dataset of xarray, or arrays u and y."""
+
+from __future__ import annotations
+
+from typing import Any, Optional
+
+from . import _dataframe, _dataset, _tokid
+from ._channels import output_names
+from ._ensemble import Ensemble
+from ._errors import warn
+from ._samples import core_of, describe, taken_for_one
+
+
+def _no_outputs_beside(what: str, y: Any) -> None:
+    if y is not None:
+        raise ValueError(f"y: found beside {what}, which has the outputs already")
+
+
+# ---- for tokid.identify and tokid.cross_validate ----
+
+
+def to_identify(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) -> tuple[_tokid.Ensemble, str]:
+    """An ensemble, or arrays with what is said of them, and what there is to say of their shapes."""
+    if _dataframe.is_dataframe(u):
+        if _dataframe.is_dataframe(y):
+            raise ValueError(
+                "u, y: two DataFrames found, one that holds all columns needed; input_names and output_names choose them"
+            )
+        _no_outputs_beside("a DataFrame", y)
+        return _of_table(u, dt, described), ""
+    if _dataset.is_dataset(u):
+        _no_outputs_beside("a Dataset", y)
+        return _dataset.from_xarray(u, dt=dt, outputs_required=True, **described), ""
+    if isinstance(u, Ensemble):
+        for name, value in {"y": y, "dt": dt, **described}.items():
+            if value is not None:
+                raise ValueError(f"{name}: found beside an Ensemble, which has it already")
+        return u._ready(), ""
+    if y is None:
+        raise ValueError("y: none found, outputs (N, T, m) needed")
+    core, single = core_of(u, y, dt)
+    describe(core, **described)
+    return core, taken_for_one(core) if single else ""
+
+
+def _of_table(data: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
+    """A table, whose channels have the names of their columns."""
+    rest = {name: described.get(name) for name in ("length", "free_y", "input_units", "output_units")}
+    if described.get("experiment_names") is not None:
+        raise ValueError("experiment_names: found beside a DataFrame, whose column 'experiment' has them")
+    return _dataframe.from_dataframe(
+        data,
+        inputs=described.get("input_names"),
+        outputs=described.get("output_names"),
+        dt=dt,
+        outputs_required=True,
+        **rest,
+    )
+
+
+# ---- for tokid.update ----
+
+
+def to_add(state: _tokid.UpdateState, u: Any, y: Any) -> _tokid.Ensemble:
+    """Experiments beside those of a state, whose sample time arrays have."""
+    if isinstance(u, Ensemble):
+        _no_outputs_beside("an Ensemble", y)
+        return u._ready()
+    if _dataframe.is_dataframe(u):
+        _no_outputs_beside("a DataFrame", y)
+        return _dataframe.from_dataframe(u, dt=state.dt, outputs_required=True)
+    if _dataset.is_dataset(u):
+        _no_outputs_beside("a Dataset", y)
+        return _dataset.from_xarray(u, dt=state.dt, outputs_required=True)
+    if y is None:
+        raise ValueError(f"y: none found, outputs (N, T, {state.outputs}) needed")
+    return core_of(u, y, state.dt)[0]
+
+
+# ---- for the methods of a model ----
+
+
+def for_model(model: _tokid.Model, u: Any, y: Any, outputs: bool) -> tuple[_tokid.Ensemble, bool]:
+    """Data for a model, whose sample time and names arrays have, and whether they are those of a single experiment."""
+    if isinstance(u, Ensemble):
+        _no_outputs_beside("an Ensemble", y)
+        return _by_name(model, u._ready()), False
+    if _dataframe.is_dataframe(u):
+        _no_outputs_beside("a DataFrame", y)
+        return _columns_of(model, u, outputs), False
+    if _dataset.is_dataset(u):
+        _no_outputs_beside("a Dataset", y)
+        found = _dataset.from_xarray(u, dt=None if "dt" in u.attrs else model.dt, outputs_required=outputs)
+        return _by_name(model, found), False
+    if outputs and y is None:
+        raise ValueError(f"y: none found, outputs (N, T, {model.outputs}) needed")
+    core, single = core_of(u, y, model.dt)
+    for name in ("input_names", "input_units"):
+        if core.inputs == model.inputs:
+            setattr(core, name, getattr(model, name))
+    for name in ("output_names", "output_units"):
+        if core.outputs == model.outputs:
+            setattr(core, name, getattr(model, name))
+    core.check(False)
+    if outputs and (remark := core.swapped_axes()) is not None:
+        warn([remark])
+    return core, single
+
+
+def _columns_of(model: _tokid.Model, data: Any, outputs_required: bool) -> _tokid.Ensemble:
+    """The columns of a table that have the names of the model's channels."""
+    inputs: Optional[list[str]] = model.input_names
+    outputs: Optional[list[str]] = model.output_names
+    if not outputs_required and not set(model.output_names) <= {str(label) for label in data.columns}:
+        outputs = None
+    return _dataframe.from_dataframe(data, inputs=inputs, outputs=outputs, outputs_required=outputs_required)
+
+
+def _by_name(model: _tokid.Model, data: _tokid.Ensemble) -> _tokid.Ensemble:
+    """The data with the channels of the model in its order, where they have its names."""
+    ordered = model.in_order(data)
+    if ordered is None:
+        return data
+    order = ", ".join(output_names(model))
+    warn([f"the data's channels were taken by name; results have the model's order: {order}"])
+    return ordered

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Samples as the library has them, and what goes with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Optional
+
+import numpy as np
+
+from . import _arrays, _options, _tokid
+from ._typing import ArrayLike
+
+
+def label(name: Any) -> str:
+    """A name of an experiment, which may be a number: 17.0 is 17."""
+    whole = isinstance(name, (float, np.floating)) and float(name).is_integer()
+    return str(int(name) if whole else name)
+
+
+def labels_of(data: _tokid.Ensemble) -> np.ndarray[Any, Any]:
+    """The names (N,) of the experiments as an index: whole numbers where all of them are, else texts."""
+    names = data.experiment_names
+    if not names:
+        return np.arange(data.experiments)
+    if all(name.isascii() and name.isdecimal() and len(name) <= 18 and str(int(name)) == name for name in names):
+        return np.asarray([int(name) for name in names])
+    return np.asarray(names, dtype=object)
+
+
+def plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def sizes(e: Any) -> str:
+    return (
+        f"N = {plural(e.experiments, 'experiment')}, T = {plural(e.steps, 'step')}, r = {plural(e.inputs, 'input')}, "
+        f"m = {plural(e.outputs, 'output')}, dt = {e.dt:g} s"
+    )
+
+
+def experiment_names(data: _tokid.Ensemble) -> list[str]:
+    """The names (N) of the experiments, their rows "0" … where none were given."""
+    return data.experiment_names or [str(n) for n in range(data.experiments)]
+
+
+def core_of(u: Any, y: Any, dt: Optional[float]) -> tuple[_tokid.Ensemble, bool]:
+    """Samples laid out for the library, and whether they were those of a single experiment."""
+    if u is None and y is None:
+        raise ValueError("u, y: none of them found, inputs (N, T, r) or outputs (N, T, m) needed")
+    inputs: Optional[np.ndarray[Any, Any]] = None
+    outputs: Optional[np.ndarray[Any, Any]] = None
+    if u is None:
+        outputs, single = _arrays.samples("y", y, "m")
+        shape = outputs.shape
+    else:
+        inputs, single = _arrays.samples("u", u, "r")
+        shape = inputs.shape
+        if y is not None:
+            outputs = _arrays.outputs_beside(y, inputs, single)
+    core = _tokid.Ensemble(
+        shape[0],
+        shape[1],
+        0 if inputs is None else inputs.shape[2],
+        0 if outputs is None else outputs.shape[2],
+        1.0 if dt is None else float(dt),
+        True,
+    )
+    core.dt_stated = dt is not None
+    if inputs is not None:
+        core.write_inputs(inputs)
+    if outputs is not None:
+        core.write_outputs(outputs)
+    return core, single
+
+
+def taken_for_one(core: _tokid.Ensemble) -> str:
+    """How inputs (T, r) were understood, which may have been (N, T)."""
+    steps, r = core.steps, core.inputs
+    return (
+        f"u ({steps}, {r}) was taken for one experiment of {plural(steps, 'step')} with {plural(r, 'input')}; (N, T, 1) "
+        "for N experiments with one input"
+    )
+
+
+def with_remark(texts: Sequence[str], core: _tokid.Ensemble, remark: str) -> Sequence[str]:
+    """Warnings, with a remark of `taken_for_one` where (N, T) is likelier, unless they have it already."""
+    if remark and core.inputs > core.steps and not any(remark in text for text in texts):
+        return [remark, *texts]
+    return texts
+
+
+def describe(
+    core: _tokid.Ensemble,
+    length: Optional[ArrayLike] = None,
+    free_y: Optional[ArrayLike] = None,
+    initial_state: Optional[str] = None,
+    input_names: Optional[Sequence[str]] = None,
+    output_names: Optional[Sequence[str]] = None,
+    input_units: Optional[Sequence[str]] = None,
+    output_units: Optional[Sequence[str]] = None,
+    experiment_names: Optional[Iterable[Any]] = None,
+) -> None:
+    """What goes with the samples."""
+    if length is not None:
+        lengths = _arrays.shaped("length", length, (core.experiments,))
+        if lengths.dtype.kind not in "iu":
+            raise ValueError(f"length: an array of {lengths.dtype} found, whole numbers needed")
+        core.length = [int(n) for n in lengths]
+    if free_y is not None:
+        core.free_y = _arrays.shaped("free_y", free_y, (None, None, core.outputs), "Nf, Tf, m")
+    if initial_state is not None:
+        _options.choice("initial_state", initial_state, {"zero": 0, "unknown": 1})
+        core.initial_state = initial_state
+    name_channels(core, input_names, output_names, input_units, output_units)
+    if experiment_names is not None:
+        if isinstance(experiment_names, str):
+            raise ValueError(
+                f"experiment_names: {experiment_names!r} found, a list of {plural(core.experiments, 'name')} needed"
+            )
+        core.experiment_names = [label(name) for name in experiment_names]
+
+
+def name_channels(
+    core: Any,
+    input_names: Optional[Sequence[str]],
+    output_names: Optional[Sequence[str]],
+    input_units: Optional[Sequence[str]],
+    output_units: Optional[Sequence[str]],
+) -> None:
+    """Names and units of an ensemble or a model, one for each channel."""
+    for name, texts, count in (
+        ("input_names", input_names, core.inputs),
+        ("output_names", output_names, core.outputs),
+        ("input_units", input_units, core.inputs),
+        ("output_units", output_units, core.outputs),
+    ):
+        if texts is not None:
+            listed = [texts] if isinstance(texts, str) else list(texts)
+            if isinstance(texts, str) or len(listed) != count:
+                found = repr(texts) if isinstance(texts, str) else f"{plural(len(listed), 'text')}"
+                raise ValueError(f"{name}: {found} found, a list of {plural(count, 'text')} needed")
+            setattr(core, name, [str(text) for text in listed])
