@@ -15,16 +15,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
-from . import _tokid
+from . import _axes, _plot_data, _tokid
+from ._axes import COLOURS, DARK_COLOURS
 from ._ensemble import Ensemble
 from ._model import Model
 from ._optional import need
-from ._options import INITIAL_STATES, choice, integer
+from ._options import integer
 from ._typing import Array, ArrayLike
 from .results import Validation
 
@@ -53,213 +53,11 @@ __all__ = [
     "whiteness",
 ]
 
-# Those of src/report/assets/chart_colours.css
-COLOURS = {
-    "surface": "#ffffff",
-    "measured": "#333d49",
-    "blue": "#0072b2",
-    "orange": "#d05a00",
-    "green": "#008a63",
-    "purple": "#8a4fb5",
-    "pink": "#c0568f",
-    "sky": "#2f9bd6",
-    "yellow": "#a98600",
-    "faint": "#88939f",
-    "muted": "#56616f",
-}
-DARK_COLOURS = {
-    "surface": "#191f27",
-    "measured": "#d5dce5",
-    "blue": "#56b4e9",
-    "orange": "#f5964b",
-    "green": "#3fc79a",
-    "purple": "#c29be6",
-    "pink": "#ec94c0",
-    "sky": "#9ad7f7",
-    "yellow": "#ead35b",
-    "faint": "#697686",
-    "muted": "#9fabba",
-}
-_PALETTE = ("blue", "orange", "green", "purple", "pink", "sky", "yellow", "measured")
-_DASHES: tuple[Any, ...] = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (7, 2.5, 1.5, 2.5)))
 _GREY = "#8c949e"  # singular values that are rounding errors
 
 # As many as on the page
 _MOST_SINGULAR_VALUES = 32
 _MOST_STATES = 12
-
-
-# ---- axes ----
-
-
-def _axes(ax: Optional[Axes], width: float = 7.0, height: float = 3.4) -> Any:
-    if ax is None:
-        from matplotlib import pyplot
-
-        _, ax = pyplot.subplots(figsize=(width, height), layout="constrained")
-    ax.grid(True, color=_colours(ax)["faint"], alpha=0.25, linewidth=0.8)
-    ax.set_axisbelow(True)
-    return ax
-
-
-def _colours(ax: Any) -> dict[str, str]:
-    from matplotlib.colors import to_rgba
-
-    red, green, blue, alpha = to_rgba(ax.get_facecolor())
-    if alpha < 0.5 and ax.figure is not None:
-        red, green, blue, alpha = to_rgba(ax.figure.get_facecolor())
-    dark = alpha >= 0.5 and 0.299 * red + 0.587 * green + 0.114 * blue < 0.5
-    return DARK_COLOURS if dark else COLOURS
-
-
-def _named(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
-
-
-class _Steps:
-    """Steps on the horizontal axis, by their time or by their number."""
-
-    def __init__(self, over: str, dt: float) -> None:
-        self._unit = choice("over", over, {"time": dt, "step": 1.0})
-        self.label = "Time [s]" if over == "time" else "Step"
-
-    def __call__(self, steps: Any) -> Array:
-        return np.asarray(steps, dtype=np.float64) * self._unit
-
-    def finish(self, ax: Any, steps: Any) -> None:
-        ax.set_xlabel(self.label)
-        if self.label == "Step":
-            _whole(ax.xaxis)
-
-
-def _whole(axis: Any) -> None:
-    """Ticks at whole numbers alone."""
-    axis.get_major_locator().set_params(integer=True)
-
-
-def _legend(ax: Any, beside: int = 0) -> None:
-    """In the plot, or beside it where so many entries would cover curves."""
-    if beside:
-        ax.legend(
-            loc="upper left",
-            bbox_to_anchor=(1.0, 1.0),
-            frameon=False,
-            fontsize="small",
-            ncols=math.ceil(beside / 12),
-            columnspacing=1.0,
-            handlelength=1.6,
-            borderaxespad=0.2,
-        )
-    else:
-        ax.legend(loc="best", framealpha=0.8, fontsize="small")
-
-
-def _lone(values: Array) -> list[int]:
-    """Lone samples between gaps, which would vanish from a line."""
-    known = np.isfinite(values)
-    before, after = np.append(False, known[:-1]), np.append(known[1:], False)
-    return [int(i) for i in np.flatnonzero(known & ~before & ~after)]
-
-
-def _line(ax: Any, x: Array, values: Array, **options: Any) -> None:
-    lone = _lone(values)
-    if lone and "marker" not in options:
-        options.update(marker=".", markevery=lone)
-    ax.plot(x, values, **options)
-
-
-# ---- data ----
-
-
-@dataclass
-class _Outcome:
-    """What the model makes of data."""
-
-    data: Ensemble
-    simulated: Array
-    predicted: Array
-
-
-def _outcome(model: Model, u: Any, y: Any, initial_state: str) -> _Outcome:
-    core, _ = model._data(u, y, outputs=True)
-    data = Ensemble._of(core)
-    initial = choice("initial_state", initial_state, INITIAL_STATES)
-    simulated = model._core.simulate_data(core, initial).outputs_copied()
-    return _Outcome(data, simulated, model.predict(data, initial_state=initial_state))
-
-
-def _channel(name: str, value: Union[int, str], names: Sequence[str]) -> int:
-    if isinstance(value, str):
-        if value in names:
-            return names.index(value)
-        raise ValueError(f"{name}: {value!r} found, one of {', '.join(map(repr, names))} needed")
-    return integer(name, value, 0, len(names) - 1)
-
-
-def _names(model: Model, data: Optional[Ensemble], kind: str) -> tuple[list[str], list[str]]:
-    """Names and units of the channels: the model's, or the data's where the model has none."""
-    cores = [model._core] + ([data._core] if data is not None else [])
-    names = next((list(found) for core in cores if (found := getattr(core, f"{kind}_names"))), None)
-    units = next((list(found) for core in cores if (found := getattr(core, f"{kind}_units"))), None)
-    return names or getattr(model, f"{kind}_names"), units or getattr(model, f"{kind}_units")
-
-
-def _nominal(model: Model, kind: str, steps: int, channels: int) -> Optional[Array]:
-    nominal = model.y_nominal if kind == "y" else model.u_nominal
-    if nominal is None:
-        return None
-    whole = np.full((steps, channels), np.nan)
-    whole[: len(nominal)] = nominal[:steps]
-    return whole
-
-
-def _relative(model: Model, data: Ensemble, computed: Array) -> Array:
-    """Errors (N, T, m), relative to the spread of each output about the nominal trajectory, or about its mean."""
-    y = np.asarray(data.y)
-    nominal = _nominal(model, "y", data.steps, data.outputs)
-    about = y
-    if nominal is not None:
-        about = y - np.where(np.isnan(nominal), 0.0, nominal)
-    spread = np.ones(data.outputs)
-    for j in range(data.outputs):
-        values = about[:, :, j][~np.isnan(about[:, :, j])]
-        if values.size:
-            variance = float(np.mean(values**2)) - (0.0 if nominal is not None else float(np.mean(values)) ** 2)
-            spread[j] = math.sqrt(variance) if variance > 0 else 1.0
-    relative: Array = (y - computed) / spread
-    return relative
-
-
-def _root_mean_square(errors: Array, axes: tuple[int, ...]) -> Array:
-    known = ~np.isnan(errors)
-    count = known.sum(axis=axes)
-    total = np.where(known, errors, 0.0) ** 2
-    with np.errstate(invalid="ignore", divide="ignore"):
-        root: Array = np.sqrt(total.sum(axis=axes) / np.where(count > 0, count, np.nan))
-    return root
-
-
-def _experiment(model: Model, found: _Outcome, experiment: Optional[int]) -> tuple[int, str]:
-    """The one asked for, or that of the median error; with the page's words for it."""
-    data = found.data
-    error = _root_mean_square(_relative(model, data, found.simulated), (1, 2))
-    if not np.isfinite(error).any():
-        error = _root_mean_square(_relative(model, data, found.predicted), (1, 2))
-    order = np.argsort(error, kind="stable")  # those without an error come last
-    known = int((~np.isnan(error)).sum())
-    best, middle, worst = (order[0], order[(known - 1) // 2], order[known - 1]) if known else (-1, -1, -1)
-    if experiment is None:
-        n = int(middle) if known else 0
-    else:
-        n = integer("experiment", experiment, 0, data.experiments - 1)
-    label = f"Experiment {data._core.experiment(n)}"
-    if data.experiments > 1 and n == worst:
-        label += " (largest error)"
-    elif data.experiments > 1 and n == best:
-        label += " (smallest error)"
-    elif data.experiments > 2 and n == middle:
-        label += " (median error)"
-    return n, label
 
 
 # ---- outputs, errors, inputs ----
@@ -308,35 +106,36 @@ def outputs(
     >>> ax.get_ylabel()
     'y2'
     """
-    found = _outcome(model, u, y, initial_state)
+    found = _plot_data.outcome(model, u, y, initial_state)
     data = found.data
-    names, units = _names(model, data, "output")
-    j = _channel("output", output, names)
-    n, label = _experiment(model, found, experiment)
-    steps, ax = _Steps(over, data.dt), _axes(ax)
-    colours = _colours(ax)
+    names, units = _plot_data.channel_names(model, data, "output")
+    j = _plot_data.channel("output", output, names)
+    n, label = _plot_data.chosen_experiment(model, found, experiment)
+    steps, ax = _axes.Steps(over, data.dt), _axes.axes(ax)
+    colours = _axes.colours(ax)
     k = np.arange(data.steps)
     x = steps(k)
-    nominal = _nominal(model, "y", data.steps, data.outputs)
+    nominal = _plot_data.nominal_trajectory(model, "y", data.steps, data.outputs)
     less: Any = nominal[:, j] if departures and nominal is not None else 0.0
     few: dict[str, Any] = {"marker": ".", "markersize": 5} if data.steps <= 100 else {}
-    _line(ax, x, data.y[n, :, j] - less, label="Measured", color=colours["measured"], linewidth=1.2, **few)
-    _line(ax, x, found.simulated[n, :, j] - less, label="Simulated", color=colours["blue"], linewidth=1.8)
-    _line(
+    _axes.line(ax, x, data.y[n, :, j] - less, label="Measured", color=colours["measured"], linewidth=1.2, **few)
+    _axes.line(ax, x, found.simulated[n, :, j] - less, label="Simulated", color=colours["blue"], linewidth=1.8)
+    _axes.line(
         ax,
         x,
         found.predicted[n, :, j] - less,
         label="One-step prediction",
         color=colours["orange"],
         linewidth=1.4,
-        linestyle=_DASHES[1],
+        linestyle=_axes.DASHES[1],
     )
     if nominal is not None and not departures:
-        _line(ax, x, nominal[:, j], label="Nominal", color=colours["faint"], linewidth=1.2, linestyle=_DASHES[2])
-    ax.set_ylabel(_named(names[j], units[j]))
+        grey = {"color": colours["faint"], "linewidth": 1.2, "linestyle": _axes.DASHES[2]}
+        _axes.line(ax, x, nominal[:, j], label="Nominal", **grey)
+    ax.set_ylabel(_axes.named(names[j], units[j]))
     ax.set_title(label, loc="left", fontsize="medium")
     steps.finish(ax, k)
-    _legend(ax)
+    _axes.legend(ax)
     return ax
 
 
@@ -359,22 +158,22 @@ def errors(
     --------
     >>> ax = tokid.plot.errors(model, data, experiment=3)
     """
-    found = _outcome(model, u, y, initial_state)
+    found = _plot_data.outcome(model, u, y, initial_state)
     data = found.data
-    names, units = _names(model, data, "output")
-    j = _channel("output", output, names)
-    n, label = _experiment(model, found, experiment)
-    steps, ax = _Steps(over, data.dt), _axes(ax, height=2.6)
-    colours = _colours(ax)
+    names, units = _plot_data.channel_names(model, data, "output")
+    j = _plot_data.channel("output", output, names)
+    n, label = _plot_data.chosen_experiment(model, found, experiment)
+    steps, ax = _axes.Steps(over, data.dt), _axes.axes(ax, height=2.6)
+    colours = _axes.colours(ax)
     k = np.arange(data.steps)
     measured = data.y[n, :, j]
     simulated, predicted = measured - found.simulated[n, :, j], measured - found.predicted[n, :, j]
-    _line(ax, steps(k), simulated, label="Measured − simulated", color=colours["blue"], linewidth=1.5)
-    _line(ax, steps(k), predicted, label="Measured − predicted", color=colours["orange"], linewidth=1.3)
-    ax.set_ylabel(_named(names[j], units[j]))
+    _axes.line(ax, steps(k), simulated, label="Measured − simulated", color=colours["blue"], linewidth=1.5)
+    _axes.line(ax, steps(k), predicted, label="Measured − predicted", color=colours["orange"], linewidth=1.3)
+    ax.set_ylabel(_axes.named(names[j], units[j]))
     ax.set_title(label, loc="left", fontsize="medium")
     steps.finish(ax, k)
-    _legend(ax)
+    _axes.legend(ax)
     return ax
 
 
@@ -398,15 +197,15 @@ def inputs(
     """
     core, _ = model._data(u, None)
     data = Ensemble._of(core)
-    names, units = _names(model, data, "input")
-    i = _channel("input", input, names)
+    names, units = _plot_data.channel_names(model, data, "input")
+    i = _plot_data.channel("input", input, names)
     n = integer("experiment", experiment, 0, data.experiments - 1)
-    steps, ax = _Steps(over, data.dt), _axes(ax, height=2.6)
-    colours = _colours(ax)
+    steps, ax = _axes.Steps(over, data.dt), _axes.axes(ax, height=2.6)
+    colours = _axes.colours(ax)
     k = np.arange(data.steps)
-    nominal = _nominal(model, "u", data.steps, data.inputs)
+    nominal = _plot_data.nominal_trajectory(model, "u", data.steps, data.inputs)
     less: Any = nominal[:, i] if departures and nominal is not None else 0.0
-    _line(
+    _axes.line(
         ax,
         steps(k),
         data.u[n, :, i] - less,
@@ -416,9 +215,10 @@ def inputs(
         drawstyle="steps-post",
     )
     if nominal is not None and not departures:
-        _line(ax, steps(k), nominal[:, i], label="Nominal", color=colours["faint"], linewidth=1.2, linestyle=_DASHES[2])
-        _legend(ax)
-    ax.set_ylabel(_named(names[i], units[i]))
+        grey = {"color": colours["faint"], "linewidth": 1.2, "linestyle": _axes.DASHES[2]}
+        _axes.line(ax, steps(k), nominal[:, i], label="Nominal", **grey)
+        _axes.legend(ax)
+    ax.set_ylabel(_axes.named(names[i], units[i]))
     ax.set_title(f"Experiment {data._core.experiment(n)}", loc="left", fontsize="medium")
     steps.finish(ax, k)
     return ax
@@ -466,8 +266,8 @@ def singular_values(model: Model, *, over: str = "time", colorbar: bool = True, 
     rows = min(_MOST_SINGULAR_VALUES, max((len(values) for values in sigma), default=0))
     if rows == 0:
         raise ValueError("the model carries no singular values: it was not identified by tokid")
-    steps, ax = _Steps(over, model.dt), _axes(ax, height=min(4.4, 2.2 + 0.16 * rows))
-    colours = _colours(ax)
+    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax, height=min(4.4, 2.2 + 0.16 * rows))
+    colours = _axes.colours(ax)
 
     # Where nothing moves, all singular values are rounding errors of D, which is a Markov parameter as they are.
     finite = [float(np.abs(matrix).max()) for matrix in (*model.D, *sigma) if matrix.size and np.isfinite(matrix).all()]
@@ -506,7 +306,7 @@ def singular_values(model: Model, *, over: str = "time", colorbar: bool = True, 
     if sizes.size < known.size:
         handles.append(Patch(color=_GREY, label="Rounding errors"))
     ax.set_ylim(rows + 0.5, 0.5)
-    _whole(ax.yaxis)
+    _axes.whole_ticks(ax.yaxis)
     ax.set_ylabel("Singular value")
     steps.finish(ax, None)
     ax.legend(handles=handles, loc="lower right", framealpha=0.9, fontsize="small")
@@ -548,14 +348,15 @@ def condition(model: Model, *, over: str = "time", ax: Optional[Axes] = None) ->
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     k, values = _per_step(model, model.condition, "condition numbers")
-    steps, ax = _Steps(over, model.dt), _axes(ax, height=2.6)
+    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax, height=2.6)
     values = np.where(values > 0, values, np.nan)
     ax.set_yscale("log")
     if not np.nanmax(values, initial=0.0) > 1e3 * np.nanmin(values, initial=np.inf):  # decades alone would be too few
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ax.yaxis.set_minor_formatter(NullFormatter())
-    _line(ax, steps(k), values, color=_colours(ax)["blue"], linewidth=1.5, marker="." if len(k) <= 100 else None)
+    marker = "." if len(k) <= 100 else None
+    _axes.line(ax, steps(k), values, color=_axes.colours(ax)["blue"], linewidth=1.5, marker=marker)
     ax.set_ylabel("Condition number")
     steps.finish(ax, k)
     return ax
@@ -567,17 +368,17 @@ def ranks(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axe
     Full rank says that all unknowns of a step could be told apart. The parameters are those of `condition`.
     """
     k, rank = _per_step(model, model.rank, "ranks")
-    steps, ax = _Steps(over, model.dt), _axes(ax, height=2.6)
-    colours = _colours(ax)
+    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax, height=2.6)
+    colours = _axes.colours(ax)
     states = model.state_dim[:-1]
     curves: list[tuple[str, Any, str, float, Any]] = [("Rank", rank, "blue", 1.6, "-")]
     if len(model.lags):
         window = model.lags * (model.inputs + model.outputs) if model.method == "tvera" else states
         curves.insert(0, ("Unknowns", model.inputs + window, "faint", 4.0, "-"))
         curves.append(("Lag order", model.lags, "orange", 1.6, "-"))
-    curves.append(("States", states, "green", 1.6, _DASHES[1]))
+    curves.append(("States", states, "green", 1.6, _axes.DASHES[1]))
     for label, values, colour, width, dash in curves:
-        _line(
+        _axes.line(
             ax,
             steps(k),
             np.asarray(values, dtype=np.float64),
@@ -588,10 +389,10 @@ def ranks(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axe
             drawstyle="steps-post",
         )
     ax.set_ylim(bottom=0)
-    _whole(ax.yaxis)
+    _axes.whole_ticks(ax.yaxis)
     ax.set_ylabel("Number")
     steps.finish(ax, k)
-    _legend(ax, len(curves))
+    _axes.legend(ax, len(curves))
     return ax
 
 
@@ -611,10 +412,11 @@ def step_error(
     core, _ = model._data(u, y, outputs=True)
     data = Ensemble._of(core)
     predicted = model.predict(data, initial_state=initial_state)
-    values = _root_mean_square(_relative(model, data, predicted), (0, 2))
-    steps, ax = _Steps(over, data.dt), _axes(ax, height=2.6)
+    values = _plot_data.root_mean_square(_plot_data.relative_errors(model, data, predicted), (0, 2))
+    steps, ax = _axes.Steps(over, data.dt), _axes.axes(ax, height=2.6)
     k = np.arange(data.steps)
-    _line(ax, steps(k), values, color=_colours(ax)["orange"], linewidth=1.5, marker="." if len(k) <= 100 else None)
+    marker = "." if len(k) <= 100 else None
+    _axes.line(ax, steps(k), values, color=_axes.colours(ax)["orange"], linewidth=1.5, marker=marker)
     ax.set_ylim(bottom=0)
     ax.set_ylabel("One-step error / spread")
     steps.finish(ax, k)
@@ -622,79 +424,6 @@ def step_error(
 
 
 # ---- eigenvalues and matrices ----
-
-
-@dataclass
-class _Framed:
-    """A model in the frame in which the page shows eigenvalues and gains, at the steps that are in it."""
-
-    model: Model
-    begin: int
-    end: int
-
-
-def _pole_frame(model: Model) -> _Framed:
-    """The reference frame of the first step with all states, if it reaches half of them, else the smooth frame."""
-    rows = model._core.estimation_window()
-    if model.states:
-        s = model.full_begin
-        try:
-            reference = model.frame("reference", reference_step=s, rows=rows)
-        except ValueError:
-            # The outputs of step s don't tell its state: the smooth frame needs no such thing.
-            reference = None
-        if reference is not None:
-            begin, end = _reach(reference, s, rows)
-            # One that reaches half of the steps is a picture, less is a stub.
-            if 2 * (end - begin) >= model.full_end - s and end - begin > 1:
-                return _Framed(reference, begin, end - 1)
-    return _Framed(model.frame("smooth", rows=rows), model.k_begin, model.k_end)
-
-
-def _reach(reference: Model, s: int, rows: int) -> tuple[int, int]:
-    """Steps begin … end-1 around s whose states are in the frame: O_s⁺ O_k is the identity in it."""
-    core = reference._core
-    projection = np.linalg.pinv(core.observability(s, rows))
-
-    def inside(k: int) -> bool:
-        if not reference.k_begin <= k <= reference.k_end - rows:
-            return False
-        product = projection @ core.observability(k, rows)
-        return product.shape[0] == product.shape[1] and bool(np.allclose(product, np.eye(len(product)), atol=1e-6))
-
-    begin = end = s
-    while inside(begin - 1):
-        begin -= 1
-    while inside(end):
-        end += 1
-    return begin, end
-
-
-def _eigenvalues(model: Model) -> tuple[Any, Any, Any]:
-    """Steps in the frame with as many states behind as before, and the eigenvalues of A and of A + GC there.
-
-    Without those at which one of the two overflows, which has none."""
-    frame = _pole_frame(model)
-    k = [
-        k
-        for k in range(frame.begin, frame.end)
-        if (a := frame.model.A[k - model.k_begin]).shape[0] == a.shape[1] and a.size
-    ]
-    if not k:
-        raise ValueError("no step has as many states before as after it: there are no eigenvalues")
-    finite, opened, closed = [], [], []
-    for step in k:
-        at = frame.model.at(step)
-        with np.errstate(over="ignore", invalid="ignore"):
-            both = at.A, at.closed_loop
-        if not all(np.isfinite(a).all() for a in both):
-            continue
-        finite.append(step)
-        opened.append(np.linalg.eigvals(both[0]))
-        closed.append(np.linalg.eigvals(both[1]))
-    if not finite:
-        raise ValueError("A or A + GC is not finite at any step: there are no eigenvalues")
-    return np.asarray(finite), opened, closed
 
 
 def poles(model: Model, *, k: Optional[int] = None, ax: Optional[Axes] = None) -> Axes:
@@ -727,11 +456,11 @@ def poles(model: Model, *, k: Optional[int] = None, ax: Optional[Axes] = None) -
     """
     from matplotlib.patches import Circle
 
-    steps, opened, closed = _eigenvalues(model)
+    steps, opened, closed = _plot_data.eigenvalues(model)
     if k is not None and integer("k", k, 0) not in steps:
         raise ValueError(f"k: {k} found, one of the steps with eigenvalues, {steps[0]} to {steps[-1]}, needed")
-    ax = _axes(ax, 5.0, 5.0)
-    colours = _colours(ax)
+    ax = _axes.axes(ax, 5.0, 5.0)
+    colours = _axes.colours(ax)
     every = np.concatenate([*opened, *closed])
     sizes = np.sort(np.abs(every))
     extent = min(4.0, max(1.12, 1.06 * float(sizes[min(len(sizes) - 1, math.floor(0.995 * len(sizes)))])))
@@ -809,22 +538,22 @@ def pole_radius(model: Model, *, over: str = "time", ax: Optional[Axes] = None) 
     --------
     >>> ax = tokid.plot.pole_radius(model)
     """
-    k, opened, closed = _eigenvalues(model)
-    steps, ax = _Steps(over, model.dt), _axes(ax)
-    colours = _colours(ax)
+    k, opened, closed = _plot_data.eigenvalues(model)
+    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax)
+    colours = _axes.colours(ax)
     every = np.arange(k[0], k[-1] + 1)
     for label, lists, colour, dash in (
         ("Open loop", opened, "orange", "-"),
-        ("With the observer", closed, "blue", _DASHES[1]),
+        ("With the observer", closed, "blue", _axes.DASHES[1]),
     ):
         values = np.full(len(every), np.nan)
         values[k - k[0]] = [float(np.abs(found).max()) for found in lists]
-        _line(ax, steps(every), values, label=label, color=colours[colour], linewidth=1.6, linestyle=dash)
+        _axes.line(ax, steps(every), values, label=label, color=colours[colour], linewidth=1.6, linestyle=dash)
     ax.axhline(1, color=colours["faint"], linewidth=1.2, label="Unit circle")
     ax.set_ylim(bottom=0)
     ax.set_ylabel("Largest magnitude of the eigenvalues")
     steps.finish(ax, k)
-    _legend(ax)
+    _axes.legend(ax)
     return ax
 
 
@@ -836,26 +565,26 @@ def _entries(
     if not n:
         raise ValueError("the model has no states: it has neither gains nor A")
     chosen = range(min(n, _MOST_STATES)) if rows is None else [integer("rows", row, 0, n - 1) for row in rows]
-    steps, ax = _Steps(over, model.dt), _axes(ax)
-    colours = _colours(ax)
+    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax)
+    colours = _axes.colours(ax)
     k = np.arange(begin, end)
     count = 0
     for i in chosen:
         for j in range(min(columns, _MOST_STATES)):
             values = np.array([a[i, j] if i < a.shape[0] and j < a.shape[1] else np.nan for a in matrices])
-            _line(
+            _axes.line(
                 ax,
                 steps(k),
                 values,
                 label=f"{name}({i + 1},{j + 1})",
-                color=colours[_PALETTE[count % len(_PALETTE)]],
-                linestyle=_DASHES[count // len(_PALETTE) % len(_DASHES)],
+                color=colours[_axes.PALETTE[count % len(_axes.PALETTE)]],
+                linestyle=_axes.DASHES[count // len(_axes.PALETTE) % len(_axes.DASHES)],
                 linewidth=1.4,
             )
             count += 1
     ax.set_ylabel(label)
     steps.finish(ax, k)
-    _legend(ax, count)
+    _axes.legend(ax, count)
     drawn: Axes = ax
     return drawn
 
@@ -887,7 +616,7 @@ def gains(model: Model, *, rows: Optional[Sequence[int]] = None, over: str = "ti
     >>> [line.get_label() for line in ax.lines]
     ['G(1,1)', 'G(1,2)']
     """
-    frame = _pole_frame(model)
+    frame = _plot_data.pole_frame(model)
     return _entries(frame.model, "G", frame.begin, frame.end, rows, over, ax, "Observer gain G")
 
 
@@ -950,7 +679,7 @@ def whiteness(
         if u is None:
             raise ValueError("u: none found, experiments needed beside a model")
         core, _ = model._data(u, y, outputs=True)
-        names = _names(model, Ensemble._of(core), "output")[0]
+        names = _plot_data.channel_names(model, Ensemble._of(core), "output")[0]
         validation = model.validate(
             Ensemble._of(core), whiteness_lags=integer("lags", lags, 1), initial_state=initial_state
         )
@@ -958,18 +687,18 @@ def whiteness(
     if math.isnan(white.p) or not len(white.correlation):
         why = "too few samples" if validation.noisy else "the innovations are at rounding level"
         raise ValueError(f"whiteness: not tested, {why}")
-    ax = _axes(ax, height=3.0)
-    colours = _colours(ax)
+    ax = _axes.axes(ax, height=3.0)
+    colours = _axes.colours(ax)
     correlation, x = white.correlation, np.arange(1, len(white.bound) + 1)
     ax.axhline(0, color=colours["faint"], linewidth=0.8)
-    ax.plot(x, white.bound, color=colours["faint"], linestyle=_DASHES[1], linewidth=1.3, label="99 % bound")
-    ax.plot(x, -white.bound, color=colours["faint"], linestyle=_DASHES[1], linewidth=1.3, label="_")
+    ax.plot(x, white.bound, color=colours["faint"], linestyle=_axes.DASHES[1], linewidth=1.3, label="99 % bound")
+    ax.plot(x, -white.bound, color=colours["faint"], linestyle=_axes.DASHES[1], linewidth=1.3, label="_")
     for j in range(min(correlation.shape[1], _MOST_STATES)):
         ax.plot(
             x,
             correlation[:, j],
-            color=colours[_PALETTE[j % len(_PALETTE)]],
-            linestyle=_DASHES[j // len(_PALETTE) % len(_DASHES)],
+            color=colours[_axes.PALETTE[j % len(_axes.PALETTE)]],
+            linestyle=_axes.DASHES[j // len(_axes.PALETTE) % len(_axes.DASHES)],
             linewidth=1.4,
             marker="o",
             markersize=5,
@@ -978,10 +707,10 @@ def whiteness(
     most = 1.15 * max(0.02, float(np.nanmax(np.abs(correlation))), float(np.nanmax(white.bound)))
     ax.set_xlim(0.5, len(x) + 0.5)
     ax.set_ylim(-most, most)
-    _whole(ax.xaxis)
+    _axes.whole_ticks(ax.xaxis)
     ax.set_xlabel("Lag [steps]")
     ax.set_ylabel("Correlation")
     probability = "p < 0.0001" if white.p < 1e-4 else f"p = {white.p:.3g}"
     ax.set_title(f"Whiteness of the innovations, {probability}", loc="left", fontsize="medium")
-    _legend(ax, min(correlation.shape[1], _MOST_STATES) + 1 if correlation.shape[1] > 4 else 0)
+    _axes.legend(ax, min(correlation.shape[1], _MOST_STATES) + 1 if correlation.shape[1] > 4 else 0)
     return ax
