@@ -2,6 +2,7 @@
 #include "tokid/io.hpp"
 
 #include "call.hpp"
+#include "io/column_remarks.hpp"
 #include "io/time_unit.hpp"
 
 namespace tokid::python {
@@ -31,6 +32,9 @@ void bind_io(nb::module_& module) {
       nb::arg("column"));
   module.def(
       "is_step_number", [](const std::string& column) { return io::is_step_number(column); }, nb::arg("column"));
+  module.def(
+      "remark_on_unused", [](const io::Names& columns) { return io::remark_on_unused(columns); }, nb::arg("columns"));
+  module.attr("rows_as_steps") = std::string(io::rows_as_steps);
   module.def(
       "load_model", [](const Path& path) { return without_gil([&] { return load_model(path); }); }, nb::arg("path"));
   module.def(

@@ -18,10 +18,6 @@ from ._typing import Array, ArrayLike
 
 _RESERVED = ("experiment", "time", "k")
 _NOTES = "tokid"  # in DataFrame.attrs: what a table has no place for
-_ROWS_AS_STEPS = (
-    "no column of times or step numbers found: the rows of an experiment were taken as successive steps; name a column "
-    "of times 'time', one of step numbers 'k'"
-)
 
 
 def pandas() -> Any:
@@ -182,13 +178,9 @@ class _Table:
         return named[0] if named else None
 
     def remark_on_unused(self, used: set[Optional[int]]) -> list[str]:
-        """What is passed over, in the words that .csv files have for it."""
-        unused = [name for column, name in enumerate(self.names) if column not in used]
-        if not unused:
-            return []
-        if len(unused) == 1:
-            return [f"column {_quoted(unused)} is not used: name it as input or output if it is a channel"]
-        return [f"columns {_quoted(unused)} are not used: name those that are channels as inputs or outputs"]
+        """What is passed over."""
+        remark = _tokid.remark_on_unused([name for column, name in enumerate(self.names) if column not in used])
+        return [] if remark is None else [remark]
 
     def seconds(self, column: int) -> Array:
         """Times [s]; dates from the first one on."""
@@ -341,7 +333,7 @@ def from_dataframe(
     core.dt_stated = grid.dt_stated
     core.reader_remarks = table.remark_on_unused({*u, *y, experiment, step if time is None else time})
     if time is None and step is None and dt is None:
-        core.reader_remarks = [*core.reader_remarks, _ROWS_AS_STEPS]
+        core.reader_remarks = [*core.reader_remarks, _tokid.rows_as_steps]
     for samples, columns in ((core.u(), u), (core.y(), y)):
         for channel, column in enumerate(columns):
             samples[row_experiment, grid.step, channel] = table.numbers(column)

@@ -20,6 +20,7 @@
 #include "base/words.hpp"
 #include "io/atomic_file.hpp"
 #include "io/claims.hpp"
+#include "io/column_remarks.hpp"
 #include "io/formats.hpp"
 #include "io/text.hpp"
 #include "io/text_checksum.hpp"
@@ -338,7 +339,7 @@ Columns columns_of(const Row& header, const Names& inputs, const Names& outputs)
 }
 
 // What the reader passes over, for the user.
-std::optional<std::string> remark_on_unused(const Columns& columns) {
+std::optional<std::string> remark_on_unused_columns(const Columns& columns) {
   std::unordered_set<size_t> used(columns.inputs.begin(), columns.inputs.end());
   used.insert(columns.outputs.begin(), columns.outputs.end());
   for (const auto& column : {columns.experiment, columns.time ? columns.time : columns.step})
@@ -347,17 +348,12 @@ std::optional<std::string> remark_on_unused(const Columns& columns) {
   for (size_t c = 0; c < columns.names.size(); ++c)
     if (used.count(c) == 0)
       unused.push_back(columns.names[c].empty() ? fmt::format("number {}, without a name", c + 1) : columns.names[c]);
-  if (unused.empty()) return std::nullopt;
-  return unused.size() == 1
-             ? fmt::format("column {} is not used: name it as input or output if it is a channel", quoted(unused))
-             : fmt::format("columns {} are not used: name those that are channels as inputs or outputs",
-                           quoted(unused));
+  return remark_on_unused(unused);
 }
 
 std::optional<std::string> remark_on_steps(const Columns& columns) {
   if (columns.time || columns.step) return std::nullopt;
-  return "no column of times or step numbers found: the rows of an experiment were taken as successive steps; name a "
-         "column of times 'time', one of step numbers 'k'";
+  return std::string(rows_as_steps);
 }
 
 void require_channels(const Columns& columns, bool outputs_required) {
@@ -611,7 +607,7 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   apply_length(notes.length, e);
   e.check(options.outputs_required);
   for (const auto& remark :
-       {remark_on_unused(columns), remark_on_steps(columns), remark_on_empty_steps(records, steps), cut})
+       {remark_on_unused_columns(columns), remark_on_steps(columns), remark_on_empty_steps(records, steps), cut})
     if (remark) e.remarks.push_back(*remark);
   if (notes.has_checksum || file.is_changed()) e.remarks.push_back(remark_on_change(path));
   return e;
