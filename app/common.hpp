@@ -83,6 +83,9 @@ Json json_penalty(double smoothing);  // lambda, or "infinity", which JSON has n
 void print(const std::string& text);  // on stdout. \throws std::system_error, but not where the reader has gone
 void print(const Json& json);
 void warn(const std::vector<std::string>& warnings);  // on stderr
+void warn(const Findings& findings);
+// "findings" and, in words, "warnings".
+void add_findings(Json& json, const Findings& findings);
 
 // Drawn on stderr where that is a terminal, once the work has taken a moment; erased at the end.
 class ProgressBar {

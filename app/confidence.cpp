@@ -168,7 +168,7 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
   j["prediction_half_width"] = summary(output_widths(c.predicted, model));
   const Eigenvalues e = eigenvalues(c.spectrum);
   j["eigenvalues"] = {{"total", e.total}, {"bounded", e.bounded}, {"zero", e.fixed}, {"half_width", e.width}};
-  j["warnings"] = c.warnings;
+  add_findings(j, c.findings);
   return j;
 }
 
@@ -185,17 +185,18 @@ void run(const Call& call) {
     return about(call.data, [&] { return confidence(model, data, options); });
   }();
   if ((call.replicates > 0 || call.seed > 0) && result.method != BoundsMethod::bootstrap)
-    result.warnings.push_back(
-        fmt::format("{} has no effect on bounds from the factors", call.replicates > 0 ? "--replicates" : "--seed"));
-  const std::vector<std::string> before = remarks(model, data), behind = differences(model, data);
-  result.warnings.insert(result.warnings.begin(), before.begin(), before.end());
-  result.warnings.insert(result.warnings.end(), behind.begin(), behind.end());
+    result.findings.push_back(
+        {.kind = Finding::Kind::option_without_effect, .text = call.replicates > 0 ? "--replicates" : "--seed"});
+  Findings findings = remarks(model, data);
+  append(findings, std::move(result.findings));
+  append(findings, differences(model, data));
+  result.findings = std::move(findings);
   save_confidence(result, call.output);
   if (call.json)
     print(json(call, model, result));
   else
     print(report(call, model, data, result));
-  warn(result.warnings);
+  warn(result.findings);
 }
 
 }  // namespace

@@ -351,7 +351,7 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["dependent"] = Json::array();
   for (const DependentExperiment& c : result.dependent.combinations)
     j["dependent"].push_back({{"experiment", c.experiment}, {"of", c.of}, {"weights", c.weights}});
-  j["warnings"] = result.warnings;
+  add_findings(j, result.findings);
   j["seconds"] = result.seconds;
   j["version"] = version;
   return j;
@@ -369,7 +369,7 @@ void tell(const Call& call, const Data& data, const Identification& result) {
     print(json(call, data, result));
   else if (!call.quiet)
     print(report(call, data, result));
-  warn(result.warnings);
+  warn(result.findings);
 }
 
 bool is_hdf5(const fs::path& path) {

@@ -68,7 +68,7 @@ Json json(const Call& call, const Ensemble& e) {
                              {"std", s.std},
                              {"min", s.min},
                              {"max", s.max}});
-  j["warnings"] = remarks(e);
+  add_findings(j, remarks(e));
   return j;
 }
 

@@ -123,7 +123,7 @@ Json json(const PlanOptions& sizes, const ExperimentPlan& plan) {
     j["noise_floor"] = plan.noise_floor;
     j["markov_error"] = plan.markov_error;
   }
-  j["warnings"] = plan.warnings;
+  add_findings(j, plan.findings);
   return j;
 }
 
@@ -154,7 +154,7 @@ void run(const Call& call) {
     print(json(options, result));
   else
     print(report(call, options, result));
-  warn(result.warnings);
+  warn(result.findings);
 }
 
 // "0.5" or "0.5,2,1"

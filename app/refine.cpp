@@ -85,7 +85,7 @@ Json json(const Call& call, const Ensemble& data, const RefinedModel& outcome) {
   j["noise_segments"] = result.noise_segments;
   j["before"] = fit_json(outcome.before);
   j["after"] = fit_json(outcome.after);
-  j["warnings"] = outcome.warnings;
+  add_findings(j, outcome.findings);
   j["version"] = version;
   return j;
 }
@@ -102,15 +102,16 @@ void run(const Call& call) {
     options.refine.execution.progress = bar.callback();
     return refine_model(model, data, options);
   });
-  const std::vector<std::string> before = remarks(model, data);
-  outcome.warnings.insert(outcome.warnings.begin(), before.begin(), before.end());
+  Findings findings = remarks(model, data);
+  append(findings, std::move(outcome.findings));
+  outcome.findings = std::move(findings);
   if (held) held->check();
   save_model(outcome.refinement.model, call.output);
   if (call.json)
     print(json(call, data, outcome));
   else
     print(report(call, model, data, outcome));
-  warn(outcome.warnings);
+  warn(outcome.findings);
 }
 
 // "auto" is a choice too: none is made here.

@@ -20,7 +20,7 @@ void run(const Call& call) {
   ReportOptions options = call.options;
   options.model_name = call.model.filename().string();
   options.data_name = call.data.filename().string();
-  options.warnings = remarks(model, data);
+  options.findings = remarks(model, data);
   const ReportPage page = about(call.data, [&] { return report_page(model, data, options); });
   save_text(page.html, call.output);
 
@@ -30,7 +30,7 @@ void run(const Call& call) {
   for (const std::string& reason : page.verdict.reasons) text.row("", "- " + reason);
   text.row("Written", call.output.string());
   print(text.text());
-  warn(options.warnings);
+  warn(options.findings);
 }
 
 }  // namespace

@@ -77,7 +77,7 @@ Json json(const Call& call, const Result& result) {
   j["evaluated_on"] = "new";
   j["one_step_fit"] = numbers(result.added.one_step.fit);
   j["simulation_fit"] = numbers(result.added.simulation.fit);
-  j["warnings"] = now.warnings;
+  add_findings(j, now.findings);
   j["version"] = version;
   return j;
 }
@@ -101,7 +101,7 @@ void run_first(const Call& call) {
   result.steps = state.factors.steps();
   result.dt = state.factors.dt;
   result.now = identify(state, execution);
-  result.now.warnings.insert(result.now.warnings.begin(), result.added.warnings.begin(), result.added.warnings.end());
+  result.now.findings.insert(result.now.findings.begin(), result.added.findings.begin(), result.added.findings.end());
   // The state comes last: where it has not got the experiments, they can be added once more, to the same model.
   FilesTogether files;
   if (!call.model.empty()) save_model(result.now.model, call.model);
@@ -111,7 +111,7 @@ void run_first(const Call& call) {
     print(json(call, result));
   else if (!call.quiet)
     print(report(call, result));
-  warn(result.now.warnings);
+  warn(result.now.findings);
 }
 
 void run(Call call) {

@@ -101,7 +101,7 @@ Json json(const Fold& fold) {
           {"simulation_fit", numbers(fold.simulation.fit)},
           {"one_step_fit", numbers(fold.one_step.fit)},
           {"horizon_fit", numbers(fold.horizon.fit)},
-          {"warnings", fold.warnings}};
+          {"warnings", in_words(fold.findings)}};
 }
 
 Json json(const CrossValidation& cross) {
@@ -159,13 +159,13 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
                                      {"error", o.error},
                                      {"usual", o.usual}});
   const Conclusions found = conclusions(v, model.names);
-  j["findings"] = {{"nis", to_string(found.squares.finding)},
-                   {"whiteness", to_string(found.whiteness.finding)},
-                   {"independence", to_string(found.inputs.finding)},
-                   {"gains", to_string(found.gains.finding)},
-                   {"feedback", to_string(found.feedback.finding)}};
+  j["conclusions"] = {{"nis", to_string(found.squares.result)},
+                      {"whiteness", to_string(found.whiteness.result)},
+                      {"independence", to_string(found.inputs.result)},
+                      {"gains", to_string(found.gains.result)},
+                      {"feedback", to_string(found.feedback.result)}};
   j["cross_validation"] = cross ? json(*cross) : Json();
-  j["warnings"] = v.warnings;
+  add_findings(j, v.findings);
   return j;
 }
 
@@ -183,20 +183,20 @@ void run(const Call& call) {
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
   Validation result = about(call.data, [&] { return validate_distinct(model, data, call.options); });
-  const std::vector<std::string> before = remarks(model, data), behind = differences(model, data);
-  result.warnings.insert(result.warnings.begin(), before.begin(), before.end());
-  result.warnings.insert(result.warnings.end(), behind.begin(), behind.end());
+  Findings findings = remarks(model, data);
+  append(findings, std::move(result.findings));
+  append(findings, differences(model, data));
   std::optional<CrossValidation> cross;
   if (call.folds > 0) {
     cross = cross_validation(call, model, data);
-    const std::vector<std::string> more = tokid::remarks(*cross);
-    result.warnings.insert(result.warnings.end(), more.begin(), more.end());
+    append(findings, tokid::remarks(*cross));
   }
+  result.findings = std::move(findings);
   if (call.json)
     print(json(call, model, data, result, cross));
   else
     print(report(call, model, data, result, cross));
-  warn(result.warnings);
+  warn(result.findings);
 }
 
 }  // namespace

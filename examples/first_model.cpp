@@ -28,7 +28,7 @@ tokid::Ensemble measure(tokid::Index experiments, unsigned seed) {
 int main() {
   const tokid::Identification result = tokid::identify(measure(200, 1));
   const tokid::Ensemble fresh = measure(20, 2), simulated = tokid::simulate(result.model, fresh);
-  for (const std::string& warning : result.warnings) std::printf("warning: %s\n", warning.c_str());
+  for (const std::string& warning : tokid::in_words(result.findings)) std::printf("warning: %s\n", warning.c_str());
   std::printf("%td states, lag order %td, fit of the simulation %.2f %%\n", result.model.states(), result.plan.lags,
               tokid::fit(fresh, simulated).fit(0));
   return tokid::fit(fresh, simulated).fit(0) > 90 ? 0 : 1;

@@ -23,6 +23,8 @@
 namespace tokid::testing {
 namespace {
 
+using testing::mentions;
+
 using Groups = std::vector<std::vector<Index>>;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
@@ -101,7 +103,7 @@ TEST(Copies, RepetitionsWithNoiseAreNone) {
     for (const std::uint64_t seed : {1, 2, 3}) {
       const Ensemble e = with_noise(campaign(5, 80, seed).subset(rows(0, 5, 10)), noise, seed);
       EXPECT_EQ(find_copies(e).groups, Groups{}) << noise << ", seed " << seed;
-      EXPECT_EQ(warnings_of_repeats(e, 8, 2).size(), 1) << noise;
+      EXPECT_EQ(findings_of_repeats(e, 8, 2).size(), 1) << noise;
     }
   // Without noise the simulator has done the same work again.
   EXPECT_EQ(find_copies(campaign(5, 80, 1).subset(rows(0, 5, 10))).used, rows(0, 5));
@@ -215,12 +217,12 @@ TEST(Copies, AreToldByTheirRows) {
   const Copies copies = find_copies(e);
   EXPECT_EQ(copies.groups, (Groups{{0, 3, 6}, {1, 5}}));
   EXPECT_EQ(copies.used, (std::vector<Index>{0, 1, 2, 4}));
-  EXPECT_EQ(warnings_of(copies, e),
+  EXPECT_EQ(in_words(findings_of(copies, e)),
             (std::vector<std::string>{"3 of 7 experiments are copies of others, within rounding: 3 and 6 of 0; 5 of 1. "
                                       "Each experiment was used once"}));
   Ensemble named = e;
   set_experiment_names(named, {"a", "b", "c", "d", "e", "f", "g"});
-  EXPECT_NE(warnings_of(copies, named).front().find("\"f\" (row 5) of \"b\" (row 1)"), std::string::npos);
+  EXPECT_NE(in_words(findings_of(copies, named)).front().find("\"f\" (row 5) of \"b\" (row 1)"), std::string::npos);
 }
 
 // The model is that of the experiments, each of them once, to the last bit; but it knows the whole data.
@@ -233,7 +235,7 @@ TEST(Copies, AreUsedOnce) {
     EXPECT_EQ(testing::all(found.model, &Step::G), testing::all(plain.model, &Step::G));
     EXPECT_EQ(found.experiments, 24);
     EXPECT_EQ(found.copies.groups, pairs(24));
-    EXPECT_EQ(found.warnings.size(), plain.warnings.size() + 1);
+    EXPECT_EQ(found.findings.size(), plain.findings.size() + 1);
     EXPECT_TRUE(has_seen(found.model, all));
     EXPECT_TRUE(has_seen(found.model, once));
     IdentifyOptions half;
@@ -245,7 +247,7 @@ TEST(Copies, AreUsedOnce) {
     std::set<Index> judged;
     for (const Fold& fold : folds.folds) judged.insert(fold.experiments.begin(), fold.experiments.end());
     EXPECT_EQ(judged.size(), 24);
-    EXPECT_EQ(folds.warnings.size(), 1);
+    EXPECT_EQ(folds.findings.size(), 1);
 
     UpdateState state = update_state(all, found, {}), plain_state = update_state(once, plain, {});
     EXPECT_EQ(state.factors.factor, plain_state.factors.factor);
@@ -263,10 +265,7 @@ TEST(Copies, OutliersHaveTheRowsOfTheData) {
   const Identification found = identify(e.subset(order));
   ASSERT_EQ(found.outliers.size(), 1);
   EXPECT_EQ(found.outliers.front().experiment, 23);
-  const auto named = [](const std::string& text) {
-    return text.find("experiment 23 does not fit") != std::string::npos;
-  };
-  EXPECT_EQ(std::count_if(found.warnings.begin(), found.warnings.end(), named), 1);
+  EXPECT_EQ(mentions(found.findings, "experiment 23 does not fit"), 1);
   EXPECT_EQ(found.copies.groups, (Groups{{0, 1, 2, 7}}));
 }
 

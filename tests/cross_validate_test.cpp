@@ -62,7 +62,7 @@ TEST(CrossValidate, ExperimentsAreNamedAsInTheWholeEnsemble) {
   const CrossValidation found = cross_validate(data, known, {.folds = 3});
   EXPECT_EQ(found.folds[1].experiments, (std::vector<Index>{1, 4, 7, 10, 13, 16, 19, 22}));
   EXPECT_EQ(found.folds[1].experiment_names, (std::vector<std::string>{"2", "5", "8", "11", "14", "17", "20", "23"}));
-  EXPECT_TRUE(found.warnings.empty());
+  EXPECT_TRUE(found.findings.empty());
 
   // Two that share no step: said once, and not by the rows that they have in a fold.
   Ensemble apart = data;
@@ -70,7 +70,7 @@ TEST(CrossValidate, ExperimentsAreNamedAsInTheWholeEnsemble) {
     if (k < 10) apart.input(k).row(9).setConstant(nan), apart.output(k).row(9).setConstant(nan);
     if (k >= 9) apart.input(k).row(4).setConstant(nan), apart.output(k).row(4).setConstant(nan);
   }
-  const std::vector<std::string> told = remarks(cross_validate(apart, known, {.folds = 3}));
+  const std::vector<std::string> told = in_words(remarks(cross_validate(apart, known, {.folds = 3})));
   Index count = 0;
   for (const std::string& text : told)
     if (text.find("begins at step") != std::string::npos) {
@@ -107,7 +107,7 @@ TEST(CrossValidate, EachFoldMakesItsOwnChoices) {
     const Identification own = identify(data.subset(rest));  // nothing more is held out
     EXPECT_EQ(fold.lags, own.plan.lags);
     EXPECT_EQ(fold.states, own.model.states());
-    EXPECT_EQ(fold.warnings, own.warnings);
+    EXPECT_EQ(in_words(fold.findings), in_words(own.findings));
   }
 }
 

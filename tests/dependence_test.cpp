@@ -202,7 +202,7 @@ TEST(Dependence, GoesWithCopies) {
   EXPECT_EQ(used_experiments(all.experiments(), used.copies, used.dependent), used.rows());
   EXPECT_EQ(used.dependent.combinations.front().experiment, 15);
   EXPECT_EQ(used.dependent.combinations.front().of, (Rows{1, 4}));
-  EXPECT_EQ(warnings_of(used, all).size(), 2);
+  EXPECT_EQ(findings_of(used, all).size(), 2);
 }
 
 // Without noise experiments are combinations of each other, whether somebody made them or the system did.
@@ -311,7 +311,7 @@ TEST(Dependence, IsFoundBesideInputsOfFewValues) {
       const Dependence found = find_dependence(with(e, weights));
       ASSERT_EQ(found.combinations.size(), 1u) << seed << ' ' << levels;
       EXPECT_EQ(found.combinations.front().of, (Rows{3, 5}));
-      EXPECT_NE(warnings_of(found, with(e, weights)).front().find("It tells nothing new"), std::string::npos);
+      EXPECT_NE(in_words(findings_of(found, with(e, weights))).front().find("It tells nothing new"), std::string::npos);
     }
 }
 
@@ -323,16 +323,17 @@ TEST(Dependence, IsToldByTheRowsAndNames) {
   Ensemble all = with(e, weights);
   const Dependence found = find_dependence(all);
   EXPECT_EQ(
-      warnings_of(found, all),
+      in_words(findings_of(found, all)),
       (std::vector<std::string>{"3 of 15 experiments are sums or multiples of others, within rounding: 12 of 2 and "
                                 "5; 13 of 11; 14 of 0, 1, 2, 3 and 8 more. They tell nothing new; the model is "
                                 "made without them"}));
   std::vector<std::string> names;
   for (Index n = 0; n < 15; ++n) names.push_back("run " + std::to_string(n + 1));
   set_experiment_names(all, names);
-  EXPECT_NE(warnings_of(found, all).front().find("\"run 13\" (row 12) of \"run 3\" (row 2) and \"run 6\" (row 5)"),
-            std::string::npos);
-  EXPECT_EQ(warnings_of(find_dependence(all.subset(rows(0, 13))), all.subset(rows(0, 13)))
+  EXPECT_NE(
+      in_words(findings_of(found, all)).front().find("\"run 13\" (row 12) of \"run 3\" (row 2) and \"run 6\" (row 5)"),
+      std::string::npos);
+  EXPECT_EQ(in_words(findings_of(find_dependence(all.subset(rows(0, 13))), all.subset(rows(0, 13))))
                 .front()
                 .rfind("1 of 13 experiments is a sum or multiple of others", 0),
             0);
@@ -351,7 +352,7 @@ TEST(Dependence, IsLeftAside) {
   EXPECT_EQ(found.experiments, 24);
   EXPECT_EQ(found.dependent.used, rows(0, 24));
   EXPECT_EQ(found.dependent.combinations.size(), 10);
-  EXPECT_EQ(found.warnings.size(), plain.warnings.size() + 1);
+  EXPECT_EQ(found.findings.size(), plain.findings.size() + 1);
   EXPECT_TRUE(has_seen(found.model, all));
   IdentifyOptions half;
   half.hold_out = 0.5;
@@ -362,12 +363,12 @@ TEST(Dependence, IsLeftAside) {
   std::set<Index> judged;
   for (const Fold& fold : folds.folds) judged.insert(fold.experiments.begin(), fold.experiments.end());
   EXPECT_EQ(judged.size(), 24);
-  EXPECT_EQ(folds.warnings.size(), 1);
+  EXPECT_EQ(folds.findings.size(), 1);
 
   EXPECT_EQ(confidence(plain.model, all).freedom, confidence(plain.model, own).freedom);
   const Validation validation = validate_distinct(plain.model, all);
   EXPECT_EQ(validation.simulation.fit, validate(plain.model, own).simulation.fit);
-  EXPECT_EQ(validation.warnings.front().rfind("10 of 34 experiments are sums or multiples of others", 0), 0);
+  EXPECT_EQ(in_words(validation.findings).front().rfind("10 of 34 experiments are sums or multiples of others", 0), 0);
 
   UpdateState state = update_state(all, found, {}), plain_state = update_state(own, plain, {});
   EXPECT_EQ(state.factors.factor, plain_state.factors.factor);

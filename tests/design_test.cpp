@@ -16,6 +16,8 @@
 namespace tokid {
 namespace {
 
+using testing::mentions;
+
 using testing::epsilon;
 using testing::SystemSize;
 
@@ -86,10 +88,6 @@ Worst gaussian_ensembles() {
     return experiments(oscillator(80), options);
   });
   return worst;
-}
-
-bool mentions(const std::vector<std::string>& texts, const std::string& word) {
-  return std::any_of(texts.begin(), texts.end(), [&](const auto& t) { return t.find(word) != std::string::npos; });
 }
 
 std::string complaint(const PlanOptions& options, const Model* model = nullptr) {
@@ -163,11 +161,11 @@ TEST(Design, AModelThatIsMostlyNoiseIsNotTrusted) {
   PlanOptions options = oscillator_options();
   options.iterations = 10;
   // Their share of the outputs is near 0.3 % and 30 %, far from the bound on either side.
-  EXPECT_FALSE(mentions(plan(identified(0.02), options).warnings, complaint));
+  EXPECT_FALSE(mentions(plan(identified(0.02), options).findings, complaint));
   const Model noisy = identified(0.3);
-  EXPECT_TRUE(mentions(plan(noisy, options).warnings, complaint));
+  EXPECT_TRUE(mentions(plan(noisy, options).findings, complaint));
   options.kind = InputKind::orthogonal;
-  EXPECT_FALSE(mentions(plan(noisy, options).warnings, complaint));
+  EXPECT_FALSE(mentions(plan(noisy, options).findings, complaint));
 }
 
 TEST(Design, NumbersHaveTheirReasons) {
@@ -196,7 +194,7 @@ TEST(Design, NumbersHaveTheirReasons) {
   noisy.lags = 3;
   p = plan(noisy);
   EXPECT_EQ(p.minimum, 14);
-  EXPECT_TRUE(mentions(p.warnings, "p·m = 6 exceeds n = 4"));
+  EXPECT_TRUE(mentions(p.findings, "p·m = 6 exceeds n = 4"));
 
   PlanOptions unknown = oscillator_options();
   unknown.initial_state = InitialState::unknown;
@@ -204,7 +202,7 @@ TEST(Design, NumbersHaveTheirReasons) {
   EXPECT_EQ(p.first_step, 2);
   EXPECT_TRUE(std::isnan(p.input_condition[1]) && p.input_condition[2] >= 1);
   EXPECT_TRUE(mentions(p.reasons, "steps 0 to 1 serve as lags only, a model of the data begins at step 2"));
-  EXPECT_TRUE(mentions(p.warnings, "no degree of freedom"));
+  EXPECT_TRUE(mentions(p.findings, "no degree of freedom"));
   EXPECT_EQ(p.inputs.initial_state, InitialState::unknown);
 }
 
@@ -453,7 +451,7 @@ TEST(Design, AModelThatBeginsLaterPlansItsOwnSteps) {
     EXPECT_EQ(result.first_step, state == InitialState::zero ? 0 : 2);
     EXPECT_EQ(mentions(result.reasons, "a model of the data begins at step 2"), state == InitialState::unknown);
     EXPECT_EQ(mentions(result.reasons, "zero initial states"), state == InitialState::zero);
-    EXPECT_TRUE(mentions(result.warnings, "begins at step 5: the windows before step 7 are neither forecast nor"));
+    EXPECT_TRUE(mentions(result.findings, "begins at step 5: the windows before step 7 are neither forecast nor"));
     // The inputs are judged from the first regression on, the windows from the first whose lags the model knows.
     EXPECT_EQ(result.first_forecast, 7);
     GtvArxOptions how;
@@ -485,7 +483,7 @@ TEST(Design, UnknownInitialStatesOfTheModelAreThoseOfThePlan) {
   EXPECT_EQ(result.inputs.initial_state, InitialState::unknown);
   EXPECT_EQ(result.first_step, 2);
   EXPECT_EQ(result.first_forecast, 2);
-  EXPECT_TRUE(mentions(result.warnings, "unknown initial states: the forecasts leave aside what they contribute"));
+  EXPECT_TRUE(mentions(result.findings, "unknown initial states: the forecasts leave aside what they contribute"));
 }
 
 TEST(Design, NumbersBeyondReachAreToldButNotDrawn) {
@@ -496,7 +494,7 @@ TEST(Design, NumbersBeyondReachAreToldButNotDrawn) {
   const ExperimentPlan result = plan(system, options);
   EXPECT_EQ(result.inputs.experiments(), 20);
   EXPECT_GT(result.recommended, Index(1e12));
-  EXPECT_TRUE(mentions(result.warnings, fmt::format("20 experiments found, {} recommended", result.recommended)));
+  EXPECT_TRUE(mentions(result.findings, fmt::format("20 experiments found, {} recommended", result.recommended)));
   options.noise = NoiseLevel{0.0, 1e60};  // more than can be counted
   EXPECT_EQ(plan(system, options).recommended, Index(1e15));
   options.noise = NoiseLevel{0.0, 40.0};
@@ -514,7 +512,7 @@ TEST(Design, LargeWindowsAreSampledAndTooLargePlansRefused) {
                                     [](double c) { return !std::isnan(c); });
   EXPECT_GT(judged, 10);
   EXPECT_LT(judged, 350);
-  EXPECT_TRUE(mentions(sampled.warnings, fmt::format("told of {} of 700 windows only", judged)));
+  EXPECT_TRUE(mentions(sampled.findings, fmt::format("told of {} of 700 windows only", judged)));
   EXPECT_NEAR(sampled.input_condition.back(), 1, 1e-12);  // orthogonal
 
   EXPECT_NE(complaint(options_for({4, 2, 1000}, 80)).find("sizes: 3004 experiments of 80 steps with 1000 inputs"),

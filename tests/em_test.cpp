@@ -363,8 +363,8 @@ TEST(Refine, SaysThatDataHaveNoNoise) {
     const Ensemble e = random_experiments(truth, 60, 92), fresh = random_experiments(truth, 10, 93);
     const Refinement r = refine(truth, e, {.smoothing = smoothing, .iterations = 40});
     expect_monotone(r, "no noise");
-    ASSERT_FALSE(r.warnings.empty());
-    EXPECT_NE(r.warnings[0].find("no noise"), std::string::npos) << r.warnings[0];
+    ASSERT_FALSE(r.findings.empty());
+    EXPECT_NE(in_words(r.findings)[0].find("no noise"), std::string::npos) << in_words(r.findings)[0];
     // The floors are variances of 1e-12 of the signals: no state is told better than to 1e-6, and the outputs of an
     // unexcited direction not at all.
     EXPECT_LT(output_error(fresh, predict(r.model, fresh).y), 1e-4);

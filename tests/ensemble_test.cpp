@@ -38,16 +38,16 @@ TEST(Ensemble, WindowHoldsTheOldestLagFirstAndTheInputOfTheStepLast) {
 
 TEST(Ensemble, ExperimentsThatShareNoStepAreWarnedOf) {
   Ensemble e = numbered(3, 12, 1, 1);
-  EXPECT_TRUE(warnings_of_steps(e).empty());
+  EXPECT_TRUE(findings_of_overlap(e).empty());
   const auto only = [&e](Index n, Index begin, Index end) {
     for (Index k = 0; k < e.steps(); ++k)
       if (k < begin || k >= end) e.u(n, k, 0) = e.y(n, k, 0) = nan;
   };
   only(1, 3, 8);
   only(2, 7, 12);
-  EXPECT_TRUE(warnings_of_steps(e).empty());
+  EXPECT_TRUE(findings_of_overlap(e).empty());
   only(1, 3, 7);
-  const std::vector<std::string> found = warnings_of_steps(e);
+  const std::vector<std::string> found = in_words(findings_of_overlap(e));
   ASSERT_EQ(found.size(), 1u);
   EXPECT_NE(found[0].find("experiment 2 begins at step 7, when experiment 1 has ended at step 6"), std::string::npos)
       << found[0];

@@ -29,18 +29,13 @@ TEST(Combination, HasAsFewTermsAsItTakes) {
   EXPECT_FALSE(combination(a.topRows(7), Vector(a.col(1).head(7)), false));  // any target would do
 }
 
-TEST(Combination, IsWrittenWithTheFirstChannelAlone) {
-  EXPECT_EQ(sum_text({{"u1", 2.0}, {"u3", -4.0}}), "u1 - 2 u3");
-  EXPECT_EQ(sum_text({{"a", -1.0}, {"b", -1.0}, {"c", 0.25}}), "a + b - 0.25 c");
-}
-
 Ensemble inputs(Index r, Index experiments = 30, Index steps = 20) {
   return random_experiments(random_system({2, 2, r}, steps, 0.9, 1), experiments, 2);
 }
 
 TEST(Excitation, NothingIsSaidOfInputsOnTheirOwn) {
-  for (const Index r : {1, 2, 4}) EXPECT_EQ(excitation(inputs(r), {.lags = 3}).warnings, Texts{});
-  EXPECT_EQ(warnings_of_dependent_outputs(inputs(2)), Texts{});
+  for (const Index r : {1, 2, 4}) EXPECT_EQ(in_words(excitation(inputs(r), {.lags = 3}).findings), Texts{});
+  EXPECT_EQ(in_words(findings_of_dependent_outputs(inputs(2))), Texts{});
 }
 
 TEST(Excitation, InputsThatMoveTogetherAreNamedWithTheirSteps) {
@@ -48,7 +43,7 @@ TEST(Excitation, InputsThatMoveTogetherAreNamedWithTheirSteps) {
   e.names.input_names = {"left", "right", "both"};
   for (Index k = 5; k < 12; ++k) e.input(k).col(2) = e.input(k).col(0) + 0.5 * e.input(k).col(1);
   const Excitation found = excitation(e, {.lags = 2});
-  EXPECT_EQ(found.warnings,
+  EXPECT_EQ(in_words(found.findings),
             (Texts{"inputs left, right and both move together (left + 0.5 right - both is zero) in every "
                    "experiment at steps 5–11: their effects there can't be told apart"}));
   EXPECT_EQ(found.named, (std::vector<Index>{5, 6, 7, 8, 9, 10, 11, 12, 13}));  // windows of two lags more
@@ -58,7 +53,7 @@ TEST(Excitation, CombinationsThatChangeAreOneWarning) {
   Ensemble e = inputs(2);
   for (Index k = 0; k < 20; ++k) e.input(k).col(1) = (2.0 + double(k)) * e.input(k).col(0);
   EXPECT_EQ(
-      excitation(e, {.lags = 2}).warnings,
+      in_words(excitation(e, {.lags = 2}).findings),
       (Texts{"inputs u1 and u2 move together (a combination of u1 and u2 that changes from step to step is zero) in "
              "every experiment at steps 0–19: their effects there can't be told apart"}));
 }
@@ -67,13 +62,13 @@ TEST(Excitation, InputsThatFollowFromWhatWasBefore) {
   Ensemble held = inputs(1);
   for (Index k = 0; k < 20; ++k)
     if (k % 4 > 0) held.input(k) = Matrix(held.input(k - 1));
-  EXPECT_EQ(excitation(held, {.lags = 2}).warnings,
+  EXPECT_EQ(in_words(excitation(held, {.lags = 2}).findings),
             (Texts{"input u1 follows from inputs before it (u1(k) - u1(k-1) is zero) in every experiment at steps 1–3, "
                    "5–7, 9–11, 13–15 and 17–19: its effect there can't be told from theirs"}));
   Ensemble fed = inputs(1);
   for (Index k = 3; k < 20; ++k) fed.input(k) = 0.5 * fed.output(k - 1).col(1);
   EXPECT_EQ(
-      excitation(fed, {.lags = 2}).warnings,
+      in_words(excitation(fed, {.lags = 2}).findings),
       (Texts{"input u1 follows from the samples before it (u1(k) - 0.5 y2(k-1) is zero) in every experiment at "
              "steps 3–19: a feedback without a variation of its own, whose effect there can't be told from theirs"}));
 }
@@ -86,18 +81,18 @@ TEST(Excitation, OfOneRecord) {
     e.y(0, k, 0) = random.normal();
   }
   EXPECT_EQ(
-      excitation(e, {.lags = 4, .period = 1, .centred = false}).warnings,
+      in_words(excitation(e, {.lags = 4, .period = 1, .centred = false}).findings),
       (Texts{
           "input u1 follows from inputs before it (u1(k) - 1.76 u1(k-1) + u1(k-2) is zero, as of one frequency where 5 "
           "are needed at lag order 4) all along: its effect there can't be told from theirs"}));
   for (Index k = 0; k < 300; ++k) e.u(0, k, 0) = random.normal();
-  EXPECT_EQ(excitation(e, {.lags = 4, .period = 1, .centred = false}).warnings, Texts{});
+  EXPECT_EQ(in_words(excitation(e, {.lags = 4, .period = 1, .centred = false}).findings), Texts{});
 }
 
 TEST(Excitation, OutputsThatMoveTogetherOrRest) {
   Ensemble e = inputs(2);
   for (Index k = 0; k < 20; ++k) e.output(k).col(1) = 3.0 - 2 * e.output(k).col(0).array();
-  EXPECT_EQ(warnings_of_dependent_outputs(e),
+  EXPECT_EQ(in_words(findings_of_dependent_outputs(e)),
             (Texts{"outputs y1 and y2 move together (y1 + 0.5 y2 is constant) at all steps: y2 says nothing that the "
                    "others don't"}));
   e = inputs(2);
@@ -105,10 +100,10 @@ TEST(Excitation, OutputsThatMoveTogetherOrRest) {
     if (k < 3 || k == 7) e.output(k).col(0).setConstant(1.0);  // the first steps may well be at rest
     if (k > 10) e.y(4, k, 1) = e.y(4, 10, 1) = 2.5;
   }
-  EXPECT_EQ(warnings_of_dependent_outputs(e),
+  EXPECT_EQ(in_words(findings_of_dependent_outputs(e)),
             (Texts{"output y1 is the same in every experiment at step 7: nothing can be identified of it there"}));
   EXPECT_EQ(
-      stuck_outputs(e, 100).warnings,
+      in_words(stuck_outputs(e, 100).findings),
       (Texts{
           "output y2 stays at 2.5 in experiment 4 at steps 110–119, where its inputs move: is its sensor stuck there?"}));
 }
@@ -121,10 +116,12 @@ TEST(Excitation, NothingIsSaidOfOutputsThatFollowFromTheirInputs) {
       Ensemble single = e;
       single.samples() = Matrix(e.samples()).cast<float>().cast<double>();
       for (const Index lags : {2, 4}) {
-        EXPECT_EQ(excitation(single, {.lags = lags, .noisy = true}).warnings, Texts{}) << "single precision";
-        EXPECT_EQ(excitation(single, {.lags = lags, .period = 1, .noisy = true}).warnings, Texts{}) << "time-invariant";
+        EXPECT_EQ(in_words(excitation(single, {.lags = lags, .noisy = true}).findings), Texts{}) << "single precision";
+        EXPECT_EQ(in_words(excitation(single, {.lags = lags, .period = 1, .noisy = true}).findings), Texts{})
+            << "time-invariant";
         for (const double noise : {1e-8, 1e-7, 1e-6})
-          EXPECT_EQ(excitation(with_noise(e, noise, seed), {.lags = lags, .noisy = true}).warnings, Texts{}) << noise;
+          EXPECT_EQ(in_words(excitation(with_noise(e, noise, seed), {.lags = lags, .noisy = true}).findings), Texts{})
+              << noise;
       }
     }
 }
@@ -132,7 +129,7 @@ TEST(Excitation, NothingIsSaidOfOutputsThatFollowFromTheirInputs) {
 TEST(Excitation, FeedbackOfTheSameStepIsSeen) {
   Ensemble fed = with_noise(random_experiments(random_system({2, 2, 1}, 20, 0.9, 1), 40, 2), 0.1, 3);
   for (Index k = 3; k < 20; ++k) fed.input(k) = 0.5 * fed.output(k).col(0) - fed.output(k).col(1);
-  const Texts found = excitation(fed, {.lags = 2, .noisy = true}).warnings;
+  const Texts found = in_words(excitation(fed, {.lags = 2, .noisy = true}).findings);
   ASSERT_EQ(found.size(), 1u);
   EXPECT_NE(found.front().find("(u1(k) - 0.5 y1(k) + y2(k) is zero) in every experiment at steps 3–19: a feedback"),
             std::string::npos)
@@ -147,14 +144,14 @@ Ensemble binary(Index experiments, Index steps, Index r, std::uint64_t seed) {
 
 TEST(Excitation, ChanceOfFewExperimentsIsNoWarning) {
   for (const std::uint64_t seed : {1, 2, 3}) {
-    EXPECT_EQ(excitation(binary(5, 150, 2, seed), {.lags = 1, .noisy = true}).warnings, Texts{});
-    EXPECT_EQ(excitation(binary(8, 300, 1, seed), {.lags = 1, .noisy = true}).warnings, Texts{});
-    EXPECT_EQ(excitation(binary(6, 150, 3, seed), {.lags = 1, .noisy = true}).warnings, Texts{});
+    EXPECT_EQ(in_words(excitation(binary(5, 150, 2, seed), {.lags = 1, .noisy = true}).findings), Texts{});
+    EXPECT_EQ(in_words(excitation(binary(8, 300, 1, seed), {.lags = 1, .noisy = true}).findings), Texts{});
+    EXPECT_EQ(in_words(excitation(binary(6, 150, 3, seed), {.lags = 1, .noisy = true}).findings), Texts{});
   }
   // What holds at all steps is none.
   Ensemble e = binary(5, 150, 2, 1);
   for (Index k = 0; k < 150; ++k) e.input(k).col(1) = -e.input(k).col(0);
-  const Texts found = excitation(e, {.lags = 1, .noisy = true}).warnings;
+  const Texts found = in_words(excitation(e, {.lags = 1, .noisy = true}).findings);
   ASSERT_EQ(found.size(), 1u);
   EXPECT_EQ(found.front().find("inputs u1 and u2 move together (u1 + u2 is zero) in every experiment at steps 0"), 0u);
 }
@@ -163,12 +160,12 @@ TEST(Excitation, FactorsAreTheSameWhateverTheirLastDigit) {
   for (const double factor : {1.125, 1.0005, 0.3335}) {
     Ensemble e = inputs(2);
     for (Index k = 0; k < 20; ++k) e.input(k).col(0) = factor * e.input(k).col(1);
-    const Texts found = excitation(e, {.lags = 2}).warnings;
+    const Texts found = in_words(excitation(e, {.lags = 2}).findings);
     ASSERT_EQ(found.size(), 1u) << factor;
     EXPECT_EQ(found.front().find("changes"), std::string::npos) << found.front();
     e = inputs(2);
     for (Index k = 0; k < 20; ++k) e.output(k).col(0) = factor * e.output(k).col(1);
-    EXPECT_EQ(warnings_of_dependent_outputs(e).size(), 1u) << factor;
+    EXPECT_EQ(findings_of_dependent_outputs(e).size(), 1u) << factor;
   }
 }
 
@@ -179,7 +176,7 @@ TEST(Excitation, HeldInputsAreOneWarning) {
   std::vector<Index> suspects;
   for (Index k = 6; k < 60; ++k) suspects.push_back(k);  // six lags hold steps that are held
   const Excitation found = excitation(e, {.lags = 6, .suspects = suspects});
-  EXPECT_EQ(found.warnings.size(), 2u);  // one for each input
+  EXPECT_EQ(found.findings.size(), 2u);  // one for each input
   for (const Index k : suspects) EXPECT_TRUE(std::binary_search(found.named.begin(), found.named.end(), k)) << k;
 }
 
@@ -192,7 +189,7 @@ TEST(Excitation, ASumOfSinesIsCounted) {
     e.y(0, k, 0) = random.normal();
   }
   EXPECT_EQ(
-      excitation(e, {.lags = 8, .period = 1, .centred = false}).warnings,
+      in_words(excitation(e, {.lags = 8, .period = 1, .centred = false}).findings),
       (Texts{"input u1 follows from inputs before it (a combination of u1(k) and u1(k-1…6) is zero, as of 3 "
              "frequencies where 9 are needed at lag order 8) all along: its effect there can't be told from theirs"}));
 }
@@ -205,15 +202,15 @@ TEST(Excitation, OutputsThatRestWithTheirInputsAreNotStuck) {
     e.output(k).row(4).setZero();
     if (k < 30) e.input(k).row(9).setZero(), e.output(k).row(9).setZero();
   }
-  EXPECT_EQ(warnings_of_dependent_outputs(e), Texts{});
-  EXPECT_EQ(stuck_outputs(e).warnings, Texts{});
+  EXPECT_EQ(in_words(findings_of_dependent_outputs(e)), Texts{});
+  EXPECT_EQ(in_words(stuck_outputs(e).findings), Texts{});
   // Outputs in steps of their sensors, that come to rest where the inputs do.
   Ensemble coarse = random_experiments(constant_system({2, 1, 1}, 80, 0.7, 1), 20, 1);
   for (Index k = 30; k < 60; ++k) coarse.input(k).row(3).setZero();
   coarse = simulate(constant_system({2, 1, 1}, 80, 0.7, 1), coarse, Matrix::Zero(2, 20));
   coarse.samples() = ((coarse.samples() / 0.2).array().round() * 0.2).matrix().eval();
-  EXPECT_EQ(warnings_of_dependent_outputs(coarse), Texts{});
-  EXPECT_EQ(stuck_outputs(coarse).warnings, Texts{});
+  EXPECT_EQ(in_words(findings_of_dependent_outputs(coarse)), Texts{});
+  EXPECT_EQ(in_words(stuck_outputs(coarse).findings), Texts{});
 }
 
 TEST(Excitation, StuckSensorsDoNotHideEachOther) {
@@ -227,8 +224,8 @@ TEST(Excitation, CoarseOutputsCoincideByChance) {
   for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
     Ensemble e = random_experiments(constant_system({2, 1, 1}, 200, 0.8, seed), 3, seed);
     e.samples() = ((e.samples() / 0.2).array().round() * 0.2).matrix().eval();
-    EXPECT_EQ(warnings_of_dependent_outputs(e), Texts{}) << seed;
-    EXPECT_EQ(stuck_outputs(e).warnings, Texts{}) << seed;
+    EXPECT_EQ(in_words(findings_of_dependent_outputs(e)), Texts{}) << seed;
+    EXPECT_EQ(in_words(stuck_outputs(e).findings), Texts{}) << seed;
   }
 }
 

@@ -407,9 +407,9 @@ TEST(InputGains, TellHowMuchStrongerTheEffectsAre) {
     }
     EXPECT_NEAR(found.error(0), 1.0, 0.05);
     EXPECT_NEAR(found.error(1), -2.0, 0.05);
-    EXPECT_EQ(conclusions(validate(system, data), {}).gains.finding, Finding::nothing);
+    EXPECT_EQ(conclusions(validate(system, data), {}).gains.result, TestResult::nothing);
     const Conclusion against = conclusions(validate(wrong, data), {}).gains;
-    EXPECT_EQ(against.finding, Finding::against);
+    EXPECT_EQ(against.result, TestResult::against);
     EXPECT_NE(against.text.find("to u2 the other way than the model says"), std::string::npos) << against.text;
   }
 }

@@ -14,6 +14,8 @@
 namespace tokid::testing {
 namespace {
 
+using testing::mentions;
+
 // One-step errors over those of the exact Kalman filter, from many experiments to fewer than there are unknowns.
 struct Size {
   Index experiments;
@@ -330,9 +332,7 @@ TEST(Noise, AsManyWindowsAsUnknownsAreNotTakenForDataWithoutNoise) {
       "steps: 6 windows of 7 successive steps found, at least 13 needed at lag order 6; a smaller one takes fewer");
   const Identification few = identify(record, {.lags = 3, .period = 1});
   EXPECT_TRUE(few.plan.noisy);
-  EXPECT_TRUE(std::any_of(few.warnings.begin(), few.warnings.end(), [](const std::string& w) {
-    return w.find("9 windows of 4 successive steps found, which are few for the 7 unknowns") == 0;
-  }));
+  EXPECT_TRUE(mentions(few.findings, "9 windows of 4 successive steps found, which are few for the 7 unknowns"));
 }
 
 // The second of two outputs that are the same says nothing new, and one that rests nothing at all.
@@ -352,19 +352,14 @@ TEST(Noise, OutputsThatRepeatEachOtherOrRestAreNoEvidence) {
   }
   alone.initial_state = e.initial_state;
   EXPECT_NEAR(found.validation.one_step.fit(0), identify(alone).validation.one_step.fit(0), 1.0);
-  EXPECT_TRUE(std::any_of(found.warnings.begin(), found.warnings.end(), [](const std::string& w) {
-    return w == "output y2 never moves: nothing can be identified of it";
-  }));
+  EXPECT_TRUE(mentions(found.findings, "output y2 never moves: nothing can be identified of it"));
 }
 
 TEST(Noise, WhatIsOfNoUseIsSaid) {
   const Model system = oscillator(30);
   ExperimentOptions o{.experiments = 30, .seed = 89, .process_noise = 0.1, .measurement_noise = 0.3};
   o.free_responses = 6;
-  const auto says = [](const Identification& r, const char* text) {
-    return std::any_of(r.warnings.begin(), r.warnings.end(),
-                       [&](const std::string& w) { return w.find(text) != std::string::npos; });
-  };
+  const auto says = [](const Identification& r, const char* text) { return mentions(r.findings, text) > 0; };
   EXPECT_TRUE(
       says(identify(experiments(system, o), {.lags = 4, .refine = false}), "the 6 free responses were left aside"));
   EXPECT_TRUE(
@@ -403,10 +398,7 @@ TEST(Noise, RefinementOfAVaryingModelOnOneRecordWarns) {
   const Model system = oscillator(40);
   const Model start = identify(noisy_experiments(system, 40, 75), {.states = 4, .lags = 4, .refine = false}).model;
   const RefineOptions o{.smoothing = 1.0, .iterations = 2};
-  const auto says = [](const Refinement& r, const char* text) {
-    return std::any_of(r.warnings.begin(), r.warnings.end(),
-                       [&](const std::string& w) { return w.find(text) != std::string::npos; });
-  };
+  const auto says = [](const Refinement& r, const char* text) { return mentions(r.findings, text) > 0; };
   EXPECT_TRUE(says(refine(start, noisy_experiments(system, 1, 76), o), "1 experiment is less than the 6 unknowns"));
   EXPECT_FALSE(says(refine(start, noisy_experiments(system, 8, 76), o), "less than the"));
   EXPECT_TRUE(says(refine(start, noisy_experiments(oscillator(50), 8, 76), o), "those beyond began as its last"));

@@ -196,7 +196,7 @@ TEST(Outliers, NoneInHealthyCampaignsOfAnyKind) {
     for (const Campaign& c : {Campaign{12, 80, {2, 1, 1}, 0.05, 2}, {20, 80, {3, 2, 2}, 0.05, 4}})
       for (std::uint64_t seed = 1; seed <= 3; ++seed)
         for (const Outlier& o : identified(kind.make(c, seed), c))
-          ADD_FAILURE() << kind.name << ", seed " << seed << ": " << warnings_of({o}).front();
+          ADD_FAILURE() << kind.name << ", seed " << seed << ": " << in_words(findings_of({o})).front();
 }
 
 // Where all others have ended, nothing is left to judge those by that go on.

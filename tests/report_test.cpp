@@ -272,9 +272,9 @@ TEST(ReportPage, SaysOfEachTestWhatValidateSays) {
       bool against = false, negligible = false;
       for (const Conclusion* c : {&found.squares, &found.whiteness, &found.inputs, &found.gains}) {
         EXPECT_TRUE(contains(text, escape(c->text))) << c->text;
-        EXPECT_EQ(contains(all_reasons(page.verdict), c->text), c->finding == Finding::against) << c->text;
-        against = against || c->finding == Finding::against;
-        negligible = negligible || c->finding == Finding::negligible;
+        EXPECT_EQ(contains(all_reasons(page.verdict), c->text), c->result == TestResult::against) << c->text;
+        against = against || c->result == TestResult::against;
+        negligible = negligible || c->result == TestResult::negligible;
       }
       EXPECT_TRUE(contains(text, escape(found.feedback.text)));
       const bool none = contains(page.html, "None of the checks of this page speaks against the model.");
@@ -544,7 +544,7 @@ TEST(ReportPage, KeepsNamesAsText) {
   model.names.output_names = {nasty, "\"y\" \xFF"};
   ReportOptions options;
   options.model_name = options.data_name = nasty;
-  options.warnings = {nasty};
+  options.findings = {{.kind = Finding::Kind::reader_remark, .text = nasty}};
   const std::string html = report_page(model, data, options).html;
   EXPECT_FALSE(contains(html, "<img"));
   EXPECT_EQ(page_data(html)["outputs"][0]["name"], nasty);

@@ -85,4 +85,11 @@ double output_error(const Ensemble& truth, const Ensemble& computed, Index from)
 
 std::string name(const SystemSize& s) { return fmt::format("n{}m{}r{}", s.n, s.m, s.r); }
 
+Index mentions(const std::vector<std::string>& texts, const std::string& part) {
+  return std::count_if(texts.begin(), texts.end(),
+                       [&](const std::string& text) { return text.find(part) != std::string::npos; });
+}
+
+Index mentions(const Findings& findings, const std::string& part) { return mentions(in_words(findings), part); }
+
 }  // namespace tokid::testing

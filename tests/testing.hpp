@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "tokid/ensemble.hpp"
+#include "tokid/finding.hpp"
 #include "tokid/linalg.hpp"
 #include "tokid/model.hpp"
 
@@ -77,5 +78,9 @@ double output_error(const Ensemble& truth, const Ensemble& computed, Index from 
 inline Index smallest_lag_order(const SystemSize& size) { return (size.n + size.m - 1) / size.m; }
 
 std::string name(const SystemSize& s);
+
+// How many of the texts, or of the findings in words, contain this one.
+Index mentions(const std::vector<std::string>& texts, const std::string& part);
+Index mentions(const Findings& findings, const std::string& part);
 
 }  // namespace tokid::testing

@@ -411,7 +411,7 @@ TEST(Confidence, BothMethodsGiveBoundsOfEverything) {
     EXPECT_EQ(found.simulated.step[5].estimate.rows(), 48);
     EXPECT_EQ(found.predicted.step.empty(), method == BoundsMethod::bootstrap);
     EXPECT_FALSE(found.spectrum.step.empty());
-    EXPECT_TRUE(found.warnings.empty()) << found.warnings.front();
+    EXPECT_TRUE(found.findings.empty()) << in_words(found.findings).front();
     // The regressions and the model that approximates them agree within the bounds of both, by and large.
     Coverage agreement;
     for (Index k = 0; k < 20; ++k) agreement.add(pulse_row(c.found.model, k, 6), found.markov.step[size_t(k)]);
@@ -444,7 +444,7 @@ TEST(Confidence, OtherDataAreRefusedOrRemarkedOn) {
   o.experiments = 60;
   o.measurement_noise = 0.03;
   o.seed = 2;
-  EXPECT_EQ(confidence(c.found.model, experiments(oscillator(20), o)).warnings.size(), 1U);
+  EXPECT_EQ(confidence(c.found.model, experiments(oscillator(20), o)).findings.size(), 1U);
   EXPECT_THROW(confidence(c.found.model, experiments(oscillator(21), o)), std::invalid_argument);
   EXPECT_THROW(confidence(oscillator(20), c.data), std::invalid_argument);  // was not identified
   EXPECT_THROW(confidence(c.found.model, Ensemble(60, 20, 1, 2)), std::invalid_argument);

@@ -196,9 +196,9 @@ TEST(Update, IsTheIdentificationOfAllExperiments) {
 TEST(Update, WarnsOfNoiseThatComesLater) {
   const Ensemble e = random_experiments(random_system({3, 2, 1}, 20, 1.0, 16), 60, 17);
   UpdateState state = update_state(e.subset(range(0, 30)), identify(e.subset(range(0, 30))), {});
-  EXPECT_TRUE(identify(state).warnings.empty());
+  EXPECT_TRUE(identify(state).findings.empty());
   update(state, with_noise(e.subset(range(30, 60)), 0.1, 18));
-  const std::vector<std::string> warnings = identify(state).warnings;
+  const std::vector<std::string> warnings = in_words(identify(state).findings);
   ASSERT_FALSE(warnings.empty());
   EXPECT_NE(warnings.front().find("noisy"), std::string::npos);
 }
@@ -304,7 +304,7 @@ TEST(Update, LeavesOutWhatTheStateHas) {
     EXPECT_TRUE(update(once, e.subset(range(first, end))).empty());
     std::vector<Index> rows = range(first - overlap, end);
     std::shuffle(rows.begin(), rows.begin() + overlap, std::mt19937(seed));  // the new ones keep their order
-    const std::vector<std::string> told = update(twice, e.subset(rows));
+    const std::vector<std::string> told = in_words(update(twice, e.subset(rows)));
     expect_same_state(twice, once);  // what is left out leaves no trace in a bit
     ASSERT_EQ(told.size(), 1);
     const std::string count = fmt::format("{} of {} experiments ", overlap, end - first + overlap);
@@ -312,9 +312,9 @@ TEST(Update, LeavesOutWhatTheStateHas) {
     EXPECT_NE(told.front().find("in the state already: \""), std::string::npos) << told.front();
     // Any part of what was given adds nothing.
     const UpdateState before = twice;
-    EXPECT_EQ(update(twice, e.subset(range(0, end))),
+    EXPECT_EQ(in_words(update(twice, e.subset(range(0, end)))),
               std::vector{fmt::format("all {} experiments are in the state already. Nothing is added", end)});
-    EXPECT_EQ(update(twice, e.subset({first})),
+    EXPECT_EQ(in_words(update(twice, e.subset({first}))),
               std::vector<std::string>{"the experiment is in the state already. Nothing is added"});
     expect_same_state(twice, before);
     EXPECT_TRUE(has_seen(identify(twice).model, e.subset(range(0, end))));
@@ -328,7 +328,7 @@ TEST(Update, NamesWhatItLeavesOut) {
   rows.experiment_names.clear();
   const auto told = [&](const Ensemble& more) {
     UpdateState own = state;
-    return update(own, more).front();
+    return in_words(update(own, more).front());
   };
   EXPECT_EQ(told(rows), "30 of 40 experiments are in the state already: 0–29. They are not added again");
   for (Index k = 0; k < 15; ++k) rows.output(k).row(3).array() += 1.0, rows.output(k).topRows(1).array() += 1.0;
@@ -379,7 +379,7 @@ TEST(Update, KnowsCopiesOfWhatItHas) {
         more.samples()(n, k * e.channels() + c) = double(float(more.samples()(n, k * e.channels() + c)));
   UpdateState once = state_of(e.subset(range(0, 30))), state = once;
   update(once, e.subset(range(30, 50)));
-  EXPECT_EQ(update(state, more),
+  EXPECT_EQ(in_words(update(state, more)),
             (std::vector<std::string>{
                 "6 of 27 experiments are in the state already: 0–4 and 25. They are not added again",
                 "1 of 27 experiments is a copy of another, within rounding: 26 of 15. Each experiment was used once"}));
@@ -401,11 +401,11 @@ TEST(Update, SaysWhatAStateWithoutDigestsCannotTell) {
   state = load_update_state(path);
   EXPECT_EQ(state.without_digest, 30);
   // By its fingerprint a whole ensemble is known all the same.
-  EXPECT_EQ(update(state, first),
+  EXPECT_EQ(in_words(update(state, first)),
             std::vector<std::string>{"all 30 experiments are in the state already. Nothing is added"});
   EXPECT_EQ(state.factors.experiments, 30);
   const auto warned = [&](const Ensemble& added) {
-    const std::vector<std::string> told = update(state, added);
+    const std::vector<std::string> told = in_words(update(state, added));
     return !told.empty() && told.back().find("no digests of 30 experiments") != std::string::npos;
   };
   EXPECT_TRUE(warned(more));
@@ -547,7 +547,7 @@ TEST(UpdateFromFiles, AFileThatAddsNothingIsTold) {
   const Additions added = update(state, before, {one, seen, one});
   EXPECT_EQ(added.experiments, (std::vector<Index>{5, 0, 0}));
   EXPECT_EQ(added.known, (std::vector<std::vector<Index>>{{}, range(0, 40), range(0, 5)}));
-  EXPECT_EQ(added.warnings,
+  EXPECT_EQ(in_words(added.findings),
             (std::vector<std::string>{seen + ": all 40 experiments are in the state already. Nothing is added",
                                       one + ": all 5 experiments are in the state already. Nothing is added"}));
   UpdateState alone = first;
@@ -560,7 +560,7 @@ TEST(UpdateFromFiles, AFileThatAddsNothingIsTold) {
   const Additions none = update(state, before, {seen});
   expect_same_state(state, first);
   EXPECT_EQ(state.options, first.options);
-  EXPECT_EQ(none.warnings.size(), 1);
+  EXPECT_EQ(none.findings.size(), 1);
   EXPECT_TRUE(none.one_step.fit.size() == 2 && none.one_step.fit.array().isNaN().all());
 }
 

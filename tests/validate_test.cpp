@@ -41,7 +41,7 @@ TEST(Validate, TrueModelsFitNoiseFreeDataCompletely) {
       for (const double f : fit->fit) EXPECT_GT(f, 100 - 1e-9);
     EXPECT_TRUE(std::isnan(v.whiteness_p));  // rounding errors are no innovations
     EXPECT_EQ(v.first_predicted, state == InitialState::zero ? 0 : 2);
-    EXPECT_TRUE(v.warnings.empty());
+    EXPECT_TRUE(v.findings.empty());
   }
 }
 
@@ -52,8 +52,8 @@ TEST(Validate, SaysWhenNothingCanBePredicted) {
   Ensemble e = experiments(oscillator(2), options);  // two steps: as many as the state needs
   const Validation v = validate(system, e);
   EXPECT_TRUE(std::isnan(v.one_step.fit(0)));
-  ASSERT_FALSE(v.warnings.empty());
-  EXPECT_NE(v.warnings[0].find("no step could be predicted"), std::string::npos);
+  ASSERT_FALSE(v.findings.empty());
+  EXPECT_NE(in_words(v.findings)[0].find("no step could be predicted"), std::string::npos);
   EXPECT_THROW(validate(from_step(system, 10), e), std::invalid_argument);
 }
 
@@ -80,8 +80,8 @@ TEST(OutlyingSamples, AreFoundWhereTheyAre) {
       EXPECT_EQ(outlying_steps(v, 3, 0), std::vector<Index>{60}) << "seed " << seed;
       for (const OutlyingSamples& o : v.outlying)  // without the fault it is within five standard deviations
         EXPECT_NEAR(o.error, o.experiment == 7 ? 200 : 100, 5 * o.usual / 0.67);
-      ASSERT_EQ(v.warnings.size(), 2);
-      EXPECT_NE(v.warnings.back().find("experiment 7, output"), std::string::npos);
+      ASSERT_EQ(v.findings.size(), 2);
+      EXPECT_NE(in_words(v.findings).back().find("experiment 7, output"), std::string::npos);
       EXPECT_EQ(validate(system, e, {.initial_state = initial, .misfits = {"7"}}).outlying.size(), 1);
     }
 }
@@ -187,7 +187,7 @@ TEST(Conclusions, SayWhatWasNotTested) {
   const Model system = oscillator(40);
   const Conclusions exact = conclusions(validate(system, experiments(system)), system.names);
   for (const Conclusion* c : {&exact.squares, &exact.whiteness, &exact.inputs, &exact.gains, &exact.feedback}) {
-    EXPECT_EQ(c->finding, Finding::untested);
+    EXPECT_EQ(c->result, TestResult::untested);
     EXPECT_EQ(c->text, "not tested, the innovations are at rounding level");
   }
 }
@@ -203,7 +203,7 @@ TEST(Conclusions, NameInputsWhoseEffectIsLostInTheNoise) {
       conclusions(v, names).gains.text,
       "the outputs answer to the other inputs as strongly as the model says (± 2.6 %); what the outputs answer to "
       "brake is lost in the noise");
-  EXPECT_EQ(conclusions(v, names).gains.finding, Finding::nothing);
+  EXPECT_EQ(conclusions(v, names).gains.result, TestResult::nothing);
   v.gains.deviation(0) = 0.8, v.gains.share(0) = 0.01;
   EXPECT_EQ(conclusions(v, names).gains.text, "what the outputs answer to torque, brake is lost in the noise");
 }

@@ -2,11 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
-#include <string_view>
 #include <vector>
 
 #include "tokid/ensemble.hpp"
+#include "tokid/finding.hpp"
 
 namespace tokid {
 
@@ -23,8 +22,7 @@ struct Copies {
 // repeat the inputs with noise of their own are none. Takes time that is linear in the samples of the experiments.
 Copies find_copies(const Ensemble& ensemble);
 
-// "12 of 24 experiments are copies …", with what follows from it; nothing where there are none.
-std::vector<std::string> warnings_of(const Copies& copies, const Ensemble& ensemble,
-                                     std::string_view consequence = "Each experiment was used once");
+// Which experiments are copies, and of which ones; nothing where there are none.
+Findings findings_of(const Copies& copies, const Ensemble& ensemble);
 
 }  // namespace tokid

@@ -24,7 +24,7 @@ struct Fold {
   std::vector<std::string> experiment_names;  // of the same, empty where the data give none
   Index states = 0, lags = 0;                 // of the model of the others
   Fit simulation, one_step, horizon;
-  std::vector<std::string> warnings;  // of the identification
+  Findings findings;  // of the identification
 };
 
 struct CrossValidation {
@@ -33,7 +33,7 @@ struct CrossValidation {
   // one.
   Fit simulation, one_step, horizon;
   Vector simulation_spread, one_step_spread, horizon_spread;  // (m) standard deviation of the fits of the folds [%]
-  std::vector<std::string> warnings;                          // of the experiments of all folds together
+  Findings findings;                                          // of the experiments of all folds together
 };
 
 // Identifies once per fold on the other experiments, leaving to each identification all choices that the options leave
@@ -44,6 +44,6 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
                                const CrossValidateOptions& options = {});
 
 // The warnings of the folds, each of them once.
-std::vector<std::string> remarks(const CrossValidation& cross);
+Findings remarks(const CrossValidation& cross);
 
 }  // namespace tokid

@@ -2,9 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <optional>
-#include <string>
-#include <string_view>
 #include <vector>
 
 #include "tokid/copies.hpp"
@@ -34,10 +31,8 @@ struct Dependence {
 // are used. Takes time that is linear in the samples, but for some 10⁹ operations. Copies must have been removed.
 Dependence find_dependence(const Ensemble& ensemble);
 
-// "4 of 24 experiments are sums or multiples of others …", with what follows from it, if not that the model is made
-// without them; nothing where there are none.
-std::vector<std::string> warnings_of(const Dependence& dependence, const Ensemble& ensemble,
-                                     std::optional<std::string_view> consequence = std::nullopt);
+// Which experiments are sums or multiples, and of which ones; nothing where there are none.
+Findings findings_of(const Dependence& dependence, const Ensemble& ensemble);
 
 // The experiments that tell something of their own. Both parts have the row numbers of the whole data, and
 // `dependent.used` has those that both leave.
@@ -53,6 +48,6 @@ UsedExperiments used_experiments(const Ensemble& ensemble);
 Dependence dependence_beside(const Copies& copies, const Ensemble& ensemble);
 // The rows that these leave of so many experiments.
 std::vector<Index> used_experiments(Index experiments, const Copies& copies, const Dependence& dependent);
-std::vector<std::string> warnings_of(const UsedExperiments& used, const Ensemble& ensemble);
+Findings findings_of(const UsedExperiments& used, const Ensemble& ensemble);
 
 }  // namespace tokid

@@ -82,7 +82,7 @@ struct ExperimentPlan {
   double markov_error = std::numeric_limits<double>::quiet_NaN();  // expected error of D_k and h_{k,k-1} … h_{k,k-p},
                                                                    // root mean square over that of themselves
 
-  std::vector<std::string> warnings;
+  Findings findings;
 };
 
 // The number of experiments and inputs for them. \throws std::invalid_argument that names the option, what was found

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "tokid/finding.hpp"
 #include "tokid/model.hpp"
 #include "tokid/parallel.hpp"
 
@@ -40,7 +41,7 @@ struct Refinement {
   Index iterations = 0;
   bool converged = false;
   Index noise_segments = 1;  // stretches of steps whose noise has a size of its own, smoothing > 0
-  std::vector<std::string> warnings;
+  Findings findings;
 };
 
 // The data are departures from the model's nominal trajectory, where it has one. A model whose states do not reach over

@@ -37,7 +37,7 @@ struct Identification {
   // Among all experiments of the data: each was used once, and those that are made of others were not.
   Copies copies;
   Dependence dependent;
-  std::vector<std::string> warnings;
+  Findings findings;
   double seconds = 0.0;
 };
 

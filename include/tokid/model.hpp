@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tokid/ensemble.hpp"
+#include "tokid/finding.hpp"
 #include "tokid/step.hpp"
 
 namespace tokid {
@@ -64,12 +65,11 @@ void check_finite(const Model& model);
 // number of inputs or a wrong shape of x0
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0 = {});
 
-// Of steps of the data that lie behind the last one of the model, where nothing is computed; empty where there are
-// none.
-std::optional<std::string> steps_beyond(const Model& model, const Ensemble& data);
+// Steps of the data after the last one of the model, where nothing is computed.
+Findings findings_of_end(const Model& model, const Ensemble& data);
 
-// Differences in sample time and names that are no error, but may be a mistake, in words; empty where there are none.
-std::vector<std::string> differences(const Model& model, const Ensemble& data);
+// Differences in sample time and names that are no error, but may be a mistake.
+Findings differences(const Model& model, const Ensemble& data);
 
 // Unknowns of each output in the regression of step k, whose rank and condition the model holds: the coefficients of
 // the window with TVERA, else those of states and inputs; 0 where the model does not come from regressions.

@@ -3,10 +3,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "tokid/choices.hpp"
+#include "tokid/finding.hpp"
 #include "tokid/gtv_arx.hpp"
 #include "tokid/model.hpp"
 #include "tokid/tvera.hpp"
@@ -62,6 +60,6 @@ Index frame_step(const Model& model, const Plan& plan);
 // reference frame does not reach.
 FramedModel in_frame(Model model, const Plan& plan);
 // Where the reference frame of step s ends.
-std::vector<std::string> warnings_of_frame(const FramedModel& framed, Index s, const Plan& plan);
+Findings findings_of_frame(const FramedModel& framed, Index s, const Plan& plan);
 
 }  // namespace tokid

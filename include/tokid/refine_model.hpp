@@ -28,7 +28,7 @@ struct RefinedModel {
   std::string reason;       // for this λ
   LikelihoodChoice choice;  // filled where it was chosen by cross-validation
   RefinementFigures before, after;
-  std::vector<std::string> warnings;  // those of the refinement, behind the differences of model and data
+  Findings findings;  // those of the refinement, after the differences of model and data
 };
 
 // \throws as refine()

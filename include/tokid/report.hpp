@@ -24,7 +24,7 @@ struct ReportOptions {
   std::string model_name, data_name;  // of the files, shown as text
   Evaluation evaluation = Evaluation::automatic;
   Index identified_from = 0;                       // experiments of the identification; 0: not known
-  std::vector<std::string> warnings = {};          // of the identification, and others that belong on the page
+  Findings findings = {};                          // of the identification, and others that belong on the page
   Index horizon = 10;                              // H of the H-step predictions and their fit
   std::optional<InitialState> initial_state = {};  // as in PredictOptions
   Index experiments = 24;                          // at most so many in the plots; all of them count in the figures

@@ -12,6 +12,7 @@
 #include "tokid/ensemble_file.hpp"
 #include "tokid/example.hpp"
 #include "tokid/file_lock.hpp"
+#include "tokid/finding.hpp"
 #include "tokid/gtv_arx.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/innovations.hpp"

@@ -167,7 +167,7 @@ struct Confidence {
   OutputBounds simulated;   // mean outputs for the inputs of the data; (N × m) of the experiments used
   OutputBounds predicted;   // new measurements one step ahead; of the factors alone
   SpectrumBounds spectrum;  // empty where there is no reference frame, or the factors don't lead to the model
-  std::vector<std::string> warnings;
+  Findings findings;
 };
 
 // From the factors, the estimates are those of the regressions, which the model approximates. By the bootstrap they are

@@ -37,15 +37,15 @@ struct Updated {
   Index experiments = 0;
   double condition_max = 0.0;
   Index rank_deficient_steps = 0;
-  std::vector<std::string> warnings;
+  Findings findings;
 };
 Updated identify(const UpdateState& state, const Execution& execution = {});
 
 // \throws std::invalid_argument that names what differs from the experiments before
 void check_update(const UpdateState& state, const Ensemble& more);
 // Experiments with the samples of one that was given before are left out, and copies within the new ones are used once;
-// the warnings tell of both. \throws as check_update()
-std::vector<std::string> update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
+// the findings tell of both. \throws as check_update()
+Findings update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
 
 // What ensembles have added, and how well the model of the experiments before does on that.
 struct Additions {
@@ -53,7 +53,7 @@ struct Additions {
   std::vector<std::vector<Index>> known;  // row numbers, ascending, of those in each that the state had already
   Fit simulation, one_step;               // as validate() finds them on all new experiments in one ensemble
   // Among them one for each output that the model before predicts no better than by its mean, or simulates far worse.
-  std::vector<std::string> warnings;
+  Findings findings;
 };
 
 // As update(), with the figures of the model before, which is identify() of the state. \throws as check_update()

@@ -51,7 +51,7 @@ struct Validation {
   std::vector<OutlyingSamples> outlying;  // of noisy data
   Index first_predicted = 0;              // first step with a prediction
   Index first_simulated = 0;              // and with a simulation
-  std::vector<std::string> warnings;
+  Findings findings;
 };
 // \throws std::invalid_argument where channels disagree or no step of the data has a model
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
@@ -61,12 +61,12 @@ Validation validate_distinct(const Model& model, const Ensemble& data, const Val
 
 // What a test of the innovations says against a model: nothing; something beyond chance that is too small to matter; or
 // something that counts.
-enum class Finding { untested, nothing, negligible, against };
-const char* to_string(Finding finding);  // "untested", "nothing", "negligible", "against"
+enum class TestResult { untested, nothing, negligible, against };
+const char* to_string(TestResult result);  // "untested", "nothing", "negligible", "against"
 
 // A test in words, the same for every reader.
 struct Conclusion {
-  Finding finding = Finding::untested;
+  TestResult result = TestResult::untested;
   std::string text;  // the probability, and what it means
 };
 struct Conclusions {

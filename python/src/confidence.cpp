@@ -100,11 +100,10 @@ nb::any bounds_of(const Model& model, const Ensemble& data, double level, std::o
   Call call(std::move(listener));
   ConfidenceOptions options{level, method, replicates, seed, band, reference_step, call.execution(threads)};
   Confidence c = call.run([&] { return confidence(model, data, options); });
-  const std::vector<std::string> remarks = differences(model, data);
-  c.warnings.insert(c.warnings.end(), remarks.begin(), remarks.end());
+  append(c.findings, differences(model, data));
   const nb::object markov = object_of(c.markov), simulated = object_of(c.simulated), predicted = object_of(c.predicted),
                    spectrum = object_of(c.spectrum);
-  const nb::list warnings = texts(c.warnings);
+  const nb::list findings = list_of(c.findings);
   const char* how = to_string(c.method);
   const Index experiments = c.experiments, lags = c.lags, found = c.replicates;
   const double freedom = c.freedom, dt = c.dt;
@@ -119,7 +118,7 @@ nb::any bounds_of(const Model& model, const Ensemble& data, double level, std::o
                              {"simulated", simulated},
                              {"predicted", predicted},
                              {"spectrum", spectrum},
-                             {"warnings", nb::object(warnings)},
+                             {"findings", nb::object(findings)},
                              {"_core", nb::cast(std::move(c))}});
 }
 

@@ -17,7 +17,7 @@ nb::any object_of(const Fold& f) {
                        {"simulation", python::object_of(f.simulation)},
                        {"one_step", python::object_of(f.one_step)},
                        {"horizon", python::object_of(f.horizon)},
-                       {"warnings", f.warnings}});
+                       {"findings", list_of(f.findings)}});
 }
 
 nb::any object_of(const CrossValidation& c) {
@@ -30,7 +30,7 @@ nb::any object_of(const CrossValidation& c) {
                                   {"simulation_spread", c.simulation_spread},
                                   {"one_step_spread", c.one_step_spread},
                                   {"horizon_spread", c.horizon_spread},
-                                  {"warnings", remarks(c)}});
+                                  {"findings", list_of(remarks(c))}});
 }
 
 }  // namespace

@@ -81,8 +81,14 @@ void bind_ensemble(nb::module_& module) {
       .def_rw("dt_stated", &Ensemble::dt_stated)
       .def_rw("reader_remarks", &Ensemble::remarks)
       .def(
-          "remarks", [](const Ensemble& e) { return remarks(e); }, nb::call_guard<nb::gil_scoped_release>())
-      .def("swapped_axes", &swapped_axes, nb::call_guard<nb::gil_scoped_release>())
+          "remarks", [](const Ensemble& e) { return in_words(remarks(e)); }, nb::call_guard<nb::gil_scoped_release>())
+      .def(
+          "swapped_axes",
+          [](const Ensemble& e) -> std::optional<std::string> {
+            const std::optional<Finding> found = swapped_axes(e);
+            return found ? std::optional(in_words(*found)) : std::nullopt;
+          },
+          nb::call_guard<nb::gil_scoped_release>())
       .def_prop_rw(
           "length", [](const Ensemble& e) { return e.length; },
           [](Ensemble& e, std::vector<Index> length) { set_length(e, std::move(length)); })

@@ -238,8 +238,12 @@ void bind_model(nb::module_& module) {
             return without_gil([&] { return simulate_data(model, data, initial_state); });
           },
           nb::arg("data"), nb::arg("initial_state").none())
-      .def("simulation_remarks", &simulation_remarks, nb::arg("inputs"), nb::arg("simulated"), nb::arg("estimate"),
-           nb::call_guard<nb::gil_scoped_release>())
+      .def(
+          "simulation_remarks",
+          [](const Model& model, const Ensemble& inputs, const Ensemble& simulated, bool estimate) {
+            return in_words(simulation_remarks(model, inputs, simulated, estimate));
+          },
+          nb::arg("inputs"), nb::arg("simulated"), nb::arg("estimate"), nb::call_guard<nb::gil_scoped_release>())
       .def(
           "predict",
           [](const Model& model, const Ensemble& data, Index horizon, std::optional<InitialState> initial_state,
@@ -248,8 +252,12 @@ void bind_model(nb::module_& module) {
             return without_gil([&] { return predict(model, data, options).y; });
           },
           nb::arg("data"), nb::arg("horizon"), nb::arg("initial_state").none(), nb::arg("initial_estimate"))
-      .def("prediction_remarks", &prediction_remarks, nb::arg("data"), nb::arg("predicted"),
-           nb::call_guard<nb::gil_scoped_release>())
+      .def(
+          "prediction_remarks",
+          [](const Model& model, const Ensemble& data, const Ensemble& predicted) {
+            return in_words(prediction_remarks(model, data, predicted));
+          },
+          nb::arg("data"), nb::arg("predicted"), nb::call_guard<nb::gil_scoped_release>())
       .def(
           "innovations",
           [](const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
@@ -262,7 +270,7 @@ void bind_model(nb::module_& module) {
              return array_of(without_gil([&] { return Matrix(estimate_state(model, data, k, window)); }));
            })
       .def("estimation_window", &estimation_window)
-      .def("differences", &differences)
+      .def("differences", [](const Model& model, const Ensemble& data) { return in_words(differences(model, data)); })
       .def("in_order",
            [](const Model& model, const Ensemble& data) {
              return without_gil([&] { return in_order(data, complete(model.names, model.inputs, model.outputs)); });

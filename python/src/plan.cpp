@@ -32,7 +32,7 @@ nb::tuple planned(const Model* model, PlanOptions options, int threads, nb::obje
   set({"output_peak", p.output_peak});
   set({"noise_floor", p.noise_floor});
   set({"markov_error", p.markov_error});
-  set({"warnings", p.warnings});
+  set({"findings", list_of(p.findings)});
   return nb::make_tuple(std::move(p.inputs), fields);
 }
 

@@ -30,7 +30,7 @@ nb::any object_of(const RefinedModel& refined) {
        {"noise_segments", r.noise_segments},
        {"before", object_of(refined.before)},
        {"after", object_of(refined.after)},
-       {"warnings", texts(refined.warnings)}});
+       {"findings", list_of(refined.findings)}});
 }
 
 nb::tuple refined(const Model& model, const Ensemble& data, std::optional<double> smoothing,

@@ -59,7 +59,6 @@ void bind_report(nb::module_& module) {
       .def(nb::init<>())
       .def_rw("model_name", &ReportOptions::model_name)
       .def_rw("data_name", &ReportOptions::data_name)
-      .def_rw("warnings", &ReportOptions::warnings)
       .def_rw("horizon", &ReportOptions::horizon)
       .def_rw("initial_state", &ReportOptions::initial_state, nb::for_setter(nb::arg().none()))
       .def_rw("experiments", &ReportOptions::experiments)

@@ -132,6 +132,37 @@ nb::any object_of(const DependentExperiment& c) {
   return make("DependentExperiment", {{"experiment", c.experiment}, {"of", c.of}, {"weights", c.weights}});
 }
 
+nb::any object_of(const Finding::Channel& c) {
+  return make("FindingChannel", {{"side", c.output ? "output" : "input"}, {"index", c.index}, {"name", c.name}});
+}
+
+nb::any object_of(const Finding::Experiment& e) {
+  return make("FindingExperiment",
+              {{"row", e.row}, {"name", e.name.empty() ? nb::object(nb::none()) : results::cast(e.name)}});
+}
+
+nb::any object_of(const Finding& f);
+
+template <class T>
+nb::list objects_of(const std::vector<T>& values) {
+  nb::list list;
+  for (const T& value : values) list.append(object_of(value));
+  return list;
+}
+
+nb::any object_of(const Finding& f) {
+  nb::dict numbers;
+  for (const auto& [name, value] : f.numbers) numbers[results::cast(name)] = results::cast(value);
+  return make("Finding", {{"kind", to_string(f.kind)},
+                          {"severity", to_string(severity(f.kind))},
+                          {"scope", to_string(f.scope)},
+                          {"channels", objects_of(f.channels)},
+                          {"experiments", objects_of(f.experiments)},
+                          {"steps", f.steps},
+                          {"numbers", nb::object(numbers)},
+                          {"text", in_words(f)}});
+}
+
 }  // namespace
 
 nb::any object_of(const Fit& f) { return make("Fit", {{"fit", f.fit}, {"rmse", f.rmse}, {"samples", f.samples}}); }
@@ -163,7 +194,7 @@ nb::any object_of(const Validation& v) {
                {"outlying", outlying},
                {"first_predicted", v.first_predicted},
                {"first_simulated", v.first_simulated},
-               {"warnings", texts(v.warnings)}});
+               {"findings", list_of(v.findings)}});
 }
 
 nb::any object_of(const NoisyChoices& c) {
@@ -213,9 +244,11 @@ nb::any object_of(const Identification& i) {
                                  {"outliers", outliers},
                                  {"copies", i.copies.groups},
                                  {"dependent", dependent},
-                                 {"warnings", texts(i.warnings)},
+                                 {"findings", list_of(i.findings)},
                                  {"seconds", i.seconds}});
 }
+
+nb::list list_of(const Findings& findings) { return objects_of(findings); }
 
 nb::list texts(const std::vector<std::string>& texts) {
   nb::list list;

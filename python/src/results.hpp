@@ -49,5 +49,6 @@ nb::any object_of(const Verdict& verdict);
 nb::any object_of(const Identification& result);  // without its model
 
 nb::list texts(const std::vector<std::string>& texts);
+nb::list list_of(const Findings& findings);  // of Finding
 
 }  // namespace tokid::python

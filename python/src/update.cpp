@@ -15,16 +15,16 @@ nb::any object_of(const Additions& a) {
                             {"known", a.known},
                             {"simulation", python::object_of(a.simulation)},
                             {"one_step", python::object_of(a.one_step)},
-                            {"warnings", texts(a.warnings)}});
+                            {"findings", list_of(a.findings)}});
 }
 
-// (model, experiments, condition_max, rank_deficient_steps, warnings)
+// (model, experiments, condition_max, rank_deficient_steps, findings)
 nb::tuple identified(const UpdateState& state, int threads, nb::object listener) {
   Call call(std::move(listener));
   const Execution execution = call.execution(threads);
   Updated now = call.run([&] { return identify(state, execution); });
-  const nb::list warnings = texts(now.warnings);
-  return nb::make_tuple(std::move(now.model), now.experiments, now.condition_max, now.rank_deficient_steps, warnings);
+  const nb::list findings = list_of(now.findings);
+  return nb::make_tuple(std::move(now.model), now.experiments, now.condition_max, now.rank_deficient_steps, findings);
 }
 
 }  // namespace

@@ -14,8 +14,7 @@ void bind_validate(nb::module_& module) {
         Validation result = without_gil([&] {
           return validate_distinct(model, data, {horizon, whiteness_lags, initial_state});
         });
-        const std::vector<std::string> remarks = differences(model, data);
-        result.warnings.insert(result.warnings.end(), remarks.begin(), remarks.end());
+        append(result.findings, differences(model, data));
         return object_of(result);
       },
       nb::arg("model"), nb::arg("data"), nb::arg("horizon"), nb::arg("whiteness_lags"),

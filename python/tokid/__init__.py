@@ -32,6 +32,7 @@ from ._update import update
 from .results import (
     Confidence,
     CrossValidation,
+    Finding,
     Fit,
     Identification,
     Interval,
@@ -51,6 +52,7 @@ __all__ = [
     "CrossValidation",
     "Ensemble",
     "FileLock",
+    "Finding",
     "Fit",
     "Identification",
     "Interval",

@@ -172,7 +172,7 @@ def identify(
         )
     warn(text for text in with_remark(evidence.warnings, core, remark) if text not in told)
     kept = None if state is None else UpdateState._of(state)
-    return Model._of(model, evidence.warnings, identification=evidence, state=kept)
+    return Model._of(model, evidence.findings, identification=evidence, state=kept)
 
 
 def cross_validate(

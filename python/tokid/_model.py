@@ -20,7 +20,17 @@ from ._progress import listener
 from ._samples import labels_of, name_channels, plural
 from ._state_space import LISTS, StateSpace, core_from, matrices_of, state_of
 from ._typing import Array, ArrayLike, PathLike, Progress
-from .results import Additions, Confidence, CrossValidation, Identification, Refinement, Updated, Validation, Verdict
+from .results import (
+    Additions,
+    Confidence,
+    CrossValidation,
+    Finding,
+    Identification,
+    Refinement,
+    Updated,
+    Validation,
+    Verdict,
+)
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
@@ -40,12 +50,12 @@ class Model(StateSpace):
     place of both. Arrays come back with as many dimensions as they went in with.
     """
 
-    __slots__ = ("_identification", "_refinement", "_state", "_updated", "_warnings", "__weakref__")
+    __slots__ = ("_findings", "_identification", "_refinement", "_state", "_updated", "__weakref__")
     _identification: Optional[Identification]
     _refinement: Optional[Refinement]
     _state: Optional[UpdateState]
     _updated: Optional[Updated]
-    _warnings: tuple[str, ...]
+    _findings: tuple[Finding, ...]
 
     def __init__(self) -> None:
         raise TypeError(
@@ -56,7 +66,7 @@ class Model(StateSpace):
     def _of(
         cls,
         core: _tokid.Model,
-        warnings: Sequence[str] = (),
+        findings: Sequence[Finding] = (),
         *,
         identification: Optional[Identification] = None,
         refinement: Optional[Refinement] = None,
@@ -65,7 +75,7 @@ class Model(StateSpace):
     ) -> Model:
         self = cls.__new__(cls)
         self._core = core
-        self._warnings = tuple(warnings)
+        self._findings = tuple(findings)
         self._identification = identification
         self._refinement = refinement
         self._updated = updated
@@ -216,8 +226,13 @@ class Model(StateSpace):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the call that made the model had to say."""
-        return self._warnings
+        """What the call that made the model had to say: its findings in words."""
+        return tuple(finding.text for finding in self._findings)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What that call found in the data and in the model, for programs to look at."""
+        return self._findings
 
     # Outputs
 
@@ -430,7 +445,7 @@ class Model(StateSpace):
                 listener=listening,
             )
         warn(evidence.warnings)
-        return Model._of(core, evidence.warnings, refinement=evidence)
+        return Model._of(core, evidence.findings, refinement=evidence)
 
     def log_likelihood(
         self, u: Union[ArrayLike, Ensemble], y: Optional[ArrayLike] = None, *, threads: int = 1
@@ -501,7 +516,8 @@ class Model(StateSpace):
             )
         for name, value in (("replicates", replicates), ("seed", seed)):
             if value is not None and result.method == "factors":
-                result.warnings.append(f"{name} has no effect on bounds from the factors")
+                text = f"{name} has no effect on bounds from the factors"
+                result.findings.append(Finding("option_without_effect", "note", "all", [], [], [], {}, text))
                 break
         warn(result.warnings)
         return result
@@ -705,7 +721,7 @@ class Model(StateSpace):
     def _same(self, core: _tokid.Model, state: Optional[UpdateState] = None) -> Model:
         return Model._of(
             core,
-            self._warnings,
+            self._findings,
             identification=self._identification,
             refinement=self._refinement,
             updated=self._updated,
@@ -810,13 +826,13 @@ class Model(StateSpace):
     # Copies, also in other processes
 
     def __copy__(self) -> Model:
-        return Model._of(self._core.copy(), self._warnings, **self._found())
+        return Model._of(self._core.copy(), self._findings, **self._found())
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Model:
-        return Model._of(self._core.copy(), self._warnings, **copy.deepcopy(self._found(), memo))
+        return Model._of(self._core.copy(), self._findings, **copy.deepcopy(self._found(), memo))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (*state_of(self._core, LISTS), self._warnings, self._found())
+        return _restored, (*state_of(self._core, LISTS), self._findings, self._found())
 
     def _found(self) -> dict[str, Any]:
         return {
@@ -832,10 +848,10 @@ def _restored(
     arrays: dict[str, Array],
     stacks: dict[str, Array],
     singular_values: tuple[Array, list[int]],
-    warnings: Sequence[str],
+    findings: Sequence[Finding],
     found: dict[str, Any],
 ) -> Model:
-    return Model._of(core_from(state, arrays, stacks, singular_values), warnings, **found)
+    return Model._of(core_from(state, arrays, stacks, singular_values), findings, **found)
 
 
 def _core_of(name: str, model: Any) -> _tokid.Model:
@@ -978,9 +994,9 @@ def _restored_state(content: bytes) -> UpdateState:
 
 def identified(core: _tokid.UpdateState, added: Optional[Additions], threads: int, listening: Any) -> Model:
     """The model of all experiments of a state, to which some may just have been added."""
-    model, experiments, condition, deficient, warnings = core.identify(threads=threads, listener=listening)
+    model, experiments, condition, deficient, findings = core.identify(threads=threads, listener=listening)
     if added is not None:
-        warnings = added.warnings + warnings
-    found = Updated(experiments, condition, deficient, added, warnings)
-    warn(warnings)
-    return Model._of(model, warnings, updated=found, state=UpdateState._of(core))
+        findings = added.findings + findings
+    found = Updated(experiments, condition, deficient, added, findings)
+    warn(found.warnings)
+    return Model._of(model, findings, updated=found, state=UpdateState._of(core))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any, Optional
+from typing import Any, NamedTuple, Optional
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,65 @@ class _Result:
             if f.repr
         )
         return f"{type(self).__name__}({shown})"
+
+
+class FindingChannel(NamedTuple):
+    """A channel that a finding is about."""
+
+    side: str
+    index: int
+    name: str
+
+
+class FindingExperiment(NamedTuple):
+    """An experiment that a finding is about; its name is None where the data give none."""
+
+    row: int
+    name: Optional[str]
+
+
+@dataclass(frozen=True, repr=False)
+class Finding(_Result):
+    """What was found in data, in a model, or on the way to it, that its user should know.
+
+    Attributes
+    ----------
+    kind : str
+        What it is, such as "samples_outlying"; the names stay. The guide to files and the command line lists them.
+    severity : str
+        "note" for what was done in place of what was not stated, else "warning".
+    scope : str
+        "all" data, "deciding_stretches" of blocks, "new_experiments" of an update, "cross_validation" or its "folds".
+    channels : list of FindingChannel
+        Each with its side ("input" or "output"), its number there and its name.
+    experiments : list of FindingExperiment
+        Each with its row and its name.
+    steps : list of int
+    numbers : dict of str to float
+        By how much, with the names of the kind.
+    text : str
+        All of it in words.
+    """
+
+    kind: str
+    severity: str
+    scope: str
+    channels: list[FindingChannel]
+    experiments: list[FindingExperiment]
+    steps: list[int]
+    numbers: dict[str, float]
+    text: str
+
+
+class _Found(_Result):
+    """A result with findings."""
+
+    findings: list[Finding]
+
+    @property
+    def warnings(self) -> list[str]:
+        """The findings in words."""
+        return [finding.text for finding in self.findings]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -175,7 +234,7 @@ class OutlyingSamples(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Validation(_Result):
+class Validation(_Found):
     """How good a model is on data.
 
     Attributes
@@ -197,7 +256,7 @@ class Validation(_Result):
         Of noisy data.
     first_predicted, first_simulated : int
         First steps with a prediction and with a simulation.
-    warnings : list of str
+    findings : list of Finding
     """
 
     simulation: Fit
@@ -213,7 +272,7 @@ class Validation(_Result):
     outlying: list[OutlyingSamples]
     first_predicted: int
     first_simulated: int
-    warnings: list[str]
+    findings: list[Finding]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -501,7 +560,7 @@ class DependentExperiment(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Identification(_Result):
+class Identification(_Found):
     """The evidence for every choice of an identification.
 
     Attributes
@@ -543,7 +602,7 @@ class Identification(_Result):
         Rows of experiments that are copies of each other, within rounding; the first one of each list was used.
     dependent : list of DependentExperiment
         Experiments that are sums or multiples of others, within rounding; they were not used.
-    warnings : list of str
+    findings : list of Finding
     seconds : float
     """
 
@@ -571,7 +630,7 @@ class Identification(_Result):
     outliers: list[Outlier]
     copies: list[list[int]]
     dependent: list[DependentExperiment]
-    warnings: list[str]
+    findings: list[Finding]
     seconds: float
 
 
@@ -613,7 +672,7 @@ class RefinementFigures(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Refinement(_Result):
+class Refinement(_Found):
     """What a refinement by EM has done.
 
     Attributes
@@ -633,7 +692,7 @@ class Refinement(_Result):
     noise_segments : int
         Stretches of steps whose noise has a size of its own.
     before, after : RefinementFigures
-    warnings : list of str
+    findings : list of Finding
     """
 
     smoothing: float
@@ -647,11 +706,11 @@ class Refinement(_Result):
     noise_segments: int
     before: RefinementFigures
     after: RefinementFigures
-    warnings: list[str]
+    findings: list[Finding]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fold(_Result):
+class Fold(_Found):
     """One part of a cross-validation.
 
     Attributes
@@ -663,7 +722,7 @@ class Fold(_Result):
     states, lags : int
         Of the model of the others.
     simulation, one_step, horizon : Fit
-    warnings : list of str
+    findings : list of Finding
     """
 
     experiments: list[int]
@@ -673,11 +732,11 @@ class Fold(_Result):
     simulation: Fit
     one_step: Fit
     horizon: Fit
-    warnings: list[str]
+    findings: list[Finding]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CrossValidation(_Result):
+class CrossValidation(_Found):
     """Every experiment judged by a model that has not seen it.
 
     Attributes
@@ -687,7 +746,7 @@ class CrossValidation(_Result):
         Over all experiments, as computed in their folds.
     simulation_spread, one_step_spread, horizon_spread : ndarray, shape (m,)
         Standard deviations of the fits of the folds [%].
-    warnings : list of str
+    findings : list of Finding
         Those of the folds, each of them once.
     """
 
@@ -698,7 +757,7 @@ class CrossValidation(_Result):
     simulation_spread: Array
     one_step_spread: Array
     horizon_spread: Array
-    warnings: list[str]
+    findings: list[Finding]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -765,7 +824,7 @@ class SpectrumBounds(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Confidence(_Result):
+class Confidence(_Found):
     """How far parameters, outputs and eigenvalues of a model may lie from the truth.
 
     Attributes
@@ -786,7 +845,7 @@ class Confidence(_Result):
     predicted : Interval of shape (N, T, m), or None
         New measurements one step ahead; of the factors alone.
     spectrum : SpectrumBounds or None
-    warnings : list of str
+    findings : list of Finding
     """
 
     method: str
@@ -800,7 +859,7 @@ class Confidence(_Result):
     simulated: Optional[Interval]
     predicted: Optional[Interval]
     spectrum: Optional[SpectrumBounds]
-    warnings: list[str]
+    findings: list[Finding]
     _core: Any = field(repr=False)
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
@@ -817,7 +876,7 @@ class Confidence(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plan(_Result):
+class Plan(_Found):
     """How many experiments, and inputs for them.
 
     Attributes
@@ -852,7 +911,7 @@ class Plan(_Result):
     noise_floor, markov_error : float
         With a model and noise levels: best one-step error over the outputs; error of the Markov parameters over
         themselves.
-    warnings : list of str
+    findings : list of Finding
     """
 
     inputs: Ensemble
@@ -874,7 +933,7 @@ class Plan(_Result):
     output_peak: Array
     noise_floor: float
     markov_error: float
-    warnings: list[str]
+    findings: list[Finding]
 
     @property
     def u(self) -> Array:
@@ -941,7 +1000,7 @@ class Streamed(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Additions(_Result):
+class Additions(_Found):
     """What new experiments have added, and how well the model of those before does on them.
 
     Attributes
@@ -952,7 +1011,7 @@ class Additions(_Result):
         Row numbers, in each ensemble or file, of experiments that the state had already. They are not added again.
     simulation, one_step : Fit
         Of the model before on all new experiments.
-    warnings : list of str
+    findings : list of Finding
         Among them one for each output that the model before predicts no better than by its mean, or simulates far worse.
     """
 
@@ -960,11 +1019,11 @@ class Additions(_Result):
     known: list[list[int]]
     simulation: Fit
     one_step: Fit
-    warnings: list[str]
+    findings: list[Finding]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Updated(_Result):
+class Updated(_Found):
     """The model of all experiments so far.
 
     Attributes
@@ -976,14 +1035,14 @@ class Updated(_Result):
     rank_deficient_steps : int
     added : Additions or None
         What the last update has added.
-    warnings : list of str
+    findings : list of Finding
     """
 
     experiments: int
     condition_max: float
     rank_deficient_steps: int
     added: Optional[Additions]
-    warnings: list[str]
+    findings: list[Finding]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

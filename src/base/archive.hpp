@@ -12,6 +12,7 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "tokid/types.hpp"
@@ -52,6 +53,11 @@ class Writer {
   void write(const std::optional<T>& value) {
     write(value.has_value());
     if (value) write(*value);
+  }
+  template <class K, class V>
+  void write(const std::map<K, V>& entries) {
+    write(entries.size());
+    for (const auto& [key, value] : entries) write(key), write(value);
   }
   void write(const std::string& text) {
     write(text.size());
@@ -135,6 +141,14 @@ class Reader {
     read(there);
     if (!there) return value.reset();
     read(value.emplace());
+  }
+  template <class K, class V>
+  void read(std::map<K, V>& entries) {
+    for (size_t count = taken_count(least_bytes<K>); count > 0; --count) {
+      K key;
+      read(key);
+      read(entries[std::move(key)]);
+    }
   }
   void read(std::string& text) {
     text.resize(taken_count(1));

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/plan.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
 #include "base/integers.hpp"
@@ -110,10 +108,10 @@ FramedModel in_frame(Model model, const Plan& plan) {
   return {plan.frame == Frame::smooth ? smooth_frame(model, rows) : std::move(model), begin, end};
 }
 
-std::vector<std::string> warnings_of_frame(const FramedModel& framed, Index step, const Plan& plan) {
+Findings findings_of_frame(const FramedModel& framed, Index step, const Plan& plan) {
   if (plan.frame != Frame::reference) return {};
-  return {fmt::format("reference frame of step {}: steps {} to {} are in it, the others keep their own coordinates",
-                      step, framed.begin, framed.end - 1)};
+  return {{.kind = Finding::Kind::frame_limits,
+           .numbers = {{"step", double(step)}, {"begin", double(framed.begin)}, {"end", double(framed.end)}}}};
 }
 
 }  // namespace tokid

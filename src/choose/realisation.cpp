@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "choose/realisation.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -153,13 +151,11 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     }
   }
   if (fallback) {
-    result.warnings.emplace_back(
-        "EM predicts all experiments worse than it predicted those left out: it may have gone astray");
+    result.findings.push_back({.kind = Finding::Kind::em_suspect});
     std::tie(result.model, result.plan) = std::move(*fallback);
     return;
   }
-  result.warnings.push_back(fmt::format("the refinement by EM was left out: with all experiments it made the {} worse",
-                                        one_step ? "simulations" : "predictions"));
+  result.findings.push_back({.kind = one_step ? Finding::Kind::em_worse_simulation : Finding::Kind::em_worse_one_step});
   result.plan.choices.refinement_smoothing = choice.smoothing;
   result.refinement.iterations = 0;
   result.refinement.states = result.order_scores.best;

@@ -2,9 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "choose/regression.hpp"
 
 namespace tokid {
@@ -14,7 +11,7 @@ struct Realised {
   Plan plan;    // all of it
   OrderScores order_scores;
   RefinementChoice refinement;
-  std::vector<std::string> warnings;
+  Findings findings;
 };
 
 // `judged`: see judging_samples(). \throws as realise() and refine()

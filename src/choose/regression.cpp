@@ -68,14 +68,11 @@ void choose_lags(const Ensemble& data, bool nominal, const IdentifyOptions& opti
     result.lag_order_errors = lag_order_errors(data, o);
     result.plan.lags = result.lag_order_errors.best;
     if (result.plan.lags == o.p_max && o.p_max == judged && judged < most_lags)
-      result.warnings.push_back(
-          fmt::format("lag order {} is the largest that {} experiments can judge: more experiments, or a larger order "
-                      "that is stated, may do better",
-                      judged, data.experiments()));
+      result.findings.push_back({.kind = Finding::Kind::lags_at_limit,
+                                 .numbers = {{"lags", double(judged)}, {"experiments", double(data.experiments())}}});
   } else if (judged < needed && data.experiments() >= experiments_for(data, needed, nominal)) {
-    result.warnings.push_back(
-        fmt::format("{} experiments leave no degree of freedom to judge lag order {} by: it fits any data exactly",
-                    data.experiments(), needed));
+    result.findings.push_back({.kind = Finding::Kind::lags_unjudged,
+                               .numbers = {{"lags", double(needed)}, {"experiments", double(data.experiments())}}});
   }
 }
 
@@ -96,17 +93,16 @@ void check_size(const Ensemble& data, const Plan& plan, bool tvera_asked) {
     throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", data.steps(), p, p + 1));
 }
 
-// Without as many windows as unknowns any model fits. Returns what was found, in words.
-std::string check_windows(const Ensemble& data, Index lags) {
+// Without as many windows as unknowns any model fits. Returns their number.
+Index checked_windows(const Ensemble& data, Index lags) {
   const Index needed = unknowns_of(data, lags), whole = whole_windows(data, lags);
   const bool gaps = data.missing() > 0;
-  std::string found = fmt::format("{} of {} successive steps {}", words::plural(whole, "window"), lags + 1,
-                                  gaps ? "without a gap found" : "found");
   if (whole < needed)
     throw std::invalid_argument(fmt::format(
-        "{}: {}, at least {} needed at lag order {}{}", gaps ? "missing samples" : "steps", found, needed, lags,
+        "{}: {} of {} successive steps {}, at least {} needed at lag order {}{}", gaps ? "missing samples" : "steps",
+        words::plural(whole, "window"), lags + 1, gaps ? "without a gap found" : "found", needed, lags,
         lags > 1 ? "; a smaller one takes fewer" : "; EM from a model of other data (refine) needs no windows"));
-  return found;
+  return whole;
 }
 
 // What the steps leave to be judged, from unknown initial states on, must be half of them, and the windows without a
@@ -163,20 +159,17 @@ void choose_variation(const Ensemble& data, const Ensemble& judged, const Identi
   } else {
     variation.smoothing = options.smoothing >= 0 ? options.smoothing : options.period > 1 ? moderate : 0.0;
     if (options.smoothing < 0 && options.period > 1)
-      result.warnings.emplace_back("the record is too short to choose lambda by: 1 was taken");
+      result.findings.push_back({.kind = Finding::Kind::smoothing_unjudged, .numbers = {{"smoothing", moderate}}});
   }
   // A few windows without a gap are too few to see variation by; EM, which sees every sample, looks for λ itself.
   if (options.smoothing < 0 && !options.choices && std::isinf(variation.smoothing) &&
       windows_are_scarce(judged, plan.lags)) {
     variation.smoothing = stiff;
-    result.warnings.emplace_back(
-        "missing samples leave few windows to see variation in time by: lambda = 1000 was taken, and is chosen anew for "
-        "EM");
+    result.findings.push_back({.kind = Finding::Kind::smoothing_by_gaps, .numbers = {{"smoothing", stiff}}});
   }
   if (!options.choices) variation.period = options.period;
   if (!std::isinf(variation.smoothing) && options.period != 1) return;
-  if (options.period == 0 && options.smoothing < 0)
-    result.warnings.emplace_back("the experiments show no variation in time: one model serves all steps");
+  if (options.period == 0 && options.smoothing < 0) result.findings.push_back({.kind = Finding::Kind::no_variation});
   variation = {0.0, 1};
   // All steps together bear more lags than each of them does.
   if (options.period > 0 || judged.experiments() < 2) return;
@@ -213,19 +206,21 @@ Regressed coupled(const Ensemble& data, const Ensemble& judged, bool nominal, co
                                             o.lags.back(), o.lags.back() + 1));
   choose_variation(data, judged, options, o, result);
 
-  const std::string windows = check_windows(data, plan.lags);
-  const Index whole = whole_windows(data, plan.lags), unknowns = unknowns_of(data, plan.lags);
+  const Index whole = checked_windows(data, plan.lags), unknowns = unknowns_of(data, plan.lags);
   if (whole < 2 * unknowns)
-    result.warnings.push_back(
-        fmt::format("{}, which are few for the {} unknowns per output at lag order {}: judge the model by other data",
-                    windows, unknowns, plan.lags));
+    result.findings.push_back({.kind = Finding::Kind::few_windows,
+                               .numbers = {{"windows", double(whole)},
+                                           {"length", double(plan.lags + 1)},
+                                           {"gaps", data.missing() > 0},
+                                           {"unknowns", double(unknowns)},
+                                           {"lags", double(plan.lags)}}});
   const TimeVariation& variation = plan.choices.variation;
   if (variation.period == 0 && variation.smoothing == 0) {
     const RegressionSizes sizes{data.experiments(), effective_experiments(data, nominal), data.inputs(), data.outputs(),
                                 plan.lags};
     RegressionSurvey survey;
     survey.freedom = std::max<Index>(0, sizes.effective_experiments - unknowns);
-    for (std::string& text : warnings_of(survey, sizes, true)) result.warnings.push_back(std::move(text));
+    append(result.findings, findings_of(survey, sizes, true));
   }
 
   const Execution execution = share(options.execution, 0.6, 0.7);
@@ -269,7 +264,7 @@ Regressed regressed(const Ensemble& data, const Ensemble& judged, bool nominal, 
 
 GtvArx regressed_as(const Ensemble& data, const Plan& plan, const Execution& execution) {
   if (plan.coupled)
-    check_windows(data, plan.lags);
+    checked_windows(data, plan.lags);
   else
     check_size(data, plan, plan.method == Method::tvera);
   return regressions(data, plan, execution);

@@ -4,9 +4,9 @@
 #pragma once
 
 #include <memory>
-#include <string>
 #include <vector>
 
+#include "tokid/finding.hpp"
 #include "tokid/options.hpp"
 
 namespace tokid {
@@ -17,7 +17,7 @@ struct Regressed {
   InitialStateTest initial_state_test;
   LagOrderErrors lag_order_errors;   // of each step alone
   SmoothingChoice smoothing_choice;  // of coupled steps
-  std::vector<std::string> warnings;
+  Findings findings;
 };
 
 // `judged`: the samples that choices are judged by, see judging_samples(). `nominal`: a mean motion was removed.

@@ -130,27 +130,19 @@ bool is_time_along_experiments(const Ensemble& e) {
 
 }  // namespace
 
-std::optional<std::string> swapped_axes(const Ensemble& e) {
+std::optional<Finding> swapped_axes(const Ensemble& e) {
   const Index N = e.experiments(), T = e.steps(), r = e.inputs(), m = e.outputs();
   if (N == 0 || T == 0) return std::nullopt;
   const bool channels_alike = m == 0 || r == m;
-  if (N == 1 && r > T && channels_alike)
-    return fmt::format(
-        "u ({}, {}) was taken for one experiment of {} with {}; (N, T, 1) for N experiments with one input, (T, r) for "
-        "one experiment, not (r, T)",
-        T, r, words::plural(T, "step"), words::plural(r, "input"));
-  const std::string read =
-      fmt::format("the axes look swapped: {} of {} with {} and {} were read", words::plural(N, "experiment"),
-                  words::plural(T, "step"), words::plural(r, "input"), words::plural(m, "output"));
-  if (T == 1 && N >= shortest_record)
-    return fmt::format("{}; one experiment of {} is (1, T, channels)", read, words::plural(N, "step"));
-  if (r > T && channels_alike)
-    return fmt::format("{}; the order expected is (N, T, channels), not (N, channels, T)", read);
-  if (is_time_along_experiments(e))
-    return fmt::format(
-        "{}, but the samples follow on from experiment to experiment, not from step to step; the order expected is "
-        "(N, T, channels), not (T, N, channels)",
-        read);
+  const auto found = [&](Finding::Kind kind) {
+    return Finding{
+        .kind = kind,
+        .numbers = {{"experiments", double(N)}, {"steps", double(T)}, {"inputs", double(r)}, {"outputs", double(m)}}};
+  };
+  if (N == 1 && r > T && channels_alike) return found(Finding::Kind::axes_of_one_experiment);
+  if (T == 1 && N >= shortest_record) return found(Finding::Kind::axes_of_one_step);
+  if (r > T && channels_alike) return found(Finding::Kind::axes_channels_before_time);
+  if (is_time_along_experiments(e)) return found(Finding::Kind::axes_time_before_experiments);
   return std::nullopt;
 }
 

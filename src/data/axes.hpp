@@ -9,11 +9,12 @@
 #include <string>
 
 #include "tokid/ensemble.hpp"
+#include "tokid/finding.hpp"
 
 namespace tokid {
 
 // How the axes were read, and which order is expected, where they look swapped.
-std::optional<std::string> swapped_axes(const Ensemble& ensemble);
+std::optional<Finding> swapped_axes(const Ensemble& ensemble);
 
 // Runs work on the ensemble. Where it refuses the data, the message also says how their axes were read: what swapped
 // axes lack is not what the user has to change.
@@ -23,7 +24,7 @@ auto with_remark_on_axes(const Ensemble& ensemble, Work&& work) {
     return work();
   } catch (const std::invalid_argument& error) {
     if (const auto remark = swapped_axes(ensemble))
-      throw std::invalid_argument(fmt::format("{}; {}", error.what(), *remark));
+      throw std::invalid_argument(fmt::format("{}; {}", error.what(), in_words(*remark)));
     throw;
   }
 }

@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/copies.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
 #include "base/random.hpp"
-#include "base/words.hpp"
 #include "data/scales.hpp"
+#include "data/subjects.hpp"
 
 namespace tokid {
 
@@ -196,28 +194,15 @@ Copies find_copies(const Ensemble& e) {
   return result;
 }
 
-std::vector<std::string> warnings_of(const Copies& copies, const Ensemble& e, std::string_view consequence) {
-  constexpr size_t most_told = 4;
+Findings findings_of(const Copies& copies, const Ensemble& e) {
   if (copies.groups.empty()) return {};
-  std::vector<std::string> told;
-  size_t count = 0, more = 0;
-  for (const std::vector<Index>& group : copies.groups) {
-    count += group.size() - 1;
-    if (told.size() == most_told) {
-      more += group.size() - 1;
-      continue;
+  Finding result{.kind = Finding::Kind::experiments_copied, .numbers = {{"experiments", double(e.experiments())}}};
+  for (const std::vector<Index>& group : copies.groups)
+    for (size_t i = 1; i < group.size(); ++i) {
+      result.experiments.push_back(experiment(e, group[i]));
+      result.groups.push_back({experiment(e, group.front())});
     }
-    std::vector<std::string> names;
-    for (size_t i = 1; i < std::min(group.size(), 1 + most_told); ++i) names.push_back(e.experiment(group[i]));
-    std::string list = words::listed(names);
-    if (group.size() > 1 + most_told)
-      list = fmt::format("{} and {} more", fmt::join(names, ", "), group.size() - 1 - most_told);
-    told.push_back(fmt::format("{} of {}", list, e.experiment(group.front())));
-  }
-  std::string text = fmt::format("{} of {} experiments {}, within rounding: {}", count, e.experiments(),
-                                 count == 1 ? "is a copy of another" : "are copies of others", fmt::join(told, "; "));
-  if (more > 0) text += fmt::format("; and {} more", more);
-  return {fmt::format("{}. {}", text, consequence)};
+  return {std::move(result)};
 }
 
 }  // namespace tokid

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/dependence.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -10,9 +8,9 @@
 #include <utility>
 
 #include "base/statistics.hpp"
-#include "base/words.hpp"
 #include "data/noise_of.hpp"
 #include "data/scales.hpp"
+#include "data/subjects.hpp"
 
 namespace tokid {
 
@@ -478,32 +476,19 @@ UsedExperiments used_experiments(const Ensemble& ensemble) {
   return result;
 }
 
-std::vector<std::string> warnings_of(const Dependence& dependence, const Ensemble& e,
-                                     std::optional<std::string_view> consequence) {
-  constexpr size_t most_told = 4;
-  const std::vector<DependentExperiment>& all = dependence.combinations;
-  if (all.empty()) return {};
-  const auto listed = [&](const std::vector<Index>& rows) {
-    std::vector<std::string> names;
-    for (size_t i = 0; i < std::min(rows.size(), most_told); ++i) names.push_back(e.experiment(rows[i]));
-    return rows.size() > most_told ? fmt::format("{} and {} more", fmt::join(names, ", "), rows.size() - most_told)
-                                   : words::listed(names);
-  };
-  std::vector<std::string> told;
-  for (size_t i = 0; i < std::min(all.size(), most_told); ++i)
-    told.push_back(fmt::format("{} of {}", e.experiment(all[i].experiment), listed(all[i].of)));
-  std::string text = fmt::format("{} of {} experiments {}, within rounding: {}", all.size(), e.experiments(),
-                                 all.size() == 1 ? "is a sum or multiple of others" : "are sums or multiples of others",
-                                 fmt::join(told, "; "));
-  if (all.size() > most_told) text += fmt::format("; and {} more", all.size() - most_told);
-  const std::string_view left_out = all.size() == 1 ? "It tells nothing new; the model is made without it"
-                                                    : "They tell nothing new; the model is made without them";
-  return {fmt::format("{}. {}", text, consequence.value_or(left_out))};
+Findings findings_of(const Dependence& dependence, const Ensemble& e) {
+  if (dependence.combinations.empty()) return {};
+  Finding result{.kind = Finding::Kind::experiments_dependent, .numbers = {{"experiments", double(e.experiments())}}};
+  for (const DependentExperiment& c : dependence.combinations) {
+    result.experiments.push_back(experiment(e, c.experiment));
+    result.groups.push_back(experiments(e, c.of));
+  }
+  return {std::move(result)};
 }
 
-std::vector<std::string> warnings_of(const UsedExperiments& used, const Ensemble& ensemble) {
-  std::vector<std::string> result = warnings_of(used.copies, ensemble);
-  for (std::string& text : warnings_of(used.dependent, ensemble)) result.push_back(std::move(text));
+Findings findings_of(const UsedExperiments& used, const Ensemble& ensemble) {
+  Findings result = findings_of(used.copies, ensemble);
+  append(result, findings_of(used.dependent, ensemble));
   return result;
 }
 

@@ -17,37 +17,37 @@ constexpr double negligible = 1e-12;   // pivots, as a share of the largest one
 
 constexpr Index many_states = 6;  // of a system; windows that show so many tell noise from states
 
-enum class Finding { too_few, exact, noisy };
+enum class Residuals { too_few, exact, noisy };
 
 class Regressions {
  public:
   Regressions(const Ensemble& e, const std::vector<Index>& rows, const Scales& s) : e_(e), rows_(rows), scales_(s) {}
 
   // y_k on u_0 … u_k, as long as the experiments suffice.
-  Finding from_rest() const {
-    Finding result = Finding::too_few;
+  Residuals from_rest() const {
+    Residuals result = Residuals::too_few;
     for (Index k = 0; k < std::min(e_.steps(), most_steps); ++k) {
       std::vector<Index> columns;
       for (Index j = 0; j <= k; ++j) append(columns, j, e_.inputs());
-      const Finding found = regression(columns, k);
-      if (found == Finding::noisy) return found;
-      if (found == Finding::exact) result = found;
+      const Residuals found = regression(columns, k);
+      if (found == Residuals::noisy) return found;
+      if (found == Residuals::exact) result = found;
     }
     return result;
   }
 
   // y_k on the window of p steps before it and u_k.
-  Finding lagged(Index p) const {
-    Finding result = Finding::too_few;
+  Residuals lagged(Index p) const {
+    Residuals result = Residuals::too_few;
     const Index left = e_.steps() - p, count = std::min(left, most_steps);
     for (Index i = 0; i < count; ++i) {
       const Index k = p + (2 * i + 1) * left / (2 * count);
       std::vector<Index> columns;
       for (Index j = k - p; j < k; ++j) append(columns, j, e_.channels());
       append(columns, k, e_.inputs());
-      const Finding found = regression(columns, k);
-      if (found == Finding::noisy) return found;
-      if (found == Finding::exact) result = found;
+      const Residuals found = regression(columns, k);
+      if (found == Residuals::noisy) return found;
+      if (found == Residuals::exact) result = found;
     }
     return result;
   }
@@ -59,12 +59,12 @@ class Regressions {
     for (Index c = 0; c < count; ++c) columns.push_back(step * e_.channels() + c);
   }
 
-  Finding regression(const std::vector<Index>& columns, Index k) const {
+  Residuals regression(const std::vector<Index>& columns, Index k) const {
     const Index unknowns = Index(columns.size()), m = e_.outputs();
-    if (!suffice(unknowns)) return Finding::too_few;
+    if (!suffice(unknowns)) return Residuals::too_few;
     const std::vector<Index> whole = complete_rows(columns, k, rows_per_unknown * unknowns + most_steps);
     const Index N = Index(whole.size());
-    if (N <= unknowns) return Finding::too_few;
+    if (N <= unknowns) return Residuals::too_few;
     Matrix a = Matrix::Ones(N, unknowns + (N > unknowns + 1 ? 1 : 0));
     for (Index i = 0; i < unknowns; ++i) {
       const Index c = columns[size_t(i)];
@@ -72,14 +72,14 @@ class Regressions {
     }
     const Matrix y = e_.output(k)(whole, Eigen::all);
     const linalg::MinimumNorm solution = linalg::minimum_norm(a, y, negligible);
-    if (solution.rank >= N) return Finding::too_few;
-    if ((y.array() == 0).all()) return Finding::too_few;  // not moved yet: no noise shows either way
+    if (solution.rank >= N) return Residuals::too_few;
+    if ((y.array() == 0).all()) return Residuals::too_few;  // not moved yet: no noise shows either way
     const Matrix residual = y - a * solution.x;
     for (Index j = 0; j < m; ++j) {
       const double rms = residual.col(j).norm() / std::sqrt(double(N - solution.rank));
-      if (rms > allowed(whole, y, e_.inputs() + j, j)) return Finding::noisy;
+      if (rms > allowed(whole, y, e_.inputs() + j, j)) return Residuals::noisy;
     }
-    return Finding::exact;
+    return Residuals::exact;
   }
 
   std::vector<Index> complete_rows(const std::vector<Index>& columns, Index k, Index most) const {
@@ -111,14 +111,14 @@ class Regressions {
 
 Noise noise_of(const Ensemble& e, const std::vector<Index>& rows, const Scales& s) {
   const Regressions regressions(e, rows, s);
-  const Finding rest = regressions.from_rest();
-  if (rest == Finding::exact) return Noise::none;
-  Noise result = rest == Finding::noisy && e.initial_state == InitialState::zero ? Noise::visible : Noise::unknown;
+  const Residuals rest = regressions.from_rest();
+  if (rest == Residuals::exact) return Noise::none;
+  Noise result = rest == Residuals::noisy && e.initial_state == InitialState::zero ? Noise::visible : Noise::unknown;
   for (const Index p : {1, 2, 3, 4, 5, 6, 8, 10, 12, 16}) {
     if (p >= e.steps() || !regressions.suffice(p * e.channels() + e.inputs())) break;
-    const Finding found = regressions.lagged(p);
-    if (found == Finding::exact) return Noise::none;
-    if (found == Finding::noisy && p * e.outputs() >= many_states) result = Noise::visible;
+    const Residuals found = regressions.lagged(p);
+    if (found == Residuals::exact) return Noise::none;
+    if (found == Residuals::noisy && p * e.outputs() >= many_states) result = Noise::visible;
   }
   return result;
 }

@@ -13,7 +13,7 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-#include "base/words.hpp"
+#include "data/subjects.hpp"
 #include "linalg/canonical.hpp"
 #include "linalg/column_range.hpp"
 
@@ -103,28 +103,26 @@ void check_magnitudes(const Survey& survey, const Channels& names, Index inputs)
   }
 }
 
-std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names) {
-  std::vector<std::string> result;
-  const auto warn = [&](size_t i, const char* what, const std::vector<Index>& steps) {
-    if (steps.empty()) return;
-    result.push_back(fmt::format("input {} is {} in every experiment at {}: its effect there can't be identified",
-                                 names.input(Index(i)), what, words::step_list(steps)));
+Findings findings_of_inputs(const Survey& survey, const Channels& names) {
+  Findings result;
+  const auto add = [&](Finding::Kind kind, size_t i, const std::vector<Index>& steps) {
+    if (!steps.empty()) result.push_back({.kind = kind, .channels = {input_channel(names, Index(i))}, .steps = steps});
   };
   for (size_t i = 0; i < survey.zero.size(); ++i) {
-    warn(i, "zero", survey.zero[i]);
-    warn(i, "the same", survey.same[i]);
+    add(Finding::Kind::input_zero, i, survey.zero[i]);
+    add(Finding::Kind::input_same, i, survey.same[i]);
   }
   return result;
 }
 
-std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names, Index period, Index steps) {
-  std::vector<std::string> result;
+Findings findings_of_inputs(const Survey& survey, const Channels& names, Index period, Index steps) {
+  Findings result;
   for (size_t i = 0; i < survey.zero.size(); ++i) {
-    const std::string name = names.input(Index(i));
+    const Finding::Channel input = input_channel(names, Index(i));
     if (const ChannelRange& range = survey.channel[i]; range.present > 0 && range.min == range.max) {
-      result.push_back(range.min == 0
-                           ? fmt::format("input {} is zero all along: its effect can't be identified", name)
-                           : fmt::format("input {} is constant all along: it shows a step response at most", name));
+      result.push_back(
+          {.kind = range.min == 0 ? Finding::Kind::input_zero_throughout : Finding::Kind::input_constant_throughout,
+           .channels = {input}});
       continue;
     }
     std::vector<Index> at_rest(size_t(period), 0), phases;
@@ -133,36 +131,33 @@ std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels
     for (Index phase = 0; phase < std::min(period, steps); ++phase)
       if (at_rest[size_t(phase)] == (steps - phase + period - 1) / period) phases.push_back(phase);
     if (!phases.empty())
-      result.push_back(fmt::format("input {} is zero at the phases of {}: its effect there can't be identified", name,
-                                   words::step_list(phases)));
+      result.push_back({.kind = Finding::Kind::input_zero_at_phases, .channels = {input}, .steps = phases});
   }
   return result;
 }
 
-std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channels& names) {
-  std::vector<std::string> result;
+Findings findings_of_outputs(const Survey& survey, const Channels& names) {
+  Findings result;
   const size_t inputs = survey.zero.size();
   for (size_t c = inputs; c < survey.channel.size(); ++c)
     if (const ChannelRange& range = survey.channel[c]; range.present > 0 && range.min == range.max)
       result.push_back(
-          fmt::format("output {} never moves: nothing can be identified of it", names.output(Index(c - inputs))));
+          {.kind = Finding::Kind::output_constant, .channels = {output_channel(names, Index(c - inputs))}});
   return result;
 }
 
-std::vector<std::string> warnings_of_absence(const Survey& survey, const Channels& names) {
-  std::map<std::vector<Index>, std::vector<std::string>> channels;
+Findings findings_of_absence(const Survey& survey, const Channels& names) {
+  std::map<std::vector<Index>, std::vector<Finding::Channel>> channels;
   for (size_t c = 0; c < survey.absent.size(); ++c)
     if (!survey.absent[c].empty())
-      channels[survey.absent[c]].push_back(channel_name(names, Index(survey.zero.size()), Index(c)));
-  std::vector<std::string> result;
+      channels[survey.absent[c]].push_back(channel(names, Index(survey.zero.size()), Index(c)));
+  Findings result;
   for (const auto& [steps, missing] : channels)
-    result.push_back(fmt::format(
-        "{} {} missing in every experiment at {}: what the model says there is a guess from the steps around",
-        words::listed(missing), missing.size() == 1 ? "is" : "are", words::step_list(steps)));
+    result.push_back({.kind = Finding::Kind::samples_missing, .channels = missing, .steps = steps});
   return result;
 }
 
-std::vector<std::string> warnings_of_steps(const Ensemble& e) {
+Findings findings_of_overlap(const Ensemble& e) {
   std::vector<Index> first(size_t(e.experiments()), e.steps()), last(size_t(e.experiments()), -1);
   for (Index k = 0; k < e.steps(); ++k)
     for (Index c = 0; c < e.channels(); ++c)
@@ -173,10 +168,9 @@ std::vector<std::string> warnings_of_steps(const Ensemble& e) {
       }
   const auto late = std::max_element(first.begin(), first.end()), early = std::min_element(last.begin(), last.end());
   if (*early < 0 || *late <= *early) return {};
-  return {fmt::format(
-      "experiment {} begins at step {}, when experiment {} has ended at step {}: where experiments share no step, they "
-      "don't tell one from another; steps or times from the begin of each experiment on make them share",
-      e.experiment(late - first.begin()), *late, e.experiment(early - last.begin()), *early)};
+  return {{.kind = Finding::Kind::experiments_without_overlap,
+           .experiments = {experiment(e, late - first.begin()), experiment(e, early - last.begin())},
+           .steps = {*late, *early}}};
 }
 
 std::uint64_t digest(const Ensemble& e, Index k) {

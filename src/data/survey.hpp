@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tokid/ensemble.hpp"
+#include "tokid/finding.hpp"
 
 namespace tokid {
 
@@ -44,15 +45,15 @@ void check_magnitudes(const Survey& survey, const Channels& names, Index inputs)
 
 // Inputs that are the same in every experiment identify nothing at those steps, and nothing at the phases of a period
 // > 0 at which they are zero; nor do outputs that never move.
-std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names);
-std::vector<std::string> warnings_of_inputs(const Survey& survey, const Channels& names, Index period, Index steps);
-std::vector<std::string> warnings_of_outputs(const Survey& survey, const Channels& names);
+Findings findings_of_inputs(const Survey& survey, const Channels& names);
+Findings findings_of_inputs(const Survey& survey, const Channels& names, Index period, Index steps);
+Findings findings_of_outputs(const Survey& survey, const Channels& names);
 
 // Where every experiment has a gap, and steps lend each other theirs, the model is a guess.
-std::vector<std::string> warnings_of_absence(const Survey& survey, const Channels& names);
+Findings findings_of_absence(const Survey& survey, const Channels& names);
 
 // Experiments that share no step can't tell what one step does from what the others do. Looks at all samples.
-std::vector<std::string> warnings_of_steps(const Ensemble& ensemble);
+Findings findings_of_overlap(const Ensemble& ensemble);
 
 // Fingerprints are digests of the digests of all steps, so that they can be taken apart from each other.
 std::uint64_t digest(const Ensemble& ensemble, Index k);

@@ -11,6 +11,7 @@
 
 #include "base/nan.hpp"
 #include "base/words.hpp"
+#include "data/subjects.hpp"
 #include "design/forecast.hpp"
 #include "design/inputs.hpp"
 #include "design/optimise.hpp"
@@ -86,8 +87,7 @@ class Planner {
       throw std::invalid_argument(fmt::format("dt: {} s found, the model has {} s", options_.dt, model_->dt));
     if (!options_.initial_state) options_.initial_state = model_->initial_state;
     options_.names = model_->names;
-    if (model_->u_nominal.size() > 0)
-      warn("the inputs are departures: add the nominal trajectory of the model to them");
+    if (model_->u_nominal.size() > 0) report(Finding::Kind::plan_of_departures);
   }
 
   void check() {
@@ -362,8 +362,8 @@ class Planner {
     const Index windows = steps - first_;
     const Index judged = std::clamp<Index>(static_cast<Index>(window_work / window_effort(double(N))), 1, windows);
     if (judged < windows)
-      warn(fmt::format("a window has {} inputs: their condition is told of {} of {} windows only", window_inputs(),
-                       judged, windows));
+      report(Finding::Kind::plan_windows_sampled,
+             {{"inputs", double(window_inputs())}, {"judged", double(judged)}, {"windows", double(windows)}});
     plan_.input_condition.assign(size_t(steps), nan);
     const double ready = plan_.kind == InputKind::optimised ? optimised : 0.0;
     parallel_for(0, judged, {o.execution.threads, part(ready, 1.0)}, [&](Index begin, Index end) {
@@ -395,12 +395,9 @@ class Planner {
     for (Index k = 0; k < o.steps; ++k)
       plan_.output_peak = plan_.output_peak.cwiseMax(known.output(k).cwiseAbs().colwise().maxCoeff().transpose());
     if (model_->k_begin > 0)
-      warn(
-          fmt::format("the model begins at step {}: the windows before step {} are neither forecast nor optimised, the "
-                      "others are as if every experiment came to step {} at rest",
-                      model_->k_begin, forecast_, model_->k_begin));
+      report(Finding::Kind::plan_late_forecasts, {{"step", double(model_->k_begin)}, {"first", double(forecast_)}});
     else if (unknown_)
-      warn("unknown initial states: the forecasts leave aside what they contribute, and begin at rest");
+      report(Finding::Kind::plan_unknown_states);
     judge_model(known);
     if (!noisy()) return;
     const design::NoisyRegression noise = design::noisy_regression(*model_, known, o.lags, full_, *o.noise);
@@ -419,10 +416,7 @@ class Planner {
       outputs += known.output(k).squaredNorm() / double(known.experiments());
     }
     if (const double share = std::sqrt(innovations / outputs); share > noise)
-      warn(
-          fmt::format("the innovations of the preliminary model are {:.3g} % of the outputs that it forecasts: above "
-                      "{:.3g} % inputs optimised on it may well be worse than those of the kind orthogonal",
-                      100 * share, 100 * noise));
+      report(Finding::Kind::plan_model_uncertain, {{"share", double(100 * share)}, {"bound", double(100 * noise)}});
   }
 
   void judge() {
@@ -439,39 +433,36 @@ class Planner {
                       words::plural(o.inputs, "input"), words::plural(o.states, "state"),
                       (o.states + o.inputs - 1) / o.inputs, p + (o.states + o.inputs - 1) / o.inputs));
     if (N == plan_.minimum)
-      warn(
-          fmt::format("{} experiments leave no degree of freedom: the regressions will fit any data exactly, and "
-                      "errors can't be judged; noise needs more",
-                      N));
+      report(Finding::Kind::plan_no_freedom, {{"experiments", double(N)}});
     else if (noisy() && N < plan_.recommended)
-      warn(fmt::format("{} experiments found, {} recommended at this noise", N, plan_.recommended));
+      report(Finding::Kind::plan_below_recommendation,
+             {{"experiments", double(N)}, {"recommended", double(plan_.recommended)}});
     if (p * o.outputs > o.states)
-      warn(
-          fmt::format("p·m = {} exceeds n = {}: without noise the windows have rank {} at most, of {} columns, and "
-                      "noise alone determines the rest",
-                      p * o.outputs, o.states, o.inputs * (p + 1) + o.states, plan_.unknowns));
+      report(Finding::Kind::plan_rank_by_noise, {{"lags_outputs", double(p * o.outputs)},
+                                                 {"states", double(o.states)},
+                                                 {"rank", double(o.inputs * (p + 1) + o.states)},
+                                                 {"unknowns", double(plan_.unknowns)}});
     if (o.noise && o.noise->input > 0)
       for (Index i = 0; i < o.inputs; ++i)
         if (o.noise->input > 0.1 * plan_.rms(i))
-          warn(
-              fmt::format("the noise on {} is {:.3g} % of its RMS: if it is the record of the input that is noisy, the "
-                          "coefficients come out too small by {:.3g} %",
-                          o.names.input(i), 100 * o.noise->input / plan_.rms(i),
-                          100 * (1 - 1 / (1 + std::pow(o.noise->input / plan_.rms(i), 2)))));
+          plan_.findings.push_back(
+              {.kind = Finding::Kind::plan_noisy_input,
+               .channels = {input_channel(o.names, i)},
+               .numbers = {{"share", 100 * o.noise->input / plan_.rms(i)},
+                           {"bias", 100 * (1 - 1 / (1 + std::pow(o.noise->input / plan_.rms(i), 2)))}}});
     constexpr double ill = 1e6;
     const auto count = [&](const std::vector<double>& condition) {
       return std::count_if(condition.begin(), condition.end(), [](double c) { return c > ill; });
     };
     if (const auto steps = count(plan_.input_condition); steps > 0)
-      warn(
-          fmt::format("the inputs of {} windows are nearly dependent (condition above {:.0e}): another kind, another "
-                      "seed or more experiments",
-                      steps, ill));
+      report(Finding::Kind::plan_inputs_dependent, {{"windows", double(steps)}, {"condition", double(ill)}});
     else if (const auto windows = count(plan_.condition); windows > 0)
-      warn(fmt::format("the model expects {} windows with a condition number above {:.0e}", windows, ill));
+      report(Finding::Kind::plan_ill_conditioned, {{"windows", double(windows)}, {"condition", double(ill)}});
   }
 
-  void warn(std::string text) { plan_.warnings.push_back(std::move(text)); }
+  void report(Finding::Kind kind, std::map<std::string, double> numbers = {}) {
+    plan_.findings.push_back({.kind = kind, .numbers = std::move(numbers)});
+  }
 
   PlanOptions options_;
   const Model* model_;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnose/combination.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -99,24 +97,12 @@ std::optional<Combination> combination(const ConstMatrixRef& columns, const Cons
   return result;
 }
 
-bool same_sum(const std::vector<std::pair<std::string, double>>& a,
-              const std::vector<std::pair<std::string, double>>& b) {
+bool same_sum(const std::vector<Finding::Term>& a, const std::vector<Finding::Term>& b) {
   constexpr double tolerance = 1e-3;
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](const auto& x, const auto& y) {
-    const double own = x.second / a.front().second, other = y.second / b.front().second;
-    return x.first == y.first && std::abs(own - other) <= tolerance * std::abs(own);
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](const Finding::Term& x, const Finding::Term& y) {
+    const double own = x.factor / a.front().factor, other = y.factor / b.front().factor;
+    return x.channel == y.channel && x.lag == y.lag && std::abs(own - other) <= tolerance * std::abs(own);
   });
-}
-
-std::string sum_text(const std::vector<std::pair<std::string, double>>& terms) {
-  std::string text;
-  for (const auto& [name, factor] : terms) {
-    const double value = factor / terms.front().second;
-    const std::string size = fmt::format("{:.3g}", std::abs(value));
-    if (!text.empty()) text += value < 0 ? " - " : " + ";
-    text += size == "1" ? name : fmt::format("{} {}", size, name);
-  }
-  return text;
 }
 
 }  // namespace tokid

@@ -1,11 +1,11 @@
-// A signal as an exact combination of a few others, and the words for it.
+// A signal as an exact combination of a few others.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <optional>
-#include <string>
 #include <vector>
 
+#include "tokid/finding.hpp"
 #include "tokid/linalg.hpp"
 
 namespace tokid {
@@ -31,11 +31,7 @@ std::optional<Combination> combination(const ConstMatrixRef& columns, const Cons
 // What is left of the target by its best combination of the columns, as a share of its size; 0 where it does not vary.
 double unexplained(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred);
 
-// "u1 - 2 u3" of names and factors, which are divided by the first one.
-std::string sum_text(const std::vector<std::pair<std::string, double>>& terms);
-
-// Do they have the same names and, to a thousandth, the same factors?
-bool same_sum(const std::vector<std::pair<std::string, double>>& a,
-              const std::vector<std::pair<std::string, double>>& b);
+// Are they sums of the same samples with, to a thousandth, factors in the same ratios?
+bool same_sum(const std::vector<Finding::Term>& a, const std::vector<Finding::Term>& b);
 
 }  // namespace tokid

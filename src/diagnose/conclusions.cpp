@@ -12,13 +12,13 @@
 
 namespace tokid {
 
-const char* to_string(Finding finding) {
-  switch (finding) {
-    case Finding::nothing:
+const char* to_string(TestResult result) {
+  switch (result) {
+    case TestResult::nothing:
       return "nothing";
-    case Finding::negligible:
+    case TestResult::negligible:
       return "negligible";
-    case Finding::against:
+    case TestResult::against:
       return "against";
     default:
       return "untested";
@@ -30,7 +30,7 @@ namespace {
 using words::figure, words::probability;
 
 Conclusion untested(const Validation& v) {
-  return {Finding::untested,
+  return {TestResult::untested,
           v.noisy ? "not tested, the samples are too few" : "not tested, the innovations are at rounding level"};
 }
 
@@ -39,10 +39,12 @@ const char* over(Pooling pooling) {
 }
 
 // By size, where a test finds something beyond chance.
-Finding beyond_chance(double size, double counts) { return size >= counts ? Finding::against : Finding::negligible; }
+TestResult beyond_chance(double size, double counts) {
+  return size >= counts ? TestResult::against : TestResult::negligible;
+}
 
-std::string too_small(Finding finding, double counts) {
-  return finding == Finding::negligible ? fmt::format(", too little to count (less than {:.2g})", counts) : "";
+std::string too_small(TestResult result, double counts) {
+  return result == TestResult::negligible ? fmt::format(", too little to count (less than {:.2g})", counts) : "";
 }
 
 Conclusion squares(const Validation& v) {
@@ -50,22 +52,22 @@ Conclusion squares(const Validation& v) {
   constexpr double little = 1.2;
   const NormalisedSquares& s = v.squares;
   if (!v.noisy) return untested(v);
-  if (std::isnan(s.ratio)) return {Finding::untested, "not tested, the model states no covariance"};
-  const auto conclusion = [&](Finding finding, const char* meaning) {
+  if (std::isnan(s.ratio)) return {TestResult::untested, "not tested, the model states no covariance"};
+  const auto conclusion = [&](TestResult result, const char* meaning) {
     return Conclusion{
-        finding, fmt::format("{} times the stated covariance ({}): {}", figure(s.ratio, 3), probability(s.p), meaning)};
+        result, fmt::format("{} times the stated covariance ({}): {}", figure(s.ratio, 3), probability(s.p), meaning)};
   };
   if (s.ratio > NormalisedSquares::wild && s.p >= unlikely)
-    return conclusion(Finding::against, "much larger than the model says in single experiments, if not in all");
+    return conclusion(TestResult::against, "much larger than the model says in single experiments, if not in all");
   if (s.p >= unlikely || std::isnan(s.p))
-    return conclusion(Finding::nothing, "no sign of another size than the model says");
+    return conclusion(TestResult::nothing, "no sign of another size than the model says");
   if (s.ratio > counts::overconfident)
-    return conclusion(Finding::against,
+    return conclusion(TestResult::against,
                       "larger than the model says: it is overconfident, don't rely on its error bounds");
-  if (s.ratio > little) return conclusion(Finding::negligible, "larger than the model says, but less than twice");
-  if (s.ratio > 1) return conclusion(Finding::negligible, "a little larger than the model says");
-  if (s.ratio < 1 / little) return conclusion(Finding::negligible, "smaller than the model says: it is too careful");
-  return conclusion(Finding::negligible, "a little smaller than the model says");
+  if (s.ratio > little) return conclusion(TestResult::negligible, "larger than the model says, but less than twice");
+  if (s.ratio > 1) return conclusion(TestResult::negligible, "a little larger than the model says");
+  if (s.ratio < 1 / little) return conclusion(TestResult::negligible, "smaller than the model says: it is too careful");
+  return conclusion(TestResult::negligible, "a little smaller than the model says");
 }
 
 Conclusion whiteness(const Validation& v) {
@@ -80,32 +82,32 @@ Conclusion whiteness(const Validation& v) {
       if (std::abs(c) > size) size = std::abs(c), lag = j + 1;
     }
   if (w.p >= unlikely && !steady)
-    return {Finding::nothing,
+    return {TestResult::nothing,
             fmt::format("{}: no sign of correlation between innovations{}", probability(w.p), over(w.over))};
-  const Finding finding = beyond_chance(size, counts::correlation);
-  return {finding, fmt::format("{}: the innovations are correlated in time{}, up to {:.3f} at lag {}{}{}",
-                               probability(w.p), w.p < unlikely ? "" : " in the mean over the steps", size, lag,
-                               too_small(finding, counts::correlation), over(w.over))};
+  const TestResult result = beyond_chance(size, counts::correlation);
+  return {result, fmt::format("{}: the innovations are correlated in time{}, up to {:.3f} at lag {}{}{}",
+                              probability(w.p), w.p < unlikely ? "" : " in the mean over the steps", size, lag,
+                              too_small(result, counts::correlation), over(w.over))};
 }
 
 Conclusion inputs(const Validation& v) {
   const Independence& i = v.independence;
   if (std::isnan(i.p)) return untested(v);
   if (i.p >= unlikely)
-    return {Finding::nothing, fmt::format("{}: the inputs explain nothing more{}", probability(i.p), over(i.over))};
+    return {TestResult::nothing, fmt::format("{}: the inputs explain nothing more{}", probability(i.p), over(i.over))};
   double size = 0.0;
   Index lag = 0;
   for (Index j = 0; j < i.correlation.size(); ++j)
     if (i.correlation(j) > size) size = i.correlation(j), lag = i.first + j;
-  const Finding finding = beyond_chance(size, counts::correlation);
-  return {finding, fmt::format("{}: the inputs explain part of the innovations, correlation up to {:.3f} at lag {}{}{}",
-                               probability(i.p), size, lag, too_small(finding, counts::correlation), over(i.over))};
+  const TestResult result = beyond_chance(size, counts::correlation);
+  return {result, fmt::format("{}: the inputs explain part of the innovations, correlation up to {:.3f} at lag {}{}{}",
+                              probability(i.p), size, lag, too_small(result, counts::correlation), over(i.over))};
 }
 
 Conclusion feedback(const Validation& v) {
   const Independence& f = v.feedback;
   if (std::isnan(f.p)) return untested(v);
-  return {Finding::nothing,
+  return {TestResult::nothing,
           fmt::format("{}: {}{}", probability(f.p),
                       f.p < unlikely ? "later inputs answer to the outputs, which is no fault of the model"
                                      : "no sign that inputs answer to outputs",
@@ -135,10 +137,10 @@ Conclusion gains(const Validation& v, const Channels& names) {
       (std::abs(error) * share >= counts::gain ? wrong : small).push_back(text);
     } else if (std::isfinite(half) && half > 1) {
       lost.push_back(name);
-      result.finding = Finding::nothing;
+      result.result = TestResult::nothing;
     } else if (std::isfinite(half)) {
       widest = std::max(widest, half);
-      result.finding = Finding::nothing;
+      result.result = TestResult::nothing;
     }
   }
   const auto listed = [](const std::vector<std::string>& texts) {
@@ -148,11 +150,11 @@ Conclusion gains(const Validation& v, const Channels& names) {
     if (texts.size() > most) text += fmt::format(" and more ({} inputs in all)", texts.size());
     return text;
   };
-  if (!wrong.empty()) return {Finding::against, "the outputs answer " + listed(wrong)};
+  if (!wrong.empty()) return {TestResult::against, "the outputs answer " + listed(wrong)};
   if (!unknown.empty())
-    return {Finding::against, "the data do not tell how strongly the outputs answer to " + listed(unknown)};
+    return {TestResult::against, "the data do not tell how strongly the outputs answer to " + listed(unknown)};
   if (!small.empty())
-    return {Finding::negligible, fmt::format("the outputs answer {}; too little to count", listed(small))};
+    return {TestResult::negligible, fmt::format("the outputs answer {}; too little to count", listed(small))};
   const std::string too_faint =
       lost.empty() ? "" : fmt::format("what the outputs answer to {} is lost in the noise", listed(lost));
   if (widest > 0)

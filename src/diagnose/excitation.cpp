@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnose/excitation.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "base/nan.hpp"
-#include "base/words.hpp"
+#include "data/subjects.hpp"
 #include "diagnose/combination.hpp"
 #include "diagnose/standstill.hpp"
 
@@ -18,7 +18,7 @@ namespace tokid {
 
 namespace {
 
-// Terms that a message names; more are as good as none.
+// Terms that a combination is known by; more are as good as none.
 constexpr size_t most_terms = 4;
 // Columns that a combination is looked for in: its time grows with their cube.
 constexpr Index most_columns = 40;
@@ -105,14 +105,12 @@ class Inspection {
   }
 
   struct Found {
-    std::vector<std::pair<std::string, double>> terms;  // with the channel itself in front
-    std::vector<std::string> channels;                  // inputs of the same step that take part
-    std::vector<std::pair<Index, Index>> samples;       // channel and lag of the terms
+    std::vector<Finding::Term> terms;  // with the channel itself in front
     bool feedback = false, constant = false;
     double log_chance = 0.0, log_choices = 0.0;  // of it at one step, and how many there are to be found
     Index depth() const {
       Index most = 0;
-      for (const auto& [c, lag] : samples) most = std::max(most, lag);
+      for (const Finding::Term& term : terms) most = std::max(most, term.lag);
       return most;
     }
   };
@@ -161,23 +159,17 @@ class Inspection {
     std::vector<Found> found;
     if (with_past && lags == 0) return found;
     std::vector<Index> others;
-    std::vector<std::string> names;
     // The newest first, which of equally good ones is taken.
     for (Index j = 1; j <= lags; ++j)
-      for (Index c = 0; c < d; ++c) {
-        others.push_back((lags - j) * d + c);
-        names.push_back(fmt::format("{}(k-{})", channel(c), j));
-      }
+      for (Index c = 0; c < d; ++c) others.push_back((lags - j) * d + c);
     if (o_.noisy && lags > 0)
       for (Index c = r; c < d; ++c) {
         // An output that follows from the inputs and from what was before answers to the inputs, not they to it.
         if (unexplained(rows.leftCols(lags * d + r), rows.col(lags * d + c), o_.centred) <= answers) continue;
         others.push_back(lags * d + c);
-        names.push_back(channel(c) + "(k)");
       }
     for (Index i = 0; i < r; ++i) {
       const auto own = rows.col(lags * d + i);
-      const std::string name = with_past ? channel(i) + "(k)" : channel(i);
       std::optional<Combination> c = combination(rows(Eigen::all, others), own, o_.centred);
       // Of a record as a whole the shortest recursion, which tells what the input consists of.
       if (c && with_past && o_.period == 1)
@@ -195,43 +187,32 @@ class Inspection {
         const Index terms = Index(c->terms.size());
         f.log_chance = double(std::max<Index>(0, rows.rows() - terms - (o_.centred ? 1 : 0))) * std::log(each);
         f.log_choices = log_binomial(Index(others.size()), terms);
-        f.samples.emplace_back(i, 0);
-        f.terms.emplace_back(name, 1.0);
-        f.channels.push_back(channel(i));
+        f.terms.push_back({channel(i), 0, 1.0});
         for (const Combination::Term& t : c->terms) {
           const Index at = others[size_t(t.column)] % d;
           f.feedback = f.feedback || at >= r;
-          if (!with_past) f.channels.push_back(channel(at));
-          f.terms.emplace_back(names[size_t(t.column)], -t.factor);
-          f.samples.emplace_back(at, lags - others[size_t(t.column)] / d);
+          f.terms.push_back({channel(at), lags - others[size_t(t.column)] / d, -t.factor});
         }
-        if (!with_past) {  // in the order of the channels
-          std::rotate(f.terms.begin(), f.terms.begin() + 1, f.terms.end());
-          std::rotate(f.channels.begin(), f.channels.begin() + 1, f.channels.end());
-          std::rotate(f.samples.begin(), f.samples.begin() + 1, f.samples.end());
-        }
+        if (!with_past) std::rotate(f.terms.begin(), f.terms.begin() + 1, f.terms.end());  // as the channels are
         found.push_back(std::move(f));
       } else if (!with_past) {
         others.push_back(i);
-        names.push_back(name);
       }
     }
     return found;
   }
 
-  // A sum of s sines obeys a recursion of order 2s that reads the same from both of its ends.
-  std::string sines_text(const Found& f) const {
-    const Index own = f.samples.front().first, order = f.depth();
-    if (o_.period != 1 || e_.inputs() != 1 || order < 2 || order % 2 != 0) return "";
-    for (size_t i = 0; i < f.samples.size(); ++i)
-      if (f.samples[i].first != own || (f.samples[i].second == order && std::abs(f.terms[i].second - 1) > 1e-3))
-        return "";
-    return fmt::format(", as of {} where {} are needed at lag order {}",
-                       order == 2 ? "one frequency" : fmt::format("{} frequencies", order / 2),
-                       (2 + o_.lags * e_.channels()) / 2, o_.lags);
+  // A sum of s sines obeys a recursion of order 2s that reads the same from both of its ends: s, or none.
+  Index sines(const Found& f) const {
+    const Finding::Channel& own = f.terms.front().channel;
+    const Index order = f.depth();
+    if (o_.period != 1 || e_.inputs() != 1 || order < 2 || order % 2 != 0) return 0;
+    for (const Finding::Term& term : f.terms)
+      if (term.channel != own || (term.lag == order && std::abs(term.factor - 1) > 1e-3)) return 0;
+    return order / 2;
   }
 
-  std::string channel(Index c) const { return c < e_.inputs() ? e_.names.input(c) : e_.names.output(c - e_.inputs()); }
+  Finding::Channel channel(Index c) const { return tokid::channel(e_.names, e_.inputs(), c); }
 
  private:
   // [v_{k-q} … v_k] of the experiments that have them, of so many spread over steps and experiments.
@@ -271,10 +252,7 @@ struct Case {
 class Cases {
  public:
   void add(Inspection::Found found, Index step, bool repeats) {
-    std::string key;
-    for (const auto& [name, factor] : found.terms) key += name + "|";
-    if (found.terms.size() > most_terms) key = found.terms.front().first + "|…";
-    Case& c = cases_[key];
+    Case& c = cases_[key_of(found)];
     if (c.steps.empty()) {
       c.found = std::move(found);
     } else {
@@ -310,47 +288,19 @@ class Cases {
     return longest >= std::min(long_run, all) || double(c.steps.size()) >= large_share * double(all);
   }
 
-  std::map<std::string, Case> cases_;
-};
-
-// "u1(k), u1(k-1…6) and y2(k-1, 3)"
-std::string samples_text(const std::vector<std::pair<Index, Index>>& samples, const Inspection& inspect) {
-  std::map<Index, std::vector<Index>> lags;
-  std::vector<std::string> parts;
-  for (const auto& [c, lag] : samples)
-    if (lag == 0)
-      parts.push_back(inspect.channel(c) + "(k)");
-    else
-      lags[c].push_back(lag);
-  for (auto& [c, list] : lags) {
-    std::sort(list.begin(), list.end());
-    std::string text;
-    for (size_t i = 0; i < list.size();) {
-      size_t j = i;
-      while (j + 1 < list.size() && list[j + 1] == list[j] + 1) ++j;
-      text += fmt::format("{}{}", text.empty() ? "" : ", ", list[i]);
-      if (j > i) text += fmt::format("{}{}", j > i + 1 ? "…" : ", ", list[j]);
-      i = j + 1;
+  // The samples of few terms; of many, the first one.
+  using Key = std::pair<bool, std::vector<std::tuple<bool, Index, Index>>>;
+  static Key key_of(const Inspection::Found& found) {
+    Key key{found.terms.size() > most_terms, {}};
+    for (const Finding::Term& term : found.terms) {
+      key.second.emplace_back(term.channel.output, term.channel.index, term.lag);
+      if (key.first) break;
     }
-    parts.push_back(fmt::format("{}(k-{})", inspect.channel(c), text));
+    return key;
   }
-  return words::listed(parts);
-}
 
-std::string combination_text(const Case& c, const Inspection& inspect, bool with_past) {
-  const char* what = c.found.constant ? "constant" : "zero";
-  if (c.found.terms.size() > most_terms) {
-    if (with_past)
-      return fmt::format("a combination of {} is {}{}", samples_text(c.found.samples, inspect), what,
-                         inspect.sines_text(c.found));
-    return fmt::format("a combination of {} is {}", words::listed(c.found.channels), what);
-  }
-  if (c.same)
-    return fmt::format("{} is {}{}", sum_text(c.found.terms), what, with_past ? inspect.sines_text(c.found) : "");
-  std::vector<std::string> names;
-  for (const auto& [name, factor] : c.found.terms) names.push_back(name);
-  return fmt::format("a combination of {} that changes from step to step is {}", words::listed(names), what);
-}
+  std::map<Key, Case> cases_;
+};
 
 // Are the samples of this column those of the other one, as far as a few of them tell?
 bool looks_equal(const Matrix& samples, Index a, Index b) {
@@ -401,15 +351,20 @@ std::vector<Index> resting(const Ensemble& e, Index j) {
   return chance ? std::vector<Index>{} : still;
 }
 
+std::vector<Finding::Channel> channels_of(const std::vector<Finding::Term>& terms) {
+  std::vector<Finding::Channel> channels;
+  for (const Finding::Term& term : terms) channels.push_back(term.channel);
+  return channels;
+}
+
 // Pairs of outputs and more of them, where one combination holds at all steps at which the last of them moves.
-std::vector<std::string> moving_together(const Ensemble& e) {
+Findings moving_together(const Ensemble& e) {
   const Index m = e.outputs();
-  std::vector<std::string> result;
+  Findings result;
   std::vector<Index> others{0};
   const bool single = e.experiments() < 8;
   for (Index j = 1; j < m; ++j) {
-    std::vector<std::pair<std::string, double>> told;
-    std::vector<std::string> names;
+    std::vector<Finding::Term> told;
     Index held = 0;
     bool always = true, constant = false;
     for (const Index k : spread(0, e.steps(), single ? 1 : sampled_outputs)) {
@@ -430,14 +385,10 @@ std::vector<std::string> moving_together(const Ensemble& e) {
       const auto c = combination(y(Eigen::all, others), y.col(j), true);
       always = c.has_value() && c->terms.size() < most_terms;
       if (!always) break;
-      std::vector<std::pair<std::string, double>> terms;
-      names.clear();
-      for (const Combination::Term& t : c->terms) {
-        names.push_back(e.names.output(others[size_t(t.column)]));
-        terms.emplace_back(names.back(), -t.factor);
-      }
-      names.push_back(e.names.output(j));
-      terms.emplace_back(names.back(), 1.0);
+      std::vector<Finding::Term> terms;
+      for (const Combination::Term& t : c->terms)
+        terms.push_back({output_channel(e.names, others[size_t(t.column)]), 0, -t.factor});
+      terms.push_back({output_channel(e.names, j), 0, 1.0});
       constant = constant || c->constant;
       always = told.empty() || same_sum(terms, told);
       if (!always) break;
@@ -445,10 +396,10 @@ std::vector<std::string> moving_together(const Ensemble& e) {
       ++held;
     }
     if (always && (single ? held > 0 : held > 2))
-      result.push_back(
-          fmt::format("outputs {} move together ({} is {}) at all steps: {} says nothing that the others "
-                      "don't",
-                      words::listed(names), sum_text(told), constant ? "constant" : "zero", names.back()));
+      result.push_back({.kind = Finding::Kind::outputs_dependent,
+                        .channels = channels_of(told),
+                        .numbers = {{"constant", constant}},
+                        .terms = told});
     else
       others.push_back(j);
   }
@@ -505,55 +456,49 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
         for (auto& found : inspect.of(group, true)) before.add(std::move(found), group.front(), false);
 
   Excitation result;
-  const auto where = [&](const Case& c) {
-    if (o.period == 1) return std::string("all along");
-    std::vector<Index> shown = c.steps;
-    for (Index& k : shown) k += o.origin;
-    // The windows of the steps behind hold it too.
-    for (const Index k : c.steps)
-      for (Index later = k; later < std::min(steps, k + std::max<Index>(1, o.lags - c.found.depth() + 1)); ++later)
-        result.named.push_back(later);
-    return fmt::format("{} {}", each ? "in every experiment at" : "at the phases of", words::step_list(shown));
-  };
-  const auto tell = [&](const std::vector<Case>& cases, auto&& text) {
-    for (size_t i = 0; i < std::min(most_cases, cases.size()); ++i) result.warnings.push_back(text(cases[i]));
+  const auto report = [&](const std::vector<Case>& cases, bool with_past) {
+    for (size_t i = 0; i < std::min(most_cases, cases.size()); ++i) {
+      const Case& c = cases[i];
+      // The windows of the steps after it hold it too.
+      for (const Index k : c.steps)
+        for (Index later = k; later < std::min(steps, k + std::max<Index>(1, o.lags - c.found.depth() + 1)); ++later)
+          result.named.push_back(later);
+      Finding finding{.kind = !with_past         ? Finding::Kind::inputs_dependent
+                              : c.found.feedback ? Finding::Kind::input_feedback
+                                                 : Finding::Kind::input_predictable,
+                      .channels = with_past ? std::vector{c.found.terms.front().channel} : channels_of(c.found.terms),
+                      .steps = c.steps,
+                      .numbers = {{"constant", c.found.constant}, {"varying", !c.same}, {"period", double(o.period)}},
+                      .terms = c.found.terms};
+      for (Index& k : finding.steps) k += o.origin;
+      if (const Index sines = with_past ? inspect.sines(c.found) : 0; sines > 0) {
+        finding.numbers["sines"] = double(sines);
+        finding.numbers["sines_needed"] = double((2 + o.lags * e.channels()) / 2);
+        finding.numbers["lags"] = double(o.lags);
+      }
+      result.findings.push_back(std::move(finding));
+    }
     if (cases.size() > most_cases)
-      result.warnings.push_back(fmt::format("{} more of inputs that follow from others were found",
-                                            words::plural(Index(cases.size() - most_cases), "combination")));
+      result.findings.push_back(
+          {.kind = Finding::Kind::more_dependent_inputs, .numbers = {{"count", double(cases.size() - most_cases)}}});
   };
   const Index all = Index(groups.size());
-  tell(together.most(all, o.shared), [&](const Case& c) {
-    return fmt::format("inputs {} move together ({}) {}: their effects there can't be told apart",
-                       words::listed(c.found.channels), combination_text(c, inspect, false), where(c));
-  });
-  tell(before.most(all, o.shared), [&](const Case& c) {
-    const std::string name = c.found.channels.front();
-    const std::string text = combination_text(c, inspect, true);
-    return c.found.feedback
-               ? fmt::format(
-                     "input {} follows from the samples before it ({}) {}: a feedback without a variation of "
-                     "its own, whose effect there can't be told from theirs",
-                     name, text, where(c))
-               : fmt::format(
-                     "input {} follows from inputs before it ({}) {}: its effect there can't be told from "
-                     "theirs",
-                     name, text, where(c));
-  });
+  report(together.most(all, o.shared), false);
+  report(before.most(all, o.shared), true);
   std::sort(result.named.begin(), result.named.end());
   result.named.erase(std::unique(result.named.begin(), result.named.end()), result.named.end());
   return result;
 }
 
-std::vector<std::string> warnings_of_dependent_outputs(const Ensemble& e, Index origin) {
-  std::vector<std::string> result = moving_together(e);
+Findings findings_of_dependent_outputs(const Ensemble& e, Index origin) {
+  Findings result = moving_together(e);
   if (e.experiments() < 2) return result;
   for (Index j = 0; j < e.outputs(); ++j) {
     std::vector<Index> still = resting(e, j);
     for (Index& k : still) k += origin;
     if (!still.empty())
       result.push_back(
-          fmt::format("output {} is the same in every experiment at {}: nothing can be identified of it there",
-                      e.names.output(j), words::step_list(still)));
+          {.kind = Finding::Kind::output_same, .channels = {output_channel(e.names, j)}, .steps = std::move(still)});
   }
   return result;
 }
@@ -563,15 +508,19 @@ StuckOutputs stuck_outputs(const Ensemble& e, Index origin) {
   for (Index j = 0; j < e.outputs(); ++j) {
     const std::vector<Standstill> stuck = standstills(e, e.inputs() + j);
     for (const Standstill& s : stuck) result.experiments.push_back(s.experiment);
-    for (size_t i = 0; i < std::min(most_cases, stuck.size()); ++i)
-      result.warnings.push_back(
-          fmt::format("output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its sensor "
-                      "stuck there?",
-                      e.names.output(j), stuck[i].value, e.experiment(stuck[i].experiment), origin + stuck[i].begin,
-                      origin + stuck[i].end - 1));
+    for (size_t i = 0; i < std::min(most_cases, stuck.size()); ++i) {
+      std::vector<Index> steps(size_t(stuck[i].end - stuck[i].begin), 0);
+      std::iota(steps.begin(), steps.end(), origin + stuck[i].begin);
+      result.findings.push_back({.kind = Finding::Kind::output_stuck,
+                                 .channels = {output_channel(e.names, j)},
+                                 .experiments = {experiment(e, stuck[i].experiment)},
+                                 .steps = std::move(steps),
+                                 .numbers = {{"value", stuck[i].value}}});
+    }
     if (stuck.size() > most_cases)
-      result.warnings.push_back(fmt::format("output {} stays where it is in {} more", e.names.output(j),
-                                            words::plural(Index(stuck.size() - most_cases), "experiment")));
+      result.findings.push_back({.kind = Finding::Kind::more_stuck_outputs,
+                                 .channels = {output_channel(e.names, j)},
+                                 .numbers = {{"count", double(stuck.size() - most_cases)}}});
   }
   return result;
 }

@@ -1,12 +1,12 @@
-// Ensemble → what of its inputs and outputs cannot be told apart, in words: combinations of channels, and of their
-// samples before, that never vary.
+// Ensemble → inputs and outputs that cannot be told apart: combinations of channels, and of their samples before, that
+// never vary.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "tokid/ensemble.hpp"
+#include "tokid/finding.hpp"
 
 namespace tokid {
 
@@ -21,7 +21,7 @@ struct ExcitationOptions {
 };
 
 struct Excitation {
-  std::vector<std::string> warnings;
+  Findings findings;
   std::vector<Index> named;  // steps whose windows hold what they speak of, ascending
 };
 
@@ -32,11 +32,11 @@ Excitation excitation(const Ensemble& ensemble, const ExcitationOptions& options
 
 // Outputs that are one combination of others at all steps, and outputs that are the same in every experiment at some
 // steps after they have moved.
-std::vector<std::string> warnings_of_dependent_outputs(const Ensemble& ensemble, Index origin = 0);
+Findings findings_of_dependent_outputs(const Ensemble& ensemble, Index origin = 0);
 
 // Outputs that stay where they are in single experiments while their inputs move, and which experiments these are.
 struct StuckOutputs {
-  std::vector<std::string> warnings;
+  Findings findings;
   std::vector<Index> experiments;
 };
 StuckOutputs stuck_outputs(const Ensemble& ensemble, Index origin = 0);

@@ -1,27 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnose/model_states.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
-#include "base/words.hpp"
+#include "data/subjects.hpp"
 
 namespace tokid {
 
-std::vector<std::string> warnings_of_absent_states(const Model& model) {
+Findings findings_of_absent_states(const Model& model) {
   if (model.states() > 0) return {};
-  return {"no state was found: the outputs answer to the inputs of the same step alone, or not at all"};
+  return {{.kind = Finding::Kind::no_states}};
 }
 
-std::vector<std::string> warnings_of_late_begin(const Model& model) {
+Findings findings_of_begin(const Model& model) {
   if (model.initial_state != InitialState::unknown || model.states() == 0 || model.k_begin == 0) return {};
-  return {
-      fmt::format("initial states are unknown: the model begins at step {}, the first with the full state dimension",
-                  model.k_begin)};
+  return {{.kind = Finding::Kind::late_begin, .numbers = {{"step", double(model.k_begin)}}}};
 }
 
-std::vector<std::string> warnings_of_hidden_states(const Model& model, Index origin) {
+Findings findings_of_hidden_states(const Model& model, Index origin) {
   std::vector<Index> fewer;
   for (Index k = model.full_begin(), waiting = 0; model.states() > 0 && k < model.k_end(); ++k) {
     if (model.n(k) < model.states()) {
@@ -32,20 +28,18 @@ std::vector<std::string> warnings_of_hidden_states(const Model& model, Index ori
     waiting = 0;
   }
   if (fewer.empty()) return {};
-  return {
-      fmt::format("the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the inputs "
-                  "don't reach them, and the model has fewer there",
-                  model.states(), words::step_list(fewer))};
+  return {{.kind = Finding::Kind::states_hidden, .steps = fewer, .numbers = {{"states", double(model.states())}}}};
 }
 
-std::vector<std::string> warnings_of_fit(const Vector& one_step_fit, const Channels& names) {
+Findings findings_of_fit(const Vector& one_step_fit, const Channels& names) {
   // Noise alone can be predicted a little on the data of the identification.
   constexpr double next_to_nothing = 5.0;
-  std::vector<std::string> result;
+  Findings result;
   for (Index j = 0; j < one_step_fit.size(); ++j)
     if (one_step_fit(j) < next_to_nothing)
-      result.push_back(fmt::format("output {} is predicted no better than by its mean: {:.3g} % fit over one step",
-                                   names.output(j), one_step_fit(j)));
+      result.push_back({.kind = Finding::Kind::output_unpredicted,
+                        .channels = {output_channel(names, j)},
+                        .numbers = {{"fit", one_step_fit(j)}}});
   return result;
 }
 

@@ -3,10 +3,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "tokid/ensemble.hpp"
+#include "tokid/finding.hpp"
 #include "tokid/model.hpp"
 #include "tokid/outlier.hpp"
 
@@ -31,6 +31,6 @@ std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& op
 std::vector<Outlier> outliers_without_noise(const Ensemble& ensemble, const OutlierOptions& options);
 
 // Without the experiments of which enough is said already.
-std::vector<std::string> warnings_of(std::vector<Outlier> outliers, const std::vector<Index>& told = {});
+Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& told = {});
 
 }  // namespace tokid

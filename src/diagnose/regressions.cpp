@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnose/regressions.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
 #include "base/rounding.hpp"
-#include "base/words.hpp"
 #include "tokid/linalg.hpp"
 
 namespace tokid {
@@ -72,34 +69,27 @@ void RegressionSurvey::append(const RegressionSurvey& later, Index begin) {
   square += later.square;
 }
 
-std::vector<std::string> warnings_of(const RegressionSurvey& survey, const RegressionSizes& sizes, bool noisy) {
-  std::vector<std::string> result;
-  const auto warn = [&](std::string text) { result.push_back(std::move(text)); };
-  if (!survey.ill.empty())
-    warn(fmt::format("ill-conditioned windows (condition above {:.0e}) at {}: expect few digits there", ill_conditioned,
-                     words::step_list(survey.ill)));
-  if (!survey.starved.empty())
-    warn(
-        fmt::format("missing samples leave fewer experiments than the {} unknowns at {}: the solution of smallest "
-                    "norm stands in there",
-                    sizes.inputs + sizes.lags * (sizes.inputs + sizes.outputs), words::step_list(survey.starved)));
-  if (!survey.unexcited.empty())
-    warn(fmt::format(
-        "the inputs of neighbouring steps and channels are linearly dependent over the experiments at {}: their "
-        "effects there can't be told apart",
-        words::step_list(survey.unexcited)));
+Findings findings_of(const RegressionSurvey& survey, const RegressionSizes& sizes, bool noisy) {
   const Index unknowns = minimum_experiments(sizes.inputs, sizes.outputs, sizes.lags);
+  const double L = double(unknowns), experiments = double(sizes.experiments), lags = double(sizes.lags);
+  Findings result;
+  if (!survey.ill.empty())
+    result.push_back(
+        {.kind = Finding::Kind::ill_conditioned, .steps = survey.ill, .numbers = {{"condition", ill_conditioned}}});
+  if (!survey.starved.empty())
+    result.push_back({.kind = Finding::Kind::too_few_complete, .steps = survey.starved, .numbers = {{"unknowns", L}}});
+  if (!survey.unexcited.empty()) result.push_back({.kind = Finding::Kind::inputs_unexcited, .steps = survey.unexcited});
   if (survey.freedom == 0)
-    warn(fmt::format(
-        "{} experiments leave no degree of freedom at lag order {}: the regressions fit any data exactly, and "
-        "nothing shows how noisy they are; {} or more would tell",
-        sizes.experiments, sizes.lags, 2 * unknowns));
+    result.push_back({.kind = Finding::Kind::no_freedom,
+                      .numbers = {{"experiments", experiments}, {"lags", lags}, {"sufficient", 2 * L}}});
   else if (noisy && sizes.effective_experiments < 2 * unknowns)
-    warn(
-        fmt::format("{} experiments are few for the {} unknowns per output and step at lag order {}: noise enters the "
-                    "coefficients almost undamped; {} or more would be better, and {} carry lag orders up to {} at all",
-                    sizes.experiments, unknowns, sizes.lags, 3 * unknowns, sizes.experiments,
-                    largest_lag_order(sizes.effective_experiments, sizes.inputs, sizes.outputs)));
+    result.push_back({.kind = Finding::Kind::few_experiments,
+                      .numbers = {{"experiments", experiments},
+                                  {"unknowns", L},
+                                  {"lags", lags},
+                                  {"sufficient", 3 * L},
+                                  {"largest_lags", double(largest_lag_order(sizes.effective_experiments, sizes.inputs,
+                                                                            sizes.outputs))}}});
   return result;
 }
 

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
 #include <vector>
 
+#include "tokid/finding.hpp"
 #include "tokid/gtv_arx.hpp"
 
 namespace tokid {
@@ -29,10 +29,10 @@ RegressionSurvey survey_of(const GtvArx& arx, bool nominal, Index begin, Index e
 // neighbouring steps and channels are linearly dependent.
 std::vector<Index> unexcited_steps(const Ensemble& data, const GtvArx& arx, bool nominal, Index begin, Index end);
 
-// The sizes that the words are about: N, those less what a mean motion costs, r, m, p.
+// The sizes that the findings are about: N, those less what a mean motion costs, r, m, p.
 struct RegressionSizes {
   Index experiments = 0, effective_experiments = 0, inputs = 0, outputs = 0, lags = 0;
 };
-std::vector<std::string> warnings_of(const RegressionSurvey& survey, const RegressionSizes& sizes, bool noisy);
+Findings findings_of(const RegressionSurvey& survey, const RegressionSizes& sizes, bool noisy);
 
 }  // namespace tokid

@@ -15,11 +15,13 @@ namespace tokid {
 
 namespace {
 
-std::vector<std::string> remarks_on_reading(const Ensemble& data, std::string_view sample_time) {
-  std::vector<std::string> result = data.remarks;
-  if (!data.dt_stated && !sample_time.empty())
-    result.push_back(fmt::format("the data state no sample time: {}", sample_time));
-  if (auto text = swapped_axes(data)) result.push_back(*std::move(text));
+void remark_on_axes(const Ensemble& data, Findings& result) {
+  if (auto found = swapped_axes(data)) result.push_back(*std::move(found));
+}
+
+Findings of_reader(const Ensemble& data) {
+  Findings result;
+  for (const std::string& text : data.remarks) result.push_back({.kind = Finding::Kind::reader_remark, .text = text});
   return result;
 }
 
@@ -27,27 +29,34 @@ InitialState initial_state(const Model& model, const Ensemble& inputs) {
   return inputs.initial_state.value_or(model.initial_state);
 }
 
-void remark_no_outputs(const Ensemble& computed, std::vector<std::string>& result) {
+void remark_no_outputs(const Ensemble& computed, Findings& result) {
   for (Index k = 0; k < computed.steps(); ++k)
     if (!computed.output(k).array().isNaN().all()) return;
-  result.emplace_back("no step of the data has outputs of the model: all of them are missing (NaN)");
+  result.push_back({.kind = Finding::Kind::outputs_absent});
 }
 
-std::vector<std::string> remarks_on_data(const Model& model, const Ensemble& data) {
-  std::vector<std::string> result = differences(model, data);
-  if (auto beyond = steps_beyond(model, data)) result.push_back(*std::move(beyond));
+Findings remarks_on_data(const Model& model, const Ensemble& data) {
+  Findings result = differences(model, data);
+  append(result, findings_of_end(model, data));
   return result;
 }
 
 }  // namespace
 
-std::vector<std::string> remarks(const Ensemble& data) {
-  return remarks_on_reading(data, "dt = 1 s was taken; state dt where it is another");
+Findings remarks(const Ensemble& data) {
+  Findings result = of_reader(data);
+  if (!data.dt_stated) result.push_back({.kind = Finding::Kind::sample_time_missing, .numbers = {{"dt", 1.0}}});
+  remark_on_axes(data, result);
+  return result;
 }
 
-std::vector<std::string> remarks(const Model& model, const Ensemble& data) {
+Findings remarks(const Model& model, const Ensemble& data) {
+  Findings result = of_reader(data);
   // What the model does not know either was told when it was identified.
-  return remarks_on_reading(data, states_dt(model) ? fmt::format("the model's dt = {} s was taken", model.dt) : "");
+  if (!data.dt_stated && states_dt(model))
+    result.push_back({.kind = Finding::Kind::sample_time_of_model, .numbers = {{"dt", model.dt}}});
+  remark_on_axes(data, result);
+  return result;
 }
 
 std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate) {
@@ -56,19 +65,18 @@ std::string simulation_start(const Model& model, const Ensemble& inputs, bool es
   return has_initial_estimate(model, initial) ? "mean initial state" : "zero state";
 }
 
-std::vector<std::string> simulation_remarks(const Model& model, const Ensemble& inputs, const Ensemble& simulated,
-                                            bool estimate) {
-  std::vector<std::string> result = remarks_on_data(model, inputs);
+Findings simulation_remarks(const Model& model, const Ensemble& inputs, const Ensemble& simulated, bool estimate) {
+  Findings result = remarks_on_data(model, inputs);
   remark_no_outputs(simulated, result);
   if (!estimate && !starts_from_zero(model, initial_state(model, inputs)))
-    result.push_back(
-        fmt::format("the initial states are unknown: simulated from the {} at step {}, where the model begins",
-                    simulation_start(model, inputs, estimate), model.k_begin));
+    result.push_back({.kind = Finding::Kind::simulated_from,
+                      .numbers = {{"step", double(model.k_begin)}},
+                      .text = simulation_start(model, inputs, estimate)});
   return result;
 }
 
-std::vector<std::string> prediction_remarks(const Model& model, const Ensemble& data, const Ensemble& predicted) {
-  std::vector<std::string> result = remarks_on_data(model, data);
+Findings prediction_remarks(const Model& model, const Ensemble& data, const Ensemble& predicted) {
+  Findings result = remarks_on_data(model, data);
   remark_no_outputs(predicted, result);
   return result;
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnose/repeats.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -11,8 +9,6 @@
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
-
-#include "base/words.hpp"
 
 namespace tokid {
 
@@ -56,14 +52,15 @@ Index input_courses(const Ensemble& e) {
   return count;
 }
 
-std::vector<std::string> warnings_of_repeats(const Ensemble& e, Index needed, Index lags) {
+Findings findings_of_repeats(const Ensemble& e, Index needed, Index lags) {
   if (needed <= 1) return {};
   const Index courses = input_courses(e);
   if (courses <= 1 || courses >= e.experiments() || courses >= needed) return {};
-  return {
-      fmt::format("{} repeat {} of the inputs: repetitions tell the noise, but excite no more than the first run "
-                  "does; {} needed at lag order {}",
-                  words::plural(e.experiments(), "experiment"), words::plural(courses, "course"), needed, lags)};
+  return {{.kind = Finding::Kind::inputs_repeated,
+           .numbers = {{"experiments", double(e.experiments())},
+                       {"courses", double(courses)},
+                       {"needed", double(needed)},
+                       {"lags", double(lags)}}}};
 }
 
 }  // namespace tokid

@@ -2,10 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "tokid/ensemble.hpp"
+#include "tokid/finding.hpp"
 
 namespace tokid {
 
@@ -13,6 +11,6 @@ namespace tokid {
 Index input_courses(const Ensemble& ensemble);
 
 // `needed` are the experiments that it takes at this lag order, 0 where steps lend each other theirs.
-std::vector<std::string> warnings_of_repeats(const Ensemble& ensemble, Index needed, Index lags);
+Findings findings_of_repeats(const Ensemble& ensemble, Index needed, Index lags);
 
 }  // namespace tokid

@@ -104,8 +104,8 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
       for (Index& n : fold.experiments) n = used.rows()[size_t(n)];
       fold.experiment_names = names_of(ensemble, fold.experiments);
     }
-    const std::vector<std::string> told = warnings_of(used, ensemble);
-    result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+    const Findings told = findings_of(used, ensemble);
+    result.findings.insert(result.findings.begin(), told.begin(), told.end());
     return result;
   }
   const auto members = fold_members(ensemble.experiments(), options);
@@ -114,7 +114,7 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
   Pooled simulation(ensemble), one_step(ensemble), horizon(ensemble);
   bool nominal = false;
   CrossValidation result;
-  if (identify_options.period == 0 && samples.missing > 0) result.warnings = warnings_of_steps(ensemble);
+  if (identify_options.period == 0 && samples.missing > 0) result.findings = findings_of_overlap(ensemble);
   for (size_t i = 0; i < members.size(); ++i) {
     IdentifyOptions fold_options = identify_options;
     fold_options.hold_out = 0.0;
@@ -128,7 +128,7 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
     nominal = nominal || model.y_nominal.size() > 0;
 
     Fold fold{members[i], names_of(ensemble, members[i]), model.states(), found.plan.lags, {}, {},
-              {},         std::move(found.warnings)};
+              {},         std::move(found.findings)};
     const auto judge = [&](const Ensemble& computed, Pooled& pooled) {
       pooled.add(members[i], computed);
       return fit(kept, computed, model.y_nominal);
@@ -152,21 +152,25 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
   return result;
 }
 
-std::vector<std::string> remarks(const CrossValidation& cross) {
-  std::vector<std::pair<std::string, int>> seen;
+Findings remarks(const CrossValidation& cross) {
+  std::vector<std::pair<Finding, int>> seen;
   for (const Fold& fold : cross.folds)
-    for (const std::string& text : fold.warnings) {
-      const auto same = [&text](const auto& entry) { return entry.first == text; };
+    for (const Finding& finding : fold.findings) {
+      const auto same = [&finding](const auto& entry) { return entry.first == finding; };
       const auto found = std::find_if(seen.begin(), seen.end(), same);
       if (found == seen.end())
-        seen.emplace_back(text, 1);
+        seen.emplace_back(finding, 1);
       else
         ++found->second;
     }
-  std::vector<std::string> result;
-  for (const std::string& text : cross.warnings) result.push_back(fmt::format("cross-validation: {}", text));
-  for (const auto& [text, count] : seen)
-    result.push_back(fmt::format("cross-validation, {} of {} folds: {}", count, cross.folds.size(), text));
+  Findings result = cross.findings;
+  for (Finding& finding : result) finding.scope = Finding::Scope::cross_validation;
+  for (auto& [finding, count] : seen) {
+    finding.scope = Finding::Scope::folds;
+    finding.numbers["folds"] = double(cross.folds.size());
+    finding.numbers["folds_with"] = count;
+    result.push_back(std::move(finding));
+  }
   return result;
 }
 

@@ -31,12 +31,6 @@ namespace tokid {
 
 namespace {
 
-using Warnings = std::vector<std::string>;
-
-void append(Warnings& all, Warnings more) {
-  all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-}
-
 void check_options(const IdentifyOptions& o) {
   static constexpr Index most = 1'000'000;
   const auto check_count = [](const char* name, Index value) {
@@ -101,7 +95,7 @@ struct Departures {
 struct NominalDecision {
   NominalTest test;  // where the choice was automatic
   std::optional<Departures> departures;
-  Warnings warnings;
+  Findings findings;
 };
 
 NominalDecision decide_nominal(const Ensemble& measured, const IdentifyOptions& options) {
@@ -117,25 +111,27 @@ NominalDecision decide_nominal(const Ensemble& measured, const IdentifyOptions& 
   Nominal nominal = nominal_trajectory(measured);
   if (options.period > 0) share_phases(nominal, options.period);
   Ensemble data = departures(measured, nominal);
-  if (data.free.experiments == 1)
-    result.warnings.emplace_back("a single free response has no mean motion to depart from: it was not used");
+  if (data.free.experiments == 1) result.findings.push_back({.kind = Finding::Kind::free_response_single});
   data.free = free_departures(data.free);
   result.departures = Departures{std::move(nominal), std::move(data)};
   return result;
 }
 
 // What is to be said of the samples before anything is chosen.
-Warnings warnings_of_samples(const Ensemble& training, const Survey& samples, const IdentifyOptions& options) {
-  Warnings result = options.period > 0 ? warnings_of_inputs(samples, training.names, options.period, training.steps())
-                                       : warnings_of_inputs(samples, training.names);
-  append(result, warnings_of_outputs(samples, training.names));
+Findings findings_of_samples(const Ensemble& training, const Survey& samples, const IdentifyOptions& options) {
+  Findings result = options.period > 0 ? findings_of_inputs(samples, training.names, options.period, training.steps())
+                                       : findings_of_inputs(samples, training.names);
+  append(result, findings_of_outputs(samples, training.names));
   return result;
 }
 
-Warnings warnings_of_lags(const Ensemble& data, const IdentifyOptions& o) {
+Findings findings_of_lags(const Ensemble& data, const IdentifyOptions& o) {
   if (o.lags == 0 || o.lags * data.outputs() >= o.states) return {};
-  return {fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", o.lags, data.outputs(),
-                      o.lags * data.outputs(), o.states)};
+  return {{.kind = Finding::Kind::lags_below_states,
+           .numbers = {{"lags", double(o.lags)},
+                       {"outputs", double(data.outputs())},
+                       {"most", double(o.lags * data.outputs())},
+                       {"states", double(o.states)}}}};
 }
 
 ExcitationOptions excitation_options(const Plan& plan, const IdentifyOptions& options) {
@@ -147,13 +143,13 @@ ExcitationOptions excitation_options(const Plan& plan, const IdentifyOptions& op
 }
 
 // What regressions of each step alone, or of all steps, say of the data.
-Warnings warnings_of_regressions(const Ensemble& data, const Survey& samples, const Regressed& regressed,
+Findings findings_of_regressions(const Ensemble& data, const Survey& samples, const Regressed& regressed,
                                  RegressionSurvey survey, const IdentifyOptions& options) {
   const Plan& plan = regressed.plan;
   ExcitationOptions o = excitation_options(plan, options);
   if (plan.coupled) {
-    Warnings result = excitation(data, o).warnings;
-    if (plan.choices.variation.period == 0) append(result, warnings_of_absence(samples, data.names));
+    Findings result = excitation(data, o).findings;
+    if (plan.choices.variation.period == 0) append(result, findings_of_absence(samples, data.names));
     return result;
   }
   survey.unexcited = unexcited_steps(data, regressed.arx, plan.nominal, plan.lags, regressed.arx.steps());
@@ -162,22 +158,20 @@ Warnings warnings_of_regressions(const Ensemble& data, const Survey& samples, co
   std::erase_if(survey.unexcited,
                 [&](Index k) { return std::binary_search(found.named.begin(), found.named.end(), k); });
   const Index spent = plan.nominal ? 1 : 0;
-  append(found.warnings,
-         warnings_of(survey, {data.experiments(), data.experiments() - spent, data.inputs(), data.outputs(), plan.lags},
+  append(found.findings,
+         findings_of(survey, {data.experiments(), data.experiments() - spent, data.inputs(), data.outputs(), plan.lags},
                      plan.noisy));
-  return std::move(found.warnings);
+  return std::move(found.findings);
 }
 
-Warnings warnings_of_free_responses(const FreeResponse& free, const Plan& plan) {
+Findings findings_of_free_responses(const FreeResponse& free, const Plan& plan) {
   if (plan.method == Method::tvera || free.experiments == 0) return {};
-  return {fmt::format(
-      "{} left aside: the subspace realisation needs none; --method tvera takes them",
-      free.experiments == 1 ? "the free response was" : fmt::format("the {} free responses were", free.experiments))};
+  return {{.kind = Finding::Kind::free_responses_unused, .numbers = {{"count", double(free.experiments)}}}};
 }
 
 // Single experiments: those that repeat others, those with a stuck sensor, and those that do not fit the others.
 struct Suspects {
-  Warnings warnings;
+  Findings findings;
   std::vector<Outlier> outliers;
   std::vector<std::string> labels;  // of the experiments that are stuck or outliers
 };
@@ -193,9 +187,9 @@ Suspects suspects(const Ensemble& used, const Ensemble& measured, const std::vec
                        : exact            ? experiments_for(used, p, plan.nominal)
                                           : r * (p + 1);
   Suspects result;
-  result.warnings = warnings_of_repeats(used, needed, p);
+  result.findings = findings_of_repeats(used, needed, p);
   StuckOutputs stuck = stuck_outputs(measured);
-  append(result.warnings, std::move(stuck.warnings));
+  append(result.findings, std::move(stuck.findings));
   const OutlierOptions o{.lags = p,
                          .nominal = plan.nominal,
                          .at_rest = plan.initial_state == InitialState::zero,
@@ -207,35 +201,32 @@ Suspects suspects(const Ensemble& used, const Ensemble& measured, const std::vec
     outlier.experiment = rows[size_t(outlier.experiment)];
     outlier.name = measured.experiment_name(outlier.experiment);
   }
-  append(result.warnings, warnings_of(result.outliers, stuck.experiments));
+  append(result.findings, findings_of(result.outliers, stuck.experiments));
   for (const Index n : stuck.experiments) result.labels.push_back(measured.experiment_label(n));
   for (const Outlier& outlier : result.outliers) result.labels.push_back(measured.experiment_label(outlier.experiment));
   return result;
 }
 
 // `regressed_from`: the first step with a regression.
-Warnings warnings_of_states(const Model& model, const Ensemble& data, const Plan& plan, Index regressed_from,
+Findings findings_of_states(const Model& model, const Ensemble& data, const Plan& plan, Index regressed_from,
                             const IdentifyOptions& options) {
-  Warnings result;
+  Findings result;
   const Index unknowns = model.states() + model.inputs;
   const TimeVariation& variation = plan.choices.variation;
   if (plan.coupled && variation.period == 0 && variation.smoothing > 0 && data.experiments() < unknowns)
-    result.push_back(
-        fmt::format("{} are fewer than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on "
-                    "variation stands in for what they don't show; judge the model by other data",
-                    words::plural(data.experiments(), "experiment"), unknowns));
+    result.push_back({.kind = Finding::Kind::few_for_states,
+                      .numbers = {{"experiments", double(data.experiments())}, {"unknowns", double(unknowns)}}});
   if (options.states > 0 && model.states() < options.states)
-    result.push_back(
-        fmt::format("{} states asked for, but the Hankel matrices have at most rank {}: the model has no "
-                    "more",
-                    options.states, model.states()));
-  if (options.states > 0) append(result, warnings_of_hidden_states(model));
+    result.push_back({.kind = Finding::Kind::states_below_asked,
+                      .numbers = {{"asked", double(options.states)}, {"found", double(model.states())}}});
+  if (options.states > 0) append(result, findings_of_hidden_states(model));
   if (data.free.experiments > 0 && model.states() > 0 && model.full_begin() > regressed_from)
-    result.push_back(
-        fmt::format("the {} free responses don't show all {} states from step {} on, but only from step "
-                    "{}",
-                    data.free.experiments, model.states(), regressed_from, model.full_begin()));
-  append(result, warnings_of_late_begin(model));
+    result.push_back({.kind = Finding::Kind::free_responses_partial,
+                      .numbers = {{"count", double(data.free.experiments)},
+                                  {"states", double(model.states())},
+                                  {"wanted", double(regressed_from)},
+                                  {"step", double(model.full_begin())}}});
+  append(result, findings_of_begin(model));
   return result;
 }
 
@@ -267,7 +258,7 @@ Validation validated(const Model& model, const Ensemble& training, const Ensembl
       std::move(more.begin(), more.end(), std::back_inserter(result.outlying));
     }
   }
-  append(result.warnings, warnings_of(result.outlying, judged.names));
+  append(result.findings, findings_of(result.outlying, judged.names));
   return result;
 }
 
@@ -295,32 +286,32 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   const Survey samples = holding_out ? survey(training, 0, training.steps()) : all_samples;
 
   Identification result;
-  Warnings& warnings = result.warnings;
-  if (measured) append(warnings, remarks(measured->all));
-  append(warnings, warnings_of_samples(training, samples, options));
-  if (measured && options.period == 0 && all_samples.missing > 0) append(warnings, warnings_of_steps(measured->all));
-  append(warnings, warnings_of_dependent_outputs(training));
+  Findings& findings = result.findings;
+  if (measured) append(findings, remarks(measured->all));
+  append(findings, findings_of_samples(training, samples, options));
+  if (measured && options.period == 0 && all_samples.missing > 0) append(findings, findings_of_overlap(measured->all));
+  append(findings, findings_of_dependent_outputs(training));
 
   NominalDecision decision = decide_nominal(training, options);
-  append(warnings, std::move(decision.warnings));
+  append(findings, std::move(decision.findings));
   const bool nominal = decision.departures.has_value();
   const Ensemble& data = nominal ? decision.departures->data : training;
   check_method(data, options);
-  append(warnings, warnings_of_lags(data, options));
+  append(findings, findings_of_lags(data, options));
 
   const std::shared_ptr<const Ensemble> judged = judging_samples(data, options);
   Regressed regression = regressed(data, *judged, nominal, options);
-  append(warnings, std::move(regression.warnings));
+  append(findings, std::move(regression.findings));
   const RegressionSurvey survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
-  append(warnings, warnings_of_regressions(data, samples, regression, survey, options));
+  append(findings, findings_of_regressions(data, samples, regression, survey, options));
 
   const Index regressed_from = regression.arx.k_begin;
   Realised realisation = realised(data, *judged, regression.plan, std::move(regression.arx), options);
-  append(warnings, std::move(realisation.warnings));
+  append(findings, std::move(realisation.findings));
   result.plan = std::move(realisation.plan);
   result.model = std::move(realisation.model);
-  append(warnings, warnings_of_free_responses(data.free, result.plan));
-  append(warnings, warnings_of_absent_states(result.model));
+  append(findings, findings_of_free_responses(data.free, result.plan));
+  append(findings, findings_of_absent_states(result.model));
   if (nominal) {
     result.model.u_nominal = decision.departures->nominal.u;
     result.model.y_nominal = decision.departures->nominal.y;
@@ -329,15 +320,15 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   validation.initial_state = result.plan.initial_state;
   if (measured) {
     Suspects found = suspects(used, measured->all, measured->rows, result.model, result.plan, options);
-    append(warnings, std::move(found.warnings));
+    append(findings, std::move(found.findings));
     result.outliers = std::move(found.outliers);
     validation.misfits = std::move(found.labels);
   }
-  append(warnings, warnings_of_states(result.model, data, result.plan, regressed_from, options));
+  append(findings, findings_of_states(result.model, data, result.plan, regressed_from, options));
 
   const Index step = frame_step(result.model, result.plan);
   FramedModel framed = in_frame(std::move(result.model), result.plan);
-  append(warnings, warnings_of_frame(framed, step, result.plan));
+  append(findings, findings_of_frame(framed, step, result.plan));
   result.model = std::move(framed.model);
   check_finite(result.model);
 
@@ -361,8 +352,8 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
     decision.departures.reset();  // the validation takes its room
     result.validation = validated(result.model, training, holding_out ? &parts.held_out : nullptr,
                                   measured ? &measured->all : nullptr, validation);
-    append(warnings, result.validation.warnings);
-    append(warnings, warnings_of_fit(result.validation.one_step.fit, training.names));
+    append(findings, result.validation.findings);
+    append(findings, findings_of_fit(result.validation.one_step.fit, training.names));
   }
   if (options.execution.progress) options.execution.progress(1.0);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -379,8 +370,8 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& options
     ensemble.check();  // what is wrong is reported with the rows of the caller
     Identification result = identified(ensemble.subset(measured.rows), &measured, true, options);
     note_data(result.model, fingerprint(ensemble));
-    const Warnings told = warnings_of(used, ensemble);
-    result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+    const Findings told = findings_of(used, ensemble);
+    result.findings.insert(result.findings.begin(), told.begin(), told.end());
     result.copies = std::move(used.copies);
     result.dependent = std::move(used.dependent);
     return result;

@@ -67,8 +67,8 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   if (const UsedExperiments used = used_experiments(data); !used.all(data)) {  // the others would count twice
     result = refine_model(model, data.subset(used.rows()), options);
     note_data(result.refinement.model, fingerprint(data));
-    const std::vector<std::string> told = warnings_of(used, data);
-    result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+    const Findings told = findings_of(used, data);
+    result.findings.insert(result.findings.begin(), told.begin(), told.end());
     return result;
   }
   RefineModelOptions part = options;
@@ -82,8 +82,8 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   note_refinement(refined, result.smoothing, result.refinement.iterations);
   refined.version = version;
   compare(model, data, options.refine.initial_state, result);
-  result.warnings = differences(model, data);
-  result.warnings.insert(result.warnings.end(), result.refinement.warnings.begin(), result.refinement.warnings.end());
+  result.findings = differences(model, data);
+  append(result.findings, result.refinement.findings);
   return result;
 }
 

@@ -84,34 +84,33 @@ NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensem
 // are the identifications of the parts, of which some may have failed.
 void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool states_asked,
              Identification& result) {
-  std::vector<std::string> texts;
+  Findings findings;
   std::vector<Index> stuck;
-  const auto add = [&texts](std::vector<std::string> list) {
-    for (std::string& text : list)
-      if (std::find(texts.begin(), texts.end(), text) == texts.end()) texts.push_back(std::move(text));
+  const auto add = [&findings](Findings more) {
+    for (Finding& finding : more)
+      if (std::find(findings.begin(), findings.end(), finding) == findings.end())
+        findings.push_back(std::move(finding));
   };
   for (size_t i = 0; i < parts.size(); ++i) {
     const Part& part = parts[i];
-    add(warnings_of_dependent_outputs(part.whole, part.begin));
+    add(findings_of_dependent_outputs(part.whole, part.begin));
     StuckOutputs own = stuck_outputs(part.whole, part.begin);
     stuck.insert(stuck.end(), own.experiments.begin(), own.experiments.end());
-    add(std::move(own.warnings));
+    add(std::move(own.findings));
     add(excitation(
             part.whole,
             {.lags = result.plan.lags, .noisy = result.plan.noisy, .shared = result.plan.coupled, .origin = part.begin})
-            .warnings);
-    if (states_asked && found[i]) add(warnings_of_hidden_states(found[i]->model, part.begin));
+            .findings);
+    if (states_asked && found[i]) add(findings_of_hidden_states(found[i]->model, part.begin));
   }
 
   std::vector<const Ensemble*> stretches;
   for (const Part& part : parts) stretches.push_back(&part.whole);
-  constexpr const char* consequence =
-      "Blocks use them all, so errors on experiments left out look too small; delete them, or call with --block all";
   const Ensemble& first = parts.front().whole;
   result.copies = find_copies(in_a_row(stretches));
-  add(warnings_of(result.copies, first, consequence));
+  add(findings_of(result.copies, first));
   result.dependent = dependence_beside(result.copies, first);
-  add(warnings_of(result.dependent, first, consequence));
+  add(findings_of(result.dependent, first));
 
   for (size_t i = 0; i < parts.size(); ++i) {
     const Ensemble& whole = parts[i].whole;
@@ -129,9 +128,9 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
         *same = std::move(own);
     }
   }
-  add(warnings_of(result.outliers, stuck));
-  for (const std::string& text : texts)
-    result.warnings.push_back(fmt::format("in the stretches that decide, {}", text));
+  add(findings_of(result.outliers, stuck));
+  for (Finding& finding : findings) finding.scope = Finding::Scope::deciding_stretches;
+  append(result.findings, std::move(findings));
 }
 
 // Which of two stretches asks for more?
@@ -219,11 +218,10 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   result.evidence.nominal_test = nominal;
   result.evidence.initial_state_test = begin.initial_state_test;
   result.evidence.plan = plan;
-  result.evidence.warnings = remarks(parts.front().whole);
+  result.evidence.findings = remarks(parts.front().whole);
   const bool constant = plan.coupled && plan.choices.variation.period > 0;
   if (constant)
-    result.evidence.warnings.push_back(fmt::format(
-        "the stretches that decide show no variation in time, but the record may: lambda = {} was taken", stiff));
+    result.evidence.findings.push_back({.kind = Finding::Kind::constant_stretches, .numbers = {{"smoothing", stiff}}});
   examine(parts, identified, options.states > 0, result.evidence);
   if (constant) plan.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
   result.evidence.plan = plan;

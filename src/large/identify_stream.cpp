@@ -120,7 +120,7 @@ class Record {
     result.validation.one_step = result.validation.horizon = fit_of(errors_.one_step, plan.nominal);
     result.validation.simulation = fit_of(errors_.simulation, plan.nominal);
     result.validation.whiteness_p = whiteness_p_;
-    warn(result, file.outline());
+    report(result, file.outline());
 
     Model notes;  // the text that models remember their identification by
     notes.options = to_json(options.identify, result.experiments);
@@ -149,28 +149,23 @@ class Record {
     return file_.experiments() - held;
   }
 
-  void warn(Identification& result, const Model& model) const {
-    const auto add = [&result](std::vector<std::string> texts) {
-      for (std::string& text : texts) result.warnings.push_back(std::move(text));
-    };
-    add(warnings_of_inputs(samples_, file_.names()));
-    add(warnings_of_outputs(samples_, file_.names()));
+  void report(Identification& result, const Model& model) const {
+    const auto add = [&result](Findings more) { append(result.findings, std::move(more)); };
+    add(findings_of_inputs(samples_, file_.names()));
+    add(findings_of_outputs(samples_, file_.names()));
     if (layout_.plan.coupled) {
-      add(warnings_of_absence(samples_, file_.names()));
+      add(findings_of_absence(samples_, file_.names()));
     } else {
       const Index spent = layout_.plan.nominal ? 1 : 0;
-      add(warnings_of(
+      add(findings_of(
           regressions_,
           {result.experiments, result.experiments - spent, file_.inputs(), file_.outputs(), layout_.plan.lags},
           layout_.plan.noisy));
-      if (!layout_.plan.noisy && regressions_.noisy())
-        add(
-            {"the stretches that decide are free of noise, but others are not: --method subspace, or --lags, may suit "
-             "them better"});
+      if (!layout_.plan.noisy && regressions_.noisy()) add({{.kind = Finding::Kind::exact_stretches}});
     }
-    add(warnings_of_absent_states(model));
-    add(warnings_of_late_begin(model));
-    add(warnings_of_fit(result.validation.one_step.fit, file_.names()));
+    add(findings_of_absent_states(model));
+    add(findings_of_begin(model));
+    add(findings_of_fit(result.validation.one_step.fit, file_.names()));
   }
 
   const EnsembleFile& file_;

@@ -15,9 +15,11 @@
 
 #include "base/words.hpp"
 #include "data/check.hpp"
+#include "data/subjects.hpp"
 #include "diagnose/model_states.hpp"
 #include "diagnose/regressions.hpp"
 #include "large/evaluate.hpp"
+#include "large/finding_archive.hpp"
 #include "large/plan_archive.hpp"
 #include "model/archived.hpp"
 #include "tokid/dependence.hpp"
@@ -103,26 +105,21 @@ Updated identify(const UpdateState& state, const Execution& execution) {
 
   Updated result;
   result.experiments = factors.experiments;
-  result.warnings = warnings_of_frame(framed, step, plan);
+  result.findings = findings_of_frame(framed, step, plan);
   result.model = std::move(framed.model);
   result.model.version = version;
   result.model.options = state.options;
   check_finite(result.model);
-  if (!plan.noisy && survey.noisy())
-    result.warnings.emplace_back(
-        "the experiments are noisy, and what was chosen from the first ones supposes that they are not: begin anew with "
-        "identify");
+  if (!plan.noisy && survey.noisy()) result.findings.push_back({.kind = Finding::Kind::update_noisy});
   if (!plan.coupled) {
     result.condition_max = survey.condition_max;
     result.rank_deficient_steps = survey.rank_deficient;
     if (!survey.starved.empty())
-      result.warnings.push_back(
-          fmt::format("fewer experiments than unknowns at {}: the solution of smallest norm stands in there",
-                      words::step_list(survey.starved)));
+      result.findings.push_back({.kind = Finding::Kind::update_few_experiments, .steps = survey.starved});
   }
   if (plan.states > 0 && result.model.states() < plan.states)
-    result.warnings.push_back(
-        fmt::format("{} states asked for, but the experiments show only {}", plan.states, result.model.states()));
+    result.findings.push_back({.kind = Finding::Kind::update_states_below,
+                               .numbers = {{"asked", double(plan.states)}, {"found", double(result.model.states())}}});
   return result;
 }
 
@@ -140,10 +137,10 @@ namespace {
 // Experiments that ask to join, and all that tells which of them do.
 struct Given {
   Ensemble data;
-  Copies copies;                     // within the data
-  std::vector<Digest> digests;       // (N)
-  std::string fingerprint;           // of the data
-  std::vector<std::string> remarks;  // on their file
+  Copies copies;                // within the data
+  std::vector<Digest> digests;  // (N)
+  std::string fingerprint;      // of the data
+  Findings findings;            // on their file
 };
 
 Given given(Ensemble data) {
@@ -168,22 +165,11 @@ std::vector<Index> known_rows(const UpdateState& state, const Given& given) {
   return rows;
 }
 
-std::vector<std::string> warnings_of_known(const std::vector<Index>& rows, const Ensemble& data) {
-  constexpr size_t most_told = 6;
+Findings findings_of_known(const std::vector<Index>& rows, const Ensemble& data) {
   if (rows.empty()) return {};
-  if (Index(rows.size()) == data.experiments())
-    return {fmt::format("{} in the state already. Nothing is added",
-                        rows.size() == 1 ? "the experiment is" : fmt::format("all {} experiments are", rows.size()))};
-  std::string list = words::ranges(rows);
-  if (!data.experiment_names.empty()) {
-    std::vector<std::string> names;
-    for (size_t i = 0; i < std::min(rows.size(), most_told); ++i) names.push_back(data.experiment(rows[i]));
-    list = rows.size() <= most_told ? words::listed(names)
-                                    : fmt::format("{} and {} more", fmt::join(names, ", "), rows.size() - most_told);
-  }
-  return {fmt::format("{} of {} experiments {} in the state already: {}. {} not added again", rows.size(),
-                      data.experiments(), rows.size() == 1 ? "is" : "are", list,
-                      rows.size() == 1 ? "It is" : "They are")};
+  return {{.kind = Finding::Kind::experiments_known,
+           .experiments = experiments(data, rows),
+           .numbers = {{"experiments", double(data.experiments())}}}};
 }
 
 // Those of the given experiments that join: new ones, each of them once.
@@ -191,18 +177,18 @@ struct Joining {
   Ensemble data;
   std::vector<Index> known;  // rows of those that don't, because the state has them
   std::string fingerprint;
-  std::vector<std::string> remarks;
+  Findings findings;
 };
 
 Joining joining(const UpdateState& state, Given given) {
-  Joining result{{}, known_rows(state, given), std::move(given.fingerprint), std::move(given.remarks)};
+  Joining result{{}, known_rows(state, given), std::move(given.fingerprint), std::move(given.findings)};
   const auto is_known = [&](Index n) { return std::binary_search(result.known.begin(), result.known.end(), n); };
   std::erase_if(given.copies.used, is_known);
   std::erase_if(given.copies.groups, [&](const std::vector<Index>& group) { return is_known(group.front()); });
   UsedExperiments used{std::move(given.copies), {}};
   used.dependent = dependence_beside(used.copies, given.data);
-  for (const auto& texts : {warnings_of_known(result.known, given.data), warnings_of(used, given.data)})
-    result.remarks.insert(result.remarks.end(), texts.begin(), texts.end());
+  append(result.findings, findings_of_known(result.known, given.data));
+  append(result.findings, findings_of(used, given.data));
   result.data = used.all(given.data) ? std::move(given.data) : given.data.subset(used.rows());
   return result;
 }
@@ -213,11 +199,11 @@ struct Portion {
   std::vector<Index> known;
   std::string fingerprint;
   ErrorTotals errors;  // of the model before
-  std::vector<std::string> remarks;
+  Findings findings;
 };
 
 Portion portion(const UpdateState& state, const Joining& more, const Execution& execution) {
-  Portion result{{}, more.known, more.fingerprint, {}, more.remarks};
+  Portion result{{}, more.known, more.fingerprint, {}, more.findings};
   if (more.data.experiments() > 0)
     result.factors = window_factors(more.data, state.factors.lags, state.factors.initial_state, execution);
   return result;
@@ -231,26 +217,22 @@ void add(UpdateState& state, const Portion& more, const Execution& execution) {
   state.options = told.options;
 }
 
-std::vector<std::string> warnings_of_unknown(const UpdateState& state, Index added) {
+Findings findings_of_unknown(const UpdateState& state, Index added) {
   if (state.without_digest == 0 || added == 0) return {};
-  return {fmt::format(
-      "the state was begun by an earlier version of tokid, and has no digests of {}: new ones that repeat one of them "
-      "are not recognised, and count twice; begin it anew with identify --state to be sure",
-      words::plural(state.without_digest, "experiment"))};
+  return {{.kind = Finding::Kind::state_without_digests, .numbers = {{"count", double(state.without_digest)}}}};
 }
 
 }  // namespace
 
-std::vector<std::string> update(UpdateState& state, const Ensemble& more, const Execution& execution) {
+Findings update(UpdateState& state, const Ensemble& more, const Execution& execution) {
   check_update(state, more);
   Given asking = given(more);
   const std::vector<Digest> digests = asking.digests;
   Portion added = portion(state, joining(state, std::move(asking)), execution);
   add(state, added, execution);
   remember(state.digests, digests);
-  for (std::string& text : warnings_of_unknown(state, added.factors.experiments))
-    added.remarks.push_back(std::move(text));
-  return std::move(added.remarks);
+  append(added.findings, findings_of_unknown(state, added.factors.experiments));
+  return std::move(added.findings);
 }
 
 // For messages between processes.
@@ -269,7 +251,7 @@ namespace {
 
 template <class Archive, class P>
 requires std::is_same_v<std::remove_const_t<P>, Portion>
-void fields(Archive& archive, P& p) { archive(p.factors, p.known, p.fingerprint, p.errors, p.remarks); }
+void fields(Archive& archive, P& p) { archive(p.factors, p.known, p.fingerprint, p.errors, p.findings); }
 
 // All that a member needs to know of the state and its model to make a portion of experiments.
 struct Needs {
@@ -309,10 +291,10 @@ auto about(const std::filesystem::path& file, Work&& work) {
   }
 }
 
-Given given(const Needs& needs, Ensemble data, std::vector<std::string> remarks) {
+Given given(const Needs& needs, Ensemble data, Findings findings) {
   check_update(needs.state, data);
   Given result = given(std::move(data));
-  result.remarks = std::move(remarks);
+  result.findings = std::move(findings);
   return result;
 }
 
@@ -321,7 +303,7 @@ Given given_by(const std::filesystem::path& file, const Needs& needs, const Upda
   read.wanted = complete(needs.state.factors.names, needs.state.factors.inputs, needs.state.factors.outputs);
   Ensemble data = load_ensemble(file, read);
   return about(file, [&] {
-    std::vector<std::string> found = remarks(needs.model, data);
+    Findings found = remarks(needs.model, data);
     if (!data.dt_stated) data.dt = needs.state.factors.dt;
     return given(needs, std::move(data), std::move(found));
   });
@@ -336,32 +318,30 @@ Portion judged_portion(const Needs& needs, Given given, const Execution& executi
   return result;
 }
 
-// Warnings of outputs that the model before predicts no better than by their mean, or simulates far worse.
-std::vector<std::string> warnings_of_fits(const Fit& simulation, const Fit& one_step, const Channels& names) {
-  std::vector<std::string> result;
-  const auto warn = [&](std::string_view text) {
-    result.push_back(fmt::format(
-        "new experiments, by the model before: {}; are they of the same system, with the same channels?", text));
-  };
+// Outputs of new experiments that the model before predicts no better than by their mean, or simulates far worse.
+Findings findings_of_fits(const Fit& simulation, const Fit& one_step, const Channels& names) {
+  Findings result;
   for (Index j = 0; j < one_step.fit.size(); ++j)
     if (one_step.samples > 0 && std::isnan(one_step.fit(j)))
-      warn(fmt::format("output {} never moves in them", names.output(j)));
-  for (const std::string& text : warnings_of_fit(one_step.fit, names)) warn(text);
-  if (!result.empty()) return result;
+      result.push_back({.kind = Finding::Kind::output_still, .channels = {output_channel(names, j)}});
+  append(result, findings_of_fit(one_step.fit, names));
   // Outputs that change slowly are predicted by themselves, whatever the system.
   constexpr double much_worse = -20.0;
-  for (Index j = 0; j < simulation.fit.size(); ++j)
+  const bool predicted = result.empty();
+  for (Index j = 0; predicted && j < simulation.fit.size(); ++j)
     if (simulation.fit(j) < much_worse)
-      warn(fmt::format("output {} is simulated worse than by its mean: {:.3g} % fit", names.output(j),
-                       simulation.fit(j)));
+      result.push_back({.kind = Finding::Kind::output_missimulated,
+                        .channels = {output_channel(names, j)},
+                        .numbers = {{"fit", simulation.fit(j)}}});
+  for (Finding& finding : result) finding.scope = Finding::Scope::new_experiments;
   return result;
 }
 
-// Ensembles that come one after the other, by number, and the words in front of what is said of each of them.
+// Ensembles that come one after the other, by number, and their files, where they come from files.
 struct Source {
   Index count = 0;
   std::function<Given(const Needs&, Index)> given;
-  std::function<std::string(Index)> name;
+  std::function<std::string(Index)> file;
 };
 
 // In rounds, in which each member has one ensemble. Nobody knows which of its experiments join before he has the
@@ -397,7 +377,10 @@ Additions update_from(UpdateState& state, const Model& before, const Source& sou
       result.experiments.push_back(portion->factors.experiments);
       result.known.push_back(portion->known);
       if (portion->factors.experiments > 0) errors.add(portion->errors);
-      for (const std::string& text : portion->remarks) result.warnings.push_back(source.name(i) + text);
+      for (Finding& finding : portion->findings) {
+        finding.file = source.file(i);
+        result.findings.push_back(std::move(finding));
+      }
     }
   }
   if (!first) return result;
@@ -406,9 +389,8 @@ Additions update_from(UpdateState& state, const Model& before, const Source& sou
   result.simulation = fit_of(errors.simulation, centred);
   result.one_step = fit_of(errors.one_step, centred);
   const Index added = std::accumulate(result.experiments.begin(), result.experiments.end(), Index{0});
-  for (const auto& texts :
-       {warnings_of_unknown(state, added), warnings_of_fits(result.simulation, result.one_step, state.factors.names)})
-    result.warnings.insert(result.warnings.end(), texts.begin(), texts.end());
+  append(result.findings, findings_of_unknown(state, added));
+  append(result.findings, findings_of_fits(result.simulation, result.one_step, state.factors.names));
   return result;
 }
 
@@ -424,7 +406,7 @@ Additions update(UpdateState& state, const Model& before, const std::vector<std:
                  const UpdateOptions& options) {
   const Source source{Index(files.size()),
                       [&](const Needs& needs, Index i) { return given_by(files[size_t(i)], needs, options); },
-                      [&](Index i) { return files[size_t(i)].string() + ": "; }};
+                      [&](Index i) { return files[size_t(i)].string(); }};
   return update_from(state, before, source, options.execution, options.team);
 }
 

@@ -8,42 +8,48 @@
 #include <stdexcept>
 
 #include "base/words.hpp"
+#include "data/subjects.hpp"
 #include "tokid/provenance.hpp"
 
 namespace tokid {
 
-std::optional<std::string> steps_beyond(const Model& model, const Ensemble& data) {
-  if (model.period > 0 || data.steps() <= model.k_end()) return std::nullopt;
-  return fmt::format("the model ends with step {}: it says nothing of the last {} of the data", model.k_end() - 1,
-                     words::plural(data.steps() - model.k_end(), "step"));
+Findings findings_of_end(const Model& model, const Ensemble& data) {
+  if (model.period > 0 || data.steps() <= model.k_end()) return {};
+  return {{.kind = Finding::Kind::model_ends_early,
+           .numbers = {{"last", double(model.k_end() - 1)}, {"steps", double(data.steps() - model.k_end())}}}};
 }
 
-std::vector<std::string> differences(const Model& model, const Ensemble& data) {
-  std::vector<std::string> result;
+Findings differences(const Model& model, const Ensemble& data) {
+  Findings result;
   // Sample times that went through single precision or decimal text are still the same.
   if (data.dt_stated && std::abs(model.dt - data.dt) > 1e-6 * model.dt)
-    result.push_back(fmt::format("the data's dt = {} s differs from the model's dt = {} s{}", data.dt, model.dt,
-                                 states_dt(model) ? "" : ", which was identified from data without a sample time"));
-  const auto compare = [&result](const char* what, const std::vector<std::string>& found,
-                                 const std::vector<std::string>& known) {
-    if (!found.empty() && !known.empty() && found != known)
-      result.push_back(fmt::format("the data's {} are named {}, the model's {}", what, fmt::join(found, ", "),
-                                   fmt::join(known, ", ")));
+    result.push_back({.kind = Finding::Kind::sample_time_differs,
+                      .numbers = {{"data", data.dt}, {"model", model.dt}, {"stated", states_dt(model)}}});
+  const bool with_outputs = data.outputs() > 0;
+  const auto compare = [&result](Finding::Kind kind, const std::vector<std::string>& found,
+                                 const std::vector<std::string>& known, auto&& channel_of) {
+    if (found.empty() || known.empty() || found == known) return;
+    Finding finding{.kind = kind, .names = known};
+    for (size_t c = 0; c < found.size(); ++c) finding.channels.push_back(channel_of(Index(c)));
+    result.push_back(std::move(finding));
   };
-  compare("inputs", data.names.input_names, model.names.input_names);
-  if (data.outputs() > 0) compare("outputs", data.names.output_names, model.names.output_names);
-  const auto compare_units = [&result](const auto& name, const std::vector<std::string>& found,
-                                       const std::vector<std::string>& known) {
+  compare(Finding::Kind::input_names_differ, data.names.input_names, model.names.input_names,
+          [&](Index i) { return input_channel(data.names, i); });
+  if (with_outputs)
+    compare(Finding::Kind::output_names_differ, data.names.output_names, model.names.output_names,
+            [&](Index j) { return output_channel(data.names, j); });
+  const auto compare_units = [&result](const std::vector<std::string>& found, const std::vector<std::string>& known,
+                                       auto&& channel_of) {
     for (size_t c = 0; c < std::min(found.size(), known.size()); ++c)
       if (!found[c].empty() && !known[c].empty() && found[c] != known[c])
-        result.push_back(fmt::format("the data's {} is in {}, the model's in {}: nothing is converted", name(Index(c)),
-                                     found[c], known[c]));
+        result.push_back(
+            {.kind = Finding::Kind::units_differ, .channels = {channel_of(Index(c))}, .names = {found[c], known[c]}});
   };
-  compare_units([&](Index i) { return "input " + model.names.input(i); }, data.names.input_units,
-                model.names.input_units);
-  if (data.outputs() > 0)
-    compare_units([&](Index j) { return "output " + model.names.output(j); }, data.names.output_units,
-                  model.names.output_units);
+  compare_units(data.names.input_units, model.names.input_units,
+                [&](Index i) { return input_channel(model.names, i); });
+  if (with_outputs)
+    compare_units(data.names.output_units, model.names.output_units,
+                  [&](Index j) { return output_channel(model.names, j); });
   return result;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "model/outlying_samples.hpp"
+#include "data/subjects.hpp"
 
 #include <fmt/format.h>
 
@@ -223,21 +224,20 @@ std::vector<OutlyingSamples> outlying_in(const Ensemble& all, const Ensemble& pa
   return outlying;
 }
 
-std::vector<std::string> warnings_of(const std::vector<OutlyingSamples>& outlying, const Channels& names) {
-  constexpr size_t most_told = 5;
-  std::vector<std::string> result;
-  for (const OutlyingSamples& o : outlying) {
-    if (result.size() == most_told) {
-      result.push_back(fmt::format("{} of experiments with samples far off their predictions",
-                                   words::plural(Index(outlying.size() - most_told), "more output")));
-      break;
-    }
-    result.push_back(fmt::format(
-        "experiment {}, output {}: {} up to {:.3g} off {} (usual: {:.2g}), at {}. Mark faulty samples as missing: they "
-        "make the model worse",
-        words::experiment(o.experiment, o.name), names.output(o.output), words::plural(Index(o.steps.size()), "sample"),
-        o.error, o.steps.size() == 1 ? "its prediction" : "their predictions", o.usual, words::step_list(o.steps)));
+Findings findings_of(const std::vector<OutlyingSamples>& outlying, const Channels& names) {
+  constexpr size_t most_reported = 5;
+  Findings result;
+  for (size_t i = 0; i < std::min(most_reported, outlying.size()); ++i) {
+    const OutlyingSamples& o = outlying[i];
+    result.push_back({.kind = Finding::Kind::samples_outlying,
+                      .channels = {output_channel(names, o.output)},
+                      .experiments = {{o.experiment, o.name}},
+                      .steps = o.steps,
+                      .numbers = {{"error", o.error}, {"usual", o.usual}}});
   }
+  if (outlying.size() > most_reported)
+    result.push_back({.kind = Finding::Kind::more_outlying_samples,
+                      .numbers = {{"count", double(outlying.size() - most_reported)}}});
   return result;
 }
 

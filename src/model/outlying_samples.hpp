@@ -65,6 +65,6 @@ std::vector<OutlyingSamples> outlying_in(const Ensemble& all, const Ensemble& pa
 Vector output_spread(const Model& model, const Ensemble& data);
 
 // At most five, each with what may be done.
-std::vector<std::string> warnings_of(const std::vector<OutlyingSamples>& outlying, const Channels& names);
+Findings findings_of(const std::vector<OutlyingSamples>& outlying, const Channels& names);
 
 }  // namespace tokid

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "base/nan.hpp"
+#include "data/subjects.hpp"
 #include "model/error_sums.hpp"
 #include "model/judged.hpp"
 #include "model/outlying_samples.hpp"
@@ -74,20 +75,21 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
   }
   result.whiteness_p = result.whiteness.p;
   if (!errors.first_predicted)
-    result.warnings.push_back(
-        fmt::format("no step could be predicted: the model covers steps {} to {}, and {} steps are "
-                    "needed to find an unknown initial state",
-                    model.k_begin, model.k_end() - 1, estimation_window(model)));
-  if (auto beyond = steps_beyond(model, data)) result.warnings.push_back(*std::move(beyond));
+    result.findings.push_back({.kind = Finding::Kind::nothing_predicted,
+                               .numbers = {{"begin", double(model.k_begin)},
+                                           {"end", double(model.k_end() - 1)},
+                                           {"needed", double(estimation_window(model))}}});
+  append(result.findings, findings_of_end(model, data));
   if (options.horizon > 1 && result.horizon.samples == 0)
-    result.warnings.push_back(fmt::format("no step could be predicted {} steps ahead", options.horizon));
+    result.findings.push_back(
+        {.kind = Finding::Kind::nothing_predicted_ahead, .numbers = {{"horizon", double(options.horizon)}}});
   if (!result.simulation.rmse.allFinite() && result.simulation.samples > 0)
-    result.warnings.emplace_back("the simulation overflows: the model is unstable over its steps");
+    result.findings.push_back({.kind = Finding::Kind::simulation_overflows});
   return result;
 }
 
 void name_outlying(Validation& validation, const Channels& channels) {
-  for (std::string& text : warnings_of(validation.outlying, channels)) validation.warnings.push_back(std::move(text));
+  append(validation.findings, findings_of(validation.outlying, channels));
 }
 
 }  // namespace
@@ -145,8 +147,8 @@ Validation validate_distinct(const Model& model, const Ensemble& data, const Val
   Validation result = validate_in_numbers(model, part, options);
   result.outlying = outlying_in(data, part, 0, std::move(result.outlying));
   name_outlying(result, data.names);
-  const std::vector<std::string> told = warnings_of(used, data);
-  result.warnings.insert(result.warnings.begin(), told.begin(), told.end());
+  const Findings told = findings_of(used, data);
+  result.findings.insert(result.findings.begin(), told.begin(), told.end());
   return result;
 }
 

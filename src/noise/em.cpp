@@ -265,7 +265,7 @@ class Climb {
  private:
   Point point(em::Parameters parameters) const;
   bool split_noise(Point& now);
-  void warn(const Point& now, Refinement& result) const;
+  void report(const Point& now, Refinement& result) const;
 
   const RefineOptions& options_;
   Execution silent_;
@@ -296,34 +296,29 @@ bool Climb::split_noise(Point& now) {
   return true;
 }
 
-void Climb::warn(const Point& now, Refinement& result) const {
-  const auto add = [&result](std::string text) { result.warnings.push_back(std::move(text)); };
+void Climb::report(const Point& now, Refinement& result) const {
+  using Kind = Finding::Kind;
+  const auto add = [&result](Kind kind, std::map<std::string, double> numbers = {}) {
+    result.findings.push_back({.kind = kind, .numbers = std::move(numbers)});
+  };
   const bool no_process = estimator_.at_floor(now.parameters.process, estimator_.process_floor());
   const bool no_measurement = estimator_.at_floor(now.parameters.measurement, estimator_.measurement_floor());
   if (no_process && no_measurement)
-    add("the data show no noise in some directions: maximum likelihood gains nothing there, and Q and R stand at "
-        "1e-12 of the signals");
+    add(Kind::em_no_noise);
   else if (no_measurement)
-    add("no measurement noise is left in some direction of the outputs: R stands at 1e-12 of the signals there");
+    add(Kind::em_no_measurement_noise);
   else if (no_process)
-    add("no process noise is left in some direction of the states: Q stands at 1e-12 of the signals there");
+    add(Kind::em_no_process_noise);
   if (!result.converged && options_.iterations > 0)
-    add(fmt::format("not converged after {}: the last one gained {:.2g} in log-likelihood per output sample",
-                    words::plural(result.iterations, "iteration"),
-                    (result.penalised.back() - result.penalised[result.penalised.size() - 2]) / samples_.outputs));
+    add(Kind::em_not_converged,
+        {{"iterations", double(result.iterations)},
+         {"gain", (result.penalised.back() - result.penalised[result.penalised.size() - 2]) / samples_.outputs}});
   const Index unknowns = result.model.states() + result.model.inputs;
   if (options_.smoothing == 0 && estimator_.phases() == samples_.steps && samples_.experiments < 2 * unknowns)
-    add(
-        fmt::format("{} are few for the {} unknowns of a row of A and B, or C and D, at every step: smoothing above "
-                    "zero would hold them together",
-                    words::plural(samples_.experiments, "experiment"), unknowns));
+    add(Kind::em_few_experiments, {{"experiments", double(samples_.experiments)}, {"unknowns", double(unknowns)}});
   else if (estimator_.phases() == samples_.steps && samples_.steps > 1 && std::isfinite(options_.smoothing) &&
            samples_.experiments < unknowns)
-    add(fmt::format(
-        "{} less than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on "
-        "variation stands in for what the data don't show, and the fit on them says little",
-        samples_.experiments == 1 ? "1 experiment is" : fmt::format("{} experiments are", samples_.experiments),
-        unknowns));
+    add(Kind::em_fewer_than_unknowns, {{"experiments", double(samples_.experiments)}, {"unknowns", double(unknowns)}});
 }
 
 Refinement Climb::run() {
@@ -371,7 +366,7 @@ Refinement Climb::run() {
   }
   result.noise_segments = noise_segments_;
   result.model = estimator_.model(now.parameters);
-  warn(now, result);
+  report(now, result);
   return result;
 }
 
@@ -413,12 +408,9 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
     result.model.x0_cov.resize(0, 0);
   }
   if (result.model.period == 0 && data.steps() != model.k_end())
-    result.warnings.push_back(
-        data.steps() > model.k_end()
-            ? fmt::format("the data have {}, the model ends with step {}: those beyond began as its last",
-                          words::plural(data.steps(), "step"), model.k_end() - 1)
-            : fmt::format("the data have {}, the model reached to step {}: it ends with the data now",
-                          words::plural(data.steps(), "step"), model.k_end() - 1));
+    result.findings.push_back(
+        {.kind = data.steps() > model.k_end() ? Finding::Kind::em_extended : Finding::Kind::em_shortened,
+         .numbers = {{"steps", double(data.steps())}, {"last", double(model.k_end() - 1)}}});
   if (options.execution.progress) options.execution.progress(1.0);
   return result;
 }

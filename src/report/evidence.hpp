@@ -51,7 +51,7 @@ struct Evidence {
   std::vector<Index> untested;      // steps of the model without a comparison
   std::vector<double> step_error;   // (T) RMS one-step error over outputs, relative to their spread; NaN where none
   std::vector<double> experiment_error;  // (N) the same at the judged horizon, or one step ahead without a simulation
-  std::vector<std::string> differences;  // between the data's and the model's sample time and names
+  Findings differences;                  // between the data's and the model's sample time and names
 
   // Experiment n of those tested, as words::experiment() has it.
   std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }

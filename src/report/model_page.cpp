@@ -131,8 +131,8 @@ class Report {
     static constexpr const char* whiteness[] = {"", "innovations without correlation",
                                                 "innovations correlated in time, but little",
                                                 "innovations correlated in time"};
-    const Finding white = found_.conclusions.whiteness.finding;
-    if (white != Finding::untested)
+    const TestResult white = found_.conclusions.whiteness.result;
+    if (white != TestResult::untested)
       tiles += tile(probability(v.whiteness_p), whiteness[static_cast<size_t>(white)]);
     else
       tiles += tile("–", found_.noisy ? "whiteness: too few samples" : "innovations at rounding level");
@@ -156,7 +156,7 @@ class Report {
     for (const auto& [test, conclusion] :
          {std::pair{"their correlation in time", &c.whiteness}, std::pair{"that with the inputs", &c.inputs},
           std::pair{"the effects of the inputs", &c.gains}, std::pair{"their size", &c.squares}})
-      if (conclusion->finding == Finding::negligible) small.emplace_back(test);
+      if (conclusion->result == TestResult::negligible) small.emplace_back(test);
     if (small.empty()) return "None of the checks of this page speaks against the model.";
     return fmt::format(
         "No check counts against the model. The innovations show something beyond chance that is too little to count: {}.",
@@ -560,10 +560,10 @@ class Report {
 
   std::string notes_section() const {
     std::string body = "<h3>Warnings</h3>\n";
-    std::vector<std::string> warnings = options_.warnings;
-    for (const std::string& text : found_.validation.warnings)
-      if (std::find(warnings.begin(), warnings.end(), text) == warnings.end()) warnings.push_back(text);
-    body += warnings.empty() ? paragraph("None.") : list(warnings, "plain");
+    Findings findings = options_.findings;
+    for (const Finding& finding : found_.validation.findings)
+      if (std::find(findings.begin(), findings.end(), finding) == findings.end()) findings.push_back(finding);
+    body += findings.empty() ? paragraph("None.") : list(in_words(findings), "plain");
     body += "<h3>What the plots leave out</h3>\n";
     body += plots_.omitted.empty() ? paragraph("Nothing: every sample of every experiment is on this page.")
                                    : list(plots_.omitted, "plain");
@@ -613,7 +613,7 @@ ReportPage identification_page(const Identification& result, const Ensemble& dat
                                ReportOptions options) {
   options.evaluation = result.held_out ? Evaluation::held_out : Evaluation::training;
   options.identified_from = result.experiments;
-  options.warnings = result.warnings;
+  options.findings = result.findings;
   options.initial_state = result.model.initial_state;
   const std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
   const bool all = Index(rows.size()) == data.experiments();

@@ -19,7 +19,7 @@ Tested tested_part(const Ensemble& data, Ensemble part, std::vector<Index> rows,
 Tested tested(const Model& model, const Ensemble& data, const ReportOptions& options) {
   const UsedExperiments used = used_experiments(data);
   Tested result = tested_part(data, used.all(data) ? data : data.subset(used.rows()), used.rows(), options);
-  for (std::string& text : warnings_of(used, data)) result.options.warnings.push_back(std::move(text));
+  append(result.options.findings, findings_of(used, data));
   if (options.evaluation != Evaluation::automatic) return result;
   result.options.evaluation = has_seen(model, data) ? Evaluation::training : Evaluation::given;
   try {

@@ -69,7 +69,7 @@ class Judge {
     if (!fits()) return std::move(verdict_);
     test_data();
     regressions();
-    for (const std::string& text : found_.differences) against(Trust::look_closer, capital(text) + ".");
+    for (const std::string& text : in_words(found_.differences)) against(Trust::look_closer, capital(text) + ".");
     innovations();
     std::stable_sort(reasons_.begin(), reasons_.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     for (auto& [trust, text] : reasons_) verdict_.reasons.push_back(std::move(text));
@@ -368,7 +368,7 @@ class Judge {
   void innovations() {
     const Conclusions& c = found_.conclusions;
     const auto add = [&](const char* test, const Conclusion& conclusion) {
-      if (conclusion.finding == Finding::against)
+      if (conclusion.result == TestResult::against)
         against(Trust::look_closer, fmt::format("{}: {}.", test, conclusion.text));
     };
     add("Whiteness of the innovations", c.whiteness);

@@ -120,8 +120,7 @@ class Bounds {
   }
 
   Confidence run() {
-    if (!has_seen(model_, data_))
-      warn("the model was not identified from these data: bounds need the ensemble of its identification");
+    if (!has_seen(model_, data_)) report({.kind = Finding::Kind::bounds_of_other_data});
     if (result_.method == BoundsMethod::factors)
       from_factors();
     else
@@ -131,7 +130,7 @@ class Bounds {
 
  private:
   bool with_nominal() const { return model_.y_nominal.rows() > 0; }
-  void warn(std::string text) { result_.warnings.push_back(std::move(text)); }
+  void report(Finding finding) { result_.findings.push_back(std::move(finding)); }
 
   Execution share(double from, double to) const { return tokid::share(options_.execution, from, to); }
 
@@ -151,13 +150,8 @@ class Bounds {
     result_.predicted = prediction_bounds(arx, departing_, {options_.level, share(0.8, 0.9)});
     add_nominal(model_, result_.simulated);
     add_nominal(model_, result_.predicted);
-    if (model_.method != "tvera")
-      return warn(
-          fmt::format("the bounds are those of the regressions, which a model of method {} does not follow "
-                      "from alone; those of its own parameters and eigenvalues take the bootstrap",
-                      model_.method));
-    if (data_.free.experiments > 0)
-      return warn("the factors say nothing of free responses: bounds of the eigenvalues take the bootstrap");
+    if (model_.method != "tvera") return report({.kind = Finding::Kind::bounds_of_regressions, .text = model_.method});
+    if (data_.free.experiments > 0) return report({.kind = Finding::Kind::bounds_without_free_responses});
     with_frame([&] {
       loop_.execution = share(0.9, 1.0);
       result_.spectrum = closed_loop_bounds(arx, model_, realisation(model_, departing_, identification_), loop_);
@@ -172,7 +166,7 @@ class Bounds {
       work();
     } catch (const std::invalid_argument& error) {
       if (options_.reference_step >= 0) throw;
-      warn(fmt::format("no bounds of eigenvalues: {}", error.what()));
+      report({.kind = Finding::Kind::no_eigenvalue_bounds, .text = error.what()});
     }
   }
 
@@ -185,9 +179,7 @@ class Bounds {
     const auto middle = freedom.begin() + static_cast<std::ptrdiff_t>(freedom.size() / 2);
     std::nth_element(freedom.begin(), middle, freedom.end());
     result_.freedom = double(*middle);
-    if (!none.empty())
-      warn(fmt::format("no degree of freedom is left at {}: what depends on these steps has infinite bounds",
-                       words::step_list(none)));
+    if (!none.empty()) report({.kind = Finding::Kind::infinite_bounds, .steps = std::move(none)});
   }
 
   void by_bootstrap() {
@@ -208,18 +200,15 @@ class Bounds {
     result_.replicates = found.replicates;
     result_.freedom = found.freedom;
     if (found.replicates < options_.replicates)
-      warn(fmt::format("{} of {} replicates could not be identified", options_.replicates - found.replicates,
-                       options_.replicates));
+      report({.kind = Finding::Kind::replicates_failed,
+              .numbers = {{"failed", double(options_.replicates - found.replicates)},
+                          {"replicates", double(options_.replicates)}}});
     if (differ(functional(model_), found.interval.estimate.col(0)))
-      warn(
-          "its options don't lead from these data to the model itself: the bounds are those of the model that they "
-          "lead to");
+      report({.kind = Finding::Kind::bounds_of_other_model});
     const Index regressors = minimum_experiments(model_.inputs, model_.outputs, model_.max_lags());
     if (data_.experiments() <= regressors)
-      warn(
-          fmt::format("{} experiments are no more than the {} regressors: the model stands by its regularisation, "
-                      "whose bias the bounds leave out",
-                      data_.experiments(), regressors));
+      report({.kind = Finding::Kind::bounds_without_bias,
+              .numbers = {{"experiments", double(data_.experiments())}, {"regressors", double(regressors)}}});
     scatter(found, spectrum);
   }
 

@@ -92,3 +92,11 @@ def test_files_and_functions_that_documents_name():
                     assert re.search(rf"\b{name.split('::')[-1]}\b", source), f"{document.name}: {name} in {path}"
                     named += 1
     assert named > 50
+
+
+def test_findings_that_documents_name():
+    header = (ROOT / "include/tokid/finding.hpp").read_text()
+    kinds = re.findall(r"^ +([a-z_]+),", header.split("enum class Kind {")[1].split("last =")[0], re.MULTILINE)
+    table = (ROOT / "docs/formats.md").read_text().split("<!-- table: findings -->")[1].split("<!-- end -->")[0]
+    assert len(kinds) > 90
+    assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == kinds

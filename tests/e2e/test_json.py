@@ -17,6 +17,11 @@ def texts(value):
     return isinstance(value, list) and all(isinstance(v, str) for v in value)
 
 
+def findings(value):
+    keys = {"kind", "severity", "scope", "channels", "experiments", "steps", "numbers", "text"}
+    return isinstance(value, list) and all(keys <= set(v) and v["severity"] in ("note", "warning") for v in value)
+
+
 def real(value):
     return isinstance(value, Real) and not isinstance(value, bool)
 
@@ -43,12 +48,50 @@ IDENTIFY = {
     "experiments": count, "steps": count, "inputs": count, "outputs": count, "states": count, "lags": count,
     "method": one_of("tvera"), "initial_state": one_of("zero", "unknown"), "k_begin": count, "min_experiments": count,
     "condition_max": real, "rank_deficient_steps": count, "seconds": real, "one_step_fit": per_output,
-    "simulation_fit": per_output, "warnings": texts, "evaluated_on": one_of("training", "held_out"),
+    "simulation_fit": per_output, "warnings": texts, "findings": findings, "evaluated_on": one_of("training", "held_out"),
     "nominal": lambda v: isinstance(v, bool), "frame": one_of("raw"), "dt": real, "missing_samples": count,
     "largest_lag_order": count, "output_names": texts, "held_out_experiments": count, "version": lambda v: v,
     "outliers": lambda v: v == [], "copies": lambda v: v == [],
     "dependent": lambda v: v == [],
 }
+
+
+def check_findings(found):
+    """The sentences are those of the findings, in their order."""
+    assert findings(found["findings"])
+    assert [finding["text"] for finding in found["findings"]] == found["warnings"]
+    return {finding["kind"]: finding for finding in found["findings"]}
+
+
+def test_findings(tokid, tmp_path):
+    rng = np.random.default_rng(5)
+    u = rng.standard_normal((30, 40, 2))
+    u[:, 10:13, 1] = 0
+    y = np.zeros((30, 40, 1))
+    for k in range(1, 40):
+        y[:, k, 0] = 0.8 * y[:, k - 1, 0] + u[:, k - 1, 0] + 0.5 * u[:, k - 1, 1]
+    y += 0.01 * rng.standard_normal(y.shape)
+    u[7], y[7] = u[3], y[3]
+    y[9, 20, 0] += 30
+    np.savez(tmp_path / "data.npz", u=u, y=y, input_names=["force", "valve"], output_names=["speed"])
+    found = tokid.json("identify", tmp_path / "data.npz", "-o", tmp_path / "model.npz", "--initial-state", "zero")
+    kinds = check_findings(found)
+    assert {"sample_time_missing", "input_zero", "experiments_copied", "samples_outlying"} <= set(kinds)
+    assert kinds["sample_time_missing"]["severity"] == "note" and kinds["sample_time_missing"]["numbers"] == {"dt": 1}
+    resting = kinds["input_zero"]
+    assert resting["channels"] == [{"side": "input", "index": 1, "name": "valve"}]
+    assert resting["steps"] == [10, 11, 12] and resting["severity"] == "warning" and resting["scope"] == "all"
+    copied = kinds["experiments_copied"]
+    assert copied["experiments"] == [{"row": 7, "name": ""}] and copied["groups"] == [[{"row": 3, "name": ""}]]
+    outlying = kinds["samples_outlying"]
+    assert outlying["experiments"] == [{"row": 9, "name": ""}] and outlying["steps"] == [20]
+    assert outlying["channels"] == [{"side": "output", "index": 0, "name": "speed"}]
+    assert outlying["numbers"]["error"] > 25
+
+    for command in (["validate", tmp_path / "model.npz", tmp_path / "data.npz"], ["info", tmp_path / "data.npz"],
+                    ["refine", tmp_path / "model.npz", tmp_path / "data.npz", "-o", tmp_path / "refined.npz"],
+                    ["confidence", tmp_path / "model.npz", tmp_path / "data.npz", "-o", tmp_path / "bounds.npz"]):
+        check_findings(tokid.json(*command))
 
 
 def test_identify(tokid, tmp_path, oscillator):
@@ -113,9 +156,9 @@ def test_validate(tokid, oscillator):
                   "whiteness_p": probability, "independence_p": probability, "feedback_p": probability,
                   "nis_p": probability, "nis": lambda v: v is None or v > 0, "tested_over": one_of("nothing"),
                   "outlying_samples": lambda v: v == [], "gain_errors": lambda v: v == [None, None], "gain_deviations": lambda v: v == [None, None],
-                  "findings": lambda v: v == dict.fromkeys(["nis", "whiteness", "independence", "gains", "feedback"],
-                                                           "untested"),
-                  "nis_presumes_normal": lambda v: v is None, "cross_validation": lambda v: v is None, "horizon": lambda v: v == 3, "warnings": texts,
+                  "conclusions": lambda v: v == dict.fromkeys(["nis", "whiteness", "independence", "gains",
+                                                               "feedback"], "untested"),
+                  "nis_presumes_normal": lambda v: v is None, "cross_validation": lambda v: v is None, "horizon": lambda v: v == 3, "warnings": texts, "findings": findings,
                   "first_predicted": lambda v: v == 0, "output_names": lambda v: v == ["y1", "y2"]})
 
 

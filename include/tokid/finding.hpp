@@ -1,0 +1,182 @@
+// What was found in data, in a model, or on the way to it, that its user should know: values, and their sentences.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tokid/types.hpp"
+
+namespace tokid {
+
+enum class Severity {
+  note,     // what was done in place of what was not stated
+  warning,  // data or a model may not be what their user takes them for
+};
+const char* to_string(Severity severity);
+
+struct Finding {
+  struct Channel {
+    bool output = false;  // else an input
+    Index index = 0;      // among the inputs, or the outputs
+    std::string name;
+    bool operator==(const Channel&) const = default;
+  };
+  struct Experiment {
+    Index row = 0;
+    std::string name = {};  // empty where the data give none
+    bool operator==(const Experiment&) const = default;
+  };
+  // factor · the sample of a channel so many steps before k
+  struct Term {
+    Channel channel;
+    Index lag = 0;
+    double factor = 1.0;
+    bool operator==(const Term&) const = default;
+  };
+
+  // With the fields that each has beside its kind; numbers are counts where no unit stands.
+  enum class Kind {
+    // data
+    reader_remark,                 // text: what the reader of a file did, or found
+    sample_time_missing,           // numbers: dt [s], which was taken
+    sample_time_of_model,          // numbers: dt [s]
+    axes_of_one_experiment,        // numbers: experiments, steps, inputs, outputs, as they were read
+    axes_of_one_step,              // the same
+    axes_channels_before_time,     // the same
+    axes_time_before_experiments,  // the same
+    input_zero,                    // channels, steps: zero in every experiment
+    input_same,                    // channels, steps: the same in every experiment
+    input_zero_throughout,         // channels
+    input_constant_throughout,     // channels
+    input_zero_at_phases,          // channels, steps: phases of a period
+    output_constant,               // channels
+    samples_missing,               // channels, steps: missing in every experiment
+    experiments_without_overlap,   // experiments: a late one and an early one; steps: the begin of the one, the end of
+                                   // the other
+    inputs_dependent,              // channels, terms, steps; numbers: constant, varying, period
+    input_predictable,             // the same, of earlier inputs; where it is a sum of sines: sines, sines_needed, lags
+    input_feedback,                // the same, of earlier inputs and outputs
+    more_dependent_inputs,         // numbers: count
+    outputs_dependent,             // channels, terms; numbers: constant
+    output_same,                   // channels, steps: the same in every experiment
+    output_stuck,                  // channels, experiments, steps; numbers: value
+    more_stuck_outputs,            // channels; numbers: count
+    experiments_copied,            // experiments, groups: what each is a copy of; numbers: experiments
+    experiments_dependent,         // experiments, groups: what each is a sum of; numbers: experiments
+    inputs_repeated,               // numbers: experiments, courses, needed, lags
+    experiment_outlying,           // experiments; numbers: ratio; text: what would explain it
+    more_outlying_experiments,     // numbers: count
+    samples_outlying,              // channels, experiments, steps; numbers: error, usual
+    more_outlying_samples,         // numbers: count
+    // regressions
+    ill_conditioned,         // steps; numbers: condition
+    too_few_complete,        // steps; numbers: unknowns
+    inputs_unexcited,        // steps
+    no_freedom,              // numbers: experiments, lags, sufficient
+    few_experiments,         // numbers: experiments, unknowns, lags, sufficient, largest_lags
+    lags_at_limit,           // numbers: lags, experiments
+    lags_unjudged,           // numbers: lags, experiments
+    lags_below_states,       // numbers: lags, outputs, most, states
+    smoothing_unjudged,      // numbers: smoothing
+    smoothing_by_gaps,       // numbers: smoothing
+    no_variation,            // one model serves all steps
+    few_windows,             // numbers: windows, length, gaps, unknowns, lags
+    few_for_states,          // numbers: experiments, unknowns
+    free_response_single,    // it was not used
+    free_responses_unused,   // numbers: count
+    free_responses_partial,  // numbers: count, states, wanted, step
+    // model
+    no_states,
+    states_below_asked,       // numbers: asked, found
+    states_hidden,            // steps; numbers: states
+    late_begin,               // numbers: step
+    frame_limits,             // numbers: step, begin, end
+    em_suspect,               // EM predicts all experiments worse than it predicted those left out
+    em_worse_one_step,        // EM was left out
+    em_worse_simulation,      // EM was left out
+    em_no_noise,              // Q and R are at their floors
+    em_no_measurement_noise,  // R is at its floor
+    em_no_process_noise,      // Q is at its floor
+    em_not_converged,         // numbers: iterations, gain
+    em_few_experiments,       // numbers: experiments, unknowns
+    em_fewer_than_unknowns,   // numbers: experiments, unknowns
+    em_extended,              // numbers: steps, last
+    em_shortened,             // numbers: steps, last
+    output_unpredicted,       // channels; numbers: fit [%]
+    output_missimulated,      // channels; numbers: fit [%]
+    output_still,             // channels: of new experiments
+    sample_time_differs,      // numbers: data [s], model [s], stated
+    input_names_differ,       // channels of the data; names of the model
+    output_names_differ,      // the same
+    units_differ,             // channels; names: units of the data and of the model
+    model_ends_early,         // numbers: last, steps
+    nothing_predicted,        // numbers: begin, end, needed
+    nothing_predicted_ahead,  // numbers: horizon
+    simulation_overflows,
+    outputs_absent,  // no step of the data has outputs of the model
+    simulated_from,  // text: the state; numbers: step
+    // blocks and updates
+    exact_stretches,         // the stretches that decide are free of noise, and others are not
+    constant_stretches,      // numbers: smoothing
+    experiments_known,       // experiments; numbers: experiments
+    state_without_digests,   // numbers: count
+    update_noisy,            // the plan supposes that there is no noise
+    update_few_experiments,  // steps
+    update_states_below,     // numbers: asked, found
+    // bounds
+    bounds_of_other_data,
+    bounds_of_regressions,  // text: the method of the model
+    bounds_without_free_responses,
+    no_eigenvalue_bounds,   // text: why
+    infinite_bounds,        // steps
+    replicates_failed,      // numbers: failed, replicates
+    bounds_of_other_model,  // the options do not lead from the data to the model
+    bounds_without_bias,    // numbers: experiments, regressors
+    option_without_effect,  // text: the option, which bounds from the factors do not need
+    // plans of experiments
+    plan_of_departures,
+    plan_windows_sampled,  // numbers: inputs, judged, windows
+    plan_late_forecasts,   // numbers: step, first
+    plan_unknown_states,
+    plan_model_uncertain,       // numbers: share [%], bound [%]
+    plan_no_freedom,            // numbers: experiments
+    plan_below_recommendation,  // numbers: experiments, recommended
+    plan_rank_by_noise,         // numbers: lags_outputs, states, rank, unknowns
+    plan_noisy_input,           // channels; numbers: share [%], bias [%]
+    plan_inputs_dependent,      // numbers: windows, condition
+    plan_ill_conditioned,       // numbers: windows, condition
+    last = plan_ill_conditioned
+  };
+  // What a finding is about.
+  enum class Scope { all, deciding_stretches, new_experiments, cross_validation, folds };
+
+  Kind kind = Kind::reader_remark;
+  Scope scope = Scope::all;
+  std::vector<Channel> channels = {};
+  std::vector<Experiment> experiments = {};
+  std::vector<Index> steps = {};
+  std::map<std::string, double> numbers = {};
+  std::vector<Term> terms = {};
+  std::vector<std::vector<Experiment>> groups = {};  // of each experiment: those that it is made of
+  std::vector<std::string> names = {};               // of the model, beside those of the data
+  std::string text = {};                             // words of others: of a file's reader, of an error
+  std::string file = {};                             // of several, the one that it is about
+
+  bool operator==(const Finding&) const = default;
+};
+
+using Findings = std::vector<Finding>;
+
+const char* to_string(Finding::Scope scope);
+const char* to_string(Finding::Kind kind);  // "input_zero": the name in JSON and Python, which stays
+Severity severity(Finding::Kind kind);
+
+std::string in_words(const Finding& finding);
+std::vector<std::string> in_words(const Findings& findings);
+
+// The findings of `more` at the end of `all`.
+void append(Findings& all, Findings more);
+
+}  // namespace tokid

@@ -1,0 +1,798 @@
+// The words of all findings, in the order of their kinds.
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/finding.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include "base/words.hpp"
+
+namespace tokid {
+
+namespace {
+
+using Kind = Finding::Kind;
+using Channel = Finding::Channel;
+using Experiment = Finding::Experiment;
+using Term = Finding::Term;
+
+double number(const Finding& f, const char* name) {
+  const auto found = f.numbers.find(name);
+  return found == f.numbers.end() ? std::numeric_limits<double>::quiet_NaN() : found->second;
+}
+Index count(const Finding& f, const char* name) { return Index(std::llround(number(f, name))); }
+bool is(const Finding& f, const char* name) { return number(f, name) == 1; }
+
+const std::string& channel(const Finding& f) { return f.channels.front().name; }
+std::string experiment(const Experiment& e) { return words::experiment(e.row, e.name); }
+
+// The first few, and how many more.
+std::string listed(const std::vector<Experiment>& experiments, size_t most) {
+  std::vector<std::string> names;
+  for (size_t i = 0; i < std::min(experiments.size(), most); ++i) names.push_back(experiment(experiments[i]));
+  if (experiments.size() <= most) return words::listed(names);
+  return fmt::format("{} and {} more", fmt::join(names, ", "), experiments.size() - most);
+}
+
+std::string names_of(const std::vector<Channel>& channels) {
+  std::vector<std::string> names;
+  for (const Channel& c : channels) names.push_back(c.name);
+  return words::listed(names);
+}
+
+// "input u1 and output y2"
+std::string sides_and_names(const std::vector<Channel>& channels) {
+  std::vector<std::string> names;
+  for (const Channel& c : channels) names.push_back((c.output ? "output " : "input ") + c.name);
+  return words::listed(names);
+}
+
+// ---- sums of samples ----
+
+std::string sample(const Term& term, bool timed) {
+  if (!timed) return term.channel.name;
+  return term.lag == 0 ? term.channel.name + "(k)" : fmt::format("{}(k-{})", term.channel.name, term.lag);
+}
+
+// "u1 - 2 u3", with the factors divided by the first one.
+std::string sum(const std::vector<Term>& terms, bool timed) {
+  std::string text;
+  for (const Term& term : terms) {
+    const double value = term.factor / terms.front().factor;
+    const std::string size = fmt::format("{:.3g}", std::abs(value)), name = sample(term, timed);
+    if (!text.empty()) text += value < 0 ? " - " : " + ";
+    text += size == "1" ? name : fmt::format("{} {}", size, name);
+  }
+  return text;
+}
+
+// "u1(k), u1(k-1…6) and y2(k-1, 3)"
+std::string samples(const std::vector<Term>& terms) {
+  std::map<std::pair<bool, Index>, std::pair<std::string, std::vector<Index>>> lags;  // by channel
+  std::vector<std::string> parts;
+  for (const Term& term : terms)
+    if (term.lag == 0)
+      parts.push_back(sample(term, true));
+    else {
+      auto& [name, list] = lags[{term.channel.output, term.channel.index}];
+      name = term.channel.name;
+      list.push_back(term.lag);
+    }
+  for (auto& [key, named] : lags) {
+    auto& [name, list] = named;
+    std::sort(list.begin(), list.end());
+    std::string text;
+    for (size_t i = 0; i < list.size();) {
+      size_t j = i;
+      while (j + 1 < list.size() && list[j + 1] == list[j] + 1) ++j;
+      text += fmt::format("{}{}", text.empty() ? "" : ", ", list[i]);
+      if (j > i) text += fmt::format("{}{}", j > i + 1 ? "…" : ", ", list[j]);
+      i = j + 1;
+    }
+    parts.push_back(fmt::format("{}(k-{})", name, text));
+  }
+  return words::listed(parts);
+}
+
+// Sums of more terms are named by their samples alone.
+constexpr size_t most_terms = 4;
+
+std::string sines(const Finding& f) {
+  if (f.numbers.count("sines") == 0) return "";
+  const Index sines = count(f, "sines");
+  return fmt::format(", as of {} where {} are needed at lag order {}",
+                     sines == 1 ? "one frequency" : fmt::format("{} frequencies", sines), count(f, "sines_needed"),
+                     count(f, "lags"));
+}
+
+std::string combination(const Finding& f, bool timed) {
+  const char* what = is(f, "constant") ? "constant" : "zero";
+  if (f.terms.size() > most_terms)
+    return timed ? fmt::format("a combination of {} is {}{}", samples(f.terms), what, sines(f))
+                 : fmt::format("a combination of {} is {}", names_of(f.channels), what);
+  if (!is(f, "varying")) return fmt::format("{} is {}{}", sum(f.terms, timed), what, timed ? sines(f) : "");
+  std::vector<std::string> names;
+  for (const Term& term : f.terms) names.push_back(sample(term, timed));
+  return fmt::format("a combination of {} that changes from step to step is {}", words::listed(names), what);
+}
+
+// Steps of a combination: all of them, those of every experiment, or phases of a period.
+std::string where(const Finding& f) {
+  const Index period = count(f, "period");
+  if (period == 1) return "all along";
+  return fmt::format("{} {}", period == 0 ? "in every experiment at" : "at the phases of", words::step_list(f.steps));
+}
+
+// ---- experiments made of others ----
+
+std::string made_of(const Finding& f, const char* one, const char* several) {
+  constexpr size_t most_groups = 4;
+  std::vector<std::string> parts;
+  size_t more = 0;
+  // Successive experiments with the same origin share a part.
+  for (size_t i = 0; i < f.experiments.size();) {
+    std::vector<Experiment> alike;
+    size_t j = i;
+    while (j < f.experiments.size() && f.groups[j] == f.groups[i]) alike.push_back(f.experiments[j++]);
+    if (parts.size() < most_groups)
+      parts.push_back(fmt::format("{} of {}", listed(alike, most_groups), listed(f.groups[i], most_groups)));
+    else
+      more += alike.size();
+    i = j;
+  }
+  std::string text =
+      fmt::format("{} of {} experiments {}, within rounding: {}", f.experiments.size(), count(f, "experiments"),
+                  f.experiments.size() == 1 ? one : several, fmt::join(parts, "; "));
+  if (more > 0) text += fmt::format("; and {} more", more);
+  return text;
+}
+
+// What became of them.
+std::string consequence(const Finding& f) {
+  if (f.scope == Finding::Scope::deciding_stretches)
+    return "Blocks use them all, so errors on experiments left out look too small; delete them, or call with --block "
+           "all";
+  if (f.kind == Kind::experiments_copied) return "Each experiment was used once";
+  return f.experiments.size() == 1 ? "It tells nothing new; the model is made without it"
+                                   : "They tell nothing new; the model is made without them";
+}
+
+// Two digits are enough.
+std::string times(double ratio) {
+  if (ratio >= 1e4) return "more than 10000";
+  const double unit = ratio >= 1000 ? 100 : ratio >= 100 ? 10 : ratio >= 10 ? 1 : 0.1;
+  return fmt::format("{:.{}f}", std::round(ratio / unit) * unit, unit < 1 ? 1 : 0);
+}
+
+std::string windows(const Finding& f) {
+  return fmt::format("{} of {} successive steps {}", words::plural(count(f, "windows"), "window"), count(f, "length"),
+                     is(f, "gaps") ? "without a gap found" : "found");
+}
+
+std::string as_read(const Finding& f) {
+  return fmt::format("the axes look swapped: {} of {} with {} and {} were read",
+                     words::plural(count(f, "experiments"), "experiment"), words::plural(count(f, "steps"), "step"),
+                     words::plural(count(f, "inputs"), "input"), words::plural(count(f, "outputs"), "output"));
+}
+
+// All of them, or the first few names, or ranges of rows.
+std::string known(const Finding& f) {
+  const Index found = Index(f.experiments.size()), all = count(f, "experiments");
+  if (found == all)
+    return fmt::format("{} in the state already. Nothing is added",
+                       found == 1 ? "the experiment is" : fmt::format("all {} experiments are", found));
+  std::vector<Index> rows;
+  bool named = false;
+  for (const Experiment& e : f.experiments) {
+    rows.push_back(e.row);
+    named = named || !e.name.empty();
+  }
+  return fmt::format("{} of {} experiments {} in the state already: {}. {} not added again", found, all,
+                     found == 1 ? "is" : "are", named ? listed(f.experiments, 6) : words::ranges(rows),
+                     found == 1 ? "It is" : "They are");
+}
+
+std::string names_differ(const Finding& f, const char* side) {
+  std::vector<std::string> found;
+  for (const Channel& c : f.channels) found.push_back(c.name);
+  return fmt::format("the data's {} are named {}, the model's {}", side, fmt::join(found, ", "),
+                     fmt::join(f.names, ", "));
+}
+
+struct Entry {
+  Kind kind;
+  const char* name;
+  Severity severity;
+  std::string (*words)(const Finding& f);
+};
+
+constexpr Severity note = Severity::note, warning = Severity::warning;
+
+const Entry table[] = {
+    {Kind::reader_remark, "reader_remark", note, [](const Finding& f) { return f.text; }},
+    {Kind::sample_time_missing, "sample_time_missing", note,
+     [](const Finding& f) {
+       return fmt::format("the data state no sample time: dt = {} s was taken; state dt where it is another",
+                          number(f, "dt"));
+     }},
+    {Kind::sample_time_of_model, "sample_time_of_model", note,
+     [](const Finding& f) {
+       return fmt::format("the data state no sample time: the model's dt = {} s was taken", number(f, "dt"));
+     }},
+    {Kind::axes_of_one_experiment, "axes_of_one_experiment", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "u ({}, {}) was taken for one experiment of {} with {}; (N, T, 1) for N experiments with one input, (T, r) for one experiment, not (r, T)",
+           count(f, "steps"), count(f, "inputs"), words::plural(count(f, "steps"), "step"),
+           words::plural(count(f, "inputs"), "input"));
+     }},
+    {Kind::axes_of_one_step, "axes_of_one_step", warning,
+     [](const Finding& f) {
+       return fmt::format("{}; one experiment of {} is (1, T, channels)", as_read(f),
+                          words::plural(count(f, "experiments"), "step"));
+     }},
+    {Kind::axes_channels_before_time, "axes_channels_before_time", warning,
+     [](const Finding& f) { return as_read(f) + "; the order expected is (N, T, channels), not (N, channels, T)"; }},
+    {Kind::axes_time_before_experiments, "axes_time_before_experiments", warning,
+     [](const Finding& f) {
+       return as_read(f) +
+              ", but the samples follow on from experiment to experiment, not from step to step; the order expected is (N, T, channels), not (T, N, channels)";
+     }},
+    {Kind::input_zero, "input_zero", warning,
+     [](const Finding& f) {
+       return fmt::format("input {} is zero in every experiment at {}: its effect there can't be identified",
+                          channel(f), words::step_list(f.steps));
+     }},
+    {Kind::input_same, "input_same", warning,
+     [](const Finding& f) {
+       return fmt::format("input {} is the same in every experiment at {}: its effect there can't be identified",
+                          channel(f), words::step_list(f.steps));
+     }},
+    {Kind::input_zero_throughout, "input_zero_throughout", warning,
+     [](const Finding& f) {
+       return fmt::format("input {} is zero all along: its effect can't be identified", channel(f));
+     }},
+    {Kind::input_constant_throughout, "input_constant_throughout", warning,
+     [](const Finding& f) {
+       return fmt::format("input {} is constant all along: it shows a step response at most", channel(f));
+     }},
+    {Kind::input_zero_at_phases, "input_zero_at_phases", warning,
+     [](const Finding& f) {
+       return fmt::format("input {} is zero at the phases of {}: its effect there can't be identified", channel(f),
+                          words::step_list(f.steps));
+     }},
+    {Kind::output_constant, "output_constant", warning,
+     [](const Finding& f) {
+       return fmt::format("output {} never moves: nothing can be identified of it", channel(f));
+     }},
+    {Kind::samples_missing, "samples_missing", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} {} missing in every experiment at {}: what the model says there is a guess from the steps around",
+           sides_and_names(f.channels), f.channels.size() == 1 ? "is" : "are", words::step_list(f.steps));
+     }},
+    {Kind::experiments_without_overlap, "experiments_without_overlap", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "experiment {} begins at step {}, when experiment {} has ended at step {}: where experiments share no step, "
+           "they don't tell one from another; steps or times from the begin of each experiment on make them share",
+           experiment(f.experiments[0]), f.steps[0], experiment(f.experiments[1]), f.steps[1]);
+     }},
+    {Kind::inputs_dependent, "inputs_dependent", warning,
+     [](const Finding& f) {
+       return fmt::format("inputs {} move together ({}) {}: their effects there can't be told apart",
+                          names_of(f.channels), combination(f, false), where(f));
+     }},
+    {Kind::input_predictable, "input_predictable", warning,
+     [](const Finding& f) {
+       return fmt::format("input {} follows from inputs before it ({}) {}: its effect there can't be told from theirs",
+                          channel(f), combination(f, true), where(f));
+     }},
+    {Kind::input_feedback, "input_feedback", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "input {} follows from the samples before it ({}) {}: a feedback without a variation of its "
+           "own, whose effect there can't be told from theirs",
+           channel(f), combination(f, true), where(f));
+     }},
+    {Kind::more_dependent_inputs, "more_dependent_inputs", warning,
+     [](const Finding& f) {
+       return fmt::format("{} more of inputs that follow from others were found",
+                          words::plural(count(f, "count"), "combination"));
+     }},
+    {Kind::outputs_dependent, "outputs_dependent", warning,
+     [](const Finding& f) {
+       return fmt::format("outputs {} move together ({} is {}) at all steps: {} says nothing that the others don't",
+                          names_of(f.channels), sum(f.terms, false), is(f, "constant") ? "constant" : "zero",
+                          f.channels.back().name);
+     }},
+    {Kind::output_same, "output_same", warning,
+     [](const Finding& f) {
+       return fmt::format("output {} is the same in every experiment at {}: nothing can be identified of it there",
+                          channel(f), words::step_list(f.steps));
+     }},
+    {Kind::output_stuck, "output_stuck", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its "
+           "sensor stuck there?",
+           channel(f), number(f, "value"), experiment(f.experiments[0]), f.steps.front(), f.steps.back());
+     }},
+    {Kind::more_stuck_outputs, "more_stuck_outputs", warning,
+     [](const Finding& f) {
+       return fmt::format("output {} stays where it is in {} more", channel(f),
+                          words::plural(count(f, "count"), "experiment"));
+     }},
+    {Kind::experiments_copied, "experiments_copied", warning,
+     [](const Finding& f) {
+       return fmt::format("{}. {}", made_of(f, "is a copy of another", "are copies of others"), consequence(f));
+     }},
+    {Kind::experiments_dependent, "experiments_dependent", warning,
+     [](const Finding& f) {
+       return fmt::format("{}. {}", made_of(f, "is a sum or multiple of others", "are sums or multiples of others"),
+                          consequence(f));
+     }},
+    {Kind::inputs_repeated, "inputs_repeated", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} repeat {} of the inputs: repetitions tell the noise, but excite no more than the first "
+           "run does; {} needed at lag order {}",
+           words::plural(count(f, "experiments"), "experiment"), words::plural(count(f, "courses"), "course"),
+           count(f, "needed"), count(f, "lags"));
+     }},
+    {Kind::experiment_outlying, "experiment_outlying", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "experiment {} does not fit the others: its leave-one-out residuals are {} times as large as "
+           "theirs{}{}",
+           experiment(f.experiments[0]), times(number(f, "ratio")), f.text.empty() ? "" : "; ", f.text);
+     }},
+    {Kind::more_outlying_experiments, "more_outlying_experiments", warning,
+     [](const Finding& f) {
+       return fmt::format("{} more do not fit the others: are these runs of one system, in the same units?",
+                          words::plural(count(f, "count"), "experiment"));
+     }},
+    {Kind::samples_outlying, "samples_outlying", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "experiment {}, output {}: {} up to {:.3g} off {} (usual: {:.2g}), at {}. Mark faulty samples "
+           "as missing: they make the model worse",
+           experiment(f.experiments[0]), channel(f), words::plural(Index(f.steps.size()), "sample"), number(f, "error"),
+           f.steps.size() == 1 ? "its prediction" : "their predictions", number(f, "usual"), words::step_list(f.steps));
+     }},
+    {Kind::more_outlying_samples, "more_outlying_samples", warning,
+     [](const Finding& f) {
+       return fmt::format("{} of experiments with samples far off their predictions",
+                          words::plural(count(f, "count"), "more output"));
+     }},
+    {Kind::ill_conditioned, "ill_conditioned", warning,
+     [](const Finding& f) {
+       return fmt::format("ill-conditioned windows (condition above {:.0e}) at {}: expect few digits there",
+                          number(f, "condition"), words::step_list(f.steps));
+     }},
+    {Kind::too_few_complete, "too_few_complete", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "missing samples leave fewer experiments than the {} unknowns at {}: the solution of smallest "
+           "norm stands in there",
+           count(f, "unknowns"), words::step_list(f.steps));
+     }},
+    {Kind::inputs_unexcited, "inputs_unexcited", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the inputs of neighbouring steps and channels are linearly dependent over the experiments at "
+           "{}: their effects there can't be told apart",
+           words::step_list(f.steps));
+     }},
+    {Kind::no_freedom, "no_freedom", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} experiments leave no degree of freedom at lag order {}: the regressions fit any data "
+           "exactly, and nothing shows how noisy they are; {} or more would tell",
+           count(f, "experiments"), count(f, "lags"), count(f, "sufficient"));
+     }},
+    {Kind::few_experiments, "few_experiments", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} experiments are few for the {} unknowns per output and step at lag order {}: noise enters "
+           "the coefficients almost undamped; {} or more would be better, and {} carry lag orders up to "
+           "{} at all",
+           count(f, "experiments"), count(f, "unknowns"), count(f, "lags"), count(f, "sufficient"),
+           count(f, "experiments"), count(f, "largest_lags"));
+     }},
+    {Kind::lags_at_limit, "lags_at_limit", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "lag order {} is the largest that {} experiments can judge: more experiments, or a larger "
+           "order that is stated, may do better",
+           count(f, "lags"), count(f, "experiments"));
+     }},
+    {Kind::lags_unjudged, "lags_unjudged", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} experiments leave no degree of freedom to judge lag order {} by: it fits any data exactly",
+           count(f, "experiments"), count(f, "lags"));
+     }},
+    {Kind::lags_below_states, "lags_below_states", warning,
+     [](const Finding& f) {
+       return fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", count(f, "lags"),
+                          count(f, "outputs"), count(f, "most"), count(f, "states"));
+     }},
+    {Kind::smoothing_unjudged, "smoothing_unjudged", warning,
+     [](const Finding& f) {
+       return fmt::format("the record is too short to choose lambda by: {} was taken", number(f, "smoothing"));
+     }},
+    {Kind::smoothing_by_gaps, "smoothing_by_gaps", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "missing samples leave few windows to see variation in time by: lambda = {} was taken, and is "
+           "chosen anew for EM",
+           number(f, "smoothing"));
+     }},
+    {Kind::no_variation, "no_variation", note,
+     [](const Finding&) {
+       return std::string("the experiments show no variation in time: one model serves all steps");
+     }},
+    {Kind::few_windows, "few_windows", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{}, which are few for the {} unknowns per output at lag order {}: judge the model by other "
+           "data",
+           windows(f), count(f, "unknowns"), count(f, "lags"));
+     }},
+    {Kind::few_for_states, "few_for_states", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} are fewer than the {} unknowns of a row of A and B, or C and D, at every step: the penalty "
+           "on variation stands in for what they don't show; judge the model by other data",
+           words::plural(count(f, "experiments"), "experiment"), count(f, "unknowns"));
+     }},
+    {Kind::free_response_single, "free_response_single", warning,
+     [](const Finding&) {
+       return std::string("a single free response has no mean motion to depart from: it was not used");
+     }},
+    {Kind::free_responses_unused, "free_responses_unused", warning,
+     [](const Finding& f) {
+       return fmt::format("{} left aside: the subspace realisation needs none; --method tvera takes them",
+                          count(f, "count") == 1 ? "the free response was"
+                                                 : fmt::format("the {} free responses were", count(f, "count")));
+     }},
+    {Kind::free_responses_partial, "free_responses_partial", warning,
+     [](const Finding& f) {
+       return fmt::format("the {} free responses don't show all {} states from step {} on, but only from step {}",
+                          count(f, "count"), count(f, "states"), count(f, "wanted"), count(f, "step"));
+     }},
+    {Kind::no_states, "no_states", warning,
+     [](const Finding&) {
+       return std::string("no state was found: the outputs answer to the inputs of the same step alone, or not at all");
+     }},
+    {Kind::states_below_asked, "states_below_asked", warning,
+     [](const Finding& f) {
+       return fmt::format("{} states asked for, but the Hankel matrices have at most rank {}: the model has no more",
+                          count(f, "asked"), count(f, "found"));
+     }},
+    {Kind::states_hidden, "states_hidden", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the "
+           "inputs don't reach them, and the model has fewer there",
+           count(f, "states"), words::step_list(f.steps));
+     }},
+    {Kind::late_begin, "late_begin", note,
+     [](const Finding& f) {
+       return fmt::format(
+           "initial states are unknown: the model begins at step {}, the first with the full state "
+           "dimension",
+           count(f, "step"));
+     }},
+    {Kind::frame_limits, "frame_limits", note,
+     [](const Finding& f) {
+       return fmt::format("reference frame of step {}: steps {} to {} are in it, the others keep their own coordinates",
+                          count(f, "step"), count(f, "begin"), count(f, "end") - 1);
+     }},
+    {Kind::em_suspect, "em_suspect", warning,
+     [](const Finding&) {
+       return std::string(
+           "EM predicts all experiments worse than it predicted those left out: it may have gone astray");
+     }},
+    {Kind::em_worse_one_step, "em_worse_one_step", note,
+     [](const Finding&) {
+       return std::string("the refinement by EM was left out: with all experiments it made the predictions worse");
+     }},
+    {Kind::em_worse_simulation, "em_worse_simulation", note,
+     [](const Finding&) {
+       return std::string("the refinement by EM was left out: with all experiments it made the simulations worse");
+     }},
+    {Kind::em_no_noise, "em_no_noise", note,
+     [](const Finding&) {
+       return std::string(
+           "the data show no noise in some directions: maximum likelihood gains nothing there, and Q and R stand at 1e-12 of the signals");
+     }},
+    {Kind::em_no_measurement_noise, "em_no_measurement_noise", note,
+     [](const Finding&) {
+       return std::string(
+           "no measurement noise is left in some direction of the outputs: R stands at 1e-12 of the signals there");
+     }},
+    {Kind::em_no_process_noise, "em_no_process_noise", note,
+     [](const Finding&) {
+       return std::string(
+           "no process noise is left in some direction of the states: Q stands at 1e-12 of the signals there");
+     }},
+    {Kind::em_not_converged, "em_not_converged", warning,
+     [](const Finding& f) {
+       return fmt::format("not converged after {}: the last one gained {:.2g} in log-likelihood per output sample",
+                          words::plural(count(f, "iterations"), "iteration"), number(f, "gain"));
+     }},
+    {Kind::em_few_experiments, "em_few_experiments", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} are few for the {} unknowns of a row of A and B, or C and D, at every step: smoothing above zero would hold them together",
+           words::plural(count(f, "experiments"), "experiment"), count(f, "unknowns"));
+     }},
+    {Kind::em_fewer_than_unknowns, "em_fewer_than_unknowns", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} less than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on variation stands in for what the data don't show, and the fit on them says little",
+           count(f, "experiments") == 1 ? "1 experiment is"
+                                        : fmt::format("{} experiments are", count(f, "experiments")),
+           count(f, "unknowns"));
+     }},
+    {Kind::em_extended, "em_extended", note,
+     [](const Finding& f) {
+       return fmt::format("the data have {}, the model ends with step {}: those beyond began as its last",
+                          words::plural(count(f, "steps"), "step"), count(f, "last"));
+     }},
+    {Kind::em_shortened, "em_shortened", note,
+     [](const Finding& f) {
+       return fmt::format("the data have {}, the model reached to step {}: it ends with the data now",
+                          words::plural(count(f, "steps"), "step"), count(f, "last"));
+     }},
+    {Kind::output_unpredicted, "output_unpredicted", warning,
+     [](const Finding& f) {
+       return fmt::format("output {} is predicted no better than by its mean: {:.3g} % fit over one step", channel(f),
+                          number(f, "fit"));
+     }},
+    {Kind::output_missimulated, "output_missimulated", warning,
+     [](const Finding& f) {
+       return fmt::format("output {} is simulated worse than by its mean: {:.3g} % fit", channel(f), number(f, "fit"));
+     }},
+    {Kind::output_still, "output_still", warning,
+     [](const Finding& f) { return fmt::format("output {} never moves in them", channel(f)); }},
+    {Kind::sample_time_differs, "sample_time_differs", warning,
+     [](const Finding& f) {
+       return fmt::format("the data's dt = {} s differs from the model's dt = {} s{}", number(f, "data"),
+                          number(f, "model"),
+                          is(f, "stated") ? "" : ", which was identified from data without a sample time");
+     }},
+    {Kind::input_names_differ, "input_names_differ", warning,
+     [](const Finding& f) { return names_differ(f, "inputs"); }},
+    {Kind::output_names_differ, "output_names_differ", warning,
+     [](const Finding& f) { return names_differ(f, "outputs"); }},
+    {Kind::units_differ, "units_differ", warning,
+     [](const Finding& f) {
+       return fmt::format("the data's {} is in {}, the model's in {}: nothing is converted",
+                          sides_and_names(f.channels), f.names[0], f.names[1]);
+     }},
+    {Kind::model_ends_early, "model_ends_early", warning,
+     [](const Finding& f) {
+       return fmt::format("the model ends with step {}: it says nothing of the last {} of the data", count(f, "last"),
+                          words::plural(count(f, "steps"), "step"));
+     }},
+    {Kind::nothing_predicted, "nothing_predicted", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "no step could be predicted: the model covers steps {} to {}, and {} steps are needed to find "
+           "an unknown initial state",
+           count(f, "begin"), count(f, "end"), count(f, "needed"));
+     }},
+    {Kind::nothing_predicted_ahead, "nothing_predicted_ahead", warning,
+     [](const Finding& f) { return fmt::format("no step could be predicted {} steps ahead", count(f, "horizon")); }},
+    {Kind::simulation_overflows, "simulation_overflows", warning,
+     [](const Finding&) { return std::string("the simulation overflows: the model is unstable over its steps"); }},
+    {Kind::outputs_absent, "outputs_absent", warning,
+     [](const Finding&) {
+       return std::string("no step of the data has outputs of the model: all of them are missing (NaN)");
+     }},
+    {Kind::simulated_from, "simulated_from", note,
+     [](const Finding& f) {
+       return fmt::format("the initial states are unknown: simulated from the {} at step {}, where the model begins",
+                          f.text, count(f, "step"));
+     }},
+    {Kind::exact_stretches, "exact_stretches", warning,
+     [](const Finding&) {
+       return std::string(
+           "the stretches that decide are free of noise, but others are not: --method subspace, or "
+           "--lags, may suit them better");
+     }},
+    {Kind::constant_stretches, "constant_stretches", note,
+     [](const Finding& f) {
+       return fmt::format(
+           "the stretches that decide show no variation in time, but the record may: lambda = {} was "
+           "taken",
+           number(f, "smoothing"));
+     }},
+    {Kind::experiments_known, "experiments_known", note, [](const Finding& f) { return known(f); }},
+    {Kind::state_without_digests, "state_without_digests", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the state was begun by an earlier version of tokid, and has no digests of {}: new ones that repeat one of them are not recognised, and count twice; begin it anew with identify --state to be sure",
+           words::plural(count(f, "count"), "experiment"));
+     }},
+    {Kind::update_noisy, "update_noisy", warning,
+     [](const Finding&) {
+       return std::string(
+           "the experiments are noisy, and what was chosen from the first ones supposes that they are not: begin anew with identify");
+     }},
+    {Kind::update_few_experiments, "update_few_experiments", warning,
+     [](const Finding& f) {
+       return fmt::format("fewer experiments than unknowns at {}: the solution of smallest norm stands in there",
+                          words::step_list(f.steps));
+     }},
+    {Kind::update_states_below, "update_states_below", warning,
+     [](const Finding& f) {
+       return fmt::format("{} states asked for, but the experiments show only {}", count(f, "asked"),
+                          count(f, "found"));
+     }},
+    {Kind::bounds_of_other_data, "bounds_of_other_data", warning,
+     [](const Finding&) {
+       return std::string(
+           "the model was not identified from these data: bounds need the ensemble of its identification");
+     }},
+    {Kind::bounds_of_regressions, "bounds_of_regressions", note,
+     [](const Finding& f) {
+       return fmt::format(
+           "the bounds are those of the regressions, which a model of method {} does not follow from alone; those of its own parameters and eigenvalues take the bootstrap",
+           f.text);
+     }},
+    {Kind::bounds_without_free_responses, "bounds_without_free_responses", note,
+     [](const Finding&) {
+       return std::string("the factors say nothing of free responses: bounds of the eigenvalues take the bootstrap");
+     }},
+    {Kind::no_eigenvalue_bounds, "no_eigenvalue_bounds", warning,
+     [](const Finding& f) { return fmt::format("no bounds of eigenvalues: {}", f.text); }},
+    {Kind::infinite_bounds, "infinite_bounds", warning,
+     [](const Finding& f) {
+       return fmt::format("no degree of freedom is left at {}: what depends on these steps has infinite bounds",
+                          words::step_list(f.steps));
+     }},
+    {Kind::replicates_failed, "replicates_failed", warning,
+     [](const Finding& f) {
+       return fmt::format("{} of {} replicates could not be identified", count(f, "failed"), count(f, "replicates"));
+     }},
+    {Kind::bounds_of_other_model, "bounds_of_other_model", warning,
+     [](const Finding&) {
+       return std::string(
+           "its options don't lead from these data to the model itself: the bounds are those of the model that they lead to");
+     }},
+    {Kind::bounds_without_bias, "bounds_without_bias", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} experiments are no more than the {} regressors: the model stands by its regularisation, whose bias the bounds leave out",
+           count(f, "experiments"), count(f, "regressors"));
+     }},
+    {Kind::option_without_effect, "option_without_effect", note,
+     [](const Finding& f) { return fmt::format("{} has no effect on bounds from the factors", f.text); }},
+    {Kind::plan_of_departures, "plan_of_departures", note,
+     [](const Finding&) {
+       return std::string("the inputs are departures: add the nominal trajectory of the model to them");
+     }},
+    {Kind::plan_windows_sampled, "plan_windows_sampled", note,
+     [](const Finding& f) {
+       return fmt::format("a window has {} inputs: their condition is told of {} of {} windows only",
+                          count(f, "inputs"), count(f, "judged"), count(f, "windows"));
+     }},
+    {Kind::plan_late_forecasts, "plan_late_forecasts", note,
+     [](const Finding& f) {
+       return fmt::format(
+           "the model begins at step {}: the windows before step {} are neither forecast nor optimised, the others are as if every experiment came to step {} at rest",
+           count(f, "step"), count(f, "first"), count(f, "step"));
+     }},
+    {Kind::plan_unknown_states, "plan_unknown_states", note,
+     [](const Finding&) {
+       return std::string("unknown initial states: the forecasts leave aside what they contribute, and begin at rest");
+     }},
+    {Kind::plan_model_uncertain, "plan_model_uncertain", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the innovations of the preliminary model are {:.3g} % of the outputs that it forecasts: above {:.3g} % inputs optimised on it may well be worse than those of the kind orthogonal",
+           number(f, "share"), number(f, "bound"));
+     }},
+    {Kind::plan_no_freedom, "plan_no_freedom", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} experiments leave no degree of freedom: the regressions will fit any data exactly, and errors can't be judged; noise needs more",
+           count(f, "experiments"));
+     }},
+    {Kind::plan_below_recommendation, "plan_below_recommendation", warning,
+     [](const Finding& f) {
+       return fmt::format("{} experiments found, {} recommended at this noise", count(f, "experiments"),
+                          count(f, "recommended"));
+     }},
+    {Kind::plan_rank_by_noise, "plan_rank_by_noise", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "p·m = {} exceeds n = {}: without noise the windows have rank {} at most, of {} columns, and noise alone determines the rest",
+           count(f, "lags_outputs"), count(f, "states"), count(f, "rank"), count(f, "unknowns"));
+     }},
+    {Kind::plan_noisy_input, "plan_noisy_input", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the noise on {} is {:.3g} % of its RMS: if it is the record of the input that is noisy, the coefficients come out too small by {:.3g} %",
+           channel(f), number(f, "share"), number(f, "bias"));
+     }},
+    {Kind::plan_inputs_dependent, "plan_inputs_dependent", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the inputs of {} windows are nearly dependent (condition above {:.0e}): another kind, another seed or more experiments",
+           count(f, "windows"), number(f, "condition"));
+     }},
+    {Kind::plan_ill_conditioned, "plan_ill_conditioned", warning,
+     [](const Finding& f) {
+       return fmt::format("the model expects {} windows with a condition number above {:.0e}", count(f, "windows"),
+                          number(f, "condition"));
+     }},
+};
+
+static_assert(std::size(table) == size_t(Kind::last) + 1);
+
+const Entry& entry(Kind kind) { return table[size_t(kind)]; }
+
+}  // namespace
+
+const char* to_string(Severity severity) { return severity == Severity::note ? "note" : "warning"; }
+
+const char* to_string(Finding::Scope scope) {
+  switch (scope) {
+    case Finding::Scope::deciding_stretches:
+      return "deciding_stretches";
+    case Finding::Scope::new_experiments:
+      return "new_experiments";
+    case Finding::Scope::cross_validation:
+      return "cross_validation";
+    case Finding::Scope::folds:
+      return "folds";
+    case Finding::Scope::all:
+      break;
+  }
+  return "all";
+}
+
+const char* to_string(Finding::Kind kind) { return entry(kind).name; }
+
+Severity severity(Finding::Kind kind) { return entry(kind).severity; }
+
+std::string in_words(const Finding& finding) {
+  const std::string text = finding.file.empty() ? entry(finding.kind).words(finding)
+                                                : finding.file + ": " + entry(finding.kind).words(finding);
+  switch (finding.scope) {
+    case Finding::Scope::deciding_stretches:
+      return "in the stretches that decide, " + text;
+    case Finding::Scope::new_experiments:
+      return fmt::format(
+          "new experiments, by the model before: {}; are they of the same system, with the same channels?", text);
+    case Finding::Scope::cross_validation:
+      return "cross-validation: " + text;
+    case Finding::Scope::folds:
+      return fmt::format("cross-validation, {} of {} folds: {}", count(finding, "folds_with"), count(finding, "folds"),
+                         text);
+    case Finding::Scope::all:
+      break;
+  }
+  return text;
+}
+
+std::vector<std::string> in_words(const Findings& findings) {
+  std::vector<std::string> result;
+  for (const Finding& finding : findings) result.push_back(in_words(finding));
+  return result;
+}
+
+void append(Findings& all, Findings more) {
+  all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
+}
+
+}  // namespace tokid
