@@ -1,4 +1,4 @@
-// What an identification from noisy data chooses, and by which errors.
+// The choices that an identification makes from noisy data, and the errors that decide them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,7 +11,7 @@
 
 namespace tokid {
 
-// What an identification from noisy data has chosen beside p and n.
+// The choices of an identification from noisy data, apart from p and n.
 struct NoisyChoices {
   TimeVariation variation;
   double state_smoothing = 0.0;  // λ of the regressions on states
@@ -20,44 +20,51 @@ struct NoisyChoices {
   Index refinement_iterations = 0;    // 0: no refinement
 };
 
-// How the residuals of the steps k < p compare with the later ones, which the initial state can't reach.
+// The test of the initial state. It compares the residuals of the steps k < p with those of later steps, which the
+// initial state does not affect.
 struct InitialStateTest {
-  double statistic = 0.0;  // largest ratio of an early to the later residual variance, over steps and outputs
+  double statistic = 0.0;  // largest ratio of an early residual variance to the later one, over steps and outputs
   double threshold = 0.0;
   InitialState decision = InitialState::zero;
   std::string reason;
 };
 
-// What each order made of the data; filled where the order was chosen from noisy data.
+// The errors of each state dimension. They are filled where n was chosen from noisy data.
 struct OrderScores {
   static constexpr Index horizon = 10;  // H of `ahead`
   std::vector<Index> states;
-  std::vector<double> one_step, ahead, simulation;  // RMS error over that of the departures, mean logs over outputs
-  bool cross_validated = false;  // on experiments left out (subspace), else on the training data (TVERA)
-  double smoothing = 0.0;        // λ of the regressions on states at which they were found
+  // Logs of the RMS error over the RMS of the departures, mean over the outputs.
+  std::vector<double> one_step, ahead, simulation;
+  bool cross_validated = false;  // true: cross-validation errors (subspace); false: errors on the training data (TVERA)
+  double smoothing = 0.0;        // λ of the regressions on states that gave these errors
   Weighting weighting = Weighting::one_step;
-  double price = 0.0;                                         // of a state: 2/3 (r+m) / (N m) on the training data
-  double smallest = std::numeric_limits<double>::infinity();  // mean
-  // Of the difference from the order of the smallest mean, over the folds; empty on training data.
+  double price = 0.0;  // penalty for each state on the training data: 2/3 (r+m) / (N m)
+  double smallest = std::numeric_limits<double>::infinity();  // smallest mean
+  // Standard error, over the folds, of the difference from the order with the smallest mean. Empty for errors on the
+  // training data.
   std::vector<double> uncertainty;
-  Index best = 0;  // the smallest order whose mean is within that uncertainty, and 0.5 to 2 %, of the smallest
+  // The smallest order whose mean exceeds the smallest mean by no more than a margin. The margin is this standard
+  // error, but at least 0.5 % and at most 2 %.
+  Index best = 0;
 
   void add(Index n, double one_step_error, double ahead_error, double simulation_error);
-  double mean(size_t i) const;  // of the three logs, one_step thrice, and the price of the states
+  // The mean of the three logs, with weight 3 for one_step, plus the penalty for the states.
+  double mean(size_t i) const;
   void choose();
 };
 
-// How far EM brought the models of experiments forward on others; filled where that was tried.
+// The cross-validation of EM, filled where EM was tried.
 struct RefinementTrial {
   Index states = 0;        // n
   double smoothing = 0.0;  // λ of EM
-  Index iterations = 0;    // 0: the subspace model as it was
-  double error = 0.0;      // mean log as of OrderScores
+  Index iterations = 0;    // 0: the subspace model without EM
+  double error = 0.0;      // mean log as in OrderScores
 };
 struct RefinementChoice {
-  static constexpr double worth_it = 1.005;  // fall of the errors
+  static constexpr double worth_it = 1.005;  // the errors must fall by this factor
   std::vector<RefinementTrial> trials;
-  Index states = 0;  // n: OrderScores::best, unless fewer do as well after EM, or missing samples hid some from it
+  // n: OrderScores::best, unless fewer states do as well after EM, or missing samples hid some states from OrderScores
+  Index states = 0;
   double smoothing = 0.0;
   Index iterations = 0;  // 0: no refinement
   double error = 0.0;

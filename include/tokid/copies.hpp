@@ -1,4 +1,4 @@
-// Experiments that are in the data more than once.
+// Search for copies: experiments that are in the data more than once.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,19 +10,20 @@
 namespace tokid {
 
 struct Copies {
-  std::vector<Index> used;                 // row numbers, each experiment once, ascending
-  std::vector<std::vector<Index>> groups;  // rows of one experiment, two or more: first the one that is used
+  std::vector<Index> used;  // rows of the experiments to use, each experiment once, ascending
+  // rows of the copies of one experiment, two or more; the first row is the one to use
+  std::vector<std::vector<Index>> groups;
 };
 
-// Rows that agree in all samples that both have, within rounding:
-// - the root mean square of their difference is below 4·10⁻⁶ of the usual departure of a channel from the median motion
-//   (or 10⁻¹² of its size), for each channel, or
-// - one is the other, rounded to single precision or to fewer decimal digits.
-// They share half of the samples of the shorter one, at least. The one with most samples is used. Experiments that
-// repeat the inputs with noise of their own are none. Takes time that is linear in the samples of the experiments.
+// Two rows are copies if they agree, within rounding, in all samples that both have:
+// - the RMS of their difference is below 4·10⁻⁶ of the usual departure of a channel from the median motion (or 10⁻¹² of
+//   the size of the channel), for each channel, or
+// - one row is the other, rounded to single precision or to fewer decimal digits.
+// Copies share at least half of the samples of the shorter row. The row with most samples is used. An experiment that
+// repeats the inputs of another with its own noise is not a copy. The time is linear in the number of samples.
 Copies find_copies(const Ensemble& ensemble);
 
-// Which experiments are copies, and of which ones; nothing where there are none.
+// Findings that name the copies and their originals. Empty if there are no copies.
 Findings findings_of(const Copies& copies, const Ensemble& ensemble);
 
 }  // namespace tokid

@@ -1,4 +1,4 @@
-// Experiments that were made of others: their sums, multiples and means.
+// Search for dependent experiments: sums, multiples and means of other experiments.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,34 +8,36 @@
 
 namespace tokid {
 
-// An experiment that is the sum of others, each multiplied by its weight.
+// An experiment that is a weighted sum of other experiments.
 struct DependentExperiment {
-  Index experiment = 0;         // its row
-  std::vector<Index> of;        // rows of the others, ascending
-  std::vector<double> weights;  // one for each of them
+  Index experiment = 0;         // row of the dependent experiment
+  std::vector<Index> of;        // rows of the other experiments, ascending
+  std::vector<double> weights;  // one for each row in `of`
 };
 
 struct Dependence {
-  std::vector<Index> used;  // row numbers of the experiments that are made of no others, ascending
-  std::vector<DependentExperiment> combinations;  // of used experiments, by ascending row
+  std::vector<Index> used;  // rows of the experiments to use, ascending: none of them is dependent
+  std::vector<DependentExperiment> combinations;  // the dependent experiments, in ascending order, as sums of used ones
 };
 
-// Looks for experiments whose inputs and outputs are one combination of those of others, within rounding: by residuals
-// of the size that find_copies allows, and at most an eighth of the part of the others that nothing else explains.
-// - Only where noise is visible. Experiments without noise are combinations of each other by the linearity of the
-//   system, and none is dropped.
-// - Only where it is no coincidence: the others must be independent on two thirds of the record, so that the whole has
-//   room for experiments that are no combination of them.
-// Of experiments that can be computed from each other, those with the smaller share in the combination are used, and
-// the first ones of equal shares. Experiments with so many missing samples that the others have few in common with them
-// are used. Takes time that is linear in the samples, but for some 10⁹ operations. Copies must have been removed.
+// Finds experiments whose inputs and outputs are the same weighted sum of other experiments, within rounding. The
+// residuals must be as small as find_copies() requires. They must also be at most an eighth of the part of the other
+// experiments that nothing else explains.
+// - The data must contain visible noise. Experiments without noise depend on each other because the system is linear;
+//   none of them is dropped.
+// - The result must not be a coincidence. The other experiments must be linearly independent on two thirds of the
+//   record, so that an independent experiment would be found to be independent.
+// Where several experiments can be computed from each other, the function uses those with the smaller share in the sum,
+// and the first ones where shares are equal. It also uses an experiment whose missing samples leave few in common with
+// the others. The time is linear in the number of samples, apart from some 10⁹ operations. Copies must be removed
+// before.
 Dependence find_dependence(const Ensemble& ensemble);
 
-// Which experiments are sums or multiples, and of which ones; nothing where there are none.
+// Findings that name the dependent experiments and the ones that they depend on. Empty if there are none.
 Findings findings_of(const Dependence& dependence, const Ensemble& ensemble);
 
-// The experiments that tell something of their own. Both parts have the row numbers of the whole data, and
-// `dependent.used` has those that both leave.
+// The experiments that carry information of their own: neither copies nor dependent experiments. Both fields hold row
+// numbers of the whole data. `dependent.used` holds the rows that remain after both searches.
 struct UsedExperiments {
   Copies copies;
   Dependence dependent;
@@ -44,9 +46,9 @@ struct UsedExperiments {
   const std::vector<Index>& rows() const { return dependent.used; }
 };
 UsedExperiments used_experiments(const Ensemble& ensemble);
-// Among the experiments that copies leave, with the row numbers of the whole data.
+// The dependent experiments among the rows in `copies.used`, with the row numbers of the whole data.
 Dependence dependence_beside(const Copies& copies, const Ensemble& ensemble);
-// The rows that these leave of so many experiments.
+// The rows that remain of this number of experiments.
 std::vector<Index> used_experiments(Index experiments, const Copies& copies, const Dependence& dependent);
 Findings findings_of(const UsedExperiments& used, const Ensemble& ensemble);
 

@@ -1,4 +1,4 @@
-// N repeated experiments of T steps as one matrix.
+// An ensemble: N repeated experiments of T steps in one matrix.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -13,14 +13,14 @@
 
 namespace tokid {
 
-// What is known of the state of every experiment at k = 0.
+// What the user knows about the state of every experiment at k = 0.
 enum class InitialState { zero, unknown };
 
 const char* to_string(InitialState state);
 // \throws std::invalid_argument unless the text is "zero" or "unknown"
 InitialState initial_state_from(const std::string& text);
 
-// Names and units of the channels. Empty lists stand for u1…ur, y1…ym without units.
+// Names and units of the channels. Empty lists mean the names u1…ur, y1…ym without units.
 struct Channels {
   std::vector<std::string> input_names, output_names;
   std::vector<std::string> input_units, output_units;
@@ -29,27 +29,29 @@ struct Channels {
   std::string output(Index j) const;  // "y1" or the given name
 };
 
-// With the default names and empty units where lists are empty, for r inputs and m outputs.
+// Fills empty lists with default names and empty units, for r inputs and m outputs.
 Channels complete(const Channels& names, Index inputs, Index outputs);
 
-// Experiments without input from unknown non-zero initial states, on the time origin of the ensemble.
+// Free responses: experiments without input, from unknown initial states that are not zero. They have the same time
+// origin as the ensemble.
 struct FreeResponse {
   Index experiments = 0;  // Nf
   Index steps = 0;        // Tf
   Matrix y;               // (Nf × Tf·m), columns k·m … k·m+m-1 hold y_k
 };
 
-// Those without a missing sample: one factorisation needs all of its columns whole.
+// The free responses without a missing sample. One factorisation needs all of its columns complete.
 FreeResponse complete(const FreeResponse& free);
 
-// Experiments down the rows, time along the columns: columns k·d … k·d+d-1, d = r+m, hold u_k (r columns) and then y_k
-// (m columns). The regressors of a step are therefore one contiguous window (17), (18). NaN marks a missing sample.
+// Each row is an experiment, and time runs along the columns. The columns k·d … k·d+d-1, d = r+m, hold u_k (r columns)
+// and then y_k (m columns). The regressors of a step are therefore one contiguous window (17), (18). NaN marks a
+// missing sample.
 class Ensemble {
  public:
   Ensemble() = default;
   enum class Samples { missing, unset };
-  // N × T with every sample missing, or left to be written. \throws std::invalid_argument for a negative size, r + m =
-  // 0 or dt ≤ 0
+  // N × T with every sample missing, or uninitialised (unset). \throws std::invalid_argument for a negative size, r + m
+  // = 0 or dt ≤ 0
   Ensemble(Index experiments, Index steps, Index inputs, Index outputs, double dt = 1.0,
            Samples samples = Samples::missing);
 
@@ -81,123 +83,129 @@ class Ensemble {
   }
 
   Index missing() const;  // number of NaN samples
-  // The experiments (row numbers) that have every sample of [W_k Y_k].
+  // Rows of the experiments that have every sample of [W_k Y_k].
   std::vector<Index> complete_rows(Index k, Index p) const;
 
-  // The experiments of the given row numbers, with everything else kept. Experiments without names get their row
-  // numbers as names. Where a row is chosen twice, the experiments of the subset have no names.
+  // The experiments in the given rows, with everything else kept. Experiments without names get their row numbers as
+  // names. If a row is chosen twice, the experiments of the subset have no names.
   Ensemble subset(const std::vector<Index>& experiments) const;
 
-  // The given inputs and outputs, in the given order, with everything else kept. Outputs of free responses follow.
+  // The given inputs and outputs, in the given order, with everything else kept. The outputs of the free responses are
+  // selected too.
   Ensemble select(const std::vector<Index>& inputs, const std::vector<Index>& outputs) const;
 
-  // The name that the data give to experiment n; empty where they give none.
+  // The name of experiment n in the data; empty if the data give none.
   std::string experiment_name(Index n) const;
   // Experiment n as messages name it: "16", or with its name and its row: "\"17\" (row 16)".
   std::string experiment(Index n) const;
-  // The name, or the row where it has none: the same text for an experiment in the data and in a part of them.
+  // The name of experiment n, or its row if it has none. An experiment has the same label in the data and in a part of
+  // them.
   std::string experiment_label(Index n) const;
 
-  // \throws std::invalid_argument that names the channel, experiment and step of an infinite value, or the channel
-  // without a single finite sample, or what else is inconsistent.
-  // With outputs_needed = false, outputs may be missing altogether, as where nothing could be predicted.
+  // \throws std::invalid_argument for an infinite value (names the channel, experiment and step), a channel without a
+  // single finite sample (names the channel), or anything else that is inconsistent.
+  // With outputs_needed = false, the outputs may be missing altogether, for example where nothing could be predicted.
   void check(bool outputs_needed = true) const;
 
   double dt = 1.0;        // sample time [s]
-  bool dt_stated = true;  // false: the data state none, and dt is 1
+  bool dt_stated = true;  // false: the data state no sample time, and dt is 1
   Channels names;
   std::optional<InitialState> initial_state;  // empty: not stated with the data
   std::vector<Index> length;                  // (N) valid samples of each experiment; empty: all T
-  std::vector<std::string> experiment_names;  // (N) as the data label them; empty: they are known by their rows alone
+  std::vector<std::string> experiment_names;  // (N) as in the data; empty: the experiments have only row numbers
   FreeResponse free;
-  std::vector<std::string> remarks;  // of the reader of a file, for its user; parts of the ensemble go without
+  std::vector<std::string> remarks;  // from the reader of a file, for the user; parts of the ensemble do not carry them
 
  private:
   Index steps_ = 0, inputs_ = 0, outputs_ = 0;
   Matrix samples_;
 };
 
-// Sets the lengths, and what lies beyond them to NaN. None: all of them have T. \throws std::invalid_argument
-// unless there is one from 0 to T for each experiment
+// Sets the length of each experiment, and its samples beyond that length to NaN. An empty list means T for all.
+// \throws std::invalid_argument unless the list has one length from 0 to T for each experiment
 void set_length(Ensemble& ensemble, std::vector<Index> length);
 
-// The channels with the names that are wanted, in that order. Nothing: the data have them so already, name no channels,
-// or lack one of the names. An ensemble without outputs needs the inputs only.
+// The ensemble with its channels in the order of the wanted names. Empty if the channels are in this order already,
+// have no names, or lack one of the wanted names. An ensemble without outputs needs the inputs only.
 std::optional<Ensemble> in_order(const Ensemble& ensemble, const Channels& wanted);
 
-// Sets the names of the experiments. Names that are the row numbers 0 … N-1 say nothing: then the list becomes empty.
-// \throws std::invalid_argument unless the list is empty or has N different names, none of them empty
+// Sets the names of the experiments. If the names are the row numbers 0 … N-1, they carry no information, and the list
+// becomes empty. \throws std::invalid_argument unless the list is empty or has N different names, none of them empty
 void set_experiment_names(Ensemble& ensemble, std::vector<std::string> names);
 
 // Number of NaN samples within the length of each experiment.
 Index missing_samples(const Ensemble& ensemble);
 
-// The samples of one channel, inputs first, within the length of each experiment; NaN where there are none.
+// Statistics of one channel (inputs first), within the length of each experiment; NaN without samples.
 struct ChannelSummary {
   Index samples = 0, missing = 0;
   double mean = std::numeric_limits<double>::quiet_NaN();
-  double std = std::numeric_limits<double>::quiet_NaN();  // about the mean, over all samples
+  double std = std::numeric_limits<double>::quiet_NaN();  // standard deviation over all samples
   double min = std::numeric_limits<double>::quiet_NaN();
   double max = std::numeric_limits<double>::quiet_NaN();
 };
 ChannelSummary channel_summary(const Ensemble& ensemble, Index channel);
 
-// The experiments held out are spread evenly over the ensemble, so that both parts represent an ordered campaign.
+// A division into training data and held-out data. The held-out experiments are spread evenly over the ensemble, so
+// that both parts represent an ordered campaign.
 struct Split {
   Ensemble training, held_out;
-  std::vector<Index> held_out_rows = {};  // of the experiments that were held out, in the ensemble that was split
+  std::vector<Index> held_out_rows = {};  // rows of the held-out experiments in the original ensemble
 };
-// Of a single record of a system with a period of so many steps its end is held out, from a step of the first phase on.
+// Splits an ensemble. For a single record of a periodic system, the end of the record is held out, from a step of phase
+// 0 on.
 // \throws std::invalid_argument unless 0 < fraction < 1 and both parts get at least one experiment, or step
 Split split(const Ensemble& ensemble, double fraction, Index period = 0);
 
-// 16 hexadecimal digits (XXH3, 64 bits) that tell the samples u and y of one ensemble from those of any other, whatever
-// file they came from.
+// A hash of the samples u and y (XXH3, 64 bits, as 16 hexadecimal digits). Different ensembles have different hashes,
+// whatever file they came from.
 std::string fingerprint(const Ensemble& ensemble);
 
-// 128 bits (XXH3) that tell the samples u and y of one experiment from those of any other with as many steps, inputs
-// and outputs. Missing samples count, what names and lengths say does not; 0 and −0 are the same.
+// A hash of the samples u and y of one experiment (XXH3, 128 bits). Different experiments with equal numbers of steps,
+// inputs and outputs have different digests. Missing samples count; names and lengths do not; 0 and −0 are the same.
 using Digest = std::array<std::uint64_t, 2>;
 std::vector<Digest> experiment_digests(const Ensemble& ensemble);  // (N)
 
-// The steps begin … end-1 of every experiment as an ensemble of its own, whose initial states are unknown unless it
-// begins with the experiments. Free responses stay behind. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T
+// The steps begin … end-1 of every experiment as a new ensemble. Its initial states are unknown, unless begin is 0. It
+// has no free responses. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T
 Ensemble stretch(const Ensemble& ensemble, Index begin, Index end);
 
-// Consecutive stretches of the given length as experiments of their own, unfinished ones left out: what a system that
-// does not change with time makes of one long record. \throws std::invalid_argument unless 1 ≤ length ≤ T
+// Consecutive stretches of the given length, each as an experiment; an incomplete last stretch is dropped. This turns
+// one long record of a time-invariant system into an ensemble. \throws std::invalid_argument unless 1 ≤ length ≤ T
 Ensemble cut(const Ensemble& ensemble, Index length);
 
-// Mean motion over the experiments at each step, from the samples that are there.
+// Mean motion: the mean over the experiments at each step, without missing samples.
 struct Nominal {
   Matrix u;  // (T × r)
   Matrix y;  // (T × m)
 };
 Nominal nominal_trajectory(const Ensemble& ensemble);
 Ensemble departures(Ensemble ensemble, const Nominal& nominal);
-// Free responses as departures from their own mean motion, which are free responses too; none of a single one.
+// The departures of free responses from their own mean motion. Departures of free responses are free responses too. A
+// single free response has none.
 FreeResponse free_departures(const FreeResponse& free);
 
-// Gives the steps k, k+P, k+2P … the mean of their motions: steps that share a model depart from one motion.
+// Replaces the mean motion at the steps k, k+P, k+2P … by their mean: steps that share a model need the same mean
+// motion.
 void share_phases(Nominal& nominal, Index period);
 
-// Is the mean motion over the experiments different from zero? With the mean of a channel over the N experiments of a
-// step, t² = N·mean²/variance, where the variance counts as no smaller than its average over the steps of the channel.
-// Two tests share the error of one run in a thousand. The mean of t² over all channels and steps sees a small motion
-// that lasts; its bound is right for any correlation in time. The largest t² sees a motion of few steps; its bound is
-// corrected for the number of channels and steps (Bonferroni), which is right for any correlation too.
+// Test: does the mean motion over the experiments differ from zero? The statistic of a channel at a step is t² =
+// N·mean²/variance over its N experiments. This variance counts as no smaller than its average over the steps of the
+// channel. Two tests share a total false-alarm rate of 1 in 1000. The mean of t² over all channels and steps detects a
+// small motion that lasts. Its bound holds for any correlation in time. The largest t² detects a motion of few steps.
+// Its bound is corrected for the number of channels and steps (Bonferroni), and holds for any correlation too.
 struct NominalTest {
-  // A channel, inputs first, and the steps at which its own t² is beyond the bound.
+  // A channel (inputs first) and the steps at which its own t² exceeds the bound.
   struct Departure {
     Index channel = 0;
     std::vector<Index> steps;
   };
   double statistic = 0.0;  // mean of t²
   double threshold = 0.0;
-  double step_statistic = 0.0;  // the t² of one channel at one step that is largest beside its bound
-  double step_threshold = 0.0;  // that bound; it grows as the samples of the step become fewer
+  double step_statistic = 0.0;  // the t² of one channel at one step that is largest relative to its bound
+  double step_threshold = 0.0;  // its bound; it grows as the number of samples at the step falls
   std::vector<Departure> departures;
-  bool significant = false;  // by either test
+  bool significant = false;  // true if either test is significant
 };
 NominalTest test_nominal(const Ensemble& ensemble);
 

@@ -1,4 +1,4 @@
-// Ensembles in files that are larger than memory.
+// Ensembles in files that may be larger than memory.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,10 +11,10 @@
 
 namespace tokid {
 
-// An ensemble that stays in its .h5 but for the steps asked for. Free responses are read with the names.
+// An ensemble in an .h5 file. read() loads only the requested steps. Free responses are read together with the names.
 class EnsembleFile {
  public:
-  // \throws IoError for what load_ensemble() refuses, and for MATLAB's files, whose samples lie the other way round
+  // \throws IoError as load_ensemble(), and for MATLAB's files, which store the samples in the other order
   explicit EnsembleFile(const std::filesystem::path& path);
   ~EnsembleFile();
   EnsembleFile(const EnsembleFile&) = delete;
@@ -27,16 +27,16 @@ class EnsembleFile {
   Index channels() const { return inputs() + outputs(); }
   Index free_responses() const;
   double dt() const;       // [s]
-  bool dt_stated() const;  // false: the file states none, and dt() is 1
+  bool dt_stated() const;  // false: the file states no sample time, and dt() is 1
   const Channels& names() const;
   const std::optional<InitialState>& initial_state() const;
   const std::filesystem::path& path() const;
-  FileState state() const;  // when it was opened
+  FileState state() const;  // when the file was opened
 
-  // The steps begin … end-1 as stretch() would have them of the whole ensemble, with the same steps of the free
-  // responses. May be called from several threads. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T, IoError
+  // The steps begin … end-1, as stretch() gives them of the whole ensemble, with the same steps of the free responses.
+  // May be called from several threads. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T, IoError
   Ensemble read(Index begin, Index end) const;
-  // Has the system fetch the steps begin … end-1, which will be read soon, while something else is done: a hint.
+  // Hint: asks the system to prefetch the steps begin … end-1, which will be read soon.
   void expect(Index begin, Index end) const;
 
  private:
@@ -44,8 +44,8 @@ class EnsembleFile {
   std::unique_ptr<Content> content_;
 };
 
-// Can the samples of this file be read in blocks, and how many bytes are they as doubles? Empty for other formats than
-// .h5 and for MATLAB's files. \throws IoError where the file is no ensemble
+// Size of the samples as doubles [bytes], if the file can be read in blocks. Empty for formats other than .h5 and for
+// MATLAB's files. \throws IoError where the file is not an ensemble
 std::optional<double> bytes_in_blocks(const std::filesystem::path& path);
 
 }  // namespace tokid

@@ -1,4 +1,4 @@
-// Systems with known answers, and ensembles of experiments on them.
+// Example systems with known matrices, and ensembles of experiments on them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,9 +12,10 @@ namespace tokid {
 // Off-diagonal stiffness -1; with dt = 0.05 s, k = 35 is the paper's k = 36.
 Model oscillator(Index steps, double dt = 0.05);
 
-// A point mass on a spring in a tube that rotates at θ'(t): x'' = (θ'(t)² - k(t)/m) x + u, position measured. Here
-// θ' = 3 sin(t/2) rad/s and k/m = 4 + 2 sin t s⁻², so that the origin is stable at some times and unstable at others.
-// A_k and B_k are the exact discretisation with the coefficients frozen at t_k = k·dt and the input held.
+// A point mass on a spring in a tube that rotates at the rate θ'(t): x'' = (θ'(t)² - k(t)/m) x + u, with measured
+// position. Here θ' = 3 sin(t/2) rad/s and k/m = 4 + 2 sin t s⁻², so that the origin is stable at some times and
+// unstable at others. A_k and B_k are the exact discretisation with the coefficients held at their values at t_k =
+// k·dt, and with the input held.
 Model rotating_tube(Index steps, double dt = 0.1);
 
 struct ExperimentOptions {
@@ -26,17 +27,18 @@ struct ExperimentOptions {
   InitialState initial_state = InitialState::zero;  // unknown: independent unit Gaussian states at k = 0
 };
 
-// Simulated experiments with unit Gaussian inputs, the same for the same seed on every machine.
+// Simulated experiments with unit Gaussian inputs. The same seed gives the same experiments on every machine.
 Ensemble experiments(const Model& system, const ExperimentOptions& options = {});
 
-// The system with the covariances of the noise in those experiments and its Kalman filter as observer: no other
+// The system with the noise covariances of those experiments, and with its Kalman filter as observer. No other observer
 // predicts experiments(system, options) better. \throws std::invalid_argument for negative standard deviations
 Model with_noise(Model system, const ExperimentOptions& options);
 
-// An ensemble whose second moments are those that infinitely many experiments on the system tend to, with white inputs
-// of covariance I and the noise Q, R, x0_cov of the system: one experiment for each independent source, which alone is
-// not zero in it. Regressions on it have the coefficients of the limit N → ∞, and its residual covariances.
-// \throws std::invalid_argument where Q or R is missing, one of the three is no covariance, or the system does not
+// An ensemble with the second moments of infinitely many experiments on the system. The inputs are white with
+// covariance I; the noise has Q, R and x0_cov of the system. There is one experiment for each independent source, and
+// all other sources are zero in it. Regressions on this ensemble give the coefficients and the residual covariances of
+// the limit N → ∞.
+// \throws std::invalid_argument where Q or R is missing, one of the three is not a covariance, or the system does not
 // begin at step 0
 Ensemble expected_moments(const Model& system);
 

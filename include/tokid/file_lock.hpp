@@ -1,4 +1,4 @@
-// One caller at a time reads, changes and writes a file.
+// A lock for a file: one process at a time reads, changes and writes it.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,19 +10,19 @@
 namespace tokid {
 
 struct LockOptions {
-  double limit = 60.0;  // seconds to wait for the lock of somebody else; 0: none
-  // Called once where the wait begins, with a message that says who has the lock.
+  double limit = 60.0;  // seconds to wait for another process; 0: do not wait
+  // Called once when the wait begins, with a message that says who has the lock.
   std::function<void(const std::string&)> waits = {};
 };
 
-// While it lives, no other FileLock has this file, in any process that reaches the folder. The file need not exist yet.
-// Reading and saving alone need no lock: files are replaced whole. The lock is a hidden file in the folder,
-// .tokid-….lock, which is removed at the end; a process that dies loses its lock at once. A wait can be interrupted
-// (checkpoint()).
+// While this object lives, no other FileLock has this file, in any process that can access the folder. The file need
+// not exist yet. Reading alone or saving alone needs no lock, because files are replaced as a whole. The lock is a
+// hidden file in the folder, .tokid-….lock, and the destructor removes it. A process that dies loses its lock at once.
+// A wait can be interrupted (checkpoint()).
 class FileLock {
  public:
-  // \throws IoError where somebody else has the lock for longer than the limit, std::invalid_argument for a limit that
-  // is negative or NaN, WriteError where the file system lets nothing be locked
+  // \throws IoError where another process has the lock for longer than the limit, std::invalid_argument for a limit
+  // that is negative or NaN, WriteError where the file system does not support locks
   explicit FileLock(const std::filesystem::path& file, const LockOptions& options = {});
   ~FileLock();
   FileLock(FileLock&&) noexcept;
@@ -30,8 +30,8 @@ class FileLock {
 
   const std::filesystem::path& path() const;
 
-  // \throws IoError where the file is not the one that the lock has seen last, when it was made or by see(): a program
-  // that asks for no lock has replaced or changed it
+  // check() throws if the file has changed since the lock was made, or since the last see(). Then a program without a
+  // lock has replaced or changed it. \throws IoError
   void check() const;
   void see();
 

@@ -1,4 +1,4 @@
-// What was found in data, in a model, or on the way to it, that its user should know: values, and their sentences.
+// Findings: what the user should know about data, a model or an identification, as values and as sentences.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,8 +11,8 @@
 namespace tokid {
 
 enum class Severity {
-  note,     // what was done in place of what was not stated
-  warning,  // data or a model may not be what their user takes them for
+  note,     // an assumption that replaced missing information
+  warning,  // the data or the model may not be what the user expects
 };
 const char* to_string(Severity severity);
 
@@ -28,7 +28,7 @@ struct Finding {
     std::string name = {};  // empty where the data give none
     bool operator==(const Experiment&) const = default;
   };
-  // factor · the sample of a channel so many steps before k
+  // factor · the sample of a channel `lag` steps before k
   struct Term {
     Channel channel;
     Index lag = 0;
@@ -36,11 +36,11 @@ struct Finding {
     bool operator==(const Term&) const = default;
   };
 
-  // With the fields that each has beside its kind; numbers are counts where no unit stands.
+  // Each kind is followed by the fields that it fills. `numbers` are counts unless a unit is given.
   enum class Kind {
     // data
-    reader_remark,                 // text: what the reader of a file did, or found
-    sample_time_missing,           // numbers: dt [s], which was taken
+    reader_remark,                 // text: what the reader of a file did or found
+    sample_time_missing,           // numbers: the assumed dt [s]
     sample_time_of_model,          // numbers: dt [s]
     axes_of_one_experiment,        // numbers: experiments, steps, inputs, outputs, as they were read
     axes_of_one_step,              // the same
@@ -53,20 +53,19 @@ struct Finding {
     input_zero_at_phases,          // channels, steps: phases of a period
     output_constant,               // channels
     samples_missing,               // channels, steps: missing in every experiment
-    experiments_without_overlap,   // experiments: a late one and an early one; steps: the begin of the one, the end of
-                                   // the other
+    experiments_without_overlap,   // experiments: a late and an early one; steps: late begin, early end
     inputs_dependent,              // channels, terms, steps; numbers: constant, varying, period
-    input_predictable,             // the same, of earlier inputs; where it is a sum of sines: sines, sines_needed, lags
-    input_feedback,                // the same, of earlier inputs and outputs
+    input_predictable,             // the same, from earlier inputs; for a sum of sines: sines, sines_needed, lags
+    input_feedback,                // the same, from earlier inputs and outputs
     more_dependent_inputs,         // numbers: count
     outputs_dependent,             // channels, terms; numbers: constant
     output_same,                   // channels, steps: the same in every experiment
     output_stuck,                  // channels, experiments, steps; numbers: value
     more_stuck_outputs,            // channels; numbers: count
-    experiments_copied,            // experiments, groups: what each is a copy of; numbers: experiments
-    experiments_dependent,         // experiments, groups: what each is a sum of; numbers: experiments
+    experiments_copied,            // experiments, groups: the original of each copy; numbers: experiments
+    experiments_dependent,         // experiments, groups: the terms of each sum; numbers: experiments
     inputs_repeated,               // numbers: experiments, courses, needed, lags
-    experiment_outlying,           // experiments; numbers: ratio; text: what would explain it
+    experiment_outlying,           // experiments; numbers: ratio; text: a possible explanation
     more_outlying_experiments,     // numbers: count
     samples_outlying,              // channels, experiments, steps; numbers: error, usual
     more_outlying_samples,         // numbers: count
@@ -84,7 +83,7 @@ struct Finding {
     no_variation,            // one model serves all steps
     few_windows,             // numbers: windows, length, gaps, unknowns, lags
     few_for_states,          // numbers: experiments, unknowns
-    free_response_single,    // it was not used
+    free_response_single,    // the free response was not used
     free_responses_unused,   // numbers: count
     free_responses_partial,  // numbers: count, states, wanted, step
     // model
@@ -93,9 +92,9 @@ struct Finding {
     states_hidden,            // steps; numbers: states
     late_begin,               // numbers: step
     frame_limits,             // numbers: step, begin, end
-    em_suspect,               // EM predicts all experiments worse than it predicted those left out
-    em_worse_one_step,        // EM was left out
-    em_worse_simulation,      // EM was left out
+    em_suspect,               // EM predicts all experiments worse than it predicted the held-out ones
+    em_worse_one_step,        // the result of EM was dropped
+    em_worse_simulation,      // the result of EM was dropped
     em_no_noise,              // Q and R are at their floors
     em_no_measurement_noise,  // R is at its floor
     em_no_process_noise,      // Q is at its floor
@@ -118,23 +117,23 @@ struct Finding {
     outputs_absent,  // no step of the data has outputs of the model
     simulated_from,  // text: the state; numbers: step
     // blocks and updates
-    exact_stretches,         // the stretches that decide are free of noise, and others are not
+    exact_stretches,         // the deciding stretches are free of noise, other stretches are not
     constant_stretches,      // numbers: smoothing
     experiments_known,       // experiments; numbers: experiments
     state_without_digests,   // numbers: count
-    update_noisy,            // the plan supposes that there is no noise
+    update_noisy,            // the plan assumes data without noise
     update_few_experiments,  // steps
     update_states_below,     // numbers: asked, found
     // bounds
     bounds_of_other_data,
     bounds_of_regressions,  // text: the method of the model
     bounds_without_free_responses,
-    no_eigenvalue_bounds,   // text: why
+    no_eigenvalue_bounds,   // text: the reason
     infinite_bounds,        // steps
     replicates_failed,      // numbers: failed, replicates
-    bounds_of_other_model,  // the options do not lead from the data to the model
+    bounds_of_other_model,  // the options and the data do not reproduce the model
     bounds_without_bias,    // numbers: experiments, regressors
-    option_without_effect,  // text: the option, which bounds from the factors do not need
+    option_without_effect,  // text: the option that bounds from the factors ignore
     // plans of experiments
     plan_of_departures,
     plan_windows_sampled,  // numbers: inputs, judged, windows
@@ -149,7 +148,7 @@ struct Finding {
     plan_ill_conditioned,       // numbers: windows, condition
     last = plan_ill_conditioned
   };
-  // What a finding is about.
+  // The part of the work that a finding is about.
   enum class Scope { all, deciding_stretches, new_experiments, cross_validation, folds };
 
   Kind kind = Kind::reader_remark;
@@ -159,10 +158,10 @@ struct Finding {
   std::vector<Index> steps = {};
   std::map<std::string, double> numbers = {};
   std::vector<Term> terms = {};
-  std::vector<std::vector<Experiment>> groups = {};  // of each experiment: those that it is made of
-  std::vector<std::string> names = {};               // of the model, beside those of the data
-  std::string text = {};                             // words of others: of a file's reader, of an error
-  std::string file = {};                             // of several, the one that it is about
+  std::vector<std::vector<Experiment>> groups = {};  // for each experiment: the ones that it is a copy or sum of
+  std::vector<std::string> names = {};               // channel names of the model, where they differ from the data
+  std::string text = {};                             // text from elsewhere: from a file reader or an error
+  std::string file = {};                             // the file that the finding is about, if there are several
 
   bool operator==(const Finding&) const = default;
 };
@@ -170,13 +169,13 @@ struct Finding {
 using Findings = std::vector<Finding>;
 
 const char* to_string(Finding::Scope scope);
-const char* to_string(Finding::Kind kind);  // "input_zero": the name in JSON and Python, which stays
+const char* to_string(Finding::Kind kind);  // "input_zero": the stable name in JSON and Python
 Severity severity(Finding::Kind kind);
 
 std::string in_words(const Finding& finding);
 std::vector<std::string> in_words(const Findings& findings);
 
-// The findings of `more` at the end of `all`.
+// Appends the findings of `more` to `all`.
 void append(Findings& all, Findings more);
 
 }  // namespace tokid

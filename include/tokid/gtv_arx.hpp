@@ -11,13 +11,14 @@ namespace tokid {
 // y_k = D_k u_k + Σ_{j=1..p_k} ( h̄¹_{k,k-j} u_{k-j} - h̄²_{k,k-j} y_{k-j} ) + ε_k      (16), (17)
 struct GtvArxStep {
   Index lags = 0;        // p_k
-  Index rows = 0;        // experiments with every sample of the step, N_k
-  Index freedom = 0;     // degrees of freedom left: N_k - rank, less those spent beforehand
+  Index rows = 0;        // N_k: experiments with every sample of the step
+  Index freedom = 0;     // N_k - rank - GtvArxOptions::spent, but at least 0
   Index rank = 0;        // numerical rank of W_k with columns scaled to norm 1
-  double condition = 0;  // condition number of the same (Frobenius norms; of its part of rank `rank`)
+  double condition = 0;  // condition number of the scaled W_k (Frobenius norms; of its part of rank `rank`)
 };
 
-// The matrices of all steps lie side by side, in slots for the largest lag order: an access is a view of its slot.
+// The regressions of all steps. Their matrices are stored side by side, in slots for the largest lag order; each
+// accessor returns a view of its slot.
 class GtvArx {
  public:
   using View = Eigen::Map<const Matrix>;
@@ -25,15 +26,15 @@ class GtvArx {
 
   Index inputs = 0, outputs = 0;
   Index k_begin = 0;             // first step with a regression: 0, or p where initial states are unknown
-  std::vector<GtvArxStep> step;  // (T), default-constructed below k_begin
+  std::vector<GtvArxStep> step;  // (T), default-constructed before k_begin
 
-  // T steps of r inputs and m outputs, of `lags_max` lags at most. Coefficients and noise shapes are left to be
-  // written, the rest is zero. What `noise_shape` and `experiments`, the largest N_k, leave out is not stored: noise
-  // shapes, leverages.
+  // Allocates T steps with r inputs, m outputs and at most `lags_max` lags. Coefficients and noise shapes are
+  // uninitialised, the rest is zero. Noise shapes are stored if `noise_shape` is true. Leverages are stored if
+  // `experiments`, the largest N_k, is positive.
   void resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments = 0);
-  // Takes the regressions of the steps before k away.
+  // Removes the regressions of the steps before k.
   void begin_at(Index k);
-  // Frees most of the memory, once the Markov parameters have their variances.
+  // Frees most of the memory. The noise shapes are not needed after the Markov parameters have their variances.
   void forget_noise_shapes();
 
   Index steps() const { return static_cast<Index>(step.size()); }
@@ -47,7 +48,7 @@ class GtvArx {
     return {coefficients_.data() + k * slot_ * outputs, outputs, regressors(k)};
   }
   View D(Index k) const { return columns(k, step[size_t(k)].lags * (inputs + outputs), inputs); }  // (m × r)
-  // h̄¹_{k,k-j} (m × r) and -h̄²_{k,k-j} (m × m), 1 ≤ j ≤ p_k, as they stand in M_k                     (15)
+  // h̄¹_{k,k-j} (m × r) and -h̄²_{k,k-j} (m × m), 1 ≤ j ≤ p_k, with the signs that they have in M_k         (15)
   View input_block(Index k, Index j) const {
     return columns(k, (step[size_t(k)].lags - j) * (inputs + outputs), inputs);
   }
@@ -55,11 +56,11 @@ class GtvArx {
     return columns(k, (step[size_t(k)].lags - j) * (inputs + outputs) + inputs, outputs);
   }
 
-  // (m × m): EᵀE / freedom; zero where no degree of freedom is left
+  // (m × m): EᵀE / freedom; zero without a degree of freedom
   View residual_cov(Index k) const { return {residual_cov_.data() + k * outputs * outputs, outputs, outputs}; }
   Eigen::Map<Matrix> residual_cov(Index k) { return {residual_cov_.data() + k * outputs * outputs, outputs, outputs}; }
 
-  // X (L_k × rank) with X·Xᵀ = (W_kᵀW_k)⁺: the covariance of the coefficients is residual_cov ⊗ X·Xᵀ. (L_k × 0) where
+  // X (L_k × rank) with X·Xᵀ = (W_kᵀW_k)⁺: the covariance of the coefficients is residual_cov ⊗ X·Xᵀ. (L_k × 0) if
   // noise shapes are not stored
   View noise_shape(Index k) const {
     return {noise_shape_.data() + k * slot_ * shape_rows_, regressors(k), shape_rank(k)};
@@ -68,14 +69,14 @@ class GtvArx {
     return {noise_shape_.data() + k * slot_ * shape_rows_, regressors(k), shape_rank(k)};
   }
   bool has_noise_shape() const { return shape_rows_ > 0; }
-  // \throws std::invalid_argument where noise shapes are not stored
+  // \throws std::invalid_argument if noise shapes are not stored
   void require_noise_shape() const;
 
-  // (m): root mean square of y_k over the experiments used
+  // (m): RMS of y_k over the experiments used
   VectorView output_rms(Index k) const { return {output_rms_.data() + k * outputs, outputs}; }
   Eigen::Map<Vector> output_rms(Index k) { return {output_rms_.data() + k * outputs, outputs}; }
 
-  // (N_k): diagonal of W_k W_k⁺, for exact leave-one-out errors; empty where leverages are not stored
+  // (N_k): diagonal of W_k W_k⁺, for exact leave-one-out errors; empty if leverages are not stored
   VectorView leverages(Index k) const { return {leverages_.data() + k * leverages_.rows(), leverage_count(k)}; }
   Eigen::Map<Vector> leverages(Index k) { return {leverages_.data() + k * leverages_.rows(), leverage_count(k)}; }
 
@@ -87,7 +88,7 @@ class GtvArx {
   Index leverage_count(Index k) const { return leverages_.rows() > 0 ? step[size_t(k)].rows : 0; }
 
   Index slot_ = 0;        // L, the largest L_k
-  Index shape_rows_ = 0;  // L where noise shapes are stored
+  Index shape_rows_ = 0;  // L if noise shapes are stored, else 0
   Matrix coefficients_;   // (m × T·L)
   Matrix residual_cov_;   // (m × T·m)
   Matrix noise_shape_;    // (L × T·L)
@@ -96,41 +97,41 @@ class GtvArx {
 };
 
 struct GtvArxOptions {
-  // p_k for every step, or a single entry for all of them. Step k uses min(p_k, k) lags where the initial states are
-  // zero, and has no regression for k < p_k where they are unknown: (17) holds for k ≥ p whatever x_0 is.
+  // p_k for every step, or a single entry for all of them. With zero initial states, step k uses min(p_k, k) lags. With
+  // unknown initial states, the steps k < p_k have no regression, because (17) holds for any x_0 from k = p on.
   std::vector<Index> lags = {1};
   Index lags_of(Index k) const { return lags[lags.size() == 1 ? 0 : size_t(k)]; }
   InitialState initial_state = InitialState::zero;
-  // Pivots of the scaled W_k below tolerance·√L_k count as zero, and the solution of smallest norm in the scaled
-  // coordinates is taken.
+  // Pivots of the scaled W_k below tolerance·√L_k count as zero. The solution then has the smallest norm in the scaled
+  // coordinates.
   double tolerance = 1.5e-14;
-  bool noise_shape = true;  // wanted for variances of what follows from the coefficients: L_k² numbers for each step
+  bool noise_shape = true;  // store noise shapes, for variances of later results: L_k² numbers for each step
   bool leverages = false;
-  // b: successive steps with a common lag order whose samples are factorised at once, where none is missing; 1: each
-  // step by itself, 0: as many as cost least
+  // b: the number of successive steps with a common lag order that share one factorisation, where no sample is missing;
+  // 1: each step alone; 0: the number with the least cost
   Index block = 0;
-  Index spent = 0;  // degrees of freedom of the experiments that the data have lost before: 1 for a mean motion
+  Index spent = 0;  // degrees of freedom that earlier processing used up: 1 for a mean motion
   Execution execution = {};
 };
 
 // Orthogonal factorisations [W_k Y_k] = Q [R_WW R_Wy; 0 R_yy]; M_kᵀ = R_WW⁺ R_Wy                          (19)
-// Successive steps share most of their window: that of p+b steps, factorised once, holds the factors of b steps.
-// Steps with fewer complete experiments than regressors get the minimum-norm solution; see `rank` and `rows`.
+// Successive steps share most of their window. The window of p+b steps is factorised once and gives the factors of b
+// steps. Steps with fewer complete experiments than regressors get the minimum-norm solution; see `rank` and `rows`.
 // \throws std::invalid_argument for lag orders below 1 or of the wrong number, or an ensemble without steps, inputs or
 // outputs
 GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options = {});
-// The same from windows, step by step.
+// The same from windows, each step alone.
 GtvArx gtv_arx(const Windows& windows, const GtvArxOptions& options = {});
 
-// N_min = r + p·(r+m), the experiments that a full-rank step needs
+// N_min = r + p·(r+m): the number of experiments that a full-rank step needs
 Index minimum_experiments(Index inputs, Index outputs, Index lags);
-// The largest p with N_min(p) ≤ N, zero if there is none
+// The largest p with N_min(p) ≤ N; zero if there is none
 Index largest_lag_order(Index experiments, Index inputs, Index outputs);
 
-// Exact leave-one-out one-step error for every lag order 1 … p_max at once: with the newest lag first, the leading
-// columns of one QR factorisation serve all orders.
+// Exact leave-one-out one-step errors for the lag orders 1 … p_max. With the newest lag first, the leading columns of
+// one QR factorisation serve all orders.
 struct LagOrderErrors {
-  std::vector<Index> steps;  // the steps examined (at most `LagOrderOptions::steps`, evenly spaced)
+  std::vector<Index> steps;  // the examined steps: at most `LagOrderOptions::steps`, evenly spaced
   Matrix error;    // (steps × p_max): mean over outputs of log( leave-one-out mean square / mean square of y )
   Vector mean;     // (p_max): column means of `error`
   Index best = 1;  // the smallest p within a standard error of the smallest mean
@@ -139,7 +140,7 @@ struct LagOrderOptions {
   Index p_max = 8;
   Index p_min = 1;
   Index steps = 64;
-  // Relative errors below this count as exact: noise-free data choose the smallest exact order.
+  // Relative errors below this count as exact: noise-free data give the smallest exact order.
   double exact = 1e-10;
   Execution execution = {};
 };

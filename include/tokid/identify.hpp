@@ -1,4 +1,4 @@
-// The pipeline in one call: ensemble → GTV-ARX → Markov parameters → model, and the choice of orders.
+// Identification in one call: ensemble → GTV-ARX → Markov parameters → model, with the choice of the orders.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -18,30 +18,34 @@ namespace tokid {
 struct Identification {
   Model model;
   Plan plan;
-  Index experiments = 0, steps = 0;  // used for identification
-  Index min_experiments = 0;         // N_min at this p, one more where a nominal trajectory is estimated
-  Index rank_deficient_steps = 0;    // of regressions step by step
-  double condition_max = 0.0;        // of the same; 0 where all steps are in one regression
-  NominalTest nominal_test;          // filled where the choice was automatic
+  Index experiments = 0, steps = 0;  // numbers used for identification
+  Index min_experiments = 0;         // N_min at this p, plus one if a nominal trajectory is estimated
+  Index rank_deficient_steps = 0;    // of the regressions of single steps
+  double condition_max = 0.0;        // of the regressions of single steps; 0 if all steps are in one regression
+  NominalTest nominal_test;          // filled if the choice was automatic
   InitialStateTest initial_state_test;
-  LagOrderErrors lag_order_errors;   // filled where p was chosen step by step
-  SmoothingChoice smoothing_choice;  // filled where p and λ were chosen together
+  LagOrderErrors lag_order_errors;   // filled if p was chosen with a regression for each step
+  SmoothingChoice smoothing_choice;  // filled if p and λ were chosen together
   OrderScores order_scores;
   RefinementChoice refinement;
-  // σ_n / σ_{n+1} of the steps of full dimension, their median: how clearly the order shows; NaN where it does not
+  // Median of σ_n / σ_{n+1} over the steps of full dimension; a large gap shows the order clearly. NaN where it is not
+  // known.
   double singular_value_gap = std::numeric_limits<double>::quiet_NaN();
-  bool held_out = false;  // else `validation` is on the training data
+  bool held_out = false;  // true: `validation` uses held-out data; false: the training data
   Validation validation;
-  // Among all experiments of the data, numbered as there. Looked for where there is noise, and five of them or more.
+  // Outliers among all experiments of the data, with their row numbers there. The search needs noise and at least five
+  // experiments.
   std::vector<Outlier> outliers;
-  // Among all experiments of the data: each was used once, and those that are made of others were not.
+  // Copies and dependent experiments among all experiments of the data. Of each group of copies one was used; dependent
+  // experiments were not used.
   Copies copies;
   Dependence dependent;
   Findings findings;
   double seconds = 0.0;
 };
 
-// \throws std::invalid_argument that names what the data lack: experiments (and which p would do), steps, excitation
+// Identifies a model. \throws std::invalid_argument that names what is missing: experiments (and the p that their
+// number allows), steps, excitation
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options = {});
 
 }  // namespace tokid

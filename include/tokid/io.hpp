@@ -15,17 +15,17 @@
 
 namespace tokid {
 
-// A file that can't be read or written, or does not hold what it should: names the file, the data set, what was found
-// and what is needed.
+// The error for a file that can't be read or written, or has the wrong content. The message names the file, the data
+// set, what was found and what is needed.
 class IoError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-// A file that the system does not let be written: no space left, a read-only target, no permission.
+// The error for a file that the system can't write: no space left, a read-only target, no permission.
 class WriteError : public IoError {
  public:
-  // `error`: the errno, or 0 where nobody has told
+  // `error`: the errno, or 0 if it is not known
   WriteError(const std::string& text, int error) : IoError(text), error_(error) {}
   int error() const { return error_; }
 
@@ -34,16 +34,17 @@ class WriteError : public IoError {
 };
 
 struct ReadOptions {
-  // Columns of a .csv that are inputs and outputs; empty: those whose names begin with u and y.
+  // Columns of a .csv that are inputs and outputs; empty: the columns whose names begin with u and y.
   std::vector<std::string> inputs = {}, outputs = {};
-  bool outputs_required = true;  // false: inputs alone will do (m = 0), and outputs without a sample
-  // The channels that the data are needed for, with all of their names: those of a model, see complete(). Channels with
-  // these names are taken in this order; columns of a .csv too, unless they are stated above. Empty: as the file has
-  // it.
+  bool outputs_required = true;  // false: the file may have inputs alone (m = 0), or outputs without a sample
+  // The channels that the caller needs, with all of their names, such as those of a model; see complete(). The reader
+  // takes channels with these names in this order. It also takes .csv columns with these names, unless `inputs` and
+  // `outputs` state others. Empty: the channels as they are in the file.
   Channels wanted = {};
 };
 
-// Which file it is, and when it last changed: not even programs that set the time of a file can set that of its status.
+// Identity of a file and its last change. Programs can set the modification time of a file, but not the time of its
+// last status change.
 struct FileState {
   std::uint64_t number = 0, bytes = 0;
   std::string modified, changed;  // in UTC
@@ -51,7 +52,7 @@ struct FileState {
 
 enum class FileKind { ensemble, model };
 
-// docs/formats.md holds the names and shapes. \throws IoError
+// Reading of files; docs/formats.md has the names and shapes. \throws IoError
 FileKind file_kind(const std::filesystem::path& path);
 Ensemble load_ensemble(const std::filesystem::path& path, const ReadOptions& options = {});
 Model load_model(const std::filesystem::path& path);
@@ -61,15 +62,15 @@ struct WriteOptions {
   bool mat73 = false;
 };
 
-// The file appears whole or not at all: written beside its target without a name, which it gets at the end. \throws
-// IoError where the name is none to write to, WriteError
+// Writing of files. The file appears as a whole or not at all: it is written without a name beside its target, and gets
+// the name at the end. \throws IoError where the name can't be written to, WriteError
 void save_ensemble(const Ensemble& ensemble, const std::filesystem::path& path, const WriteOptions& options = {});
 void save_model(const Model& model, const std::filesystem::path& path, const WriteOptions& options = {});
-// Text as it stands, such as a page; any extension.
+// Writes text unchanged, such as a page; any extension.
 void save_text(std::string_view text, const std::filesystem::path& path);
 
-// Results that belong together. While it lives, what this thread saves waits whole, but without its name; commit()
-// gives the names, in the order of saving. Without it, nothing has been written.
+// Files that must appear together. While this object lives, the files that this thread saves are complete but have no
+// name. commit() gives them their names, in the order of saving. Without commit(), nothing is written.
 class FilesTogether {
  public:
   FilesTogether();
@@ -77,7 +78,7 @@ class FilesTogether {
   FilesTogether(const FilesTogether&) = delete;
   FilesTogether& operator=(const FilesTogether&) = delete;
 
-  // \throws WriteError where one can't have its name; those before it keep theirs
+  // \throws WriteError where a file can't get its name; the files before it keep theirs
   void commit();
 
  private:

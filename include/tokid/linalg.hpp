@@ -1,4 +1,4 @@
-// The only door to a dense linear algebra backend. Every routine is single-threaded and deterministic.
+// The only interface to a dense linear algebra backend. Every routine is single-threaded and deterministic.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -16,17 +16,17 @@ struct Svd {
 };
 Svd svd(const ConstMatrixRef& a);
 
-// Singular values alone, in decreasing order.
+// Singular values only, in decreasing order.
 Vector singular_values(const ConstMatrixRef& a);
 
 // Overwrites a (rows × cols) by its Householder QR factorisation and returns the upper triangular, or for
 // rows < cols upper trapezoidal, factor (min(rows, cols) × cols). The lower part of `a` is left undefined.
 Matrix triangular_factor(Matrix& a);
 
-// [above; below], whose columns agree in number; either may be empty.
+// [above; below] of matrices with equally many columns; either may have no rows.
 Matrix stacked(const ConstMatrixRef& above, const ConstMatrixRef& below);
 
-// The triangular factor of rows that come block by block, in memory that does not grow with their number.
+// The triangular factor of rows that arrive in blocks. The memory does not grow with their number.
 class RowStack {
  public:
   explicit RowStack(Index cols) : rows_(0, cols) {}
@@ -34,7 +34,7 @@ class RowStack {
   Matrix factor();  // (min(rows, cols) × cols)
 
  private:
-  Matrix rows_;  // the first used_ of them count
+  Matrix rows_;  // only the first used_ rows are valid
   Index used_ = 0;
 };
 
@@ -55,32 +55,32 @@ MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, doubl
 // 8·ε·max(rows, cols).
 Matrix pseudo_inverse(const ConstMatrixRef& a, double tolerance = -1.0);
 
-// Some matrix W (n × n) with W·S·Wᵀ = I for a symmetric positive definite S. A singular S is lifted by rounding errors,
-// a zero S yields the identity: whitening never divides by zero.
+// A matrix W (n × n) with W·S·Wᵀ = I for a symmetric positive definite S. The diagonal of S is first raised by the size
+// of rounding errors, and a zero S gives the identity: whitening never divides by zero.
 Matrix whitener(const ConstMatrixRef& s);
 
-// Some F (n × n) with F·Fᵀ = S for a symmetric positive semidefinite S; nothing for any other. Asymmetries and negative
-// eigenvalues up to 1e-10 of the diagonal count as rounding errors, and so do eigenvalues below 4·n·ε of the
+// A matrix F (n × n) with F·Fᵀ = S for a symmetric positive semidefinite S; empty for any other S. Asymmetries and
+// negative eigenvalues up to 1e-10 of the diagonal count as rounding errors. So do eigenvalues below 4·n·ε of the
 // largest correlation.
 std::optional<Matrix> covariance_factor(const ConstMatrixRef& s);
 
-// a⁻¹·b for a (n × n) and b (n × cols), by an LU decomposition with partial pivoting. Not finite, or huge, where a is
-// singular.
+// a⁻¹·b for a (n × n) and b (n × cols), by an LU decomposition with partial pivoting. Not finite, or very large, if a
+// is singular.
 Matrix solve(const ConstMatrixRef& a, const ConstMatrixRef& b);
 
-// s = vectors · diag(values) · vectorsᵀ for a symmetric s (n × n), of which the lower triangle is read.
+// s = vectors · diag(values) · vectorsᵀ for a symmetric s (n × n); only the lower triangle is read.
 struct SymmetricEigensystem {
   Vector values;   // (n), in increasing order
   Matrix vectors;  // (n × n), orthogonal
 };
 SymmetricEigensystem symmetric_eigensystem(const ConstMatrixRef& s);
 
-// Eigenvalues (n) of a (n × n), in no order of meaning; conjugate pairs stand together. NaN, all of them, where a is
-// not finite or the iteration does not converge. \throws std::invalid_argument where a is not square
+// Eigenvalues (n) of a (n × n), in arbitrary order, with conjugate pairs together. All are NaN if a is not finite or
+// the iteration does not converge. \throws std::invalid_argument where a is not square
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a);
 
 // The same eigenvalues with their vectors: a·right = right·diag(values), left = right⁻¹ (rows, so that left·right = I).
-// Where a has no basis of eigenvectors, left is not finite or huge.
+// If a has no basis of eigenvectors, left is not finite or very large.
 struct Eigensystem {
   Eigen::VectorXcd values;       // (n)
   Eigen::MatrixXcd right, left;  // (n × n)

@@ -6,17 +6,18 @@
 
 namespace tokid {
 
-// Only the band 1 ≤ γ = k-i ≤ band is computed and kept: O(T·band·p) time, O(T·band) memory. The matrices of all steps
-// lie side by side: an access is a view.
+// Markov parameters. Only the band 1 ≤ γ = k-i ≤ band is computed and stored: O(T·band·p) time, O(T·band) memory. The
+// matrices of all steps are stored side by side; each accessor returns a view.
 class Markov {
   template <class Blocks>
-  auto block(Blocks& blocks, Index k, Index i, Index columns) const {  // of the steps k and i
+  // for the output at step k and the pulse at step i
+  auto block(Blocks& blocks, Index k, Index i, Index columns) const {
     return blocks.middleCols((k * band + k - i - 1) * columns, columns);
   }
 
  public:
   Markov() = default;
-  // T steps of r inputs and m outputs, with columns from `first` on: all zero.
+  // Allocates T steps with r inputs and m outputs, all zero. `widest` is the band and `first` is i_begin.
   Markov(Index T, Index r, Index m, Index widest, Index first);
 
   Index inputs = 0, outputs = 0, band = 0;
@@ -25,19 +26,20 @@ class Markov {
   Index steps() const { return steps_; }
   bool has(Index k, Index i) const { return i >= i_begin && k > i && k - i <= band && k < steps(); }
 
-  // Of step k: (m × band·r), block γ-1 is h_{k,k-γ} (28), (29); and (m × band·m), block γ-1 is h°_{k,k-γ} (34), (35)
+  // For step k, system(k) (m × band·r) has the block h_{k,k-γ} (28), (29) at γ-1, and gain(k) (m × band·m) has the
+  // block h°_{k,k-γ} (34), (35) at γ-1.
   auto system(Index k) const { return system_.middleCols(k * band * inputs, band * inputs); }
   auto system(Index k) { return system_.middleCols(k * band * inputs, band * inputs); }
   auto gain(Index k) const { return gain_.middleCols(k * band * outputs, band * outputs); }
   auto gain(Index k) { return gain_.middleCols(k * band * outputs, band * outputs); }
-  // Variances of the entries of system(k) to first order, with those of earlier entries taken as uncorrelated: a
-  // measure of size, not a bound.
+  // Variances of the entries of system(k), to first order. Earlier entries count as uncorrelated, so the variances are
+  // a measure of size, not a bound.
   auto system_noise(Index k) const { return system_noise_.middleCols(k * band * inputs, band * inputs); }
   auto system_noise(Index k) { return system_noise_.middleCols(k * band * inputs, band * inputs); }
   auto D(Index k) const { return D_.middleCols(k * inputs, inputs); }  // (m × r)
   auto D(Index k) { return D_.middleCols(k * inputs, inputs); }
 
-  // h_{k,i} (m × r), h°_{k,i} (m × m), and the variances of the first
+  // h_{k,i} (m × r), h°_{k,i} (m × m), and the variances of h_{k,i}
   auto h(Index k, Index i) const { return block(system_, k, i, inputs); }
   auto h(Index k, Index i) { return block(system_, k, i, inputs); }
   auto h_gain(Index k, Index i) const { return block(gain_, k, i, outputs); }
@@ -52,7 +54,8 @@ class Markov {
   Matrix D_;                      // (m × T·r)
 };
 
-// \throws std::invalid_argument for band < 1, or where `arx` holds no noise shapes
+// Computes the Markov parameters from the regressions. \throws std::invalid_argument for band < 1, or if `arx` holds no
+// noise shapes
 Markov markov(const GtvArx& arx, Index band, const Execution& execution = {});
 
 }  // namespace tokid
