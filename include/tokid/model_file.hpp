@@ -1,4 +1,4 @@
-// Models that are written as they grow.
+// Model files that are written step by step.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,21 +10,21 @@
 
 namespace tokid {
 
-// A model that grows at its end and becomes an .h5 like that of save_model(), whole or not at all. What comes first
-// waits in an unnamed file beside the target.
+// Writes a model to an .h5 in the format of save_model(), piece by piece. The file appears as a whole or not at all.
+// Until commit(), the steps are in an unnamed file beside the target.
 class ModelFile {
  public:
-  // \throws IoError where nothing can be written beside the target, or it is no .h5
+  // \throws IoError where no file can be written beside the target, or the target is not an .h5
   explicit ModelFile(const std::filesystem::path& path);
   ~ModelFile();
   ModelFile(const ModelFile&) = delete;
   ModelFile& operator=(const ModelFile&) = delete;
 
-  // The next steps: the first ones say all that is said once per model. A nominal trajectory is that of these steps
-  // alone, and of those before the first step of the model. \throws std::invalid_argument where steps or state
-  // dimensions do not follow on, IoError
+  // Appends the next steps. The first call also sets everything that a model has once. The nominal trajectory is that
+  // of these steps alone; in the first call it includes the steps before the model begins.
+  // \throws std::invalid_argument where steps or state dimensions do not continue the previous ones, IoError
   void append(const Model& steps);
-  // Everything appended, with empty matrices: dimensions, condition, rank and lags per step.
+  // The model so far without its matrices: only dimensions, condition, rank and lags of each step.
   const Model& outline() const;
   // \throws IoError
   void commit(const std::string& options, const std::string& program_version);

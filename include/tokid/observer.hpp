@@ -1,4 +1,4 @@
-// Observers of a model that is known or identified: deadbeat (Appendix B) and Kalman (Appendix A).
+// Observers for a known or identified model: deadbeat (Appendix B) and Kalman (Appendix A).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,33 +9,34 @@ namespace tokid {
 // ‖Ā_{k+p-1} … Ā_k‖_F for k = k_begin … k_end-p (76)
 std::vector<double> deadbeat_products(const Model& model, Index p);
 
-// The gains of a deadbeat observer of the model: Ā_{k+p-1} … Ā_k = 0 for every k (76), where p is the number of steps
-// after which the outputs tell the state. With S_0 = Rⁿ and S_{j+1}(k+1) = A_k (S_j(k) ∩ ker C_k), the states that j
-// outputs could not see, G_k = -A_k L_k is chosen so that Ā_k maps S_j(k) into S_{j+1}(k+1); L_k lifts the outputs
-// back along this flag. Unique where p·m = n (then it is the gain the paper identifies), else the one of smallest
-// lifts.
+// The gains of a deadbeat observer of the model: Ā_{k+p-1} … Ā_k = 0 for every k (76). p is the number of steps after
+// which the outputs determine the state. S_0 = Rⁿ and S_{j+1}(k+1) = A_k (S_j(k) ∩ ker C_k) are the states that j
+// outputs could not observe. G_k = -A_k L_k is chosen so that Ā_k maps S_j(k) into S_{j+1}(k+1); L_k lifts the outputs
+// back along these subspaces. The gain is unique if p·m = n, and then it is the gain that the paper identifies.
+// Otherwise the gain with the smallest lifts is chosen.
 struct DeadbeatGain {
   std::vector<Matrix> G;  // (S) n_{k+1} × m
-  Index steps = 0;        // p: the steps after which every error is gone; more than S where some state is never seen
+  // p: the number of steps after which every error is zero; more than S if some state is never observed
+  Index steps = 0;
 };
-// Directions below tolerance·‖C_k‖ count as unseen, below tolerance·‖A_k‖ as gone.
+// Directions below tolerance·‖C_k‖ count as unobserved; directions below tolerance·‖A_k‖ count as zero.
 DeadbeatGain deadbeat_gain(const Model& model, double tolerance = 1e-10);
 
-// The Kalman filter of a model whose noise is known (54):
+// The Kalman filter of a model with known noise (54):
 //   x_{k+1} = A_k x_k + B_k u_k + w_k,   E[w_k w_kᵀ] = Q_k
 //   y_k     = C_k x_k + D_k u_k + v_k,   E[v_k v_kᵀ] = R_k,   w and v white and independent of each other
-// P_k is carried as a square root in Joseph's form, so that it stays symmetric and positive semidefinite whatever the
-// rounding errors; singular innovations get the gain of smallest norm.
+// P_k is propagated as a square root in Joseph's form. It therefore stays symmetric and positive semidefinite despite
+// rounding errors. A singular innovation covariance gives the gain of smallest norm.
 struct KalmanFilter {
   std::vector<Matrix> P;  // (S+1) n_k × n_k: covariance of x_k - x̂_k before y_k is known
   std::vector<Matrix> K;  // (S) n_k × m: P_k C_kᵀ (C_k P_k C_kᵀ + R_k)⁻¹                          (69)
   std::vector<Matrix> innovation_cov;  // (S) m × m: C_k P_k C_kᵀ + R_k
 };
-// P of the first step is model.x0_cov, zero where that is empty. \throws std::invalid_argument where Q or R is missing,
-// or one of the three is no covariance
+// P of the first step is model.x0_cov, or zero if that is empty. \throws std::invalid_argument where Q or R is missing,
+// or one of the three is not a covariance
 KalmanFilter kalman_filter(const Model& model);
 
-// The model with its Kalman filter as observer: K_k, G_k = -A_k K_k, innovation_cov. predict() then filters optimally.
+// The model with its Kalman filter as observer: K_k, G_k = -A_k K_k, innovation_cov. With it, predict() is optimal.
 Model kalman_observer(Model model);
 
 }  // namespace tokid

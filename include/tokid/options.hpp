@@ -1,4 +1,4 @@
-// What a user may ask of an identification, and its text in a model.
+// The options of an identification, and their text in a model.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,27 +12,29 @@ namespace tokid {
 enum class NominalChoice { automatic, none, mean };
 
 struct IdentifyOptions {
-  // n; 0: the rank of each H_k where the data are free of noise, else the order that predicts and simulates best
+  // n; 0: the rank of each H_k if the data are free of noise, else the order with the smallest prediction and
+  // simulation errors
   Index states = 0;
-  Index lags = 0;  // p; 0: the smallest error on experiments left out, together with λ where the data are noisy
+  // p; 0: the order with the smallest cross-validation error, chosen together with λ if the data are noisy
+  Index lags = 0;
   Method method = Method::automatic;
-  // λ of the penalty on variation in time; negative: by cross-validation where the data are noisy or too few for a
-  // regression at each step; infinity: one model for all steps. TVERA has none.
+  // λ of the penalty on variation over time. Negative: by cross-validation if the data are noisy or too few for a
+  // regression at each step. Infinity: one model for all steps. TVERA has no λ.
   double smoothing = -1.0;
-  Index period = 0;  // P: the steps k, k+P, … share one model; 1: time-invariant; 0: every step has its own
-  // Of the subspace realisation; empty: by errors on experiments left out where steps share a model, else one_step.
+  Index period = 0;  // P: the steps k, k+P, … share one model; 1: time-invariant; 0: each step has its own
+  // Weighting of the subspace realisation; empty: by cross-validation if steps share a model, else one_step.
   std::optional<Weighting> weighting = {};
-  // Maximum likelihood by EM, as far as it helps on experiments left out; empty: where the data are noisy and the
+  // Maximum likelihood by EM, as far as it lowers the cross-validation error. Empty: true if the data are noisy and the
   // realisation is the subspace one.
   std::optional<bool> refine = {};
-  std::optional<InitialState> initial_state =
-      {};  // empty: as the data say, else by test on the residuals of the first steps
+  std::optional<InitialState> initial_state = {};  // empty: as the data state it, else by a test of the first residuals
   NominalChoice nominal = NominalChoice::automatic;
   Frame frame = Frame::raw;
   Index reference_step = -1;  // s of the reference frame; -1: the first step of full dimension
-  double hold_out = 0.0;      // share of the experiments kept for validation, 0 ≤ share < 1
+  double hold_out = 0.0;      // held-out share of the experiments, for validation, 0 ≤ share < 1
   Index rows = 0, cols = 0;   // blocks of H_k; 0: max(p, ⌈n/m⌉)+1 and max(p, n), or with noise max(p, 48)
-  // Of an earlier identification of the same kind, to be followed with its `lags` and `states`; empty: made anew.
+  // Choices of an earlier identification of the same kind, to use again with its `lags` and `states`; empty: choose
+  // anew.
   std::optional<NoisyChoices> choices = {};
   Execution execution = {};
 };
@@ -41,11 +43,12 @@ struct IdentifyOptions {
 // and the number of experiments that were used.
 std::string to_json(const IdentifyOptions& options, Index experiments);
 
-// The options that a model was identified with; those that its text does not name have their defaults.
-// \throws std::invalid_argument where the model holds none, or one that is not known or has another kind of value
+// The options that a model was identified with. Options that its text does not contain have their defaults.
+// \throws std::invalid_argument where the model has no options, or an option is unknown or has a value of the wrong
+// type
 IdentifyOptions identify_options(const Model& model);
 
-// Beside the options Model::options remembers what was chosen.
+// Model::options also stores the choices.
 void note_choices(Model& model, const NoisyChoices& choices);
 std::optional<NoisyChoices> noted_choices(const Model& model);
 

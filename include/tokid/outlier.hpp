@@ -7,12 +7,12 @@
 
 namespace tokid {
 
-// An experiment that does not obey the model of the others, by the residuals that it has with it.
+// An experiment whose residuals show that it does not fit the model of the other experiments.
 struct Outlier {
   Index experiment = 0;
-  double ratio = 0.0;       // size of its leave-one-out residuals over the usual one
-  std::string explanation;  // what would make it as usual, in words; empty: nothing that was tried
-  std::string name;         // of the experiment, empty where the data give none
+  double ratio = 0.0;       // size of its leave-one-out residuals over the usual size
+  std::string explanation;  // possible cause: a change that makes it fit, in words; empty: none was found
+  std::string name;         // name of the experiment; empty where the data give none
 };
 
 }  // namespace tokid

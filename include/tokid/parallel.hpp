@@ -1,4 +1,4 @@
-// The only door to threads: a loop over time steps whose iterations do not depend on each other.
+// The only interface to threads: a loop whose iterations do not depend on each other.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,24 +12,25 @@ namespace tokid {
 using Progress = std::function<void(double)>;
 
 struct Execution {
-  int threads = 1;         // 0: as many as the machine has
-  Progress progress = {};  // empty: silent
+  int threads = 1;         // 0: one for each processor of the machine
+  Progress progress = {};  // empty: no reports
 };
 
-// Threads that it asks for: 0 stands for as many as the machine has.
+// The number of threads that `execution` asks for; 0 stands for the number of processors.
 Index thread_count(const Execution& execution);
 
-// For a stage that takes the part from … to of the whole progress: the same threads, and its own share reported so.
+// The execution of one stage of the work. It has the same threads, and its progress is reported between `from` and
+// `to`.
 Execution share(const Execution& whole, double from, double to);
 
-// Calls body(begin, end) on contiguous, disjoint pieces that cover [begin, end). The pieces may run at the same time;
-// results are the same bits for any number of threads as long as each index writes only what belongs to it. The first
-// exception thrown by a piece is rethrown here.
+// Calls body(begin, end) on contiguous, disjoint pieces that cover [begin, end). The pieces may run at the same time.
+// If each index writes only its own results, these have the same bits for any number of threads. The first exception of
+// a piece is rethrown here.
 void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body);
 
-// While it lives, all loops and long stages on the thread that made it call `check` every now and then, also those that
-// report no progress. What that throws stops them and comes out of the call; it must be no std::exception, lest it be
-// taken for one of the failures that some stages can do without. The innermost one counts.
+// Lets a caller stop long computations. While this object lives, all loops and long stages on the thread that created
+// it call `check` regularly, even if they report no progress. An exception from `check` stops them and leaves the call.
+// It must not be a std::exception, because some stages catch those. With several objects, the innermost one is used.
 class Interruptible {
  public:
   explicit Interruptible(std::function<void()> check);
@@ -41,7 +42,7 @@ class Interruptible {
   std::function<void()> check_;
   const std::function<void()>* outer_;
 };
-// The check of this thread, where it has one.
+// Calls the check of this thread, if there is one.
 void checkpoint();
 
 }  // namespace tokid

@@ -1,5 +1,5 @@
-// What an identification has decided between the departures and the model, and what a plan makes of windows:
-// regressions, and from them the model. Whole ensembles, blocks and updates use the same two functions.
+// The plan of an identification: its decisions between the departures and the model. regressions() and realise() make
+// the model of a plan from windows. Whole ensembles, blocks and updates use these two functions.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -20,46 +20,48 @@ struct Plan {
   Method method = Method::subspace;                 // tvera or subspace
   Index lags = 0;                                   // p
   Index states = 0;                                 // n; 0: the rank of each H_k
-  InitialState initial_state = InitialState::zero;  // of the experiments
-  // A model whose initial states are unknown begins where all of its state is seen; blocks in the middle of a record
-  // begin where their regressions do, as their neighbours hold the steps before.
+  InitialState initial_state = InitialState::zero;  // initial states of the experiments
+  // true: with unknown initial states, the model begins at the first step of full dimension. false: for blocks in the
+  // middle of a record, the model begins with its regressions, because the neighbouring block has the steps before.
   bool from_full_dimension = true;
-  bool nominal = false;      // a mean motion was removed, which costs an experiment
-  Index nominal_period = 0;  // P: the steps k, k+P, … share that motion; 0: every step has its own
+  bool nominal = false;      // a mean motion was removed, which uses one degree of freedom
+  Index nominal_period = 0;  // P: the steps k, k+P, … share this mean motion; 0: each step has its own
   bool noisy = false;        // residuals beyond rounding errors
-  bool coupled = false;      // one regression of all steps, with `choices`; else one for each step
+  bool coupled = false;      // one regression of all steps with `choices`; else one for each step
   NoisyChoices choices = {};
-  Index rows = 0, cols = 0;        // blocks of H_k; 0: as many as p lags and n states need
+  Index rows = 0, cols = 0;        // blocks of H_k; 0: the number that p lags and n states need
   Vector output_size, input_size;  // (m), (r): units in which TVERA forms H_k
   Frame frame = Frame::raw;        // coordinates of the model
   Index reference_step = -1;       // s of the reference frame; -1: the first step of full dimension
 };
 
-// (16)-(19): of each step alone, or of all steps coupled. \throws std::invalid_argument as gtv_arx() and smooth_arx()
+// The regressions (16)-(19), of each step alone or of all steps coupled. \throws std::invalid_argument as gtv_arx() and
+// smooth_arx()
 GtvArx regressions(const Windows& windows, const Plan& plan, const Execution& execution = {});
 
-// (28)-(42), or the subspace realisation; without EM, and in the coordinates that the realisation gives. Free responses
-// serve TVERA alone. \throws std::invalid_argument as markov(), tvera() and subspace()
+// The model from the regressions: (28)-(42), or the subspace realisation. It is made without EM, in the coordinates of
+// the realisation. Only TVERA uses the free responses. \throws std::invalid_argument as markov(), tvera() and
+// subspace()
 Model realise(const Windows& windows, GtvArx arx, const FreeResponse& free, const Plan& plan,
               const Execution& execution = {});
 
-// Block rows and columns of H_k by the plan.
+// Block rows and columns of H_k from the plan.
 TveraOptions tvera_options(const Plan& plan, Index outputs);
 
-// A TVERA model of these regressions with what they tell: covariances of the innovations, condition numbers, ranks and
-// lags of the regressions, dt, names and initial state.
+// Adds to a TVERA model the information from its regressions: covariances of the innovations, condition numbers, ranks
+// and lags, dt, names and initial state.
 Model completed(Model model, const Windows& windows, const GtvArx& arx, const Plan& plan);
 
-// A model of experiments with such initial states. Unknown ones can be followed only from where all of the state is
-// seen: the model begins there.
+// Sets the initial state of the model. If it is unknown and the model has no period, the model then begins at the first
+// step of full dimension, because the state can be followed only from there.
 Model from_known_state(Model model, InitialState initial);
 
-// s of the plan's reference frame.
+// The step s of the plan's reference frame.
 Index frame_step(const Model& model, const Plan& plan);
-// In the coordinates that the plan asks for. `begin` and `end` are the steps that are in them: all but those that a
-// reference frame does not reach.
+// The model in the coordinates of the plan. `begin` and `end` are the steps in these coordinates; a reference frame
+// does not reach all steps.
 FramedModel in_frame(Model model, const Plan& plan);
-// Where the reference frame of step s ends.
+// Finding on the steps that the reference frame of step s does not reach.
 Findings findings_of_frame(const FramedModel& framed, Index s, const Plan& plan);
 
 }  // namespace tokid

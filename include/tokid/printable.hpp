@@ -1,4 +1,4 @@
-// Text that is safe to show to people.
+// Text that is safe to display.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -7,8 +7,8 @@
 
 namespace tokid {
 
-// Text from a file or a name, as one line for people: control characters and line separators, which a terminal would
-// obey, become spaces, marks that turn the direction of the text are left out, and what is not UTF-8 becomes U+FFFD.
+// Makes one safe line of text from a file or a name. Control characters and line separators, which a terminal would
+// obey, become spaces. Characters that change the text direction are removed. Bytes that are not UTF-8 become U+FFFD.
 std::string printable(std::string_view text);
 
 }  // namespace tokid

@@ -1,4 +1,4 @@
-// Least squares whose coefficients may vary from step to step, but not freely: the regularisation over time.
+// Least squares with a penalty on the variation of the coefficients over time.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,12 +8,12 @@
 
 namespace tokid {
 
-// X_0 … X_{G-1} (L × q each) that minimise  Σ_g ‖R_g X_g - Z_g‖² + Σ_g ‖diag(stiffness)·(X_{g+1} - X_g)‖²,  where
-// rows[g] = [R_g Z_g] (any number of rows × (L + q)); none where a step has no data. The stiffness (L) of a coefficient
-// is √λ times its unit. Where all of it is zero each step stands alone (minimum norm), where any of it is infinite all
-// steps share one solution. Square-root information recursion, orthogonal throughout: O(G·(L+q)·L²) time, O(G·L·(L+q))
-// memory. \throws std::invalid_argument for rows or a stiffness of the wrong size, negative entries, or zero ones among
-// others
+// Computes the X_0 … X_{G-1} (L × q each) that minimise  Σ_g ‖R_g X_g - Z_g‖² + Σ_g ‖diag(stiffness)·(X_{g+1} - X_g)‖².
+// rows[g] = [R_g Z_g] (any number of rows × (L + q)) has no rows where a step has no data. The stiffness (L) of a
+// coefficient is √λ times its unit. If all stiffnesses are zero, each step is solved alone (minimum norm). If any is
+// infinite, all steps share one solution. The method is a square-root information recursion by orthogonal
+// transformations: O(G·(L+q)·L²) time, O(G·L·(L+q)) memory. \throws std::invalid_argument for rows or a stiffness of
+// the wrong size, negative entries, or zero entries among others
 std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness);
 
 }  // namespace tokid

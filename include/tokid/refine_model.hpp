@@ -1,4 +1,4 @@
-// refine() with its λ chosen, and what became of the model by it.
+// refine() with a chosen λ, and a comparison of the models before and after.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,23 +12,23 @@
 namespace tokid {
 
 struct RefineModelOptions {
-  std::optional<double> smoothing = {};  // λ; empty: that of the identification, else by cross-validation
-  RefineOptions refine = {};             // of which `smoothing` is of no account
+  std::optional<double> smoothing = {};  // λ; empty: the λ of the identification, else by cross-validation
+  RefineOptions refine = {};             // its `smoothing` is ignored
 };
 
-// Of one model on the data of its refinement.
+// The fits of one model on the data of the refinement.
 struct RefinementFigures {
   Fit simulation, one_step;  // over the samples that both models can compute
   double whiteness_p = 0.0;
 };
 
 struct RefinedModel {
-  Refinement refinement;  // its model has noted data, λ and iterations
+  Refinement refinement;  // its model stores the data's fingerprint, λ and the iterations
   double smoothing = 0.0;
-  std::string reason;       // for this λ
-  LikelihoodChoice choice;  // filled where it was chosen by cross-validation
+  std::string reason;       // reason for this λ
+  LikelihoodChoice choice;  // filled if λ was chosen by cross-validation
   RefinementFigures before, after;
-  Findings findings;  // those of the refinement, after the differences of model and data
+  Findings findings;  // findings on differences of model and data, then those of the refinement
 };
 
 // \throws as refine()

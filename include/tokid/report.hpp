@@ -1,4 +1,4 @@
-// Results → pages: whether a model can be trusted, and what became of the paper's example.
+// Results → pages: a report on whether a model can be trusted, and the results of the paper's example.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,36 +11,37 @@
 
 namespace tokid {
 
-// What the data of a report are to the model; the verdict depends on it.
+// The relation of the data of a report to the model. The verdict depends on it.
 enum class Evaluation {
-  automatic,  // found out by doing one regression of the identification anew; of data of which some had been held out,
-              // these alone are tested
-  given,      // other data, as far as is known
-  held_out,   // experiments kept back from the identification
-  training    // the experiments of the identification themselves
+  // found by repeating one regression of the identification; if the data include held-out experiments, only these are
+  // tested
+  automatic,
+  given,     // other data, as far as known
+  held_out,  // experiments held out from the identification
+  training   // the training data
 };
 
 struct ReportOptions {
-  std::string model_name, data_name;  // of the files, shown as text
+  std::string model_name, data_name;  // names of the files, shown as text
   Evaluation evaluation = Evaluation::automatic;
-  Index identified_from = 0;                       // experiments of the identification; 0: not known
-  Findings findings = {};                          // of the identification, and others that belong on the page
+  Index identified_from = 0;                       // number of experiments of the identification; 0: not known
+  Findings findings = {};                          // findings of the identification and others for the page
   Index horizon = 10;                              // H of the H-step predictions and their fit
   std::optional<InitialState> initial_state = {};  // as in PredictOptions
-  Index experiments = 24;                          // at most so many in the plots; all of them count in the figures
-  Index points = 1200;                             // at most so many per curve: least and largest of each stretch
+  Index experiments = 24;                          // most experiments in the plots; the fits use all of them
+  Index points = 1200;                             // most points per curve: minimum and maximum of each stretch
 };
 
 enum class Trust { good, look_closer, distrust };
 const char* to_string(Trust trust);  // "good", "look closer", "don't trust"
 
-// The first thing on the page: one sentence of figures, and why the status is what it is.
+// The verdict, at the top of the page: one sentence of figures, and the reasons for the status.
 struct Verdict {
   Trust trust = Trust::distrust;
   std::string summary;
-  std::vector<std::string> reasons;  // against the model, the gravest first; empty where nothing is
-  // The steps ahead by which the fits were judged; 0: by simulation. Predictions are judged where the noise that the
-  // model states spoils the simulation of an exact model too.
+  std::vector<std::string> reasons;  // reasons against the model, the most serious first; empty if there are none
+  // The prediction horizon of the fits that decide; 0: the simulation decides. Predictions decide if the noise of the
+  // model would spoil the simulation of an exact model too.
   Index horizon = 0;
 };
 // \throws as report_page
@@ -50,22 +51,22 @@ struct ReportPage {
   Verdict verdict;
   std::string html;
 };
-// A self-contained page in HTML, which loads nothing: tables for every reader, plots where JavaScript runs. Its data
-// are a few megabytes at most, whatever the size of the ensemble; what was left out is stated on it.
+// Makes a self-contained HTML page, which loads nothing: tables for every reader, plots if JavaScript runs. Its data
+// are a few megabytes at most, for any size of the ensemble; the page states what it leaves out.
 // \throws std::invalid_argument where channels disagree, or no step of the data has a model
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options = {});
 
-// The page of a model that was just identified from these data with these options: on the experiments that were held
-// out, where there are some, and with the warnings of the identification.
+// The page of a model that was just identified from these data with these options. It uses the held-out experiments if
+// there are any, and shows the warnings of the identification.
 ReportPage identification_page(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
                                ReportOptions options = {});
 
-// The paper's figures with their captions, Appendix B and the Kalman study on one page, which loads nothing and needs
-// no JavaScript.
+// One page with the paper's figures and captions, Appendix B and the Kalman study. It loads nothing and needs no
+// JavaScript.
 std::string paper_page(const Paper& paper, const KalmanStudy& study);
-// All of the figures' data, as JSON text.
+// The data of all figures, as JSON text.
 std::string paper_json(const Paper& paper, const KalmanStudy& study);
-// Each figure as an SVG file of its own.
+// Each figure as a separate SVG file.
 struct PaperFile {
   std::string name, text;
 };

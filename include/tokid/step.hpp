@@ -1,4 +1,4 @@
-// One step of a model: A_k, B_k, C_k, D_k, G_k and what else is known of it, in one piece of memory.
+// One step of a model: A_k, B_k, C_k, D_k, G_k and its optional parts, in one block of memory.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,13 +9,13 @@
 
 namespace tokid {
 
-// Long models hold millions of steps of a few numbers each. A matrix of its own for each part would take three times
-// the memory. What adds a part or takes it away, set_… and forget_…, ends the life of all views of the step.
+// Long models have millions of steps with few numbers each. One allocation for each matrix would take three times the
+// memory. The functions set_… and forget_… add or remove a part; they invalidate all views of the step.
 class Step {
  public:
   using View = Eigen::Map<const Matrix>;
-  // By `=` it takes matrices of its own shape alone: \throws std::invalid_argument. Other operators are Eigen's, which
-  // check shapes in debug builds only.
+  // operator= accepts only matrices of the same shape. \throws std::invalid_argument. The other operators are those of
+  // Eigen, which checks shapes in debug builds only.
   class Writable : public Eigen::Map<Matrix> {
    public:
     using Eigen::Map<Matrix>::Map;
@@ -32,14 +32,14 @@ class Step {
     void need_shape(Index found_rows, Index found_cols) const;
   };
 
-  // No states, no channels.
+  // A step without states and channels.
   Step() = default;
-  // Matrices of zeros for n_k states that become n_{k+1}, r inputs and m outputs.
+  // Zero matrices for n_k states before and n_{k+1} states after the step, r inputs and m outputs.
   Step(Index states, Index next_states, Index inputs, Index outputs);
   // \throws std::invalid_argument where the shapes disagree
   Step(const Matrix& A, const Matrix& B, const Matrix& C, const Matrix& D, const Matrix& G);
 
-  // The same dimensions, the same parts, and the same numbers in them.
+  // True if dimensions, parts and numbers are all equal.
   bool operator==(const Step& other) const;
 
   Index states() const { return states_; }            // n_k
@@ -59,23 +59,23 @@ class Step {
   Writable G() { return writable(Part::G); }
   Matrix closed_loop() const { return A() + G() * C(); }  // Ā_k                                         (10)
 
-  // innovation_cov, singular values, condition, rank and lags as another step has them.
+  // Copies innovation_cov, singular values, condition, rank and lags of another step.
   void take_diagnostics_of(const Step& other);
 
-  // The dimensions, condition, rank and lags alone: none of the matrices may be asked for.
+  // A copy with only dimensions, condition, rank and lags. Its matrices must not be accessed.
   Step outline() const;
 
   bool has_matrices() const { return has(Part::A); }
 
-  // What may be known besides. To ask for what is not known: \throws std::logic_error
+  // Optional parts. Access to a missing part: \throws std::logic_error
   bool has_innovation_cov() const { return has(Part::innovation_cov); }
   bool has_Q() const { return has(Part::Q); }
   bool has_R() const { return has(Part::R); }
   bool has_K() const { return has(Part::K); }
   View innovation_cov() const { return view(Part::innovation_cov); }  // m × m
-  View Q() const { return view(Part::Q); }                            // of the process noise, n_{k+1} × n_{k+1}
-  View R() const { return view(Part::R); }                            // of the measurement noise, m × m
-  View K() const { return view(Part::K); }                            // Kalman gain of the filtered state, n_k × m
+  View Q() const { return view(Part::Q); }  // covariance of the process noise, n_{k+1} × n_{k+1}
+  View R() const { return view(Part::R); }  // covariance of the measurement noise, m × m
+  View K() const { return view(Part::K); }  // Kalman gain of the filtered state, n_k × m
   // \throws std::invalid_argument for a wrong shape
   void set_innovation_cov(const Matrix& covariance) { set(Part::innovation_cov, covariance); }
   void set_Q(const Matrix& covariance) { set(Part::Q, covariance); }
@@ -84,17 +84,17 @@ class Step {
   void forget_innovation_cov() { forget(Part::innovation_cov); }
   void forget_noise();  // Q, R, K
 
-  // Of the identification.
+  // Diagnostics of the identification.
   bool has_singular_values() const { return has(Part::singular_values); }
   bool has_condition() const { return has(Part::condition); }
   bool has_rank() const { return has(Part::rank); }
   bool has_lags() const { return has(Part::lags); }
-  // Of H_k, in decreasing order; none where they are not known.
+  // Singular values of H_k, in decreasing order; none if they are not known.
   Eigen::Map<const Vector> singular_values() const {
     return {numbers_.data() + begin(Part::singular_values), singular_values_};
   }
-  double condition() const { return *at(Part::condition); }           // of the scaled W_k with TVERA, else of [x_k u_k]
-  Index rank() const { return static_cast<Index>(*at(Part::rank)); }  // of the same
+  double condition() const { return *at(Part::condition); }           // of the scaled W_k for TVERA, else of [x_k u_k]
+  Index rank() const { return static_cast<Index>(*at(Part::rank)); }  // of the same matrix
   Index lags() const { return static_cast<Index>(*at(Part::lags)); }  // p_k
   void set_singular_values(const Vector& values);
   void set_condition(double condition) { set(Part::condition, condition); }
@@ -106,7 +106,7 @@ class Step {
   requires std::is_same_v<std::remove_const_t<S>, Step>
   friend void fields(Archive& archive, S& step);  // for messages between processes
 
-  // In the order in which they lie in memory.
+  // In the order of their place in memory.
   enum class Part : std::uint8_t { A, B, C, D, G, innovation_cov, Q, R, K, singular_values, condition, rank, lags };
   static constexpr unsigned bit(Part part) { return 1U << unsigned(part); }
   static constexpr unsigned system = 0x1F;  // A to G
@@ -114,8 +114,8 @@ class Step {
   bool has(Part part) const { return (parts_ & bit(part)) != 0; }
   Index rows(Part part) const;
   Index cols(Part part) const;
-  Index begin(Part part) const;          // of its numbers
-  Index begin_besides(Part part) const;  // of those behind the system
+  Index begin(Part part) const;          // first index in numbers_
+  Index begin_besides(Part part) const;  // the same for the parts after A to G
   void need(Part part) const {
     if (!has(part)) not_known(part);
   }
@@ -133,7 +133,7 @@ class Step {
   void set(Part part, double value);
   void forget(Part part);
   double* room_for(Part part, Index size);
-  bool whole() const;  // Do the numbers make the parts? For what was read.
+  bool whole() const;  // Do the numbers have the size of the parts? A check after reading.
 
   Vector numbers_;
   std::int32_t states_ = 0, next_states_ = 0, inputs_ = 0, outputs_ = 0, singular_values_ = 0;

@@ -1,5 +1,5 @@
-// GTV-ARX model + data → A_k, B_k, C_k, D_k, G_k of every step: the weighted predictor subspace realisation, for noisy
-// data and unknown initial states.
+// GTV-ARX model + data → A_k, B_k, C_k, D_k, G_k of every step. This is the weighted predictor subspace realisation,
+// for noisy data and unknown initial states.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,34 +8,35 @@
 
 namespace tokid {
 
-// Which outputs the states must explain, where there are more of them than a model is to have.
+// The weighting decides which outputs the states must explain when noise shows more states than the model is to have.
 enum class Weighting {
-  one_step,    // each from the samples up to the step before it: what the observer needs (canonical variates)
-  many_steps,  // all from the past alone: what the simulation needs
-  // All from the past alone, by projections of the data instead of the ARX model; needs a period. The matrices are
-  // those of PO-MOESP: poles do not depend on noise models, and B, D simulate best.
+  one_step,    // each output from the samples up to the step before: best for the observer (canonical variates)
+  many_steps,  // all outputs from the past alone: best for the simulation
+  // All outputs from the past alone. The projections use the data instead of the ARX model, and need a period. The
+  // matrices are those of PO-MOESP: the poles do not depend on noise models, and B and D give the best simulation.
   projection,
 };
 
 struct SubspaceOptions {
-  Index states = 0;  // at most so many per step; 0: the numerical rank, which noisy data do not show
-  // f: block rows of the predictor; 0: p, and with Weighting::one_step no more than show 24 singular values
+  Index states = 0;  // largest number of states per step; 0: the numerical rank, which noise hides
+  // f: block rows of the predictor. 0: p, but with Weighting::one_step at most the number that gives 24 singular
+  // values.
   Index future = 0;
   Weighting weighting = Weighting::one_step;
-  TimeVariation variation = {};  // of the ARX model
-  // λ of the regressions that give the matrices. The states of neighbouring steps share a frame and are smooth already:
-  // a weaker penalty does. Negative: state_share of the ARX model's.
+  TimeVariation variation = {};  // variation of the ARX model
+  // λ of the regressions for the matrices. Negative: state_share times the λ of the ARX model. A weaker penalty is
+  // enough, because the states of neighbouring steps share a frame and are smooth already.
   double state_smoothing = -1.0;
   static constexpr double state_share = 1.0 / 30;
-  // Without noise the residuals say nothing: outputs are weighed by their size, and the observer is the ARX model's
-  // own.
+  // false: for data without noise, whose residuals carry no information. The outputs are then weighted by their size,
+  // and the observer is that of the ARX model.
   bool noisy = true;
   Execution execution = {};
 };
 
-// At step k the p past samples z_k (oldest first, zeros before the experiment) predict the next f outputs by the ARX
-// blocks that act on them; with Weighting::many_steps, the outputs in between are predictions, too. That predictor
-// times the data, the outputs weighed by their innovations, is
+// At step k, the p past samples z_k (oldest first, zeros before the experiment) predict the next f outputs with the ARX
+// coefficients. With Weighting::many_steps, the outputs in between are predicted too. The predictor times the data,
+// with the outputs weighted by their innovations, is
 //   Σ^{-1/2} M_k Z_kᵀ = U S Vᵀ,   and the state samples are   X_k = S^{-1/2} Uᵀ Σ^{-1/2} M_k Z_k  (n_k × N).
 struct PredictorFactor {
   Vector singular_values;  // (q)
@@ -44,16 +45,16 @@ struct PredictorFactor {
 };
 struct PredictorFactors {
   Index lags = 0, future = 0;
-  Index k_begin = 0;                   // of the first step with a state
-  std::vector<PredictorFactor> group;  // of each group of steps that share their model (T where they vary)
+  Index k_begin = 0;                   // first step with a state
+  std::vector<PredictorFactor> group;  // one for each group of steps that share a model (T if the model varies)
 };
 // \throws std::invalid_argument where the ARX model and the data disagree, the data are shorter than p + P, or
-// projections are to be made without an ensemble
+// projections are requested without an ensemble
 PredictorFactors predictor_factors(const Windows& windows, const GtvArx& arx, const SubspaceOptions& options);
 
 // Two regressions per step: y_k on [x_k; u_k] → C_k, D_k and the innovations ε_k; x_{k+1} on [x_k; u_k; ε_k] → A_k,
-// B_k, -G_k. Exact without noise for every p ≥ p_min and for any initial states. The state dimension is the smallest of
-// `states`, the rank, what the samples before k can tell and what those from k on can show.
+// B_k, -G_k. Without noise they are exact for every p ≥ p_min and any initial states. The state dimension is the
+// smallest of four numbers: `states`, the rank, and the limits of the samples before step k and from step k on.
 Model realise(const Windows& windows, const GtvArx& arx, const PredictorFactors& factors,
               const SubspaceOptions& options);
 

@@ -1,4 +1,4 @@
-// Several processes that share one piece of work.
+// A team: several processes that share one piece of work.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,10 +11,11 @@
 
 namespace tokid {
 
-// One process alone by default.
+// The default is a team of one process.
 struct Team {
   Index rank = 0, size = 1;
-  // What the first member says, at all of them; and what each of them says in turn, at the first one.
+  // broadcast: returns the text of the first member at all members. gather: returns the texts of all members, in order,
+  // at the first member.
   std::function<std::string(std::string)> broadcast = [](const std::string& own) { return own; };
   std::function<std::vector<std::string>(std::string)> gather = [](const std::string& own) {
     return std::vector<std::string>{own};

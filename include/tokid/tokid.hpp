@@ -1,4 +1,4 @@
-// Everything: from repeated experiments to a time varying state-space model with its observer.
+// All public headers: from repeated experiments to a time-varying state-space model with its observer.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

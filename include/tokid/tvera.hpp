@@ -1,4 +1,5 @@
-// Markov parameters → A_k, B_k, C_k, D_k, G_k of every step (37)-(42): the time varying eigensystem realisation.
+// Markov parameters → A_k, B_k, C_k, D_k, G_k of every step (37)-(42): the time-varying eigensystem realisation
+// algorithm (TVERA).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,36 +11,35 @@ namespace tokid {
 struct TveraOptions {
   Index rows = 2;    // block rows of H_k = [h_{k+a,k-1-b}]; needs (rows-1)·m ≥ n
   Index cols = 2;    // block columns; needs cols·r ≥ n
-  Index states = 0;  // at most so many states per step; 0: the numerical rank of H_k, which noisy data do not show
-  // σ_i(H_k) counts as zero below the smaller of noise_factor times the expected norm of the error of H_k and 1e-9
-  // times its scale.
+  Index states = 0;  // largest number of states per step; 0: the numerical rank of H_k, which noise hides
+  // σ_i(H_k) counts as zero below the smaller of two bounds: noise_factor times the expected norm of the error of H_k,
+  // and 1e-9 times its scale.
   double noise_factor = 3.0;
-  // Typical sizes of the outputs (m) and inputs (r), in whose units H_k is formed, so that its singular values do not
-  // depend on the units of the channels; empty: 1.
+  // Typical sizes of the outputs (m) and inputs (r); empty: 1. H_k is formed in these units, so that its singular
+  // values do not depend on the units of the channels.
   Vector output_size = {}, input_size = {};
   Execution execution = {};
 };
 
 // H_k = U Σ Vᵀ = O_k R_{k-1}, O_k = U Σ^{1/2}, for every step from markov.i_begin on. Near both ends H_k has fewer
-// blocks. Free-response experiments, where given, are further columns, so that O_k has full rank from the first step
-// on.
+// blocks. Free responses, if given, are additional columns. With them, O_k has full rank from the first step on.
 struct HankelFactor {
   Matrix u;                // (rows·m × q) left singular vectors of H_k in the units of TveraOptions
   Vector singular_values;  // (q)
-  double scale = 0.0;      // σ_1, or the norm of D_k where that is larger
+  double scale = 0.0;      // σ_1, or the norm of D_k if that is larger
   double error = 0.0;      // expected Frobenius norm of the error of H_k, from the residuals of the regressions
 };
 struct HankelFactors {
   Index rows = 0, cols = 0;        // blocks of a complete H_k
   Index k_begin = 0;               // step of the first factor
-  std::vector<HankelFactor> step;  // of steps k_begin … T-1
+  std::vector<HankelFactor> step;  // for the steps k_begin … T-1
 };
 // \throws std::invalid_argument for sizes that do not fit the band of the Markov parameters
 HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, const TveraOptions& options);
 
 // A_k = (O_{k+1}↑)⁺ O_k↓, B_k = O_{k+1}⁺ [h_{k+1,k}; …], C_k = first block row of O_k, G_k = O_{k+1}⁺ P_{k+1} (38),
-// (40). A model for every step; the state dimension is min(states, rank H_k), so it grows at the start and shrinks at
-// the end.
+// (40). Every step has a model. The state dimension is min(states, rank H_k), so it grows at the start and falls at the
+// end.
 Model realise(const Markov& markov, const HankelFactors& factors, const TveraOptions& options);
 
 // Both in one call.

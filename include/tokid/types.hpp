@@ -1,10 +1,10 @@
-// Matrices and indices as Eigen has them.
+// Matrix and index types of Eigen.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <Eigen/Core>
 
-#include "tokid/version.hpp"  // checks that Eigen allocates here as it did when the library was built
+#include "tokid/version.hpp"  // checks that Eigen allocates memory as in the build of the library
 
 namespace tokid {
 

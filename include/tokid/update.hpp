@@ -1,5 +1,5 @@
-// Experiments that come later: an identification's regressions as triangular factors, to which more are added without
-// the samples of the old ones.
+// Updates with later experiments. The regressions of an identification are stored as triangular factors, to which new
+// experiments are added without the old samples.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -16,22 +16,23 @@
 
 namespace tokid {
 
-// What is kept of all experiments so far, and the plan that was made from the first ones, without EM, which needs
-// samples.
+// The update state: the factors of all experiments so far, and the plan from the first experiments. It does not include
+// EM, which needs samples.
 struct UpdateState {
   WindowFactors factors;
-  Plan plan;            // without the units of TVERA, which all experiments tell
-  std::string options;  // as Model::options has them, with the fingerprints of all data
-  // Of all experiments that were given, copies and repetitions among them, ascending; they are not added again.
+  Plan plan;            // without the units of TVERA, which come from all experiments
+  std::string options;  // as in Model::options, with the fingerprints of all data
+  // Digests of all experiments so far, including copies and repetitions, ascending. An experiment with one of these
+  // digests is not added again.
   std::vector<Digest> digests;
-  Index without_digest = 0;  // experiments of a state that was written before states had digests
+  Index without_digest = 0;  // experiments without a digest, from a state of an older version
 };
 
-// Of an identification and the data that it used. \throws std::invalid_argument for what takes samples: experiments
-// held out, free responses of TVERA, projections; and where no state was found in noise
+// Makes the state of an identification and its training data. \throws std::invalid_argument for methods that need
+// samples (held-out experiments, free responses of TVERA, projections), and for noisy data in which no state was found
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options);
 
-// The model of all experiments so far: that of identify() with the same choices and without EM, which needs samples.
+// The model of all experiments so far: that of identify() with the same choices, but without EM.
 struct Updated {
   Model model;
   Index experiments = 0;
@@ -41,42 +42,47 @@ struct Updated {
 };
 Updated identify(const UpdateState& state, const Execution& execution = {});
 
-// \throws std::invalid_argument that names what differs from the experiments before
+// Checks that `more` fits the state. \throws std::invalid_argument that names the difference from the experiments
+// before
 void check_update(const UpdateState& state, const Ensemble& more);
-// Experiments with the samples of one that was given before are left out, and copies within the new ones are used once;
-// the findings tell of both. \throws as check_update()
+// Adds experiments to the state. It leaves out an experiment with the samples of an earlier one, and uses copies within
+// the new ones once. The findings report both. \throws as check_update()
 Findings update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
 
-// What ensembles have added, and how well the model of the experiments before does on that.
+// The experiments that ensembles added, and the fit of the previous model to them.
 struct Additions {
-  std::vector<Index> experiments;         // that each of them has added
-  std::vector<std::vector<Index>> known;  // row numbers, ascending, of those in each that the state had already
-  Fit simulation, one_step;               // as validate() finds them on all new experiments in one ensemble
-  // Among them one for each output that the model before predicts no better than by its mean, or simulates far worse.
+  std::vector<Index> experiments;  // number of experiments added from each ensemble
+  // rows of the experiments in each ensemble that the state already had, ascending
+  std::vector<std::vector<Index>> known;
+  Fit simulation, one_step;  // fits of validate() on all new experiments in one ensemble
+  // They include one finding for each output that the previous model predicts no better than its mean does, or
+  // simulates far worse.
   Findings findings;
 };
 
-// As update(), with the figures of the model before, which is identify() of the state. \throws as check_update()
+// As update(), with the fit of the previous model `before`, which must be identify() of the state. \throws as
+// check_update()
 Additions update(UpdateState& state, const Model& before, const Ensemble& more, const Execution& execution = {});
 
 struct UpdateOptions {
   ReadOptions read = {};
   Execution execution = {};
-  Team team = {};  // shares the files
+  Team team = {};  // processes that share the files
 };
 
-// Each file as update() of its experiments, in this order and with one of them in memory at a time: the same state, to
-// the last bit, for any number of members and threads. Every member of the team calls it; state, model and what is
-// returned are those of the first one. Where it throws, the state has some of the files, and is of no use. \throws
-// IoError, and as check_update() with the name of the file in front
+// Updates the state with each file in this order, with one file in memory at a time. The state has the same bits for
+// any number of members and threads. Every member of the team must call it. `state`, `before` and the result matter at
+// the first member only. After an exception the state contains some of the files and must not be used. \throws IoError,
+// and as check_update() with the name of the file in front
 Additions update(UpdateState& state, const Model& before, const std::vector<std::filesystem::path>& files,
                  const UpdateOptions& options = {});
 
-// In .npz, .h5 or .mat; the file appears whole or not at all. Who reads a state, adds experiments and saves it again
-// holds a FileLock meanwhile, else somebody else's experiments may be lost. \throws IoError
+// Writes .npz, .h5 or .mat; the file appears as a whole or not at all. A program that reads a state, adds experiments
+// and saves it must hold a FileLock during this time. Otherwise the experiments of another program may be lost.
+// \throws IoError
 void save_update_state(const UpdateState& state, const std::filesystem::path& path);
-// Of a state that was read from the file of this lock, which outlives the FilesTogether of this thread. \throws
-// IoError, and as FileLock::check()
+// Saves a state that was read from the file of this lock. The lock must outlive the FilesTogether of this thread.
+// \throws IoError, and as FileLock::check()
 void save_update_state(const UpdateState& state, FileLock& held);
 UpdateState load_update_state(const std::filesystem::path& path);
 

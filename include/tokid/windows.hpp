@@ -1,5 +1,5 @@
-// Ensemble → triangular factors of the windows of all steps: all that regressions need of the experiments. Those that
-// come later are merged into them, and the old ones are not needed again.
+// Ensemble → triangular factors of the windows of all steps. Regressions need nothing else of the experiments. Later
+// experiments are merged into the factors without the old samples.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,8 +11,8 @@
 
 namespace tokid {
 
-// R_k with R_kᵀR_k = [1 V_k]ᵀ[1 V_k] for the windows V_k = [v_{k-p} … v_k] (N_k × w, w = (p+1)·d) of the experiments
-// that have them without a gap; samples before the experiments are zero.
+// Upper triangular R_k with R_kᵀR_k = [1 V_k]ᵀ[1 V_k] for the windows V_k = [v_{k-p} … v_k] (N_k × w, w = (p+1)·d) of
+// the experiments without a gap in the window. Samples before the start of the experiments are zero.
 struct WindowFactors {
   Index inputs = 0, outputs = 0, lags = 0;          // r, m, p
   InitialState initial_state = InitialState::zero;  // zero: from step 0 on, unknown: from step p on
@@ -21,8 +21,8 @@ struct WindowFactors {
   Index experiments = 0;    // N
   std::vector<Index> rows;  // (T) N_k, 0 before the first step
   Matrix factor;            // (w+1 × T·(w+1)) R_0 R_1 …, upper triangular
-  // Over the experiments that have the sample, columns k·d … as in Ensemble: their number, the sum, and the sum of the
-  // squares of the departures from the mean.
+  // Statistics of each sample over the experiments that have it, in columns k·d … as in Ensemble: their number, their
+  // sum, and the sum of the squared departures from their mean.
   Vector count, sum, spread;  // (T·d)
 
   Index channels() const { return inputs + outputs; }
@@ -31,23 +31,24 @@ struct WindowFactors {
   Index begin() const { return initial_state == InitialState::zero ? 0 : lags; }
   auto of(Index k) const { return factor.middleCols(k * (width() + 1), width() + 1); }
   auto of(Index k) { return factor.middleCols(k * (width() + 1), width() + 1); }
-  // The mean motion over the experiments, as nominal_trajectory() has it.
+  // The mean motion over the experiments, as nominal_trajectory() computes it.
   Nominal nominal() const;
 };
 
-// Successive steps share a factorisation as in gtv_arx(). \throws std::invalid_argument unless 1 ≤ lags < T
+// Computes the factors. Successive steps share a factorisation as in gtv_arx(). \throws std::invalid_argument unless 1
+// ≤ lags < T
 WindowFactors window_factors(const Ensemble& ensemble, Index lags, InitialState initial_state,
                              const Execution& execution = {});
 
-// The factors of the experiments of both. \throws std::invalid_argument that names what differs, where they are not of
-// one kind
+// Adds the experiments of `others` to `factors`. \throws std::invalid_argument that names the difference if both do not
+// match
 void merge(WindowFactors& factors, const WindowFactors& others, const Execution& execution = {});
 
-// What regressions take of experiments: the windows of an ensemble, or fewer rows with the same products.
+// The input of regressions: the windows of an ensemble, or fewer rows with the same products.
 class Windows {
  public:
   Windows(const Ensemble& ensemble);  // NOLINT(google-explicit-constructor): an ensemble has windows; refers to it
-  // Departures from a mean motion, where one is given. Refers to the factors.
+  // The windows of factors, as departures from a mean motion if one is given. Refers to the factors.
   explicit Windows(const WindowFactors& factors, const Nominal* nominal = nullptr);
 
   Index experiments() const { return experiments_; }
@@ -56,18 +57,18 @@ class Windows {
   Index outputs() const { return outputs_; }
   Index channels() const { return inputs_ + outputs_; }
 
-  // [v_{k-p} … v_k] (any number of rows × (p+1)·d), and N_k, the number of experiments that they stand for.
+  // [v_{k-p} … v_k] (any number of rows × (p+1)·d). Returns N_k, the number of experiments that the rows represent.
   // \throws std::invalid_argument for more lags than the factors have
   Index rows(Index k, Index lags, Matrix& rows) const;
-  Index count(Index k, Index lags) const;  // N_k alone
+  Index count(Index k, Index lags) const;  // N_k only
   Matrix rows(Index k, Index lags) const {
     Matrix result;
     rows(k, lags, result);
     return result;
   }
-  // Root mean squares of the channels over all experiments and steps, 1 for channels that are zero.
+  // RMS of each channel over all experiments and steps, 1 for channels that are zero.
   Vector channel_sizes() const;                           // (d)
-  const Ensemble* ensemble() const { return ensemble_; }  // null: there are factors only
+  const Ensemble* ensemble() const { return ensemble_; }  // null: only factors
 
   double dt = 1.0;
   Channels names;
@@ -79,11 +80,11 @@ class Windows {
   Vector mean_;  // (T·d); empty: none
 };
 
-// Window factors without factors, sums and counted rows: sizes, names, dt and initial states alone.
+// Window factors with sizes, names, dt and initial states only, for check_alike().
 WindowFactors kind_of(const Ensemble& ensemble, Index lags, InitialState initial_state);
 
-// What experiments must have in common for their windows to be merged; looks at their kinds alone.
-// \throws std::invalid_argument that names what differs
+// Checks that the windows of both can be merged; needs only the fields that kind_of() sets.
+// \throws std::invalid_argument that names the difference
 void check_alike(const WindowFactors& factors, const WindowFactors& others);
 
 }  // namespace tokid
