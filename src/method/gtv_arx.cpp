@@ -52,7 +52,7 @@ void GtvArx::require_noise_shape() const {
 
 namespace {
 
-// Inverse norms of the columns; 1 for columns of zeros, which stay zero.
+// Inverse norms of the columns; 1 for zero columns, which stay zero.
 Vector column_scales(const ConstMatrixRef& a) {
   Vector scales = a.colwise().norm();
   for (double& s : scales) s = s > 0 ? 1 / s : 1.0;
@@ -72,8 +72,8 @@ class StepRegression {
   StepRegression(Index inputs, Index outputs, const GtvArxOptions& options, GtvArx& arx)
       : inputs_(inputs), outputs_(outputs), options_(options), arx_(arx) {}
 
-  // R (w × w, upper) of step k with these lags, from factor(i, j), i ≤ j. Of its rows no more than `rows`, the number
-  // of experiments, are more than rounding errors, those of columns that are zero left aside.
+  // R (w × w, upper) of step k with these lags comes from factor(i, j), i ≤ j. Without its zero columns, R has at most
+  // `rows` nonzero rows, the number of experiments; further rows are rounding errors.
   template <class Factor>
   void run(Index k, Index lags, Index rows, Factor&& factor) {
     const Index left = lags * (inputs_ + outputs_) + inputs_;
@@ -99,8 +99,8 @@ class StepRegression {
   }
 
  private:
-  // The least-squares problem Y_k = W_k M_kᵀ (19). Columns of norm 1: the rank and the smallest norm then do not depend
-  // on the units of the channels.
+  // Solves the least-squares problem Y_k = W_k M_kᵀ (19). The columns are scaled to norm 1, so that the rank and the
+  // smallest norm do not depend on the units of the channels.
   void solve(Index k) {
     const Index left = r_.rows();
     GtvArxStep& step = arx_.step[size_t(k)];
@@ -111,7 +111,7 @@ class StepRegression {
       scales_(j) = norm > 0 ? 1 / norm : 1.0;
     }
     r_.leftCols(left) *= scales_.asDiagonal();
-    Matrix unexplained;  // beyond the numerical rank
+    Matrix unexplained;  // residual beyond the numerical rank
     const double size = r_.norm(), least = r_.diagonal().cwiseAbs().minCoeff();
     bool is_clear = least * linalg::certain_rank > size;
     if (is_clear) {
@@ -150,7 +150,7 @@ class StepRegression {
   Vector scales_;
 };
 
-// Steps by themselves, over their experiments without a gap.
+// Regresses steps one by one, over their experiments without a gap.
 class AloneRoute {
  public:
   AloneRoute(const Windows& windows, const GtvArxOptions& options, GtvArx& arx)
@@ -176,9 +176,9 @@ class AloneRoute {
   Matrix rows_;
 };
 
-// The steps begin … end-1 from one factorisation of all their samples. A step has the oldest samples of its window
-// before all others but those of the steps before it; once these are dropped, their rows of the triangular factor are
-// absorbed by the rest of it.
+// Regresses the steps begin … end-1 from one factorisation of all their samples. The oldest samples of a step's window
+// must be the first columns of the factor. Samples of earlier steps are therefore dropped, and their rows of the
+// triangular factor are absorbed by the rest.
 class SharedRoute {
  public:
   SharedRoute(const Windows& windows, const GtvArxOptions& options, GtvArx& arx)
@@ -189,7 +189,7 @@ class SharedRoute {
   void run(Index begin, Index end, Index lags) {
     const Index d = ensemble_.channels(), first = std::max<Index>(0, begin - lags);
     const auto window = ensemble_.samples().middleCols(first * d, (end - first) * d);
-    if (std::isnan(window.sum())) {  // a gap makes it so
+    if (std::isnan(window.sum())) {  // NaN if there is a gap
       for (Index k = begin; k < end; ++k) alone_.run(k, std::min(k, lags));
       return;
     }
@@ -210,8 +210,8 @@ class SharedRoute {
   linalg::RowAbsorption factor_;
 };
 
-// As many successive steps of full lag order at once as a vector has lanes. Those with a gap, or whose rank is in
-// doubt, are regressed by themselves.
+// Regresses successive steps of full lag order together, one in each lane of a vector. Steps with a gap, or with an
+// uncertain rank, are regressed alone.
 class LaneRoute {
  public:
   LaneRoute(const Windows& windows, Index lags, const GtvArxOptions& options, GtvArx& arx)
@@ -223,7 +223,7 @@ class LaneRoute {
         batch_(ensemble_.experiments(), left_, ensemble_.outputs()),
         alone_(windows, options, arx) {}
 
-  // The steps k … k+lanes-1, of which those from `first` on are kept.
+  // Regresses the steps k … k+lanes-1 and keeps those from `first` on.
   void run(Index k, Index first) {
     const Index rows = ensemble_.experiments(), offset = rows * ensemble_.channels();
     batch_.run(ensemble_.samples().data() + (k - lags_) * offset, rows, offset);
@@ -238,7 +238,7 @@ class LaneRoute {
     step.condition = batch_.condition(l);
     auto rms = arx_.output_rms(k);
     bool sound = step.condition < linalg::certain_rank;
-    for (Index j = 0; j < m; ++j) {  // of a gap no number, of very large or small ones no square
+    for (Index j = 0; j < m; ++j) {  // NaN after a gap; the squares of very large or small numbers are inaccurate
       double square = 0.0;
       for (Index i = 0; i <= left_ + j; ++i) square += factor(i, left_ + j) * factor(i, left_ + j);
       rms(j) = std::sqrt(square / double(rows));
@@ -275,8 +275,8 @@ class LaneRoute {
   AloneRoute alone_;
 };
 
-// b with the fewest operations per step: the factorisation of p+b steps, shared by b of them, and what it takes to drop
-// samples, whose operations are slower by about the factor `slow`.
+// The b with the fewest operations per step. The factorisation of p+b steps is shared by b of them. To drop samples
+// takes operations that are slower by about the factor `slow`.
 Index best_block(Index experiments, Index channels, Index lags) {
   constexpr double slow = 2.5, worth_it = 0.8;
   const auto cost = [&](Index b) {
@@ -298,7 +298,7 @@ void check(const Windows& w) {
                     w.experiments(), w.steps(), w.inputs(), w.outputs()));
 }
 
-// An ARX model with room for all regressions, and their first step.
+// Allocates an ARX model for all regressions and sets their first step.
 GtvArx prepared(const Windows& windows, const GtvArxOptions& options) {
   check(windows);
   const Index steps = windows.steps();
@@ -316,7 +316,7 @@ GtvArx prepared(const Windows& windows, const GtvArxOptions& options) {
   arx.resize(steps, windows.inputs(), windows.outputs(), lags_max, options.noise_shape,
              options.leverages ? windows.experiments() : 0);
   if (options.initial_state == InitialState::zero) return arx;
-  // The regressions begin where every later step has its lags within the data.
+  // The regressions begin at the first step from which every step has its lags within the data.
   Index begin = steps;
   while (begin > 0 && options.lags_of(begin - 1) < begin) --begin;
   arx.begin_at(begin);
@@ -378,7 +378,7 @@ namespace {
 
 constexpr double inf = std::numeric_limits<double>::infinity();
 
-// Leave-one-out errors of one step for the lag orders 1 … p_max, as log of the share of the mean square of y.
+// Leave-one-out errors of one step for the lag orders 1 … p_max, as logs of the share of the mean square of y.
 Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact) {
   const Index d = ensemble.channels(), r = ensemble.inputs(), m = ensemble.outputs();
   const std::vector<Index> rows = ensemble.complete_rows(k, p_max);
@@ -443,8 +443,8 @@ LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions&
       result.error.row(s) =
           step_errors(ensemble, result.steps[static_cast<size_t>(s)], p_max, options.exact).transpose();
   });
-  // Missing samples may leave some steps too few experiments: orders are compared at the steps that can judge all of
-  // them, up to the largest order that at least half of the steps can judge.
+  // Missing samples may leave too few experiments at some steps. Orders are compared at the steps that can test all of
+  // them, up to the largest order that at least half of the steps can test.
   const auto judging = [&](Index p) { return (result.error.col(p - 1).array() < inf).count(); };
   Index judged = p_max;
   while (judged > 1 && 2 * judging(judged) < count) --judged;
@@ -455,7 +455,7 @@ LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions&
   result.mean.setConstant(p_max, inf);
   if (!rows.empty()) result.mean.head(judged) = error.leftCols(judged).colwise().mean().transpose();
 
-  // One standard error of the paired difference over steps decides against needless lags.
+  // A smaller order wins if its mean is within one standard error, that of the paired difference over the steps.
   const Index first = std::clamp<Index>(options.p_min, 1, p_max);
   Index smallest = first;
   for (Index p = first; p <= p_max; ++p)

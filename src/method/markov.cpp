@@ -11,11 +11,13 @@ namespace tokid {
 
 namespace {
 
-// Rounding errors of simulated or stored outputs, in units of ε: the residuals of noise-free data are not below it.
+// Rounding errors of simulated or stored outputs, relative to their size. The residuals of noise-free data are not
+// smaller.
 constexpr double rounding = 8 * std::numeric_limits<double>::epsilon();
 
-// The columns and rows of Markov parameters, in passes that are each parallel: the pulse responses column by column,
-// what the errors of each regression add to their variances row by row, and what these hand on column by column.
+// Computes the Markov parameters and their variances in three passes, each of them parallel. The first computes the
+// pulse responses by columns. The second adds the error of each regression to the variances, by rows. The third
+// propagates these variances to later steps, by columns.
 class Recursions {
  public:
   Recursions(const GtvArx& arx, Markov& markov) : arx_(arx), markov_(markov) {
@@ -30,7 +32,7 @@ class Recursions {
     }
   }
 
-  // h_{k,i} and h°_{k,i}, k > i: the answer of the ARX recursion to a pulse at i.                       (28), (34)
+  // h_{k,i} and h°_{k,i}, k > i: the response of the ARX recursion to a pulse at i.                     (28), (34)
   void respond(Index i) {
     for (Index k = i + 1; k <= last(i); ++k) {
       const Index gap = k - i, lags = arx_.step[size_t(k)].lags;
@@ -49,8 +51,9 @@ class Recursions {
     }
   }
 
-  // h_{k,i} = M_k ω with ω the window that the pulse leaves behind, so to first order its variance is Σ_e
-  // ωᵀ(W_kᵀW_k)⁺ω, on top of what the earlier parameters hand on.
+  // Adds the variance from the regression of step k itself. h_{k,i} = M_k ω, where ω is the window of the pulse
+  // response. To first order, the variance is Σ_e ωᵀ(W_kᵀW_k)⁺ω. hand_on() adds the variances of the earlier
+  // parameters.
   class Own {
    public:
     explicit Own(const Recursions& of) : of_(of) {}
@@ -101,8 +104,8 @@ class Recursions {
 
   const GtvArx& arx_;
   Markov& markov_;
-  Matrix variance_;              // (m × T) of the innovation of each output
-  Matrix feedthrough_variance_;  // (m × T·r) of the entries of D_k
+  Matrix variance_;              // (m × T) variance of the innovation of each output
+  Matrix feedthrough_variance_;  // (m × T·r) variance of the entries of D_k
 };
 
 }  // namespace

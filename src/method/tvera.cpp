@@ -17,9 +17,9 @@ namespace tokid {
 
 namespace {
 
-// No error estimate vouches for singular values below this share of the largest.
+// Singular values below this share of the largest are rounding errors, whatever the estimated error is.
 constexpr double negligible = 8 * std::numeric_limits<double>::epsilon();
-// Relative size below which a singular value is error of arithmetic rather than of noisy data.
+// Singular values below this relative size may be arithmetic errors. Larger ones are not.
 constexpr double arithmetic = 1e-9;
 
 // Channel sizes as given, or 1.
@@ -30,21 +30,22 @@ struct Units {
   Vector output, input;
 };
 
-// As parallel_for(), in pieces of whole groups, for lanes to be full whatever the number of threads.
+// As parallel_for(), in pieces of complete groups. Then all lanes are used for any number of threads.
 void in_groups(Index begin, Index end, Index size, const Execution& execution,
                const std::function<void(Index, Index)>& body) {
   parallel_for(0, (end - begin + size - 1) / size, execution,
                [&](Index from, Index to) { body(begin + from * size, std::min(end, begin + to * size)); });
 }
 
-// H_k of every step (37) and its left singular vectors.
+// Forms H_k of every step (37) and computes its left singular vectors.
 class Hankel {
  public:
   Hankel(const Markov& markov, const FreeResponse& free, const TveraOptions& options, const Units& units)
       : markov_(markov), free_(free), options_(options), units_(units) {}
 
-  // The steps begin … end-1; as many at once as there are lanes and matrices of one shape, or of one but for columns of
-  // zeros, which change neither singular values nor left vectors. Lanes that are left over repeat the last one.
+  // Factorises the steps begin … end-1. Up to `lanes` successive matrices are factorised together if they have the same
+  // shape, or get it by zero columns. Zero columns change neither the singular values nor the left vectors. Unused
+  // lanes repeat the last matrix.
   void factorise(Index begin, Index end, HankelFactors& factors) {
     const auto result = [&](Index k) -> HankelFactor& { return factors.step[size_t(k - factors.k_begin)]; };
     const Index lanes = linalg::LaneSvd::lanes();
@@ -80,9 +81,10 @@ class Hankel {
 
  private:
   struct Shape {
-    Index rows, cols, free;  // rows; columns of Markov parameters, of free responses
+    Index rows, cols, free;  // rows; columns of Markov parameters; columns of free responses
     bool operator==(const Shape&) const = default;
-    // May a matrix of this shape get columns of zeros to have the other one, and as many singular values as before?
+    // Can a matrix of this shape be extended by zero columns to the other shape, with the same number of singular
+    // values?
     bool extends_to(const Shape& other) const {
       return rows == other.rows && free == other.free && (cols == other.cols || (rows <= cols && cols < other.cols));
     }
@@ -94,7 +96,7 @@ class Hankel {
     return {rows * markov_.outputs, cols * markov_.inputs, k + rows <= free_.steps ? free_.experiments : 0};
   }
 
-  // The part of the Markov parameters, and what it tells of size and error.
+  // Fills the columns of Markov parameters, and computes the scale and the expected error.
   template <class Entry>
   void form(Index k, const Shape& shape, HankelFactor& factor, Entry&& entry) const {
     const Index m = markov_.outputs, r = markov_.inputs;
@@ -128,7 +130,7 @@ class Hankel {
       auto columns = h.rightCols(shape.free);
       columns = free_.y.middleCols(k * m, shape.rows).transpose();
       columns = units_.output.cwiseInverse().replicate(shape.rows / m, 1).asDiagonal() * columns;
-      // The states of the free experiments may have any size: give both parts the same weight.
+      // The states of free responses may have any size; both parts get the same weight.
       const double forced = h.leftCols(shape.cols).norm(), own = columns.norm();
       if (forced > 0 && own > 0) columns *= forced / own;
       factor.error = std::hypot(factor.error, negligible * columns.norm());
@@ -147,20 +149,20 @@ class Hankel {
   Shape batch_shape_{};
 };
 
-// n_k of step k: how many singular values of H_k are no errors.
+// n_k of step k: the number of singular values of H_k that are not errors.
 Index order_of(const HankelFactor& factor, const TveraOptions& options) {
   const Vector& sigma = factor.singular_values;
-  // The estimate of the error may be far too large where many steps hand it on: whatever it says, singular values this
-  // large are no errors of arithmetic.
+  // The estimated error may be far too large where it accumulates over many steps. Singular values above the arithmetic
+  // error count as nonzero, whatever the estimate is.
   const double threshold = std::min(options.noise_factor * factor.error, arithmetic * factor.scale);
   const Index n = (sigma.array() > threshold).count();
   return options.states > 0 ? std::min(n, options.states) : n;
 }
 
-// A_k, B_k, C_k, D_k, G_k from O_k and O_{k+1}, O = U Σ^{1/2} of n columns.
+// Computes A_k, B_k, C_k, D_k, G_k from O_k and O_{k+1}, where O = U Σ^{1/2} has n columns.
 class Realisation {
  public:
-  // Factors and states of the steps that run() is called for, and of the next one.
+  // `factors` and `states` cover the steps of run() and the step after them.
   Realisation(const Markov& markov, const HankelFactors& factors, const std::vector<Index>& states, const Units& units,
               Model& model)
       : markov_(markov),
@@ -170,7 +172,7 @@ class Realisation {
         model_(model),
         first_(factors.k_begin - model.k_begin) {}
 
-  // The entries begin … end-1 of the model.
+  // Computes the entries begin … end-1 of the model.
   void run(Index begin, Index end) {
     for (Index s = begin; s < end; ++s) others(s);
     const Index lanes = linalg::LaneRegression::lanes();
@@ -189,7 +191,7 @@ class Realisation {
   }
 
  private:
-  // Of (O_{k+1}↑)⁺ O_k↓: rows, columns on the left and on the right.
+  // Shape of (O_{k+1}↑)⁺ O_k↓: rows, columns of the left and of the right matrix.
   struct Shape {
     Index rows, left, right;
     bool operator==(const Shape&) const = default;
@@ -209,7 +211,7 @@ class Realisation {
       target.col(shape.left + i) = factor(s).u.col(i).tail(shape.rows) * root(s, i);
   }
 
-  // (38)
+  // A_k of one step (38)
   void transition(Index s, const Shape& shape) {
     Matrix both(shape.rows, shape.left + shape.right);
     equations(s, shape, both);
@@ -217,7 +219,7 @@ class Realisation {
         linalg::minimum_norm(both.leftCols(shape.left), both.rightCols(shape.right), negligible).x;
   }
 
-  // Of `count` steps, each in a lane; lanes that are left over repeat the last one.
+  // A_k of `count` steps, each in a lane; unused lanes repeat the last step.
   void transitions(Index s, Index count, const Shape& shape) {
     const Index cols = shape.left + shape.right, lanes = linalg::LaneRegression::lanes();
     if (!batch_ || shape != batch_shape_) batch_.emplace(shape.rows, shape.left, shape.right), batch_shape_ = shape;
@@ -266,7 +268,7 @@ class Realisation {
   const std::vector<Index>& states_;  // n_k of the factors
   const Units& units_;
   Model& model_;
-  Index first_;  // entry of the model that the first factor belongs to
+  Index first_;  // entry of the model that belongs to the first factor
   std::optional<linalg::LaneRegression> batch_;
   Shape batch_shape_{};
   Matrix equations_, responses_;
@@ -300,7 +302,7 @@ HankelFactors factors_of(const Markov& markov, const FreeResponse& free, const T
   return factors;
 }
 
-// A model of the steps from k_begin on, whose entries are still to be written.
+// A model of the steps from k_begin on with empty entries.
 Model unwritten(const Markov& markov, Index k_begin) {
   Model model;
   model.inputs = markov.inputs;
@@ -312,12 +314,12 @@ Model unwritten(const Markov& markov, Index k_begin) {
   return model;
 }
 
-// The entries begin … end-1 of the model.
+// Writes the entries begin … end-1 of the model.
 void write(const Markov& markov, const HankelFactors& factors, const TveraOptions& options, const Units& units,
            Index begin, Index end, Model& model) {
   std::vector<Index> states;
   for (const HankelFactor& factor : factors.step) states.push_back(order_of(factor, options));
-  if (factors.k_begin + Index(factors.step.size()) == markov.steps()) states.push_back(0);  // no output follows
+  if (factors.k_begin + Index(factors.step.size()) == markov.steps()) states.push_back(0);  // x_T has no output
   in_groups(begin, end, linalg::LaneRegression::lanes(), options.execution,
             [&](Index from, Index to) { Realisation(markov, factors, states, units, model).run(from, to); });
 }
@@ -336,7 +338,8 @@ Model realise(const Markov& markov, const HankelFactors& factors, const TveraOpt
 }
 
 Model tvera(const Markov& markov, const FreeResponse& free, const TveraOptions& options) {
-  constexpr Index batch = 4096;  // steps whose factors are held at once: those of all take more memory than the model
+  // Steps whose factors are in memory at once. The factors of all steps would take more memory than the model.
+  constexpr Index batch = 4096;
   check(markov, free, options);
   const FreeResponse complete_free = complete(free);
   const Units units(markov, options);

@@ -22,17 +22,17 @@ namespace tokid {
 
 namespace {
 
-// Pairs that the acceleration looks back on.
+// Pairs of iterates that the acceleration uses.
 constexpr size_t depth = 8;
-// Samples for each entry of a covariance in a segment with a size of its own.
+// Samples per entry of a covariance in a segment with its own noise size.
 constexpr double samples_per_entry = 20;
 
-// Sizes of noise that differ by less than this, root mean square over the segments, count as one: a model that has not
-// converged shows so much.
+// Noise sizes count as equal if their RMS difference over the segments is smaller than this. A model that has not
+// converged shows such differences.
 constexpr double noise_spread = 0.1;
-// What remains unknown of outputs that a model predicts exactly, as a share of their mean square.
+// Remaining variance of outputs that a model predicts exactly, relative to their mean square.
 constexpr double exact = 1e-12;
-// Shares of the penalty that the climb begins with, as far as they are not too weak to matter.
+// Shares of the penalty in the warm-up. Penalties below `weak` are skipped.
 constexpr double warm_up[] = {1.0 / 9, 1.0 / 3}, weak = 0.1;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -45,8 +45,9 @@ Matrix mean_innovation_cov(const Model& model) {
 
 Index window_of(const Model& model) { return (model.states() + model.outputs - 1) / model.outputs + 1; }
 
-// The covariance of a state estimated from the next few outputs alone, whose noise has covariance S, mean over the
-// steps; directions that they hardly show count as shown by a thousandth of the mean.
+// The covariance of a state that is estimated from the next few outputs alone, with noise of covariance S; mean over
+// the steps. A thousandth of the mean information is added in each direction, for directions that the outputs hardly
+// show.
 Matrix estimation_covariance(const Model& model, const Matrix& s, Index begin, Index end) {
   const Index n = model.states();
   Matrix w, mean = Matrix::Zero(n, n);
@@ -64,14 +65,14 @@ Matrix estimation_covariance(const Model& model, const Matrix& s, Index begin, I
   return mean;
 }
 
-// Process noise that goes with the gains of a model of constant states whose innovations have covariance S.
+// The process noise for the gains of a model of constant state dimension with innovations of covariance S.
 Matrix process_noise(const Matrix& s, const Model& model) {
   const std::optional<Matrix> root = linalg::covariance_factor(s);
   if (!root)
     throw std::invalid_argument(
         "innovation_cov: no covariance found, symmetric matrices without negative eigenvalues are needed");
   Matrix q = 1e-3 * estimation_covariance(model, s, 0, model.steps());
-  // By roots: gains that cancel the noise which outputs have in common are far larger than what they leave.
+  // Computed from square roots: gains that cancel the common noise of outputs are far larger than their result.
   for (const Step& step : model.step)
     q += kalman::covariance_of((step.G() * *root).transpose()) / double(model.steps());
   q += 0.01 * Matrix(q.diagonal().asDiagonal());
@@ -94,12 +95,12 @@ Model with_constant_states(const Model& model, Index steps) {
   if (steps < 1) throw std::invalid_argument(fmt::format("steps: {} found, at least 1 needed", steps));
   const Index n = model.states();
   const Index begin = model.steps() > 0 ? model.full_begin() : 0;
-  Index last = model.steps() > 0 ? model.full_end() - 1 : 0;  // last state of the full dimension
+  Index last = model.steps() > 0 ? model.full_end() - 1 : 0;  // last step whose state has the full dimension
   const bool to_smooth = model.frame == "raw" && model.method != "known";
   if (last <= begin)
     throw std::invalid_argument(
         fmt::format("model: no two successive steps with all {} states found, at least two needed", n));
-  // From so late on the outputs to come don't tell the frame of a state.
+  // Near the end, too few outputs follow to determine the frame of a state.
   if (to_smooth) last = std::max(std::min(last, model.k_end() - (n + model.outputs - 1) / model.outputs), begin + 1);
   Model full = to_smooth ? smooth_frame(model, std::max(model.max_lags(), window_of(model) - 1)) : model;
 
@@ -141,7 +142,8 @@ void check(const RefineOptions& o, Index steps) {
         fmt::format("period: {} found, less than the {} steps of the data needed", *o.period, steps));
 }
 
-// Coordinates in which the states of the steps k and k+P can share their matrices: those of the steps in the middle.
+// Transforms the model to coordinates in which the steps k and k+P can share their matrices: those of a period in the
+// middle.
 Model in_phase(const Model& model, Index period) {
   const Index rows = window_of(model), middle = std::max<Index>(0, (model.steps() - period) / 2);
   std::vector<Matrix> s;
@@ -162,7 +164,7 @@ Index period_of(const Model& model, const RefineOptions& o) {
   return o.smoothing == infinity ? 1 : o.period.value_or(model.period);
 }
 
-// The covariance of the innovations of a model that does not tell it.
+// The covariance of the innovations, for a model without one.
 Matrix innovation_covariance(const Model& model, const Ensemble& data, InitialState initial) {
   const Prediction prediction = predict(model, data, {1, initial});
   Matrix sum = Matrix::Zero(model.outputs, model.outputs);
@@ -189,7 +191,7 @@ Model starting_model(const Model& model, const Ensemble& data, const RefineOptio
     start.x0_mean = Vector::Zero(start.states());
     start.x0_cov = Matrix::Zero(start.states(), start.states());
   } else if (!knows_start) {
-    // States whose outputs are of the size of the data.
+    // A covariance that gives outputs of the size of the data.
     const kalman::Samples samples = kalman::samples_of(start, data);
     const Matrix size = samples.y_square.cwiseMax(std::numeric_limits<double>::min()).asDiagonal();
     start.x0_mean = Vector::Zero(start.states());
@@ -199,8 +201,8 @@ Model starting_model(const Model& model, const Ensemble& data, const RefineOptio
   return start;
 }
 
-// Phases of a segment in which the size of the noise counts as constant; 0 where it may be for all of them: analysis of
-// variance of the normalised squares of the innovations.
+// The length of the segments [phases] in each of which the noise size counts as constant; 0 if it is constant over all
+// phases. The test is an analysis of variance of the normalised squared innovations.
 Index varying_noise(const Model& model, const kalman::Samples& samples) {
   const Matrix squares = kalman::innovation_squares(model, samples);
   const double n = double(model.states()), m = double(model.outputs);
@@ -235,15 +237,15 @@ Index varying_noise(const Model& model, const kalman::Samples& samples) {
   return significant && excess > noise_spread * noise_spread * mean * mean ? length : 0;
 }
 
-// One point of the climb with what the next step needs.
+// One point of the iteration, with the input of the next M-step.
 struct Point {
   em::Parameters parameters;
   kalman::Moments moments;
   double log_likelihood = -infinity, penalised = -infinity;
 };
 
-// The penalty weighs changes against the covariance of the innovations and of what they do to the state, by which
-// a model that is refined again is the model that it was.
+// The penalty compares changes of the matrices with the covariance of the innovations and of the state. With this
+// scaling, a second refinement does not change a refined model.
 em::EstimatorOptions estimator_options(const Model& start, const RefineOptions& o, InitialState initial) {
   const bool constant = o.smoothing == infinity;
   return {constant ? 1.0 : o.smoothing, period_of(start, o), initial == InitialState::unknown,
@@ -286,7 +288,7 @@ Point Climb::point(em::Parameters parameters) const {
   return result;
 }
 
-// Scales of their own change nothing until the next step, so the climb goes on from where it is.
+// Gives segments their own noise scales, all 1 at first. The iteration continues from the same point.
 bool Climb::split_noise(Point& now) {
   if (!estimator_.noise_is_pooled() || estimator_.phases() < samples_.steps) return false;
   const Index length = varying_noise(estimator_.model(now.parameters), samples_);
@@ -350,7 +352,7 @@ Refinement Climb::run() {
     }
     if (!(next.penalised >= now.penalised)) next = point(std::move(plain));
     const double gain = next.penalised - now.penalised;
-    if (gain >= 0) now = std::move(next);  // else rounding errors are all that is left
+    if (gain >= 0) now = std::move(next);  // else only rounding errors remain
     record();
     small_gains = gain <= options_.tolerance * samples_.outputs ? small_gains + 1 : 0;
     result.converged = small_gains >= 2 || gain <= 0;
@@ -382,8 +384,8 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
   kalman::samples_of(model, data, kalman::Tail::drop, 0);  // checks the channels
   Model start = starting_model(model, data, options, initial);
   const double likelihood = log_likelihoods(start, data, {options.execution.threads, {}}).sum();
-  // A strong penalty on a start whose coordinates are not smooth yet makes all steps one, and it takes many iterations
-  // to get away from there. Weaker ones first lead around that.
+  // A strong penalty on a start without smooth coordinates makes all steps equal, and many iterations are needed to
+  // recover. Weaker penalties before it avoid this.
   for (const double share : warm_up) {
     if (!options.warm_up || !std::isfinite(options.smoothing) || options.smoothing * share < weak) continue;
     RefineOptions o = options;
@@ -403,7 +405,7 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
   result.model.method = "em";
   result.model.period = period_of(start, options);
   if (initial == InitialState::unknown && data.experiments() <= result.model.states()) {
-    // So few experiments don't show how the states of others are distributed: those are to be estimated.
+    // So few experiments do not show the distribution of initial states. Those of other data must be estimated.
     result.model.x0_mean.resize(0);
     result.model.x0_cov.resize(0, 0);
   }
@@ -434,7 +436,7 @@ namespace {
 
 struct Fold {
   Ensemble training, held_out;
-  std::vector<Index> rows;  // held out
+  std::vector<Index> rows;  // rows of the held-out experiments
 };
 
 Fold fold_of(const Ensemble& data, Index f, Index folds) {
@@ -443,7 +445,7 @@ Fold fold_of(const Ensemble& data, Index f, Index folds) {
   return {data.subset(training), data.subset(held_out), held_out};
 }
 
-// Descending; a decade apart, then the neighbours of the best half a decade from it.
+// Candidates, descending by decades. Later, the neighbours of the best one are added, half a decade away.
 constexpr double coarse[] = {infinity, 3, 0.3, 0.03, 0.003, 0.0003};
 
 class CrossValidation {
@@ -455,7 +457,7 @@ class CrossValidation {
     for (Index k = 0; k < data.steps(); ++k) samples_ += double(data.output(k).array().isFinite().count());
   }
 
-  // Pairs of fold and candidate stand each on their own, so that threads may share them in any order.
+  // The pairs of fold and candidate are independent of each other, so threads may share them in any order.
   void run(const std::vector<double>& smoothing, double from, double to) {
     const Index count = Index(smoothing.size()), folds = Index(folds_.size());
     Matrix found(experiments_, count);
@@ -501,7 +503,7 @@ class CrossValidation {
   Index experiments_;
   std::vector<Fold> folds_;
   double samples_ = 0.0;
-  std::map<double, Vector, std::greater<>> trials_;  // λ → log-likelihood of each experiment left out
+  std::map<double, Vector, std::greater<>> trials_;  // λ → log-likelihood of each held-out experiment
 };
 
 }  // namespace

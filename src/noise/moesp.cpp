@@ -15,7 +15,7 @@ namespace tokid {
 
 namespace {
 
-// Of a state that is simulated without a new start.
+// Largest growth of a simulated state before the simulation starts anew.
 constexpr double most_growth = 100.0;
 
 class Moesp {
@@ -76,7 +76,7 @@ class Moesp {
     }
   }
 
-  // The outputs are linear in B, D and the state at the start of each stretch of known inputs:
+  // Computes B and D. The outputs are linear in B, D and the state at the start of each stretch of known inputs:
   //   y_k = C Φ x_0 + Σ_j C Φ_{k,j+1} B u_j + D u_k
   void simulate_inputs() {
     const Index b = groups_ * n_ * r_, d = groups_ * m_ * r_, unknowns = b + d;
@@ -100,7 +100,7 @@ class Moesp {
     }
   }
 
-  // The inputs are known up to there, and an unstable system has not outgrown what the state at the begin was.
+  // The end of a stretch: all its inputs are known, and the state has not grown by more than most_growth.
   Index stretch_end(Index n, Index begin) const {
     Matrix growth = Matrix::Identity(n_, n_);
     Index end = begin;
@@ -112,8 +112,8 @@ class Moesp {
     return end;
   }
 
-  // [∂y/∂B ∂y/∂D y] of the steps begin … end-1, outputs over their sizes, orthogonal to what the state at the begin
-  // does.
+  // [∂y/∂B ∂y/∂D y] of the steps begin … end-1, with outputs relative to their sizes. The rows are orthogonal to the
+  // effect of the state at the start of the stretch.
   Matrix stretch_rows(Index n, Index begin, Index end, Index b) const {
     const bool known = begin == 0 && from_rest_;
     const Index start = known ? 0 : n_, unknowns = b + groups_ * m_ * r_;
@@ -140,10 +140,10 @@ class Moesp {
     return factor.bottomRightCorner(left, unknowns + 1);
   }
 
-  // ε = y - C x - D u and w = x⁺ - A x - B u of the state samples: w = -G ε + w'.
+  // Computes the gains from the state samples: ε = y - C x - D u and w = x⁺ - A x - B u give w = -G ε + w'.
   void find_gains() {
     std::vector<linalg::RowStack> stacks(size_t(groups_), linalg::RowStack(m_ + n_));  // [ε w]
-    Vector squares = Vector::Zero(m_);                                                 // of y
+    Vector squares = Vector::Zero(m_);                                                 // sums of the squares of y
     Vector count = Vector::Zero(groups_);
     const bool every_row = e_.missing() == 0;
     for (Index k = lags_; k + 1 < e_.steps(); ++k) {
@@ -174,7 +174,7 @@ class Moesp {
     }
     for (Index k = 0; k < e_.steps(); ++k) {
       const Index g = variation_.group(k);
-      // Without noise there is no ε, and the observer is read off the map of the next state.
+      // Without noise there is no ε, and the observer comes from the map of the next state.
       model_.step[size_t(k)].G() = noisy_ ? gain[size_t(g)] : Matrix(-state(next(g)).rightCols(m_));
       noise.innovation.push_back(of_group.innovation[size_t(g)]);
       noise.state.push_back(of_group.state[size_t(g)]);

@@ -8,13 +8,13 @@
 
 namespace tokid {
 
-// The next p outputs on the next p inputs U and the past p samples Z: M_g, the coefficients of Z, and the singular
-// values of M_g times what of Z the inputs U don't explain, for each phase g. Data and options as for
-// predictor_factors(). \throws std::invalid_argument as predictor_factors(), and without a period
+// Regresses the next f outputs on the next f inputs U and the past p samples Z, for each phase g. The result has M_g,
+// the coefficients of Z, and the singular values of M_g times the part of Z that U does not explain. Data and options
+// are those of predictor_factors(). \throws std::invalid_argument as predictor_factors(), and without a period
 PredictorFactors projection_factors(const Ensemble& ensemble, const GtvArx& arx, const SubspaceOptions& o);
 
-// A and C by the shift between the observability matrices of successive phases; B, D and the initial states by the
-// smallest simulation error; G by the covariances of the residuals on the state samples.
+// A and C come from the shift between the observability matrices of successive phases. B, D and the initial states
+// minimise the simulation error. G comes from the covariances of the residuals on the state samples.
 Model moesp(const Ensemble& ensemble, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o);
 
 }  // namespace tokid

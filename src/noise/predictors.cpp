@@ -19,12 +19,12 @@ namespace tokid {
 
 namespace {
 
-// Singular values that a choice of the order may want to see.
+// Number of singular values that the choice of the order may need.
 constexpr Index most_shown = 24;
-// Rows per column from which on a sample covariance is left alone.
+// With this many rows per column, a sample covariance is used without its neighbours.
 constexpr double enough_rows = 5.0;
 
-// The steps of the data, in groups that share their model, and the samples that belong to them.
+// The steps of the data in groups that share a model, and their samples.
 class Steps {
  public:
   Steps(const Windows& e, const GtvArx& arx, const SubspaceOptions& o)
@@ -42,16 +42,16 @@ class Steps {
   Index group(Index k) const { return variation.group(k); }
   Index next(Index g) const { return variation.period > 0 ? (g + 1) % groups() : g + 1; }
   bool varying() const { return variation.period == 0; }
-  // Coefficients that vary slowly go on beyond both ends of the experiments: all steps can have all states.
+  // Slowly varying coefficients continue beyond both ends of the experiments, so all steps can have all states.
   bool smooth() const { return varying() && variation.smoothing > 0; }
-  // Steps of group g that a regression may use.
+  // Steps of group g for a regression.
   std::vector<Index> of(Index g) const {
     std::vector<Index> steps;
     for (Index k = g; k < data.steps(); k += varying() ? data.steps() : groups())
       if (k >= begin) steps.push_back(k);
     return steps;
   }
-  // A step whose ARX model has all p lags and shows what holds a steps after group g.
+  // A step with the ARX model of a steps after group g, and with all p lags.
   Index shown(Index g, Index a) const {
     if (varying()) return std::min(g + a, data.steps() - 1);
     Index k = g + a;
@@ -62,9 +62,9 @@ class Steps {
   // Block rows of the predictor at group g.
   Index future(Index g, Index f) const { return varying() && !smooth() ? std::min(f, data.steps() - g) : f; }
 
-  Index width() const { return lags * data.channels(); }  // of the past samples
+  Index width() const { return lags * data.channels(); }  // number of columns of the past samples
 
-  // [z_k u_k y_k] and how many experiments it stands for.
+  // [z_k u_k y_k], and the number of experiments that its rows represent.
   Matrix window(Index k) const { return data.rows(k, lags); }
   double count(Index k) const { return double(data.count(k, lags)); }
 
@@ -80,11 +80,11 @@ class Steps {
   }
 };
 
-// The least noise of an output, as a share of its size, beside the largest such share: outputs (nearly) without noise
-// count as if they had this, or they would take all states for themselves.
+// Smallest noise of an output relative to its size, compared with the largest such ratio. Outputs with less noise are
+// treated as if they had this much. Otherwise they would determine all states.
 constexpr double least_weighed = 1e-5;
 
-// What weighs the errors of the outputs against each other: the innovations, pooled where the model is smooth.
+// The matrices that weight the errors of the outputs: whiteners of the innovations, pooled if the model is smooth.
 std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
   const Index m = arx.outputs;
   std::vector<Matrix> result(arx.step.size());
@@ -109,7 +109,7 @@ std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
   return result;
 }
 
-// M (f·m × p·d): block row a predicts the weighted output of a steps after group g from the past.
+// M (f·m × p·d): block row a predicts the weighted output a steps after group g from the past.
 Matrix predictor(const Steps& steps, const GtvArx& arx, const std::vector<Matrix>& whitener, Index g, Index f,
                  Weighting weighting) {
   const Index d = arx.inputs + arx.outputs, m = arx.outputs, p = steps.lags;
@@ -118,7 +118,7 @@ Matrix predictor(const Steps& steps, const GtvArx& arx, const std::vector<Matrix
     const Index k = steps.shown(g, a);
     const GtvArxStep& s = arx.step[size_t(k)];
     auto row = result.middleRows(a * m, m);
-    const Index lags = s.lags - a;  // those that reach back beyond the a samples since
+    const Index lags = s.lags - a;  // lags that reach into the past, beyond the a samples since then
     if (lags > 0) row.middleCols((p - lags) * d, lags * d) = arx.coefficients(k).leftCols(lags * d);
     if (weighting == Weighting::many_steps)
       for (Index j = 1; j <= std::min(a, s.lags); ++j)
@@ -131,7 +131,7 @@ Matrix predictor(const Steps& steps, const GtvArx& arx, const std::vector<Matrix
   return result;
 }
 
-// Triangular factor of the past samples of a group, and how many experiments it stands for.
+// Triangular factor of the past samples of a group, and the number of experiments that it represents.
 struct Past {
   Matrix factor;
   double rows = 0.0;
@@ -151,12 +151,12 @@ std::vector<Past> pasts(const Steps& steps, const SubspaceOptions& o) {
         own[size_t(g)].add(steps.window(k).leftCols(steps.width()), steps.count(k), 1.0);
       }
   });
-  // Few experiments don't show how so many samples vary together: neighbouring steps lend theirs, with weights that
-  // fall exponentially.
+  // Few experiments do not determine the covariance of so many samples. Neighbouring steps contribute with
+  // exponentially falling weights.
   const double width = double(steps.lags * steps.data.channels());
   double reach = enough_rows * width / double(std::max<Index>(1, steps.data.experiments()));
   for (Index g = steps.begin; g < steps.groups(); ++g)
-    if (own[size_t(g)].rows < enough_rows * width) reach = std::max(reach, 1.0);  // missing samples
+    if (own[size_t(g)].rows < enough_rows * width) reach = std::max(reach, 1.0);  // samples are missing
   if (!steps.varying() || o.variation.smoothing == 0 || reach < 1) return own;
   const double weight = std::exp(-2 / reach);
   std::vector<Past> all = own;
@@ -214,9 +214,9 @@ PredictorFactors predictor_factors(const Windows& windows, const GtvArx& arx, co
 
 namespace {
 
-// The state samples of one order: n_k and the maps from the past, aligned from step to step.
+// The states of one order: maps from the past samples, aligned from step to step.
 struct StateMaps {
-  std::vector<Matrix> of;  // (groups, and one for the end) n_k × p·d
+  std::vector<Matrix> of;  // (groups, and one after the last step) n_k × p·d
 };
 
 StateMaps state_maps(const Steps& steps, const PredictorFactors& factors, const SubspaceOptions& o) {
@@ -232,7 +232,7 @@ StateMaps state_maps(const Steps& steps, const PredictorFactors& factors, const 
     Matrix map = f.state.topRows(n);
     if (map.cols() == 0) map.resize(0, steps.width());
     if (steps.varying() && n > 0) {
-      // Orthogonal Procrustes alignment with the step before: the matrices then vary as slowly as the system does.
+      // Orthogonal Procrustes alignment with the previous step: the matrices then vary as slowly as the system does.
       Matrix own = f.observability.leftCols(n);
       const Index common = std::min(own.rows(), previous.rows()), shared = std::min(n, previous.cols());
       if (common > 0 && shared > 0) {
@@ -246,7 +246,7 @@ StateMaps state_maps(const Steps& steps, const PredictorFactors& factors, const 
     }
     maps.of.push_back(std::move(map));
   }
-  // Nothing is seen of x_T, and the first samples tell no full state.
+  // x_T has no output. The first samples do not determine the full state.
   if (steps.varying()) maps.of.push_back(steps.smooth() ? maps.of.back() : Matrix(0, steps.width()));
   if (steps.smooth()) {
     Index most = 0;
@@ -260,17 +260,17 @@ StateMaps state_maps(const Steps& steps, const PredictorFactors& factors, const 
   return maps;
 }
 
-// Coefficients (right × regressors) of one group of steps, and what they leave of the right side.
+// Coefficients (right × regressors) of one group of steps, and the residual of the right side.
 struct Fitted {
   Matrix coefficients;
   Matrix residual;         // triangular (· × right): residualᵀ·residual is the sum of squares
-  Vector squares;          // (right) of the right side itself, summed
-  double rows = 0.0;       // experiments, over the steps of the group
-  Index rank = 0;          // of the group's own regressors …
-  double condition = 0.0;  // … and of the part of that rank
+  Vector squares;          // (right) sums of the squares of the right side
+  double rows = 0.0;       // number of experiments, summed over the steps of the group
+  Index rank = 0;          // rank of the group's own regressors
+  double condition = 0.0;  // condition number of their part of that rank
 };
 
-// Rank and condition of regressors, which do not depend on units once their columns have norm 1.
+// Rank and condition number of regressors. The columns are scaled to norm 1, so that both do not depend on units.
 void judge(const ConstMatrixRef& regressors, Fitted& fitted) {
   if (regressors.rows() == 0) return;
   Vector norm = regressors.colwise().norm().transpose();
@@ -280,7 +280,7 @@ void judge(const ConstMatrixRef& regressors, Fitted& fitted) {
   fitted.condition = fitted.rank > 0 ? sigma(0) / sigma(fitted.rank - 1) : 0.0;
 }
 
-// Regressions of all groups: rows_of(k) gives [regressors right] of a step, nothing where it has none.
+// Regressions of all groups. rows_of(k) gives [regressors right] of a step, or an empty matrix.
 template <class Rows>
 std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const std::vector<Index>& regressors,
                             Rows&& rows_of) {
@@ -307,7 +307,7 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
     Vector rms = Vector::Zero(l);
     for (size_t g = begin; g < end; ++g) rms += factor[g].leftCols(l).colwise().squaredNorm().transpose();
     rms = (rms / double(end - begin)).cwiseSqrt();
-    rms = (rms.array() > 0).select(rms, 1.0);  // columns of equal size: the rank does not depend on units
+    rms = (rms.array() > 0).select(rms, 1.0);  // columns of equal size: the rank then does not depend on units
     std::vector<Matrix> rows(factor.begin() + std::ptrdiff_t(begin), factor.begin() + std::ptrdiff_t(end));
     for (Matrix& block : rows) block.leftCols(l) *= rms.cwiseInverse().asDiagonal();
     const std::vector<Matrix> x = random_walk_regression(rows, l, Vector::Constant(l, std::sqrt(smoothing)));
@@ -321,12 +321,12 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
       result[g].residual = linalg::triangular_factor(left);
     }
   };
-  // Steps without a row are held by their neighbours.
+  // Steps without a row are determined by their neighbours.
   Index most = 0;
   for (const Matrix& rows : factor) most = std::max(most, rows.cols());
   for (Matrix& rows : factor)
     if (steps.smooth() && rows.cols() == 0) rows.resize(0, most);
-  // Runs of steps with the same sizes share a penalty.
+  // Successive steps with equal sizes share a penalty.
   for (size_t begin = 0, end = 0; begin < groups; begin = end) {
     for (end = begin + 1; smoothing > 0 && end < groups && regressors[end] == regressors[begin] &&
                           factor[end].cols() == factor[begin].cols();)
@@ -358,7 +358,7 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
   const std::vector<Fitted> outputs =
       regress(steps, o, regressors, [&](Index k) { return outputs_on_states(steps.window(k), k); });
 
-  // x⁺ on [x; u; ε]; without noise there is no ε, and the observer is read off the map of the next state.
+  // x⁺ on [x; u; ε]. Without noise there is no ε, and the observer comes from the map of the next state.
   const Index errors = o.noisy ? m : 0;
   for (Index& l : regressors) l += errors;
   const auto next_on_states = [&](Index k) {
@@ -378,7 +378,7 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
   };
   const std::vector<Fitted> next_states = regress(steps, o, regressors, next_on_states);
 
-  // Few experiments show one covariance for all steps of full dimension, many one for each.
+  // With few experiments, one covariance serves all steps of full dimension. With many, each step has its own.
   const bool pooled = o.variation.smoothing > 0 && steps.varying();
   Index most = 0;
   for (Index g = 0; g < steps.groups(); ++g) most = std::max(most, n_of(g));

@@ -12,14 +12,14 @@ namespace tokid {
 
 namespace {
 
-// Pivots below this share of the largest say nothing about a coefficient.
+// Pivots below this share of the largest contain no information about a coefficient.
 constexpr double unseen = 1.5e-14;
 
 void check(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness) {
   if (stiffness.size() != regressors || !(stiffness.array() >= 0).all())
     throw std::invalid_argument(
         fmt::format("stiffness: {} entries found, {} that are not negative needed", stiffness.size(), regressors));
-  // A coefficient that is free from step to step has no value at steps that do not show it.
+  // A coefficient without a penalty is undetermined at steps whose data do not show it.
   if (stiffness.size() > 0 && stiffness.minCoeff() == 0 && stiffness.maxCoeff() > 0)
     throw std::invalid_argument("stiffness: zero and positive entries found, only the ones or the others needed");
   for (const Matrix& block : rows)
@@ -34,17 +34,19 @@ Matrix solve(const ConstMatrixRef& rows, Index regressors) {
       .x;
 }
 
-// What the elimination of X_g leaves for the way back: U X_g = w - V X_{g+1}, U upper and V lower triangular.
+// The equations for the way back after the elimination of X_g: U X_g = w - V X_{g+1}, with U upper and V lower
+// triangular.
 struct Eliminated {
   Matrix triangles;   // (L × L): U on and above the diagonal, V below
   Vector v_diagonal;  // (L)
   Matrix w;           // (L × q)
 };
 
-// Rows [R z] that tell X_g from the data up to step g become rows that tell X_{g+1}, by a QR factorisation of
+// Turns the rows [R z] that determine X_g from the data up to step g into rows that determine X_{g+1}. It is a QR
+// factorisation of
 //   [  R   0  z ]      [ U  V   w  ]
 //   [ -S   S  0 ]  =  Q[ 0  R'  z' ]          S = diag(stiffness)
-// whose zeros are kept: reflection j involves row j above and the rows 0 … j below.
+// It keeps the zeros: reflection j involves row j above and the rows 0 … j below.
 class Eliminator {
  public:
   Eliminator(const Vector& stiffness, Index right)

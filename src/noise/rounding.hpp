@@ -1,4 +1,4 @@
-// Which numbers of the subspace methods are rounding errors, as shares of the largest ones.
+// Limits of rounding errors in the subspace methods, relative to the largest numbers.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

@@ -17,7 +17,7 @@ namespace {
 
 constexpr double inf = std::numeric_limits<double>::infinity();
 
-// 1 / rms of each channel over the ensemble, as the scales of [W_k Y_k] (1 for the outputs of step k).
+// 1 / RMS of each channel over the ensemble, as the scales of [W_k Y_k] (1 for the outputs of step k).
 Vector window_scales(const Windows& e, Index lags) {
   const Index d = e.channels(), r = e.inputs();
   const Vector channel = e.channel_sizes().cwiseInverse();
@@ -27,12 +27,12 @@ Vector window_scales(const Windows& e, Index lags) {
   return scales;
 }
 
-// The regressions of the steps begin … end-1 as triangular factors, one for each group of steps that share their model.
+// The regressions of the steps begin … end-1 as triangular factors, one for each group of steps that share a model.
 struct GroupFactors {
   Index regressors = 0;
-  std::vector<Matrix> factor;  // (groups) of [W Y], scaled: (≤ L+m) × (L+m)
-  std::vector<Index> rows;     // (T) experiments of each step
-  double mean_rows = 0.0;      // of the groups that have any
+  std::vector<Matrix> factor;  // (groups) factor of the scaled [W Y]: (≤ L+m) × (L+m)
+  std::vector<Index> rows;     // (T) number of experiments at each step
+  double mean_rows = 0.0;      // mean number of rows over the groups that have any
 };
 
 GroupFactors group_factors(const Windows& e, const SmoothArxOptions& o, const Vector& scales, Index begin, Index end) {
@@ -65,7 +65,7 @@ Vector stiffness(const GroupFactors& w, double smoothing) {
   return Vector::Constant(w.regressors, std::isinf(smoothing) ? inf : std::sqrt(smoothing * w.mean_rows));
 }
 
-// Residual sums of squares and products of rows [R Z] under the solution X.
+// Residual sums of squares and products of the rows [R Z] with the solution X.
 Matrix residual_square(const Matrix& rows, const Matrix& x) {
   const Matrix e = rows.rightCols(x.cols()) - rows.leftCols(x.rows()) * x;
   return e.transpose() * e;
@@ -100,7 +100,7 @@ GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
     GtvArxStep& step = arx.step[size_t(k)];
     step.lags = std::min(p, k);
     step.rows = w.rows[size_t(k)];
-    const Index own = arx.regressors(k);  // the last of the rows of x
+    const Index own = arx.regressors(k);  // number of own regressors: the last rows of x
     arx.coefficients(k) = (scales.segment(w.regressors - own, own).asDiagonal() * x[g].bottomRows(own)).transpose();
     const double count = double(std::max<Index>(1, rows[g]));
     arx.residual_cov(k) = residual_square(w.factor[g], x[g]) / count;
@@ -125,7 +125,7 @@ Split fold(const Ensemble& ensemble, Index f, Index folds, bool centred) {
 
 namespace {
 
-// Cross-validated errors of (p, λ), with the factors of each p kept for all λ.
+// Cross-validation errors of (p, λ). The factors of each p are kept for all λ.
 class Judge {
  public:
   Judge(const Ensemble& e, const SmoothingOptions& o) : options_(o), folds_(std::min(o.folds, e.experiments())) {
@@ -167,7 +167,7 @@ class Judge {
       for (const Index rows : piece.training.rows) trained += double(rows) / double(pieces.size());
       for (const Index rows : piece.held_out.rows) judged += double(rows);
     }
-    // Missing samples may leave too few windows of so many lags to say anything.
+    // With missing samples, there may be too few windows of this length for a result.
     if (judged == 0 || trained < 2 * double(pieces.front().training.regressors)) log_error = inf;
     for (Index j = 0; j < m; ++j)
       log_error += sum(j, 1) > 0 ? 0.5 * std::log(std::max(sum(j, 0) / sum(j, 1), 1e-300)) : 0.0;
@@ -209,7 +209,7 @@ class Judge {
   std::map<std::pair<Index, double>, double> errors_;
 };
 
-// The smallest value of f over the indices 0 … count-1, climbing down from `start`.
+// Local minimum of f over the indices 0 … count-1, by descent from `start`.
 template <class Function>
 Index descend(Index start, Index count, Function&& f) {
   double least = f(start);

@@ -1,4 +1,4 @@
-// Anderson's acceleration of a fixed-point iteration x ← g(x).
+// Anderson acceleration of a fixed-point iteration x ← g(x).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,13 +9,13 @@
 
 namespace tokid::em {
 
-// With f = g(x) - x, and ΔF, ΔG the differences of the last `depth` pairs: x_next = g - ΔG γ, where γ minimises
-// ‖f - ΔF γ‖² + damping · tr(ΔFᵀΔF) · ‖γ‖², the damping keeping it within what the pairs can tell.
+// x_next = g - ΔG γ, with f = g(x) - x and the differences ΔF, ΔG of the last `depth` pairs. γ minimises ‖f - ΔF γ‖² +
+// damping · tr(ΔFᵀΔF) · ‖γ‖². The damping limits γ where the pairs are nearly dependent.
 class Anderson {
  public:
   explicit Anderson(size_t depth) : depth_(depth) {}
   void reset() { f_.clear(), g_.clear(); }
-  // Nothing before there are two pairs.
+  // Empty until there are two pairs.
   std::optional<Vector> next(const Vector& x, const Vector& g);
 
  private:

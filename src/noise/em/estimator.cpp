@@ -12,7 +12,7 @@ namespace tokid::em {
 
 namespace {
 
-// Noise of less than this share of a signal's mean square can't be told from rounding errors of the moments.
+// Noise below this share of a signal's mean square can't be distinguished from rounding errors of the moments.
 constexpr double smallest_noise = 1e-12;
 
 Noise pooled(const std::vector<Matrix>& of_phase) {
@@ -32,8 +32,8 @@ Matrix beside(const ConstMatrixRef& a, const ConstMatrixRef& b) {
   return both;
 }
 
-// Degrees of freedom that a coefficient of a random walk over so many phases uses up, of one for each phase: the mean
-// of 1 / (1 + λ μ) over the eigenvalues μ of the second difference.
+// Degrees of freedom per phase that a random-walk coefficient uses up: the mean of 1 / (1 + λ μ) over the eigenvalues μ
+// of the second difference.
 double freedom_per_phase(Index phases, double smoothing) {
   double sum = 0.0;
   for (Index j = 0; j < phases; ++j)
@@ -66,7 +66,7 @@ Estimator::Estimator(const Model& start, const kalman::Samples& samples, const E
       steps_(samples.steps),
       phases_(options.period > 0 ? std::min(options.period, samples.steps) : samples.steps),
       pooled_(options.smoothing > 0) {
-  // Steps that are to share their matrices begin with the mean of them.
+  // Steps of a phase start with the mean of their matrices.
   std::vector<Matrix> q(size_t(phases_), Matrix::Zero(n_, n_)), r(size_t(phases_), Matrix::Zero(m_, m_));
   start_.ab.assign(size_t(phases_), Matrix::Zero(n_, n_ + r_));
   start_.cd.assign(size_t(phases_), Matrix::Zero(m_, n_ + r_));
@@ -104,8 +104,8 @@ Model Estimator::model(const Parameters& p) const {
 
 namespace {
 
-// Of the first `size` diagonal entries, the geometric mean over the steps where they are not zero: a state that grows
-// by orders of magnitude does not let its last steps speak for all.
+// Typical value of each of the first `size` diagonal entries: the geometric mean over the steps where it is not zero. A
+// state that grows by orders of magnitude is then not dominated by its last steps.
 Vector typical(const std::vector<Matrix>& moments, Index size) {
   Vector logs = Vector::Zero(size), count = logs;
   for (const Matrix& a : moments)
@@ -126,7 +126,7 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   const auto weight = [&](const std::vector<Matrix>& list) {
     Vector w = typical(list, n_ + r_) * double(steps_) / double(phases_);
     for (double& value : w)
-      if (!(value > 0)) value = experiments;  // nothing depends on it
+      if (!(value > 0)) value = experiments;  // any value will do
     return w;
   };
   process_weight_ = weight(moments.moved);
@@ -136,7 +136,7 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   measurement_floor_ = (smallest_noise * samples.y_square).array().max(1e-300);
   for (Matrix& q : start_.process.shape) q = linalg::bounded_below(q, process_floor_);
   for (Matrix& r : start_.measurement.shape) r = linalg::bounded_below(r, measurement_floor_);
-  // The second moment of the state, in the ratio of the innovations to the outputs, all of a typical step.
+  // The second moment of the state at a typical step, times the ratio of innovations to outputs.
   const double of_step = double(std::max<Index>(1, (moments.measured_count.array() > 0).count())) / count;
   Matrix state = Matrix::Zero(n_, n_);
   std::vector<Matrix> outputs;
@@ -158,8 +158,9 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   };
   moved_ = per_phase(moments.moved_count);
   measured_ = per_phase(moments.measured_count);
-  // Coefficients less the choice of coordinates, against output samples; at most half of those. Both noises bear an
-  // equal part, so that no size of Q or R gains more from this than it loses in likelihood.
+  // The number of free coefficients (without the choice of coordinates) relative to the number of output samples, at
+  // most 0.5. Both noises get an equal part, so that a change of the size of Q or R never gains more here than it loses
+  // in likelihood.
   const double used =
       double(phases_ * ((n_ + m_) * (n_ + r_) - n_ * n_)) * freedom_per_phase(phases_, options_.smoothing);
   const double share = std::min(0.5, used / std::max(1.0, samples.outputs));
@@ -225,7 +226,7 @@ std::vector<Matrix> Estimator::phase_roots(const std::vector<Matrix>& moments, c
   return sums;
 }
 
-// With T V̄ Tᵀ = diag(w) for the noise and T V Tᵀ = I for the penalty, the rows of T Θ are problems of their own.
+// With T V̄ Tᵀ = diag(w) for the noise and T V Tᵀ = I for the penalty, the rows of T Θ are independent problems.
 std::vector<Matrix> Estimator::regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before,
                                        const Noise& noise, const Matrix& reference, const Vector& weight,
                                        const Execution& execution) const {
@@ -338,7 +339,7 @@ bool Estimator::at_floor(const Noise& noise, const Vector& floor) const {
 
 namespace {
 
-// One list of numbers, written and read in the same order.
+// Writer and Reader convert matrices to one list of numbers and back, in the same order.
 class Writer {
  public:
   void operator()(const Matrix& a) { values.insert(values.end(), a.data(), a.data() + a.size()); }

@@ -1,4 +1,4 @@
-// The parameters of a model between two steps of EM: from second moments, to coordinates and back.
+// The parameters of a model in EM: their estimate from second moments, and their coordinates for the acceleration.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,7 +6,7 @@
 
 namespace tokid::em {
 
-// Covariances of all phases: shape (one for each phase, or one for all) times scale (of the phase's segment).
+// Covariances of all phases: shape (one for each phase, or one for all) times the scale of the phase's segment.
 struct Noise {
   std::vector<Matrix> shape;
   Vector scale;                // (segments)
@@ -32,23 +32,24 @@ struct EstimatorOptions {
   Matrix innovation_cov;  // (m × m)
 };
 
-// Steps that share their matrices are a phase. With 0 < λ < ∞ the matrices of neighbouring phases are held together by
-//   λ/2 Σ_g tr( V⁻¹ (Θ_{g+1} - Θ_g) W (Θ_{g+1} - Θ_g)ᵀ ),   Θ = [A B] and [C D] with a V for each,
-// and W the diagonal of the second moment of [x; u] of a typical step at the start, summed over the experiments.
+// A phase is a set of steps that share their matrices. With 0 < λ < ∞ the matrices of neighbouring phases are coupled
+// by the penalty
+//   λ/2 Σ_g tr( V⁻¹ (Θ_{g+1} - Θ_g) W (Θ_{g+1} - Θ_g)ᵀ ),   Θ = [A B] and [C D] with a V for each.
+// W is the diagonal of the second moment of [x; u] at a typical step of the start model, summed over the experiments.
 class Estimator {
  public:
-  // A model of constant state dimension with Q, R, from step 0 on.
+  // `start` must have a constant state dimension, Q and R, and begin at step 0.
   Estimator(const Model& start, const kalman::Samples& samples, const EstimatorOptions& options);
 
   const Parameters& start() const { return start_; }
   Model model(const Parameters& p) const;  // A, B, C, D, Q, R, x0_mean, x0_cov of every step
-  // Units, floors and weights of the penalty, from the moments of the start.
+  // Sets units, floors and weights of the penalty from the moments of the start.
   void set_scales(const kalman::Moments& moments, const kalman::Samples& samples);
   double penalty(const Parameters& p) const;  // to be subtracted from the log-likelihood
-  // M-step: the parameters that maximise the expected log-likelihood less the penalty; of each covariance given the
-  // matrices, and of its scales given its shape, one after the other.
+  // M-step: the parameters that maximise the expected log-likelihood minus the penalty. It maximises one after the
+  // other over the matrices, over each covariance for these matrices, and over its scales for this shape.
   Parameters maximise(const kalman::Moments& moments, const Parameters& p, const Execution& execution) const;
-  // Gives the noise of pooled phases scales of their own, for segments of so many phases.
+  // Gives each segment of this many phases its own noise scale.
   void split_noise(Index phases, Parameters& p) const;
   bool noise_is_pooled() const { return pooled_; }
   Index phases() const { return phases_; }
@@ -56,7 +57,7 @@ class Estimator {
   const Vector& process_floor() const { return process_floor_; }
   const Vector& measurement_floor() const { return measurement_floor_; }
 
-  // Unbounded coordinates, in units in which a step in any direction weighs about the same.
+  // Unbounded coordinates, in units in which a step in any direction has about the same effect.
   Vector coordinates(const Parameters& p) const;
   Parameters parameters(const Vector& coordinates, const Parameters& like) const;
 
@@ -67,7 +68,7 @@ class Estimator {
   void update_noise(const std::vector<Matrix>& roots, const Vector& counts, const std::vector<Matrix>& coefficients,
                     const Vector& floor, double spent, Noise& noise) const;
 
-  Model model_;  // of the start, with all that EM does not touch
+  Model model_;  // the start model, with everything that EM does not change
   EstimatorOptions options_;
   Index n_, r_, m_, steps_, phases_;
   bool pooled_;
@@ -75,9 +76,9 @@ class Estimator {
   Matrix process_reference_, measurement_reference_;  // V
   Vector process_weight_, measurement_weight_;        // W
   Vector process_floor_, measurement_floor_;
-  Vector moved_, measured_;                               // (phases) samples of each
-  double process_spent_ = 0.0, measurement_spent_ = 0.0;  // share of them that the coefficients use up
-  Matrix x0_prior_;                                       // C_0: the mean of the inverse Wishart prior of x0_cov
+  Vector moved_, measured_;                               // (phases) number of samples
+  double process_spent_ = 0.0, measurement_spent_ = 0.0;  // share of them used up by the coefficients
+  Matrix x0_prior_;                                       // C_0: the mode of the inverse Wishart prior of x0_cov
 };
 
 }  // namespace tokid::em
