@@ -1,4 +1,5 @@
-// Values as bytes and back, for files and messages between processes of the same program on machines of the same kind.
+// Converts values to bytes and back, for files and for messages between processes of the same program on machines of
+// the same kind.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -19,10 +20,10 @@
 
 namespace tokid::archive {
 
-// A struct takes part by a function `template <class Archive, class S> void fields(Archive& archive, S& s)` that calls
-// archive(s.a, s.b, …).
+// A struct can be archived if it has a function `template <class Archive, class S> void fields(Archive& archive, S& s)`
+// that calls archive(s.a, s.b, …).
 
-// Bytes that a record of a type takes at least: a list can't have more of them than its bytes allow.
+// Smallest number of bytes of a record of a type. It limits the length of a list by the available bytes.
 template <class T>
 inline constexpr size_t least_bytes = sizeof(size_t);
 
@@ -75,7 +76,8 @@ class Writer {
   std::string bytes_;
 };
 
-// Takes no more memory than the bytes are worth, whatever sizes they claim. \throws std::runtime_error
+// Reads values. It allocates no more memory than the bytes justify, whatever sizes they claim.
+// \throws std::runtime_error
 class Reader {
  public:
   explicit Reader(std::string_view bytes) : rest_(bytes) {}
@@ -92,7 +94,7 @@ class Reader {
  private:
   [[noreturn]] static void damaged() { throw std::runtime_error("a damaged record found"); }
 
-  // Of entries that take at least so many bytes each.
+  // The number of entries, each of which has at least this many bytes.
   size_t taken_count(size_t bytes) {
     const auto count = taken<size_t>();
     if (count > rest_.size() / bytes) damaged();

@@ -1,4 +1,4 @@
-// The words of all findings, in the order of their kinds.
+// The sentences of all findings, in the order of their kinds.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/finding.hpp"
 
@@ -30,7 +30,7 @@ bool is(const Finding& f, const char* name) { return number(f, name) == 1; }
 const std::string& channel(const Finding& f) { return f.channels.front().name; }
 std::string experiment(const Experiment& e) { return words::experiment(e.row, e.name); }
 
-// The first few, and how many more.
+// The first few items, and the number of others.
 std::string listed(const std::vector<Experiment>& experiments, size_t most) {
   std::vector<std::string> names;
   for (size_t i = 0; i < std::min(experiments.size(), most); ++i) names.push_back(experiment(experiments[i]));
@@ -98,7 +98,7 @@ std::string samples(const std::vector<Term>& terms) {
   return words::listed(parts);
 }
 
-// Sums of more terms are named by their samples alone.
+// A sum with more terms is given by its samples without factors.
 constexpr size_t most_terms = 4;
 
 std::string sines(const Finding& f) {
@@ -120,20 +120,20 @@ std::string combination(const Finding& f, bool timed) {
   return fmt::format("a combination of {} that changes from step to step is {}", words::listed(names), what);
 }
 
-// Steps of a combination: all of them, those of every experiment, or phases of a period.
+// The steps of a combination: all steps, the steps of every experiment, or phases of a period.
 std::string where(const Finding& f) {
   const Index period = count(f, "period");
   if (period == 1) return "all along";
   return fmt::format("{} {}", period == 0 ? "in every experiment at" : "at the phases of", words::step_list(f.steps));
 }
 
-// ---- experiments made of others ----
+// ---- dependent experiments ----
 
 std::string made_of(const Finding& f, const char* one, const char* several) {
   constexpr size_t most_groups = 4;
   std::vector<std::string> parts;
   size_t more = 0;
-  // Successive experiments with the same origin share a part.
+  // Successive experiments with the same original are joined.
   for (size_t i = 0; i < f.experiments.size();) {
     std::vector<Experiment> alike;
     size_t j = i;
@@ -151,7 +151,7 @@ std::string made_of(const Finding& f, const char* one, const char* several) {
   return text;
 }
 
-// What became of them.
+// Their consequence for the identification.
 std::string consequence(const Finding& f) {
   if (f.scope == Finding::Scope::deciding_stretches)
     return "Blocks use them all, so errors on experiments left out look too small; delete them, or call with --block "
@@ -179,7 +179,7 @@ std::string as_read(const Finding& f) {
                      words::plural(count(f, "inputs"), "input"), words::plural(count(f, "outputs"), "output"));
 }
 
-// All of them, or the first few names, or ranges of rows.
+// All names, or the first few names, or ranges of rows.
 std::string known(const Finding& f) {
   const Index found = Index(f.experiments.size()), all = count(f, "experiments");
   if (found == all)

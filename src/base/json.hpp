@@ -1,4 +1,4 @@
-// JSON as text, without trust in where it comes from. To read and to write it is compiled once, in json.cpp.
+// JSON from untrusted text. The reader and the writer are compiled once, in json.cpp.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,12 +9,12 @@
 
 namespace tokid {
 
-using Json = nlohmann::ordered_json;  // keys stay in the order in which they were written
+using Json = nlohmann::ordered_json;  // keys keep the order in which they were written
 
-// Discarded where the text is no JSON.
+// Returns a discarded value if the text is not JSON.
 Json parse_json(std::string_view text);
 
-// On one line, or indented by some spaces; what is no UTF-8 is replaced.
+// Writes JSON on one line, or indented by `indent` spaces; invalid UTF-8 is replaced.
 std::string text_of(const Json& json, int indent = -1);
 
 constexpr std::size_t longest_options = std::size_t{1} << 24, deepest_options = 16, most_options = 1024;
@@ -23,14 +23,15 @@ struct JsonMeasure {
   std::size_t depth = 0, keys = 0;
 };
 
-// Of any text: brackets and colons that are not within a string.
+// Measures any text: depth and number of keys, from the brackets and colons outside strings.
 JsonMeasure measure_json(std::string_view text);
 
-// Copies and texts of a JSON value are made by recursion, and the keys of an ordered object are searched one by one: a
-// text that is far deeper than any identification writes would take the stack, and one of many keys forever.
+// False for a text that is far larger or deeper than any identification writes. JSON values are copied and written by
+// recursion, so a deep text would exhaust the stack. Keys of an ordered object are searched one by one, so a text with
+// many keys would take very long.
 bool is_modest(std::string_view options);
 
-// Model::options; discarded where the text is no JSON, or not modest.
+// Parses Model::options; discarded if the text is not JSON or not modest.
 Json options_json(const std::string& options);
 
 }  // namespace tokid

@@ -10,8 +10,8 @@
 
 namespace tokid {
 
-// Asks the system for large pages behind memory that is about to be written: where it is so for the first time, most of
-// the time is that of small ones. A hint, whose failure is of no consequence.
+// Asks the system for large pages for memory that is about to be written. With small pages, the first writing spends
+// most of its time on the pages. This is a hint; a failure has no consequence.
 inline void prefer_large_pages([[maybe_unused]] const void* memory, [[maybe_unused]] size_t bytes) {
 #ifdef __linux__
   constexpr size_t page = size_t{2} << 20;

@@ -1,4 +1,4 @@
-// What stands where there is no number.
+// The value of missing numbers.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

@@ -38,9 +38,9 @@ Execution share(const Execution& whole, double from, double to) {
 void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body) {
   const Index total = end - begin;
   if (total <= 0) return;
-  checkpoint();  // also where other threads leave nothing to this one
+  checkpoint();  // here too, because the other threads may leave no piece to this one
   const Index threads = std::min(thread_count(execution), total);
-  // Pieces are smaller than a thread's share so that uneven steps balance and progress is seen.
+  // Pieces are smaller than a thread's share, so that uneven steps are balanced and progress is visible.
   const Index piece = std::max<Index>(1, total / (32 * threads));
 
   std::atomic<Index> next{begin};

@@ -1,4 +1,4 @@
-// The same random numbers on every machine, which the standard library's distributions don't promise.
+// Random numbers that are equal on every machine. The distributions of the standard library do not guarantee this.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

@@ -6,7 +6,7 @@
 
 namespace tokid::statistics {
 
-double median(std::vector<double> values);  // NaN for none
+double median(std::vector<double> values);  // NaN for an empty list; of an even number of values, the upper middle one
 
 // q with P(F ≤ q) = probability for F distributed with (a, b) degrees of freedom
 double f_quantile(double probability, double a, double b);
@@ -20,7 +20,7 @@ double chi_square_two_sided(double x, double freedom);
 // P(|T| ≥ |t|) for Student's t
 double student_two_sided(double t, double freedom);
 
-// Mean, variance and third central moment, which add up over independent terms.
+// Mean, variance and third central moment; those of a sum of independent terms are the sums.
 struct Cumulants {
   double mean = 0.0, variance = 0.0, third = 0.0;
 
@@ -30,13 +30,13 @@ struct Cumulants {
   }
 };
 
-// P(X ≥ x) of the gamma distribution, shifted and where need be reflected, that has these cumulants (Pearson's type
-// III); NaN without variance.
+// P(X ≥ x) of the gamma distribution with these cumulants, shifted and reflected where necessary (Pearson's type III);
+// NaN without variance.
 double upper_tail(const Cumulants& cumulants, double x);
 
-// Of tr(P M) where P projects ℝ^size onto a uniformly random subspace of dimension `rank`, and M is symmetric with
-// traces t1, t2, t3 of M, M², M³. If M is a projection too, this is Pillai's trace of two sets of variables, one of
-// which at least is normal. Needs 1 ≤ rank ≤ size and size ≥ 3.
+// Cumulants of tr(P M). P projects ℝ^size onto a uniformly random subspace of dimension `rank`. M is symmetric, and t1,
+// t2, t3 are the traces of M, M², M³. If M is a projection too, this is Pillai's trace of two sets of variables, of
+// which at least one is normal. Needs 1 ≤ rank ≤ size and size ≥ 3.
 Cumulants projected_trace(double rank, double size, double t1, double t2, double t3);
 
 }  // namespace tokid::statistics

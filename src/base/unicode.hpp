@@ -1,4 +1,4 @@
-// UTF-8, the encoding of every text in the library: decoded, checked, encoded.
+// Decoding, checking and encoding of UTF-8, the encoding of every text in the library.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,13 +8,13 @@
 
 namespace tokid::unicode {
 
-// Empty where the text is not valid.
+// Conversions; empty if the text is not valid.
 std::optional<std::u32string> utf32_from(std::string_view utf8);
 std::optional<std::string> utf8_from(std::u32string_view utf32);
 std::optional<std::string> utf8_from(std::u16string_view utf16);
 
-// Length of the UTF-8 character at the front, 0 where there is none.
+// Length of the UTF-8 character at the front, 0 without one.
 size_t character_length(std::string_view text);
-bool is_control(std::string_view character);  // of ASCII or of what ISO 8859 has above it
+bool is_control(std::string_view character);  // of ASCII or of the upper half of ISO 8859
 
 }  // namespace tokid::unicode

@@ -5,7 +5,7 @@
 
 namespace tokid::linalg {
 
-// Numbers that are equal get equal bits: one pattern for both zeros, and one for whatever is not a number.
+// Copies numbers so that equal ones have equal bits: both zeros get one pattern, and all NaN get one pattern.
 void copy_canonical(const double* from, Index count, double* to);
 
 }  // namespace tokid::linalg

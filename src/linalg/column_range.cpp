@@ -32,7 +32,7 @@ void Range(const double* values, size_t count, double* least, double* most, doub
         const Vec x = hn::LoadU(tag, values + i + v * lanes);
         low[v] = hn::Min(low[v], x);
         high[v] = hn::Max(high[v], x);
-        sum[v] = hn::MulAdd(none, x, sum[v]);  // NaN and infinities leave no zero behind
+        sum[v] = hn::MulAdd(none, x, sum[v]);  // not zero after NaN or infinity
       }
     *least = hn::GetLane(hn::MinOfLanes(tag, hn::Min(low[0], low[1])));
     *most = hn::GetLane(hn::MaxOfLanes(tag, hn::Max(high[0], high[1])));

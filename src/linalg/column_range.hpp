@@ -5,7 +5,7 @@
 
 namespace tokid::linalg {
 
-// Of numbers that may be missing (NaN) or infinite: whether there is none of either, and where that holds the range.
+// Says whether all numbers are finite (neither NaN nor infinite), and gives their range if so.
 struct ColumnRange {
   bool finite = true;
   double min = 0.0, max = 0.0;

@@ -19,7 +19,7 @@ void check_square(const ConstMatrixRef& a) {
         fmt::format("a: {} rows and {} columns found, a square one needed", a.rows(), a.cols()));
 }
 
-// Where it does not solve, Eigen would leave its results as it found the memory.
+// False if there is no solution. Eigen would then leave its results uninitialised.
 bool solves(Eigen::EigenSolver<Matrix>& solver, const ConstMatrixRef& a, bool with_vectors) {
   return a.allFinite() && solver.compute(a, with_vectors).info() == Eigen::Success;
 }

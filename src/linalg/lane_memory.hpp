@@ -10,10 +10,11 @@
 
 namespace tokid::linalg {
 
-// Arrays of vectors of `lanes` numbers in one piece of memory, each from a cache line on if `lanes` fill one.
+// Arrays of vectors of `lanes` numbers in one block of memory. Each array starts on a cache line if `lanes` numbers
+// fill one.
 class LaneMemory {
  public:
-  // The pointers to set, with the vectors that they get.
+  // The pointers to set, and the number of vectors of each array.
   LaneMemory(Index lanes, std::initializer_list<std::pair<double**, Index>> arrays) {
     constexpr std::uintptr_t cache_line = 64;
     Index total = 0;

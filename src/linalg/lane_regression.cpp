@@ -17,7 +17,8 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-// rows × cols entries of every lane, columns contiguous with room for `room` rows; the rows up to there become zero.
+// Gathers rows × cols entries of every lane. Columns are contiguous, with space for `room` rows; the rows after `rows`
+// become zero.
 void gather(const double* samples, size_t stride, size_t offset, size_t rows, size_t cols, size_t room, double* x) {
   const Tag tag;
   for (size_t j = 0; j < cols; ++j) {
@@ -41,7 +42,7 @@ void Regress(const double* samples, size_t stride, size_t offset, size_t rows, s
     gather(samples + begin, stride, offset, count, cols, even, x);
     absorb(x, even, cols, r);
   }
-  // R_ll⁻¹ column by column, and what it and R_ll measure in columns of norm 1: R diag(1/c), diag(c) R⁻¹.
+  // Computes R_ll⁻¹ column by column, and the norms of both for columns of norm 1: R diag(1/c), diag(c) R⁻¹.
   Vec total = hn::Zero(tag), inverse_total = hn::Zero(tag);
   for (size_t j = 0; j < left; ++j) {
     Vec square = hn::Zero(tag);
@@ -82,8 +83,8 @@ HWY_AFTER_NAMESPACE();
 namespace tokid::linalg {
 
 namespace {
-// Entries of the samples of a lane that are absorbed at once: those of eight lanes take 32 KiB, whatever the machine,
-// so that the sums have the same order everywhere.
+// Entries of a lane's samples that are absorbed at once. Those of eight lanes take 32 KiB. The number is the same on
+// every machine, so that the sums have the same order everywhere.
 constexpr Index piece_entries = 512;
 
 // Rows of a piece: an even number, the same for all pieces.
@@ -96,7 +97,7 @@ Index piece_of(Index rows, Index cols) {
 
 Index LaneRegression::lanes() { return Index(TOKID_KERNEL(Lanes)()); }
 
-// Of more, a piece has fewer rows than columns: it absorbs little for its reflections.
+// With more columns, a piece has fewer rows than columns, and its reflections absorb little.
 Index LaneRegression::most_columns() { return 32; }
 
 LaneRegression::LaneRegression(Index rows, Index left, Index right)

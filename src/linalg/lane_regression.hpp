@@ -1,5 +1,5 @@
-// The regressions of many steps at once, one in each lane of the vector instructions: for windows so small that a
-// factorisation of one alone would spend its time on overhead.
+// Regressions of many steps at once, one in each lane of the vector instructions. It is for small windows, where most
+// of the time of a single factorisation is overhead.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -7,11 +7,12 @@
 
 namespace tokid::linalg {
 
-// Condition numbers up to here leave no doubt about the rank, whatever pivots a rank revealing factorisation has.
+// Up to this condition number the rank is certain, without the pivots of a rank-revealing factorisation.
 inline constexpr double certain_rank = 1e10;
 
-// Least-squares problems of one shape, right = left · x, by Householder reflections. Problem l of a batch has its
-// samples `offset`·l entries behind those of problem 0, columns of `rows` entries `stride` apart, the left ones first.
+// Solves least-squares problems of one shape, right = left · x, by Householder reflections. The samples of problem l of
+// a batch begin `offset`·l entries after those of problem 0. Columns have `rows` entries and are `stride` apart, the
+// left ones first.
 class LaneRegression {
  public:
   LaneRegression(Index rows, Index left, Index right);
@@ -26,8 +27,8 @@ class LaneRegression {
   // Entries of problem l of the last batch.
   // R = [R_ll R_lr; 0 R_rr], i ≤ j
   double factor(Index l, Index i, Index j) const { return value(r_, packed(i, j), l); }
-  // R_ll⁻¹, i ≤ j; the columns of the left side have norm 1 in `condition`, ‖R_ll‖_F ‖R_ll⁻¹‖_F. Rank-deficient
-  // problems have none that is finite.
+  // R_ll⁻¹, i ≤ j. `condition` is ‖R_ll‖_F ‖R_ll⁻¹‖_F for left columns of norm 1; it is not finite for a rank-deficient
+  // problem.
   double inverse(Index l, Index i, Index j) const { return value(inverse_, packed(i, j), l); }
   double condition(Index l) const { return value(condition_, 0, l); }
   double x(Index l, Index i, Index j) const { return value(x_, j * left_ + i, l); }

@@ -19,8 +19,7 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-// Turns the columns p and q, of n entries, so that they are orthogonal, in the lanes where they were not, which are
-// returned.
+// Rotates the columns p and q, of n entries, so that they are orthogonal. Returns the lanes in which they were not.
 HWY_INLINE hn::Mask<Tag> rotate(double* p, double* q, size_t n, Vec tolerance) {
   const Tag tag;
   const Vec one = hn::Set(tag, 1.0);
@@ -31,12 +30,12 @@ HWY_INLINE hn::Mask<Tag> rotate(double* p, double* q, size_t n, Vec tolerance) {
     square_q = hn::MulAdd(b, b, square_q);
     product = hn::MulAdd(a, b, product);
   }
-  // Below, squares have lost their digits; such columns are not counted as found.
+  // Smaller squares have lost digits; such columns count as not found.
   constexpr double least = 1e-260;
   const Vec norms = hn::Mul(hn::Sqrt(square_p), hn::Sqrt(square_q));
   const auto turn = hn::And(hn::Gt(hn::Abs(product), hn::Mul(tolerance, norms)), hn::Gt(norms, hn::Set(tag, least)));
   if (hn::AllFalse(tag, turn)) return turn;
-  // tan 2φ = 2 product / (square_q - square_p), of its two solutions the smaller angle; other lanes stay as they are.
+  // tan 2φ = 2 product / (square_q - square_p), with the smaller of its two angles; other lanes do not change.
   const Vec zeta = hn::Div(hn::Sub(square_q, square_p), hn::Mul(hn::Set(tag, 2.0), product));
   const Vec size = hn::Abs(zeta), root = hn::Sqrt(hn::MulAdd(zeta, zeta, one));
   const Vec tangent = hn::CopySign(hn::Div(one, hn::Add(size, root)), zeta);
@@ -49,18 +48,18 @@ HWY_INLINE hn::Mask<Tag> rotate(double* p, double* q, size_t n, Vec tolerance) {
   return turn;
 }
 
-// a: Aᵀ (even × rows); r: packed triangle, of which the first `count` rows count; l: L (rows × count), its columns U Σ;
-// norm: Σ, NaN where it was not found
+// a: Aᵀ (even × rows); r: packed triangle with `count` valid rows; l: L (rows × count), with columns U Σ; norm: Σ, NaN
+// if it was not found
 void Decompose(double* a, size_t even, size_t rows, size_t count, double* r, double* l, double* norm) {
   const Tag tag;
   for (size_t i = 0; i < rows * (rows + 1) / 2; ++i) store(hn::Zero(tag), r, i);
   absorb(a, even, rows, r);
   for (size_t j = 0; j < count; ++j)
     for (size_t i = 0; i < rows; ++i) store(i < j ? hn::Zero(tag) : load(r, packed(j, i)), l, j * rows + i);
-  // Rounding of the products, which no rotation takes away.
+  // Rounding errors of the products, which no rotation can remove.
   const Vec tolerance = hn::Set(tag, double(std::max<size_t>(rows, 4)) * std::numeric_limits<double>::epsilon());
   constexpr int most_sweeps = 40;  // five or six are usual
-  // Lanes that are done stay as they are while others turn, so that none depends on another one.
+  // Finished lanes do not change while others are rotated. No lane thus depends on another one.
   const auto none = hn::Lt(tolerance, tolerance);
   auto turned = none;
   for (int sweep = 0; sweep < most_sweeps; ++sweep) {
@@ -109,7 +108,7 @@ void LaneSvd::run() {
     for (Index i = 0; i < rows_; ++i)
       for (Index l = 0; l < lanes_; ++l) entry(l, i, cols_) = 0.0;
   TOKID_KERNEL(Decompose)(a_, size_t(even_), size_t(rows_), size_t(count_), r_, l_, norm_);
-  // Between these bounds the squares of what rounding errors leave of zero are numbers too.
+  // Between these bounds, the squares of rounding errors are normal numbers too.
   constexpr double least = 1e-130, most = 1e150;
   for (Index l = 0; l < lanes_; ++l) {
     bool found = true;
@@ -122,7 +121,7 @@ void LaneSvd::take(Index l, Matrix& u, Vector& s) {
   u.resize(rows_, count_);
   s.resize(count_);
   for (Index j = 0; j < count_; ++j) left_(j) = norm_[j * lanes_ + l];
-  for (Index c = 0; c < count_; ++c) {  // the largest first
+  for (Index c = 0; c < count_; ++c) {  // in decreasing order
     Index largest = 0;
     s(c) = left_.maxCoeff(&largest);
     left_(largest) = -1.0;

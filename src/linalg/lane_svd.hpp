@@ -8,8 +8,8 @@
 namespace tokid::linalg {
 
 // A = U Σ Vᵀ of matrices of one shape: Aᵀ = Q Lᵀ by Householder reflections, then L J = U Σ by rotations of pairs of
-// columns (one-sided Jacobi), each to the last digit that it has, however small it is. What a lane gets does not depend
-// on the other ones.
+// columns (one-sided Jacobi). Every singular value has full relative accuracy, however small it is. The result of a
+// lane does not depend on the other lanes.
 class LaneSvd {
  public:
   LaneSvd(Index rows, Index cols);
@@ -17,15 +17,15 @@ class LaneSvd {
   LaneSvd& operator=(const LaneSvd&) = delete;
 
   static Index lanes();  // matrices of a batch
-  // Beyond, matrices of all lanes together leave the caches.
+  // With more rows, the matrices of all lanes do not fit into the caches.
   static Index most_rows();
 
-  // Entry (i, j) of matrix l of the next batch; every entry has to be set before each run.
+  // Entry (i, j) of matrix l of the next batch; every entry must be set before each run.
   double& entry(Index l, Index i, Index j) { return a_[(i * even_ + j) * lanes_ + l]; }
   void run();
 
-  // Of matrix l of the last batch. Where `found` does not hold, because singular values are zero or beyond the range
-  // of squares, or NaN, another way has to be taken.
+  // Result for matrix l of the last batch. found() is false if singular values are zero, outside the range of squares,
+  // or NaN; the caller must then use another method.
   bool found(Index l) const { return found_[size_t(l)]; }
   // (rows × q) and (q), singular values in decreasing order; q = min(rows, cols)
   void take(Index l, Matrix& u, Vector& s);

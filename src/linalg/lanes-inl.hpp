@@ -1,5 +1,5 @@
-// Vectors that hold one entry of as many matrices as they have lanes, and the kernel that makes triangles of them.
-// Included once for each instruction set, hence the guard that toggles.
+// Vectors that hold one entry of several matrices, one in each lane, and the kernel that reduces these matrices to
+// triangles. The file is included once for each instruction set; therefore its guard toggles.
 // SPDX-License-Identifier: BSD-3-Clause
 
 // NOLINTBEGIN(misc-definitions-in-headers)
@@ -27,7 +27,7 @@ HWY_INLINE Vec load(const double* list, size_t entry) { return hn::Load(Tag(), l
 HWY_INLINE void store(Vec v, double* list, size_t entry) { hn::Store(v, Tag(), list + entry * lanes); }
 HWY_INLINE size_t packed(size_t i, size_t j) { return j * (j + 1) / 2 + i; }
 
-// Entries 0 … lanes-1 of `lanes` columns that are `offset` apart become vectors, one for each entry.
+// Turns the entries 0 … lanes-1 of `lanes` columns, `offset` apart, into vectors, one for each entry.
 HWY_INLINE void transpose(const double* from, size_t offset, double* to) {
   const Tag tag;
   Vec a[lanes];
@@ -63,7 +63,8 @@ HWY_INLINE void transpose(const double* from, size_t offset, double* to) {
 #endif
 }
 
-// The reflection I - τ [1; s v] [1; s v]ᵀ that zeroes a column v below `pivot`, which it makes `beta`; of zeros, I.
+// The reflection I - τ [1; s v] [1; s v]ᵀ. It zeroes a column v below `pivot`, and `pivot` becomes `beta`. For a zero
+// column it is I.
 struct Reflection {
   Vec beta, tau, scale;
 
@@ -77,11 +78,12 @@ struct Reflection {
     tau = hn::IfThenElse(none, zero, hn::Sub(one, hn::Div(pivot, opposite)));
     scale = hn::IfThenElse(none, zero, hn::Div(one, hn::Sub(pivot, opposite)));
   }
-  // What it takes from a number `upper` above a column x with product = vᵀx; times v, from x itself.
+  // The amount that the reflection subtracts from a number `upper` above a column x with product = vᵀx. Times v, it is
+  // subtracted from x.
   Vec taken(Vec upper, Vec product) const { return hn::Mul(tau, hn::MulAdd(scale, product, upper)); }
 };
 
-// Columns j … j+columns-1 of x after the reflections of columns i and i+1, v and w, at once; cross = vᵀw.
+// Applies the reflections of columns i and i+1, with v and w, to the columns j … j+columns-1 of x at once; cross = vᵀw.
 template <size_t columns>
 HWY_INLINE void reflect(const double* v, const double* w, double* x, size_t rows, const Reflection& first,
                         const Reflection& second, Vec cross, double* r, size_t i, size_t j) {
@@ -116,7 +118,7 @@ HWY_INLINE void reflect(const double* v, const double* w, double* x, size_t rows
   }
 }
 
-// Rows x (rows × cols, an even number of rows) into the packed triangle r.
+// Absorbs the rows x (rows × cols, an even number of rows) into the packed triangle r.
 HWY_INLINE void absorb(double* x, size_t rows, size_t cols, double* r) {
   const Tag tag;
   const Vec zero = hn::Zero(tag);

@@ -21,7 +21,7 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 Svd svd(const ConstMatrixRef& a) {
   if (a.size() == 0) return {Matrix(a.rows(), 0), Vector(0), Matrix(a.cols(), 0)};
-  // Not BDCSVD: Eigen 3.4's returns wrong vectors for some exactly rank-deficient matrices, such as H_k.
+  // BDCSVD is not used: that of Eigen 3.4 returns wrong vectors for some exactly rank-deficient matrices, such as H_k.
   const Eigen::JacobiSVD<Matrix> decomposition(a, Eigen::ComputeThinU | Eigen::ComputeThinV);
   return {decomposition.matrixU(), decomposition.singularValues(), decomposition.matrixV()};
 }
@@ -34,7 +34,7 @@ Vector singular_values(const ConstMatrixRef& a) {
 Matrix triangular_factor(Matrix& a) {
   const Index size = std::min(a.rows(), a.cols());
   if (size == 0) return Matrix(0, a.cols());
-  constexpr Index cached = Index{1} << 15;  // entries, of 256 KiB: larger ones are factored in blocks of columns
+  constexpr Index cached = Index{1} << 15;  // entries in 256 KiB; larger matrices are factored in blocks of columns
   if (a.size() > cached) {
     const Eigen::HouseholderQR<Eigen::Ref<Matrix>> in_place(a);
   } else {
@@ -114,7 +114,7 @@ Matrix whitener(const ConstMatrixRef& s) {
   const Index n = s.rows();
   const double trace = s.trace();
   if (!(trace > 0)) return Matrix::Identity(n, n);
-  // Channels of very different units are scaled to equal variance before the lift, so that it favours none of them.
+  // Channels are scaled to equal variance before the diagonal is raised, because their units may be very different.
   Vector scale = s.diagonal().cwiseSqrt();
   for (double& value : scale) value = value > 0 ? 1 / value : 1.0;
   Matrix correlation = scale.asDiagonal() * s * scale.asDiagonal();
@@ -128,7 +128,7 @@ std::optional<Matrix> covariance_factor(const ConstMatrixRef& s) {
   constexpr double rounding = 1e-10;
   if (s.rows() != s.cols() || !s.allFinite() || (s.diagonal().array() < 0).any()) return std::nullopt;
   if (s.size() == 0) return Matrix(0, 0);
-  // Of the correlations, so that quantities of very different units keep their digits.
+  // Uses the correlations, so that quantities with very different units keep their digits.
   const Vector size = s.diagonal().cwiseSqrt();
   const Vector inverse = (size.array() > 0).select(size.cwiseInverse(), 1.0);
   const Matrix correlation = inverse.asDiagonal() * s * inverse.asDiagonal();
@@ -136,7 +136,7 @@ std::optional<Matrix> covariance_factor(const ConstMatrixRef& s) {
   if ((correlation - correlation.transpose()).cwiseAbs().maxCoeff() > rounding ||
       decomposition.values.minCoeff() < -rounding)
     return std::nullopt;
-  // What rounding has made of zero must not become its root, 1e-8: a direction without variance has none.
+  // A rounding error of zero must not become its root, 1e-8: a direction without variance stays without.
   const Vector& values = decomposition.values;
   const double zero = 4 * epsilon * double(s.rows()) * values(values.size() - 1);
   return size.asDiagonal() * decomposition.vectors *

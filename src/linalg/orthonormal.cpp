@@ -10,13 +10,13 @@ namespace tokid::linalg {
 
 namespace {
 
-// Columns that are made together from those before, and rows that stay in the cache meanwhile.
+// Columns that are computed together, and rows that stay in the cache.
 constexpr Index width = 8, height = 256;
 
 // q R⁻¹; a column with a zero on the diagonal becomes zero.
 void divide(Matrix& q, const RowAbsorption& r) {
   const Index cols = q.cols();
-  Matrix above(width, cols);  // R of the columns at hand, transposed
+  Matrix above(width, cols);  // R of the present columns, transposed
   for (Index top = 0; top < q.rows(); top += height) {
     auto rows = q.middleRows(top, std::min(height, q.rows() - top));
     for (Index begin = 0; begin < cols; begin += width) {

@@ -1,5 +1,4 @@
-// Householder reflections of the small matrices that most factorisations here are of: Eigen's general products take
-// longer to begin than to run there.
+// Householder reflections of small matrices. Eigen's general products have more overhead than work for these sizes.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,12 +11,12 @@
 
 namespace tokid::linalg {
 
-// I - τ [1; v] [1; v]ᵀ, which makes [β; 0] of a column [pivot; tail]. These become β and v; \return τ, or 0 where the
-// tail is zero and stays so.
+// Computes I - τ [1; v] [1; v]ᵀ, which turns a column [pivot; tail] into [β; 0]. pivot becomes β and tail becomes v;
+// \return τ, or 0 if the tail is zero.
 inline double make_reflection(double& pivot, double* tail, Index length) {
   Eigen::Map<Vector> v(tail, length);
   double scale = 1.0, squares = v.squaredNorm();
-  // Squares below the first lose digits, above the other all of them: the column then gets another exponent.
+  // Squares below `least` lose digits, and squares above `most` overflow: the column is then scaled by a power of two.
   constexpr double least = std::numeric_limits<double>::min() / std::numeric_limits<double>::epsilon();
   constexpr double most = std::numeric_limits<double>::max() / 4;
   if (!(squares >= least && pivot * pivot + squares <= most) && !std::isnan(squares)) {
@@ -36,7 +35,7 @@ inline double make_reflection(double& pivot, double* tail, Index length) {
   return tau;
 }
 
-// Columns whose first entries, and whose others, stand in places of their own.
+// Columns whose first entry is stored apart from the others.
 struct Columns {
   double* first;
   Index first_stride;
@@ -44,7 +43,7 @@ struct Columns {
   Index rest_stride;
 };
 
-// `count` neighbours at once, so that v is read once for all of them.
+// `count` neighbouring columns at once, so that v is read once for all of them.
 template <size_t count>
 void reflect_together(const double* v, Index length, double tau, const Columns& columns) {
   using Pair = Eigen::Array2d;

@@ -23,9 +23,9 @@ using Vec = hn::Vec<Tag>;
 
 constexpr size_t lanes = HWY_LANES(double);
 constexpr size_t width = RowAbsorption::width;
-// Squares outside of this range, or products with other columns, may have lost digits.
+// Squares outside this range, or products with other columns, may have lost digits.
 constexpr double smallest_square = 1e-120, largest_square = 1e120;
-// A tile of so many rows × vectors stays in registers.
+// A tile of this many rows × vectors stays in registers.
 constexpr size_t tile_rows = HWY_TARGET == HWY_AVX3 ? 8 : 4, tile_vectors = 2;
 
 // c (tile_rows × vectors) = from ± a·b; a(i, k) = a[i·row + k·col], the others with contiguous rows.
@@ -56,7 +56,7 @@ HWY_INLINE void tile(const double* HWY_RESTRICT a, size_t row, size_t col, size_
     for (size_t v = 0; v < vectors; ++v) hn::StoreU(sum[i][v], tag, c + i * c_stride + v * lanes);
 }
 
-// The same for blocks of a whole number of tiles, all with rows of `width` entries.
+// The same for blocks of whole tiles, all with rows of `width` entries.
 template <bool minus>
 HWY_INLINE void multiply(size_t rows, const double* a, size_t row, size_t col, size_t depth, const double* b,
                          const double* from, double* c) {
@@ -66,7 +66,7 @@ HWY_INLINE void multiply(size_t rows, const double* a, size_t row, size_t col, s
                                 width);
 }
 
-// A block of columns to the right of a panel: w = R + Vᵀ x, R -= Tᵀ w, x -= V Tᵀ w.
+// Applies the reflections to a block of columns to the right of a panel: w = R + Vᵀ x, R -= Tᵀ w, x -= V Tᵀ w.
 void reflect(const double* v, const double* t_transposed, size_t rows, double* r, double* x) {
   HWY_ALIGN double w[width * width];
   HWY_ALIGN double tw[width * width] = {};
@@ -108,7 +108,7 @@ void factor_panel(double* HWY_RESTRICT x, size_t rows, size_t begin, size_t end,
     multiply_with(i);
     double unit = 1.0, pivot = row[i];
     if (!(products[i] > smallest_square && products[i] + pivot * pivot < largest_square)) {
-      // Squares beyond the range of the numbers: the column once more, in a unit of its own.
+      // The square is out of range: the column is scaled, and the step repeated.
       double largest = 0.0;
       for (size_t k = 0; k < rows; ++k) largest = std::max(largest, std::abs(x[k * width + i]));
       if (!(largest > 0) && !std::isnan(products[i])) continue;  // nothing to absorb
@@ -153,7 +153,7 @@ void factor_panel(double* HWY_RESTRICT x, size_t rows, size_t begin, size_t end,
     }
 }
 
-// The rows x, in blocks of `width` columns, into r from column `begin` to column `n` on.
+// Absorbs the rows x, in blocks of `width` columns, into r from column `begin` to column `n`.
 void Absorb(double* r, size_t begin, size_t n, double* x, size_t rows) {
   HWY_ALIGN double t_transposed[width * width];
   const size_t blocks = (n + width - 1) / width;
@@ -166,8 +166,8 @@ void Absorb(double* r, size_t begin, size_t n, double* x, size_t rows) {
   }
 }
 
-// b (n × cols, padded to whole vectors) = r⁻¹ b, rows from the last up: a tile's worth of them for all rows below at
-// once, and then one after the other. An upper triangular b stays so.
+// b (n × cols, padded to whole vectors) = r⁻¹ b, from the last row up: a tile of rows for all rows below at once, then
+// row by row. An upper triangular b stays upper triangular.
 void BackSubstitute(const double* r, size_t n, size_t r_stride, double* b, size_t cols, size_t stride,
                     bool triangular) {
   const Tag tag;
@@ -204,9 +204,9 @@ namespace tokid::linalg {
 
 namespace {
 
-// Rows come in multiples of these …
+// Rows are absorbed in multiples of `whole_rows` …
 constexpr Index whole_rows = 8;
-// … and so many at once: they stay in the second level cache together with what absorbs them.
+// … and at most `rows_at_once` at once: they stay in the second-level cache together with R.
 constexpr Index rows_at_once = 192;
 
 }  // namespace

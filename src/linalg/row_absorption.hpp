@@ -1,5 +1,5 @@
-// The kernel of all large factorisations, and its companions, in vector instructions chosen at run time. Matrices are
-// row-major here: a vector holds neighbouring columns, so that no sum runs across its lanes.
+// The kernel of all large factorisations, in vector instructions that are chosen at run time. Matrices are row-major
+// here: a vector holds neighbouring columns, so that no sum runs across its lanes.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -15,14 +15,14 @@ using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::R
 // Householder reflections, 2 n² operations for each row. A tall matrix is absorbed in pieces that stay in the cache.
 class RowAbsorption {
  public:
-  // Zero, without allocating where a larger one was held before.
+  // Sets the triangle to zero. It does not allocate if it had a larger size before.
   void reset(Index n);
   Index size() const { return n_; }
 
-  // Rows of a column-major matrix (any number × n), columns multiplied by `scales` (n) where given.
+  // Absorbs the rows of a column-major matrix (any number × n), with columns multiplied by `scales` (n) if given.
   void absorb(const ConstMatrixRef& rows, const double* scales = nullptr);
-  // Drops the columns begin … begin+count-1 of a factor whose columns before `begin` are dropped already: their rows
-  // are absorbed by those that follow.
+  // Drops the columns begin … begin+count-1 of a factor; the columns before `begin` must be dropped already. The rows
+  // of the dropped columns are absorbed by the following ones.
   void drop(Index begin, Index count);
 
   double operator()(Index i, Index j) const {  // i ≤ j
@@ -31,8 +31,8 @@ class RowAbsorption {
 
   Matrix factor() const;  // (n × n)
 
-  // Columns lie in blocks of this width, each with contiguous rows down to the diagonal: products of blocks then read
-  // memory in order, whatever n is.
+  // Columns are stored in blocks of this width, each with contiguous rows down to the diagonal. Products of blocks then
+  // read memory in order for any n.
   static constexpr Index width = 16;
   static constexpr size_t offset(Index block) { return size_t(width * width * block * (block + 1) / 2); }
 
@@ -43,11 +43,11 @@ class RowAbsorption {
   std::vector<double> r_, piece_;
 };
 
-// Columns of a matrix whose rows are whole vectors, and the n that such a matrix is to hold.
+// Number of columns of a matrix whose rows are whole vectors, for n used columns.
 constexpr Index whole_vectors(Index n) { return (n + 7) / 8 * 8; }
 
-// b = r⁻¹ b for the upper triangle of r (n × whole_vectors(n)) without a zero on the diagonal, b (n × whole vectors); a
-// triangular b is told to stay so.
+// b = r⁻¹ b for the upper triangle of r (n × whole_vectors(n)) without a zero on the diagonal, b (n × whole vectors).
+// With `triangular`, b is upper triangular and stays so.
 void back_substitute(const RowMatrix& r, RowMatrix& b, bool triangular);
 
 }  // namespace tokid::linalg

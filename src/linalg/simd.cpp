@@ -14,8 +14,8 @@ namespace {
 
 Target of_this_machine() {
 #if defined(__x86_64__) && !defined(__SSE4_2__)
-  // What Highway compiles these targets with. The processor is asked, because not every compiler comes with the library
-  // that __builtin_cpu_supports needs. The operating system tells in XCR0 which registers it saves.
+  // The features with which Highway compiles these targets. The code asks the processor, because not every compiler has
+  // the library that __builtin_cpu_supports needs. XCR0 says which registers the operating system saves.
   const auto has = [](unsigned word, unsigned bits) { return (word & bits) == bits; };
   constexpr unsigned saves_avx = 0x06, saves_avx512 = 0xe6;
   unsigned a = 0, b = 0, c = 0, d = 0, saved = 0;

@@ -11,7 +11,7 @@ namespace {
 // Pivots below this share of their variance, times n, are rounding errors.
 constexpr double rounding = 4 * std::numeric_limits<double>::epsilon();
 
-// The lower Cholesky factor in place; columns of zeros where nothing of a variance is left.
+// The lower Cholesky factor in place; a column is zero if nothing of its variance is left.
 void cholesky(Matrix& l) {
   const Index n = l.rows();
   for (Index j = 0; j < n; ++j) {

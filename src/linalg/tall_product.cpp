@@ -92,7 +92,7 @@ HWY_INLINE void columns_of(const Sum& s, size_t row) {
 }
 
 void SumOfProducts(const Sum& s) {
-  const hn::CappedTag<double, 1> one;  // rounds as whole vectors do: a row must not depend on its neighbours
+  const hn::CappedTag<double, 1> one;  // rounds like whole vectors: a row must not depend on its neighbours
   size_t row = 0;
   for (; row + 2 * lanes <= s.rows; row += 2 * lanes) columns_of<2>(s, row);
   for (; row + lanes <= s.rows; row += lanes) columns_of<1>(s, row);

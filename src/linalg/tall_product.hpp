@@ -7,15 +7,15 @@
 
 namespace tokid::linalg {
 
-// x wᵀ, or - x wᵀ, for tall x (rows × p) and small w (q × p): experiments as rows, which a model takes from one step to
-// the next.
+// x wᵀ, or - x wᵀ, for tall x (rows × p) and small w (q × p). The rows are experiments, which a model advances by one
+// step.
 struct TallProduct {
   ConstMatrixRef x, w;
   bool minus = false;
 };
 
-// out (rows × q) = the sum of up to three products, or that and `start`, in one pass. A general product would copy its
-// factors before it multiplies. `out` may be `start`, and shares no memory with what is multiplied.
+// out (rows × q) = `start` (if given) plus up to three products, in one pass. A general product would first copy its
+// factors. `out` may be `start`, but shares no memory with the factors.
 void tall_products(std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out);
 void tall_products(const ConstMatrixRef& start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out);
 

@@ -25,7 +25,8 @@ void Transpose(const double* from, Index count, Index cols, Index stride, double
   for (; j + side <= cols; j += side) {
     Index i = 0;
     for (; i + side <= count; i += side) {
-      // Columns lie far from each other: no processor guesses which one is written next, and each would be waited for.
+      // Columns are far from each other in memory. No processor predicts which one is written next, and without a
+      // prefetch each write would wait.
       for (Index c = j + side; c < std::min(j + 2 * side, cols); ++c) hwy::Prefetch(to[c] + i);
       transpose(from + i * stride + j, size_t(stride), square);
       for (Index c = 0; c < side; ++c) hn::StoreU(load(square, size_t(c)), Tag(), to[j + c] + i);

@@ -7,7 +7,7 @@
 
 namespace tokid::linalg {
 
-// Rows, `stride` numbers apart, with an entry for each of the columns: entry j of row i goes to columns[j][i].
+// Rows, `stride` numbers apart, have one entry for each column. Entry j of row i is copied to columns[j][i].
 void transpose(const double* from, Index rows, Index stride, const std::vector<double*>& columns);
 
 }  // namespace tokid::linalg

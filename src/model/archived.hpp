@@ -1,4 +1,4 @@
-// Models as bytes and back.
+// Conversion of models to bytes and back.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

@@ -1,4 +1,4 @@
-// Whether data have the channels that a model is of.
+// Check that data have the channels of a model.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,8 +6,8 @@
 
 namespace tokid {
 
-// \throws std::invalid_argument for other numbers of inputs, or of outputs where these are needed; it also says how the
-// axes of the data were read, where they look swapped
+// \throws std::invalid_argument for a wrong number of inputs, or of outputs if they are needed. If the axes of the data
+// look swapped, the message also says how they were read.
 void check_channels(const Model& model, const Ensemble& data, bool with_outputs);
 
 }  // namespace tokid

@@ -12,7 +12,7 @@ namespace tokid {
 
 namespace {
 
-// Of an output without an error; nothing where a sample is missing.
+// The sums of an output without its error; empty if a sample is missing.
 ErrorSums sums_of_all(const Eigen::Ref<const Vector>& y) {
   ErrorSums s;
   const double sum = y.sum();
@@ -23,7 +23,8 @@ ErrorSums sums_of_all(const Eigen::Ref<const Vector>& y) {
   return s;
 }
 
-// Of one output at one step, from all experiments that have both, with the sums of y alone where all have it.
+// The sums of one output at one step, over the experiments with both a sample and an error. If all have both, the sums
+// of y are reused.
 ErrorSums sums_of_both(const Eigen::Ref<const Vector>& y, const Eigen::Ref<const Vector>& error,
                        const ErrorSums& of_all) {
   ErrorSums s = of_all;

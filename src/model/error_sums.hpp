@@ -1,4 +1,4 @@
-// How far computed outputs are from measured ones, as sums that add up over steps and stretches.
+// Sums of the errors of computed outputs, which add up over steps and stretches.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,35 +10,36 @@
 
 namespace tokid {
 
-// Of one output.
+// The sums of one output.
 struct ErrorSums {
   Index count = 0;
-  double mean = 0.0, spread = 0.0;  // of the measured samples, and their squared deviations from it
-  double error = 0.0;               // squared errors
+  double mean = 0.0, spread = 0.0;  // mean of the measured samples, and sum of their squared deviations from it
+  double error = 0.0;               // sum of squared errors
 
   void add(const ErrorSums& later);
 };
 
 struct ErrorTotals {
   std::vector<ErrorSums> one_step, simulation;  // (m)
-  double innovation = 0.0, output = 0.0;        // squares of what was predicted
+  // sums of the squared innovations, and of the squares of the predicted outputs
+  double innovation = 0.0, output = 0.0;
 
   void add(const ErrorTotals& later);
-  // Innovations beyond rounding errors.
+  // True if the innovations exceed rounding errors.
   bool noisy() const;
 };
 
-// Of departures from a nominal trajectory, the spread of the outputs is that about zero.
+// The fit. For departures from a nominal trajectory, the spread of the outputs is taken about zero.
 Fit fit_of(const std::vector<ErrorSums>& sums, bool departures);
 
 // Collects the errors of prediction and simulation, step by step.
 class ErrorCollector {
  public:
-  // The outputs of the data are compared as departures from the nominal trajectory (T × m), where there is one.
+  // Compares the outputs of the data as departures from the nominal trajectory (T × m), if there is one.
   ErrorCollector(const Ensemble& data, const Matrix& y_nominal);
 
-  // Errors (N × m) of step k, NaN where there is none. The sums of the outputs are kept for
-  // one step: both errors of a step are cheapest one after the other.
+  // Errors (N × m) of step k, NaN where there is none. The sums of the outputs are kept for one step only. It is
+  // therefore cheapest to add both errors of a step one after the other.
   void predicted(Index k, const Matrix& error);
   void simulated(Index k, const Matrix& error);
 
@@ -52,7 +53,7 @@ class ErrorCollector {
   const Ensemble& data_;
   const Matrix& y_nominal_;
   Index step_ = -1;
-  std::vector<ErrorSums> outputs_;  // of that step
+  std::vector<ErrorSums> outputs_;  // sums of the outputs at that step
   Vector y_;
 };
 

@@ -11,9 +11,10 @@ namespace tokid {
 
 namespace {
 
-// The observer of an exact model has a state that the past tells, x̄_{k+1} = A x̄_k + B u_k - G_k ε_k with white ε, and
-// y_k = C x̄_k + D u_k + ε_k. Computed outputs that are not corrected have a state that is off by δ:
-// δ_{k+1} = A δ_k - G_k ε_k, and leave C_k δ_k + ε_k. The Kalman filter without its correction: p from step k to k+1.
+// The observer of an exact model has the state x̄_{k+1} = A x̄_k + B u_k - G_k ε_k with white ε, and y_k = C x̄_k + D
+// u_k + ε_k. A computation without corrections has a state that differs by δ, with δ_{k+1} = A δ_k - G_k ε_k. The error
+// of its output is C_k δ_k + ε_k. This function is the Kalman filter without its correction: it takes p from step k to
+// k+1.
 void propagate(const Model& model, const std::vector<Matrix>& covariances, Index k, Matrix& p) {
   const Step& step = model.at(k);
   Matrix ap, next;
@@ -26,8 +27,8 @@ Vector output_variance(const Model& model, const std::vector<Matrix>& covariance
   return (model.step[s].C() * p * model.step[s].C().transpose() + covariances[s]).diagonal();
 }
 
-// δ of the step `start` from the innovations of the window that starts there (n × window·m): the estimate has seen
-// them. By the Kalman smoother from x0_mean on, or by least squares.
+// δ of the step `start` as a linear function of the innovations in the window that starts there (n × window·m), because
+// the estimate has used them. The estimate is the Kalman smoother from x0_mean on, or least squares.
 Matrix estimation_error(const Model& model, const std::vector<Matrix>& covariances, Index start, Index window,
                         bool from_estimate) {
   const Index n = model.n(start), m = model.outputs;
@@ -69,7 +70,8 @@ Matrix expected_simulation_errors(const Model& model, const std::vector<Matrix>&
   } else {
     const Index start = k, window = std::min(estimation_window(model), end - k);
     if (window < 1 || (!from_estimate && window < estimation_window(model))) return result;
-    Matrix by = estimation_error(model, covariances, start, window, from_estimate);  // δ_k by ε of the window
+    // δ_k as a function of ε in the window
+    Matrix by = estimation_error(model, covariances, start, window, from_estimate);
     for (; k < start + window; ++k) {
       const size_t s = model.index(k);
       Matrix shown = model.step[s].C() * by;

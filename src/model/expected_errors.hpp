@@ -1,4 +1,4 @@
-// The errors that an exact model would leave, from the covariances that it states: what they are beyond is its fault.
+// The errors of an exact model, from its stated covariances. Larger errors show that the model is wrong.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,13 +6,13 @@
 
 namespace tokid {
 
-// Variances (T × m) of y_k less the simulation of simulate_data(), where every sample is there; NaN where it computes
-// none. `covariances` (S) are those of the innovations; the initial state is one that `initial` says.
+// Variances (T × m) of y_k minus the simulation of simulate_data() without missing samples; NaN where it computes none.
+// `covariances` (S) are those of the innovations. `initial` says how the initial state is known.
 Matrix expected_simulation_errors(const Model& model, const std::vector<Matrix>& covariances, InitialState initial,
                                   Index steps);
 
-// Variances (H × m) of y_k less its prediction h = 1 … H steps ahead by an observer that has seen all, from the states
-// of the steps begin … end-h on, in the mean. Of long records some starts stand for all.
+// Variances (H × m) of y_k minus its prediction h = 1 … H steps ahead, by an observer with all outputs. They are means
+// over the starting steps begin … end-h; long records use only some of them.
 Matrix expected_prediction_errors(const Model& model, const std::vector<Matrix>& covariances, Index begin, Index end,
                                   Index horizons);
 

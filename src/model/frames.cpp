@@ -15,9 +15,9 @@ namespace tokid {
 
 namespace {
 
-// Pivots of a change of coordinates below this share of the largest: it can't be undone.
+// A change of coordinates with a pivot below this share of the largest can't be inverted.
 constexpr double not_invertible = 1e-12;
-// Coordinates whose smallest singular value is below this share of the largest would cost half of the digits.
+// Coordinates with a smallest singular value below this share of the largest would lose half of the digits.
 constexpr double frame_condition = 1e-8;
 
 }  // namespace
@@ -55,8 +55,8 @@ Model transform(const Model& model, const std::vector<Matrix>& S) {
 
 namespace {
 
-// The run of steps around s that `coordinates(k)`, the candidate for S_k, takes into the frame: as far as it tells all
-// of the state. Empty where it fails at step s already.
+// The steps around s that can enter the frame. coordinates(k) is the candidate for S_k; it must determine all of the
+// state. Empty if it fails at step s.
 template <class Coordinates>
 FramedModel framed(const Model& model, Index s, Coordinates&& coordinates) {
   std::vector<Matrix> S;
@@ -145,7 +145,7 @@ Similarity kinematically_similar(const Model& a, const Model& b, double toleranc
                                             a.inputs, b.inputs, a.outputs, b.outputs));
   const Index begin = std::max(a.k_begin, b.k_begin), end = std::min(a.k_end(), b.k_end());
   if (band <= 0) band = 2 * std::max(a.states(), b.states());
-  // Forward from each pulse: one product per parameter, and the scale of each step k collected on the way.
+  // Goes forward from each pulse with one product per parameter, and collects the scale of each step k.
   Vector difference = Vector::Zero(std::max<Index>(0, end - begin)), scale = difference;
   const auto compare = [&](Index k, const ConstMatrixRef& x, const ConstMatrixRef& y) {
     difference(k - begin) = std::max(difference(k - begin), (x - y).norm());

@@ -1,4 +1,4 @@
-// A validation with the outputs that it judged, for those who show them: they cost most of its time.
+// A validation together with the outputs that it compared. Computing them takes most of its time, and pages show them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,10 +11,10 @@ struct Judged {
   Prediction prediction;  // one step ahead
   Ensemble simulated;     // simulate_data()
 };
-// \throws as validate(), which returns the first of the three
+// \throws as validate(), which returns only the first field
 Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& options);
 
-// validate() without words on outlying samples, for those who know the data that these are a part of.
+// validate() without findings on outlying samples, for callers that have the complete data.
 Validation validate_in_numbers(const Model& model, const Ensemble& data, const ValidateOptions& options);
 
 }  // namespace tokid

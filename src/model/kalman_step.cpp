@@ -7,7 +7,7 @@ namespace tokid::kalman {
 
 namespace {
 
-// Directions of the innovations below this share of the largest carry nothing but rounding errors.
+// Directions of the innovations below this share of the largest are only rounding errors.
 constexpr double singular = 1e-12;
 
 }  // namespace
@@ -46,7 +46,7 @@ void leave_out_missing(const std::vector<Index>& there, Matrix& h, Matrix& r) {
 
 // Kᵀ = seen⁺ rest
 Matrix prediction_gain(const Matrix& seen, Matrix& rest) {
-  Vector scale = seen.colwise().norm();  // outputs in any units
+  Vector scale = seen.colwise().norm();  // makes the result independent of the units of the outputs
   scale = (scale.array() > 0).select(scale.cwiseInverse(), 1.0);
   const Matrix transposed = scale.asDiagonal() * linalg::minimum_norm(seen * scale.asDiagonal(), rest, singular).x;
   rest -= seen * transposed;
