@@ -21,7 +21,7 @@ constexpr double smallest_variance = 1e-140;
 
 using statistics::Cumulants;
 
-// Samples less their mean: columns of norm 1, and an orthonormal basis of what they span.
+// Samples minus their mean, as columns of norm 1, and an orthonormal basis of their span.
 struct Centred {
   Matrix columns, basis;
 
@@ -33,7 +33,7 @@ Centred centred(Matrix samples) {
   for (auto column : samples.colwise()) {
     const double size = column.norm();
     column.array() -= column.mean();
-    // A constant leaves rounding errors, which are no direction.
+    // A constant column leaves only rounding errors, which are not a direction.
     if (!(column.norm() > 1e-13 * size)) column.setZero();
     if (const double norm = column.norm(); norm > 0) column /= norm;
   }
@@ -52,8 +52,8 @@ std::vector<Index> finite_rows(const Matrix& a) {
 // A test needs more samples than this: ν ≥ m + 2.
 Index too_few(const Innovations& innovations) { return innovations.empty() ? 0 : innovations.front().cols() + 2; }
 
-// Over the experiments, where at least one step has enough of them. The distributions of pooled samples, which depend
-// on each other within an experiment, hold for many.
+// Tests over the experiments if at least one step has enough of them. Pooled samples depend on each other within an
+// experiment, so the distributions of a pooled test hold only for many of them.
 Pooling pooling(const Innovations& innovations) {
   Index most = 0, all = 0;
   for (const Matrix& e : innovations) {
@@ -73,7 +73,7 @@ double standardised(double sum, const Cumulants& c) {
   return c.variance > 0 ? (sum - c.mean) / std::sqrt(c.variance) : nan;
 }
 
-// The traces of whiteness, in the order in which they are met.
+// Adds up the traces of the whiteness test.
 class WhitenessSums {
  public:
   WhitenessSums(Index steps, Index lags, Index outputs)
@@ -115,8 +115,8 @@ class WhitenessSums {
   }
 
  private:
-  // Traces are uncorrelated in pairs, but the three of three steps are not independent: each triple adds six times the
-  // mean product of its traces less their means.
+  // Any two traces are uncorrelated, but the three traces of three steps are not independent. Each triple adds six
+  // times the mean product of its centred traces.
   double common_third() const {
     double sum = 0.0;
     for (Index k = 0; k < variance_.rows(); ++k)
@@ -136,7 +136,7 @@ class WhitenessSums {
     double trace = 0.0;
     Index terms = 0;
   };
-  Matrix variance_, freedom_;  // (T × lags) of the trace of ε_k and ε_{k-j}
+  Matrix variance_, freedom_;  // (T × lags) variance and degrees of freedom of the trace of ε_k and ε_{k-j}
   std::vector<Lag> lag_;
 };
 
@@ -168,7 +168,7 @@ Whiteness whiteness_over_experiments(const Innovations& innovations, Index lags)
   return sums.result(Pooling::experiments);
 }
 
-// The samples of all steps and experiments as rows.
+// Collects the samples of all steps and experiments as rows.
 class Stack {
  public:
   explicit Stack(Index columns) : columns_(columns) {}
@@ -219,7 +219,7 @@ double whiteness_p(const Innovations& innovations, Index lags) { return whitenes
 
 namespace {
 
-// Inputs of the given rows, missing ones replaced by the mean of the others, as an orthonormal basis.
+// An orthonormal basis of the inputs of the given rows; missing ones are replaced by the mean of the others.
 Matrix input_basis(Matrix u) {
   for (auto column : u.colwise()) {
     double sum = 0.0;
@@ -238,8 +238,8 @@ class IndependenceSums {
   explicit IndependenceSums(Index lags)
       : lag_(size_t(lags)), trace_(size_t(lags), 0.0), correlations_(size_t(lags), 0.0) {}
 
-  // The bases of all lags, empty where a lag has no inputs. What they share, inputs correlated in time, enters through
-  // the traces of the sum of their projections.
+  // Adds the bases of all lags; a lag without inputs has an empty one. Inputs may be correlated in time, so the bases
+  // overlap. The traces of the sum of their projections account for this.
   void add(const Centred& innovations, const std::vector<Matrix>& bases) {
     if (innovations.basis.cols() == 0) return;
     Index columns = 0;
@@ -273,7 +273,7 @@ class IndependenceSums {
         result.correlation(Index(j)) = std::sqrt(std::max(0.0, trace_[j] - lag_[j].mean) / correlations_[j]);
       trace += trace_[j];
     }
-    // Without a spread beyond rounding, the inputs fill the space of the experiments and nothing can be told.
+    // If the variance is only rounding error, the inputs span all experiments, and the test has no result.
     if (all_.variance > 1e-12 * all_.mean * all_.mean) result.p = statistics::upper_tail(all_, trace);
     if (!std::isnan(result.p)) result.over = over;
     return result;
@@ -281,14 +281,14 @@ class IndependenceSums {
 
  private:
   std::vector<Cumulants> lag_;
-  std::vector<double> trace_, correlations_;  // sums of squared canonical correlations, and how many they are
+  std::vector<double> trace_, correlations_;  // sums of squared canonical correlations, and their number
   Cumulants all_;
 };
 
 Independence independence_over_experiments(const Innovations& innovations, const Ensemble& data, Index first,
                                            Index last) {
   IndependenceSums sums(last - first + 1);
-  std::vector<std::optional<Matrix>> whole(innovations.size());  // bases of all experiments
+  std::vector<std::optional<Matrix>> whole(innovations.size());  // bases over all experiments
   for (Index k = 0; k < data.steps(); ++k) {
     const std::vector<Index> rows = finite_rows(innovations[size_t(k)]);
     if (static_cast<Index>(rows.size()) <= too_few(innovations)) continue;
@@ -349,7 +349,7 @@ Independence independence(const Innovations& innovations, const Ensemble& data, 
 
 namespace {
 
-// Squares less their expectation, summed by experiment.
+// Squares minus their expectation, summed for each experiment.
 class Squares {
  public:
   explicit Squares(Index experiments) : excess_(size_t(experiments), 0.0), freedom_(size_t(experiments), 0) {}
@@ -363,7 +363,7 @@ class Squares {
   }
 
   double ratio() const { return freedom() > 0 ? 1 + excess() / double(freedom()) : nan; }
-  // The χ² distribution is that of normal innovations; a spread needs some experiments to show.
+  // The χ² distribution assumes normal innovations. The spread over the experiments needs enough of them.
   bool normal() const { return count() < 20; }
   double p() const {
     if (freedom() == 0) return nan;
@@ -399,7 +399,8 @@ class Squares {
 
 namespace {
 
-// Directions in which a covariance of positive variances states some: outputs that repeat each other have fewer.
+// The number of directions with variance in a covariance with positive variances. It is smaller if outputs repeat each
+// other.
 Index stated_directions(const Matrix& covariance) {
   constexpr double negligible = 1e-8;  // EM leaves a variance of 1e-12 of the signals
   const Vector scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
@@ -428,7 +429,7 @@ NormalisedSquares normalised_squares(const Model& model, const Innovations& inno
     for (Index n = 0; n < N; ++n) {
       const Vector e = innovations[size_t(k)].row(n);
       seen.clear();
-      // An output without a variance, or with one whose squares overflow, makes no statement that could be tested.
+      // An output is not tested if it has no variance, or one whose squares overflow.
       for (Index j = 0; j < e.size(); ++j)
         if (std::isfinite(e(j)) && covariance(j, j) > smallest_variance) seen.push_back(j);
       if (seen.empty()) continue;

@@ -19,7 +19,8 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-// Less the mean of the entries that are there. About the first one: what is always the same becomes zero.
+// Subtracts the mean of the entries that are not NaN. The first entry is subtracted before, so that a constant column
+// becomes exactly zero.
 template <class Column>
 void centre(Column&& column) {
   const auto first = std::find_if(column.begin(), column.end(), [](double v) { return !std::isnan(v); });
@@ -33,7 +34,7 @@ void centre(Column&& column) {
   column.array() -= sum / double(count);
 }
 
-// The regression of the innovations on what an error of each input's effect would add to them.
+// The regression of the innovations on the effect that an error of each input's gain would have on them.
 class GainRegression {
  public:
   GainRegression(const Model& model, const Ensemble& data, const Innovations& innovations)
@@ -73,7 +74,7 @@ class GainRegression {
     return count > 0 ? Matrix(sum / double(count)) : Matrix::Identity(m, m);
   }
 
-  // Departures of the inputs, missing ones zero.
+  // Departures of the inputs; missing ones are zero.
   Matrix inputs(Index k) const {
     Matrix u = data_.input(k);
     if (k < model_.u_nominal.rows()) u.rowwise() -= model_.u_nominal.row(k);
@@ -86,7 +87,7 @@ class GainRegression {
     const Step& step = model_.at(k);
     const Matrix u = inputs(k), &e = innovations_[size_t(k)];
     add_outputs(k);
-    std::vector<Matrix> part(size_t(model_.inputs));  // of the innovations, for α_i = 1
+    std::vector<Matrix> part(size_t(model_.inputs));  // effect on the innovations for α_i = 1
     for (Index i = 0; i < model_.inputs; ++i) {
       Matrix &error = error_[size_t(i)], &alone = alone_[size_t(i)];
       own_.setZero(u.rows(), u.cols());
@@ -95,13 +96,13 @@ class GainRegression {
       alone_squares_.row(i) += output_.colwise().squaredNorm();
       observer::next_state(step, alone, own_, next_);
       alone.swap(next_);
-      // The observer expects an effect that the outputs do not have: it corrects by those that are there.
+      // The observer expects an effect that the outputs do not have. It corrects only by outputs that are not missing.
       observer::output(step, error, own_, part[size_t(i)]);
       output_ = e.array().isNaN().select(0.0, -part[size_t(i)]);
       observer::next_state(step, error, own_, output_, next_);
       error.swap(next_);
     }
-    // A state that is not known will be estimated from what follows.
+    // An unknown state is estimated from the following samples, so its error starts at zero.
     for (Index n = 0; n < e.rows(); ++n)
       if (blind(k, n))
         for (Matrix& error : error_) error.row(n).setZero();
@@ -133,7 +134,7 @@ class GainRegression {
         freedom_ -= e.col(j).array().isNaN().all() ? 0 : 1;
       }
     const Matrix& covariance = !model_.has(&Step::has_innovation_cov) ? pooled_ : model_.at(k).innovation_cov();
-    std::map<std::vector<Index>, std::vector<Index>> groups;  // outputs that are there → experiments
+    std::map<std::vector<Index>, std::vector<Index>> groups;  // available outputs → experiments
     for (Index n = 0; n < e.rows(); ++n) {
       std::vector<Index> seen;
       for (Index j = 0; j < e.cols(); ++j)
@@ -154,7 +155,7 @@ class GainRegression {
     }
   }
 
-  // Inputs that move nothing, or nothing of their own, are told by no data.
+  // The data do not determine the gain of an input without an effect, or without an effect of its own.
   void solve(InputGains& gains) const {
     std::vector<Index> moving;
     for (Index i = 0; i < model_.inputs; ++i)
@@ -189,9 +190,9 @@ class GainRegression {
   const Ensemble& data_;
   const Innovations& innovations_;
   bool centred_;
-  Matrix pooled_;                      // covariance, where the model states none
-  std::vector<Matrix> error_, alone_;  // (r) of (N × n_k): s_i, and the state of the model with input i alone
-  Matrix own_, output_, next_;         // of one step and input
+  Matrix pooled_;                      // covariance, if the model has none
+  std::vector<Matrix> error_, alone_;  // (r) of (N × n_k): s_i, and the state of the model for input i alone
+  Matrix own_, output_, next_;         // for one step and input
   Matrix gram_;                        // lower triangle
   Vector cross_;
   Matrix alone_squares_;   // (r × m)

@@ -14,7 +14,7 @@ namespace tokid {
 
 namespace {
 
-// Names need not be there.
+// Checks the number of names; no names are allowed too.
 void check_names(const char* name, const std::vector<std::string>& names, Index needed) {
   if (!names.empty() && Index(names.size()) != needed)
     throw std::invalid_argument(fmt::format("model: {} entries of {} found, {} needed", names.size(), name, needed));
@@ -199,7 +199,7 @@ Model from_step(Model model, Index k) {
     throw std::invalid_argument(
         fmt::format("from_step: step {} found, {} to {} needed", k, model.k_begin, model.k_end()));
   model.step.erase(model.step.begin(), model.step.begin() + (k - model.k_begin));
-  if (k > model.k_begin) {  // the moments describe the state at the old first step
+  if (k > model.k_begin) {  // the moments belong to the state at the old first step
     model.x0_mean.resize(0);
     model.x0_cov.resize(0, 0);
   }

@@ -25,8 +25,8 @@ std::vector<Index> finite_entries(const Eigen::Ref<const Eigen::RowVectorXd>& ro
   return entries;
 }
 
-// How a state estimated from the samples k … k+window-1 errs, much enlarged: all that is known of it at step k is what
-// the same samples will tell the filter once more.
+// The covariance of a state that is estimated from the samples k … k+window-1, much enlarged. The filter will use the
+// same samples again, so the state must count as almost unknown at step k.
 Matrix vague(const Model& model, Index k, Index window) {
   constexpr double enlarged = 1e4;
   const Index n = model.n(k), m = model.outputs;
@@ -42,12 +42,12 @@ Matrix vague(const Model& model, Index k, Index window) {
   return enlarged * root * root.transpose();
 }
 
-// The state of one experiment relative to the model's own observer, the one that has seen all.
+// Knowledge about the state of one experiment, relative to that of the model's observer with all outputs.
 struct Knowledge {
   bool blind = false;
-  Index from = 0;     // first step whose innovation counts
-  Matrix error;       // P_k, the covariance of the difference; empty where the two are one
-  Index settled = 0;  // steps for which the difference has not shown in the outputs
+  Index from = 0;     // first step with a valid innovation
+  Matrix error;       // P_k, the covariance of the difference of both states; empty if they are equal
+  Index settled = 0;  // number of steps for which the outputs have not shown the difference
 
   bool exact() const { return error.size() == 0; }
 };
@@ -77,7 +77,7 @@ class Filter {
   }
 
  private:
-  // Blind experiments whose next samples tell the state.
+  // Finds blind experiments whose next samples determine the state, and sets this state.
   void wake(Index k) {
     for (const Index window : {window_, 2 * window_}) {
       if (k + window > end_) return;
@@ -98,7 +98,7 @@ class Filter {
     }
   }
 
-  // The innovations of step k, and the states of the next.
+  // Returns the innovations of step k, and advances the states.
   Matrix advance(Index k) {
     const Step& step = model_.at(k);
     Matrix u = data_.input(k).rowwise() - nominal(model_.u_nominal, k, model_.inputs);
@@ -114,7 +114,7 @@ class Filter {
     };
     seen_ = e;
     for (Index n = 0; n < e.rows(); ++n)
-      if (!sees_all(n)) seen_.row(n).setZero();  // corrected below, if at all
+      if (!sees_all(n)) seen_.row(n).setZero();  // corrected below, if possible
     observer::next_state(step, x_, u, seen_, next_);
     for (Index n = 0; n < e.rows(); ++n) {
       Knowledge& known = known_[size_t(n)];
@@ -129,9 +129,9 @@ class Filter {
     return e;
   }
 
-  // With δ_k the difference of the states, the innovations seen are E (ε_k + C δ_k), and δ_{k+1} = A δ_k - G ε_k: a
-  // step of the Kalman filter with l = [δ; ε]. Scales e from covariance Σ = E (S + C P Cᵀ) Eᵀ to E S Eᵀ. \return what
-  // to add to the next state
+  // Let δ_k be the difference of the states. Then the available innovations are E (ε_k + C δ_k), and δ_{k+1} = A δ_k -
+  // G ε_k. This is a step of the Kalman filter with l = [δ; ε]. The function scales e from the covariance Σ = E (S + C
+  // P Cᵀ) Eᵀ to E S Eᵀ. \return the correction of the next state
   Eigen::RowVectorXd correction(Index k, Knowledge& known, Eigen::Ref<Eigen::RowVectorXd, 0, Eigen::InnerStride<>> e) {
     const Step& step = model_.at(k);
     const Step::View noise = step.innovation_cov();
@@ -160,7 +160,8 @@ class Filter {
     return correction;
   }
 
-  // What has not shown for as long as a state takes to show is gone.
+  // Drops the difference of the states after it has not shown for more than `window_` steps, which is long enough for a
+  // state to show.
   void settle(Index k, Knowledge& known) const {
     if (k + 1 >= model_.k_end()) return;
     const size_t s = model_.index(k + 1);
@@ -175,7 +176,7 @@ class Filter {
   Index window_, end_;
   std::vector<Knowledge> known_;  // (N)
   Matrix x_;                      // (N × n_k)
-  // of one step
+  // values of one step
   Matrix seen_, next_, prior_, f_, fp_, h_, r_;
   kalman::Workspace work_;
   kalman::Correction corrected_;

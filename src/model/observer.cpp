@@ -24,15 +24,15 @@ std::vector<double> deadbeat_products(const Model& model, Index p) {
 
 namespace {
 
-// S_j(k): the states that the last outputs could not see, as an orthonormal basis, and for how many steps. Stages of
-// the same dimension are the same subspace; only the oldest is kept, so that a flag has at most n of them.
+// S_j(k): an orthonormal basis of the states that the last j outputs could not observe, and j. Stages of the same
+// dimension are the same subspace, and only the oldest one is kept. There are thus at most n stages.
 struct Stage {
   Matrix basis;   // (n × dim)
   Index age = 0;  // j
 };
 
-// The part of a basis that C maps to outputs not yet lifted, as the pair (outputs reached, states that reach them), and
-// the part that C can't see.
+// The split of a basis by C. One part has new outputs, stored as the pair (outputs reached, states that reach them).
+// The other part is not observed by C.
 struct Lift {
   Matrix outputs;  // (m × q) orthonormal
   Matrix states;   // (n × q) with C·states = outputs
@@ -43,9 +43,9 @@ Lift split_by_output(const Matrix& c, const Matrix& basis, const Matrix& lifted,
   Lift lift;
   const Matrix seen = c * basis;
   {
-    const linalg::Svd d = linalg::svd(seen.transpose());  // right null space of seen, from its full set of directions
+    const linalg::Svd d = linalg::svd(seen.transpose());  // right null space of seen, from all of its directions
     const Index rank = (d.s.array() > threshold).count();
-    // S ∩ ker C: orthogonal complement, within the basis, of the directions that C sees.
+    // S ∩ ker C: the orthogonal complement, within the basis, of the directions that C observes.
     const Matrix visible = d.u.leftCols(rank);
     const Matrix rest = Matrix::Identity(basis.cols(), basis.cols()) - visible * visible.transpose();
     lift.unseen = basis * linalg::svd(rest).u.leftCols(basis.cols() - rank);
@@ -72,14 +72,15 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
     const Index n = model.step[s].states(), next = model.step[s].next_states();
     const double see = tolerance * c.norm(), move = tolerance * a.norm();
 
-    // Every direction of the next state may hold a new error; what has survived j steps ages by one.
+    // Every direction of the next state may have a new error. An error that has survived j steps has now survived j +
+    // 1.
     std::vector<Stage> following{{Matrix::Identity(next, next), 0}};
-    // Lift from the smallest subspace outwards, so that the outputs of S_j are answered by states of S_j.
+    // The lift goes from the smallest subspace outwards, so that states of S_j correct the outputs of S_j.
     Matrix lift = Matrix::Zero(n, m), outputs(m, 0);
     std::vector<Stage> survivors;
     for (const Stage& stage : std::views::reverse(flag)) {
       const Lift part = split_by_output(c, stage.basis, outputs, see);
-      // States whose outputs reach into what is lifted already are corrected by those lifts.
+      // States whose outputs are partly lifted already are corrected by those lifts.
       const Matrix states = part.states - lift * (c * part.states - part.outputs);
       lift += states * part.outputs.transpose();
       Matrix joined(m, outputs.cols() + part.outputs.cols());
@@ -105,7 +106,7 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
 
 namespace {
 
-// Of a covariance, rootᵀ·root
+// The root of a covariance rootᵀ·root.
 Matrix root_of(const ConstMatrixRef& covariance, const char* name, Index k, Index size) {
   if (covariance.rows() != size || covariance.cols() != size)
     throw std::invalid_argument(fmt::format("{}: {} x {} found at step {}, {} x {} needed", name, covariance.rows(),

@@ -1,7 +1,7 @@
 // One step of a model and of its observer, for all experiments at once as rows:
 //   ŷ_k = C_k x_k + D_k u_k,   e_k = y_k - ŷ_k,   x_{k+1} = A_k x_k + B_k u_k - G_k e_k                          (9)
-// Results take their shape here, and share no memory with what they are made of. A row depends on the same row of the
-// others alone, to the last bit: a sample that is missing spoils no other experiment.
+// The functions set the shape of their results, which must not share memory with the arguments. A row depends only on
+// the same row of the arguments, to the last bit. A missing sample thus affects no other experiment.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,10 +11,10 @@ namespace tokid::observer {
 
 // ŷ_k (N × m) from x_k (N × n_k) and u_k (N × r).
 void output(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, Matrix& y);
-// e_k (N × m) from y_k (N × m) as well.
+// e_k (N × m) from x_k, u_k and y_k (N × m).
 void innovation(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, const ConstMatrixRef& y, Matrix& e);
 
-// x_{k+1} (N × n_{k+1}) from x_k, u_k and e_k, and with e_k = 0, as in a simulation.
+// x_{k+1} (N × n_{k+1}) from x_k, u_k and e_k; without e_k, as in a simulation, e_k = 0.
 void next_state(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, const ConstMatrixRef& e,
                 Matrix& next);
 void next_state(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, Matrix& next);

@@ -21,13 +21,13 @@ namespace tokid {
 
 namespace {
 
-// Samples that a median needs, for a scatter of it by a fifth.
+// Samples that a median needs for an accuracy of about a fifth.
 constexpr Index enough = 40;
-// Multiples of the median size: 13 standard deviations of a normal distribution.
+// Limit as a multiple of the median size: 13 standard deviations of a normal distribution.
 constexpr double far = 20.0;
-// Of the spread of the output: less than this is of no consequence.
+// Errors below this share of the output's spread have no consequence.
 constexpr double of_consequence = 0.05;
-// Faults that follow each other are found one after the other. After so many, all that lie far off count.
+// Successive faults are found one after the other. After this number of rounds, all samples that are far off count.
 constexpr int most_rounds = 20;
 
 double median_size(const Eigen::Ref<const Vector>& errors) {
@@ -87,7 +87,7 @@ void OutlyingSampleCollector::add(Index k, const Matrix& innovation) {
     if (innovation.row(n).array().isNaN().all()) {
       if (gap >= 0) ++gap;
     } else {
-      // An unknown state may hardly show in the samples before the first prediction, where some of them are missing.
+      // Where samples before the first prediction are missing, the other ones may hardly show an unknown state.
       const bool begins = gap < 0 && data_.samples().row(n).head(k * data_.channels()).hasNaN();
       if (begins || gap > 1) restarts_.back().push_back(n);
       gap = 0;
@@ -105,16 +105,17 @@ bool OutlyingSampleCollector::is_far(Index k, Index j, double error) const {
   return error > far * usual_(k, j) && error > of_consequence * spread_(j);
 }
 
-// The steps of the block that come before `from` help to tell what is usual, and have been judged.
+// Tests the steps of the block from `from` on. The steps before it are tested already, and contribute to the usual
+// error.
 void OutlyingSampleCollector::judge_block(size_t from) {
   const Index N = data_.experiments(), m = data_.outputs();
   Vector own(N * Index(block_.size()));
   for (Index j = 0; j < m; ++j) {
     for (size_t i = 0; i < block_.size(); ++i) own.segment(Index(i) * N, N) = block_[i].col(j);
-    // No error that would count: most blocks of most data.
+    // Most blocks of most data have no error that is large enough.
     if (!(own.array().isNaN().select(0.0, own.array().abs()).maxCoeff() > of_consequence * spread_(j))) continue;
     const double of_block = median_size(own);
-    // The median of two errors can't tell which one is wrong.
+    // The median of two errors can't show which one is wrong.
     for (size_t i = from; i < block_.size(); ++i)
       usual_(begin_ + Index(i), j) = std::fmax(of_block, N > 2 ? median_size(block_[i].col(j)) : nan);
   }
@@ -168,7 +169,7 @@ std::vector<OutlyingSampleCollector::Flag> OutlyingSampleCollector::predicted_ag
 
 std::vector<OutlyingSamples> OutlyingSampleCollector::found() {
   if (!block_.empty()) {
-    // Few steps at the end are judged beside those before them.
+    // The few last steps are tested together with those before them.
     const size_t judged = previous_.size();
     begin_ -= Index(judged);
     block_.insert(block_.begin(), previous_.begin(), previous_.end());

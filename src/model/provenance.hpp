@@ -1,4 +1,4 @@
-// Where a model comes from, in the JSON of Model::options beside the options of the identification.
+// The origin of a model, in the JSON of Model::options next to the options of the identification.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,14 +12,14 @@ namespace tokid::provenance {
 
 inline constexpr const char *experiments_key = "experiments", *data_key = "data", *choices_key = "choices",
                             *refined_key = "refined", *dt_key = "dt_stated";
-// Is it one of these, rather than an option?
+// Is this key one of the above, and not an option?
 bool is_key(std::string_view key);
 
-// What the model holds, or an empty object.
+// The JSON of the model, or an empty object.
 Json of(const Model& model);
 
-// A penalty λ, which may be infinite, as JSON has none.
+// Conversion of a penalty λ. It may be infinite, and JSON has no infinity.
 Json penalty(double smoothing);
-std::optional<double> penalty(const Json& value);  // nothing: not a penalty
+std::optional<double> penalty(const Json& value);  // empty: the value is not a penalty
 
 }  // namespace tokid::provenance

@@ -10,7 +10,7 @@ namespace tokid {
 
 namespace {
 
-// Periods after which the gains of a periodic model have settled.
+// Number of periods after which the gains of a periodic model are steady.
 constexpr Index most_settling = 1000;
 constexpr double settled = 1e-13;
 
@@ -24,7 +24,7 @@ class Riccati {
   struct Step {
     Matrix gain, innovation_cov;
   };
-  // l = [x; ε], without noise of the outputs beyond ε: y = C x + ε and F = [A -G], w = w'.
+  // A filter step with l = [x; ε]. The outputs have no noise other than ε: y = C x + ε and F = [A -G], w = w'.
   Step advance(size_t s) {
     const Matrix& sigma = noise_.innovation[s];
     Matrix seen = linalg::stacked(sigma, root_ * model_.step[s].C().transpose());
@@ -38,7 +38,7 @@ class Riccati {
   }
 
  private:
-  // A root of what the innovations lack of least_noise in each direction.
+  // A root of the noise that the innovations lack in each direction, compared with least_noise.
   Matrix missing_noise(const Matrix& seen) const {
     const Vector& size = noise_.output_size;
     const Vector unit = (size.array() > 0).select(size.cwiseInverse(), 0.0);
@@ -51,7 +51,7 @@ class Riccati {
 
   const Model& model_;
   const NoiseRoots& noise_;
-  Matrix root_;  // of P
+  Matrix root_;  // root of P
 };
 
 }  // namespace

@@ -37,9 +37,9 @@ Matrix output_departure(const Model& model, const Ensemble& data, Index k) {
   return y;
 }
 
-// The ensemble of the given inputs, with the model's outputs still missing.
+// An ensemble with the given inputs, and with the model's outputs still missing.
 Ensemble outputs_for(const Model& model, const Ensemble& inputs) {
-  // Inputs without a sample time have the model's.
+  // Inputs without a sample time get that of the model.
   Ensemble result(inputs.experiments(), inputs.steps(), model.inputs, model.outputs,
                   inputs.dt_stated ? inputs.dt : model.dt);
   result.dt_stated = inputs.dt_stated || states_dt(model);
@@ -94,11 +94,11 @@ void simulate_each(const Model& model, const Ensemble& inputs, Index k, Matrix x
 
 namespace {
 
-// The observer over all experiments, one row each. A blind experiment is one whose state is not, or no longer, known:
-// its predictions are NaN until the last samples, as many as the observer remembers, tell the state again.
+// The observer for all experiments, with one row each. An experiment is blind while its state is not known. Its
+// predictions are NaN until enough samples determine the state again.
 class Observer {
  public:
-  // From step k on, where x is the state of all experiments, if it is known.
+  // Starts at step k. x is the state of all experiments, if it is known.
   Observer(const Model& model, const Ensemble& data, Index k, const std::optional<Vector>& x)
       : model_(model),
         data_(data),
@@ -112,17 +112,17 @@ class Observer {
 
   Index k() const { return k_; }
 
-  // x̂_k, rows of NaN where the state is not known.
+  // x̂_k, with rows of NaN where the state is not known.
   Matrix state() const {
     Matrix x = x_;
     blank(x);
     return x;
   }
 
-  // To step k+1, with ŷ_k and y_k - ŷ_k (N × m), rows of NaN where x̂_k is not known.
+  // Advances to step k+1. Returns ŷ_k and y_k - ŷ_k (N × m), with rows of NaN where x̂_k is not known.
   void advance(Matrix& y, Matrix& innovation) {
     input_departure(model_, data_, k_, u_);
-    const bool inputs_missing = !std::isfinite(u_.sum());  // at least so where one is
+    const bool inputs_missing = !std::isfinite(u_.sum());  // true at least if one is missing
     if (inputs_missing) {
       for (Index n = 0; n < u_.rows(); ++n) {
         if (u_.row(n).allFinite()) continue;
@@ -139,7 +139,7 @@ class Observer {
   }
 
  private:
-  // Rows of those that are blind become NaN.
+  // Sets the rows of blind experiments to NaN.
   void blank(Matrix& rows) const {
     if (all_see_) return;
     for (size_t n = 0; n < since_.size(); ++n)
@@ -158,8 +158,9 @@ class Observer {
     x.swap(next_);
   }
 
-  // Missing innovations become what those of the other outputs say of them, E[ε_q | ε_o] = S_qo S_oo⁻¹ ε_o: the gain
-  // relies on outputs of the same noise to cancel it. Zero where nothing is known.
+  // Replaces missing innovations by their estimates from those of the other outputs, E[ε_q | ε_o] = S_qo S_oo⁻¹ ε_o.
+  // This is necessary because the gain may use several outputs to cancel their common noise. Without an estimate they
+  // become zero.
   void fill_in(const Step& step, Matrix& innovations) const {
     std::vector<Index> seen, missing, before;
     Matrix conditional;  // (missing × seen), the same for experiments with the same gaps
@@ -183,7 +184,8 @@ class Observer {
     }
   }
 
-  // Blind experiments whose samples since then may tell the state. A window that fails grows, up to twice its size.
+  // Restores the state of blind experiments whose recent samples determine it. If a window fails, it grows, up to twice
+  // its size.
   void recover() {
     if (all_see_) return;
     std::map<Index, std::vector<Index>> windows;  // first step → experiments
@@ -223,16 +225,16 @@ class Observer {
   const Ensemble& data_;
   Index window_, k_;
   Matrix x_;                  // (N × n_k)
-  std::vector<Index> since_;  // (N) first step of the samples since an experiment went blind, or `sees`
+  std::vector<Index> since_;  // (N) first step after the loss of the state, or `sees`
   bool all_see_;
-  Matrix u_, y_, innovation_, seen_, next_;  // of one step
+  Matrix u_, y_, innovation_, seen_, next_;  // values of one step
 };
 
 }  // namespace
 
 namespace {
 
-// Outputs of the steps after the state x (N × n_k) at step k, without correction: those of step k + ahead - 1.
+// The outputs at step k + ahead - 1, from the state x (N × n_k) at step k without correction.
 Matrix outputs_ahead(const Model& model, const Ensemble& data, Index k, Matrix x, Index ahead) {
   Matrix u, next, y;
   for (const Index last = k + ahead - 1; k < last; ++k) {
@@ -251,7 +253,7 @@ bool samples_missing(const Ensemble& data, Index begin, Index end) {
   return end > begin && data.samples().middleCols(begin * data.channels(), (end - begin) * data.channels()).hasNaN();
 }
 
-// E[x_k | samples before k] (N × n_k) at the steps from the model's first on, around what is missing.
+// E[x_k | samples before k] (N × n_k) from the first step of the model on; samples may be missing.
 std::vector<Matrix> filtered_states(Model model, const Ensemble& data, bool from_zero) {
   if (from_zero) model.x0_mean.resize(0), model.x0_cov.resize(0, 0);
   std::vector<Matrix> states = kalman::predicted_states(model, kalman::samples_of(model, data, kalman::Tail::keep));
@@ -272,7 +274,7 @@ void check_horizon(Index horizon, Index steps) {
 
 namespace {
 
-// The state at the first step, where it is known.
+// The state at the first step, if it is known.
 std::optional<Vector> known_start(const Model& model, const Ensemble& data, const PredictOptions& options) {
   const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
   if (starts_from_zero(model, initial)) return Vector::Zero(model.n(model.k_begin));
@@ -280,8 +282,8 @@ std::optional<Vector> known_start(const Model& model, const Ensemble& data, cons
   return std::nullopt;
 }
 
-// Calls before(k, state) with a function that gives x̂_k (N × n_k), then after(k, ŷ_k, y_k - ŷ_k), step by step: rows of
-// NaN where the state is not known.
+// At each step, calls before(k, state) with a function that gives x̂_k (N × n_k), then after(k, ŷ_k, y_k - ŷ_k). Rows
+// are NaN where the state is not known.
 template <class Before, class After>
 void observe(const Model& model, const Ensemble& data, const PredictOptions& options, Before&& before, After&& after) {
   if (model.steps() == 0) return;
@@ -327,7 +329,7 @@ Prediction predict(const Model& model, const Ensemble& data, const PredictOption
 
   Prediction result{outputs_for(model, data), {}};
   result.innovations.assign(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
-  // Before the horizon has passed, a known initial state is the latest information.
+  // In the first steps, within the horizon, a known initial state is the latest information.
   if (const std::optional<Vector> start = known_start(model, data, options)) {
     const Matrix x = start->transpose().replicate(data.experiments(), 1);
     for (Index ahead = 1; ahead < horizon && model.k_begin + ahead - 1 < end; ++ahead)
@@ -348,8 +350,7 @@ Prediction predict(const Model& model, const Ensemble& data, const PredictOption
 
 namespace {
 
-// The samples of one experiment that a state estimate can use: bit per output of the window, and whether all inputs are
-// there.
+// The available samples of one experiment in a window: for each step, one flag per input and one per output.
 std::vector<bool> pattern(const Ensemble& data, Index n, Index k, Index window) {
   std::vector<bool> present;
   for (Index j = k; j < k + window; ++j) {
@@ -359,14 +360,14 @@ std::vector<bool> pattern(const Ensemble& data, Index n, Index k, Index window) 
   return present;
 }
 
-// Directions of the state that show in the samples by less than this share of the clearest are not seen.
+// Directions of the state whose effect on the samples is below this share of the largest count as not observed.
 constexpr double unseen = 1e-12;
 
-// States of experiments with the same samples present; NaN where those don't tell all of the state.
+// The states of experiments with the same available samples; NaN if these do not determine all of the state.
 Matrix estimate_alike(const Model& model, const Ensemble& data, Index k, Index window, const Matrix& whitener) {
   const Index m = model.outputs, experiments = data.experiments(), n = model.n(k);
   Matrix sensitivity(window * m, n), innovations(window * m, experiments);
-  Matrix transition = Matrix::Identity(n, n);  // of the error of x_k through the observer
+  Matrix transition = Matrix::Identity(n, n);  // transition of the error of x_k through the observer
   Matrix x = Matrix::Zero(experiments, n), u, innovation, next;
   for (Index j = k; j < k + window; ++j) {
     const Step& step = model.at(j);
@@ -395,7 +396,7 @@ Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index w
   if (k < model.k_begin || window < 1 || k + window > std::min(model.k_end(), data.steps()))
     throw std::invalid_argument(fmt::format("estimate_state: steps {} to {} asked for, {} to {} have model and data", k,
                                             k + window - 1, model.k_begin, std::min(model.k_end(), data.steps()) - 1));
-  // One whitener for the window: the covariance of a single step may be singular by rounding.
+  // One whitener for the window, because rounding errors may make the covariance of a single step singular.
   Matrix covariance = Matrix::Zero(model.outputs, model.outputs);
   if (model.has(&Step::has_innovation_cov))
     for (Index j = k; j < k + window; ++j) covariance += model.at(j).innovation_cov();
@@ -416,13 +417,13 @@ Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index w
 
 namespace {
 
-// Where a simulation of data starts: the step, and the states there (N × n_k).
+// The start of a simulation of data: the step, and the states there (N × n_k).
 struct Start {
   Index k;
   Matrix x;
 };
 
-// Nothing: the data do not tell the states.
+// Empty if the data do not determine the states.
 std::optional<Start> start_of(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state) {
   const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
   if (starts_from_zero(model, initial))

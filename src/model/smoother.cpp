@@ -16,10 +16,10 @@ namespace tokid::kalman {
 
 namespace {
 
-// Experiments of one piece of work: pieces are the same for any number of threads.
+// Experiments in one piece of work. The pieces are the same for any number of threads.
 constexpr Index smallest_piece = 32, most_pieces = 16;
 
-// Which samples are there, inputs before outputs, step by step.
+// The available samples as flags, step by step, inputs before outputs.
 std::vector<bool> pattern(const Ensemble& data, Index n, Index begin, Index end, Tail tail) {
   std::vector<bool> present;
   size_t last = 0;
@@ -51,7 +51,7 @@ Alike alike(const std::vector<bool>& present, Index inputs, Index outputs) {
   return group;
 }
 
-// Samples of one channel kind of one step, experiments as columns; their squares and number on the way.
+// The inputs or the outputs of one step, with experiments as columns. Their squares and their number are added up.
 Matrix arranged(const Matrix& samples, const Matrix& nominal, Index k, const std::vector<Index>& experiments,
                 Vector& square, Vector& count) {
   Matrix result = samples(experiments, Eigen::all).transpose();
@@ -102,14 +102,14 @@ Samples samples_of(const Model& model, const Ensemble& data, Tail tail, Index st
 
 namespace {
 
-// Of one step and one pattern. The latent vector l_k = [x_k; inputs that are missing] has q entries.
+// The covariances of one step and one pattern. The latent vector l_k = [x_k; missing inputs] has q entries.
 struct StepCovariance : Correction {
-  Matrix predicted;  // (n × n) of x_{k+1} given the same
-  Matrix smoother;   // J (q × n): what an error of x_{k+1} says of l_k
-  Matrix smoothed;   // (q × q) of l_k given everything
+  Matrix predicted;  // (n × n) of x_{k+1} given the samples up to k
+  Matrix smoother;   // J (q × n): the gain from an error of x_{k+1} to l_k
+  Matrix smoothed;   // (q × q) of l_k given all samples
 };
 
-// a with these columns of b beside it
+// both = [a, these columns of b]
 void with_columns(const ConstMatrixRef& a, const ConstMatrixRef& b, const std::vector<Index>& columns, Matrix& both) {
   both.resize(a.rows(), a.cols() + Index(columns.size()));
   both.leftCols(a.cols()) = a;
@@ -118,7 +118,7 @@ void with_columns(const ConstMatrixRef& a, const ConstMatrixRef& b, const std::v
 
 class Covariances {
  public:
-  // Filter, and smoother where it is wanted.
+  // Runs the filter, and with `smooth` also the smoother.
   void compute(const Model& model, const Samples& samples, const Alike& group, bool smooth) {
     step.resize(size_t(group.end));
     Matrix p = Matrix::Zero(model.n(model.k_begin), model.n(model.k_begin));
@@ -162,7 +162,8 @@ class Covariances {
     correct(prior_, h_, r_, work_, c);
   }
 
-  // l_k - E[l_k | everything] = (I - J F)(l_k - E[l_k | y_0 … y_k]) - J (w_k - …): the sum of three squares.
+  // l_k - E[l_k | all samples] = (I - J F)(l_k - E[l_k | y_0 … y_k]) - J (w_k - …): the covariance is a sum of three
+  // squares.
   void smooth_backwards(const Model& model, const Alike& group) {
     for (Index t = group.end; t-- > 0;) {
       StepCovariance& c = step[size_t(t)];
@@ -181,14 +182,14 @@ class Covariances {
     }
   }
 
-  Matrix prior_, f_, fp_, w_, wfp_, h_, r_, left_, product_;  // kept for their memory
+  Matrix prior_, f_, fp_, w_, wfp_, h_, r_, left_, product_;  // kept to reuse their memory
   Workspace work_;
 };
 
-// Runs over columns first … first+count-1 of the samples, all of one group.
-// The observer (9) in a form of its own, which has the state after its correction by y_k, too. By the kernels of
-// observer_step.hpp it would be faster (EM of 60 experiments of 40 steps: 0.89 s instead of 1.02), but kernels differ
-// by rounding with the instruction set, and EM makes 6e-11 of that where 1e-12 are promised
+// Filters the means of the columns first … first+count-1 of the samples, all of one group.
+// This is the observer (9) in a separate form, which also has the state after its correction by y_k. The kernels of
+// observer_step.hpp would be faster (EM of 60 experiments of 40 steps: 0.89 s instead of 1.02). But their rounding
+// errors depend on the instruction set. EM amplifies them to 6e-11, and 1e-12 is promised
 // (tests/reproducibility_test.cpp).
 class Means {
  public:
@@ -234,7 +235,7 @@ class Means {
     }
   }
 
-  // In place: filtered means become smoothed ones.
+  // Replaces filtered means by smoothed ones.
   void smooth(const Alike& group, const Covariances& covariances) {
     for (Index t = group.end - 1; t-- > 0;) {
       const size_t s = size_t(t);
@@ -267,7 +268,8 @@ class Means {
       place(c.smoothed, n, unknown, covariance_);
       if (goes_on) {
         cross_.noalias() =
-            covariances.step[s + 1].smoothed.topLeftCorner(next, next) * c.smoother.transpose();  // of x_{k+1} and l_k
+            // covariance of x_{k+1} and l_k
+            covariances.step[s + 1].smoothed.topLeftCorner(next, next) * c.smoother.transpose();
         covariance_.block(l, 0, next, n) = cross_.leftCols(n);
         for (size_t i = 0; i < unknown.size(); ++i)
           covariance_.block(l, n + unknown[i], next, 1) = cross_.col(n + Index(i));
@@ -312,12 +314,12 @@ class Means {
     }
   }
 
-  // The outputs that are missing beside others, given those and z_k:  y = L y + (I - L) [C D] z + noise, where
-  // L = R_{·,there} R_{there,there}⁻¹ in the columns of those that are there.
+  // Fills in missing outputs from the available ones and z_k:  y = L y + (I - L) [C D] z + noise, where L = R_{·,there}
+  // R_{there,there}⁻¹ in the columns of the available outputs.
   void fill_outputs(size_t s, const std::vector<Index>& there, Index l, Index next) {
     const Index m = model_.outputs, y = l + next;
     const Step::View noise = model_.step[s].R();
-    // L (m × m), with columns of zeros for the outputs that are missing
+    // L (m × m), with zero columns for the missing outputs
     cross_ = noise;
     carry_ = noise;
     each_missing(there, m, [this](Index j) {
@@ -348,7 +350,7 @@ class Means {
   const Model& model_;
   const Samples& samples_;
   std::vector<Matrix> filtered_, predicted_;
-  Matrix innovation_, white_, stack_, covariance_, cross_, total_;  // kept for their memory
+  Matrix innovation_, white_, stack_, covariance_, cross_, total_;  // kept to reuse their memory
   Matrix w_, carry_, whitened_, rest_, map_, with_z_;
 };
 
@@ -363,8 +365,8 @@ std::vector<Piece> pieces_of(const Samples& samples) {
   return pieces;
 }
 
-// body(piece, group, covariances, first, count) for all like experiments of each piece. The covariances of a group that
-// lies in several pieces are computed once.
+// Calls body(piece, group, covariances, first, count, means) for the experiments of each group in each piece. If a
+// group lies in several pieces, its covariances are computed once.
 template <class Body>
 void run(const Model& model, const Samples& samples, bool smooth, const Execution& execution, Body&& body) {
   const std::vector<Piece> pieces = pieces_of(samples);

@@ -11,7 +11,7 @@ namespace tokid {
 
 namespace {
 
-// Of the parts, in the order of Step::Part.
+// Names of the parts, in the order of Step::Part.
 constexpr const char* names[] = {
     "A", "B", "C", "D", "G", "innovation_cov", "Q", "R", "K", "singular_values", "condition", "rank", "lags"};
 
@@ -69,7 +69,7 @@ Index Step::begin_besides(Part part) const {
   return result;
 }
 
-// Of so many numbers, whatever the part had before. The numbers of the others stay.
+// Makes room for `size` numbers of a part, whatever size it had before. The numbers of the other parts are kept.
 double* Step::room_for(Part part, Index size) {
   const Index first = begin(part), found = has(part) ? rows(part) * cols(part) : 0;
   if (found != size) {
@@ -124,7 +124,7 @@ Step Step::outline() const {
 }
 
 bool Step::whole() const {
-  constexpr std::int32_t most = 1'000'000;  // no product overflows
+  constexpr std::int32_t most = 1'000'000;  // then no product overflows
   for (const std::int32_t size : {states_, next_states_, inputs_, outputs_, singular_values_})
     if (size < 0 || size > most) return false;
   constexpr auto all = Part(unsigned(Part::lags) + 1);

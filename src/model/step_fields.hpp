@@ -15,7 +15,7 @@ struct StepField {
   const char* name;
   Step::View (Step::*view)() const;
   bool (*known)(const Step&);
-  void (*set)(Step&, const Matrix&);  // of the shape that the step has for it
+  void (*set)(Step&, const Matrix&);  // the value must have the shape of this matrix in the step
   Dimension rows, cols;
   bool optional;
 };
@@ -55,7 +55,7 @@ inline bool has(const Model& model, const StepField& field) {
   return !model.step.empty() && field.known(model.step.front());
 }
 
-// What the steps know of a kind; nothing where they don't.
+// The values of all steps; empty if the steps do not have this part.
 template <class Value>
 std::vector<Value> known_values(const Model& model, bool (Step::*known)() const, Value (Step::*get)() const) {
   std::vector<Value> values;
@@ -72,7 +72,7 @@ inline std::vector<Index> state_dimensions(const Model& model) {
   return result;
 }
 
-// Of the matrix at a step.
+// Size of a dimension at a step.
 inline Index size(const Step& step, Dimension dimension) {
   switch (dimension) {
     case Dimension::next_states:
@@ -86,7 +86,7 @@ inline Index size(const Step& step, Dimension dimension) {
   }
 }
 
-// Of the matrices of all steps, padded to one size.
+// Size of a dimension in the matrices of all steps, padded to one size.
 inline Index padded_size(const Model& model, Dimension dimension, Index states) {
   return dimension == Dimension::inputs ? model.inputs : dimension == Dimension::outputs ? model.outputs : states;
 }

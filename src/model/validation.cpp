@@ -29,8 +29,8 @@ Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nomi
 
 namespace {
 
-// Divided by their standard deviations, so that those of different steps may be pooled; tests over the experiments are
-// blind to it.
+// Divides the innovations by their standard deviations, so that those of different steps can be pooled. Tests over the
+// experiments do not depend on this scaling.
 Innovations standardised(const Model& model, Innovations innovations) {
   for (size_t s = 0; model.has(&Step::has_innovation_cov) && s < model.step.size(); ++s) {
     const size_t k = size_t(model.k_begin) + s;
@@ -47,7 +47,7 @@ void check_steps(const Model& model, const Ensemble& data) {
         fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
 }
 
-// From the errors of all steps, and the innovations, which are asked for where they are tested.
+// Computes the validation from the errors of all steps. It calls innovations() only if they are tested.
 template <class OneStepErrors>
 Validation validation(const Model& model, const Ensemble& data, const ValidateOptions& options,
                       const ErrorCollector& errors, OutlyingSampleCollector& outlying, OneStepErrors&& innovations) {
@@ -61,7 +61,7 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
   result.first_simulated = errors.first_simulated.value_or(data.steps() - 1);
   const Vector untested = Vector::Constant(model.inputs, nan);
   result.gains = {untested, untested, untested};
-  // No test of noise applies to errors of arithmetic.
+  // Tests of noise do not apply to rounding errors.
   result.noisy = errors.totals.noisy();
   if (result.noisy) result.outlying = outlying.found();
   if (result.noisy && options.whiteness_lags > 0) {
@@ -142,7 +142,7 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options) {
   const UsedExperiments used = used_experiments(data);
   if (used.all(data)) return validate(model, data, options);
-  data.check(false);  // what is wrong is reported with the rows of the caller
+  data.check(false);  // so that errors are reported with the caller's rows
   const Ensemble part = data.subset(used.rows());
   Validation result = validate_in_numbers(model, part, options);
   result.outlying = outlying_in(data, part, 0, std::move(result.outlying));
