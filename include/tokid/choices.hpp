@@ -68,7 +68,7 @@ struct RefinementChoice {
   double smoothing = 0.0;
   Index iterations = 0;  // 0: no refinement
   double error = 0.0;
-  double one_step = 0.0;  // the log of the one-step error alone, where there are iterations
+  double one_step = 0.0;  // log of the one-step error alone; set if there are iterations
 };
 
 }  // namespace tokid

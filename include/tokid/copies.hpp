@@ -15,10 +15,10 @@ struct Copies {
   std::vector<std::vector<Index>> groups;
 };
 
-// Two rows are copies if they agree, within rounding, in all samples that both have:
-// - the RMS of their difference is below 4·10⁻⁶ of the usual departure of a channel from the median motion (or 10⁻¹² of
-//   the size of the channel), for each channel, or
-// - one row is the other, rounded to single precision or to fewer decimal digits.
+// Two rows are copies if one of these holds, in all samples that both have:
+// - The RMS of their difference is below 4·10⁻⁶ of the usual departure of a channel from the median motion, or below
+//   10⁻¹² of the size of the channel. This must hold for each channel.
+// - One row is the other, rounded to single precision or to fewer decimal digits.
 // Copies share at least half of the samples of the shorter row. The row with most samples is used. An experiment that
 // repeats the inputs of another with its own noise is not a copy. The time is linear in the number of samples.
 Copies find_copies(const Ensemble& ensemble);

@@ -21,14 +21,14 @@ struct Dependence {
 };
 
 // Finds experiments whose inputs and outputs are the same weighted sum of other experiments, within rounding. The
-// residuals must be as small as find_copies() requires. They must also be at most an eighth of the part of the other
-// experiments that nothing else explains.
+// residuals must be as small as find_copies() requires. They must also be at most an eighth of the part of each term
+// that the other terms do not explain.
 // - The data must contain visible noise. Experiments without noise depend on each other because the system is linear;
 //   none of them is dropped.
-// - The result must not be a coincidence. The other experiments must be linearly independent on two thirds of the
-//   record, so that an independent experiment would be found to be independent.
-// Where several experiments can be computed from each other, the function uses those with the smaller share in the sum,
-// and the first ones where shares are equal. It also uses an experiment whose missing samples leave few in common with
+// - The result must not be a coincidence. The terms must be linearly independent on two thirds of the record. The whole
+//   record then has enough samples to show that an experiment does not depend on them.
+// If several experiments can be computed from each other, the function uses those with the smaller share in the sum. If
+// shares are equal, it uses the first ones. It also uses an experiment whose missing samples leave few in common with
 // the others. The time is linear in the number of samples, apart from some 10⁹ operations. Copies must be removed
 // before.
 Dependence find_dependence(const Ensemble& ensemble);

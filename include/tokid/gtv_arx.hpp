@@ -107,8 +107,8 @@ struct GtvArxOptions {
   double tolerance = 1.5e-14;
   bool noise_shape = true;  // store noise shapes, for variances of later results: L_k² numbers for each step
   bool leverages = false;
-  // b: the number of successive steps with a common lag order that share one factorisation, where no sample is missing;
-  // 1: each step alone; 0: the number with the least cost
+  // b: successive steps with a common lag order that share one factorisation, if no sample is missing; 1: each step
+  // alone; 0: the number with the least cost
   Index block = 0;
   Index spent = 0;  // degrees of freedom that earlier processing used up: 1 for a mean motion
   Execution execution = {};

@@ -104,10 +104,10 @@ struct Prediction {
 };
 
 // Predicts with the observer, x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) (9), from zero or from x0_mean on. The
-// state is not known at the start if the initial states are unknown and the model has no estimate of them, and after a
-// missing input. There it is estimated from the following samples. Predictions are NaN until estimation_window(model)
-// samples, or more if necessary, determine all of the state. A missing innovation is replaced by its estimate from the
-// others by innovation_cov, or by zero.
+// state is unknown after a missing input. It is also unknown at the start if the initial states are unknown and the
+// model has no estimate of them. An unknown state is estimated from the following samples. Predictions are NaN until
+// estimation_window(model) samples, or more if necessary, determine all of the state. A missing innovation is replaced
+// by its estimate from the others by innovation_cov, or by zero.
 // Where samples are missing and the model has Q, R and an initial state, a Kalman filter of the available samples
 // replaces the observer. A missing input then counts as a random one with the mean square of its channel.
 // \throws std::invalid_argument for wrong channel numbers, and as check_horizon

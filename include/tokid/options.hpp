@@ -39,8 +39,8 @@ struct IdentifyOptions {
   Execution execution = {};
 };
 
-// What Model::options holds: every option but the execution, "auto" where the choice was left to the identification,
-// and the number of experiments that were used.
+// The text of Model::options: every option but the execution, and the number of experiments used. An option has the
+// value "auto" if the identification made the choice.
 std::string to_json(const IdentifyOptions& options, Index experiments);
 
 // The options that a model was identified with. Options that its text does not contain have their defaults.

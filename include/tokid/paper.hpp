@@ -12,8 +12,8 @@
 
 namespace tokid {
 
-// The paper fixes the rest: p = p_min = 2, four states, zero-state experiments with unit Gaussian inputs, free
-// responses for the state from step 0 on, and the reference frame of step 0 with 3 block rows.
+// The paper fixes the rest: p = p_min = 2, four states, and zero-state experiments with unit Gaussian inputs. Free
+// responses give the state from step 0 on. The reference frame is that of step 0 with 3 block rows.
 struct PaperOptions {
   Index steps = 80;               // T, at least 50: the printed numbers belong to steps 34 to 37
   Index minimum = 10, more = 50;  // N of case 1, at least N_min = 10, and of case 2

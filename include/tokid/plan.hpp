@@ -21,8 +21,8 @@ struct Plan {
   Index lags = 0;                                   // p
   Index states = 0;                                 // n; 0: the rank of each H_k
   InitialState initial_state = InitialState::zero;  // initial states of the experiments
-  // true: with unknown initial states, the model begins at the first step of full dimension. false: for blocks in the
-  // middle of a record, the model begins with its regressions, because the neighbouring block has the steps before.
+  // true: with unknown initial states, the model begins at the first step of full dimension. false: it begins with its
+  // regressions. This is for blocks in the middle of a record, whose earlier steps are in the neighbouring block.
   bool from_full_dimension = true;
   bool nominal = false;      // a mean motion was removed, which uses one degree of freedom
   Index nominal_period = 0;  // P: the steps k, k+P, … share this mean motion; 0: each step has its own
@@ -52,8 +52,8 @@ TveraOptions tvera_options(const Plan& plan, Index outputs);
 // and lags, dt, names and initial state.
 Model completed(Model model, const Windows& windows, const GtvArx& arx, const Plan& plan);
 
-// Sets the initial state of the model. If it is unknown and the model has no period, the model then begins at the first
-// step of full dimension, because the state can be followed only from there.
+// Sets the initial state of the model. The state can be followed only from the first step of full dimension. A model
+// with an unknown initial state and without a period therefore begins there.
 Model from_known_state(Model model, InitialState initial);
 
 // The step s of the plan's reference frame.

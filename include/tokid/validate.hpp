@@ -53,7 +53,7 @@ struct Validation {
 };
 // Validates a model on data. \throws std::invalid_argument where channels disagree or no step of the data has a model
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
-// Validates without copies and dependent experiments. The warnings name them.
+// Validates with each experiment once: without copies and dependent experiments, which the warnings name.
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
 
 // The result of a test of the innovations: nothing against the model; a significant effect that is too small to matter;

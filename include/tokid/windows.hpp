@@ -21,8 +21,8 @@ struct WindowFactors {
   Index experiments = 0;    // N
   std::vector<Index> rows;  // (T) N_k, 0 before the first step
   Matrix factor;            // (w+1 × T·(w+1)) R_0 R_1 …, upper triangular
-  // Statistics of each sample over the experiments that have it, in columns k·d … as in Ensemble: their number, their
-  // sum, and the sum of the squared departures from their mean.
+  // Statistics of each sample over the experiments that have it, in columns k·d … as in Ensemble. They are the number,
+  // the sum, and the sum of the squared departures from the mean.
   Vector count, sum, spread;  // (T·d)
 
   Index channels() const { return inputs + outputs; }

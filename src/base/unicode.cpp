@@ -78,7 +78,7 @@ size_t character_length(std::string_view text) {
   if (length == 0 || length > text.size()) return 0;
   for (size_t i = 1; i < length; ++i)
     if ((byte(i) & 0xC0) != 0x80) return 0;
-  // Overlong forms, surrogates, and what lies beyond U+10FFFF
+  // Overlong forms, surrogates, and code points above U+10FFFF are invalid.
   if ((lead == 0xE0 && byte(1) < 0xA0) || (lead == 0xED && byte(1) > 0x9F) || (lead == 0xF0 && byte(1) < 0x90) ||
       (lead == 0xF4 && byte(1) > 0x8F))
     return 0;
@@ -92,12 +92,12 @@ bool is_control(std::string_view character) {
 
 namespace {
 
-// Marks that turn the direction of the text around them.
+// Characters that change the text direction.
 bool is_turn(char32_t c) {
   return c == 0x061C || c == 0x200E || c == 0x200F || (c >= 0x202A && c <= 0x202E) || (c >= 0x2066 && c <= 0x2069);
 }
 
-bool is_separator(char32_t c) { return c == 0x2028 || c == 0x2029; }  // of lines, of paragraphs
+bool is_separator(char32_t c) { return c == 0x2028 || c == 0x2029; }  // line and paragraph separator
 
 }  // namespace
 

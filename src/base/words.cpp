@@ -21,7 +21,8 @@ std::string quoted(std::string_view name) {
     return (second == 0x80 && (third == 0x8E || third == 0x8F || (third >= 0xAA && third <= 0xAE))) ||
            (second == 0x81 && third >= 0xA6 && third <= 0xA9);
   };
-  // Hebrew, Arabic and their neighbours, U+0590 … U+08FF, and their presentation forms.
+  // Scripts that run from right to left: Hebrew, Arabic and related ones, U+0590 … U+08FF, and their presentation
+  // forms.
   const auto right_to_left = [](std::string_view c) {
     const unsigned char first = static_cast<unsigned char>(c[0]);
     const unsigned char second = c.size() > 1 ? static_cast<unsigned char>(c[1]) : 0;
@@ -85,7 +86,7 @@ std::string step_list(const std::vector<Index>& steps) {
 
 namespace {
 
-// The figure alone, cut rather than rounded up: 99.97 is not 100.
+// The number without its sign "%". It is rounded down, because 99.97 must not become 100.
 std::string percent_figure(double fit, int least_digits) {
   if (!std::isfinite(fit)) return "–";
   if (fit < -999) return "below −999";
@@ -106,10 +107,11 @@ std::string figure(double value, int digits) {
   if (std::isinf(value)) return value > 0 ? "∞" : "−∞";
   const double size = std::abs(value);
   if (size == 0 || (size >= 1e-4 && size < 1e5)) {
-    // No exponent in this range: a few digits of something large are as many as it has.
+    // Numbers in this range get no exponent. A large number is written with all of its integer digits.
     const int integers = size >= 1 ? static_cast<int>(std::log10(size)) + 1 : 1;
     std::string text = fmt::format("{:.{}g}", size, std::max(digits, integers));
-    if (text.find('e') != std::string::npos) text = fmt::format("{:.0f}", std::stod(text));  // rounded up to 1000…
+    // the number was rounded up to a power of ten
+    if (text.find('e') != std::string::npos) text = fmt::format("{:.0f}", std::stod(text));
     return value < 0 ? "−" + text : text;
   }
   const std::string text = fmt::format("{:.{}e}", size, digits - 1);

@@ -16,7 +16,7 @@ std::string ranges(const std::vector<Index>& numbers);
 std::string step_list(const std::vector<Index>& steps);
 // "u1, u2 and u3"
 std::string listed(const std::vector<std::string>& names);
-// "83 %", "97.1 %": truncated, not rounded. It has at least `digits` decimals, and as many as it needs to differ from
+// "83 %", "97.1 %": rounded down. It has at least `digits` decimals, and as many as it needs to differ from
 // 100 %.
 std::string percent(double fit, int digits = 0);
 // "83–97.1 %"; a dash without a fit

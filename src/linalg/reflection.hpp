@@ -16,7 +16,8 @@ namespace tokid::linalg {
 inline double make_reflection(double& pivot, double* tail, Index length) {
   Eigen::Map<Vector> v(tail, length);
   double scale = 1.0, squares = v.squaredNorm();
-  // Squares below `least` lose digits, and squares above `most` overflow: the column is then scaled by a power of two.
+  // Squares below `least` lose digits, and squares above `most` may overflow: the column is then scaled by a power of
+  // two.
   constexpr double least = std::numeric_limits<double>::min() / std::numeric_limits<double>::epsilon();
   constexpr double most = std::numeric_limits<double>::max() / 4;
   if (!(squares >= least && pivot * pivot + squares <= most) && !std::isnan(squares)) {

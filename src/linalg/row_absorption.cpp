@@ -89,7 +89,7 @@ void factor_panel(double* HWY_RESTRICT x, size_t rows, size_t begin, size_t end,
   HWY_ALIGN double products[width];
   HWY_ALIGN double w[width];
   std::fill_n(t_transposed, width * width, 0.0);
-  const auto multiply_with = [&](size_t i) {  // column i with all columns
+  const auto multiply_with = [&](size_t i) {  // products of column i with all columns
     Vec sum[2][vectors];
     for (auto& half : sum)
       for (Vec& s : half) s = hn::Zero(tag);

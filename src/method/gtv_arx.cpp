@@ -444,7 +444,7 @@ LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions&
           step_errors(ensemble, result.steps[static_cast<size_t>(s)], p_max, options.exact).transpose();
   });
   // Missing samples may leave too few experiments at some steps. Orders are compared at the steps that can test all of
-  // them, up to the largest order that at least half of the steps can test.
+  // them. The largest order must be testable at half of the steps or more.
   const auto judging = [&](Index p) { return (result.error.col(p - 1).array() < inf).count(); };
   Index judged = p_max;
   while (judged > 1 && 2 * judging(judged) < count) --judged;

@@ -1,12 +1,12 @@
-// One step of the Kalman filter. l (q) is the state of a step and everything else of that step that affects the next
-// state: missing inputs, or the innovations of the model. The step goes from the covariance P before the outputs y = H
-// l + v are known to that of the next state x⁺ = F l + w:
+// One step of the Kalman filter. l (q) is the state of a step, with everything else of that step that affects the next
+// state. That is missing inputs, or the innovations of the model. The step goes from the covariance P before the
+// outputs y = H l + v are known to that of the next state x⁺ = F l + w:
 //   S = H P Hᵀ + R,   K = P Hᵀ S⁻¹,   P' = (I - K H) P (I - K H)ᵀ + K R Kᵀ,   P⁺ = F P' Fᵀ + Q
 // There are two forms. With covariances a step takes 0.7 µs for n = 4 and m = 2, and 20 µs for n = 20 and m = 6; with
 // roots it takes 3.7 and 34 µs. EM uses covariances, because it repeats the step for every pattern of missing samples
-// in every iteration, and its floors keep the noise away from zero. With roots, rounding errors cost half as many
-// digits. Suppose that outputs determine an unknown state to 10⁻⁸ of its size: P is then accurate to 10⁻⁸ with roots,
-// and wrong with covariances (tests/kalman_step_test.cpp).
+// in every iteration. It can do so because its floors keep the noise away from zero. With roots, rounding errors cost
+// half as many digits. Suppose that outputs determine an unknown state to 10⁻⁸ of its size: P is then accurate to 10⁻⁸
+// with roots, and wrong with covariances (tests/kalman_step_test.cpp).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
