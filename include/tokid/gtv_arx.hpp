@@ -98,7 +98,8 @@ class GtvArx {
 
 struct GtvArxOptions {
   // p_k for every step, or a single entry for all of them. With zero initial states, step k uses min(p_k, k) lags. With
-  // unknown initial states, the steps k < p_k have no regression, because (17) holds for any x_0 from k = p on.
+  // unknown initial states, the regressions begin at the first step from which k ≥ p_k holds for every step. Only there
+  // does (17) hold for any x_0.
   std::vector<Index> lags = {1};
   Index lags_of(Index k) const { return lags[lags.size() == 1 ? 0 : size_t(k)]; }
   InitialState initial_state = InitialState::zero;
