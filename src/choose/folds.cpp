@@ -13,20 +13,20 @@ namespace tokid {
 
 namespace {
 
-// Orders behind the best one that are tried, with EM and without.
+// Number of orders that are tried after the best one, without EM and with EM.
 constexpr Index patience = 4, refined_patience = 2;
-// Folds that EM is judged on: it takes longer than all other choices.
+// Number of folds that validate EM. EM takes longer than all other choices.
 constexpr size_t most_refined = 3;
-// Iterations of EM between two looks at its errors. With a penalty the first ones are the best at times; steps that
-// share their matrices take more, and less time for each.
+// Iterations of EM between two evaluations of its error. With a penalty, few iterations are sometimes the best. Steps
+// that share their matrices need more iterations, but each takes less time.
 constexpr Index varying_stages[] = {1, 2, 5, 15, 40}, pooled_stages[] = {10, 30, 100};
 std::span<const Index> refinement_stages(Index period) {
   if (period > 0) return pooled_stages;
   return varying_stages;
 }
-// Fall of the errors that is worth a refinement or a state, and the one that is worth it however uncertain.
+// Smallest ratio of errors that is worth a refinement or a state, and the ratio that is worth it at any uncertainty.
 constexpr double worth_it = RefinementChoice::worth_it, most_uncertain = 1.02;
-// Share of the ARX model's λ that the search for that of EM begins with.
+// The search for the λ of EM starts at this share of the ARX model's λ.
 constexpr double refined_share = 0.1;
 
 Errors mean_of(const std::vector<Errors>& folds) {
@@ -39,7 +39,7 @@ Errors mean_of(const std::vector<Errors>& folds) {
   return mean;
 }
 
-// Of the difference of two models that were judged on the same folds.
+// Standard error of the difference of two models that were validated on the same folds.
 double standard_error(const std::vector<Errors>& a, const std::vector<Errors>& b) {
   const double count = double(a.size()), mean = mean_of(a).mean() - mean_of(b).mean();
   double square = 0.0;
@@ -80,13 +80,13 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
   return result;
 }
 
-// The least error of an output that counts, as a share of its size, beside the largest such share. What is exact, such
-// as a recorded command, would else outweigh any errors of the others.
+// Smallest relative error of an output that counts, as a share of the largest relative error. Without this limit an
+// exact output, such as a recorded command, would outweigh the errors of all others.
 constexpr double least_counted = 1e-3;
 
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) {
-  const Matrix none = Matrix::Zero(data.steps(), data.outputs());  // errors are compared with the departures
-  // Outputs that rest are no evidence.
+  const Matrix none = Matrix::Zero(data.steps(), data.outputs());  // errors are relative to the departures
+  // Outputs that stay at zero are no evidence.
   std::vector<Index> moving;
   for (Index j = 0; j < data.outputs(); ++j)
     for (Index k = 0; k < data.steps(); ++k)
@@ -98,7 +98,7 @@ Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) 
     Ensemble& own = computed.*outputs;
     if (like)
       for (Index k = 0; k < data.steps(); ++k)
-        own.output(k) += 0.0 * (like->*outputs).output(k);  // NaN where there is none
+        own.output(k) += 0.0 * (like->*outputs).output(k);  // NaN where `like` is NaN
     if (moving.empty()) return 0.0;
     Vector left = 1 - fit(data, own, none).fit(moving).array() / 100;
     left = left.array().isFinite().select(left, 1e12).eval();
@@ -164,7 +164,7 @@ Model Folds::start(size_t f, Index states, Weighting weighting, double smoothing
   return from_known_state(realise(own.data.training, own.arx, own.factors.at(weighting), o), options_.initial_state);
 }
 
-// Orders behind the best one are tried until a few of them did no better.
+// Tries increasing orders. It stops when several orders after the best one did no better.
 OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, Index most) const {
   OrderScores result;
   result.smoothing = smoothing;
@@ -235,13 +235,13 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
   std::vector<Model> models(count);
   for_each_fold([&](size_t f) { models[f] = start(f, states, scores.weighting, scores.smoothing); });
   choice.error = judge(models).mean();
-  // EM bridges missing samples: what the subspace models can't predict there is no part of the comparison.
+  // EM predicts across missing samples. Samples that the subspace models cannot predict are no part of the comparison.
   like.resize(count);
   for_each_fold(
       [&](size_t f) { like[f] = computed_by(models[f], folds_[f].data.held_out, options_.initial_state, first_); });
   choice.trials.push_back({states, 0.0, 0, choice.error});
 
-  // The smallest error on the way of EM with one λ, from the subspace models that are as smooth.
+  // Runs EM with one λ from subspace models with the same λ. Returns the smallest error on the way.
   const auto climb = [&](double smoothing) {
     for_each_fold([&](size_t f) { models[f] = start(f, states, scores.weighting, smoothing); });
     double least = std::numeric_limits<double>::infinity();
@@ -256,7 +256,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
         try {
           if (models[f].steps() > 0) models[f] = refine(models[f], folds_[f].data.training, o).model;
         } catch (const std::runtime_error&) {
-          models[f] = {};  // hopeless: the λ is out of the question
+          models[f] = {};  // EM failed: this λ is ruled out
         }
       });
       done += stage;
@@ -311,7 +311,7 @@ RefinementChoice Folds::reconsider_states(RefinementChoice choice, const OrderSc
     try_order(n, choice.smoothing, choice.error - std::log(most_uncertain));
   for (Index n = first - 1; choice.states <= first && n >= std::max<Index>(1, choice.states - refined_patience); --n)
     try_order(n, choice.smoothing, least + std::log(worth_it));
-  // What is smooth with other states need not be so with these.
+  // The best λ may differ for this number of states.
   if (choice.states != first && options_.variation.period != 1 && !smoothing_given)
     try_order(choice.states, std::nullopt, choice.error);
   return choice;

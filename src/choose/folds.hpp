@@ -1,4 +1,4 @@
-// The choices of an identification from noisy data, by the errors of models on experiments that had no part in them.
+// Chooses the orders, weightings, λ and EM of an identification from noisy data by cross-validation error.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,26 +12,26 @@
 
 namespace tokid {
 
-// Errors of a model of departures over the departures, mean of the logs over outputs. Predictions over many steps that
-// are worse than none say no more than that.
+// Relative errors of a model of departures: logs of error over departure, averaged over the outputs. Predictions over
+// many steps that are worse than none count as no better than none.
 struct Errors {
   double one_step = 0.0, ahead = 0.0, simulation = 0.0;
 
-  // Errors over many steps hang together, so that they are few numbers, and uncertain: choices by all three alike were
-  // worse on measured data, over one step and over many.
+  // The one-step error weighs most. Errors over many steps are correlated and uncertain, so they carry little
+  // information. Equal weights gave worse models of measured data, over one step and over many.
   double mean() const { return (3 * one_step + ahead + simulation) / 5; }
 };
-// Outputs of a model of departures. From step `first` on: where initial states are unknown, first_judged(), from which
-// on all models can predict and none has been told the outputs to find its state.
+// Outputs that a model of departures computes. They are NaN before step `first`. With unknown initial states, `first`
+// is first_judged(). From there on all models can predict, and no output was used to estimate an initial state.
 struct Computed {
   Ensemble one_step, ahead, simulation;
 };
 Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first);
-// On the samples that `like`, where it is given, has computed too.
+// `like`: where it is given, the errors cover only the samples that it has computed too.
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like = nullptr);
 Index first_judged(InitialState initial, Index lags, Index period);
 
-// The model after as many iterations of EM with this λ, in the stages that the folds judge.
+// Runs this many iterations of EM with this λ, in the same stages as cross-validation does.
 Model refined(Model model, const Ensemble& data, double smoothing, Index iterations, RefineOptions options);
 
 class Folds {
@@ -44,17 +44,19 @@ class Folds {
     bool centred = false;                                       // departures from a mean motion: see fold()
     int threads = 1;
   };
-  // The ARX models and predictors of the experiments outside each fold.
+  // Fits an ARX model and predictors to the experiments outside each fold.
   Folds(const Ensemble& ensemble, const Options& options);
 
-  // n, the weighting and the λ of the regressions on states; `states`: n where it is given, else 0.
+  // Chooses n, the weighting and the λ of the regressions on states. `states`: the given n, or 0 to choose it.
   OrderScores choose_states(Index states, Index most) const;
-  // How far to go with EM, and with which λ, unless it is given, from the subspace models of so many states and the
-  // weighting and λ of the scores.
+  // Chooses the number of EM iterations and, unless it is given, their λ. EM starts from subspace models with this many
+  // states, the weighting of the scores, and the λ of EM. It competes with the subspace models that have the λ of the
+  // scores.
   RefinementChoice choose_refinement(Index states, const OrderScores& scores,
                                      std::optional<double> smoothing = std::nullopt) const;
-  // Goes on from that to as few states as do as well after EM: subspace models need some to make up for what their lags
-  // leave out. Or to more, up to `most`, where EM finds them worth it.
+  // Tries EM with other numbers of states. Fewer states are taken where they do about as well after EM: subspace models
+  // use extra states to make up for dynamics beyond their lags. More states, up to `most`, are taken where the error
+  // falls clearly.
   RefinementChoice reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most,
                                      std::optional<double> smoothing = std::nullopt) const;
 
@@ -66,7 +68,7 @@ class Folds {
   };
   Model start(size_t f, Index states, Weighting weighting, double smoothing) const;
   OrderScores scores(Weighting weighting, double smoothing, Index least, Index most) const;
-  // The errors of one model for each of the first folds; none where one has not the states asked for.
+  // The errors of the models of the first `count` folds; empty where a model lacks the states asked for.
   template <class MakeModel>
   std::optional<std::vector<Errors>> errors_of_folds(size_t count, Index states, MakeModel&& make,
                                                      const std::vector<Computed>& like = {}) const;

@@ -33,7 +33,7 @@ std::optional<InitialStateTest> stated_initial_state(const Ensemble& data, const
 
 InitialStateTest test_initial_state(const GtvArx& arx, Index p, const std::vector<Index>& freedom) {
   const Index m = arx.outputs, last = arx.steps();
-  // Variances of the later steps, and what rounding errors alone would make of them.
+  // Variances of the later steps, but at least those of rounding errors.
   Vector later = Vector::Zero(m), square = Vector::Zero(m);
   Index later_freedom = 0;
   for (Index k = p; k < std::min(last, p + std::max<Index>(10, 3 * p)); ++k) {
@@ -55,7 +55,7 @@ InitialStateTest test_initial_state(const GtvArx& arx, Index p, const std::vecto
       const double threshold =
           later_freedom > 0 ? statistics::f_quantile(1 - level / double(p * m), double(own), double(later_freedom))
                             : 1.0;
-      // The pair that comes closest to, or goes furthest beyond, its threshold speaks for all.
+      // The pair with the largest ratio of statistic to threshold represents all pairs.
       if (std::isinf(test.threshold) || ratio / threshold > test.statistic / test.threshold) {
         test.statistic = ratio;
         test.threshold = threshold;

@@ -1,4 +1,4 @@
-// GTV-ARX model that supposes zero initial states → whether they are, by the residuals of its first steps.
+// GTV-ARX model that assumes zero initial states → a test of this assumption by the residuals of the first steps.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,11 +10,11 @@
 
 namespace tokid {
 
-// As the options ask, or as the data say; nothing where neither does.
+// The initial state that the options state or, without it, the data; empty where neither states one.
 std::optional<InitialStateTest> stated_initial_state(const Ensemble& data, const IdentifyOptions& options);
 
-// F test of the residuals of each step k < p and output against those of the steps after them, which an initial state
-// does not reach. `freedom`: (T) degrees of freedom of the residuals of each step.
+// F test of the residuals at each step k < p and output against the residuals of later steps. The initial state does
+// not affect the later steps. `freedom`: (T) degrees of freedom of the residuals of each step.
 InitialStateTest test_initial_state(const GtvArx& arx, Index lags, const std::vector<Index>& freedom);
 
 }  // namespace tokid

@@ -22,14 +22,14 @@ namespace {
       fmt::format("options of the model, \"{}\": {} found, {} needed", key, text_of(found), needed));
 }
 
-// One option: its key, and its way into the text and back.
+// One option: its key, and the functions that write and read it.
 struct Entry {
   const char* key;
   Json (*write)(const IdentifyOptions& options);
   void (*read)(IdentifyOptions& options, const char* key, const Json& value);
 };
 
-// A whole number above `automatic`, which itself stands for a choice of the identification.
+// A whole number above `automatic`. The value `automatic` leaves the choice to the identification.
 template <auto field, Index automatic = 0>
 constexpr Entry count(const char* key) {
   return {key, [](const IdentifyOptions& o) { return o.*field > automatic ? Json(o.*field) : Json("auto"); },
@@ -69,7 +69,7 @@ std::optional<T> value_of(const Words<T, size>& words, const Json& found) {
   return std::nullopt;
 }
 
-// One of several words.
+// An option whose value is one of several words.
 template <auto field, const auto& words>
 constexpr Entry choice(const char* key) {
   return {key, [](const IdentifyOptions& o) { return word_of(words, o.*field); },
@@ -97,7 +97,7 @@ constexpr Words<std::optional<Weighting>, 4> weighting_words{{{"auto", std::null
                                                               {"many-steps", Weighting::many_steps},
                                                               {"projection", Weighting::projection}}};
 
-// λ: a penalty, or "auto" for a negative one.
+// λ; a negative value is written as "auto".
 constexpr Entry smoothing_entry = {
     "smoothing",
     [](const IdentifyOptions& o) { return o.smoothing < 0 ? Json("auto") : provenance::penalty(o.smoothing); },
@@ -107,7 +107,7 @@ constexpr Entry smoothing_entry = {
       o.smoothing = given.value_or(-1.0);
     }};
 
-// P, 0 for none.
+// P; 0: none
 constexpr Entry period_entry = {"period", [](const IdentifyOptions& o) { return Json(o.period); },
                                 [](IdentifyOptions& o, const char* k, const Json& value) {
                                   if (!value.is_number_integer() || value < 0)
@@ -115,7 +115,7 @@ constexpr Entry period_entry = {"period", [](const IdentifyOptions& o) { return 
                                   o.period = value.get<Index>();
                                 }};
 
-// Every option that decides about the model, in the order of the text. A new one is one line here.
+// Every option that affects the model, in the order of the text. A new option needs one line here.
 constexpr Entry table[] = {
     count<&IdentifyOptions::states>("states"),
     count<&IdentifyOptions::lags>("lags"),

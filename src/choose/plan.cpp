@@ -11,7 +11,7 @@ namespace tokid {
 
 namespace {
 
-// Block columns of H_k for noisy data: twice as many gained nothing in any system tried, half as many lost.
+// Block columns of H_k for noisy data. Twice as many improved no system that was tried; half as many were worse.
 constexpr Index noisy_columns = 48;
 
 GtvArx regressions_of_each_step(const Windows& windows, const Plan& plan, const Execution& execution) {
@@ -67,8 +67,8 @@ TveraOptions tvera_options(const Plan& plan, Index outputs) {
   TveraOptions o;
   o.states = n;
   o.rows = plan.rows > 0 ? plan.rows : std::max(p + 1, ceil_div(n, outputs) + 1);
-  // A single input, or a single direction of the inputs, may have to reach every state by itself: n columns, as n input
-  // steps always suffice. With noise, more columns show the states better, slow and unstable ones above all.
+  // One input, or one direction of the inputs, may have to reach every state by itself. n columns suffice for this,
+  // because n input steps always do. With noise, more columns show the states better, above all slow and unstable ones.
   const Index most = plan.noisy ? noisy_columns : n > 0 ? n : p * outputs;
   o.cols = plan.cols > 0 ? plan.cols : std::max(p, most);
   o.output_size = plan.output_size;

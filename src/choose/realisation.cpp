@@ -17,12 +17,12 @@ namespace tokid {
 
 namespace {
 
-// Orders that a choice for noisy data looks at, and the experiments that TVERA's is judged by.
+// Largest order that is tried for noisy data, and most experiments that TVERA's order is chosen by.
 constexpr Index most_states = 16, most_judged = 64;
-// Growth of the one-step error that a refined model is not allowed.
+// A refined model may not increase an error by more than this factor.
 constexpr double spoilt = 1.1;
 
-// What the options say of the realisation, before anything is chosen by the data.
+// Sets what the options state about the realisation. The data decide the rest later.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
   const bool exact = !plan.noisy && plan.initial_state == InitialState::zero && !plan.coupled;
   const bool tvera = o.method == Method::tvera || (o.method == Method::automatic && exact);
@@ -39,7 +39,7 @@ Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
   return plan;
 }
 
-// Singular values of noisy data show no rank; what counts is how well the model predicts with the outputs and without.
+// Singular values of noisy data show no rank. The errors of predictions and of simulations choose the order instead.
 OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& parameters,
                          const HankelFactors& factors, TveraOptions o, const Plan& plan) {
   OrderScores scores;
@@ -50,7 +50,7 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
     fewer = data.subset(rows);
   }
   const Ensemble& judged = fewer ? *fewer : data;
-  // The training errors of an order are too small by about its share of coefficients in the samples.
+  // The training error of an order is too small by about the ratio of its coefficients to the samples.
   scores.price = 2.0 / 3 * double(data.channels()) / double(data.outputs() * data.experiments());
   const Index most = std::min({plan.lags * data.outputs(), o.cols * data.inputs(), most_states});
   const Index first = first_judged(plan.initial_state, plan.lags, 0);
@@ -65,7 +65,7 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
   return scores;
 }
 
-// TVERA with the order that the training data like best; one factorisation of H_k serves all orders.
+// TVERA with the order that has the smallest corrected training error. One factorisation of H_k serves all orders.
 void realise_in_scored_order(const Ensemble& data, GtvArx arx, const Execution& execution, Realised& result) {
   Plan& plan = result.plan;
   TveraOptions o = tvera_options(plan, data.outputs());
@@ -92,7 +92,7 @@ Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Exec
                  refine_options(plan, execution));
 }
 
-// What to choose from: projections need as many windows of twice the length as these have samples.
+// The weightings to choose from. Projection needs more windows of 2p steps than one such window has samples.
 std::vector<Weighting> weightings(const Ensemble& judged, const Plan& plan, const IdentifyOptions& options) {
   if (options.weighting) return {*options.weighting};
   std::vector<Weighting> result = {Weighting::one_step};
@@ -105,9 +105,9 @@ std::vector<Weighting> weightings(const Ensemble& judged, const Plan& plan, cons
   return result;
 }
 
-// What EM does with all experiments need not be what it did with those of the folds: then it predicts them worse than
-// the models of the folds predicted experiments that they had not seen. And it sees one step only: a model of many
-// samples for each coefficient must not lose over more steps what it wins there.
+// EM on all experiments may end elsewhere than EM on the folds. Then its one-step error on the training data exceeds
+// the cross-validation error. Also, EM minimises one-step errors only. A model with many samples for each coefficient
+// must not lose over many steps what it gains over one.
 void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementChoice& choice,
                       const Execution& execution, Realised& result) {
   const Plan plain = result.plan;
@@ -118,7 +118,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   const Errors before = errors_of(start, data);
   result.refinement = choice;
 
-  // From the subspace model that is as smooth as those of the folds were; if that leads astray, from the plain one.
+  // EM starts from the subspace model with the λ of EM. If that fails, it starts from the plain subspace model.
   std::vector<double> starts{choice.smoothing};
   if (plain.choices.state_smoothing != choice.smoothing) starts.push_back(plain.choices.state_smoothing);
   bool one_step = true;
@@ -134,7 +134,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     try {
       likelier = refined_by(plan, data, realise(data, arx, {}, plan, {execution.threads, {}}), execution);
     } catch (const std::runtime_error&) {
-      continue;  // hopeless from there
+      continue;  // EM failed from this start
     }
     const Errors after = errors_of(computed_by(likelier, data, plan.initial_state, first), data, &start);
     const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
@@ -162,7 +162,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   result.refinement.error = choice.trials.front().error;
 }
 
-// The subspace realisation with n, the weighting, λ and EM by the errors on experiments left out.
+// Subspace realisation. Cross-validation error chooses n, the weighting, λ and EM.
 void realise_by_folds(const Ensemble& data, const Ensemble& judged, const GtvArx& arx, const IdentifyOptions& options,
                       Realised& result) {
   Plan& plan = result.plan;
@@ -179,11 +179,11 @@ void realise_by_folds(const Ensemble& data, const Ensemble& judged, const GtvArx
   if (options.states == 0) plan.states = scores.best;
   result.model = realise(data, arx, {}, plan, share(options.execution, 0.7, 0.8));
   if (!options.refine.value_or(true) || result.model.states() == 0 || result.model.states() < plan.states) return;
-  // A penalty of the ARX model is not one of EM, but none is none.
+  // The λ of the ARX model is not the λ of EM. But a λ of 0 applies to both.
   const std::optional<double> stated = options.smoothing == 0 ? std::optional(0.0) : std::nullopt;
   RefinementChoice choice = folds.choose_refinement(plan.states, scores, stated);
   if (choice.iterations > 0) {
-    // Windows without a gap may be too few to show all states; EM sees every sample.
+    // Windows without a gap may be too few to show all states. EM uses every sample.
     if (options.states == 0)
       choice = folds.reconsider_states(std::move(choice), scores,
                                        windows_are_scarce(judged, plan.lags) ? most : plan.states, stated);

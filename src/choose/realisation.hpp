@@ -1,4 +1,4 @@
-// GTV-ARX model → state-space model, with the method, n, the weighting, and EM as far as it helps.
+// GTV-ARX model → state-space model. Chooses the method, n, the weighting, and EM as far as it helps.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,7 +8,7 @@ namespace tokid {
 
 struct Realised {
   Model model;  // in the coordinates of its realisation
-  Plan plan;    // all of it
+  Plan plan;    // complete
   OrderScores order_scores;
   RefinementChoice refinement;
   Findings findings;
@@ -18,7 +18,7 @@ struct Realised {
 Realised realised(const Ensemble& departures, const Ensemble& judged, const Plan& plan, GtvArx arx,
                   const IdentifyOptions& options);
 
-// The model of a plan that has been decided, with as much EM as it says. \throws as above
+// Returns the model of a decided plan, with the EM iterations of the plan. \throws as above
 Model realised_as(const Ensemble& departures, GtvArx arx, const Plan& plan, const Execution& execution);
 
 }  // namespace tokid

@@ -20,13 +20,13 @@ namespace tokid {
 
 namespace {
 
-// Lag orders that a leave-one-out choice looks at.
+// Largest lag order that the leave-one-out choice tries.
 constexpr Index most_lags = 16;
-// Coefficients per output and step that a choice for noisy data looks at: its time grows with their cube.
+// Most coefficients per output and step that a choice for noisy data tries: the time grows with their cube.
 constexpr Index most_regressors = 160;
-// Steps that the choices for noisy data look at.
+// Most steps that the choices for noisy data use.
 constexpr Index most_judged_steps = 256;
-// λ where missing samples leave few windows to choose it by, and where a record is too short.
+// λ where missing samples leave too few windows to choose it, and where a periodic record is too short to choose it.
 constexpr double stiff = 1e3, moderate = 1.0;
 
 // Experiments less the one that the mean motion costs.
@@ -35,12 +35,12 @@ Index effective_experiments(const Ensemble& data, bool nominal) { return data.ex
 // L = r + p·(r+m)
 Index unknowns_of(const Ensemble& data, Index lags) { return minimum_experiments(data.inputs(), data.outputs(), lags); }
 
-// The smallest p that carries the states asked for: p·m ≥ n.
+// The smallest p for the states asked for: p·m ≥ n.
 Index least_lags(const Ensemble& data, const IdentifyOptions& options) {
   return options.states > 0 ? ceil_div(options.states, data.outputs()) : 1;
 }
 
-// Windows of p+1 steps without a gap.
+// Number of windows of p+1 steps without a gap.
 Index whole_windows(const Ensemble& e, Index lags) {
   if (e.missing() == 0) return e.experiments() * std::max<Index>(0, e.steps() - lags);
   Index whole = 0;
@@ -54,12 +54,12 @@ std::vector<Index> freedom_of(const GtvArx& arx, Index GtvArxStep::*count) {
   return freedom;
 }
 
-// p by the leave-one-out errors of one-step predictions.
+// Chooses p by the leave-one-out error of one-step predictions.
 void choose_lags(const Ensemble& data, bool nominal, const IdentifyOptions& options, Regressed& result) {
   const Index r = data.inputs(), m = data.outputs(), needed = least_lags(data, options);
   LagOrderOptions o;
   o.p_min = needed;
-  // An order is judged by what is left over: at least one degree of freedom.
+  // Residuals choose the order, so each step needs at least one degree of freedom.
   const Index judged = largest_lag_order(effective_experiments(data, nominal) - 1, r, m);
   o.p_max = std::min({most_lags, judged, (data.steps() - 1) / 2});
   o.execution = share(options.execution, 0.0, 0.1);
@@ -93,7 +93,7 @@ void check_size(const Ensemble& data, const Plan& plan, bool tvera_asked) {
     throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", data.steps(), p, p + 1));
 }
 
-// Without as many windows as unknowns any model fits. Returns their number.
+// Throws for fewer windows than unknowns, because then any model fits. Returns the number of windows.
 Index checked_windows(const Ensemble& data, Index lags) {
   const Index needed = unknowns_of(data, lags), whole = whole_windows(data, lags);
   const bool gaps = data.missing() > 0;
@@ -105,8 +105,8 @@ Index checked_windows(const Ensemble& data, Index lags) {
   return whole;
 }
 
-// What the steps leave to be judged, from unknown initial states on, must be half of them, and the windows without a
-// gap twice as many as the unknowns. Steps that nothing couples need a degree of freedom each.
+// More than half of the steps must remain for the evaluation. The windows without a gap must be at least twice as many
+// as the unknowns. Uncoupled steps need at least one degree of freedom each.
 std::vector<Index> lag_candidates(const Ensemble& judged, const Ensemble& data, bool nominal, InitialState initial,
                                   Index period, const IdentifyOptions& options) {
   if (options.lags > 0) return {options.lags};
@@ -123,14 +123,14 @@ std::vector<Index> lag_candidates(const Ensemble& judged, const Ensemble& data, 
   return candidates;
 }
 
-// Of each step, where the experiments suffice: the paper's, and all that data without noise need.
+// Each step has its own regression. This is the method of the paper, and it suffices for data without noise.
 Regressed each_step_alone(const Ensemble& data, bool nominal, const IdentifyOptions& options) {
   Regressed result;
   result.plan.nominal = nominal;
   result.plan.lags = options.lags;
   if (options.lags == 0) choose_lags(data, nominal, options, result);
   check_size(data, result.plan, options.method == Method::tvera);
-  // Initial states are taken as zero until the residuals speak against it.
+  // Initial states are taken as zero unless the residuals contradict this.
   result.arx = regressions(data, result.plan, share(options.execution, 0.1, 0.4));
   GtvArx& arx = result.arx;
   if (const auto stated = stated_initial_state(data, options))
@@ -138,13 +138,13 @@ Regressed each_step_alone(const Ensemble& data, bool nominal, const IdentifyOpti
   else
     result.initial_state_test = test_initial_state(arx, result.plan.lags, freedom_of(arx, &GtvArxStep::freedom));
   result.plan.initial_state = result.initial_state_test.decision;
-  // The regressions of the steps k ≥ p hold whatever the initial state is; the others are of no use.
+  // The regressions of the steps k ≥ p hold for any initial state. The earlier ones are of no use.
   if (result.plan.initial_state == InitialState::unknown) arx.begin_at(result.plan.lags);
   result.plan.noisy = survey_of(arx, nominal, 0, arx.steps()).noisy();
   return result;
 }
 
-// λ and p by the errors on experiments left out, or as asked.
+// Chooses λ and p by cross-validation error, or takes the values asked for.
 void choose_variation(const Ensemble& data, const Ensemble& judged, const IdentifyOptions& options, SmoothingOptions o,
                       Regressed& result) {
   Plan& plan = result.plan;
@@ -161,7 +161,7 @@ void choose_variation(const Ensemble& data, const Ensemble& judged, const Identi
     if (options.smoothing < 0 && options.period > 1)
       result.findings.push_back({.kind = Finding::Kind::smoothing_unjudged, .numbers = {{"smoothing", moderate}}});
   }
-  // A few windows without a gap are too few to see variation by; EM, which sees every sample, looks for λ itself.
+  // Few windows without a gap cannot show variation over time. EM uses every sample and chooses its own λ.
   if (options.smoothing < 0 && !options.choices && std::isinf(variation.smoothing) &&
       windows_are_scarce(judged, plan.lags)) {
     variation.smoothing = stiff;
@@ -171,7 +171,7 @@ void choose_variation(const Ensemble& data, const Ensemble& judged, const Identi
   if (!std::isinf(variation.smoothing) && options.period != 1) return;
   if (options.period == 0 && options.smoothing < 0) result.findings.push_back({.kind = Finding::Kind::no_variation});
   variation = {0.0, 1};
-  // All steps together bear more lags than each of them does.
+  // One regression of all steps supports more lags than the regression of one step.
   if (options.period > 0 || judged.experiments() < 2) return;
   o.period = 1;
   o.lags = lag_candidates(judged, data, plan.nominal, o.initial_state, o.period, options);
@@ -183,7 +183,7 @@ void choose_variation(const Ensemble& data, const Ensemble& judged, const Identi
   }
 }
 
-// Of all steps in one regression. `known`: what has been decided about the initial state.
+// One regression couples all steps. `known`: the decision about the initial state, if there is one.
 Regressed coupled(const Ensemble& data, const Ensemble& judged, bool nominal, const IdentifyOptions& options,
                   const std::optional<InitialStateTest>& known) {
   Regressed result;
@@ -227,7 +227,7 @@ Regressed coupled(const Ensemble& data, const Ensemble& judged, bool nominal, co
   if (known) {
     result.initial_state_test = *known;
   } else if (variation.period > 0) {
-    // Steps share their residuals, so that none tells of the start.
+    // The steps share their residuals, so the residuals cannot test the initial state.
     result.initial_state_test.decision = InitialState::unknown;
     result.initial_state_test.reason = "not stated with the data";
   } else {
@@ -238,7 +238,7 @@ Regressed coupled(const Ensemble& data, const Ensemble& judged, bool nominal, co
   result.arx = regressions(data, plan, execution);
 
   const RegressionSurvey survey = survey_of(result.arx, nominal, 0, result.arx.steps());
-  // As many unknowns as windows leave no residual of any noise.
+  // With as many unknowns as windows there is no residual, so the data may be noisy.
   const Index models = variation.smoothing > 0 ? 1 : variation.groups(data.steps());
   plan.noisy = survey.noisy() || whole <= models * (unknowns + data.outputs());
   return result;
@@ -254,10 +254,11 @@ Regressed regressed(const Ensemble& data, const Ensemble& judged, bool nominal, 
   Regressed alone = each_step_alone(data, nominal, options);
   const std::vector<Index> freedoms = freedom_of(alone.arx, &GtvArxStep::freedom);
   const Index freedom = std::accumulate(freedoms.begin(), freedoms.end(), Index{0});
-  // Regressions that fit any data exactly are no sign of data without noise, unless somebody chose their order.
+  // Regressions without degrees of freedom fit any data exactly. This shows data without noise only if the user chose
+  // their order.
   const bool tells = freedom > 0 || (data.missing() == 0 && (options.lags > 0 || options.states > 0));
   if (asked || (!alone.plan.noisy && tells)) return alone;
-  // With noise, steps that share what they know do better. What fits any data says nothing of initial states.
+  // With noise, coupled steps give better models. Regressions without degrees of freedom cannot test initial states.
   return coupled(data, judged, nominal, options,
                  freedom > 0 ? alone.initial_state_test : stated_initial_state(data, options));
 }

@@ -1,5 +1,5 @@
-// Departures → their GTV-ARX model, with p, λ, P and the initial state: of each step alone where the experiments
-// suffice and show no noise, else of all steps coupled.
+// Departures → their GTV-ARX model. Chooses p, λ, P and the initial state. Each step has its own regression where the
+// experiments suffice and show no noise. Otherwise one regression couples all steps.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,32 +12,33 @@
 namespace tokid {
 
 struct Regressed {
-  Plan plan;  // all but the method, n, and what comes after them
+  Plan plan;  // without the method, n, and later choices
   GtvArx arx;
   InitialStateTest initial_state_test;
-  LagOrderErrors lag_order_errors;   // of each step alone
-  SmoothingChoice smoothing_choice;  // of coupled steps
+  LagOrderErrors lag_order_errors;   // from regressions of each step alone
+  SmoothingChoice smoothing_choice;  // from coupled steps
   Findings findings;
 };
 
-// `judged`: the samples that choices are judged by, see judging_samples(). `nominal`: a mean motion was removed.
+// `judged`: the samples for cross-validation, see judging_samples(). `nominal`: a mean motion was removed.
 // \throws std::invalid_argument for too few experiments, steps or windows without a gap
 Regressed regressed(const Ensemble& departures, const Ensemble& judged, bool nominal, const IdentifyOptions& options);
 
-// The regression of a plan that has been decided. \throws std::invalid_argument as above
+// Fits the regression of a decided plan. \throws std::invalid_argument as above
 GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Execution& execution);
 
-// The experiments; or, of long ones, a stretch in the middle; or, where they are too few and their steps share a model,
-// stretches of them. Refers to the data where it is all of them.
+// Returns the samples for cross-validation: all experiments, or a stretch in the middle of long ones. Where few
+// experiments have steps that share a model, the experiments are cut into pieces. The result refers to `data` where it
+// is all of it.
 std::shared_ptr<const Ensemble> judging_samples(const Ensemble& data, const IdentifyOptions& options);
 
-// Windows of p+1 steps without a gap are less than half of those that there would be without missing samples.
+// Are fewer than half of all windows of p+1 steps free of missing samples?
 bool windows_are_scarce(const Ensemble& data, Index lags);
 
-// Has a mean motion been removed that every experiment had its part in?
+// Was a mean motion removed that was estimated from all experiments at each step?
 bool is_centred(const Plan& plan);
 
-// N_min at this p; `nominal`: with the experiment that the mean motion costs
+// N_min at this p; `nominal`: one more, because the mean motion costs one experiment
 Index experiments_for(const Ensemble& data, Index lags, bool nominal);
 
 }  // namespace tokid

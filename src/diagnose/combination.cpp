@@ -9,17 +9,17 @@ namespace tokid {
 
 namespace {
 
-// Rows beyond the columns that make an exact fit no accident.
+// Rows beyond the number of columns that rule out a fit by chance.
 constexpr Index extra_rows = 3;
 
-// Rows spread evenly: a combination of all of them is one of these.
+// Rows spread evenly. A combination that holds on all rows also holds on these.
 Matrix some_rows(const ConstMatrixRef& a, Index count) {
   Matrix result(count, a.cols());
   for (Index i = 0; i < count; ++i) result.row(i) = a.row(i * a.rows() / count);
   return result;
 }
 
-// Columns of norm 1 about their means, where those count as nothing; what does not vary becomes zero.
+// Columns of norm 1, less their means if `centred`. A column that does not vary becomes zero.
 Matrix normalised(Matrix a, bool centred) {
   for (Index j = 0; j < a.cols(); ++j) {
     const double size = a.col(j).stableNorm();
@@ -47,7 +47,7 @@ double unexplained(const ConstMatrixRef& columns, const ConstMatrixRef& target, 
 std::optional<Combination> combination(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred) {
   const Index rows = columns.rows(), needed = columns.cols() + extra_rows + (centred ? 1 : 0);
   if (columns.cols() == 0 || rows < needed) return std::nullopt;
-  // A few rows rule most out.
+  // A few rows suffice to rule out most cases.
   if (rows > 2 * needed) {
     const Matrix few = normalised(some_rows(columns, needed), centred);
     const Vector t = normalised(some_rows(target, needed), centred);
@@ -60,14 +60,14 @@ std::optional<Combination> combination(const ConstMatrixRef& columns, const Cons
   std::vector<Index> chosen;
   const auto left = [&](const std::vector<Index>& set) { return left_over(a(Eigen::all, set), t); };
   while (Index(chosen.size()) < a.cols() && left(chosen) > nothing_left) {
-    // The one that leaves least: columns may be far from orthogonal.
+    // This takes the column that leaves the smallest residual, because columns may be far from orthogonal.
     double least = std::numeric_limits<double>::infinity();
     Index best = -1;
     for (Index j = 0; j < a.cols(); ++j) {
       if (a.col(j).isZero(0) || std::find(chosen.begin(), chosen.end(), j) != chosen.end()) continue;
       std::vector<Index> with = chosen;
       with.push_back(j);
-      // Of equally good ones, the first.
+      // Of equally good columns the first is taken.
       if (const double rest = std::max(left(with), nothing_left); rest < 0.99 * least) least = rest, best = j;
     }
     if (best < 0) return std::nullopt;

@@ -1,4 +1,4 @@
-// A signal as an exact combination of a few others.
+// Finds out whether a signal is an exact combination of a few others.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,8 +10,8 @@
 
 namespace tokid {
 
-// What is left of a signal by its best combination of others counts as nothing below this share of their sizes: as many
-// digits as files of numbers in single precision, or of six digits, have.
+// A residual below this share of the signal counts as zero. Files in single precision, or with six digits, have this
+// accuracy.
 inline constexpr double nothing_left = 1e-6;
 
 struct Combination {
@@ -19,19 +19,19 @@ struct Combination {
     Index column;
     double factor;
   };
-  std::vector<Term> terms;  // target = Σ factor · column + constant, no more of them than that takes
+  std::vector<Term> terms;  // target = Σ factor · column + constant, with no more terms than necessary
   bool constant = false;    // a constant is part of it
 };
 
-// Orthogonal matching pursuit: the column that explains most, and the next one, until nothing is left; then those that
-// are not needed go. `centred`: but for a constant. Empty where the columns do not make up the target, where there are
-// hardly more rows than columns, so that any target would do, or where the target does not vary.
+// Orthogonal matching pursuit. It adds the column that explains most until no residual is left, and then removes
+// columns that are not needed. `centred`: up to a constant. Empty where the columns do not make up the target, or where
+// the target does not vary. Also empty where there are hardly more rows than columns, because any target would fit.
 std::optional<Combination> combination(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred);
 
-// What is left of the target by its best combination of the columns, as a share of its size; 0 where it does not vary.
+// Residual of the target after its best combination of the columns, as a share of its size; 0 where it does not vary.
 double unexplained(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred);
 
-// Are they sums of the same samples with, to a thousandth, factors in the same ratios?
+// Are both sums of the same samples, with factors in the same ratios to within a thousandth?
 bool same_sum(const std::vector<Finding::Term>& a, const std::vector<Finding::Term>& b);
 
 }  // namespace tokid

@@ -1,4 +1,4 @@
-// Results of the tests of the innovations → what they say of the model, in words.
+// Test results of the innovations → conclusions about the model, in words.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnose/conclusions.hpp"
 
@@ -38,7 +38,7 @@ const char* over(Pooling pooling) {
   return pooling == Pooling::time ? "; over all steps together, because the experiments are few" : "";
 }
 
-// By size, where a test finds something beyond chance.
+// Rates a significant result by its size.
 TestResult beyond_chance(double size, double counts) {
   return size >= counts ? TestResult::against : TestResult::negligible;
 }
@@ -48,7 +48,7 @@ std::string too_small(TestResult result, double counts) {
 }
 
 Conclusion squares(const Validation& v) {
-  // Much data make any difference certain, however small.
+  // Many data make any difference significant, however small.
   constexpr double little = 1.2;
   const NormalisedSquares& s = v.squares;
   if (!v.noisy) return untested(v);
@@ -75,7 +75,7 @@ Conclusion whiteness(const Validation& v) {
   if (std::isnan(w.p)) return untested(v);
   double size = 0.0;
   Index lag = 0;
-  bool steady = false;  // the same sign at many steps, which single steps hide
+  bool steady = false;  // one sign at many steps, which single steps do not show
   for (Index j = 0; j < w.correlation.rows(); ++j)
     for (const double c : w.correlation.row(j)) {
       steady = steady || std::abs(c) > 1.5 * w.bound(j);

@@ -18,27 +18,27 @@ namespace tokid {
 
 namespace {
 
-// Terms that a combination is known by; more are as good as none.
+// Most terms that identify a combination; a longer one is identified by its first term.
 constexpr size_t most_terms = 4;
-// Columns that a combination is looked for in: its time grows with their cube.
+// Most columns that are searched for a combination: the time grows with their cube.
 constexpr Index most_columns = 40;
-// An output of which less than this is left by the inputs and by the samples before has no noise to speak of.
+// An output has no significant noise if the inputs and earlier samples leave less than this share of it.
 constexpr double answers = 100 * nothing_left;
-// Steps that stand for all where nothing is wrong, and outputs that are looked at.
+// Number of steps that represent all steps for inputs, and for outputs.
 constexpr Index sampled_steps = 24, sampled_outputs = 16;
-// Different combinations that are told.
+// Most different combinations that are reported.
 constexpr size_t most_cases = 4;
-// Of so few ensembles chance makes what is told.
+// Largest probability of a reported finding by chance.
 constexpr double chance_of_alarm = 1e-4;
-// Where steps share what they know: steps running, or a share of all, of which it is worth to speak.
+// For coupled steps: the length of a run, or the share of all steps, that is worth a report.
 constexpr Index long_run = 8;
 constexpr double large_share = 0.2;
-// Samples of a channel that tell how often its values coincide.
+// Number of samples of a channel that show how often its values coincide.
 constexpr Index sampled_values = 2000;
-// Rows of a pooled record that are looked at: what holds for so many holds for all.
+// Most rows of a pooled record that are used: a relation that holds in so many rows holds in all.
 constexpr Index most_rows = 2000;
 
-// Steps all over a range, at no regular distance: inputs may be held for a number of steps, or repeat.
+// Steps all over a range at irregular distances, because inputs may be held for several steps or may repeat.
 std::vector<Index> spread(Index begin, Index end, Index count) {
   std::vector<Index> steps;
   constexpr double golden = 0.6180339887498949;
@@ -50,7 +50,7 @@ std::vector<Index> spread(Index begin, Index end, Index count) {
   return steps;
 }
 
-// How many of them are the same, of the most frequent one.
+// Number of occurrences of the most frequent value.
 Index most_alike(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   size_t most = 0;
@@ -61,8 +61,8 @@ Index most_alike(std::vector<double> values) {
   return Index(most);
 }
 
-// How often a value of channel c is that of another experiment at some step, or of the step before it: the share of the
-// most frequent one, at steps at which the channel varies.
+// `value`: share of the most frequent value of channel c, over steps at which the channel varies. `held`: share of the
+// values that equal the value of the step before.
 struct Coincidence {
   double value = 0.0, held = 0.0;
 };
@@ -92,12 +92,12 @@ double log_binomial(Index n, Index k) {
   return std::lgamma(double(n) + 1) - std::lgamma(double(k) + 1) - std::lgamma(double(n - k) + 1);
 }
 
-// More than so many of `all` steps by chance, each with this probability: a bound of its logarithm.
+// Upper bound of the log-probability that at least `steps` of `all` steps occur by chance, each with this probability.
 double log_chance(Index all, Index steps, double log_each) {
   return log_binomial(all, steps) + double(steps) * log_each;
 }
 
-// The samples before a group of steps that share a model, and those of the group itself.
+// Inspects the samples of steps that share a model, and the samples before them.
 class Inspection {
  public:
   Inspection(const Ensemble& e, const ExcitationOptions& o) : e_(e), o_(o) {
@@ -105,9 +105,9 @@ class Inspection {
   }
 
   struct Found {
-    std::vector<Finding::Term> terms;  // with the channel itself in front
+    std::vector<Finding::Term> terms;  // first the channel itself; without earlier samples, last
     bool feedback = false, constant = false;
-    double log_chance = 0.0, log_choices = 0.0;  // of it at one step, and how many there are to be found
+    double log_chance = 0.0, log_choices = 0.0;  // of chance at one step; number of combinations
     Index depth() const {
       Index most = 0;
       for (const Finding::Term& term : terms) most = std::max(most, term.lag);
@@ -115,7 +115,7 @@ class Inspection {
     }
   };
 
-  // Do a few experiments allow for one among the inputs of a step? Where they do not, no more are looked at.
+  // Do a few experiments allow a dependence among the inputs of a step? If not, no more experiments are examined.
   bool may_be(Index k) const {
     const Index r = e_.inputs(), needed = r + 5, count = e_.experiments();
     few_.clear();
@@ -127,7 +127,7 @@ class Inspection {
       ++rows;
     }
     if (rows < needed) return true;
-    // Gram-Schmidt about the means, by columns.
+    // Gram-Schmidt orthogonalisation of the columns about their means.
     for (Index j = 0; j < r; ++j) {
       const auto at = [&](Index i, Index c) -> double& { return few_[size_t(i * r + c)]; };
       double mean = 0.0, before = 0.0, after = 0.0;
@@ -148,7 +148,7 @@ class Inspection {
     return false;
   }
 
-  // What the inputs of the steps are combinations of: of each other, or with the samples before.
+  // Finds inputs of the steps that are combinations of each other or, if `with_past`, of earlier samples.
   std::vector<Found> of(const std::vector<Index>& steps, bool with_past) const {
     const Index r = e_.inputs(), d = e_.channels();
     Index lags = with_past ? std::min(o_.lags, steps.front()) : 0;
@@ -159,19 +159,19 @@ class Inspection {
     std::vector<Found> found;
     if (with_past && lags == 0) return found;
     std::vector<Index> others;
-    // The newest first, which of equally good ones is taken.
+    // The newest samples come first, because of equally good columns the first is taken.
     for (Index j = 1; j <= lags; ++j)
       for (Index c = 0; c < d; ++c) others.push_back((lags - j) * d + c);
     if (o_.noisy && lags > 0)
       for (Index c = r; c < d; ++c) {
-        // An output that follows from the inputs and from what was before answers to the inputs, not they to it.
+        // An output that follows from the inputs and earlier samples is a response to the inputs, not their cause.
         if (unexplained(rows.leftCols(lags * d + r), rows.col(lags * d + c), o_.centred) <= answers) continue;
         others.push_back(lags * d + c);
       }
     for (Index i = 0; i < r; ++i) {
       const auto own = rows.col(lags * d + i);
       std::optional<Combination> c = combination(rows(Eigen::all, others), own, o_.centred);
-      // Of a record as a whole the shortest recursion, which tells what the input consists of.
+      // In a whole record the shortest recursion is taken: it shows the components of the input.
       if (c && with_past && o_.period == 1)
         for (Index q = 1; q < lags; ++q)
           if (auto shorter = combination(rows(Eigen::all, std::vector<Index>(others.begin(), others.begin() + q * d)),
@@ -193,7 +193,9 @@ class Inspection {
           f.feedback = f.feedback || at >= r;
           f.terms.push_back({channel(at), lags - others[size_t(t.column)] / d, -t.factor});
         }
-        if (!with_past) std::rotate(f.terms.begin(), f.terms.begin() + 1, f.terms.end());  // as the channels are
+        if (!with_past)
+          std::rotate(f.terms.begin(), f.terms.begin() + 1, f.terms.end());  // in the order of the
+                                                                             // channels
         found.push_back(std::move(f));
       } else if (!with_past) {
         others.push_back(i);
@@ -202,7 +204,8 @@ class Inspection {
     return found;
   }
 
-  // A sum of s sines obeys a recursion of order 2s that reads the same from both of its ends: s, or none.
+  // A sum of s sines satisfies a recursion of order 2s with symmetric coefficients. Returns s, or 0 for no such
+  // recursion.
   Index sines(const Found& f) const {
     const Finding::Channel& own = f.terms.front().channel;
     const Index order = f.depth();
@@ -215,7 +218,8 @@ class Inspection {
   Finding::Channel channel(Index c) const { return tokid::channel(e_.names, e_.inputs(), c); }
 
  private:
-  // [v_{k-q} … v_k] of the experiments that have them, of so many spread over steps and experiments.
+  // [v_{k-q} … v_k] of experiments that have these samples. At most `most` are taken, spread over steps and
+  // experiments.
   Matrix window(const std::vector<Index>& steps, Index q, Index most) const {
     const Index all = Index(steps.size()) * e_.experiments(), looked = std::min(all, most),
                 width = (q + 1) * e_.channels();
@@ -241,12 +245,12 @@ class Inspection {
   mutable std::vector<double> few_;
 };
 
-// Steps at which one thing holds, whatever its numbers are.
+// The steps at which one combination holds, whatever its factors are.
 struct Case {
   Inspection::Found found;
-  bool same = true;  // numbers at all steps
+  bool same = true;  // same factors at all steps
   std::vector<Index> steps;
-  Index independent = 0;  // of them, those that do not repeat the step before
+  Index independent = 0;  // steps that do not repeat the step before
 };
 
 class Cases {
@@ -266,7 +270,7 @@ class Cases {
     c.steps.push_back(step);
   }
 
-  // Those of most steps first, without those that chance makes at so many steps.
+  // Cases with the most steps first, without cases that chance produces at so many steps.
   std::vector<Case> most(Index all, bool shared) const {
     std::vector<Case> list;
     for (const auto& [key, c] : cases_)
@@ -288,7 +292,7 @@ class Cases {
     return longest >= std::min(long_run, all) || double(c.steps.size()) >= large_share * double(all);
   }
 
-  // The samples of few terms; of many, the first one.
+  // The samples of all terms, if these are few; else the sample of the first term.
   using Key = std::pair<bool, std::vector<std::tuple<bool, Index, Index>>>;
   static Key key_of(const Inspection::Found& found) {
     Key key{found.terms.size() > most_terms, {}};
@@ -302,19 +306,19 @@ class Cases {
   std::map<Key, Case> cases_;
 };
 
-// Are the samples of this column those of the other one, as far as a few of them tell?
+// Do a few samples suggest that these two columns are equal?
 bool looks_equal(const Matrix& samples, Index a, Index b) {
   for (Index n = 0; n < std::min<Index>(3, samples.rows()); ++n)
     if (const double x = samples(n, a), y = samples(n, b); x != y && !(std::isnan(x) || std::isnan(y))) return false;
   return true;
 }
 
-// Steps at which an output is the same in every experiment after it has moved, where that is no chance.
+// Steps at which an output is the same in every experiment after it has moved, unless chance explains it.
 std::vector<Index> resting(const Ensemble& e, Index j) {
   const Index d = e.channels(), c = e.inputs() + j;
   std::vector<Index> still;
   Index fewest = e.experiments();
-  double alike = 0.0;  // the share of one value at steps beside those
+  double alike = 0.0;  // share of the most frequent value at neighbouring steps
   const auto look_beside = [&](Index k) {
     std::vector<double> values;
     for (const double value : e.samples().col(k * d + c))
@@ -357,7 +361,7 @@ std::vector<Finding::Channel> channels_of(const std::vector<Finding::Term>& term
   return channels;
 }
 
-// Pairs of outputs and more of them, where one combination holds at all steps at which the last of them moves.
+// Two or more outputs for which one combination holds at all steps at which the last of them varies.
 Findings moving_together(const Ensemble& e) {
   const Index m = e.outputs();
   Findings result;
@@ -369,7 +373,7 @@ Findings moving_together(const Ensemble& e) {
     bool always = true, constant = false;
     for (const Index k : spread(0, e.steps(), single ? 1 : sampled_outputs)) {
       Matrix y;
-      if (single) {  // one record, or a few: all of their samples
+      if (single) {  // few experiments: all of their samples together
         y.resize(std::min(most_rows, e.experiments() * e.steps()), m);
         Index used = 0;
         for (Index i = 0; i < y.rows(); ++i) {
@@ -437,7 +441,8 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
         for (auto& found : inspect.of(group, false))
           together.add(std::move(found), group.front(), repeats(group.front()));
 
-  // Of the samples before: where a few values say so, at the suspects, and at some steps; then at all.
+  // Dependence on earlier samples is checked at the suspects, where a few values suggest it, and at some other steps.
+  // If any is found, it is checked at all steps.
   std::vector<Index> few = each ? spread(1, steps, sampled_steps) : spread(0, Index(groups.size()), sampled_steps);
   if (each) {
     few.insert(few.end(), o.suspects.begin(), o.suspects.end());
@@ -459,7 +464,7 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
   const auto report = [&](const std::vector<Case>& cases, bool with_past) {
     for (size_t i = 0; i < std::min(most_cases, cases.size()); ++i) {
       const Case& c = cases[i];
-      // The windows of the steps after it hold it too.
+      // The windows of later steps contain it too.
       for (const Index k : c.steps)
         for (Index later = k; later < std::min(steps, k + std::max<Index>(1, o.lags - c.found.depth() + 1)); ++later)
           result.named.push_back(later);

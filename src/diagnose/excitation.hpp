@@ -1,5 +1,5 @@
-// Ensemble → inputs and outputs that cannot be told apart: combinations of channels, and of their samples before, that
-// never vary.
+// Ensemble → inputs and outputs whose effects cannot be separated. These are combinations of channels, and of their
+// earlier samples, that never vary.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,30 +11,30 @@
 namespace tokid {
 
 struct ExcitationOptions {
-  Index lags = 1;                    // p: how far back a regression looks
+  Index lags = 1;                    // p, the number of steps before that a regression uses
   Index period = 0;                  // P: the steps k, k+P, … share one model; 0: every step has its own
   bool centred = true;               // a mean motion is, or may be, removed
-  bool noisy = false;                // outputs that inputs follow from exactly are no work of theirs
-  bool shared = false;               // steps share what they know: a few of them are of no consequence
+  bool noisy = false;                // true: an input that follows exactly from outputs shows feedback
+  bool shared = false;               // the steps are coupled: a few dependent ones do no harm
   Index origin = 0;                  // number of the first step
   std::vector<Index> suspects = {};  // steps whose inputs a regression has found dependent
 };
 
 struct Excitation {
   Findings findings;
-  std::vector<Index> named;  // steps whose windows hold what they speak of, ascending
+  std::vector<Index> named;  // steps whose windows contain a reported dependence, ascending
 };
 
-// Inputs of one step that move together, at all steps; inputs that follow from the samples before them, at the suspects
-// and at two dozen steps, and where these tell of any, at all. Nothing that chance makes of few experiments and of
-// inputs of few values.
+// Reports inputs of one step that move together, at any step. It also looks for inputs that follow from earlier
+// samples: at the suspects, at steps that look like the step before, and at two dozen others. If it finds any, it looks
+// at all steps. It reports nothing that chance produces with few experiments or with inputs of few values.
 Excitation excitation(const Ensemble& ensemble, const ExcitationOptions& options);
 
-// Outputs that are one combination of others at all steps, and outputs that are the same in every experiment at some
-// steps after they have moved.
+// Reports outputs that are one combination of others at all steps. Also reports outputs that are the same in every
+// experiment at some steps after they have moved.
 Findings findings_of_dependent_outputs(const Ensemble& ensemble, Index origin = 0);
 
-// Outputs that stay where they are in single experiments while their inputs move, and which experiments these are.
+// Outputs that stay constant in single experiments while the inputs move, and these experiments.
 struct StuckOutputs {
   Findings findings;
   std::vector<Index> experiments;

@@ -32,7 +32,7 @@ Findings findings_of_hidden_states(const Model& model, Index origin) {
 }
 
 Findings findings_of_fit(const Vector& one_step_fit, const Channels& names) {
-  // Noise alone can be predicted a little on the data of the identification.
+  // Even pure noise has a small positive fit on the training data.
   constexpr double next_to_nothing = 5.0;
   Findings result;
   for (Index j = 0; j < one_step_fit.size(); ++j)

@@ -1,5 +1,5 @@
-// Ensemble → experiments that do not obey the model of the others, by leave-one-out residuals at some of the steps, and
-// what would explain them.
+// Ensemble → experiments that do not fit the model of the others, and possible explanations. Leave-one-out residuals at
+// some of the steps show them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -18,19 +18,19 @@ struct OutlierOptions {
   bool at_rest = false;  // at the first step
   int threads = 1;
   Index period = 0;              // P: 1 where one model serves all steps
-  const Model* model = nullptr;  // of all experiments, which acquits whom regressions of one lag alone accuse
+  const Model* model = nullptr;  // of all experiments; it can overrule flags of regressions with one lag
 };
 
-// Those that stand out, the largest first. None of fewer than five experiments, three where one model serves all steps:
-// they do not tell who is right.
+// Returns outliers, the largest first. It returns none for fewer than five experiments, or three where one model serves
+// all steps: so few cannot show which one is wrong.
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
-// Without noise a wrong experiment obeys the regressions of so many lags as all others do: by states of its own. The
-// one without which so many lags or fewer, or windows from rest where experiments begin there, explain all others to
-// their last digits, but not with it; none of several.
+// For data without noise. There, regressions with many lags also fit a wrong experiment, through states of its own.
+// This returns the one experiment without which some lag order explains all others exactly, but not with it. Windows
+// from the first step are examined too where experiments begin at rest. Of several wrong experiments none is found.
 std::vector<Outlier> outliers_without_noise(const Ensemble& ensemble, const OutlierOptions& options);
 
-// Without the experiments of which enough is said already.
+// `told`: experiments that are already reported; they are left out.
 Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& told = {});
 
 }  // namespace tokid

@@ -10,12 +10,12 @@ namespace tokid {
 
 namespace {
 
-// Fewer experiments than unknowns.
+// Are there fewer experiments than unknowns?
 bool is_starved(const GtvArx& arx, bool nominal, Index k) {
   return arx.step[size_t(k)].rows - (nominal ? 1 : 0) < arx.regressors(k);
 }
 
-// Are the inputs of the steps k-p … k linearly dependent over the experiments, channels at rest left aside?
+// Are the inputs of the steps k-p … k linearly dependent over the experiments? Inputs that are zero do not count.
 bool inputs_dependent(const Ensemble& e, Index k, Index p) {
   const std::vector<Index> rows = e.complete_rows(k, p);
   Matrix inputs(static_cast<Index>(rows.size()), (p + 1) * e.inputs());
@@ -25,7 +25,7 @@ bool inputs_dependent(const Ensemble& e, Index k, Index p) {
       const Vector u = e.input(j).col(i)(rows);
       if (u.norm() > 0) inputs.col(used++) = u / u.norm();
     }
-  if (inputs.rows() < used) return false;  // too few experiments is another matter
+  if (inputs.rows() < used) return false;  // too few experiments are reported elsewhere
   const Matrix zero = Matrix::Zero(inputs.rows(), 1);
   return linalg::minimum_norm(inputs.leftCols(used), zero, 1e-12).rank < used;
 }

@@ -1,4 +1,4 @@
-// What regressions step by step look like, over all steps or over a stretch of them, and what is to be said of it.
+// Results of step-by-step regressions, over all steps or a stretch of them, and findings about them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -16,20 +16,20 @@ struct RegressionSurvey {
   Index freedom = 0;
   double residual = 0.0, square = 0.0;  // sums over steps and outputs
 
-  // Residuals beyond errors of arithmetic.
+  // Are the residuals larger than errors of arithmetic?
   bool noisy() const;
-  // Of later steps, which that survey counts from `begin` on.
+  // Appends the survey of later steps. That survey counts its steps from `begin` on.
   void append(const RegressionSurvey& later, Index begin);
 };
 
-// Of the steps begin … end-1. `nominal`: a mean motion was removed, which costs each step an experiment.
+// Surveys the steps begin … end-1. `nominal`: a mean motion was removed, which costs each step an experiment.
 RegressionSurvey survey_of(const GtvArx& arx, bool nominal, Index begin, Index end);
 
-// Those of these steps whose regressions lack rank although they have enough experiments, because the inputs of
-// neighbouring steps and channels are linearly dependent.
+// Steps whose regressions lack rank although they have enough experiments. The inputs of neighbouring steps and
+// channels are linearly dependent there.
 std::vector<Index> unexcited_steps(const Ensemble& data, const GtvArx& arx, bool nominal, Index begin, Index end);
 
-// The sizes that the findings are about: N, those less what a mean motion costs, r, m, p.
+// Sizes for the findings: N, N less the experiments that a mean motion costs, r, m, p.
 struct RegressionSizes {
   Index experiments = 0, effective_experiments = 0, inputs = 0, outputs = 0, lags = 0;
 };

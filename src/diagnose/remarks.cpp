@@ -52,7 +52,7 @@ Findings remarks(const Ensemble& data) {
 
 Findings remarks(const Model& model, const Ensemble& data) {
   Findings result = of_reader(data);
-  // What the model does not know either was told when it was identified.
+  // If the model has no sample time either, this was reported when it was identified.
   if (!data.dt_stated && states_dt(model))
     result.push_back({.kind = Finding::Kind::sample_time_of_model, .numbers = {{"dt", model.dt}}});
   remark_on_axes(data, result);

@@ -16,14 +16,14 @@ namespace {
 
 bool equal(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
 
-// Of the inputs of every experiment; by columns, as they lie in memory.
+// Hashes of the inputs of every experiment. The loops follow the columns, as the samples lie in memory.
 std::vector<std::uint64_t> input_hashes(const Ensemble& e) {
   std::vector<std::uint64_t> result(size_t(e.experiments()), 0);
   for (Index k = 0; k < e.steps(); ++k)
     for (Index i = 0; i < e.inputs(); ++i)
       for (Index n = 0; n < e.experiments(); ++n) {
         const double found = e.u(n, k, i);
-        // One zero, and one NaN.
+        // Both zeros are equal, and all NaN are equal.
         const double value = std::isnan(found) ? std::numeric_limits<double>::quiet_NaN() : found + 0.0;
         result[size_t(n)] = XXH3_64bits_withSeed(&value, sizeof(value), result[size_t(n)]);
       }

@@ -7,10 +7,11 @@
 
 namespace tokid {
 
-// Different courses of the inputs, equal to the last bit; missing samples equal each other. Hashes rule most out.
+// Number of different input courses. Equal courses agree to the last bit; missing samples equal each other. Hashes
+// avoid most comparisons.
 Index input_courses(const Ensemble& ensemble);
 
-// `needed` are the experiments that it takes at this lag order, 0 where steps lend each other theirs.
+// `needed`: the number of experiments that this lag order needs, 0 where steps share a model.
 Findings findings_of_repeats(const Ensemble& ensemble, Index needed, Index lags);
 
 }  // namespace tokid

@@ -8,14 +8,14 @@ namespace tokid {
 
 namespace {
 
-// Steps, shares of the record, and multiples of what is usual below which nothing is said.
+// Nothing is reported below this number of steps, this multiple of the usual length, or this share of the record.
 constexpr double fewest_steps = 8, times_usual = 3, least_share = 0.1;
-// So few ensembles in which values that stay from step to step at random do so for so long.
+// Largest probability that values which stay by chance stay for so long.
 constexpr double chance_of_standstill = 1e-3;
 
 struct Course {
   Standstill longest;
-  Index held = 0, steps = 0;  // steps at which the value is that of the step before, of all that have one before
+  Index held = 0, steps = 0;  // steps with the value of the step before; all steps with a value before
 };
 
 }  // namespace
@@ -25,7 +25,8 @@ std::vector<Standstill> standstills(const Ensemble& e, Index c) {
   std::vector<Course> courses(static_cast<size_t>(count));
   std::vector<Standstill> now(static_cast<size_t>(count));
   for (Index n = 0; n < count; ++n) courses[size_t(n)].longest.experiment = now[size_t(n)].experiment = n;
-  // By steps, as the samples lie in memory. Of a run, only what lies between two movements of the inputs counts.
+  // The loop follows the steps, as the samples lie in memory. Only the part of a run between two movements of the
+  // inputs counts.
   const auto moves = [&](Index n, Index k) {
     for (Index i = 0; i < e.inputs(); ++i)
       if (e.u(n, k, i) != e.u(n, k - 1, i) && !std::isnan(e.u(n, k, i)) && !std::isnan(e.u(n, k - 1, i))) return true;
@@ -38,7 +39,7 @@ std::vector<Standstill> standstills(const Ensemble& e, Index c) {
       Standstill& run = now[size_t(n)];
       Course& course = courses[size_t(n)];
       if (!(value == before)) {
-        // The first value is that of rest.
+        // Before its first change a channel is at its initial value, which is no standstill.
         moved[size_t(n)] = char(moved[size_t(n)] || (value != before && !std::isnan(value) && !std::isnan(before)));
         run.begin = run.end = k;
         course.steps += !std::isnan(value) && !std::isnan(before);
@@ -64,7 +65,7 @@ std::vector<Standstill> standstills(const Ensemble& e, Index c) {
     steps += course.steps;
   }
   if (count < 2) return {};
-  // The median of the others of those that are above it.
+  // For an experiment above it, this is the median of the others.
   const auto middle = length.begin() + (count - 1) / 2;
   std::nth_element(length.begin(), middle, length.end());
   const double least = std::max(fewest_steps, least_share * double(e.steps()));
@@ -72,7 +73,7 @@ std::vector<Standstill> standstills(const Ensemble& e, Index c) {
   for (const Course& course : courses) {
     const double own = double(course.longest.end - course.longest.begin);
     if (own < least || own < times_usual * *middle) continue;
-    // Outputs in coarse steps stay where they are by themselves, in this experiment or in the others.
+    // Outputs with coarse resolution stay constant by themselves, in this experiment or in the others.
     const auto share = [](Index part, Index all) { return all > 0 ? double(part) / double(all) : 0.0; };
     const Index run = Index(own) - 1;
     const double usual =

@@ -1,4 +1,4 @@
-// Ensemble → where a channel stays at one value in one experiment, unlike in the others.
+// Ensemble → where a channel stays constant in one experiment, unlike in the others.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -14,8 +14,9 @@ struct Standstill {
   double value = 0.0;
 };
 
-// The longest of each experiment, of those experiments in which channel c (inputs first) stays far longer than is usual
-// in the others, after it has moved; an output only as long as an input of the experiment moves. By experiments.
+// For channel c (inputs first), returns the experiments in which it stays constant far longer than usual in the others.
+// Each has its longest standstill after the channel has moved. An output counts only while an input of the experiment
+// moves. The result is sorted by experiment.
 std::vector<Standstill> standstills(const Ensemble& ensemble, Index c);
 
 }  // namespace tokid

@@ -49,7 +49,7 @@ std::vector<std::string> names_of(const Ensemble& e, const std::vector<Index>& m
   return names;
 }
 
-// Outputs of the whole ensemble, put together from those of the folds.
+// Outputs of the whole ensemble, collected from the folds.
 class Pooled {
  public:
   explicit Pooled(const Ensemble& data) : outputs_(data) {
@@ -109,7 +109,7 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
     return result;
   }
   const auto members = fold_members(ensemble.experiments(), options);
-  // Messages about single experiments name them as in the whole ensemble: their rows in a fold are of no use.
+  // Messages about single experiments must use rows of the whole ensemble. Rows within a fold would mislead.
   const Survey samples = checked(ensemble);
   Pooled simulation(ensemble), one_step(ensemble), horizon(ensemble);
   bool nominal = false;
@@ -118,7 +118,7 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
   for (size_t i = 0; i < members.size(); ++i) {
     IdentifyOptions fold_options = identify_options;
     fold_options.hold_out = 0.0;
-    fold_options.frame = Frame::raw;  // the outputs are the same in any
+    fold_options.frame = Frame::raw;  // the outputs are the same in any frame
     fold_options.execution =
         share(identify_options.execution, double(i) / double(members.size()), double(i + 1) / double(members.size()));
     Identification found =

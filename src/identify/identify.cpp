@@ -48,7 +48,7 @@ void check_options(const IdentifyOptions& o) {
     throw std::invalid_argument(fmt::format("hold-out fraction: {} found, 0 <= fraction < 1 needed", o.hold_out));
 }
 
-// Steps that share a model depart from one motion: those of the first period stand for all.
+// Steps that share a model also share one mean motion. The steps of the first period represent all steps.
 void count_in_phases(NominalTest& test, Index period) {
   for (NominalTest::Departure& departure : test.departures) {
     std::vector<Index>& steps = departure.steps;
@@ -58,7 +58,7 @@ void count_in_phases(NominalTest& test, Index period) {
   }
 }
 
-// What this ensemble does not allow.
+// Checks the options against this ensemble.
 void check_method(const Ensemble& data, const IdentifyOptions& options) {
   const bool tvera = options.method == Method::tvera;
   if (tvera && options.period > 0)
@@ -87,7 +87,8 @@ void check_method(const Ensemble& data, const IdentifyOptions& options) {
         "time-invariant or periodic, if that is stated)");
 }
 
-// What depends on the inputs and a state alone: the mean motion of the experiments is removed where it counts.
+// A model explains only the response to the inputs and to a state. A significant mean motion is therefore removed
+// first.
 struct Departures {
   Nominal nominal;
   Ensemble data;
@@ -117,7 +118,7 @@ NominalDecision decide_nominal(const Ensemble& measured, const IdentifyOptions& 
   return result;
 }
 
-// What is to be said of the samples before anything is chosen.
+// Findings about the samples, before anything is chosen.
 Findings findings_of_samples(const Ensemble& training, const Survey& samples, const IdentifyOptions& options) {
   Findings result = options.period > 0 ? findings_of_inputs(samples, training.names, options.period, training.steps())
                                        : findings_of_inputs(samples, training.names);
@@ -142,7 +143,7 @@ ExcitationOptions excitation_options(const Plan& plan, const IdentifyOptions& op
           .shared = plan.coupled && options.period == 0};
 }
 
-// What regressions of each step alone, or of all steps, say of the data.
+// Findings about the data from the regressions of each step alone, or of all steps together.
 Findings findings_of_regressions(const Ensemble& data, const Survey& samples, const Regressed& regressed,
                                  RegressionSurvey survey, const IdentifyOptions& options) {
   const Plan& plan = regressed.plan;
@@ -169,7 +170,7 @@ Findings findings_of_free_responses(const FreeResponse& free, const Plan& plan) 
   return {{.kind = Finding::Kind::free_responses_unused, .numbers = {{"count", double(free.experiments)}}}};
 }
 
-// Single experiments: those that repeat others, those with a stuck sensor, and those that do not fit the others.
+// Findings about single experiments: repeated inputs, stuck sensors and outliers.
 struct Suspects {
   Findings findings;
   std::vector<Outlier> outliers;
@@ -230,7 +231,7 @@ Findings findings_of_states(const Model& model, const Ensemble& data, const Plan
   return result;
 }
 
-// What a model remembers of its identification.
+// Records in the model how it was identified.
 void note_provenance(const Ensemble& training, const IdentifyOptions& options, Identification& result) {
   Model& model = result.model;
   const Plan& plan = result.plan;
@@ -243,14 +244,14 @@ void note_provenance(const Ensemble& training, const IdentifyOptions& options, I
     note_refinement(model, result.refinement.smoothing, result.refinement.iterations);
 }
 
-// By the experiments held out, else by those of the training. `measured`: all of them, with their names; `misfits`:
-// labels of those that are known to be wrong.
+// Validates with the held-out experiments or, without any, with the training data. `measured`: all experiments, with
+// their names. `misfits` of the options: labels of experiments that are known to be wrong.
 Validation validated(const Model& model, const Ensemble& training, const Ensemble* held_out, const Ensemble* measured,
                      ValidateOptions o) {
   const Ensemble& judged = held_out ? *held_out : training;
   Validation result = validate_in_numbers(model, judged, o);
   if (measured) {
-    // Of a single record the end is held out.
+    // For a single record, its end is held out.
     const Index first = held_out ? measured->steps() - held_out->steps() : 0;
     result.outlying = outlying_in(*measured, judged, first, std::move(result.outlying));
     if (held_out && result.noisy) {
@@ -262,13 +263,13 @@ Validation validated(const Model& model, const Ensemble& training, const Ensembl
   return result;
 }
 
-// The experiments that were measured, and the rows of those that are used: the others are copies and sums of them.
+// All measured experiments, and the rows of the used ones. The other experiments are copies and sums of these.
 struct Measured {
   const Ensemble& all;
   std::vector<Index> rows;
 };
 
-// `measured`: what single experiments are named by; null: nothing is said of single ones.
+// `measured`: the source of the names of single experiments; null: no findings about single experiments.
 Identification identified(const Ensemble& used, const Measured* measured, bool validating,
                           const IdentifyOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
@@ -349,7 +350,7 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   result.held_out = holding_out;
   note_provenance(training, options, result);
   if (validating) {
-    decision.departures.reset();  // the validation takes its room
+    decision.departures.reset();  // frees memory for the validation
     result.validation = validated(result.model, training, holding_out ? &parts.held_out : nullptr,
                                   measured ? &measured->all : nullptr, validation);
     append(findings, result.validation.findings);
@@ -367,7 +368,7 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& options
     UsedExperiments used = used_experiments(ensemble);
     const Measured measured{ensemble, used.rows()};
     if (used.all(ensemble)) return identified(ensemble, &measured, true, options);
-    ensemble.check();  // what is wrong is reported with the rows of the caller
+    ensemble.check();  // reports errors with the rows of the caller
     Identification result = identified(ensemble.subset(measured.rows), &measured, true, options);
     note_data(result.model, fingerprint(ensemble));
     const Findings told = findings_of(used, ensemble);

@@ -1,4 +1,4 @@
-// What the library itself asks of identify() beside the public one.
+// Identification for other parts of the library, beside the public functions.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,8 +6,8 @@
 
 namespace tokid {
 
-// identify() of a part of an ensemble, whose experiments have other numbers there: nothing is said of single ones.
-// Where the choices alone are wanted it is not validated.
+// Runs identify() on a part of an ensemble. It reports nothing about single experiments, because their numbers differ
+// there. `validated`: false where only the choices are wanted.
 Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated);
 
 }  // namespace tokid

@@ -14,10 +14,10 @@ namespace tokid {
 
 namespace {
 
-// Of the folds that choose λ where the model does not tell it, and the most iterations of each.
+// Number of folds that choose λ where the model does not record it, and the most iterations in each fold.
 constexpr Index folds = 3, iterations = 20;
 
-// The one model starts all folds: it has seen the experiments that are left out, but the climb from it has not.
+// The same model starts all folds. It has seen the held-out experiments, but the iterations after it have not.
 void choose(const Model& model, const Ensemble& data, const RefineModelOptions& options, RefinedModel& result) {
   if (!options.smoothing && options.refine.period.value_or(model.period) == 1) {
     result.reason = "one model serving all steps";
@@ -39,7 +39,7 @@ void choose(const Model& model, const Ensemble& data, const RefineModelOptions& 
   }
 }
 
-// Both models on the samples that both can compute.
+// Compares both models on the samples that both can compute.
 void compare(const Model& model, const Ensemble& data, std::optional<InitialState> initial, RefinedModel& result) {
   const Model& refined = result.refinement.model;
   const auto fits = [&](Ensemble own, Ensemble other, Fit RefinementFigures::*target) {
@@ -64,7 +64,7 @@ void compare(const Model& model, const Ensemble& data, std::optional<InitialStat
 
 RefinedModel refine_model(const Model& model, const Ensemble& data, const RefineModelOptions& options) {
   RefinedModel result;
-  if (const UsedExperiments used = used_experiments(data); !used.all(data)) {  // the others would count twice
+  if (const UsedExperiments used = used_experiments(data); !used.all(data)) {  // copies would count twice
     result = refine_model(model, data.subset(used.rows()), options);
     note_data(result.refinement.model, fingerprint(data));
     const Findings told = findings_of(used, data);

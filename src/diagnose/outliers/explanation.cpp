@@ -15,12 +15,12 @@ namespace tokid {
 
 namespace {
 
-// What is explained is as usual: no more than this.
+// The residual ratio of an explained experiment is at most this.
 constexpr double usual = 2.0;
-// A factor nearer to one is none.
+// A factor closer to one explains nothing.
 constexpr double least_factor = 1.5;
 
-// What, done to the samples of an experiment, would make it as usual.
+// Searches for a change of an experiment's samples that makes its residuals usual.
 class Explanation {
  public:
   Explanation(const Ensemble& e, const Sketch& sketch, Index n)
@@ -45,14 +45,14 @@ class Explanation {
   Index d() const { return e_.channels(); }
   std::string name(Index c) const { return channel_name(e_.names, e_.inputs(), c); }
 
-  // Of many attempts one may come out well by chance; of none at places apart from each other.
+  // One of many attempts may succeed by chance, but hardly at two separate sets of places.
   void try_one_of_many(const Eigen::RowVectorXd& x, std::string text) {
     if (sketch_.ratio_of(x, Sketch::Places::even) <= accepted_ && sketch_.ratio_of(x, Sketch::Places::odd) <= accepted_)
       try_with(x, std::move(text));
   }
 
-  // Whatever is shrunk has small residuals; as shares of it they must be as usual too. What hardly changes explains
-  // nothing, and of the negative factors one does.
+  // Small samples have small residuals anyway, so the residuals relative to the outputs must be usual too. A factor
+  // close to one explains nothing. Of the negative factors only -1 is tried, elsewhere.
   void try_factor(const Eigen::RowVectorXd& x, double factor, std::string text) {
     if (factor > 1e-9 && std::abs(std::log(factor)) > std::log(least_factor) && sketch_.share_of(x) <= usual)
       try_with(x, std::move(text));
@@ -60,7 +60,7 @@ class Explanation {
 
   void try_with(const Eigen::RowVectorXd& x, std::string text) {
     const double ratio = sketch_.ratio_of(x);
-    // Simpler ones come first, and stay unless others are clearly better.
+    // Simpler changes come first. A later change replaces them only if it is clearly better.
     if (ratio <= accepted_ && (best_text_.empty() || ratio < 0.8 * best_)) {
       best_ = ratio;
       best_text_ = std::move(text);

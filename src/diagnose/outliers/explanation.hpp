@@ -1,4 +1,4 @@
-// What, done to the samples of an experiment that does not fit, would make it as usual, in words.
+// Finds a change of an outlier's samples that would make it fit, and describes it in words.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,8 +8,8 @@
 
 namespace tokid {
 
-// Empty where nothing that is tried does: channels swapped, signs changed, one channel multiplied or moved by a
-// constant, channels earlier or later, a channel that is stuck.
+// Tries to swap channels, to change signs, to scale, offset or shift channels in time, and looks for a stuck channel.
+// Otherwise names the output that has nearly all of the residual. Empty if there is none.
 std::string explanation(const Ensemble& ensemble, const Sketch& sketch, Index experiment);
 
 }  // namespace tokid

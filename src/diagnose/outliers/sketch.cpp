@@ -12,23 +12,23 @@ namespace tokid {
 
 namespace {
 
-// Places of the record that are looked at, and how many residuals of an experiment there have to be.
+// Most places of the record, and the number of residuals that an experiment must have.
 constexpr Index most_places = 16, costly_places = 8, fewest_residuals = 6;
-// Rows for each regressor: more of them say little more of single experiments, and take longer.
+// Rows for each regressor. More of them take longer and show little more about single experiments.
 constexpr double most_rows_each = 8.0;
-// Rows of so many times the usual size are scaled down to it: one of them alone would determine what it is judged by.
+// Rows that are larger than the usual size by this factor are scaled down: one alone would determine the regression.
 constexpr double too_large = 10.0;
-// The threshold: what one ensemble in a thousand exceeds by Student's t, of log sizes that scatter as their median
-// deviation says; that of Gaussian samples is worth so much of a standard deviation, and few experiments are helped out
-// by what so many residuals scatter by themselves.
+// The threshold is a quantile of Student's t that one ensemble in a thousand exceeds. The scatter of the log sizes
+// comes from their median deviation, which has this efficiency for Gaussian samples. For few experiments, a prior
+// scatter with a few degrees of freedom is added.
 constexpr double false_alarms = 1e-3, efficiency = 0.37, own_scatter = 0.2, own_freedom = 4.0;
-// Of experiments that are larger than others up to so much, larger residuals are expected: those of a model that is too
-// simple.
+// Experiments that are larger than the others, up to this factor, may have larger residuals, because the model may be
+// too simple for them.
 constexpr double larger = 10.0;
 
 }  // namespace
 
-// One model for all steps can be seen in fewer experiments, and from more steps of each.
+// With one model for all steps, fewer experiments suffice, and each gives more steps.
 Index fewest_experiments(const OutlierOptions& o) { return o.period == 1 ? 3 : 5; }
 Index most_together(const OutlierOptions& o) { return o.period == 1 ? 64 : 16; }
 
@@ -125,7 +125,7 @@ Vector Sketch::usual_residual() const {
 bool Sketch::judged(Index n) const { return !std::isnan(score_[size_t(n)]); }
 
 double Sketch::threshold(Index n) const {
-  // Fewer residuals scatter more: their mean size by 0.76 of itself over the root of their number.
+  // Fewer residuals scatter more: the mean size of n residuals scatters by 0.76 of itself over √n.
   const double own = std::max(0.0, 1.0 / double(count_[size_t(n)]) - 1.0 / usual_count_);
   return std::max(of_consequence, std::exp(quantile_ * std::sqrt(variance_ + 0.57 * own)));
 }
@@ -202,7 +202,7 @@ double Sketch::best_share(const Eigen::RowVectorXd& x, const Eigen::RowVectorXd&
   return square > 0 ? -product / square : nan;
 }
 
-// What the residuals of a row of w are larger by.
+// Factor by which the residuals of a row of w may be larger.
 double Sketch::allowance(const ConstMatrixRef& row) const {
   const Index samples = layout_.lags * e_.channels() + e_.inputs();
   return std::clamp(row.leftCols(samples).norm() / (1.4826 * std::sqrt(double(samples))), 1.0, larger);
@@ -210,7 +210,7 @@ double Sketch::allowance(const ConstMatrixRef& row) const {
 
 Index Sketch::regressors() const { return layout_.lags * e_.channels() + e_.inputs() + (o_.nominal ? 1 : 0); }
 
-// Where the experiments are, rather than where the steps are: some may be short.
+// Spread by the number of experiments at each step rather than by the steps, because some experiments may be short.
 std::vector<Index> Sketch::begins() const {
   const Index begin = layout_.lags, end = e_.steps() - layout_.together + 1;
   std::vector<double> alive;
@@ -276,7 +276,7 @@ void Sketch::regress(Place& p, const std::vector<char>& out) const {
     if (!out[size_t(p.owner[size_t(i)])]) used.push_back(i);
   p.empty = used.empty();
   if (p.empty) return;
-  // Enough of them, whole experiments, make the model; the others are judged by it all the same.
+  // A sufficient number of whole experiments makes the model. The model evaluates the others in the same way.
   std::vector<char> inside(size_t(rows), 0);
   const Index most = Index(most_rows_each * double(l)),
               stride = std::max<Index>(1, Index(used.size()) / std::max<Index>(1, most));
@@ -288,7 +288,7 @@ void Sketch::regress(Place& p, const std::vector<char>& out) const {
     kept.push_back(i);
     inside[size_t(i)] = 1;
   }
-  // The last rows lift directions that nothing shows.
+  // The last rows regularise directions that the data do not show.
   Matrix both = Matrix::Zero(Index(kept.size()) + l, l + m);
   for (size_t i = 0; i < kept.size(); ++i) both.row(Index(i)) << p.w.row(kept[i]), p.y.row(kept[i]);
   const double lift = 1e-7 * std::sqrt(double(kept.size()));
@@ -334,7 +334,7 @@ void Sketch::regress(Place& p, const std::vector<char>& out) const {
       own.push_back(plain.back() / p.deviation(i, j));
       size.push_back(std::abs(p.y(i, j) / p.weight(i)));
     }
-    // Errors of arithmetic are none.
+    // Sizes at the level of rounding errors do not count.
     p.size(j) = statistics::median(std::move(size));
     const double floor = 1e-6 * p.size(j);
     p.median(j) = std::max(floor, statistics::median(std::move(own)));

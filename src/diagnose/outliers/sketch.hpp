@@ -1,4 +1,4 @@
-// Regressions at some places of a record, by which experiments are judged that had no part in them.
+// Regressions at some places of a record. They evaluate experiments that were not used to fit them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,22 +9,22 @@
 
 namespace tokid {
 
-// Multiples of the usual residuals: less than this is of no consequence.
+// Multiple of the usual residuals; less is not significant.
 inline constexpr double of_consequence = 3.0;
 
-// Of experiments, those that tell who is right, and the steps that share a regression at most.
+// Least number of experiments that show which one is wrong, and most steps that share a regression.
 Index fewest_experiments(const OutlierOptions& options);
 Index most_together(const OutlierOptions& options);
-// Places that there have to be, regressors at most, and rows for each of them.
+// Least number of places, most regressors, and rows for each regressor.
 inline constexpr Index fewest_places = 4, most_regressors = 40;
 inline constexpr double rows_each = 3.0;
 
-// The mean without the largest quarter: what is wrong with few samples is not wrong with the experiment.
+// The mean without the largest quarter: a few wrong samples do not make an experiment wrong.
 double trimmed_mean(std::vector<double> sizes);
 
 class Sketch {
  public:
-  // So many lags, at so many successive steps of a place.
+  // Number of lags, and of successive steps at each place.
   struct Layout {
     Index lags = 1, together = 1;
   };
@@ -34,43 +34,43 @@ class Sketch {
 
   bool usable() const { return Index(places_.size()) >= fewest_places; }
 
-  // The models of all but `out`, (N) of 0 and 1, and the residuals of everyone.
+  // Fits the models to all experiments but `out`, (N) of 0 and 1. Computes the residuals of all experiments.
   void judge(const std::vector<char>& out);
 
-  // Geometric mean over the places of the usual residual over the size of the outputs.
+  // Geometric mean, over places and outputs, of the usual residual divided by the size of the output.
   double error() const;
   // (m) the usual size of residuals.
   Vector usual_residual() const;
 
   bool judged(Index n) const;
-  // The size of the residuals of experiment n over the usual one, as shares of what they scatter by, or plainly.
+  // The size of the residuals of experiment n over the usual one: relative to their expected scatter, or plain.
   double ratio(Index n) const { return score_[size_t(n)] / typical_; }
   double plain_ratio(Index n) const { return plain_[size_t(n)] / typical_plain_; }
   double threshold(Index n) const;
-  // The output that has nearly all of it, if there is one.
+  // The output that has nearly all of the residual, if there is one.
   std::optional<Index> output(Index n) const;
 
-  // The size of the residuals that the samples x (T·d) of an experiment would have at some of the places, over the
-  // usual ones; NaN for none.
+  // The size of the residuals that samples x (T·d) of an experiment would have at some of the places, over the usual
+  // ones; NaN if too few can be computed.
   double ratio_of(const Eigen::RowVectorXd& x, Places at = Places::all) const;
-  // The same of their shares of the outputs: samples that are shrunk have small residuals of any model.
+  // The same for residuals relative to the outputs: small samples have small residuals with any model.
   double share_of(const Eigen::RowVectorXd& x) const;
-  // a that makes the residuals of x + a·z smallest, as their squares over the usual ones have it; NaN for none.
+  // The a that minimises the residuals of x + a·z, squared and relative to the usual ones; NaN if there is none.
   double best_share(const Eigen::RowVectorXd& x, const Eigen::RowVectorXd& z) const;
 
  private:
-  // The rows [W Y] of one place, those of an experiment one below the other.
+  // The rows [W Y] of one place. The rows of one experiment are adjacent.
   struct Place {
     Index begin = 0;               // first step
     Matrix w, y;                   // scaled by weights
     std::vector<Index> owner;      // of each row
     Vector weight;                 // of each row
     Vector scale;                  // of the columns of w: medians of their sizes
-    bool empty = false;            // no others are here: nothing is said of anyone
+    bool empty = false;            // no other experiments here: this place is not used
     Matrix coefficients, inverse;  // of the model of the others: x, R⁻¹
-    Matrix residual, deviation;    // leave-one-out ones, unweighted, and what they scatter by in units of the noise
+    Matrix residual, deviation;    // leave-one-out residuals, unweighted; their expected scatter in units of the noise
     Vector median, plain_median;   // (m) of their sizes over the others
-    Vector size;                   // (m) median of the outputs' over the others
+    Vector size;                   // (m) median size of the outputs over the others
   };
 
   double allowance(const ConstMatrixRef& row) const;

@@ -15,11 +15,11 @@ namespace tokid {
 
 namespace {
 
-// A model that predicts the others worse than this times their regressions is a witness no more.
+// The model of all experiments is not used if it predicts the others worse than their regressions by this factor.
 constexpr double spoilt = 2.0;
 constexpr size_t most_explained = 5;
 
-// The most lags for one step at a time, and for more of them where the experiments are too few for that.
+// Layouts with the most lags for one step at a time, and for more steps together where this allows more lags.
 std::vector<Sketch::Layout> layouts(const Ensemble& e, const OutlierOptions& o) {
   const Index d = e.channels(), present = e.inputs() + (o.nominal ? 1 : 0);
   std::vector<Sketch::Layout> result;
@@ -48,7 +48,8 @@ std::vector<char> members(Index experiments, const std::vector<Index>& list) {
 
 std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   const Index count = e.experiments();
-  // Judged by the model of those that are nearest to each other: wild ones may hide each other, or themselves.
+  // The experiments with the smallest residuals make the model that evaluates all. Large outliers may hide each other,
+  // or themselves.
   std::vector<Index> order;
   const auto sort = [&] {
     order.clear();
@@ -76,8 +77,8 @@ std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   return result;
 }
 
-// Without those that the model of all experiments predicts as well as the others, while it predicts these as well as
-// their own regressions do. A wild experiment that has spoilt the model acquits nobody.
+// Removes flagged experiments that the model of all experiments predicts as well as the others. This model must predict
+// the others about as well as their own regressions do, because an outlier may have distorted it.
 std::vector<Outlier> convicted(std::vector<Outlier> accused, const Ensemble& e, const Model& model,
                                const Vector& usual_residual) {
   const Prediction prediction = predict(model, e);
@@ -126,8 +127,8 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
   }
   std::vector<Outlier> result;
   if (best) result = outliers_of(e, *best);
-  // Many lags leave directions of the windows to the noise, which a wild experiment need not keep away from: what it
-  // does there nobody knows. One lag leaves none.
+  // With many lags, only noise determines some directions of the windows. An outlier may move along these directions,
+  // and the regression cannot predict it there. With one lag there are no such directions.
   if (first && lags > 1) {
     std::vector<Outlier> alone;
     for (Outlier& other : outliers_of(e, *first)) {
@@ -138,8 +139,9 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
       else if (same->explanation.empty() || same->ratio < other.ratio)
         *same = std::move(other);
     }
-    // But one lag is of a wrong model, which extrapolates to inputs of another kind. Whom it accuses alone, the model
-    // of all experiments may acquit; not whom more lags accuse too, for a wild experiment may have bent that model.
+    // But a model with one lag is wrong, and it extrapolates to inputs of another kind. The model of all experiments
+    // can therefore overrule flags from one lag alone. It cannot overrule flags that more lags confirm: such an outlier
+    // may have distorted it.
     if (o.model && !alone.empty()) alone = convicted(std::move(alone), e, *o.model, best->usual_residual());
     std::move(alone.begin(), alone.end(), std::back_inserter(result));
   }

@@ -11,10 +11,11 @@ namespace tokid {
 
 namespace {
 
-// Of amplitudes: what is left of exact data, and what is not. Larger ratios are rounding, as squares are subtracted.
+// Ratios of amplitudes: residual of exact data, and a clear misfit. Larger ratios than the last are rounding errors,
+// because squares are subtracted.
 constexpr double exact = 1e-9, beyond_doubt = 1e6, most_ratio = 1e8;
 
-// The residuals of a regression to which one regressor is added after the other, in an orthonormal basis.
+// Residuals of a regression that adds one regressor after the other to an orthonormal basis.
 class Regression {
  public:
   Regression(Matrix outputs, Index regressors)
@@ -26,7 +27,7 @@ class Regression {
     const double size = regressor.norm();
     const auto known = basis_.leftCols(rank_);
     for (int twice = 0; twice < 2; ++twice) regressor -= known * (known.transpose() * regressor);
-    if (rank_ == basis_.cols() || !(regressor.norm() > exact * size)) return;  // follows from the others
+    if (rank_ == basis_.cols() || !(regressor.norm() > exact * size)) return;  // depends on the others
     regressor.normalize();
     residual_ -= regressor * (regressor.transpose() * residual_);
     leverage_ += regressor.cwiseAbs2();
@@ -43,8 +44,8 @@ class Regression {
   Index rank_ = 0;
 };
 
-// Where the windows of p_least … p_most lags before step k leave residuals, and none without one experiment: that one,
-// and how many times as large all residuals are as those without it.
+// Examines windows of p_least … p_most lags before step k. If one experiment alone causes the residuals, returns it
+// with the ratio of the residuals with and without it.
 std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p_most, bool constant) {
   checkpoint();
   constexpr Index to_spare = 4;
@@ -58,10 +59,12 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p
   for (Index i = 0; i < r; ++i) regression.add(w.col(p_most * d + i));
   for (Index p = 0; p <= p_most; ++p) {
     for (Index i = 0; p > 0 && i < d; ++i) regression.add(w.col((p_most - p) * d + i));
-    if (count < regression.rank() + to_spare) break;  // with one to spare, it explains itself whoever is left out
+    if (count < regression.rank() + to_spare)
+      break;  // with one row to spare, the fit is exact whichever row is left
+              // out
     const double all = regression.residual().squaredNorm();
     if (p < p_least || !(all > exact * exact * y.squaredNorm())) continue;
-    // The squares without row i are all - |e_i|²/(1 - h_i).
+    // Without row i the sum of squares is all - |e_i|²/(1 - h_i).
     const Vector alone =
         regression.residual().rowwise().squaredNorm().array() / (1.0 - regression.leverage().array()).max(exact);
     Index worst = 0;
@@ -73,8 +76,8 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p
   return std::nullopt;
 }
 
-// Whether experiment n moves the inputs as no other one does, within so many successive steps: it may reach states that
-// the others don't.
+// Does experiment n move the inputs in a direction that no other one uses, within so many successive steps? Then it may
+// reach states that the others do not reach.
 bool excites_more(const Ensemble& e, Index n, Index lags, bool centred) {
   const Index r = e.inputs(), d = e.channels();
   const Index steps = std::min({lags + 1, e.steps(), std::max<Index>(1, most_regressors / r)});
@@ -96,7 +99,7 @@ bool excites_more(const Ensemble& e, Index n, Index lags, bool centred) {
     own.conservativeResize(own.rows() + 1, Eigen::NoChange);
     own.row(own.rows() - 1) = u.row(n);
   }
-  // In units of each input, of which one may be at rest in all others.
+  // Inputs are scaled by their sizes; an input may be zero in all other experiments.
   const Vector size = (squares.diagonal() + own.colwise().squaredNorm().transpose()).cwiseSqrt();
   const Vector unit = (size.array() > 0).select(size.cwiseInverse(), 0.0);
   const linalg::Svd found = linalg::svd(unit.asDiagonal() * squares * unit.asDiagonal());
@@ -113,7 +116,7 @@ std::optional<Outlier> misfit(const Ensemble& e, const OutlierOptions& o) {
   std::optional<Outlier> found;
   if (o.at_rest)
     for (Index k = 0; k <= most && !found; ++k) found = misfit(e, k, k, k, o.nominal);
-  // At the begin an initial state that the others have not looks wrong: later it has been reached by inputs.
+  // Early, an initial state that the others do not have looks wrong. Later, the inputs have reached it too.
   const Index first = o.at_rest ? most : std::max(most, last / 2);
   for (Index i = 1; i < fewest_places && !found; ++i)
     found = misfit(e, first + i * (last - first) / (fewest_places - 1), 1, most, o.nominal);
