@@ -13,20 +13,20 @@ namespace tokid {
 
 namespace {
 
-// What is looked at: neighbouring lines, which are experiments or steps, at positions spread over the other axis.
+// Numbers of neighbouring lines, which are experiments or steps, and of positions spread over the other axis.
 constexpr Index most_lines = 96, most_positions = 128, fewest_lines = 6, fewest_positions = 3;
 constexpr Index most_inputs = 2, most_outputs = 3;
-// Neighbours that are alike by chance reach this deviation in fewer than one of 100,000 ensembles.
+// Neighbours that are similar by chance reach this deviation in fewer than one of 100,000 ensembles.
 constexpr double alike = 4.5;
-// Each of them at least where every other pair is looked at, for copies that lie side by side are pairs too.
+// Each half of the pairs must reach this deviation, because two copies side by side are similar too.
 constexpr double alike_by_halves = 2.0;
-// So many experiments of one step are rather one of so many steps.
+// So many experiments of one step are more likely one experiment of so many steps.
 constexpr Index shortest_record = 10;
-// Up to here the other axis shows no order.
+// Up to these limits the other axis shows no order.
 constexpr double unlike = 2.5, mostly_unlike = 0.8;
 
-// Lines of each channel as columns (positions × lines) of unit length, without what all lines or all positions share:
-// a mean motion makes experiments alike at each step, an offset makes the steps of an experiment alike.
+// Lines of each channel as columns (positions × lines) of unit length, without the means of lines and of positions. A
+// mean motion makes experiments similar at each step, and an offset makes the steps of an experiment similar.
 using Lines = std::vector<Matrix>;
 using Sample = std::function<double(Index line, Index position, Index channel)>;
 
@@ -53,7 +53,7 @@ Lines lines_of(Index lines, Index positions, const std::vector<Index>& channels,
       x.row(p) = row.transpose();
     }
     x = x.unaryExpr([](double value) { return std::isnan(value) ? 0.0 : value; });
-    // What is left of a line that never moves are rounding errors.
+    // A line that never moves leaves only rounding errors.
     const Vector norm = x.colwise().norm();
     const double rounding = 1e-9 * norm.maxCoeff();
     for (Index l = 0; l < used_lines; ++l)
@@ -63,13 +63,14 @@ Lines lines_of(Index lines, Index positions, const std::vector<Index>& channels,
   return result;
 }
 
-// How much more alike neighbours are than other lines: their mean rank among all, and its deviation from that of any
-// order of the lines in standard deviations; also the smaller deviation of the pairs 0-1, 2-3, … and 1-2, 3-4, …
+// How similar neighbours are, compared with other lines. `rank`: their mean rank among all lines. `deviation`: its
+// deviation from the mean over all orders of the lines, in standard deviations. `of_half`: the smaller deviation of the
+// pairs 0-1, 2-3, … and 1-2, 3-4, …
 struct Neighbours {
   double rank = 0.5, deviation = 0.0, of_half = 0.0;
 };
 
-// Ranks between 0 and 1 of which two belong to a pair: they say nearly the same.
+// Ranks lie between 0 and 1. The two ranks of a pair are nearly equal, so they count as one.
 double deviation(double sum, Index ranks) {
   return ranks > 0 ? (sum / double(ranks) - 0.5) * std::sqrt(12 * double(ranks) / 2) : 0.0;
 }
@@ -97,7 +98,7 @@ Neighbours neighbours(const Matrix& likeness, const std::vector<bool>& live) {
           std::min(deviation(sum[0], ranks[0]), deviation(sum[1], ranks[1]))};
 }
 
-// Outputs follow from inputs and outputs of the step before, with any sign; and what changes slowly keeps its own.
+// Outputs depend on inputs and outputs of the step before, with any sign. Slow signals keep their sign.
 Neighbours neighbours(const Lines& lines) {
   const Index count = lines.front().cols();
   if (count < fewest_lines || lines.front().rows() < fewest_positions) return {};
@@ -114,7 +115,7 @@ Neighbours neighbours(const Lines& lines) {
   return any.deviation > same.deviation ? any : same;
 }
 
-// (T, N, channels): samples follow on from experiment to experiment, but not from step to step.
+// Are the axes (T, N, channels)? Then samples continue from experiment to experiment, but not from step to step.
 bool is_time_along_experiments(const Ensemble& e) {
   std::vector<Index> channels;
   for (Index i = 0; i < std::min(e.inputs(), most_inputs); ++i) channels.push_back(i);

@@ -1,4 +1,4 @@
-// Are the axes of the samples those that the library expects, (N, T, channels)? Their sizes and the samples tell.
+// Checks by sizes and samples whether the axes of the samples are the expected ones, (N, T, channels).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -13,11 +13,11 @@
 
 namespace tokid {
 
-// How the axes were read, and which order is expected, where they look swapped.
+// Reports how the axes were read and which order is expected, if they look swapped.
 std::optional<Finding> swapped_axes(const Ensemble& ensemble);
 
-// Runs work on the ensemble. Where it refuses the data, the message also says how their axes were read: what swapped
-// axes lack is not what the user has to change.
+// Runs work on the ensemble. If the work refuses the data, the message also says how their axes were read. With swapped
+// axes, the refusal alone would mislead the user.
 template <class Work>
 auto with_remark_on_axes(const Ensemble& ensemble, Work&& work) {
   try {

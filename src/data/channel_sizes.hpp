@@ -1,4 +1,4 @@
-// The sizes by which channels of different units are made comparable.
+// Sizes that make channels of different units comparable.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,7 +6,7 @@
 
 namespace tokid {
 
-// Root mean squares of `count` channels from `first` on, inputs before outputs; 1 for those that rest.
+// Root mean squares of `count` channels from `first` on, inputs before outputs; 1 for a channel that is zero.
 Vector channel_sizes(const Ensemble& ensemble, Index first, Index count);
 
 }  // namespace tokid

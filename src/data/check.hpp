@@ -1,4 +1,4 @@
-// An ensemble as a caller has made it → what its samples are, or a refusal.
+// Checks an ensemble that a caller has made, and surveys its samples.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,7 +6,7 @@
 
 namespace tokid {
 
-// Of all steps of an ensemble that passes its check(). \throws as that
+// Surveys all steps of an ensemble, if it passes its check(). \throws as check()
 Survey checked(const Ensemble& ensemble, bool outputs_needed = true);
 
 }  // namespace tokid

@@ -14,19 +14,19 @@ namespace tokid {
 
 namespace {
 
-// Steps where experiments are compared.
+// Most steps at which experiments are compared.
 constexpr Index most_probes = 16;
-// Successors in an order that an experiment is compared with.
+// Number of successors in a sorted order with which an experiment is compared.
 constexpr size_t most_successors = 16;
 
-// What copies are searched with: the sizes of the channels, and steps where experiments differ.
+// Data for the search of copies: the sizes of the channels, and steps where experiments differ.
 class Search {
  public:
   explicit Search(const Ensemble& ensemble) : e_(ensemble), scales_(scales(ensemble)) {
     for (Index n = 1; n < e_.experiments(); ++n) several_ = several_ || !alike(0, n);
   }
 
-  // Calls `same` for pairs that may be copies, often enough to link all copies of an experiment.
+  // Calls `same` for pairs that may be copies. The pairs suffice to link all copies of an experiment.
   template <class Same>
   void for_each_pair(Same&& same) const {
     RandomNumbers random(1);
@@ -37,12 +37,12 @@ class Search {
         w(c) = scales_.departure(c) > 0 ? (2 * random.uniform() - 1) / scales_.departure(c) : 0.0;
       return w;
     };
-    // Experiments without a gap by all of their samples: two of them are hardly ever alike by chance.
+    // Experiments without a gap are compared by all of their samples: two of them hardly ever agree by chance.
     Vector whole = Vector::Zero(e_.experiments());
     for (Index k = 0; k < e_.steps(); ++k) whole += e_.samples().middleCols(k * d, d) * weights();
     compare(whole, std::sqrt(double(e_.steps() * d)), same);
     if (std::none_of(whole.begin(), whole.end(), [](double v) { return std::isnan(v); })) return;
-    // Others by the samples that they have, few as they may be: copies mostly lack the same ones.
+    // Others are compared by the samples that they have, however few. Copies mostly lack the same samples.
     Vector present = Vector::Zero(e_.experiments());
     for (Index k = 0; k < e_.steps(); ++k) {
       const auto samples = e_.samples().middleCols(k * d, d).array();
@@ -50,7 +50,7 @@ class Search {
     }
     compare(whole.array().isNaN().select(present, std::numeric_limits<double>::quiet_NaN()),
             std::sqrt(double(e_.steps() * d)), same);
-    // And by steps at which both have samples. Many may be alike there, as where experiments begin at rest.
+    // They are also compared at steps where both have samples. Many may agree there, for example at an initial rest.
     for (const Index step : probes())
       compare(e_.samples().middleCols(step * d, d) * weights(), std::sqrt(double(d)), [&](Index a, Index b) {
         if (std::isnan(whole(a)) || std::isnan(whole(b))) same(a, b);
@@ -67,7 +67,7 @@ class Search {
     std::vector<Sums> sums(size_t(d), Sums{});
     for (Index c = 0; c < d; ++c) sums[size_t(c)].rounded = !(precision(a, c) == precision(b, c));
     Index own = 0, other = 0, common = 0;
-    // In steps of the golden section: experiments may share their beginning, or any stretch.
+    // The steps follow the golden section, because experiments may share their beginning or any stretch.
     Index stride = std::max<Index>(1, Index(0.618 * double(T)));
     while (std::gcd(stride, T) != 1) ++stride;
     for (Index i = 0, k = T / 2; i < T; ++i, k = (k + stride) % T)
@@ -96,14 +96,14 @@ class Search {
   }
 
  private:
-  // Neighbours in the order of these values, whose usual size is `size`.
+  // Compares neighbours in the order of these values. `size`: the usual size of the values.
   template <class Same>
   void compare(const Vector& values, double size, Same&& same) const {
     std::vector<std::pair<double, Index>> order;
     for (Index n = 0; n < e_.experiments(); ++n)
       if (std::isfinite(values(n))) order.emplace_back(values(n), n);
     std::sort(order.begin(), order.end());
-    // Single differences are larger than their root mean square.
+    // A single difference may be larger than the root mean square.
     const double close = 10 * rounding_of_departures * size, far = several_ ? 4 * coarsest_share * size : close;
     for (size_t i = 0; i < order.size(); ++i)
       for (size_t j = i + 1; j < std::min(order.size(), i + 1 + most_successors); ++j) {
@@ -114,7 +114,7 @@ class Search {
       }
   }
 
-  // Root mean square that a difference of two experiments may have. Small experiments differ by less.
+  // Largest root mean square of the difference of two copies. Small experiments must differ by less.
   double allowed(Index a, Index b, Index c, bool rounded) const {
     const double size = std::min(scales_.departure(c), std::max(scales_.own(a, c), scales_.own(b, c)));
     return rounded ? coarsest_share * size : std::max(rounding_of_departures * size, scales_.arithmetic(c));
@@ -126,7 +126,7 @@ class Search {
     return true;
   }
 
-  // Of each stretch of the record the step where the experiments differ most.
+  // For each stretch of the record, the step where the experiments differ most.
   std::vector<Index> probes() const {
     const Index count = std::min(most_probes, Index(scales_.steps.size()));
     std::vector<Index> result;
@@ -148,10 +148,10 @@ class Search {
 
   const Ensemble& e_;
   const Scales scales_;
-  bool several_ = false;  // precisions
+  bool several_ = false;  // several precisions
 };
 
-// The root of a tree of copies, shortened on the way.
+// Root of a tree of copies. The search shortens the path.
 Index root(std::vector<Index>& parent, Index n) {
   while (parent[size_t(n)] != n) n = parent[size_t(n)] = parent[size_t(parent[size_t(n)])];
   return n;
@@ -183,7 +183,7 @@ Copies find_copies(const Ensemble& e) {
     if (group.empty()) continue;
     if (group.size() > 1) {
       const auto most = std::max_element(group.begin(), group.end(), [&](Index a, Index b) {
-        return samples_of(e, a) < samples_of(e, b);  // the first one of several
+        return samples_of(e, a) < samples_of(e, b);  // of several, the first
       });
       std::rotate(group.begin(), most, most + 1);
     }

@@ -16,32 +16,32 @@ namespace tokid {
 
 namespace {
 
-// A search may cost so many operations, or so many for each sample.
+// A search may cost so many operations or, if this is more, so many for each sample.
 constexpr double most_operations = 4e9;
 constexpr double operations_per_sample = 200;
-// A basis must leave so many sums free: what it explains with fewer may be chance.
+// A basis must leave so many sums free: a fit with fewer free sums may be chance.
 constexpr Index most_spare = 16;
-// The residual of a combination may be so many times what the roundings of its terms add up to.
+// The residual of a combination may exceed the rounding of its terms by this factor.
 constexpr double slack = 3.0;
-// A term is zero if its loss would add a smaller share of the allowed residual.
+// A term is dropped if its loss would add a smaller share of the allowed residual.
 constexpr double counted = 0.5;
-// Terms of a combination that are fitted by themselves.
+// Most terms of a combination that have a fit of their own.
 constexpr Index most_fitted = 32;
-// The part of a term that no other explains must be so many times rounding, also in two thirds of the record.
+// The part of a term that no other term explains must exceed rounding by this factor, also in two thirds of the record.
 constexpr double visible = 8.0;
-// A residual that is a larger share of an experiment is no rounding.
+// A residual that is a larger share of an experiment is not rounding.
 constexpr double surely_apart = 0.1;
-// A share that is larger by less is a tie, which the order of the experiments decides.
+// Shares that differ by a smaller factor are a tie. Then the order of the experiments decides.
 constexpr double tie = 1.1;
-// Above so many terms for each experiment, combinations are verified at some of the steps only.
+// With more terms than this for each experiment, combinations are verified at some of the steps only.
 constexpr double most_verified = 50;
 
-// Mean squares per sample of each experiment: what rounding makes of it, how far it departs from the others, and its
-// size, of each channel (N × d).
+// Mean squares per sample of each experiment and channel (N × d): of its rounding, and of its departure from the
+// others.
 struct Sizes {
   Matrix rounding, departure;
-  Vector unit;                                // (d) of a channel; infinite: it is zero everywhere
-  Vector all_rounding, all_departure, share;  // (N) mean over the channels in their units; `share` is a root
+  Vector unit;                                // (d) size of a channel; infinite: it is zero everywhere
+  Vector all_rounding, all_departure, share;  // (N) means over the channels in these units; `share`: root of the size
 };
 
 Sizes sizes_of(const Ensemble& e, const Scales& s) {
@@ -55,11 +55,11 @@ Sizes sizes_of(const Ensemble& e, const Scales& s) {
         const double x = e.samples()(n, k * d + c);
         if (!std::isfinite(x)) continue;
         raw(n, c) += x * x;
-        result.rounding(n, c) += std::pow(s.precision_of(n, c).rounding(x), 2) / 3;  // evenly spread
+        result.rounding(n, c) += std::pow(s.precision_of(n, c).rounding(x), 2) / 3;  // uniform distribution
         ++count;
       }
       if (count > 0) raw(n, c) /= count, result.rounding(n, c) /= count;
-      // Few digits, as of inputs of two values, are no rounding of more.
+      // Inputs of few digits, such as two values, are not rounded values of more digits.
       if (result.rounding(n, c) > coarsest_share * coarsest_share * s.departure(c) * s.departure(c))
         result.rounding(n, c) = 0.0;
       result.rounding(n, c) += rounding_of_sizes * rounding_of_sizes * raw(n, c);
@@ -71,33 +71,34 @@ Sizes sizes_of(const Ensemble& e, const Scales& s) {
   const Vector weights = result.unit.array().square().inverse() / double(d);
   result.all_rounding = result.rounding * weights;
   result.all_departure = result.departure * weights;
-  // Beside a large motion that all share, what departs from it tells sums from their terms. Medians need several.
+  // If all experiments share a large motion, their departures from it separate sums from their terms. Medians need
+  // several.
   constexpr Index several = 8;
   const Vector all = raw * weights;
   const double usual = statistics::median({all.begin(), all.end()}),
                apart = statistics::median({result.all_departure.begin(), result.all_departure.end()});
   result.share = (N >= several && usual > 2 * apart ? result.all_departure : all).cwiseSqrt();
-  constexpr double least = 1e-3;  // none is zero
+  constexpr double least = 1e-3;  // keeps shares above zero
   result.share = result.share.cwiseMax(least * result.share.maxCoeff());
   return result;
 }
 
-// Experiments as columns of few numbers: sums of their samples with random signs, which keep lengths and combinations.
-// Each third of them is of a third of the record.
+// Experiments as columns of few numbers: sums of their samples with random signs. Such sums keep lengths and
+// combinations. Each third of the sums covers a third of the record.
 struct Sketch {
-  std::vector<Index> experiments;  // those that are looked at, ascending
+  std::vector<Index> experiments;  // examined experiments, ascending
   Matrix sums;                     // (p × their number)
   double samples = 0;              // in each column
 };
 
-// The samples that all of the chosen experiments have, where not all have all of them.
+// The samples that all chosen experiments have, if some samples are missing.
 struct Complete {
   std::vector<Index> experiments;
   std::vector<bool> column;  // empty: all of them
   Index columns = 0;
 };
 
-// Takes experiments with few missing samples first, and as many as still have enough samples in common.
+// Takes experiments with few missing samples first. Takes as many as still have enough samples in common.
 Complete complete_samples(const Ensemble& e) {
   const Index N = e.experiments(), C = e.samples().cols();
   Complete result;
@@ -114,7 +115,7 @@ Complete complete_samples(const Ensemble& e) {
   std::vector<Index>& order = result.experiments;
   std::stable_sort(order.begin(), order.end(),
                    [&](Index a, Index b) { return missing[size_t(a)] < missing[size_t(b)]; });
-  // Counts columns by the number of experiments at the begin of that order that have them.
+  // Counts columns by the number of experiments at the beginning of this order that have them.
   std::vector<Index> whole(static_cast<size_t>(C), N), count(static_cast<size_t>(N) + 1, 0);
   for (Index c = 0; c < C; ++c) {
     if (gap[size_t(c)])
@@ -133,7 +134,7 @@ Complete complete_samples(const Ensemble& e) {
   return result;
 }
 
-// The same signs on every machine (splitmix64).
+// Random signs that are the same on every machine (splitmix64).
 double sign(std::uint64_t i) {
   i = (i + 1) * 0x9e3779b97f4a7c15U;
   i = (i ^ (i >> 30U)) * 0xbf58476d1ce4e5b9U;
@@ -165,7 +166,7 @@ Sketch sketch(const Ensemble& e, const Sizes& sizes) {
   return result;
 }
 
-// What is searched: the sums, and how they are judged. Experiments are numbered as columns of the sketch.
+// Searches the sums for combinations. Experiments are numbered as columns of the sketch.
 class Combinations {
  public:
   Combinations(const Sketch& s, const Sizes& sizes) : s_(s), sizes_(sizes) {}
@@ -174,8 +175,8 @@ class Combinations {
     std::vector<Index> basis, dependent;
   };
 
-  // Goes through the experiments in their order. The basis takes those that it does not explain yet, as long as it has
-  // room; the others that it explains are dependent.
+  // Goes through the experiments in their order. An experiment that the basis explains is dependent. The basis takes
+  // the others, as long as it has room.
   Parts parts() const {
     const Index p = s_.sums.rows(), N = s_.sums.cols(), width = 32;
     const Index limit = std::min(N, p - std::min(most_spare, std::max<Index>(2, p / 4)));
@@ -186,7 +187,7 @@ class Combinations {
     for (Index begin = 0; begin < N; begin += width) {
       const Index count = std::min(width, N - begin), before = K;
       Matrix a = s_.sums.middleCols(begin, count), t = Matrix::Zero(limit, count);
-      for (int pass = 0; pass < 2; ++pass) {  // the second one makes up for rounding errors of the first
+      for (int pass = 0; pass < 2; ++pass) {  // the second pass corrects rounding errors of the first
         const Matrix more = q.leftCols(K).transpose() * a;
         a.noalias() -= q.leftCols(K) * more;
         t.topRows(K) += more;
@@ -218,8 +219,8 @@ class Combinations {
     return result;
   }
 
-  // The dependent ones as combinations of those of the basis, without the terms that are rounding; those alone that are
-  // no coincidence.
+  // The dependent experiments as combinations of the basis, without terms at rounding level. Combinations that may be
+  // chance are left out.
   std::vector<DependentExperiment> combinations(const Parts& parts) const {
     const Fit all = fit(parts.basis, parts.dependent);
     const Index K = Index(parts.basis.size());
@@ -235,7 +236,7 @@ class Combinations {
           rows.push_back(parts.basis[size_t(b)]);
         }
       if (rows.empty()) continue;
-      // Of few terms the weights are better without the others.
+      // If the terms are few, a fit without the others gives better weights.
       const bool few = Index(rows.size()) <= most_fitted;
       const Vector weights = few ? fit(rows, {n}).weights.col(0) : Vector(all.weights.col(Index(i))(terms));
       const double permitted = allowed(n, rows, weights), unit = permitted / (1 + weights.squaredNorm());
@@ -244,14 +245,15 @@ class Combinations {
       const auto clear = [&](const Vector& distance) {
         return distance.array().square().minCoeff() >= visible * visible * unit;
       };
-      // Terms are no closer to each other than to the whole basis, which costs less to look at.
+      // The distance of a term to the other terms is at least its distance to the whole basis, which is cheaper.
       if (clear(of_all(terms)) || (few && clear(distances_of_thirds(rows))))
         result.push_back({n, std::move(rows), {weights.begin(), weights.end()}});
     }
     return result;
   }
 
-  // The basis that leaves the largest shares to the combinations, and of equal ones the last.
+  // Exchanges experiments until the combinations have the largest shares. In a tie, the last experiment is a
+  // combination.
   Parts exchanged(const Parts& parts, const std::vector<DependentExperiment>& combinations) const {
     Parts result{parts.basis, {}};
     const Index K = Index(parts.basis.size()), D = Index(combinations.size());
@@ -286,7 +288,7 @@ class Combinations {
           if (std::abs(w(b, j)) >= 1 / tie && result.dependent[size_t(j)] < result.basis[size_t(b)])
             swap(b, j), changed = true;
     }
-    for (const Index n : parts.dependent)  // of many terms, which may be few of the new basis
+    for (const Index n : parts.dependent)  // combinations of many terms may have few terms in the new basis
       if (std::none_of(combinations.begin(), combinations.end(),
                        [&](const DependentExperiment& c) { return c.experiment == n; }))
         result.dependent.push_back(n);
@@ -301,7 +303,7 @@ class Combinations {
     Vector distance;  // (K) of each column of the basis from the others, root mean squares
   };
 
-  // Mean square of a sample of a residual for which so many sums are free.
+  // Mean square per sample of a residual with so many free sums.
   double mean_square(double norm, Index free) const {
     return norm * norm / s_.samples * double(s_.sums.rows()) / double(std::max<Index>(1, free));
   }
@@ -324,13 +326,13 @@ class Combinations {
     return scale * inverse.rowwise().norm().cwiseInverse();
   }
 
-  // The smaller ones of the first two thirds of the record and of the last two.
+  // The smaller of the distances in the first two thirds and in the last two thirds of the record.
   Vector distances_of_thirds(const std::vector<Index>& columns) const {
     const Index p = s_.sums.rows();
     return distances(0, 2 * p / 3, columns).cwiseMin(distances(p / 3, p - p / 3, columns));
   }
 
-  // How far each of the columns is from the span of the others, in some of the sums; zero where these are too few.
+  // Distance of each column from the span of the others, in some of the sums; zero where these sums are too few.
   Vector distances(Index begin, Index sums, const std::vector<Index>& columns) const {
     const Index K = Index(columns.size());
     if (sums < K + std::min(most_spare / 2, std::max<Index>(2, sums / 4))) return Vector::Zero(K);
@@ -340,7 +342,7 @@ class Combinations {
     return distances_of(r, sums);
   }
 
-  // Mean square of a residual that is rounding.
+  // Largest mean square of a residual that counts as rounding.
   double allowed(Index n, const std::vector<Index>& basis, const Vector& weights) const {
     double rounding = sizes_.all_rounding(row(n)), departure = sizes_.all_departure(row(n));
     for (size_t i = 0; i < basis.size(); ++i) {
@@ -358,7 +360,7 @@ class Combinations {
   const Sizes& sizes_;
 };
 
-// By the samples that an experiment and its terms have, half of its own at least.
+// Verifies combinations by the samples that an experiment shares with its terms, at least half of its own samples.
 std::vector<DependentExperiment> verified(const Ensemble& e, const Sizes& sizes,
                                           std::vector<DependentExperiment> combinations) {
   const Index C = e.samples().cols(), d = e.channels(), D = Index(combinations.size());
@@ -366,7 +368,7 @@ std::vector<DependentExperiment> verified(const Ensemble& e, const Sizes& sizes,
   Vector own = Vector::Zero(D);
   double terms = 0;
   for (const DependentExperiment& c : combinations) terms += double(c.of.size());
-  // Samples of each channel alike: steps.
+  // The stride counts steps, so that all channels have the same number of samples.
   const Index stride = std::max<Index>(1, Index(terms / (most_verified * double(e.experiments()))));
   for (Index k = 0; k < C / d; k += stride)
     for (Index c = 0; c < d; ++c) {
@@ -402,7 +404,7 @@ std::vector<DependentExperiment> verified(const Ensemble& e, const Sizes& sizes,
   return result;
 }
 
-// Did somebody choose the terms? Experiments without noise that are excited in a few ways only are combinations of all
+// Did the user choose the terms? Experiments without noise and with little excitation are combinations of all
 // independent ones.
 bool chosen(const std::vector<DependentExperiment>& combinations, size_t independent) {
   return combinations.size() == 1 ||

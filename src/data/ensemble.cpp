@@ -68,7 +68,7 @@ Ensemble::Ensemble(Index experiments, Index steps, Index inputs, Index outputs, 
 
 Index Ensemble::missing() const {
   Index count = 0;
-  // A sum is NaN when a summand is: most columns need no count.
+  // A sum is NaN if a summand is, so most columns need no count.
   for (Index c = 0; c < samples_.cols(); ++c)
     if (const auto column = samples_.col(c).array(); (0.0 * column).sum() != 0) count += column.isNaN().count();
   return count;
@@ -76,7 +76,7 @@ Index Ensemble::missing() const {
 
 std::vector<Index> Ensemble::complete_rows(Index k, Index p) const {
   const auto block = window_and_output(k, p);
-  // A sum is NaN when a summand is: one pass down the contiguous columns.
+  // A sum is NaN if a summand is. This needs one pass over the contiguous columns.
   Vector sum = Vector::Zero(experiments());
   for (Index c = 0; c < block.cols(); ++c) sum += 0.0 * block.col(c);
   std::vector<Index> rows;
@@ -112,7 +112,7 @@ std::vector<std::string> chosen_of(const std::vector<std::string>& list, const s
   return result;
 }
 
-// Where the wanted names stand among those of the data; nothing where one is missing or stands there twice.
+// Positions of the wanted names among the names of the data; empty if one is missing or occurs twice.
 std::optional<std::vector<Index>> places_of(const std::vector<std::string>& wanted,
                                             const std::vector<std::string>& found) {
   std::vector<Index> places;
@@ -192,7 +192,7 @@ Index missing_samples(const Ensemble& ensemble) {
 
 ChannelSummary channel_summary(const Ensemble& e, Index channel) {
   ChannelSummary s;
-  // Welford's update: one pass, and no cancellation for channels far from zero.
+  // Welford's update needs one pass, without cancellation for channels far from zero.
   double squares = 0.0;
   for (Index k = 0; k < e.steps(); ++k)
     for (Index n = 0; n < e.experiments(); ++n) {
@@ -217,7 +217,7 @@ void share_phases(Nominal& nominal, Index period) {
   for (Matrix* motion : {&nominal.u, &nominal.y})
     for (Index phase = 0; phase < std::min(period, motion->rows()); ++phase)
       for (Index c = 0; c < motion->cols(); ++c) {
-        double mean = 0.0;  // step by step, so that what is always the same stays it to the last bit
+        double mean = 0.0;  // updated step by step, to keep constant values exact
         Index count = 0;
         for (Index k = phase; k < motion->rows(); k += period)
           if (const double value = (*motion)(k, c); !std::isnan(value)) mean += (value - mean) / double(++count);
@@ -242,7 +242,7 @@ Split split(const Ensemble& ensemble, double fraction, Index period) {
     throw std::invalid_argument(
         fmt::format("hold-out fraction: {} of {} experiments leaves one part empty", fraction, total));
   std::vector<Index> training, held_out;
-  // Bresenham's even spread of `held` experiments over `total`.
+  // Bresenham's method spreads `held` experiments evenly over `total`.
   for (Index n = 0; n < total; ++n) ((n + 1) * held / total > n * held / total ? held_out : training).push_back(n);
   return {ensemble.subset(training), ensemble.subset(held_out), held_out};
 }
@@ -254,12 +254,13 @@ struct Moments {
   Index count = 0;
 };
 
-// Of the samples that are there, in two passes against cancellation.
+// Moments of the samples that are not missing. Two passes avoid cancellation.
 Moments moments(const Eigen::Ref<const Vector>& x) {
   Moments m;
   const auto first = std::find_if(x.begin(), x.end(), [](double v) { return !std::isnan(v); });
   if (first == x.end()) return m;
-  // About the first one: the mean of what is always the same is the same, or its rounding error would pass for motion.
+  // Deviations from the first sample keep the mean of a constant channel exact. Its rounding error would look like
+  // motion.
   for (const double v : x)
     if (!std::isnan(v)) m.mean += v - *first, ++m.count;
   m.mean = *first + m.mean / double(m.count);
@@ -355,8 +356,8 @@ NominalTest test_nominal(const Ensemble& e) {
       freedom += double(m.count - 1);
     }
     if (freedom == 0) continue;
-    // A spread or a mean at rounding level of the channel is none. A spread that is small at one step may be an
-    // accident: of a few binary inputs all are often the same.
+    // A spread or a mean at rounding level counts as zero. The spread at one step may be small by accident: a few
+    // binary inputs are often all the same.
     const double floor = 1e-24 * square, least = std::max(floor, squares / freedom);
     NominalTest::Departure departure{c, {}};
     for (Index k = 0; k < e.steps(); ++k) {

@@ -9,13 +9,14 @@
 
 namespace tokid {
 
-// What is wrong with the names of so many experiments; empty where nothing is, as for no names at all.
+// Describes the fault in the names of so many experiments; empty without a fault or without names.
 std::string fault_of_experiment_names(const std::vector<std::string>& names, Index experiments);
 
 // Is each name the number of its row?
 bool are_row_numbers(const std::vector<std::string>& names);
 
-// Those of the rows chosen, without names their numbers; none where a row is chosen twice, as names are different.
+// Names of the chosen rows, or their numbers in data without names. Empty where a row is chosen twice, because names
+// must differ.
 std::vector<std::string> names_of_subset(const std::vector<std::string>& names, const std::vector<Index>& chosen);
 
 }  // namespace tokid

@@ -8,14 +8,14 @@ namespace tokid {
 
 namespace {
 
-// A residual has the roundings of a whole window, which are as large as so many of the output.
+// A residual contains the rounding of a whole window, up to this multiple of the rounding of the output.
 constexpr double roundings = 10.0;
 constexpr Index most_steps = 16;       // at which regressions are done
 constexpr Index most_unknowns = 100;   // of a regression
-constexpr Index rows_per_unknown = 3;  // more experiments tell the same
+constexpr Index rows_per_unknown = 3;  // more experiments show no more
 constexpr double negligible = 1e-12;   // pivots, as a share of the largest one
 
-constexpr Index many_states = 6;  // of a system; windows that show so many tell noise from states
+constexpr Index many_states = 6;  // windows with so many outputs separate noise from states
 
 enum class Residuals { too_few, exact, noisy };
 
@@ -23,7 +23,7 @@ class Regressions {
  public:
   Regressions(const Ensemble& e, const std::vector<Index>& rows, const Scales& s) : e_(e), rows_(rows), scales_(s) {}
 
-  // y_k on u_0 … u_k, as long as the experiments suffice.
+  // Regresses y_k on u_0 … u_k, as long as the experiments suffice.
   Residuals from_rest() const {
     Residuals result = Residuals::too_few;
     for (Index k = 0; k < std::min(e_.steps(), most_steps); ++k) {
@@ -36,7 +36,7 @@ class Regressions {
     return result;
   }
 
-  // y_k on the window of p steps before it and u_k.
+  // Regresses y_k on u_k and the window of p steps before it.
   Residuals lagged(Index p) const {
     Residuals result = Residuals::too_few;
     const Index left = e_.steps() - p, count = std::min(left, most_steps);
@@ -73,7 +73,7 @@ class Regressions {
     const Matrix y = e_.output(k)(whole, Eigen::all);
     const linalg::MinimumNorm solution = linalg::minimum_norm(a, y, negligible);
     if (solution.rank >= N) return Residuals::too_few;
-    if ((y.array() == 0).all()) return Residuals::too_few;  // not moved yet: no noise shows either way
+    if ((y.array() == 0).all()) return Residuals::too_few;  // the outputs have not moved yet, so they show no noise
     const Matrix residual = y - a * solution.x;
     for (Index j = 0; j < m; ++j) {
       const double rms = residual.col(j).norm() / std::sqrt(double(N - solution.rank));

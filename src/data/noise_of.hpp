@@ -11,10 +11,11 @@ namespace tokid {
 
 enum class Noise { none, visible, unknown };
 
-// By regressions over the given independent experiments (rows) at some steps, with an intercept for a mean motion: on
-// all inputs so far, as of experiments from rest, and on windows of several lag orders. There is no noise where those
-// of one kind leave nothing but rounding at every step. Too few experiments for systems of some states leave it
-// unknown: from initial states that nobody knows, noise looks like states that the windows don't show.
+// Decides by regressions over the given independent experiments (rows) at some steps, with an intercept for a mean
+// motion. One kind uses all inputs so far, for experiments from rest. The other kind uses windows of several lag
+// orders. There is no noise where one kind leaves only rounding at every step. With too few experiments for systems of
+// some states, the answer is unknown: with unknown initial states, noise looks like states that the windows do not
+// show.
 Noise noise_of(const Ensemble& ensemble, const std::vector<Index>& rows, const Scales& scales);
 
 }  // namespace tokid

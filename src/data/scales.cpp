@@ -15,7 +15,7 @@ namespace {
 constexpr Index fewest_measured = 16, most_measured = 256;  // steps
 constexpr int most_digits = 9;                              // of text that was rounded
 
-// Digits of the shortest text that reads as this value: significant ones, and those behind the point.
+// Digits of the shortest decimal text of this value: significant digits, and digits after the point.
 std::pair<int, int> digits_of(double value) {
   std::array<char, 32> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::scientific).ptr;
@@ -101,7 +101,7 @@ void measure(const Ensemble& e, Scales& s) {
     motion(c) = median(centres);
     s.arithmetic(c) = rounding_of_sizes * std::max(size, s.departure(c));
   }
-  // One experiment, over and over.
+  // All experiments are the same.
   if ((s.departure.array() <= rounding_of_departures * motion.array()).all()) {
     s.departure = s.departure.cwiseMax(motion);
     s.own.rowwise() = s.departure.transpose();

@@ -1,4 +1,4 @@
-// How large the channels of experiments are, how far the experiments differ, and what their digits resolve.
+// Sizes of the channels of experiments, differences between experiments, and the resolution of their digits.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,26 +8,26 @@
 
 namespace tokid {
 
-// Root mean square of a difference that is rounding, as a share of the usual departure of a channel. Sensors have more
-// noise than this, and copies that were computed with anew differ by less.
+// Root mean square of a difference that counts as rounding, as a share of the usual departure of a channel. Sensors
+// have more noise than this. Copies that are the result of another computation differ by less.
 inline constexpr double rounding_of_departures = 4e-6;
-// The same of the size of a channel: rounding of sums in double precision.
+// The same as a share of the size of a channel, for the rounding of sums in double precision.
 inline constexpr double rounding_of_sizes = 1e-12;
-// Rounding to so few digits that the error is a larger share of the departures says nothing.
+// Rounding to few digits shows nothing if its error is a larger share of the departures.
 inline constexpr double coarsest_share = 0.05;
 
-// What the decimal digits or the bits of a channel of an experiment resolve.
+// Resolution of a channel of an experiment, in decimal digits or bits.
 struct Precision {
   enum class Kind { full, single, decimal } kind = Kind::full;
-  int significant = 0, decimals = 0;  // digits, of decimal ones
+  int significant = 0, decimals = 0;  // decimal digits
 
   bool operator==(const Precision&) const = default;
   double rounding(double value) const;  // half a unit of the last place of this value
 };
 
-// Of departures from the median over the experiments: single experiments that are far off change little.
+// Departures are from the median over the experiments, because single outliers hardly change it.
 struct Scales {
-  std::vector<Index> steps;          // where all of this was measured, evenly spread
+  std::vector<Index> steps;          // measured steps, evenly spread
   Matrix spread;                     // (steps × d) median departure of each step
   Vector departure;                  // (d) usual departure of a channel, root mean square
   Matrix own;                        // (N × d) departure of each experiment

@@ -1,4 +1,4 @@
-// Channels and experiments as findings name them.
+// Channels and experiments, as findings name them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

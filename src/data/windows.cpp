@@ -17,10 +17,10 @@ namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
-// Steps that share a factorisation: about as many as a window has.
+// Number of steps that share a factorisation: about as many as in a window.
 Index block_of(Index lags) { return lags + 1; }
 
-// [1 V] of rows without a gap.
+// [1 V] for rows without a gap.
 Matrix with_ones(const ConstMatrixRef& samples) {
   Matrix result(samples.rows(), samples.cols() + 1);
   result.col(0).setOnes();
@@ -28,8 +28,8 @@ Matrix with_ones(const ConstMatrixRef& samples) {
   return result;
 }
 
-// R_k from an absorption of [1 V …]: its first column and `size` ones from `from` on; what is before the experiments
-// stays zero.
+// Stores R_k from an absorption of [1 V …]: its first column, and `size` columns from `from` on. Columns before the
+// start of the experiments stay zero.
 void store(const linalg::RowAbsorption& r, Index from, Index size, Index k, WindowFactors& f) {
   const Index before = f.width() - size;
   auto own = f.of(k);
@@ -192,7 +192,7 @@ Index Windows::rows(Index k, Index lags, Matrix& rows) const {
     const auto own = factors_->of(k);
     rows = own.rightCols(width);
     if (mean_.size() == 0) return factors_->rows[size_t(k)];
-    // [1 V] [-mean; I]; what never departs from its mean leaves rounding errors, which are none of its
+    // [1 V] [-mean; I]. A channel that always equals its mean leaves rounding errors, which are set to zero.
     const auto mean = mean_.segment((k + 1) * d - known, known);
     rows.rightCols(known).noalias() -= own.col(0) * mean.transpose();
     for (Index j = 0; j < known; ++j) {
@@ -205,7 +205,7 @@ Index Windows::rows(Index k, Index lags, Matrix& rows) const {
   rows.resize(experiments_, width);
   rows.leftCols(width - known).setZero();
   rows.rightCols(known) = window;
-  // A missing sample makes the sum none.
+  // A missing sample makes the sum NaN.
   if (const double sum = window.sum(); std::isnan(sum)) {
     const std::vector<Index> complete = ensemble_->complete_rows(k, known / d - 1);
     rows.resize(Index(complete.size()), width);
