@@ -28,12 +28,12 @@ Ensemble response(const Model& model, const Matrix& inputs) {
 
 namespace {
 
-// Rows whose squares sum to the covariance of the outputs of steps first … k due to noise, with `state` such rows for
-// the state at `first`.
+// Rows whose squares sum to the covariance of the output noise at the steps first … k. `state`: such rows for the state
+// at `first`.
 Matrix output_noise(const Model& model, const Matrix& state, Index first, Index k, const NoiseLevel& noise) {
   const Index m = model.outputs, r = model.inputs, steps = k - first + 1;
   Matrix rows = Matrix::Zero(state.rows() + steps * (r + m), steps * m);
-  Matrix x = Matrix::Zero(rows.rows(), state.cols()), computed, next;  // x: what each row has brought about
+  Matrix x = Matrix::Zero(rows.rows(), state.cols()), computed, next;  // x: the effect of each row
   x.topRows(state.rows()) = state;
   for (Index j = 0; j < steps; ++j) {
     const Step& step = model.at(first + j);

@@ -1,4 +1,4 @@
-// What planned inputs will show of a system that is known beforehand.
+// Forecasts the results of planned inputs for a known system.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,8 +6,8 @@
 
 namespace tokid::design {
 
-// The departures that inputs (N × T·r) cause, without noise, from the zero state at k_begin; zero where there is no
-// model yet.
+// The departures that inputs (N × T·r) cause, without noise, from the zero state at k_begin; zero before the model
+// begins.
 Ensemble response(const Model& model, const Matrix& inputs);
 
 struct NoisyRegression {
@@ -15,7 +15,7 @@ struct NoisyRegression {
   // The expected error of D_k and h_{k,k-1} … h_{k,k-p} over them, both root mean squares, times √(N - L - 1).
   double markov_error = 0.0;
 };
-// Over the steps k ≥ first. The noise enters the second moments of the regressors by its covariance.
+// Averages over the steps k ≥ first. The noise enters the second moments of the regressors by its covariance.
 NoisyRegression noisy_regression(const Model& model, const Ensemble& response, Index lags, Index first,
                                  const NoiseLevel& noise);
 

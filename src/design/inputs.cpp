@@ -20,7 +20,7 @@ Matrix gaussian_inputs(const InputSizes& sizes, RandomNumbers& random) {
 
 namespace {
 
-// Flips signs of `v` one after the other while that lessens ‖oldᵀ v‖².
+// Flips signs of `v` one after the other, as long as this reduces ‖oldᵀ v‖².
 void flip_towards_orthogonal(const ConstMatrixRef& old, Eigen::Ref<Vector> v) {
   constexpr int sweeps = 4;
   Vector product = old.transpose() * v;
@@ -28,7 +28,7 @@ void flip_towards_orthogonal(const ConstMatrixRef& old, Eigen::Ref<Vector> v) {
     bool flipped = false;
     for (Index i = 0; i < v.size(); ++i) {
       const double slope = v(i) * old.row(i).dot(product), curvature = old.row(i).squaredNorm();
-      if (slope <= curvature * (1 + 1e-12)) continue;  // ‖product - 2 v_i old_i‖² is no smaller
+      if (slope <= curvature * (1 + 1e-12)) continue;  // ‖product - 2 v_i old_i‖² is not smaller
       product -= 2 * v(i) * old.row(i).transpose();
       v(i) = -v(i);
       flipped = true;
@@ -41,7 +41,7 @@ void flip_towards_orthogonal(const ConstMatrixRef& old, Eigen::Ref<Vector> v) {
 
 Matrix binary_inputs(const InputSizes& sizes, RandomNumbers& random) {
   const Index columns = sizes.steps * sizes.inputs;
-  // Orthogonal to what the window and its state see, and to no more than the experiments permit.
+  // Each column is orthogonal to the inputs that affect the window and its state, as far as the experiments permit.
   const Index reach = std::min(sizes.experiments - 1, 2 * (sizes.lags + 1) * sizes.inputs);
   Matrix u(sizes.experiments, columns);
   for (Index c = 0; c < columns; ++c) {
@@ -55,7 +55,7 @@ Matrix binary_inputs(const InputSizes& sizes, RandomNumbers& random) {
 namespace {
 
 // Lines of the spectrum: cycles per record, evenly spread up to 0.8 of the Nyquist frequency. More than a few hundred
-// change nothing that a window sees.
+// lines do not change a window.
 std::vector<double> spectral_lines(Index steps) {
   const Index highest = std::max<Index>(1, Index(0.4 * double(steps)));
   const Index count = std::min<Index>(highest, 256);
@@ -79,9 +79,9 @@ Matrix multisine_inputs(const InputSizes& sizes, RandomNumbers& random) {
       waves(count + f, k) = std::sin(angle);
     }
 
-  // Signal q shifts the phase of a line by q·s/Q turns, with shifts s that are spread evenly over 0 … Q-1: over the
-  // signals each line then turns another number of times, which makes them as orthogonal as the number of lines lets
-  // them. Of a few draws the one with the smallest peak is kept.
+  // Signal q shifts the phase of a line by q·s/Q turns. The shifts s are spread evenly over 0 … Q-1. Over the signals
+  // each line then turns a different number of times. This makes the signals as orthogonal as their number of lines
+  // allows. Of a few draws the one with the smallest peak is kept.
   const double work = double(signals) * double(2 * count) * double(steps);
   const Index draws = std::clamp<Index>(Index(1e9 / work), 1, 16);
   Matrix best;
@@ -113,14 +113,14 @@ Matrix multisine_inputs(const InputSizes& sizes, RandomNumbers& random) {
 
 namespace {
 
-// Orthogonal columns with entries between -√2 and √2: some of the discrete Hartley transform, in random order of the
-// rows. More of them than a few windows hold are of no use.
+// Orthogonal columns with entries between -√2 and √2: columns of the discrete Hartley transform, with their rows in
+// random order. More columns than a few windows hold are of no use.
 Matrix directions(const InputSizes& sizes, bool zero_mean, RandomNumbers& random) {
   const Index size = sizes.experiments, first = zero_mean ? 1 : 0;  // column 0 is constant
   const Index enough = std::max<Index>(256, 2 * minimum_experiments(sizes.inputs, sizes.outputs, sizes.lags));
   Matrix basis(size, std::min(size - first, enough));
   const std::vector<Index> rows = random.permutation(size);
-  Vector values(size);  // all that the transform has
+  Vector values(size);  // all values of the transform
   for (Index i = 0; i < size; ++i) {
     const double angle = 2 * std::numbers::pi * double(i) / double(size);
     values(i) = std::cos(angle) + std::sin(angle);
@@ -129,7 +129,7 @@ Matrix directions(const InputSizes& sizes, bool zero_mean, RandomNumbers& random
     for (Index i = 0; i < size; ++i) basis(i, j) = values((rows[size_t(i)] * (j + first)) % size);
   if (zero_mean) return basis;
 
-  // Signs of the rows with which no column has more of a mean than its share: none shall look like a mean motion.
+  // Random signs of the rows keep the mean of each column small, so that no column looks like a mean motion.
   Vector signs;
   double smallest = std::numeric_limits<double>::infinity();
   for (int draw = 0; draw < 32; ++draw) {
@@ -149,12 +149,13 @@ Matrix orthogonal_inputs(const InputSizes& sizes, bool zero_mean, Index hold, Ra
   const Matrix basis = directions(sizes, zero_mean, random);
   const Index count = basis.cols();
   if (hold == 0) {
-    // Without noise a window has this rank at most; with as many experiments its condition has the heaviest tail.
+    // Without noise a window has at most this rank. With as many experiments, its condition number has the heaviest
+    // tail.
     const Index rank = r * (p + 1) + sizes.states;
     hold = std::max<Index>(1, 6 / (1 + std::max<Index>(0, count - rank)));
   }
 
-  // At rest: the directions outside the last p steps, the longest at rest in front.
+  // Directions that the last p steps do not use. The direction with the longest rest is in front.
   std::deque<Index> resting;
   for (const Index j : random.permutation(count)) resting.push_back(j);
   std::deque<Index> used;

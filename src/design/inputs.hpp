@@ -1,4 +1,4 @@
-// Inputs that need no model: their columns across the experiments, within ±1.
+// Makes inputs without a model: their columns across the experiments, within ±1.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -7,7 +7,7 @@
 
 namespace tokid::design {
 
-// What the inputs are for: N × T·r samples, columns k·r … k·r+r-1 for step k, in windows of p + 1 steps.
+// Sizes of the inputs: N × T·r samples, columns k·r … k·r+r-1 for step k, in windows of p + 1 steps.
 struct InputSizes {
   Index experiments, steps, states, inputs, outputs, lags;
 };
@@ -15,7 +15,7 @@ struct InputSizes {
 Matrix gaussian_inputs(const InputSizes& sizes, RandomNumbers& random);
 Matrix binary_inputs(const InputSizes& sizes, RandomNumbers& random);
 Matrix multisine_inputs(const InputSizes& sizes, RandomNumbers& random);
-// With `zero_mean` every column sums to zero over the experiments. hold = 0: by the rule.
+// With `zero_mean` every column sums to zero over the experiments. hold = 0: a rule chooses it.
 Matrix orthogonal_inputs(const InputSizes& sizes, bool zero_mean, Index hold, RandomNumbers& random);
 
 }  // namespace tokid::design

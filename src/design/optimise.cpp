@@ -12,14 +12,14 @@ namespace tokid::design {
 
 namespace {
 
-// With 1 this would be the condition number alone, which small inputs serve as well as large ones; 0 looks at the
-// information alone. Halfway, inputs have twice the RMS value of the former, and a condition half as large as the
-// latter.
+// Weight of the size of the inputs. With 1, the objective is the condition number alone, for which small inputs are as
+// good as large ones. With 0, it is the information alone. With 0.5, inputs have twice the RMS value of the former, and
+// half the condition number of the latter.
 constexpr double power = 0.5;
 
-// log-mean of κ_k² = ‖W_k B_k‖_F^{2·power} ‖(W_k B_k)⁺‖²_F to the power q: q = 1 and less looks at all
-// steps, a large q at the worst. B_k (L × rank) scales the channels of W_k, by the outputs as they were at the
-// beginning, and spans its row space, which the model fixes: what no input can excite is left aside.
+// log-mean of κ_k² = ‖W_k B_k‖_F^{2·power} ‖(W_k B_k)⁺‖²_F to the power q: q up to 1 weights all steps, a large q the
+// worst ones. B_k (L × rank) scales the channels of W_k by the outputs at the beginning, and spans its row space. The
+// model fixes this space; it has no directions that inputs cannot excite.
 class WindowConditions {
  public:
   WindowConditions(const Model& model, const Vector& amplitude, const Windows& windows, const Execution& execution)
@@ -77,7 +77,7 @@ class WindowConditions {
       if (basis.cols() == 0) continue;
       by_sample.middleCols((k - lags(k)) * (r + m), basis.rows()) += weight(k) * slope[size_t(k)] * basis.transpose();
     }
-    // Backwards through the model: what the outputs are worth is worth to the inputs before them.
+    // Runs backwards through the model: the gradient of outputs adds to the gradient of the inputs before them.
     gradient.resize(e.experiments(), steps * r);
     Matrix state = Matrix::Zero(e.experiments(), model_.n(steps));
     for (Index k = steps; k-- > 0;) {
@@ -93,8 +93,8 @@ class WindowConditions {
   }
 
  private:
-  // Of the columns of a window. Inputs count by their limits, so that weak ones are no way to balance a window; outputs
-  // by their size in this window, the same for all lags of a channel.
+  // Scales of the columns of a window. Inputs count by their limits, so that small inputs cannot balance a window.
+  // Outputs count by their size in this window, the same for all lags of a channel.
   Vector scales(const Matrix& window, const Ensemble& e) const {
     const Index d = e.channels(), r = e.inputs();
     Vector scales = Vector::Zero(window.cols());
@@ -183,10 +183,10 @@ Matrix descend(Matrix x, Index iterations, const Progress& progress, Function&& 
 
 Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude, const Windows& windows,
                 Index iterations, const Execution& execution) {
-  // u = a sin θ keeps every sample within its limit, and lets the descent know no limit.
+  // u = a sin θ keeps every sample within its limit, so the descent needs no constraints.
   const Matrix limit = amplitude.transpose().replicate(start.rows(), start.cols() / amplitude.size());
   const auto inputs = [&](const Matrix& angle) -> Matrix { return limit.array() * angle.array().sin(); };
-  // 0.95: at the limit itself the sine is flat.
+  // The factor 0.95 avoids the limit, where the sine is flat.
   Matrix angle = (0.95 * start.array() / limit.array()).asin();
 
   WindowConditions conditions(model, amplitude, windows, {execution.threads, {}});
@@ -203,7 +203,7 @@ Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude
     });
   }
   const Matrix u = inputs(angle);
-  // No factor common to all inputs changes a condition number: the limit that is nearest is reached.
+  // A common factor of all inputs does not change a condition number. The inputs are scaled to reach the nearest limit.
   return u / (u.array() / limit.array()).abs().maxCoeff();
 }
 

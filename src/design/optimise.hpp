@@ -1,4 +1,4 @@
-// Inputs whose windows a preliminary model expects to be well conditioned.
+// Optimises inputs so that a preliminary model expects well-conditioned windows.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -7,8 +7,8 @@
 namespace tokid::design {
 
 struct Windows {
-  Index lags = 0, first = 0;  // those of the steps k ≥ first, of min(p, k - k_begin) lags
-  bool centred = false;       // judged without their mean over the experiments
+  Index lags = 0, first = 0;  // windows of the steps k ≥ first, of min(p, k - k_begin) lags
+  bool centred = false;       // evaluated without their mean over the experiments
 };
 
 // Improves inputs (N × T·r) by descent within |u| ≤ amplitude (r).

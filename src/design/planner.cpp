@@ -41,14 +41,14 @@ namespace {
 // Squares and ratios of amplitudes and noise must stay within the range of double precision.
 constexpr double smallest_size = 1e-60, largest_size = 1e60;
 
-// What a plan takes: memory, and operations, of which a thread does some 1e10 in a second.
+// The effort of a plan: memory, and operations. A thread does about 1e10 operations in a second.
 struct Effort {
   double bytes = 0.0, operations = 0.0;
   bool within(const Effort& limit) const { return bytes <= limit.bytes && operations <= limit.operations; }
   std::string text() const { return fmt::format("{:.3g} GB of memory and {:.3g} s", bytes / 1e9, operations / 1e10); }
 };
 constexpr Effort most{8e9, 1e12};     // of any plan
-constexpr Effort unasked{4e8, 1e11};  // of one with as many experiments as the noise alone asks for
+constexpr Effort unasked{4e8, 1e11};  // of one whose number of experiments follows from the noise alone
 constexpr double window_work = 1e11;  // operations that the condition numbers of the inputs may take
 constexpr double optimised = 0.8;     // progress when the descent has ended
 
@@ -179,7 +179,7 @@ class Planner {
       reason = share_of_noise();
     }
     if (noisy() && model_ != nullptr) {
-      // A draw that is not optimised will do: only the second moments of the windows matter.
+      // A draw without optimisation suffices, because only the second moments of the windows matter.
       const Matrix u = kind_inputs(plan_.kind == InputKind::optimised ? InputKind::orthogonal : plan_.kind, accurate);
       const design::NoisyRegression noise =
           design::noisy_regression(*model_, design::response(*model_, u), p, full_, *o.noise);
@@ -207,32 +207,31 @@ class Planner {
         100 * options_.excess);
   }
 
-  // Experiments with so many degrees of freedom; beyond all that can be done, a number that is still exact in double
-  // precision.
+  // Number of experiments with so many degrees of freedom, limited to a number that is exact in double precision.
   Index with_freedom(double freedom) const {
     constexpr double countable = 1e15;
     const double number = double(plan_.minimum) + std::ceil(freedom - 1e-9);
     return static_cast<Index>(number < countable ? number : countable);
   }
 
-  // Columns of the inputs in a window.
+  // Number of input columns in a window.
   Index window_inputs() const { return options_.inputs * (options_.lags + 1); }
 
-  // Operations for the condition number of the inputs in a window: a triangular factor, and a Jacobi method, which
-  // finds little to do where columns are orthogonal.
+  // Operations for the condition number of the inputs in a window: a triangular factor, and a Jacobi method. The Jacobi
+  // method is fast where columns are orthogonal.
   double window_effort(double N) const {
     const auto q = double(window_inputs());
     return q * q * (2 * N + (plan_.kind == InputKind::orthogonal ? 4 : 100) * q);
   }
 
   Index descents(double N) const {
-    // About ten seconds of work: large plans have little to gain.
+    // The limit is about ten seconds of work, because large plans gain little.
     const auto L = double(plan_.unknowns);
     return static_cast<Index>(
         std::min(double(options_.iterations), 1 + 5e9 / (20 * double(options_.steps) * N * L * L)));
   }
 
-  // Of a plan with N experiments, to a factor of two or so.
+  // The effort of a plan with N experiments, to a factor of about two.
   Effort effort(Index experiments) const {
     const auto N = double(experiments), T = double(options_.steps), r = double(options_.inputs),
                m = double(options_.outputs), L = double(plan_.unknowns), q = double(window_inputs());
@@ -305,7 +304,7 @@ class Planner {
       plan_.start_condition = start;
     }
     const Matrix limit = amplitude_.transpose().replicate(N, o.steps);
-    inputs_ = inputs_.cwiseMin(limit).cwiseMax(-limit);  // what rounding has carried beyond
+    inputs_ = inputs_.cwiseMin(limit).cwiseMax(-limit);  // removes excess by rounding
   }
 
   GtvArx conditions(const Matrix& inputs) const {
@@ -335,7 +334,7 @@ class Planner {
         [progress = options_.execution.progress, begin, end](double share) { progress(begin + (end - begin) * share); };
   }
 
-  // What the inputs promise by themselves.
+  // Evaluates the inputs by themselves.
   void forecast_inputs() {
     const PlanOptions& o = options_;
     const Index N = inputs_.rows(), r = o.inputs, steps = o.steps;
@@ -358,7 +357,7 @@ class Planner {
     const Index freedom = N - plan_.minimum;
     plan_.excess = freedom > 1 ? double(plan_.unknowns) / double(freedom - 1) : std::numeric_limits<double>::infinity();
 
-    // Of all windows, or, where that would take too long, of some that are evenly spread, the last among them.
+    // Evaluates all windows. If that takes too long, it evaluates some evenly spread windows, including the last one.
     const Index windows = steps - first_;
     const Index judged = std::clamp<Index>(static_cast<Index>(window_work / window_effort(double(N))), 1, windows);
     if (judged < windows)
@@ -379,7 +378,7 @@ class Planner {
     });
   }
 
-  // What the preliminary model expects of them.
+  // Evaluates the windows that the preliminary model expects.
   void forecast_windows() {
     const PlanOptions& o = options_;
     const GtvArx arx = conditions(inputs_);
@@ -406,7 +405,7 @@ class Planner {
     plan_.markov_error = freedom > 1 ? noise.markov_error / std::sqrt(double(freedom - 1)) : nan;
   }
 
-  // Is it worth optimising on? The bound is one of experience, see docs/math.md.
+  // Is the model accurate enough to optimise with? The bound comes from experience, see docs/math.md.
   void judge_model(const Ensemble& known) {
     constexpr double noise = 0.025;
     if (plan_.kind != InputKind::optimised || !model_->has(&Step::has_innovation_cov)) return;
@@ -469,9 +468,9 @@ class Planner {
   Vector amplitude_;
   bool unknown_ = false;  // initial states
   bool dt_stated_ = false;
-  Index first_ = 0;     // step with a regression,
-  Index forecast_ = 0;  // with one that the model forecasts,
-  Index full_ = 0;      // and with one of p lags in the model
+  Index first_ = 0;     // first step with a regression
+  Index forecast_ = 0;  // first step with a regression that the model forecasts
+  Index full_ = 0;      // first step with a regression of p lags in the model
   Matrix inputs_;       // (N × T·r)
   ExperimentPlan plan_;
 };

@@ -36,7 +36,7 @@ void rotate(Model& model, const Matrix& r) {
   }
 }
 
-// The last step leads to x' = S x.
+// Changes the last step so that it leads to x' = S x.
 void lead_into(Model& model, const Matrix& s) {
   const Step& last = model.step.back();
   Step next(s * last.A(), s * last.B(), last.C(), last.D(), s * last.G());
@@ -63,8 +63,8 @@ double whiteness_of(const Model& model, const Ensemble& data, InitialState initi
   return validate(model, data, o).whiteness_p;
 }
 
-// Blocks that begin with the experiments know their initial states; the others keep states from where their regressions
-// begin.
+// The first block knows the initial states of the experiments. The other blocks keep their states from the first
+// regression on.
 Plan plan_of(const BlockLayout& layout, bool first) {
   Plan plan = layout.plan;
   plan.from_full_dimension = first;
@@ -72,7 +72,7 @@ Plan plan_of(const BlockLayout& layout, bool first) {
   return plan;
 }
 
-// `begin` … `end` are the steps that the survey is about, where steps are regressed one by one.
+// `begin` … `end`: the steps of the survey, if each step has its own regression.
 Model model_of(const Ensemble& departures, const Plan& plan, Index begin, Index end, RegressionSurvey& survey) {
   const Execution execution{1, {}};
   GtvArx arx = regressed_as(departures, plan, execution);
@@ -100,7 +100,7 @@ BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i) {
   result.begin = block.begin;
   result.read_begin = block.first;
   Ensemble held_out;
-  // What surveys and digests look at stays in the second cache level meanwhile.
+  // Surveys and digests work on parts that fit into the second cache level.
   const Index together = std::max<Index>(1, (Index{1} << 16) / (data.experiments() * data.channels()));
   for (Index k = begin; k < end; k += together) {
     const Index to = std::min(end, k + together);
@@ -136,7 +136,7 @@ BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i) {
   result.model = excerpt(model, from, end, block.first);
   result.model.initial_state = layout.plan.initial_state;
   result.gaps = singular_value_gaps(result.model);
-  if (i > 0) {  // moments of a state in the middle of the record
+  if (i > 0) {  // these are moments of a state in the middle of the record
     result.model.x0_mean.resize(0);
     result.model.x0_cov.resize(0, 0);
   }

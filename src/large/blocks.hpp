@@ -1,4 +1,4 @@
-// The blocks of a stream: which steps each of them keeps and reads, and what one of them yields.
+// The blocks of a stream: the steps that each block keeps and reads, and the result of one block.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -24,7 +24,7 @@ struct BlockLayout {
   Index steps = 0;               // T
   Index count = 0;               // of blocks
   Index before = 0, behind = 0;  // steps read beyond those kept
-  Index rows = 0;                // block rows of the observability matrices that neighbours are joined by
+  Index rows = 0;                // block rows of the observability matrices that join neighbours
   Index longest() const { return (steps + count - 1) / count; }
   Block block(Index i) const;
 };
@@ -35,26 +35,26 @@ struct BlockResult {
   Index read_begin = 0, begin = 0;
   RegressionSurvey regressions;
   Survey samples;                      // of the steps kept, counted from `begin` on
-  std::vector<std::uint64_t> digests;  // of the same, of the experiments that are identified from
+  std::vector<std::uint64_t> digests;  // of the same steps, for the training experiments
   ErrorTotals errors;
   std::vector<double> gaps;  // of singular values
   double whiteness_p = std::numeric_limits<double>::quiet_NaN();
 };
 
-// `data` are the steps that block i reads.
+// `data`: the steps that block i reads.
 BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i);
 
-// With its number, as it comes from other processes and from the journal of an earlier call.
+// A block with its number, as other processes and the journal of an earlier call supply it.
 struct FinishedBlock {
   Index number = -1;
   BlockResult result;
 };
 
-// Of `inputs` and `outputs`, from bytes that somebody else may have written. \throws std::runtime_error,
-// std::invalid_argument where they are no block of this layout
+// Unpacks a block of `inputs` and `outputs` from bytes that another program may have written. \throws
+// std::runtime_error, std::invalid_argument if they are no block of this layout
 FinishedBlock finished_block(std::string_view bytes, const BlockLayout& layout, Index inputs, Index outputs);
 
-// For messages between processes.
+// Serialises blocks for messages between processes.
 template <class Archive, class B>
 requires std::is_same_v<std::remove_const_t<B>, BlockResult>
 void fields(Archive& archive, B& b) {
@@ -65,7 +65,7 @@ template <class Archive, class B>
 requires std::is_same_v<std::remove_const_t<B>, FinishedBlock>
 void fields(Archive& archive, B& b) { archive(b.number, b.result); }
 
-// The blocks in their order, as one model.
+// Joins the blocks in their order to one model.
 class Joint {
  public:
   explicit Joint(ModelFile& file) : file_(file) {}
@@ -74,7 +74,7 @@ class Joint {
 
  private:
   ModelFile& file_;
-  std::optional<Model> waiting_;  // its last step leads into the coordinates of the next block
+  std::optional<Model> waiting_;  // its last step must lead to the coordinates of the next block
   Matrix closing_;
 };
 

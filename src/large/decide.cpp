@@ -21,10 +21,10 @@ namespace tokid::stream {
 
 namespace {
 
-// Of a stretch: what it takes in memory [bytes], and the steps that it has at least and at most.
+// A stretch: its size in memory [bytes], its fewest and its most steps.
 constexpr double stretch_bytes = 16e6;
 constexpr Index fewest_steps = 160, most_steps = 512;
-// λ where the stretches show no variation, but the whole record may.
+// λ if the stretches show no variation: the whole record may still vary.
 constexpr double stiff = 1e3;
 
 void check(const IdentifyOptions& o) {
@@ -67,7 +67,7 @@ Ensemble in_a_row(const std::vector<const Ensemble*>& stretches) {
   return all;
 }
 
-// One test of the mean motion at the steps of all stretches, which keeps its error whatever their number.
+// Tests the mean motion once at the steps of all stretches. The error probability does not depend on their number.
 NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensemble>& data) {
   std::vector<const Ensemble*> stretches;
   for (const Ensemble& e : data) stretches.push_back(&e);
@@ -80,8 +80,8 @@ NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensem
   return test;
 }
 
-// What is to be said of single experiments, and of channels that cannot be told apart: of these steps alone. `found`
-// are the identifications of the parts, of which some may have failed.
+// Reports findings about single experiments, and about channels that cannot be separated, from these steps alone.
+// `found`: the identifications of the parts, some of which may have failed.
 void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool states_asked,
              Identification& result) {
   Findings findings;
@@ -133,7 +133,7 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
   append(result.findings, std::move(findings));
 }
 
-// Which of two stretches asks for more?
+// Does stretch a need a larger model than stretch b?
 bool demands_more(const Identification& a, const Identification& b) {
   if (a.plan.coupled != b.plan.coupled) return a.plan.coupled;
   if (a.model.states() != b.model.states()) return a.model.states() > b.model.states();
@@ -164,7 +164,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   for (size_t i = 1; i < data.size(); ++i) {
     IdentifyOptions later = o;
     later.initial_state = InitialState::unknown;
-    // An order that is exact elsewhere is likely to be so here.
+    // An order that is exact in one stretch is likely to be exact in others.
     const Identification& first = *identified.front();
     const bool exact = !first.plan.noisy && !first.plan.coupled && options.lags == 0;
     if (exact) later.lags = first.plan.lags;
@@ -176,7 +176,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
       }
       identified[i] = std::move(own);
     } catch (const std::invalid_argument&) {
-      continue;  // too few samples are there to tell
+      continue;  // too few samples here for a decision
     }
   }
 

@@ -1,4 +1,4 @@
-// The choices of a stream, made on a few stretches of the record.
+// Makes the choices of a stream on a few stretches of the record.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,7 +8,7 @@ namespace tokid::stream {
 
 struct Decision {
   Plan plan;
-  Identification evidence;  // of the stretch whose choices were taken, and what was chosen for all
+  Identification evidence;  // of the stretch with the adopted choices, with the choices for all
 };
 
 // \throws std::invalid_argument as identify(), and for options that need all steps at once

@@ -13,7 +13,7 @@ namespace {
 
 const Matrix none;  // departures have no nominal trajectory
 
-// Observer and simulation side by side, through samples without a gap. Nothing where a sample is missing.
+// Runs observer and simulation side by side through samples without a gap. Empty if a sample is missing.
 std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index begin, Index end, bool zero,
                                 bool first) {
   ErrorCollector errors(data, none);
@@ -27,7 +27,7 @@ std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index 
   for (; k < end; ++k) {
     const Step& step = model.at(k);
     const auto u = data.input(k), y = data.output(k);
-    // In the first stretch from the estimated state on, later from what was known before.
+    // The simulation of the first stretch starts from the estimated state. Later ones start from the observed state.
     if (first ? simulated.size() == 0 : k == begin) simulated = observed;
     if (k >= begin && simulated.rows() > 0) {
       observer::innovation(step, simulated, u, y, e);

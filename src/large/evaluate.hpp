@@ -1,5 +1,5 @@
-// How well a stretch of a model predicts and simulates the samples of the steps it is kept for, as sums that add up
-// over stretches.
+// Computes the errors of predictions and simulations over the kept steps of a stretch, as sums that add up over
+// stretches.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -7,9 +7,9 @@
 
 namespace tokid::stream {
 
-// `data` are departures, as the model is one of departures; `initial` says what is known of the states at step 0 of the
-// stretch, which begins `first` of all. The simulation of a later stretch starts at step `begin`, from the state that
-// the samples before tell.
+// `data`: departures, because the model is one of departures. `initial`: states at step 0 of the stretch. `first`: this
+// stretch is the first one. The simulation of a later stretch starts at step `begin`, from the state that the earlier
+// samples determine.
 ErrorTotals evaluate(const Model& model, const Ensemble& data, Index begin, Index end, InitialState initial,
                      bool first);
 

@@ -1,4 +1,4 @@
-// Findings in messages between processes.
+// Serialises findings for messages between processes.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

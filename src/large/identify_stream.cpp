@@ -37,12 +37,12 @@ using stream::BlockLayout;
 using stream::BlockResult;
 using stream::FinishedBlock;
 
-// What a block makes of its samples is about as large as they are, twice; and the next one waits.
+// Memory of a block relative to its samples: the samples, intermediate results of twice their size, and the next block.
 constexpr double memory_per_sample = 4.0;
 constexpr Index longest_block = 4096;
-// Steps over which the ends of a block still show in models whose steps share what they know.
+// Number of steps over which the ends of a block affect models with coupled steps.
 constexpr Index fading = 96;
-// Blocks of each thread between two times that results are put in order: they bound what waits.
+// Blocks of each thread between two times that results are put in order. This limits the results that wait.
 constexpr Index blocks_at_a_time = 4;
 
 BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Plan plan) {
@@ -63,7 +63,7 @@ BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Pl
   const Index overlap = layout.before + layout.behind;
   Index length = options.block;
   if (length == 0) {
-    // Steps that share what they know have a triangular factor each, more than once.
+    // Coupled steps each need a triangular factor, more than once.
     const double width = layout.plan.coupled ? double((p + 1) * file.channels()) : 0.0;
     const double step =
         (double(file.experiments() * file.channels()) + width * width) * sizeof(double) * memory_per_sample;
@@ -77,13 +77,13 @@ BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Pl
   return layout;
 }
 
-// The whole record, from its blocks in order.
+// Assembles the whole record from its blocks.
 class Record {
  public:
   Record(const EnsembleFile& file, const BlockLayout& layout, ModelFile& model)
       : file_(file), layout_(layout), joint_(model) {}
 
-  // In any order: a block waits for those before it.
+  // Blocks may come in any order: each one waits for those before it.
   void put(FinishedBlock block) {
     if (block.number < done_) return;
     waiting_.emplace(block.number, std::move(block.result));
@@ -93,7 +93,7 @@ class Record {
     }
   }
 
-  // The numbers of those that are not there.
+  // The numbers of the blocks that have not come yet.
   std::vector<Index> missing() const {
     std::vector<Index> result;
     for (Index i = done_; i < layout_.count; ++i)
@@ -122,7 +122,7 @@ class Record {
     result.validation.whiteness_p = whiteness_p_;
     report(result, file.outline());
 
-    Model notes;  // the text that models remember their identification by
+    Model notes;  // holds the text in which models record their identification
     notes.options = to_json(options.identify, result.experiments);
     note_data(notes, fingerprint(result.experiments, file_.inputs(), file_.outputs(), digests_));
     if (!file_.dt_stated()) note_missing_dt(notes);
@@ -181,7 +181,7 @@ class Record {
   double whiteness_p_ = std::numeric_limits<double>::quiet_NaN();
 };
 
-// All that decides about the bits of the blocks. The choices, made anew from samples, tell data apart that look alike.
+// Everything that affects the bits of the blocks. The choices depend on the samples, so they distinguish similar data.
 std::string about_blocks(const EnsembleFile& file, const BlockLayout& layout, const std::string& plan,
                          const StreamOptions& options) {
   const FileState data = file.state();
@@ -199,7 +199,7 @@ std::string about_blocks(const EnsembleFile& file, const BlockLayout& layout, co
   return text_of(json);
 }
 
-// The blocks of an earlier call.
+// Takes over the blocks of an earlier call.
 void replay(stream::Journal& journal, const EnsembleFile& file, const BlockLayout& layout, Record& record) {
   while (const std::optional<std::string> kept = journal.next()) {
     checkpoint();
@@ -222,7 +222,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
   stream::Decision decision;
   if (team.rank == 0) decision = stream::decide(file, options.identify);
-  // All members follow what the first one has decided, to the last bit.
+  // All processes use the decision of the first one, to the last bit.
   const std::string plan = team.broadcast(archive::packed(decision.plan));
   const BlockLayout layout = layout_of(file, options, archive::unpacked<Plan>(plan));
   std::optional<Record> record;
@@ -240,7 +240,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   std::vector<Index> share;
   for (Index i = team.rank; i < count; i += team.size) share.push_back(todo[size_t(i)]);
   const Index threads = thread_count(options.identify.execution);
-  // What others have finished is kept when it is gathered: often, where it is to be kept.
+  // The journal receives blocks of other processes when they are gathered. With a journal they are gathered often.
   const Index round = (options.resume && team.size > 1 ? 1 : blocks_at_a_time) * threads;
   stream::Reader reader(file, layout, share, threads);
   std::mutex keeping;
@@ -275,7 +275,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   result.overlap = layout.before + layout.behind;
   result.resumed = resumed;
   if (record) record->finish(options, *model, result);
-  if (model)  // a journal that is of no use any more may be an earlier call's
+  if (model)  // a journal that is no longer needed may come from an earlier call
     io::AtomicFile::when_published([path, journal] { journal ? journal->remove() : stream::Journal::discard(path); });
   result.identification.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;

@@ -25,21 +25,21 @@ using io::fail;
 constexpr std::string_view magic =
     "tokid\x1a"
     "2\n";
-// What the system is given time for to bring records to the disk: a power cut costs the work of so long.
+// Time that the system may take to bring records to the disk. A power cut costs at most the work of this time.
 constexpr auto between_syncs = std::chrono::seconds(1);
 
 struct Head {
   std::uint64_t size = 0, digest = 0;
 };
 
-// Of a record at its place among the others.
+// Digest of a record at its place among the others.
 std::uint64_t digest_of(std::string_view record, std::uint64_t place) {
   return XXH3_64bits_withSeed(record.data(), record.size(), place);
 }
 
 std::filesystem::path path_of(const std::filesystem::path& model) { return model.string() + ".resume"; }
 
-// "lags: 2 found, 3 needed" for all that differs.
+// "lags: 2 found, 3 needed" for every difference.
 std::string differences(const Json& found, const Json& needed) {
   std::vector<std::string> result;
   for (const auto& [key, value] : needed.items()) {
@@ -72,7 +72,7 @@ Journal::~Journal() {
 void Journal::open() {
   do {
     const int opened = ::open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
-    const int reason = opened < 0 ? errno : 0;  // before the file that was open is closed
+    const int reason = opened < 0 ? errno : 0;  // read before the open file is closed
     file_ = io::Descriptor(opened);
     if (reason == ELOOP) fail("a symbolic link found, a journal of its own needed");
     if (reason == EISDIR) fail("a directory found, a journal needed");
@@ -83,7 +83,7 @@ void Journal::open() {
       if (errno == EAGAIN || errno == EACCES) fail("another process is at the same model, wait for its end");
       io::fail_to_write(errno);  // two processes would mix their records
     }
-  } while (!io::is_at(path_, file_));  // the process before may have removed it meanwhile
+  } while (!io::is_at(path_, file_));  // the earlier process may have removed the file in the meantime
 }
 
 void Journal::check_magic() {
@@ -93,7 +93,7 @@ void Journal::check_magic() {
   start.resize(std::min(start.size(), size_t(found.st_size)));
   io::read_all(file_, start, 0);
   if (!magic.starts_with(start)) {
-    kept_ = true;  // by others
+    kept_ = true;  // the file of another program
     fail("another file found, a journal of this version of tokid identify --resume needed");
   }
   end_ = std::int64_t(magic.size());
@@ -141,7 +141,7 @@ void Journal::append(std::string_view record) {
   const auto cut = [this] {
     if (ftruncate(file_, end_) != 0 || lseek(file_, end_, SEEK_SET) != end_) io::fail_to_write(errno);
   };
-  if (reading_) cut();  // what was not finished
+  if (reading_) cut();  // removes an unfinished record
   reading_ = false;
   const Head head{record.size(), digest_of(record, records_)};
   try {

@@ -1,4 +1,4 @@
-// What a stream has finished, in a file beside the model, from which a later call goes on.
+// Keeps the finished blocks of a stream in a file beside the model, so that a later call can continue.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -13,13 +13,13 @@
 
 namespace tokid::stream {
 
-// Records with their checksums, read one after the other as long as they are whole, and added behind. A process that
-// dies, or a power cut, costs no more than those at the end; from the first one that is damaged on they are written
-// anew. docs/formats.md has the bytes.
+// A file of records with their checksums. It is read record by record as long as the records are whole, and new records
+// are appended. If a process dies or the power fails, only the last records are lost. Records from the first damaged
+// one on are written again. docs/formats.md describes the bytes.
 class Journal {
  public:
-  // Opens the journal of this model, or makes one. It stays when this ends, unless it holds no record. \throws IoError
-  // for a file that is no journal, or is in use by another process; WriteError
+  // Opens the journal of this model, or makes one. The destructor keeps the file, unless it holds no record. \throws
+  // IoError for a file that is no journal, or is in use by another process; WriteError
   explicit Journal(const std::filesystem::path& model);
   ~Journal();
   Journal(const Journal&) = delete;
@@ -27,15 +27,15 @@ class Journal {
 
   const std::filesystem::path& path() const { return path_; }
 
-  // Before all else. `about`: the text of a JSON object of all that decides about the records. \throws IoError for a
-  // journal of something else, WriteError
+  // Must be called first. `about`: the text of a JSON object with everything that affects the records. \throws IoError
+  // for a journal of something else, WriteError
   void begin(const std::string& about);
-  // The next one that was kept; empty behind the last one that is whole.
+  // The next record of an earlier call; empty after the last whole record.
   std::optional<std::string> next();
-  // Behind all that were kept. \throws WriteError, and has all of them still
+  // Appends a record after all others. \throws WriteError, and keeps all earlier records
   void add(std::string_view record);
   void remove();
-  // Of this model, if there is one that nobody is at.
+  // Removes the journal of this model, if there is one and no process uses it.
   static void discard(const std::filesystem::path& model);
 
  private:
@@ -46,11 +46,11 @@ class Journal {
 
   std::filesystem::path path_;
   io::Descriptor file_;
-  std::int64_t end_ = 0;       // of what was read or added so far
-  std::uint64_t records_ = 0;  // among them, the first of which is `about`
+  std::int64_t end_ = 0;       // of the records read or added so far
+  std::uint64_t records_ = 0;  // number of these records; the first one is `about`
   std::optional<std::string> about_;
-  bool kept_ = false;    // more than `about`
-  bool reading_ = true;  // what lies behind end_ is not looked at yet, or damaged
+  bool kept_ = false;    // more records than `about`
+  bool reading_ = true;  // the file after end_ is not read yet, or is damaged
   std::chrono::steady_clock::time_point synced_ = std::chrono::steady_clock::now();
 };
 

@@ -1,4 +1,4 @@
-// Plans and surveys of regressions in messages between processes, and in journals.
+// Serialises plans and surveys of regressions for messages between processes and for journals.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

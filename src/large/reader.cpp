@@ -12,7 +12,7 @@ namespace tokid::stream {
 
 namespace {
 
-// What the system fetches ahead, which its memory has to hold [bytes].
+// Memory for blocks that the system fetches ahead [bytes].
 constexpr double most_fetched = 512e6;
 
 }  // namespace
@@ -45,8 +45,8 @@ Ensemble Reader::take(Index i) {
   return samples;
 }
 
-// A group of blocks, the first of which is number `from` of them. Those that follow each other without a gap are asked
-// for as one: longer runs of the file.
+// Asks the system to fetch the group of blocks from number `from` on. Consecutive blocks are asked for together, which
+// makes longer runs of the file.
 void Reader::expect(size_t from) const {
   const size_t to = std::min(blocks_.size(), from + group_);
   for (size_t i = from, end = from; i < to; i = end) {

@@ -1,4 +1,4 @@
-// Reads the blocks of a stream ahead of those that work at them.
+// Reads the blocks of a stream before the threads need them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -13,18 +13,18 @@
 
 namespace tokid::stream {
 
-// The given blocks in this order, by a thread of its own: the file has other limits than the processor, and the time of
-// both together is that of the slower one.
+// Reads the given blocks in this order in a thread of its own. Reading and computing have different limits, so that
+// together they take only the time of the slower one.
 class Reader {
  public:
-  // Up to `ahead` blocks wait, beside those that were taken.
+  // Up to `ahead` blocks wait, in addition to the blocks that were taken.
   Reader(const EnsembleFile& file, const BlockLayout& layout, std::vector<Index> blocks, Index ahead);
   ~Reader();
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // The samples of block i, by any thread, each block once. Who asks for one that more than `ahead` blocks lie before
-  // waits until others have taken some of these. \throws what reading it has thrown
+  // Returns the samples of block i. Any thread may call it, once for each block. If more than `ahead` blocks come
+  // before block i, it waits until others have taken some of them. \throws the exception of reading the block
   Ensemble take(Index i);
 
  private:
@@ -35,7 +35,7 @@ class Reader {
   const BlockLayout& layout_;
   const std::vector<Index> blocks_;
   const Index ahead_;
-  size_t group_;  // blocks that the system is asked to fetch at once
+  size_t group_;  // number of blocks that the system is asked to fetch at once
   std::mutex mutex_;
   std::condition_variable read_, taken_;
   std::map<Index, Ensemble> waiting_;

@@ -31,14 +31,14 @@ namespace tokid {
 
 namespace {
 
-// The options and choices that the text of a model holds, as a model that has nothing else.
+// A model that holds only this text of options and choices.
 Model with_options(const std::string& options) {
   Model model;
   model.options = options;
   return model;
 }
 
-// Whatever was given once is known from then on, in the order of the digests; the order of the files leaves no trace.
+// Adds the given digests to the known ones, in ascending order. The order of the files therefore has no effect.
 void remember(std::vector<Digest>& known, std::vector<Digest> given) {
   std::sort(given.begin(), given.end());
   std::vector<Digest> both;
@@ -58,9 +58,9 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   UpdateState state;
   Plan& plan = state.plan = result.plan;
   NoisyChoices& choices = plan.choices;
-  // Without noise the rank goes on to tell n; with it, what was chosen.
+  // Without noise the rank continues to determine n. With noise n stays as it was chosen.
   plan.states = options.states > 0 ? options.states : plan.noisy ? result.model.states() : 0;
-  // Where EM began is not what does best without it.
+  // The choices that EM started from are not the best ones without EM.
   if (choices.refinement_iterations > 0 && !options.choices) {
     choices.state_smoothing = result.order_scores.smoothing;
     if (options.states == 0) plan.states = result.order_scores.best;
@@ -134,7 +134,7 @@ void check_update(const UpdateState& state, const Ensemble& more) {
 
 namespace {
 
-// Experiments that ask to join, and all that tells which of them do.
+// Experiments that may join, and the data that decide which of them do.
 struct Given {
   Ensemble data;
   Copies copies;                // within the data
@@ -149,10 +149,10 @@ Given given(Ensemble data) {
   return result;
 }
 
-// Rows of the experiments that the state has: as they are, or as a copy that is beside them in the data.
+// Rows of the experiments that the state already has, itself or as a copy in another row of the data.
 std::vector<Index> known_rows(const UpdateState& state, const Given& given) {
   std::vector<bool> known(given.digests.size());
-  // States without digests know whole ensembles only.
+  // A state without digests recognises whole ensembles only.
   const bool all = state.without_digest > 0 && has_seen(with_options(state.options), given.data);
   for (size_t n = 0; n < known.size(); ++n)
     known[n] = all || std::binary_search(state.digests.begin(), state.digests.end(), given.digests[n]);
@@ -172,10 +172,10 @@ Findings findings_of_known(const std::vector<Index>& rows, const Ensemble& data)
            .numbers = {{"experiments", double(data.experiments())}}}};
 }
 
-// Those of the given experiments that join: new ones, each of them once.
+// The given experiments that join: new ones, each of them once.
 struct Joining {
   Ensemble data;
-  std::vector<Index> known;  // rows of those that don't, because the state has them
+  std::vector<Index> known;  // rows that do not join, because the state has them
   std::string fingerprint;
   Findings findings;
 };
@@ -193,12 +193,12 @@ Joining joining(const UpdateState& state, Given given) {
   return result;
 }
 
-// What is left of experiments that join when they have been factorised.
+// The result of the factorisation of joining experiments.
 struct Portion {
-  WindowFactors factors;  // of none, where none joins
+  WindowFactors factors;  // empty if no experiment joins
   std::vector<Index> known;
   std::string fingerprint;
-  ErrorTotals errors;  // of the model before
+  ErrorTotals errors;  // of the model before the update
   Findings findings;
 };
 
@@ -235,7 +235,7 @@ Findings update(UpdateState& state, const Ensemble& more, const Execution& execu
   return std::move(added.findings);
 }
 
-// For messages between processes.
+// Serialisation for messages between processes.
 template <class Archive, class F>
 requires std::is_same_v<std::remove_const_t<F>, WindowFactors>
 void fields(Archive& archive, F& f) {
@@ -253,10 +253,10 @@ template <class Archive, class P>
 requires std::is_same_v<std::remove_const_t<P>, Portion>
 void fields(Archive& archive, P& p) { archive(p.factors, p.known, p.fingerprint, p.errors, p.findings); }
 
-// All that a member needs to know of the state and its model to make a portion of experiments.
+// The parts of the state and its model that a process needs to make a portion of experiments.
 struct Needs {
   UpdateState state;  // without factors
-  Model model;        // of departures, where `mean` is what they depart from
+  Model model;        // of departures from `mean`, if there is one
   Nominal mean;
 };
 
@@ -318,14 +318,14 @@ Portion judged_portion(const Needs& needs, Given given, const Execution& executi
   return result;
 }
 
-// Outputs of new experiments that the model before predicts no better than by their mean, or simulates far worse.
+// Reports outputs of new experiments that the old model predicts no better than their mean, or simulates far worse.
 Findings findings_of_fits(const Fit& simulation, const Fit& one_step, const Channels& names) {
   Findings result;
   for (Index j = 0; j < one_step.fit.size(); ++j)
     if (one_step.samples > 0 && std::isnan(one_step.fit(j)))
       result.push_back({.kind = Finding::Kind::output_still, .channels = {output_channel(names, j)}});
   append(result, findings_of_fit(one_step.fit, names));
-  // Outputs that change slowly are predicted by themselves, whatever the system.
+  // Slow outputs predict themselves well with any system, so the simulation is checked too.
   constexpr double much_worse = -20.0;
   const bool predicted = result.empty();
   for (Index j = 0; predicted && j < simulation.fit.size(); ++j)
@@ -337,20 +337,20 @@ Findings findings_of_fits(const Fit& simulation, const Fit& one_step, const Chan
   return result;
 }
 
-// Ensembles that come one after the other, by number, and their files, where they come from files.
+// A sequence of ensembles, by number, and their files, if they come from files.
 struct Source {
   Index count = 0;
   std::function<Given(const Needs&, Index)> given;
   std::function<std::string(Index)> file;
 };
 
-// In rounds, in which each member has one ensemble. Nobody knows which of its experiments join before he has the
-// digests of those before it; then all factorise theirs, and the first one adds the portions in order, with one of them
-// in memory.
+// Works in rounds, in which each process has one ensemble. A process needs the digests of the ensembles before its own
+// to know which of its experiments join. Then all processes factorise their experiments. The first process adds the
+// portions in order, with one of them in memory.
 Additions update_from(UpdateState& state, const Model& before, const Source& source, const Execution& execution,
                       const Team& team) {
   const bool first = team.rank == 0;
-  // All members follow what the first one knows, to the last bit.
+  // All processes use the knowledge of the first one, to the last bit.
   auto needs =
       archive::unpacked<Needs>(team.broadcast(first ? archive::packed(needs_of(state, before)) : std::string()));
   const size_t outputs = size_t(needs.state.factors.outputs);

@@ -28,7 +28,7 @@ Vector vector_of(const Fields& fields, const char* name, Index rows, Index cols)
   return v;
 }
 
-// In four whole numbers of 32 bits each, highest first: numbers of 64 bits do not pass through double precision.
+// A digest is four whole numbers of 32 bits each, highest first. Double precision cannot hold 64 bits.
 constexpr Index words_of_digest = 4;
 constexpr double word_end = 4294967296.0;
 
@@ -167,7 +167,7 @@ UpdateState update_state_of(const Fields& fields) {
   state.options = fields.text("options");
   check_options(state.options);
   state.plan = plan_of(fields, state.options, f);
-  state.without_digest = f.experiments;  // of a state of an earlier version
+  state.without_digest = f.experiments;  // for a state of an earlier version
   if (!fields.has("experiment_digests")) return state;
   state.digests = digests_of(fields, "experiment_digests");
   state.without_digest = fields.integer("without_digest");

@@ -62,7 +62,7 @@ Model oscillator(Index steps, double dt) {
 Model rotating_tube(Index steps, double dt) {
   return known(steps, dt, [dt](double t) {
     const double rate = 3 * std::sin(t / 2), stiffness = 4 + 2 * std::sin(t);
-    Matrix joint = Matrix::Zero(3, 3);  // of [x; x'; u], so that one exponential gives A and B
+    Matrix joint = Matrix::Zero(3, 3);  // of [x; x'; u]: one exponential gives A and B
     joint(0, 1) = 1;
     joint(1, 0) = rate * rate - stiffness;
     joint(1, 2) = 1;
@@ -73,7 +73,7 @@ Model rotating_tube(Index steps, double dt) {
 
 namespace {
 
-// Draws the same number of variates whatever the options, so that ensembles of different noise share their inputs.
+// Draws the same number of variates for any options, so that ensembles of different noise share their inputs.
 template <class Input, class Output>
 void run(const Model& system, const ExperimentOptions& options, bool from_rest, RandomNumbers& random, Input&& input,
          Output&& output) {
@@ -162,7 +162,7 @@ Ensemble expected_moments(const Model& system) {
   Index states = 0;
   for (Index k = 0; k <= T; ++k) states += system.n(k);
   const Index sources = states + T * (system.inputs + system.outputs);  // x_0, and u_k, v_k, w_k of every step
-  // The mean over the sources stands for the expectation of experiments: each source counts once, not 1/sources times.
+  // The mean over the sources replaces the expectation. With this weight each source counts once, not 1/sources times.
   const double weight = std::sqrt(double(sources));
   Ensemble ensemble(sources, T, system.inputs, system.outputs, system.dt);
   ensemble.names = system.names;

@@ -28,7 +28,7 @@ void check(const KalmanStudyOptions& o) {
   if (o.fresh < 1) throw std::invalid_argument(fmt::format("fresh experiments: {} found, at least 1 needed", o.fresh));
 }
 
-// Over the steps judged.
+// RMS error over the evaluated steps.
 double rms_error(const Prediction& prediction, const KalmanStudyOptions& o) {
   double sum = 0.0;
   Index count = 0;
@@ -39,7 +39,8 @@ double rms_error(const Prediction& prediction, const KalmanStudyOptions& o) {
   return std::sqrt(sum / double(count));
 }
 
-// ‖G_k + A_k K_k‖ in the coordinates of the true system, where G_k = -A_k K_k is what the Kalman filter has.
+// RMS of G_k + A_k K_k relative to A_k K_k, in the coordinates of the true system. The Kalman filter has G_k = -A_k
+// K_k.
 double gain_difference(const Model& model, const Model& filter, const KalmanStudyOptions& o) {
   const Index rows = filter.states() / filter.outputs + 2;
   const FramedModel aligned = align(model, filter, rows);
@@ -60,7 +61,7 @@ KalmanStudy kalman_study(const KalmanStudyOptions& options) {
       .seed = options.seed, .process_noise = options.process_noise, .measurement_noise = options.measurement_noise};
   const Model filter = with_noise(oscillator(options.steps), experiment_options);
   experiment_options.experiments = options.fresh;
-  experiment_options.seed = options.seed + 1000;  // never those that a model was identified from
+  experiment_options.seed = options.seed + 1000;  // different from the seed of the training data
   const Ensemble fresh = experiments(filter, experiment_options);
 
   KalmanStudy study;

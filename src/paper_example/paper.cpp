@@ -19,7 +19,7 @@ namespace {
 
 constexpr Index states = 4, lags = 2, reference_step = 0, block_rows = 3;
 
-// Appendix B as it is printed. The paper counts steps from 1, so that its 35, 36, 37 are steps 34, 35, 36 here.
+// Appendix B as printed. The paper counts steps from 1, so its steps 35, 36, 37 are steps 34, 35, 36 here.
 constexpr Index first_printed = 34;
 constexpr const char* matrix_equation[] = {"(80)", "(79)", "(81)"};
 const Matrix& printed_matrix(Index i) {
@@ -53,7 +53,7 @@ const Matrix& printed_product(Index i) {
                                                    {0.1137, 0.0075, 0.0551, -0.0187}}};
   return products[i];
 }
-constexpr double rounding = 1e-11;        // what is zero but for rounding errors
+constexpr double rounding = 1e-11;        // tolerance for numbers that are zero up to rounding errors
 constexpr double entry_tolerance = 1e-4;  // of the entries of (79)-(81)
 
 void check(const PaperOptions& o) {
@@ -78,7 +78,7 @@ std::vector<std::complex<double>> sorted_eigenvalues(const Matrix& a) {
   return sorted;
 }
 
-// Inputs that no experiment held: two tones far from each other.
+// Inputs unlike those of any experiment: two tones far from each other.
 Matrix test_inputs(const Model& system, Index steps) {
   Matrix u(steps, system.inputs);
   for (Index k = 0; k < steps; ++k) {
@@ -94,7 +94,7 @@ Ensemble single(const Matrix& u, const Model& system) {
   return e;
 }
 
-// Figures 2 to 5 of one case.
+// Computes figures 2 to 5 for one case.
 PaperCase paper_case(const Paper& paper, Index count, const PaperOptions& options) {
   const Ensemble data =
       experiments(paper.system, {.experiments = count, .seed = options.seed, .free_responses = options.free_responses});
@@ -131,7 +131,7 @@ PaperCase paper_case(const Paper& paper, Index count, const PaperOptions& option
   return result;
 }
 
-// Figures 1, 6 and 7 of case 1, in the reference frame.
+// Computes figures 1, 6 and 7 for case 1, in the reference frame.
 void show_observer(Paper& paper) {
   const FramedModel& framed = paper.framed;
   const Index last = framed.end - 1;  // the last state in the frame
@@ -151,8 +151,8 @@ void show_observer(Paper& paper) {
   paper.products.assign(begin, begin + (last - framed.begin - lags + 1));
 }
 
-// T with T·printed = computed·T for (79)-(81) at once: the null vector of the stacked printedᵀ ⊗ I - I ⊗ computed.
-// The frame of the paper is known only up to this similarity, for its free responses are not printed.
+// T with T·printed = computed·T for (79)-(81) at once: the null vector of the stacked printedᵀ ⊗ I - I ⊗ computed. The
+// frame of the paper is known only up to this similarity, because its free responses are not printed.
 Matrix similarity_to_print(Paper& paper) {
   constexpr Index n = states;
   Matrix equations = Matrix::Zero(3 * n * n, n * n);
@@ -174,7 +174,7 @@ double half_unit_of_fifth_digit(double value) {
   return 0.5 * std::pow(10.0, std::floor(std::log10(std::abs(value))) - 4) * (1 + 1e-6);
 }
 
-// Appendix B, number by number.
+// Compares every number of Appendix B.
 void compare_with_print(Paper& paper) {
   const auto add = [&](const char* equation, std::string quantity, std::complex<double> printed,
                        std::complex<double> computed, double tolerance) {
@@ -187,7 +187,7 @@ void compare_with_print(Paper& paper) {
         add(equation, fmt::format("{}[{},{}]", name, a + 1, b + 1), printed(a, b), computed(a, b), tolerance);
   };
 
-  // The time-invariant example (73)-(75), as a model of constant matrices.
+  // The time-invariant example (73)-(75), as a model with constant matrices.
   Model constant;
   constant.inputs = constant.outputs = 1;
   constant.step.assign(
@@ -205,7 +205,7 @@ void compare_with_print(Paper& paper) {
     const auto& computed = paper.closed[size_t(k - paper.framed.begin)];
     for (size_t j = 0; j < 4; ++j) {
       const std::complex<double> value = printed_eigenvalues[i][j];
-      // Double zeros of a matrix known to rounding errors are known to their square root at the worst.
+      // A rounding error of the matrix can change its double zero eigenvalues by its square root.
       add(matrix_equation[i], fmt::format("λ{}({})", j + 1, name), value, computed[j],
           j < 2 ? half_unit_of_fifth_digit(value.real()) : std::sqrt(rounding));
     }

@@ -27,7 +27,7 @@ void check_options(const BootstrapOptions& o) {
   if (o.unknowns < 0) throw std::invalid_argument(fmt::format("unknowns: {} found, none may be negative", o.unknowns));
 }
 
-// 1 ± spread, as many of each sign as can be, so that the weights have mean one.
+// Weights 1 ± spread. Both signs are equally frequent, so that the mean weight is one.
 Vector draw_weights(Index experiments, double spread, std::uint64_t seed) {
   RandomNumbers random(seed);
   const std::vector<Index> order = random.permutation(experiments);
@@ -37,11 +37,11 @@ Vector draw_weights(Index experiments, double spread, std::uint64_t seed) {
   return weights;
 }
 
-// The mean motion of experiments that count as often as their weights say.
+// The mean motion, with weighted experiments.
 Nominal weighted_nominal(const Ensemble& data, const Vector& weights) {
   Nominal nominal{Matrix(data.steps(), data.inputs()), Matrix(data.steps(), data.outputs())};
   const auto mean = [&](const auto& samples) {
-    double result = 0.0, total = 0.0;  // what is always the same stays it to the last bit
+    double result = 0.0, total = 0.0;  // keeps constant values exact
     for (Index n = 0; n < samples.size(); ++n)
       if (!std::isnan(samples(n)) && weights(n) > 0) {
         total += weights(n);
@@ -81,7 +81,7 @@ Index median_unknowns(const Model& model) {
   return *middle;
 }
 
-// Deviations from the original, summed in the order of the replicates.
+// Sums of deviations from the original, in the order of the replicates.
 struct Moments {
   explicit Moments(Index size) : count(Vector::Zero(size)), first(count), second(count), mixed(count) {}
   void add(const Vector& deviation) {
@@ -138,11 +138,11 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
   const Model original = identified(data, Vector::Ones(experiments), f, options);
   const Index mean = options.nominal ? 1 : 0;
   Index unknowns = (options.unknowns > 0 ? options.unknowns : median_unknowns(original)) + mean;
-  // Where plain regressions would fit any data exactly, other methods are regularised: what they are left with is at
-  // least a regression of the outputs on states and inputs.
+  // Where plain regressions would fit any data exactly, other methods are regularised. They still need at least a
+  // regression of the outputs on states and inputs.
   if (options.unknowns == 0 && experiments <= unknowns && original.method != "tvera")
     unknowns = original.states() + original.inputs + mean;
-  // Where steps share a model, each experiment brings as many rows as there are periods.
+  // Where steps share a model, each experiment gives as many rows as it has periods.
   if (options.unknowns == 0 && original.period > 0 && data.steps() > 0)
     unknowns = (unknowns * std::min(original.period, data.steps()) + data.steps() - 1) / data.steps();
   if (experiments <= unknowns)
@@ -166,7 +166,7 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
                      try {
                        found[size_t(b - first)] = functional(identified(data, weights, f, options)) - estimate;
                      } catch (const std::exception&) {
-                       // Counted below: a few that fail are no reason to do without the others.
+                       // The failed replicates are counted below. A few failures do not affect the others.
                      }
                    }
                  });
@@ -182,7 +182,8 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
 
   const double n = double(experiments), left = double(experiments - unknowns);
   const double scale = (n + 2) / left / (options.spread * options.spread);
-  // One degree for each experiment that is left, and the replicates tell the variance no better than B - 1 of them.
+  // Each experiment beyond the unknowns gives a degree of freedom. B replicates determine the variance with B - 1
+  // degrees.
   result.freedom = 1 / (1 / left + 1 / double(std::max<Index>(1, result.replicates - 1)));
   uncertainty::Variance variance(estimate.size(), 1);
   result.covariance.setZero(estimate.size(), 1);

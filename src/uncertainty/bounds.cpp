@@ -26,8 +26,8 @@ Interval unknown(Index rows, Index cols) {
   return {none, none, none, none};
 }
 
-// Diagonals of W_{k,s} R_s W_{k,s}ᵀ (m × k-first+1), s = first … k: what unit leverages at the steps s add to the
-// variances of the outputs at k. Infinite where no degree of freedom tells R_s.
+// Diagonals of W_{k,s} R_s W_{k,s}ᵀ (m × k-first+1), s = first … k: unit leverages at the steps s add them to the
+// variances of the outputs at k. Infinite where R_s has no degree of freedom.
 Matrix carried_variances(const GtvArx& arx, Index k, Index first) {
   const Index m = arx.outputs;
   std::vector<Matrix> transposed(size_t(k - first + 1), Matrix::Zero(m, m));  // W_{k,s}ᵀ
@@ -45,7 +45,7 @@ Matrix carried_variances(const GtvArx& arx, Index k, Index first) {
   return carried;
 }
 
-// variance += leverage · carried, where nothing times infinity is nothing.
+// variance += leverage · carried, where zero times infinity is zero.
 void add(double leverage, const Eigen::Ref<const Vector>& carried, Index freedom, Eigen::Ref<Vector> sum,
          Eigen::Ref<Vector> spread) {
   if (!(leverage > 0)) return;
@@ -53,7 +53,7 @@ void add(double leverage, const Eigen::Ref<const Vector>& carried, Index freedom
   spread.array() += (leverage * carried.array()).square() / double(std::max<Index>(1, freedom));
 }
 
-// What one pulse leaves behind: the responses and the leverages of the windows that it makes.
+// The effect of one pulse: its responses, and the leverages of the windows that contain it.
 struct Pulse {
   Matrix response;   // (count·m × r): block γ is h_{i+γ,i}, h_{i,i} = D_i
   Matrix leverages;  // (count × r)
@@ -73,7 +73,7 @@ Pulse pulse(const GtvArx& arx, Index i, Index band) {
   return result;
 }
 
-// Mean squares of an estimated mean motion: it costs what a regressor that is one in every experiment does.
+// The leverage of an estimated mean motion is that of a regressor that is one in every experiment.
 double nominal_leverage(const GtvArxStep& step) {
   const Index spent = step.freedom > 0 ? step.rows - step.rank - step.freedom : 0;
   return double(spent) / double(step.rows);
@@ -86,7 +86,7 @@ void check_channels(const GtvArx& arx, const Ensemble& data) {
                     data.outputs(), data.steps(), arx.inputs, arx.outputs, arx.steps()));
 }
 
-// Every output that depends on a sample which is missing is NaN.
+// The bounds of every output that depends on a missing sample become NaN.
 Interval with_gaps(Interval interval) {
   const auto known = (interval.estimate.array() == interval.estimate.array()).eval();
   for (Matrix* part : {&interval.deviation, &interval.lower, &interval.upper})

@@ -31,11 +31,11 @@ CommonFrame frame_of(const Model& model, const ClosedLoopOptions& options) {
   return {reference_frame(model, s, rows), s, rows};
 }
 
-// Steps whose state and next state are in the frame.
+// Number of steps whose state and next state are in the frame.
 Index count(const CommonFrame& frame) { return frame.framed.end - 1 - frame.framed.begin; }
 
-// How errors of Markov parameters enter O_k: dO_k = dH_k · from_inputs up to a change of coordinates, and how outputs
-// are read back: x = from_outputs · (O_k x).
+// Errors of Markov parameters change O_k by dO_k = dH_k · from_inputs, up to a change of coordinates. Outputs give the
+// state by x = from_outputs · (O_k x).
 struct Factor {
   Matrix observability;  // O_k (rows·m × n)
   Matrix from_outputs;   // (n × rows·m)
@@ -82,12 +82,12 @@ class Factors {
   Vector output_size_, input_size_;
 };
 
-// d(λ) = Σ_s Γ_s : dM_s, with Γ_s projected on the factor of the covariance of M_s: two real matrices (m × rank).
+// d(λ) = Σ_s Γ_s : dM_s. Γ_s is projected on the factor of the covariance of M_s: two real matrices (m × rank).
 class Gradient {
  public:
   explicit Gradient(const GtvArx& arx) : arx_(arx) {}
 
-  // ℓᵀ dH_k c: the recursion answers to the inputs u_{k-1-b} = c_b, and ℓ weighs its outputs from step k on.
+  // ℓᵀ dH_k c: the recursion runs from the inputs u_{k-1-b} = c_b, and ℓ weights its outputs from step k on.
   void add_hankel(Index k, Index rows, Index cols, const VectorXcd& l, const VectorXcd& c) {
     const Index first = k - cols, r = arx_.inputs;
     Rows samples = rest(first, k + rows);
@@ -96,7 +96,7 @@ class Gradient {
     add(samples, first, k, k + rows, l);
   }
 
-  // ℓᵀ dP_{k+1} c: the recursion answers to the output -c at step k, the start of (34).
+  // ℓᵀ dP_{k+1} c: the recursion runs from the output -c at step k, the start of (34).
   void add_gain(Index k, Index rows, const VectorXcd& l, const VectorXcd& c) {
     Rows samples = rest(k, k + 1 + rows);
     uncertainty::output(arx_, samples, k) = -pair(c);
@@ -104,7 +104,7 @@ class Gradient {
     add(samples, k + 1, k + 1, k + 1 + rows, l);
   }
 
-  // Variances of real and imaginary part with their degrees of freedom, and the covariance of both.
+  // Variances of real and imaginary part with their degrees of freedom, and the covariance of the two parts.
   void variances(Variance& real, Variance& imaginary, double& covariance, Index entry) const {
     covariance = 0.0;
     for (const auto& [s, parts] : parts_) {
@@ -135,7 +135,7 @@ class Gradient {
     return result;
   }
 
-  // Two rows at rest, for real and imaginary part, with room for the lags before `first`.
+  // Two zero rows, for real and imaginary part, with room for the lags before `first`.
   Rows rest(Index first, Index end) const {
     const Index origin = std::max<Index>(0, first - uncertainty::largest_lag_order(arx_));
     return {arx_, 2, origin, end - origin};
@@ -162,7 +162,7 @@ class Gradient {
   std::map<Index, Parts> parts_;
 };
 
-// Everything that the eigenvalues of one step depend on.
+// All quantities that determine the eigenvalues of one step.
 class ClosedLoop {
  public:
   ClosedLoop(const GtvArx& arx, const Model& model, const Factors& factors, const CommonFrame& frame, Index k)
@@ -174,7 +174,7 @@ class ClosedLoop {
         now_(factors.at(k)),
         next_(factors.at(k + 1)),
         reference_(factors.at(frame.step)),
-        // The frame may have more block rows than the realisation; the eigenvalues then depend on these in higher
+        // The frame may have more block rows than the realisation. The eigenvalues then depend on these in higher
         // order.
         head_(frame.rows * model.outputs) {
     projection_ = linalg::pseudo_inverse(observability(model, s_, frame.rows));
@@ -192,7 +192,7 @@ class ClosedLoop {
     const VectorXcd frame_weights = projection_.transpose() * left;  // Pᵀ ω
     Gradient gradient(arx_);
 
-    // P = O_s⁺: ω dP z with z = O_{k+1} Ā_k a - λ O_k a, which P takes to zero.
+    // P = O_s⁺: ω dP z with z = O_{k+1} Ā_k a - λ O_k a, where P z = 0.
     const VectorXcd z =
         observability(model_, k_ + 1, head_ / m) * (loop_ * a) - value * (observability(model_, k_, head_ / m) * a);
     add(gradient, s_, reference_, z, projection_ * frame_weights);
@@ -215,7 +215,7 @@ class ClosedLoop {
   }
 
  private:
-  // ℓᵀ dO_k c = (Πᵀℓ)ᵀ dH_k (from_inputs c), where Π leaves out what is a change of coordinates.
+  // ℓᵀ dO_k c = (Πᵀℓ)ᵀ dH_k (from_inputs c), where Π removes changes of coordinates.
   static void add(Gradient& gradient, Index k, const Factor& factor, const VectorXcd& l, const VectorXcd& c) {
     VectorXcd fitted = VectorXcd::Zero(factor.observability.rows());
     const Index common = std::min(fitted.size(), l.size());
@@ -229,7 +229,7 @@ class ClosedLoop {
   const Factors& factors_;
   Index k_, s_;
   Factor now_, next_, reference_;
-  Index head_;  // rows of outputs that the frame is made of
+  Index head_;  // number of output rows in the frame
   Matrix projection_, from_frame_, next_to_frame_, loop_;
 };
 

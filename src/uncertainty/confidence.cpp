@@ -24,7 +24,7 @@ const char* to_string(BoundsMethod method) { return method == BoundsMethod::fact
 
 namespace {
 
-// Models that differ by less are the same up to rounding and what it does to noisy Hankel matrices.
+// Models that differ by less are the same, up to rounding and its effect on noisy Hankel matrices.
 constexpr double same = 1e-6;
 
 Index recorded_experiments(const Model& model) {
@@ -55,7 +55,7 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
   return training;
 }
 
-// The options of the identification with what it chose, for departures from the nominal trajectory.
+// The options of the identification with its choices fixed, for departures from the nominal trajectory.
 IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
   options.states = model.states();
   options.lags = model.max_lags();
@@ -68,7 +68,7 @@ IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
   return options;
 }
 
-// The blocks and units with which identify() realises.
+// The blocks and units of the realisation in identify().
 TveraOptions realisation(const Model& model, const Ensemble& departing, const IdentifyOptions& o) {
   Plan plan;
   plan.lags = model.max_lags();
@@ -158,7 +158,7 @@ class Bounds {
     });
   }
 
-  // Bounds of eigenvalues need a frame that the model may not have.
+  // Bounds of eigenvalues need a frame, which may not exist for this model.
   template <class Work>
   void with_frame(Work&& work) {
     try {
@@ -212,7 +212,7 @@ class Bounds {
     scatter(found, spectrum);
   }
 
-  // Markov parameters, outputs, real and imaginary parts of eigenvalues in one list.
+  // Lists Markov parameters, outputs, and real and imaginary parts of eigenvalues.
   Vector everything(const Model& model, const std::optional<Spectrum>& spectrum) const {
     const Index r = model_.inputs, m = model_.outputs, steps = data_.steps();
     std::vector<double> all;
@@ -260,7 +260,7 @@ class Bounds {
     }
   }
 
-  // The list, back in its places.
+  // Distributes the bounds of the list to their places in the result.
   void scatter(const Bootstrap& found, const std::optional<Spectrum>& spectrum) {
     const Index r = model_.inputs, m = model_.outputs, steps = data_.steps(), experiments = data_.experiments();
     Index at = 0;

@@ -16,10 +16,10 @@ namespace {
 
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr size_t cells = 512;  // of the table; the error of the interpolation is below 1e-5 of the quantile
-// Eigenvalues: neighbours, in standard errors of both; of the norm of the matrix, what rounding may do, and below which
-// none moves.
+// Eigenvalues: distance of neighbours relative to the sum of their standard errors. Relative to the norm of the matrix:
+// rounding, and the deviation up to which an eigenvalue does not move.
 constexpr double near = 0.5, arithmetic = 1e-9, fixed = 1e-6;
-constexpr double most = 1e7;  // degrees of freedom that can't be told from infinitely many
+constexpr double most = 1e7;  // degrees of freedom that act like infinitely many
 
 // T² has the F distribution with (1, freedom) degrees.
 double quantile(double level, double freedom) {

@@ -11,7 +11,7 @@ namespace tokid::uncertainty {
 // \throws std::invalid_argument unless 0 < level < 1
 void check_level(double level);
 
-// t with P(|T| ≤ t) = level for Student's T. Intervals ask for it once per entry, so it is tabulated.
+// t with P(|T| ≤ t) = level for Student's T. A table holds it, because intervals need it once per entry.
 class StudentT {
  public:
   explicit StudentT(double level);
@@ -26,15 +26,15 @@ class StudentT {
 struct Variance {
   Variance(Index rows, Index cols) : sum(Matrix::Zero(rows, cols)), spread(Matrix::Zero(rows, cols)) {}
   Matrix sum;     // Σ v
-  Matrix spread;  // Σ v²/ν, so that sum²/spread are the degrees of freedom of the sum (Welch, Satterthwaite)
+  Matrix spread;  // Σ v²/ν; the sum has sum²/spread degrees of freedom (Welch, Satterthwaite)
 };
 
 Interval interval(Matrix estimate, const Variance& variance, const StudentT& t);
 
-// Says which eigenvalues of Ā'_k, of norm `norm`, are clearly simple, and takes the bounds from the others: those that
-// have a neighbour within half the standard errors of both together. A stricter rule would let through those whose
-// standard errors came out too small, and little else. The zeros of a deadbeat observer do not move and
-// are no such neighbours. Every interval is at least as wide as rounding asks for.
+// Decides which eigenvalues of Ā'_k, of norm `norm`, are clearly simple, and makes the bounds of the others infinite.
+// An eigenvalue is not simple if a neighbour is within half the sum of both standard errors. A stricter rule would
+// accept few eigenvalues except those whose standard errors are too small. The zeros of a deadbeat observer do not move
+// and are no such neighbours. The interval of every real part is widened by rounding errors.
 void judge(SpectrumBounds::Step& step, double norm);
 
 }  // namespace tokid::uncertainty
