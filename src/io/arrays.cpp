@@ -26,7 +26,7 @@ void gather(const std::vector<T>& in, size_t offset, const Shape& shape, const S
 
 }  // namespace
 
-// A message ends with its first zero, which texts from files may have within.
+// A message would end at its first zero character, which texts from files may contain.
 void fail_with(std::string text) {
   for (size_t at = 0; (at = text.find('\0', at)) != std::string::npos;) text.replace(at, 1, "\uFFFD");
   throw IoError(text);
@@ -38,7 +38,7 @@ bool contains(const Names& names, std::string_view name) {
 
 namespace {
 
-// NaN marks what is missing, here as there.
+// NaN marks a missing value in both arrays, so two NaN are equal.
 bool are_same(const Array& a, const Array& b) {
   const auto *x = std::get_if<std::vector<double>>(&a.values), *y = std::get_if<std::vector<double>>(&b.values);
   if (!x || !y) return a.values == b.values;

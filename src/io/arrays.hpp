@@ -1,4 +1,4 @@
-// What every format reads and writes: named arrays, row-major.
+// Named row-major arrays, which every format reads and writes.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -19,14 +19,14 @@ namespace tokid::io {
 using Names = std::vector<std::string>;
 using Shape = std::vector<size_t>;  // empty: a scalar
 
-// Messages in src/io leave out the name of the file; the entry points in io.cpp put it in front.
+// Messages in src/io leave out the name of the file. naming() puts it in front.
 [[noreturn]] void fail_with(std::string text);
 template <typename... T>
 [[noreturn]] void fail(fmt::format_string<T...> text, T&&... values) {
   fail_with(fmt::format(text, std::forward<T>(values)...));
 }
 
-// Values of a kind that tokid has no use for: harmless unless someone asks for them.
+// Values of a kind that tokid does not use. They do no harm unless they are asked for.
 struct Foreign {
   std::string what;  // "complex numbers"
   bool operator==(const Foreign&) const = default;
@@ -44,17 +44,17 @@ enum class Layout { plain, matlab };
 
 struct Contents {
   Names names;    // of everything in the file
-  Arrays arrays;  // those that were wanted and are there; readers turn every number into a double
+  Arrays arrays;  // the wanted ones that exist; readers turn every number into a double
   Layout layout = Layout::plain;
 };
 
 bool contains(const Names& names, std::string_view name);
 
-// Adds an array to those that were found. One of the same name and values, in whatever shape, is there already.
-// \throws IoError where its values are others
+// Adds an array to those that were found, unless one of the same name and values, in any shape, is among them. \throws
+// IoError if an array of this name has other values
 void add_once(const std::string& name, Array array, Arrays& found);
 
-// \throws IoError where the product does not fit
+// \throws IoError if the product is too large
 size_t checked_product(const Shape& shape, size_t item_bytes = 1);
 
 // Axis i of the result is axis order[i] of the argument.

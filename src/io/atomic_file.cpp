@@ -61,13 +61,13 @@ void reserve(const fs::path& path, std::uint64_t bytes) {
   const Descriptor file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
   if (file < 0) fail_to_write(errno);
   const int error = posix_fallocate(file, 0, off_t(bytes));
-  // Some file systems know no reservation; there the writing itself will tell.
+  // Some file systems cannot reserve space. There a failed write reports a full disk.
   if (error != 0 && error != EINVAL && error != EOPNOTSUPP) fail_to_write(error);
 }
 
-// Where links lead to, also where nothing is yet.
+// Follows links, also to a target that does not exist yet.
 fs::path resolved(fs::path path) {
-  constexpr int most_links = 40;  // as the system has it
+  constexpr int most_links = 40;  // the limit of the system
   std::error_code error;
   for (int i = 0; fs::is_symlink(path, error); ++i) {
     if (i == most_links) fail_to_write(ELOOP);
@@ -83,7 +83,7 @@ fs::path folder_of(const fs::path& target) { return target.has_parent_path() ? t
 
 }  // namespace
 
-// The same for every program and library, so that the next one finds what a killed one has left.
+// The name is the same for all programs, so that the next one finds the file of a killed one.
 fs::path hidden_name(const fs::path& target, std::string_view ending) {
   const std::string name = target.filename().string();
   return folder_of(target) / fmt::format(".tokid-{:016x}{}", XXH3_64bits(name.data(), name.size()), ending);
@@ -91,10 +91,10 @@ fs::path hidden_name(const fs::path& target, std::string_view ending) {
 
 namespace {
 
-// Rename would silently replace what the user can't write to, or what is no file at all.
+// Renaming would silently replace a file that the user may not write to, or something that is no file.
 fs::path writable_target(const fs::path& path) {
   std::error_code error;
-  const auto status = fs::status(path, error);  // of what links lead to, which may have no name
+  const auto status = fs::status(path, error);  // of the target of links, which may have no name
   if (fs::is_directory(status)) fail("a directory found, the name of a file to write needed");
   if (fs::exists(status) && !fs::is_regular_file(status)) fail("a device found, the name of a file to write needed");
   fs::path target = resolved(path);
@@ -104,7 +104,7 @@ fs::path writable_target(const fs::path& path) {
 
 fs::path temporary_name(const fs::path& target, unsigned i) { return hidden_name(target, fmt::format("-{}.tmp", i)); }
 
-// Takes away what a killed process has left under this name. True: it is free now, unless another call was faster.
+// Removes the file that a killed process left under this name. True: the name is free, unless another call was faster.
 bool remove_abandoned(const fs::path& path) {
   const Descriptor file(open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
   if (file < 0) return errno == ENOENT;
@@ -118,7 +118,7 @@ struct Waiting {
   std::deque<std::function<void()>> then;
 };
 
-// What nobody else may read they may not read while it is written either.
+// A user who may not read the target may not read it during writing either.
 mode_t creation_mode(const std::optional<struct stat>& target) {
   return target ? (target->st_mode & 0666) | 0600 : 0666;
 }
@@ -128,7 +128,7 @@ thread_local Waiting* together = nullptr;
 }  // namespace
 
 void sync_folder(const fs::path& file) {
-  // The file is in place; that its name outlives a power cut is more than some file systems promise.
+  // The file is in place. Some file systems do not guarantee that its name survives a power cut.
   const Descriptor folder(open(folder_of(file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (folder >= 0) fsync(folder);
 }
@@ -159,7 +159,7 @@ void AtomicFile::create_named() {
     if (file < 0 && errno != EEXIST) fail_to_write(errno);
     if (file >= 0) {
       lock(file, true);
-      if (!is_at(path_, file)) continue;  // taken for abandoned before it was locked
+      if (!is_at(path_, file)) continue;  // another call removed it as abandoned before it was locked
       name_ = path_;
       file_ = std::move(file);
       return;
@@ -173,12 +173,12 @@ void AtomicFile::finish() {
   if (old_ && fstat(file_, &own) == 0) {
     const uid_t owner = geteuid() == 0 ? old_->st_uid : own.st_uid;
     mode_t mode = old_->st_mode & 0777;
-    // Another group than the target's may do nothing.
+    // A group other than the target's gets no permissions.
     const bool kept = own.st_uid == owner && own.st_gid == old_->st_gid;
     if (!kept && fchown(file_, owner, old_->st_gid) != 0) mode &= ~mode_t{S_IRWXG};
     if ((own.st_mode & 0777) != mode && fchmod(file_, mode) != 0) fail_to_write(errno);
   }
-  // Some file systems know no fsync; that is no failure of the writing.
+  // Some file systems have no fsync. This is no failed write.
   if (fsync(file_) != 0 && errno != EINVAL && errno != ENOTSUP) fail_to_write(errno);
 }
 
@@ -197,7 +197,7 @@ void AtomicFile::when_published(std::function<void()> then) {
     then();
 }
 
-// False: the system lets no file have a name that had none.
+// False: the system cannot give a name to a file that had none.
 bool AtomicFile::take_temporary_name() {
   lock(file_, true);
   for (unsigned i = 0;;) {
@@ -222,7 +222,7 @@ void AtomicFile::move_to_named() {
 }
 
 void AtomicFile::publish() {
-  // A link never replaces a file; a name that is renamed does.
+  // A link never replaces a file, but renaming does.
   if (!name_.empty() || linkat(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), AT_SYMLINK_FOLLOW) != 0) {
     if (name_.empty() && !take_temporary_name()) move_to_named();
     if (rename(name_.c_str(), target_.c_str()) != 0) fail_to_write(errno);

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::uint64_t unlimited = std::numeric_limits<std::uint64_t>::max();
 
-// What NumPy and HDF5 allow for.
+// The limit of NumPy and HDF5.
 constexpr size_t most_dimensions = 32;
 
 std::atomic<std::uint64_t> own_limit{0};
@@ -31,7 +31,7 @@ std::uint64_t process_memory() {
   return getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY ? limit.rlim_cur : unlimited;
 }
 
-// "max" is none.
+// "max" means no limit.
 std::uint64_t limit_in(const std::filesystem::path& file) {
   std::uint64_t bytes = 0;
   return std::ifstream(file) >> bytes ? bytes : unlimited;
@@ -39,8 +39,7 @@ std::uint64_t limit_in(const std::filesystem::path& file) {
 
 }  // namespace
 
-// A container may see its own group as the root of all, under a path that is none there: what is missing is passed
-// over.
+// A container may see its own group as the root, under a path that does not exist there. Missing paths are skipped.
 std::uint64_t group_memory(const std::filesystem::path& root) {
   const std::filesystem::path groups = root / "sys/fs/cgroup";
   std::uint64_t least = std::min(limit_in(groups / "memory.max"), limit_in(groups / "memory/memory.limit_in_bytes"));

@@ -1,4 +1,4 @@
-// What the data sets of a file claim to be, looked at before memory is taken for them.
+// Checks the sizes that data sets of a file claim, before memory is taken for them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,26 +9,25 @@
 
 namespace tokid::io {
 
-// Bytes that the data sets of one file may take together: the memory of the machine, or what the process has been given
-// of it.
+// Bytes that the data sets of one file may take together: the memory of the machine, or the share of this process.
 std::uint64_t memory_limit();
-void limit_memory(std::uint64_t bytes);  // less than that from now on, 0 for as much again
+void limit_memory(std::uint64_t bytes);  // lowers the limit from now on; 0 removes this limit
 
-// What the control groups of this process, those around them included, allow for; both versions. The system's files are
-// looked for below `root`.
+// Memory that the control groups of this process allow, including the groups around them, in both versions. The
+// system's files are looked up below `root`.
 std::uint64_t group_memory(const std::filesystem::path& root = "/");
 
-// DEFLATE can't compress better.
+// DEFLATE cannot compress by a larger factor.
 constexpr std::uint64_t best_compression = 1032;
 
 class Claims {
  public:
   explicit Claims(std::uint64_t file_bytes) : file_bytes_(file_bytes), left_(memory_limit()) {}
 
-  // \throws IoError for more dimensions than any format needs, for a size that can't come from the bytes of the file,
-  // and for one that does not fit into memory beside the data sets before
+  // \throws IoError for more dimensions than any format needs, for a size that the bytes of the file cannot hold, and
+  // for a size that does not fit into memory beside the earlier data sets
   void add(std::string_view name, const Shape& shape, size_t stored_item_bytes, size_t memory_item_bytes);
-  // \throws as that, of what is taken for a while only
+  // Checks a size that is taken for a while only. \throws as add()
   void check(std::string_view name, const Shape& shape, size_t stored_item_bytes, size_t memory_item_bytes) const {
     Claims(*this).add(name, shape, stored_item_bytes, memory_item_bytes);
   }

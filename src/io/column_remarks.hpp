@@ -1,4 +1,4 @@
-// What readers of tables, .csv files and DataFrames, tell of their columns.
+// Remarks of the readers of tables, .csv files and DataFrames, on their columns.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,10 +10,10 @@
 
 namespace tokid::io {
 
-// Of columns that are passed over, if there are any.
+// A remark on columns that are not read, if there are any.
 std::optional<std::string> remark_on_unused(const Names& columns);
 
-// Where no column says to which step a row belongs.
+// The remark for a table without a column that states the step of a row.
 inline constexpr std::string_view rows_as_steps =
     "no column of times or step numbers found: the rows of an experiment were taken as successive steps; name a column "
     "of times 'time', one of step numbers 'k'";

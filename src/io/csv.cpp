@@ -40,8 +40,8 @@ constexpr std::string_view checksum_begin = "# checksum = ";
 
 std::string checksum_line(std::string_view digits) { return fmt::format("{}{}\n", checksum_begin, digits); }
 
-// Other programs may write checksums of another kind. One character of ours may be damaged, and a spreadsheet program
-// fills rows with empty cells.
+// Other programs may write other checksums. One character of tokid's checksum may be damaged, and spreadsheet programs
+// fill rows with empty cells.
 bool is_ours(std::string_view digits) {
   digits = digits.substr(0, digits.find_last_not_of(",;\t ") + 1);
   const auto is_digit = [](char c) { return std::string_view("0123456789abcdef").find(c) != std::string_view::npos; };
@@ -49,7 +49,7 @@ bool is_ours(std::string_view digits) {
          std::count_if(digits.begin(), digits.end(), is_digit) + 1 >= std::ptrdiff_t(digits.size());
 }
 
-// Nothing for another line. The beginning of this one may be damaged itself, in a character.
+// The checksum in this line; empty for another line. One character at its beginning may be damaged too.
 std::optional<std::string> checksum_in(std::string_view line) {
   if (line.size() < checksum_begin.size()) return std::nullopt;
   const auto same = std::inner_product(checksum_begin.begin(), checksum_begin.end(), line.begin(), size_t{0},
@@ -66,7 +66,7 @@ std::optional<std::string> checksum_in(std::string_view line) {
 using Cells = std::vector<std::string>;
 
 struct Row {
-  Index line = 0;  // where it ends, counted from 1
+  Index line = 0;  // the line where it ends, counted from 1
   Cells cells;
 };
 
@@ -84,7 +84,7 @@ class Tokenizer {
   Tokenizer(const Tokenizer&) = delete;
   Tokenizer& operator=(const Tokenizer&) = delete;
 
-  // The text after # of the next line, if it is a comment; to be asked before the first row only.
+  // The text after # in the next line, if that is a comment. Call this before the first row only.
   std::optional<Row> next_comment() {
     while (has_line_ && line_text_.find_first_not_of(" \t\r") == std::string::npos) read_line();
     if (!has_line_ || !line_text_.starts_with('#')) return std::nullopt;
@@ -102,10 +102,10 @@ class Tokenizer {
     return row;
   }
 
-  // The file has a checksum that another text was written with. To be asked behind the last row.
+  // Was the checksum of the file written for another text? Call this after the last row.
   bool is_changed() { return checksum_ && *checksum_ != rest_.digits(); }
 
-  // The file ends with this row, but without a line break or a quotation mark that closes its last cell.
+  // Does the file end with this row, without a line break or without the closing quotation mark of its last cell?
   bool has_open_end(const Row& row) const { return open_end_ && row.line == line_; }
 
  private:
@@ -117,7 +117,7 @@ class Tokenizer {
     open_end_ = file_.eof() && !line_text_.ends_with('"') && !line_text_.ends_with('\r');
   }
 
-  // One line at a time, so that every row knows its line; a quoted cell may span several.
+  // Parses one line at a time, so that every row knows its line. A quoted cell may span several lines.
   void parse_line() {
     line_text_ += '\n';
     const size_t parsed = csv_parse(&parser_, line_text_.data(), line_text_.size(), on_cell, on_row, this);
@@ -145,7 +145,7 @@ class Tokenizer {
   Cells cells_;
   std::deque<Row> rows_;
   std::optional<std::string> checksum_;
-  TextChecksum rest_;  // of what follows it
+  TextChecksum rest_;  // of the text after it
 };
 
 // ---- comments before the header: "# name = value" ----
@@ -153,7 +153,7 @@ class Tokenizer {
 struct Note {
   Index line = 0;
   std::string text;
-  Json value;  // discarded for a word, and for what no note holds
+  Json value;  // discarded for a word, and for a value that no note can have
 };
 
 struct Notes {
@@ -161,8 +161,8 @@ struct Notes {
   std::optional<InitialState> initial_state;
   Channels channels;
   std::vector<Index> length;
-  std::map<std::string, Note> lines;  // by their names
-  bool has_checksum = false;          // which belongs into the first line
+  std::map<std::string, Note> lines;  // by name
+  bool has_checksum = false;          // it belongs in the first line
 };
 
 std::string trimmed(std::string_view text) {
@@ -189,7 +189,7 @@ void take(const Note& note, const std::string& key, T& to) {
   fail("line {}: {} = '{}' found, a value in JSON's notation needed", note.line, key, words::quoted(note.text));
 }
 
-// What is said twice must be the same.
+// A repeated note must have the same value.
 void check_repeated(std::map<std::string, Note>& lines, const std::string& key, const Note& note) {
   const auto [before, is_new] = lines.try_emplace(key, note);
   const Note& first = before->second;
@@ -234,7 +234,7 @@ struct Columns {
   }
 };
 
-// Time may be written with capitals; K is a channel, or nothing.
+// Time may have capital letters. K is a channel or not used.
 std::string canonical(const std::string& name) {
   const std::string lower = in_lower_case(name);
   return lower == "experiment" || lower == "time" ? lower : name;
@@ -244,7 +244,7 @@ bool is_reserved(const std::string& name) {
   return name == "k" || canonical(name) == "experiment" || canonical(name) == "time";
 }
 
-// Where the columns are.
+// Finds the columns.
 class Header {
  public:
   explicit Header(const Cells& names) : names_(names) {
@@ -283,7 +283,7 @@ std::vector<size_t> prefixed_columns(const Header& header, char prefix, const Na
   return named_columns(header, wanted);
 }
 
-// The names stated by the caller or in the file; else those that are wanted, where the file has a column of each.
+// The names stated by the caller or in the file. Otherwise the wanted names, if the file has a column for each.
 const Names& names_to_read(const Row& header, const Names& stated, const Names& noted, const Names& wanted) {
   if (!stated.empty() || !noted.empty()) return stated.empty() ? noted : stated;
   const auto is_there = [&](const std::string& name) {
@@ -292,7 +292,7 @@ const Names& names_to_read(const Row& header, const Names& stated, const Names& 
   return std::all_of(wanted.begin(), wanted.end(), is_there) ? wanted : noted;
 }
 
-// The only column that is `wanted` by its name. Channels are none, also those that the comments name.
+// The only column whose name `wanted` accepts. Channels do not count, nor do those that the comments name.
 template <class Wanted>
 std::optional<size_t> only_column(const Columns& columns, const Channels& noted, const char* what, const char* name,
                                   Wanted&& wanted) {
@@ -313,7 +313,7 @@ std::optional<size_t> only_column(const Columns& columns, const Channels& noted,
   return column;
 }
 
-// "time" decides, then another name of times, then "k", then another name of step numbers.
+// Steps come from "time", else from another name of times, else from "k", else from another name of step numbers.
 void find_steps(const Channels& noted, Columns& columns) {
   const Header header(columns.names);
   columns.time = header.find("time");
@@ -338,7 +338,7 @@ Columns columns_of(const Row& header, const Names& inputs, const Names& outputs)
   return columns;
 }
 
-// What the reader passes over, for the user.
+// A remark for the user on columns that are not read.
 std::optional<std::string> remark_on_unused_columns(const Columns& columns) {
   std::unordered_set<size_t> used(columns.inputs.begin(), columns.inputs.end());
   used.insert(columns.outputs.begin(), columns.outputs.end());
@@ -390,7 +390,7 @@ void check_width(const Row& row, const Cells& names) {
          words::quoted(row.cells[needed]), names.back());
 }
 
-// What a column without the name of its own was taken for, where its values say otherwise.
+// Reminds the user that a column with another name was taken for step numbers, for errors in its values.
 std::string doubt(const Columns& columns) {
   if (columns.time || !columns.step || columns.names[*columns.step] == "k") return "";
   return fmt::format("; '{}' was taken for step numbers: rename it where it holds something else",
@@ -452,7 +452,7 @@ class RecordReader {
 
 // ---- the steps ----
 
-// Steps of the rows, from that of the smallest time or number on.
+// Steps of the rows, counted from the smallest time or number.
 struct Steps {
   Grid grid;
   Index count = 1;
@@ -461,13 +461,13 @@ struct Steps {
 Steps steps_of(const Records& records, std::optional<double> dt) {
   const auto [first, last] = std::minmax_element(records.rows.time.begin(), records.rows.time.end());
   if (dt && (!(*dt > 0) || !std::isfinite(*dt))) fail("dt: {} found, a positive time in seconds needed", *dt);
-  // A number that runs on from one experiment to the next counts rows, unless it is called k.
+  // A number that continues from one experiment to the next counts rows, unless it is called k.
   if (!doubt(records.columns).empty())
     check_common_steps(records.rows, "step numbers from the begin of each experiment on needed, or the name 'k'");
   const Grid grid = records.columns.time ? time_grid(records.rows, dt) : Grid{*first, 1.0};
   const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.rows.time.size());
   const size_t experiments = records.rows.experiments.size();
-  // A wild time or step number would otherwise ask for more memory than the file can be worth.
+  // Otherwise one wrong time or step number could take far more memory than the file justifies.
   const double channels = static_cast<double>(records.columns.inputs.size() + records.columns.outputs.size());
   const double samples = steps * static_cast<double>(experiments) * channels;
   if (!(samples <= 1e6 + 1000 * rows * channels))
@@ -495,14 +495,14 @@ void fill(const Records& records, const Grid& grid, Ensemble& e) {
   }
 }
 
-// Default names need not be kept, unless they were given as names.
+// Default names are not kept, unless they were given as names.
 Names names_unless_default(const Names& names, char prefix, bool given) {
   bool is_default = true;
   for (size_t i = 0; i < names.size(); ++i) is_default = is_default && names[i] == fmt::format("{}{}", prefix, i + 1);
   return is_default && !given ? Names{} : names;
 }
 
-// The units of the file belong to its own choice of channels; another choice finds them by name.
+// The units of the file belong to its own choice of channels. Another choice finds them by name.
 Names units_of(const Names& chosen, const std::map<std::string, std::string>& units) {
   Names result;
   bool any = false;
@@ -531,7 +531,7 @@ Channels channels_of(const Columns& columns, const Row& header, const Notes& not
           units_of(outputs, units)};
 }
 
-// A file without the line break may be whole, but one that was cut within its last number looks the same.
+// A file without a final line break may be whole, but one that was cut within its last number looks the same.
 std::string remark_on_end(const Row& row, const Columns& columns) {
   return fmt::format(
       "line {}, the last one, ends without a line break: its {} = '{}' may have been cut; see whether "
@@ -546,7 +546,7 @@ std::string remark_on_change(const std::filesystem::path& path) {
       path.string());
 }
 
-// Steps that no experiment has may be meant, or the numbers count something else.
+// Steps that no experiment has may be intended, or the numbers may count something else.
 std::optional<std::string> remark_on_empty_steps(const Records& records, const Steps& steps) {
   if (records.columns.time || !records.columns.step) return std::nullopt;
   std::int64_t common = 0;
@@ -617,8 +617,8 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
 
 namespace {
 
-// A spreadsheet program computes a cell that begins like a formula, and one that calls something can read files and
-// start programs. It also parts the lists in the comments into cells.
+// A spreadsheet program computes a cell that begins like a formula. A formula can read files and start programs. The
+// program also splits the lists in the comments into cells.
 void check_no_formula(const char* key, const Names& texts) {
   for (const std::string& text : texts)
     if (!text.empty() && std::string_view("=+-@\t").find(text.front()) != std::string_view::npos &&
@@ -668,7 +668,7 @@ void write_row(const Ensemble& e, Index n, Index k, std::string_view experiment,
   out.push_back('\n');
 }
 
-// Rows without a sample are left out, but for the first experiment and the first step, which keep the grid whole.
+// Rows without a sample are left out, except for the first experiment and the first step, which keep the grid whole.
 bool is_needed(const Ensemble& e, Index n, Index k) {
   return n == 0 || k == 0 || !e.samples().row(n).segment(k * e.channels(), e.channels()).array().isNaN().all();
 }
@@ -693,7 +693,7 @@ void write_csv(const Ensemble& e, const std::filesystem::path& path) {
   check_fits(e);
   ByteWriter file(path);
   TextChecksum checksum;
-  std::string out = checksum_line(std::string(16, '0'));  // its place, until it is known
+  std::string out = checksum_line(std::string(16, '0'));  // a placeholder until the checksum is known
   file.write(out);
   out.clear();
   write_notes(e, out);

@@ -1,4 +1,4 @@
-// Open files, beside the libraries that read and write them.
+// Descriptors of open files, beside those of the libraries that read and write them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -28,23 +28,24 @@ class Descriptor {
   }
 
   int release() { return std::exchange(number_, -1); }
-  operator int() const { return number_; }  // negative where there is none
+  operator int() const { return number_; }  // negative if there is none
 
  private:
   int number_;
 };
 
-// A file whose bytes change while they are read shows something that never was: some libraries take what lies behind a
-// new end for zeros, others for all that there is. A file that another one takes the name of stays as it is.
+// Detects whether a file changes while it is read, because the result would be data that never existed. After a new end
+// some libraries read zeros, and others take the shorter file for complete. A file stays as it is when another file
+// takes its name.
 class Unchanged {
  public:
   explicit Unchanged(const std::filesystem::path& path)
       : file_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)), before_(look()) {}
 
-  int descriptor() const { return file_; }  // negative where it could not be opened
+  int descriptor() const { return file_; }  // negative if it could not be opened
   FileState state() const;                  // at the beginning
 
-  // \throws IoError where another program has changed the file since it was opened
+  // \throws IoError if another program has changed the file since it was opened
   void check() const {
     const struct stat now = look();
     if (now.st_size < before_.st_size)

@@ -1,5 +1,5 @@
-// The data sets of a file by name, with their types and shapes checked. Every error names the data set, what was found
-// and what is needed.
+// The data sets of a file by name, with checks of their types and shapes. Every error names the data set, the value
+// that was found and the value that is needed.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -15,14 +15,14 @@ class Fields {
   Layout layout() const { return contents_.layout; }
   bool has(std::string_view name) const { return find(name) != nullptr; }
 
-  // Each of these throws where the data set is absent or of another kind.
+  // Each function throws if the data set is absent or of another kind.
   const std::vector<double>& numbers(std::string_view name) const;
   const Shape& shape(std::string_view name) const;
   double number(std::string_view name) const;
   Index integer(std::string_view name) const;
   std::string text(std::string_view name) const;
   const std::vector<std::string>& texts(std::string_view name) const;
-  // Texts, or numbers as the shortest texts that say them.
+  // Texts; numbers become the shortest texts that represent them.
   std::vector<std::string> labels(std::string_view name) const;
   const std::vector<double>& list(std::string_view name, size_t count) const;
   std::vector<Index> integers(std::string_view name, size_t count, Index low, Index high) const;

@@ -40,8 +40,8 @@ std::optional<struct stat> status_of(const fs::path& path) {
   return stat(path.c_str(), &found) == 0 ? std::optional(found) : std::nullopt;
 }
 
-// Where a lock of somebody who has died is left, that one serves. O_CREAT alone would be refused for another's file in
-// a folder that all may write to.
+// Opens an existing lock file, also one that a dead process left, or creates it. With O_CREAT alone, the system refuses
+// another user's file in a folder that all may write to.
 Descriptor open_or_create(const fs::path& path) {
   for (;;) {
     Descriptor file(open(path.c_str(), open_flags));
@@ -51,14 +51,14 @@ Descriptor open_or_create(const fs::path& path) {
   }
 }
 
-// Opening asks the server of a network file system; a look at the name might see what was there a moment ago.
+// Opening the file asks the server of a network file system. A look at the name might show an old state.
 bool has_name(const fs::path& path, int file) {
   const Descriptor there(open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
   struct stat a = {}, b = {};
   return there >= 0 && fstat(there, &a) == 0 && fstat(file, &b) == 0 && same_file(a, b);
 }
 
-// As the holder has written it.
+// The holder's text about itself.
 std::string holder_of(int file) {
   std::array<char, 300> bytes{};
   const ssize_t n = pread(file, bytes.data(), bytes.size(), 0);
@@ -70,13 +70,13 @@ std::string holder_of(int file) {
 }  // namespace
 
 struct FileLock::Content {
-  fs::path path, target, name;  // as given, behind links, of the lock
+  fs::path path, target, name;  // as given, after links, of the lock
   Descriptor file;
   pid_t owner = getpid();
   bool held = false;
   std::optional<struct stat> seen;
 
-  // Who has the lock, or nothing once it is ours.
+  // Takes the lock. Returns its holder, or nothing once the lock is taken.
   std::optional<std::string> take() {
     for (;;) {
       file = open_or_create(name);
@@ -92,10 +92,10 @@ struct FileLock::Content {
                                      std::generic_category().message(error)),
                          error);
       }
-      if (has_name(name, file)) break;  // else the one before has removed it meanwhile
+      if (has_name(name, file)) break;  // otherwise the previous holder has removed it
     }
     held = true;
-    // Whoever may write the file may lock it.
+    // Everyone who may write the file may lock it.
     if (const auto of = status_of(target); of && fchown(file, uid_t(-1), of->st_gid) == 0)
       fchmod(file, (of->st_mode & 0666) | 0600);
     if (ftruncate(file, 0) == 0) io::write_all(file, this_process());
@@ -125,7 +125,7 @@ struct FileLock::Content {
 
   ~Content() {
     if (!held || owner != getpid()) return;  // a forked process has no lock
-    // First the name, then the lock: who waits for this one finds that it has no name.
+    // The name goes before the lock, so that a waiting process finds that the file has no name.
     unlink(name.c_str());
   }
 };

@@ -62,7 +62,7 @@ void write(const io::Arrays& arrays, const fs::path& path, Format format, const 
   }
 }
 
-// What a file holds, named where it can't be read.
+// Reads the content of a file. Errors name the file.
 template <class Read>
 auto loaded(const fs::path& path, Read&& content) {
   return naming(path, [&] {

@@ -1,4 +1,4 @@
-// Files of named arrays: whole on both sides of the name, in the format of its extension.
+// Reads and writes files of named arrays, each as a whole, in the format of its extension.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,10 +10,10 @@
 
 namespace tokid::io {
 
-// use(fields) with the arrays of the file; what of `wanted` is there has been read. \throws IoError
+// Calls use(fields) with the arrays of the file that are in `wanted`. \throws IoError
 void load_arrays(const std::filesystem::path& path, const Names& wanted, const std::function<void(const Fields&)>& use);
 
-// arrays(layout) of the format. \throws as save_model()
+// Writes arrays(layout), in the layout of the format. \throws as save_model()
 void save_arrays(const std::filesystem::path& path, const WriteOptions& options,
                  const std::function<Arrays(Layout)>& arrays);
 

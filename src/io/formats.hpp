@@ -1,5 +1,5 @@
-// One reader and one writer for each format. Readers deliver the wanted data sets that are there and the names of all;
-// writers write to a file that exists already and is theirs alone.
+// One reader and one writer for each format. A reader returns the wanted data sets that exist, and the names of all. A
+// writer writes to an existing file that nobody else uses.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,7 +12,7 @@ namespace tokid::io {
 Contents read_npz(const std::filesystem::path& path, const Names& wanted);
 void write_npz(const Arrays& arrays, const std::filesystem::path& path);
 
-// Also MATLAB 7.3, whatever its name. Of the `outlined` data sets the shape alone is read, as the file has it.
+// Also reads MATLAB 7.3, under any name. For the `outlined` data sets it reads only the shape, as in the file.
 Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const Names& outlined = {});
 void write_hdf5(const Arrays& arrays, const std::filesystem::path& path);
 

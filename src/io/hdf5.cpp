@@ -43,8 +43,8 @@ Node open_attribute(hid_t object, const std::string& name) {
           true};
 }
 
-// Values that lie elsewhere than in the file would have it lead to any other that the user may read. Two filters of the
-// library trust what the file says of the bits to unpack, and write beyond their buffers.
+// Refuses values outside the file, because they could lead to any file that the user may read. Refuses two filters of
+// the library too: they trust the number of bits in the file, and write beyond their buffers.
 void check_storage(hid_t data, const std::string& name) {
   const Handle properties(H5Dget_create_plist(data), H5Pclose, name);
   if (checked(H5Pget_layout(properties), name) == H5D_VIRTUAL || checked(H5Pget_external_count(properties), name) > 0)
@@ -79,9 +79,9 @@ Shape shape_of(const Node& node) {
   return Shape(dims.begin(), dims.end());
 }
 
-// Chunks are unpacked whole, however few of their values are in use, and converted beside that; packed they may be as
-// large once more. Of each one the library keeps about a kilobyte, also of those that were never written; those that
-// were have at least their addresses in the file.
+// The library unpacks whole chunks, however few of their values are used, and converts them in another buffer. A packed
+// chunk may be as large again. The library keeps about a kilobyte for each chunk, even for chunks that were never
+// written. Each written chunk has at least its address in the file.
 void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t item, const Claims& claims) {
   constexpr std::uint64_t kept = 1024, address = 8, most_unwritten = 65536;
   const auto chunk = chunk_shape(properties, shape.size(), node.name);
@@ -101,7 +101,7 @@ void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t
   check_index(node.id, node.name, shape, chunk);
 }
 
-// How many bytes one that is stored can become; 0 where nobody knows.
+// The number of bytes that one stored byte can become; 0 if it is unknown.
 std::uint64_t expansion(hid_t properties, const std::string& name) {
   const auto filters = filters_of(properties, name);
   if (!PackedChunks::knows(filters)) return 0;
@@ -110,7 +110,7 @@ std::uint64_t expansion(hid_t properties, const std::string& name) {
   return packed ? best_compression : 1;
 }
 
-// A data set in one piece that was never written holds zeros: for other programs too, but not without end.
+// A data set in one piece that was never written holds zeros. Other programs use this, but it must have a limit.
 void check_stored(const Node& node, const Shape& shape, size_t memory_item, Claims& claims) {
   constexpr std::uint64_t most_unwritten = std::uint64_t{1} << 28;
   const size_t item = H5Tget_size(node.type);
@@ -121,10 +121,10 @@ void check_stored(const Node& node, const Shape& shape, size_t memory_item, Clai
   const H5D_layout_t layout = checked(H5Pget_layout(properties), node.name);
   if (layout == H5D_CHUNKED) check_chunks(node, shape, properties, item, claims);
   const hsize_t stored = H5Dget_storage_size(node.id);
-  // The library copies what lies beside the values of a header, or of a file, that are too few.
+  // If a header or a file has too few values, the library copies the bytes beside them.
   if (((layout == H5D_CONTIGUOUS && stored > 0) || layout == H5D_COMPACT) && stored < bytes)
     fail("data set '{}': {} stored bytes found, {} needed for shape {}", node.name, stored, bytes, text(shape));
-  // The library copies as many bytes as the type has from a value for them, which may be shorter in a damaged file.
+  // The library copies as many bytes of a fill value as the type has. In a damaged file it may have fewer.
   H5D_fill_value_t value = H5D_FILL_VALUE_DEFAULT;
   checked(H5Pfill_value_defined(properties, &value), node.name);
   if (layout == H5D_CONTIGUOUS && stored == 0 && value == H5D_FILL_VALUE_USER_DEFINED)
@@ -151,7 +151,7 @@ std::vector<std::string> read_fixed_texts(const Node& node, size_t count) {
   return texts;
 }
 
-// Many entries may refer to one long text, and each gets a copy: no more of them than there is memory.
+// Many entries may refer to one long text, and each gets a copy. The copies must fit into the memory limit.
 void* allocate_within(size_t bytes, void* left) {
   auto& budget = *static_cast<std::uint64_t*>(left);
   if (bytes > budget) return nullptr;
@@ -162,14 +162,14 @@ void free_text(void* text, void*) { std::free(text); }
 
 std::vector<std::string> read_variable_texts(const Node& node, size_t count, const Claims& claims) {
   const Handle character(H5Tget_super(node.type), H5Tclose, node.name);
-  if (H5Tget_size(character) != 1)  // the library takes room for so many of them
+  if (H5Tget_size(character) != 1)  // the library takes room for characters of this size
     fail("data set '{}': texts with characters of {} bytes found, 1 byte needed", node.name, H5Tget_size(character));
   if (!node.is_attribute && H5Dget_storage_size(node.id) == 0) return std::vector<std::string>(count);
-  // Attributes are read without a choice of the allocation.
+  // The library offers no choice of the allocator for attributes.
   if (node.is_attribute && count > 1) claims.check(node.name, {count}, 1, claims.file_bytes());
   const Hdf5Bytes bytes(node.id, node.name, claims.file_bytes());
   const auto entries = node.is_attribute ? bytes.attribute(node.name) : bytes.values();
-  // The library trusts entries, and writes beyond its buffers: those that can't be checked are not read.
+  // The library trusts entries, and writes beyond its buffers. Entries that cannot be checked are not read.
   if (!entries && node.is_attribute)
     fail("attribute '{}': a text that its object's header has no room for found, fewer attributes or a data set needed",
          node.name);
@@ -211,7 +211,7 @@ std::string foreign_kind(const Node& node, H5T_class_t type) {
   return complex ? "complex numbers" : "records (a compound type)";
 }
 
-// The library's conversion of numbers that don't fill their bytes writes past its buffers, so it gets none of them.
+// The library writes beyond its buffers when it converts numbers that do not fill their bytes, so they are refused.
 bool is_plain_integer(hid_t type) {
   return H5Tget_precision(type) == 8 * H5Tget_size(type) && H5Tget_offset(type) == 0 && H5Tget_size(type) <= 8;
 }
@@ -235,7 +235,7 @@ bool is_plain_number(const Node& node, H5T_class_t type) {
   return type == H5T_ENUM && is_plain_integer(Handle(H5Tget_super(node.type), H5Tclose, node.name));
 }
 
-// Numbers may be left in the file: their shape alone then.
+// Without `with_numbers`, numbers stay in the file and only their shape is read.
 Array read_node(const Node& node, Claims& claims, bool with_numbers = true) {
   const H5S_class_t extent = H5Sget_simple_extent_type(node.space);
   if (extent != H5S_SCALAR && extent != H5S_SIMPLE) return {{0}, Foreign{"nothing (an empty data space)"}};
@@ -317,7 +317,7 @@ Array matlab_value(Node node, const std::string& kind, Claims& claims) {
 
 // ---- the root group ----
 
-// For the library's iterations, which know no exceptions.
+// A callback for the library's iterations, which must not see exceptions.
 herr_t keep(const char* name, void* names) {
   try {
     static_cast<Names*>(names)->emplace_back(name);
@@ -342,7 +342,7 @@ Names attribute_names(hid_t group) {
   return names;
 }
 
-// A file leads to no other one: neither by a link of its own nor by the name that a soft link holds.
+// A file must not lead to another file, neither by a link nor by the name that a soft link holds.
 Handle open_object(hid_t root, const std::string& name) {
   H5L_info_t link;
   checked(H5Lget_info(root, name.c_str(), &link, H5P_DEFAULT), name);
@@ -405,7 +405,7 @@ void set_matlab_class(hid_t object, std::string_view kind) {
   write_attribute(object, "MATLAB_class", text_type(kind.size(), H5T_STR_NULLTERM, H5T_CSET_ASCII), kind.data());
 }
 
-// MATLAB has the sizes of an empty array in place of its values.
+// MATLAB stores the sizes of an empty array instead of its values.
 void write_matlab_empty(hid_t group, const std::string& name, const Shape& shape, std::string_view kind) {
   const std::vector<std::uint64_t> sizes(shape.rbegin(), shape.rend());
   const Handle data = write_values(group, name, {sizes.size()}, H5T_STD_U64LE, H5T_NATIVE_UINT64, sizes.data());
@@ -423,7 +423,7 @@ void write_matlab_text(hid_t group, const std::string& name, const std::string& 
   write_attribute(data, "MATLAB_int_decode", H5T_NATIVE_INT32, &bytes_of_a_character);
 }
 
-// A cell array refers to its cells, which are kept in a group of their own.
+// A cell array refers to its cells, which have a group of their own.
 void write_matlab_cell(hid_t file, const std::string& name, const std::vector<std::string>& texts) {
   constexpr const char* cells = "#refs#";
   if (checked(H5Lexists(file, cells, H5P_DEFAULT)) == 0)
@@ -451,7 +451,7 @@ void write_matlab_variable(hid_t file, const std::string& name, const Array& arr
   array.shape.empty() ? write_matlab_text(file, name, texts->front()) : write_matlab_cell(file, name, *texts);
 }
 
-// At most so many bytes of a file are taken for the variable.
+// Upper bound of the bytes that the variable takes in a file.
 std::uint64_t matlab_bytes(const Array& array) {
   const auto* texts = std::get_if<std::vector<std::string>>(&array.values);
   if (!texts) {
@@ -464,7 +464,7 @@ std::uint64_t matlab_bytes(const Array& array) {
   return bytes;
 }
 
-// The block that MATLAB knows its files by.
+// The block by which MATLAB recognises its files.
 std::string matlab_header() {
   std::string header = "MATLAB 7.3 MAT-file, created by tokid";
   header.resize(116, ' ');

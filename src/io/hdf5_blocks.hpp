@@ -1,4 +1,4 @@
-// Data sets of an HDF5 file that are read in blocks of their axes.
+// Reads data sets of an HDF5 file in blocks of their axes.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -13,17 +13,17 @@ namespace tokid::io {
 
 class Hdf5Source {
  public:
-  // `bytes` is the same file, opened before, and outlives this. \throws IoError where another has taken its name
+  // `bytes`: the same file, opened earlier. It must outlive this. \throws IoError if another file has taken its name
   Hdf5Source(const std::filesystem::path& path, const Unchanged& bytes);
 
   class Samples {
    public:
     Samples(const Hdf5Source& source, const std::string& name);
     int rank() const { return rank_; }
-    // Entries of the first axis that are stored together.
+    // Number of entries of the first axis that are stored together.
     Index stored_together() const { return together_; }
     void read(const Hyperslab& part, double* to);  // row-major. \throws IoError
-    // Has the system fetch what will be read soon, while something else is done. A hint, for data sets in one piece.
+    // Asks the system to fetch a part that is read soon. This is a hint, for data sets in one piece only.
     void expect(const Hyperslab& part) const;
 
    private:

@@ -19,9 +19,9 @@ enum Message : unsigned {
   attribute_message = 0x0C,
   continuation_message = 0x10
 };
-constexpr unsigned is_shared = 0x02;  // of the flags of a message: it lies elsewhere
+constexpr unsigned is_shared = 0x02;  // flag of a message that is stored elsewhere
 
-// Some bytes of the file. What lies beyond them is empty, and its numbers 0.
+// Some bytes of the file. Beyond them there are no bytes, and numbers are 0.
 class View {
  public:
   explicit View(std::string_view bytes) : bytes_(bytes) {}
@@ -43,7 +43,7 @@ class View {
 
 size_t to_eight(size_t bytes) { return (bytes + 7) / 8 * 8; }
 
-// Of one value; empty where the properties of its class do not fit into the message.
+// Bytes of one value; empty if the properties of its class do not fit into the message.
 std::optional<std::uint64_t> value_bytes(std::string_view datatype) {
   constexpr size_t head = 8;  // class and version, bits, size of a value
   const View type(datatype);
@@ -54,7 +54,7 @@ std::optional<std::uint64_t> value_bytes(std::string_view datatype) {
   return type.number(4, 4);
 }
 
-// How many values; empty where the sizes do not fit into the message.
+// Number of values; empty if the sizes do not fit into the message.
 std::optional<std::uint64_t> value_count(std::string_view dataspace) {
   const View space(dataspace);
   const auto version = space.number(0, 1), rank = space.number(1, 1), flags = space.number(2, 1);
@@ -104,7 +104,7 @@ std::uint64_t Hdf5Bytes::address() const {
 }
 
 void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
-  // Version 1 begins with its sizes, version 2 with a signature, and has a checksum behind each block.
+  // Version 1 begins with its sizes. Version 2 begins with a signature, and has a checksum after each block.
   constexpr size_t most_start = 34;
   const std::string start =
       read(address, std::min<std::uint64_t>(most_start, file_bytes_ - std::min(file_bytes_, address)));
@@ -120,7 +120,7 @@ void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
     blocks.push_back({address + 16, prefix.number(8, 4)});
   }
 
-  std::uint64_t total = 0;       // blocks that overlap may be more than there is in the file
+  std::uint64_t total = 0;       // overlapping blocks may be more than the file has
   std::set<std::uint64_t> seen;  // blocks that lead back to each other have no end
   for (size_t i = 0; i < blocks.size(); ++i) {
     total += blocks[i].bytes;
@@ -146,7 +146,7 @@ void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
   }
 }
 
-// Of one value of a type that has a name of its own in the file.
+// Bytes of one value of a type that has a name of its own in the file.
 std::optional<std::uint64_t> Hdf5Bytes::committed_bytes(std::string_view reference) const {
   const View at(reference);
   const std::uint64_t header = at.number(at.number(0, 1) == 1 ? 8 : 2, 8);
@@ -200,7 +200,7 @@ std::optional<Hdf5Bytes::Piece> Hdf5Bytes::attribute(std::string_view name) cons
   std::optional<Piece> found;
   each_attribute([&](std::string_view other, const Piece& values) {
     if (other != name) return;
-    if (found) damaged("attribute");  // twice: the library may read the one that is not looked at
+    if (found) damaged("attribute");  // twice: the library may read the unchecked one
     found = values;
   });
   return found;
@@ -225,7 +225,7 @@ std::optional<Hdf5Bytes::Piece> Hdf5Bytes::values() const {
     if (const haddr_t offset = H5Dget_offset(object_); offset != HADDR_UNDEF)
       found = Piece{offset, H5Dget_storage_size(object_)};
   } else if (layout == H5D_COMPACT) {
-    constexpr size_t values_at = 4;  // behind version, class and size, from version 3 on
+    constexpr size_t values_at = 4;  // after version, class and size, from version 3 on
     const Piece piece = layout_piece();
     const std::string bytes = read(piece.offset, piece.bytes);
     const View message(bytes);
@@ -240,14 +240,14 @@ void Hdf5Bytes::check_chunks(std::uint64_t needed) const {
   const std::string bytes = read(piece.offset, piece.bytes);
   const View message(bytes);
   const auto version = message.number(0, 1);
-  if (version > 3) return;  // the indexes of these hold addresses alone, where there are no filters
+  if (version > 3) return;                                    // without filters their indexes hold addresses only
   const auto rank = message.number(version == 3 ? 2 : 1, 1);  // one more than that of the data set
   constexpr std::uint64_t nowhere = ~std::uint64_t{0};
   const std::uint64_t root = message.number(version == 3 ? 3 : 8, 8);
   if (root == nowhere) return;
 
   constexpr size_t head = 24, child = 8;  // of a node; an address in it
-  const size_t key = 8 + 8 * rank;        // bytes, filters that were left out, place
+  const size_t key = 8 + 8 * rank;        // bytes, mask of omitted filters, place
   std::uint64_t total = 0;                // nodes that lead back to each other have no end
   std::vector<std::uint64_t> nodes(1, root);
   while (!nodes.empty()) {
@@ -280,7 +280,7 @@ void Hdf5Bytes::check_texts(const Piece& entries) const {
   std::uint64_t total = 0;
   for (size_t at = 0; at + entry <= view.size(); at += entry) {
     const std::uint64_t length = view.number(at, 4), address = view.number(at + 4, 8), index = view.number(at + 12, 4);
-    if (address == 0) continue;  // none
+    if (address == 0) continue;  // no text
     if (!heaps.contains(address)) heaps[address] = heap(address, total);
     const auto object = heaps[address].find(index);
     if (object == heaps[address].end() || object->second != length)
@@ -288,10 +288,10 @@ void Hdf5Bytes::check_texts(const Piece& entries) const {
   }
 }
 
-// The bytes of each object by its number. Heaps that overlap are more in all than there is in the file, and would each
-// take the memory of the whole.
+// The bytes of each object by its number. Overlapping heaps can be larger in all than the file, and would each take the
+// memory of the whole.
 std::map<std::uint64_t, std::uint64_t> Hdf5Bytes::heap(std::uint64_t address, std::uint64_t& total) const {
-  constexpr size_t head = 16;  // of a heap and of an object alike
+  constexpr size_t head = 16;  // of a heap, and of an object
   if (address > file_bytes_) damaged("heap of texts");
   const std::string start = read(base_ + address, head);
   const std::uint64_t bytes = View(start).number(8, 8);
@@ -304,7 +304,7 @@ std::map<std::uint64_t, std::uint64_t> Hdf5Bytes::heap(std::uint64_t address, st
   for (size_t at = head; at + head <= bytes;) {
     const std::uint64_t index = view.number(at, 2), size = view.number(at + 8, 8), left = bytes - at;
     if (size > left) damaged("heap of texts");
-    const std::uint64_t step = index == 0 ? size : head + to_eight(size);  // 0: what is free, with its head
+    const std::uint64_t step = index == 0 ? size : head + to_eight(size);  // 0: free space, with its head
     if (step < head || step > left) damaged("heap of texts");
     if (index > 0) found[index] = size;
     at += step;

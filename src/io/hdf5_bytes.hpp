@@ -1,5 +1,5 @@
-// An HDF5 file as the bytes that it consists of: what the library trusts is looked at before the library decodes it.
-// Terms and layouts are those of the HDF5 File Format Specification, version 3.
+// Reads the bytes of an HDF5 file directly. It checks the values that the library trusts, before the library decodes
+// them. Terms and layouts are those of the HDF5 File Format Specification, version 3.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -20,32 +20,32 @@ class Hdf5Bytes {
     std::uint64_t offset = 0, bytes = 0;
   };
 
-  // Of an object and of the file that it lies in. \throws IoError for a file with addresses or sizes other than the
-  // usual ones of 8 bytes
+  // Takes an object, and the size of its file. \throws IoError for a file whose addresses or sizes are not the usual
+  // ones of 8 bytes
   Hdf5Bytes(hid_t object, std::string name, std::uint64_t file_bytes);
 
-  // The library takes as many bytes for an attribute as its type and size claim, wherever the header of the object
-  // ends. \throws IoError for one that claims more than it has
+  // Checks the attributes of the object. The library takes as many bytes for an attribute as its type and size claim,
+  // even beyond the header of the object. \throws IoError for an attribute that claims more than it has
   void check_attributes() const;
 
-  // Where the values of an attribute of the object lie; empty for one that is not in its header.
+  // Position of the values of an attribute of the object; empty if it is not in the object's header.
   std::optional<Piece> attribute(std::string_view name) const;
 
-  // Of a data set in one piece; empty for one in chunks, and for one that was never written.
+  // Position of the values of a data set in one piece; empty for one in chunks, and for one that was never written.
   std::optional<Piece> values() const;
 
-  // Of a data set whose chunks no filter packs: each is read as if it had all of its bytes, and of one with fewer the
-  // library reads what lies beside them. \throws IoError for one that has fewer than are needed
+  // Checks a data set whose chunks have no filters. The library reads each chunk as if it had all of its bytes. If it
+  // has fewer, the library reads the bytes beside it. \throws IoError for a chunk with fewer bytes than needed
   void check_chunks(std::uint64_t needed) const;
 
-  // Entries refer to texts of variable length in heaps. The library takes memory for the length that an entry claims,
-  // walks from one object of a heap to the next wherever their sizes lead, and copies as much as the object says.
-  // \throws IoError for a text that its heap does not hold
+  // Checks texts of variable length, which are in heaps. The library takes memory for the length that an entry claims.
+  // It follows the sizes of the objects in a heap wherever they lead, and copies as much as an object claims. \throws
+  // IoError for a text that its heap does not hold
   void check_texts(const Piece& entries) const;
 
  private:
   void each_attribute(const std::function<void(std::string_view name, const Piece& values)>& see) const;
-  // Of the header at this place of the file.
+  // Calls `see` with each message of the header at this address.
   using Use = std::function<void(unsigned type, unsigned flags, const Piece&)>;
   void each_message(std::uint64_t address, const Use& see) const;
   std::uint64_t address() const;
@@ -58,7 +58,7 @@ class Hdf5Bytes {
   hid_t object_;
   std::string name_;
   std::uint64_t file_bytes_;
-  hsize_t base_ = 0;  // behind the block of a user, MATLAB's: from there addresses count
+  hsize_t base_ = 0;  // after the user block, such as MATLAB's: addresses count from here
   int descriptor_ = -1;
 };
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr size_t checksum_bytes = 4;
 
-// Each place from `begin` to `end` by steps; the last axis turns fastest.
+// Visits each place from `begin` to `end` by steps. The last axis changes fastest.
 template <typename Use>
 void each_place(const std::vector<hsize_t>& begin, const std::vector<hsize_t>& end, const std::vector<hsize_t>& step,
                 size_t axes, Use&& use) {
@@ -25,11 +25,11 @@ void each_place(const std::vector<hsize_t>& begin, const std::vector<hsize_t>& e
   }
 }
 
-// The sum of Fletcher over words of two bytes, the high one first; the last byte of an odd count is a high one.
-// Both sums are modulo 65535. There, words with their bytes swapped give sums with their bytes swapped, so that words
-// are read as they lie in memory. Several sums side by side take every lanes-th word; the second sum follows from them.
+// Fletcher's sum over words of two bytes, the high byte first. The last byte of an odd count is a high byte. Both sums
+// are modulo 65535. There, words with swapped bytes give sums with swapped bytes, so words are read as they lie in
+// memory. Several sums side by side take every lanes-th word. The second sum follows from them.
 std::uint32_t fletcher32(const char* bytes, size_t count) {
-  constexpr size_t lanes = 16, most_rounds = 360;  // whose sums fit into 32 bits
+  constexpr size_t lanes = 16, most_rounds = 360;  // for sums that fit into 32 bits
   constexpr auto fold = [](std::uint64_t sum) {
     while (sum > 0xFFFF) sum = (sum & 0xFFFF) + (sum >> 16);
     return sum;
@@ -61,7 +61,7 @@ std::uint32_t fletcher32(const char* bytes, size_t count) {
   return swapped(fold(second)) << 16 | swapped(fold(first));
 }
 
-// As a library of 2005 wrote it: the bytes of each half changed places.
+// The sum as a library of 2005 wrote it, with the bytes of each half swapped.
 std::uint32_t with_bytes_of_halves_swapped(std::uint32_t sum) {
   return ((sum & 0x00FF00FFU) << 8) | ((sum & 0xFF00FF00U) >> 8);
 }
@@ -91,11 +91,11 @@ std::vector<hsize_t> chunk_shape(hid_t properties, size_t rank, const std::strin
 
 namespace {
 
-// Null for one that is not in the index.
+// Empty for a chunk that is not in the index.
 std::optional<hsize_t> stored_bytes_of(hid_t data, const std::string& name, const std::vector<hsize_t>& place) {
   hsize_t stored = 0;
   if (H5Dget_chunk_storage_size(data, place.data(), &stored) < 0) {
-    // HDF5 1.10 takes it for an error, newer ones have 0 bytes for it.
+    // HDF5 1.10 reports an error; newer versions report 0 bytes.
     if (const std::string reason = hdf5_reason(); reason != "chunk storage is not allocated")
       fail("data set '{}': HDF5: {}", name, reason);
     return std::nullopt;
@@ -196,12 +196,12 @@ const PackedChunks::Bytes& PackedChunks::chunk(const Place& place) {
 
 // ---- one chunk ----
 
-// Into bytes_.
+// Reads and unpacks the chunk at `place` into bytes_.
 void PackedChunks::fetch(const Place& place) {
   const auto found = stored_bytes_of(data_, name_, place);
   if (!found) fail("data set '{}': a chunk is missing, all needed", name_);
   const hsize_t stored = *found;
-  // Packing makes random bytes longer, but hardly so.
+  // Packing makes random bytes longer, but only a little.
   constexpr std::uint64_t little = 65536;
   if (stored > std::min(file_bytes_, 2 * std::uint64_t{items_} * stored_item_ + little))
     damaged(fmt::format("of {} stored bytes", stored));
@@ -226,7 +226,7 @@ void PackedChunks::unpack(std::uint32_t left_out) {
       if (filters_[i].kind == kind && holds(i)) return true;
     return false;
   };
-  // What goes into each filter; what comes out of deflate nobody knows.
+  // Sizes before each filter. The size after deflate is unknown.
   std::vector<std::optional<size_t>> packs(filters_.size());
   std::optional<size_t> size = items_ * stored_item_;
   for (size_t i = 0; i < filters_.size(); ++i) {
@@ -236,7 +236,7 @@ void PackedChunks::unpack(std::uint32_t left_out) {
     if (filters_[i].kind == H5Z_FILTER_FLETCHER32 && size) *size += checksum_bytes;
   }
 
-  // The library leaves out what can't make a chunk smaller, and that is deflate: never what came before it.
+  // The library omits deflate if it does not make a chunk smaller. It never omits a filter before deflate.
   const bool deflated = any_of(H5Z_FILTER_DEFLATE, [&](size_t i) { return !is_left_out(i); });
   if (deflated && any_of(H5Z_FILTER_SHUFFLE, is_left_out)) damaged("packed without its filter shuffle");
 
@@ -263,7 +263,7 @@ void PackedChunks::unpack(std::uint32_t left_out) {
       if (status != Z_OK || count != other_.size()) damaged(fmt::format("that unpacks to {} bytes", count));
       bytes_.swap(other_);
     } else if (const size_t width = filters_[i].parameter, count = bytes_.size() / std::max<size_t>(1, width);
-               width > 1 && count > 1) {  // shuffle: the first bytes of all items, then the second ones
+               width > 1 && count > 1) {  // shuffle: first bytes of all items, then second bytes
       other_.resize(bytes_.size());
       for (size_t k = 0; k < count; ++k)
         for (size_t b = 0; b < width; ++b) other_[k * width + b] = bytes_[b * count + k];
@@ -275,7 +275,7 @@ void PackedChunks::unpack(std::uint32_t left_out) {
   if (bytes_.size() != items_ * stored_item_) damaged(fmt::format("of {} bytes", bytes_.size()));
 }
 
-// In bytes_, from the type in the file to that in memory.
+// Converts bytes_ from the type in the file to the type in memory.
 void PackedChunks::convert() {
   if (checked(H5Tequal(type_, memory_type_), name_) > 0) return;
   bytes_.resize(items_ * std::max(stored_item_, item_));
@@ -283,9 +283,9 @@ void PackedChunks::convert() {
   bytes_.resize(items_ * item_);
 }
 
-// bytes_, here or among those that are kept.
+// Returns bytes_, here or among the kept chunks.
 const PackedChunks::Bytes& PackedChunks::keep(const Place& place) {
-  constexpr size_t beside = 256;  // its place, and what holds them
+  constexpr size_t beside = 256;  // bytes for its place and its containers
   const size_t size = bytes_.size() + beside;
   if (size > kept_bytes_) return bytes_;
   while ((order_.size() + 1) * size > kept_bytes_) {
@@ -301,7 +301,7 @@ const PackedChunks::Bytes& PackedChunks::keep(const Place& place) {
 
 // ---- from chunks to a part of the data set ----
 
-// The runs of values that both have. Trailing axes that both have as a whole are one run.
+// Copies the runs of values that chunk and part share. Trailing axes that are whole in both form one run.
 void PackedChunks::copy(const Bytes& chunk, const Place& place, const Hyperslab& part, char* to) const {
   const size_t rank = place.size();
   Place begin(rank), end(rank);

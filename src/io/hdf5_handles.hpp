@@ -1,4 +1,4 @@
-// What every use of the HDF5 library needs: handles that close themselves, reasons in words, parts of data sets.
+// Common tools for the HDF5 library: handles that close themselves, reasons in words, parts of data sets.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace tokid::io {
 
-// The library would print its error stack on stderr; the innermost reason goes into our own message instead.
+// Stops the library from printing its error stack on stderr. Messages of tokid contain the innermost reason instead.
 class QuietHdf5 {
  public:
   QuietHdf5();
@@ -25,7 +25,7 @@ class QuietHdf5 {
   void* data_ = nullptr;
 };
 
-// Why the last call failed.
+// The reason why the last call failed.
 std::string hdf5_reason();
 
 // \throws IoError for a negative status
@@ -61,7 +61,7 @@ Handle space_of(const Shape& shape);
 struct Hyperslab {
   std::vector<hsize_t> begin, count;
 };
-Handle selected(hid_t data, const std::string& name, const Hyperslab& part);  // of the space in the file
+Handle selected(hid_t data, const std::string& name, const Hyperslab& part);  // in the space of the file
 Handle memory_of(const Hyperslab& part);
 
 }  // namespace tokid::io

@@ -152,7 +152,7 @@ Array value_of(const matvar_t& variable) {
 }
 
 Array read_variable(mat_t* file, matvar_t* variable, Claims& claims) {
-  // Numbers may be stored in one byte that take eight in memory.
+  // A number may take one byte in the file and eight in memory.
   claims.add(variable->name, shape_of(*variable), 1, sizeof(double));
   if (Mat_VarReadDataAll(file, variable) != 0) fail("data set '{}' can't be read: {}", variable->name, reason());
   return value_of(*variable);
@@ -165,7 +165,7 @@ std::string_view bits(const Array& array) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(double)};
 }
 
-// Variables may be no larger in version 7.
+// The largest size of a variable in version 7.
 constexpr size_t version7_bytes = (size_t{1} << 31) - 1;
 
 Variable create(const std::string& name, matio_classes kind, matio_types type, Shape shape, const void* values) {
@@ -215,7 +215,7 @@ Contents read_mat(const std::filesystem::path& path, const Names& wanted) {
     contents.names.push_back(name);
     if (contains(wanted, name)) add_once(name, read_variable(file.get(), variable.get(), claims), contents.arrays);
   }
-  if (!wanted.empty()) check_mat_checksums(path);  // after the claims, which a bomb does not pass
+  if (!wanted.empty()) check_mat_checksums(path);  // after the claims, which refuse a decompression bomb
   return contents;
 }
 
@@ -233,7 +233,7 @@ bool reads_back(const Arrays& arrays, const std::filesystem::path& path) {
   return std::equal(written.arrays.begin(), written.arrays.end(), arrays.begin(), arrays.end(), same);
 }
 
-// What the rest of a file is refused for, of which the library does not tell.
+// matio does not report why the rest of a file was not written. reserve() throws if the disk is full.
 [[noreturn]] void fail_incomplete(const Arrays& arrays, const std::filesystem::path& path, std::string_view why) {
   std::uint64_t bytes = mat_header_bytes;
   for (const auto& [name, array] : arrays) bytes += mat_header_bytes + checked_product(array.shape, sizeof(double));
@@ -241,7 +241,7 @@ bool reads_back(const Arrays& arrays, const std::filesystem::path& path) {
   throw WriteError(fmt::format("can't be written completely: {}", why), 0);
 }
 
-// matio doesn't look at what becomes of its writes, so that a full disk goes unnoticed.
+// matio does not check its writes, so a full disk goes unnoticed. The file is therefore read back.
 void check_written(const Arrays& arrays, const std::filesystem::path& path) {
   std::string why = "other data read back";
   try {
@@ -256,7 +256,7 @@ void check_written(const Arrays& arrays, const std::filesystem::path& path) {
 
 void write_mat(const Arrays& arrays, const std::filesystem::path& path) {
   listen_to_matio();
-  // Without the date, which the default header has, the same data give the same bytes.
+  // The default header has the date. Without it the same data give the same bytes.
   File file(Mat_CreateVer(path.c_str(), "MATLAB 5.0 MAT-file, created by tokid", MAT_FT_MAT5));
   if (!file) fail_incomplete(arrays, path, reason());
   for (const auto& [name, array] : arrays) {

@@ -33,7 +33,7 @@ bool is_hdf5(std::istream& file) {
 class Source {
  public:
   virtual ~Source() = default;
-  virtual void read(char* to, size_t bytes) = 0;  // \throws IoError where there are not so many
+  virtual void read(char* to, size_t bytes) = 0;  // \throws IoError if there are fewer
   virtual void skip(std::uint64_t bytes) = 0;
 };
 
@@ -72,7 +72,7 @@ class Inflated : public Source {
     for (; bytes > 0; bytes -= std::min<std::uint64_t>(bytes, unused_.size()))
       read(unused_.data(), size_t(std::min<std::uint64_t>(bytes, unused_.size())));
   }
-  // zlib compares its checksum, Adler-32, at the end alone. \throws IoError for another checksum, and unless the packed
+  // zlib compares its checksum, Adler-32, only at the end. \throws IoError for another checksum, and unless the packed
   // bytes end there too
   void finish() {
     for (int status = Z_OK; status != Z_STREAM_END;) {
@@ -115,12 +115,12 @@ enum Class : std::uint32_t {
   opaque = 17
 };
 
-// Elements of one variable, which may hold others. Each is taken from what is left of the one that it is in.
+// The elements of one variable, which may hold others. Each element is taken from the rest of the one around it.
 class Walker {
  public:
   Walker(Source& source, bool swap) : source_(source), swap_(swap) {}
 
-  // A variable or a cell, behind its tag.
+  // A variable or a cell, after its tag.
   void check_matrix(std::uint64_t bytes, int depth) {
     constexpr int deepest = 32;
     constexpr std::uint32_t most_dimensions = 32, longest_name = 4096, is_complex = 1 << 11;
@@ -140,18 +140,18 @@ class Walker {
     const Tag name = tag(left);
     if (name.type != int8 || name.bytes > longest_name) fail("a name of type {} with {} bytes", name.type, name.bytes);
     skip(left);
-    if (kind >= function) return source_.skip(left);  // an object of MATLAB, which nobody asks for
+    if (kind >= function) return source_.skip(left);  // an object of MATLAB, which is not used
     if (kind == cell) return check_matrices(count, left, depth);
     if (kind == structure || kind == object) return check_structure(kind, count, left, depth);
-    // Numbers follow, which matter by their size alone; those of a sparse matrix behind its indices.
+    // Numbers follow, whose size alone matters. The numbers of a sparse matrix come after its indices.
     const int parts = (kind == sparse ? 3 : 1) + ((flags[0] & is_complex) != 0 ? 1 : 0);
     if (count > 0 && left == 0 && kind != characters) fail("no values, {} needed", count);
     for (int part = 0; part < parts && left > 0; ++part) {
       const Tag found = tag(left);
-      // Characters of UTF-8 take a byte or more, those of other numbers may be stored in as little as one.
+      // A character of UTF-8 takes at least one byte. Other numbers may be stored in one byte each.
       if (part == 0 && kind != sparse && kind != characters && found.bytes < count)
         fail("{} values of {} needed", found.bytes, count);
-      if (depth == 0 && part + 1 == parts) return;  // the rest of a large one need not be passed here
+      if (depth == 0 && part + 1 == parts) return;  // the rest of a large variable is not read here
       skip(left);
     }
     source_.skip(left);
@@ -162,7 +162,7 @@ class Walker {
     std::uint32_t type, bytes;
   };
 
-  // Its values lie in the tag where they are few, else behind it; skip() goes on behind them.
+  // Reads a tag. A few values lie in the tag itself, more values after it. skip() continues after the values.
   Tag tag(std::uint64_t& left) {
     std::array<char, 8> raw{};
     take(left, raw.size());
@@ -232,12 +232,12 @@ class Walker {
   Source& source_;
   bool swap_;
   std::array<char, 4> within_{};
-  std::uint64_t pending_ = 0;  // bytes of the last element that have not been passed
+  std::uint64_t pending_ = 0;  // bytes of the last element that are not read yet
 };
 
-// An element of the file, behind its tag.
+// An element of the file, after its tag.
 struct Element {
-  int number;  // from 1 on
+  int number;  // counted from 1
   std::uint32_t type, bytes;
 };
 
@@ -254,7 +254,7 @@ void check_variable(std::istream& file, const Element& element, bool swap) {
   Walker(source, swap).check_matrix(load_bytes<std::uint32_t>(inner.data() + 4, swap), 0);
 }
 
-// A file of version 5 is a header and a chain of elements with their sizes, the last of which ends where the file does.
+// A file of version 5 is a header and a chain of elements with their sizes. The last element ends where the file does.
 // matio takes a broken chain for the end of the file.
 template <typename Check>
 void each_element(std::istream& file, std::uint64_t size, bool swap, Check&& check) {

@@ -1,4 +1,4 @@
-// The frame of a .mat: what is in it, and whether its sizes agree, before a library trusts them.
+// Checks the structure of a .mat and its sizes, before a library trusts them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace tokid::io {
 
-// A whole number of these bytes, of the other order if `swap`.
+// The whole number in these bytes, which have the other byte order if `swap`.
 template <typename T>
 T load_bytes(const char* bytes, bool swap) {
   T value = 0;
@@ -19,15 +19,15 @@ T load_bytes(const char* bytes, bool swap) {
   return value;
 }
 
-inline constexpr std::uint64_t mat_header_bytes = 128;  // of the file; those of a variable are fewer
+inline constexpr std::uint64_t mat_header_bytes = 128;  // of the file; a variable has fewer
 
 enum class MatContainer { version5, hdf5 };
 
-// \throws IoError for what is neither, and for elements of version 5 or 7 that don't fit into each other
+// \throws IoError for a file of neither kind, and for elements of version 5 or 7 whose sizes do not match
 MatContainer check_mat(const std::filesystem::path& path);
 
-// Of all compressed variables of such a file: matio stops at their last number, before the checksum. A damaged one that
-// is not wanted may have had the name of one that is. \throws IoError
+// Checks all compressed variables of such a file, because matio stops at the last number, before the checksum. Even a
+// variable that is not wanted is checked: damage may have changed a wanted name. \throws IoError
 void check_mat_checksums(const std::filesystem::path& path);
 
 }  // namespace tokid::io

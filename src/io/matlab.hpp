@@ -1,4 +1,4 @@
-// What the two containers of MATLAB's variables, .mat and the HDF5 of version 7.3, have in common.
+// Common parts of the two containers of MATLAB's variables: .mat, and the HDF5 of version 7.3.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

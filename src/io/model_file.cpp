@@ -20,11 +20,11 @@ namespace {
 namespace fs = std::filesystem;
 using io::fail;
 
-// Records one after the other in a file without a name, which vanishes with the process.
+// Stores records one after the other in a file without a name, which vanishes with the process.
 class Spool {
  public:
   explicit Spool(const fs::path& beside)
-      : file_(open(io::AtomicFile(beside).path().c_str(), O_RDWR | O_CLOEXEC)) {  // which is never committed
+      : file_(open(io::AtomicFile(beside).path().c_str(), O_RDWR | O_CLOEXEC)) {  // never committed
     if (file_ < 0) io::fail_to_write(errno);
   }
 
@@ -69,7 +69,7 @@ struct ModelFile::Content {
     spool.add(archive::packed(steps));
   }
 
-  // The arrays of one record, as wide as those of the whole model, and how many rows theirs will have.
+  // The arrays of one record, padded to the widths of the whole model. row_count() has the rows of the whole model.
   io::Arrays rows_of(const std::string& record) const {
     return io::step_arrays_of(archive::unpacked<Model>(record), outline.states(), singular_values, io::Layout::plain);
   }

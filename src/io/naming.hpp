@@ -1,4 +1,4 @@
-// The name of a file in front of whatever is wrong with it.
+// Puts the name of a file in front of its error messages.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -14,14 +14,14 @@
 
 namespace tokid::io {
 
-// One line, however long what a file is made to say may be.
+// Makes one line of limited length, because texts from a file may be long.
 inline std::string named(const std::filesystem::path& path, std::string_view message) {
   constexpr size_t longest = 2000;
   return printable(
       fmt::format("{}: {}{}", path.string(), message.substr(0, longest), message.size() > longest ? " …" : ""));
 }
 
-// Runs f, which reads, and puts the name of the file in front of whatever it complains about.
+// Runs f, which reads, and puts the name of the file in front of its error messages.
 template <typename F>
 auto naming(const std::filesystem::path& path, F&& f) {
   const auto rethrow = [&](std::string_view message) { throw IoError(named(path, message)); };
@@ -39,7 +39,7 @@ auto naming(const std::filesystem::path& path, F&& f) {
   throw std::logic_error("unreachable");
 }
 
-// The same for f that writes: what it throws as an IoError is the caller's mistake, all else a WriteError.
+// The same for an f that writes. Its IoError is the caller's mistake; every other error becomes a WriteError.
 template <typename F>
 auto naming_write(const std::filesystem::path& path, F&& f) {
   const auto rethrow = [&](std::string_view reason, int error) {
@@ -61,7 +61,7 @@ auto naming_write(const std::filesystem::path& path, F&& f) {
   throw std::logic_error("unreachable");
 }
 
-// Runs f, in which a library writes: whatever it can't is no mistake of the caller's. \throws WriteError
+// Runs f, in which a library writes. Its failure is not the caller's mistake. \throws WriteError
 template <typename F>
 auto written_by_library(F&& f) {
   try {
@@ -73,7 +73,7 @@ auto written_by_library(F&& f) {
   }
 }
 
-// The libraries' own words for these differ, and some are misleading. \throws IoError
+// Checks that the file can be read. The libraries' own messages differ, and some are misleading. \throws IoError
 void check_readable(const std::filesystem::path& path);
 
 bool is_hdf5(const std::filesystem::path& path);  // by its extension

@@ -259,7 +259,7 @@ class Entry {
     }
   }
 
-  // The checksum is compared only when the end is met.
+  // The checksum is compared only at the end.
   void finish() {
     char byte;
     if (zip_fread(file_.get(), &byte, 1) != 0)
@@ -315,7 +315,7 @@ Array read_array(zip_t* archive, zip_uint64_t index, const std::string& name, Cl
   const bool is_text = type && (type->kind == 'U' || type->kind == 'S');
   if (!is_text && !(type && number_reader(*type))) return {header.shape, Foreign{kind_in_words(header.descr)}};
 
-  // An empty text takes no bytes, whatever the shape claims.
+  // Empty texts take no bytes, whatever the shape claims.
   if (is_text && type->size > (std::uint64_t{1} << 32)) fail("data set '{}': type '{}' found", name, header.descr);
   const size_t bytes = checked_product(header.shape, type->item_bytes());
   if (bytes != entry.left() || (type->size == 0 && checked_product(header.shape) > 65536))
@@ -348,7 +348,7 @@ std::string npy_header(const std::string& descr, const Shape& shape) {
   return header + dictionary;
 }
 
-// The bytes of an array and the memory behind them, which libzip reads when the archive is closed.
+// The bytes of an array. libzip reads them when the archive is closed.
 struct Payload {
   std::string header;
   std::u32string characters;
@@ -371,7 +371,7 @@ void fill(Payload& payload, const Shape& shape, const std::vector<T>& numbers, c
 
 void fill(Payload& payload, const Shape& shape, const std::vector<std::string>& texts) {
   std::vector<std::u32string> items;
-  size_t longest = 1;  // NumPy has no type for nothing but empty texts
+  size_t longest = 1;  // NumPy has no type for empty texts alone
   for (const auto& text : texts) {
     items.push_back(*utf32_from(text));
     longest = std::max(longest, items.back().size());
@@ -395,7 +395,7 @@ void add_entry(zip_t* archive, const std::string& name, const Payload& payload) 
   zip_source_t* source = zip_source_buffer_fragment(archive, payload.fragments, count, 0);
   const zip_int64_t index = source ? zip_file_add(archive, (name + ".npy").c_str(), source, ZIP_FL_ENC_UTF_8) : -1;
   if (source && index < 0) zip_source_free(source);
-  constexpr zip_uint16_t january_1980 = (1 << 5) | 1;  // as NumPy writes it: the bytes don't depend on the clock
+  constexpr zip_uint16_t january_1980 = (1 << 5) | 1;  // as NumPy writes it: the bytes do not depend on the clock
   const auto at = static_cast<zip_uint64_t>(index);
   if (index < 0 || zip_set_file_compression(archive, at, ZIP_CM_STORE, 0) != 0 ||
       zip_file_set_dostime(archive, at, 0, january_1980, 0) != 0)
@@ -428,7 +428,7 @@ Contents read_npz(const std::filesystem::path& path, const Names& wanted) {
 
 namespace {
 
-// Where libzip writes the archive: a file that is there already. By itself it would make one beside it, under a name
+// The existing file into which libzip writes the archive. By itself libzip would make a file beside it, under a name
 // that a killed process leaves.
 class Target {
  public:
@@ -456,7 +456,7 @@ class Target {
             ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE, ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE,
             ZIP_SOURCE_SEEK, ZIP_SOURCE_TELL, ZIP_SOURCE_BEGIN_WRITE, ZIP_SOURCE_WRITE, ZIP_SOURCE_SEEK_WRITE,
             ZIP_SOURCE_TELL_WRITE, ZIP_SOURCE_COMMIT_WRITE, ZIP_SOURCE_ROLLBACK_WRITE, ZIP_SOURCE_REMOVE, -1);
-      case ZIP_SOURCE_STAT:  // there is no archive so far
+      case ZIP_SOURCE_STAT:  // there is no archive yet
         zip_error_set(&error_, ZIP_ER_READ, ENOENT);
         return -1;
       case ZIP_SOURCE_ERROR:
@@ -510,7 +510,7 @@ void write_npz(const Arrays& arrays, const std::filesystem::path& path) {
   zip_source_t* source = target.source();
   Archive archive(source ? zip_open_from_source(source, ZIP_CREATE | ZIP_TRUNCATE, &error) : nullptr);
   if (!archive) fail_to_write(zip_error_strerror(&error));
-  std::deque<Payload> payloads;  // stay where they are until the archive is closed
+  std::deque<Payload> payloads;  // must not move until the archive is closed
   for (const auto& [name, array] : arrays) {
     fill(payloads.emplace_back(), array);
     add_entry(archive.get(), name, payloads.back());

@@ -15,7 +15,7 @@ namespace {
 
 using Read = std::function<Contents(const Names&)>;
 
-// In small letters, without what may stand between two words.
+// In small letters, without marks between words.
 const Names& words_for_sample_time() {
   static const Names words{"dt",
                            "ts",
@@ -43,12 +43,12 @@ const Names& words_for_sample_time() {
 bool is_about_time(const std::string& name) {
   std::string word = in_lower_case(name);
   std::erase_if(word, [](char c) { return c == '_' || c == '-' || c == ' '; });
-  // Units in brackets, which time_unit() refuses where it does not know them, are for tables.
+  // Units in brackets are for tables. time_unit() throws if it does not know them.
   return contains(words_for_sample_time(), word) ||
          (name.find_first_of("[(") == std::string::npos && time_unit(name).has_value());
 }
 
-// The real numbers of a vector or a scalar; none of what is something else, or can't be read.
+// The real numbers of a vector or a scalar; empty for anything else, or if it cannot be read.
 std::vector<double> numbers(const std::string& name, const Read& read) {
   try {
     const Contents contents = read({name});
@@ -62,7 +62,7 @@ std::vector<double> numbers(const std::string& name, const Read& read) {
   return {};
 }
 
-// Sample times of this relative difference are the same one, rounded.
+// Sample times with a smaller relative difference are equal up to rounding.
 constexpr double rounded = 1e-6;
 
 std::optional<double> in_times(const Names& names, Index steps, const Read& read) {

@@ -1,4 +1,4 @@
-// The sample time of a file of arrays that has no data set `dt`, by the other names that people have for it.
+// Finds the sample time of a file of arrays without a data set `dt`, under other common names.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,18 +12,19 @@ namespace tokid::io {
 
 struct SampleTime {
   std::optional<double> dt;           // [s]
-  std::optional<std::string> remark;  // on what looks like a sample time or times and is neither
+  std::optional<std::string> remark;  // on a data set that looks like a sample time or times and is neither
 };
 
-// Of a file with data sets of these names and T steps: MATLAB's `Ts`, one positive number; or `t` or `time`, the T even
-// times of all steps [s]. `read` delivers data sets of the file; what it can't is taken for something else.
+// Looks for it in a file with data sets of these names and T steps: MATLAB's `Ts`, one positive number; or `t` or
+// `time`, the T even times of all steps [s]. `read` reads data sets of the file. A data set that it cannot read is
+// ignored.
 SampleTime sample_time(const Names& names, Index steps, const std::function<Contents(const Names& wanted)>& read);
 
-// Where `Ts` is another sample time than the `dt` that was taken.
+// A remark if `Ts` is another sample time than the `dt` that was taken.
 std::optional<std::string> contradiction(double dt, const Names& names,
                                          const std::function<Contents(const Names& wanted)>& read);
 
-// Takes it into an ensemble, or the outline of one, that states none.
+// Sets the sample time of an ensemble, or of its outline, if it states none.
 template <class Data, class Read>
 void complete_sample_time(Data& data, Index steps, const Names& names, Read&& read) {
   if (data.dt_stated) {

@@ -14,17 +14,17 @@ bool is_ensemble(const Names& found);
 bool is_model(const Names& found);
 bool is_update_state(const Names& found);
 
-// What is required comes last, so that a file which lost its end is never taken for a complete one.
+// Required arrays come last, so that a file that lost its end is never taken for a complete one.
 Arrays arrays_of(const Ensemble& ensemble, Layout layout);
 Arrays arrays_of(const Model& model, Layout layout);
 
-// The two parts of a model's arrays: those that are small whatever the number of steps, the counts among them, and
-// those with a row for each step, padded to so many states and singular values.
+// The two parts of a model's arrays. The small ones, including the counts, do not grow with the number of steps. The
+// others have a row for each step, padded to so many states and singular values.
 Arrays small_arrays_of(const Model& model);
 Arrays step_arrays_of(const Model& model, Index states, Index singular_values, Layout layout);
 Index singular_value_count(const Model& model);  // the largest of any step
 
-// Lists of the ensemble that don't go with its sizes; they would make a file that can't be read. \throws IoError
+// Checks that lists of the ensemble have its sizes, because such a file could not be read. \throws IoError
 void check_sizes(const Ensemble& ensemble);
 
 // An ensemble without its samples, which may still be in the file.
@@ -48,7 +48,7 @@ Model model_of(const Fields& fields);
 void add_channels(const Channels& channels, Arrays& arrays);
 Channels channels_of(const Fields& fields);
 
-// The text of a model's options, which may be any, but not so deep or long that it can't be used. \throws IoError
+// Checks the text of a model's options. It may be any text that is not too deep or too long to use. \throws IoError
 void check_options(const std::string& options);
 
 inline size_t size(Index n) { return static_cast<size_t>(n); }  // in a shape

@@ -1,4 +1,4 @@
-// The checksum of a text, which editors and version control change the line ends of.
+// A checksum of text that ignores the kind of line ends, which editors and version control change.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -15,7 +15,7 @@ class TextChecksum {
   ~TextChecksum();
 
   void add(std::string_view piece);
-  std::string digits();  // 16 hexadecimal ones in lower case, of all pieces; nothing is added after that
+  std::string digits();  // 16 hexadecimal digits in lower case, of all pieces; must be the last call
 
  private:
   struct State;

@@ -1,4 +1,4 @@
-// From times as they were written to steps of a grid: a line through those of each experiment, and one for all.
+// Converts times as written to steps of a grid: fits a line to the times of each experiment, and one grid to all.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/time_axis.hpp"
 
@@ -17,14 +17,14 @@ namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
-// Fewer rows don't tell even times from others that have been rounded.
+// Fewer rows do not distinguish even times from other, rounded times.
 constexpr Index few = 8;
-// Of a step: what even times may be off by themselves, and the unit of rounded ones at most.
+// Shares of a step: the deviation of even times, and the largest unit of rounded times.
 constexpr double exact = 1e-6, roughest = 1.0 / 3.0;
 
 // ---- the spacing ----
 
-// Distinct times; those closer than rounding errors make them are one.
+// Distinct times. Times that differ by no more than rounding errors are one.
 std::vector<double> distinct(std::vector<double> times, double resolution) {
   std::sort(times.begin(), times.end());
   double largest = 0.0;
@@ -34,7 +34,7 @@ std::vector<double> distinct(std::vector<double> times, double resolution) {
   return times;
 }
 
-// Of the spacings that the times allow for, the one that was meant has few digits, or is that of a frequency that has.
+// Of the spacings that the times allow, the intended one has few digits, or its frequency has.
 double with_few_digits(double dt, double uncertainty) {
   const auto rounded = [](double value, int digits) {
     const std::string text = fmt::format("{:.{}g}", value, digits);
@@ -61,21 +61,21 @@ double spacing(const std::vector<double>& times) {
 
 // ---- the times of one experiment ----
 
-// The line t = begin + k dt, and how far the row that is worst off lies from it.
+// The line t = begin + k dt, and the largest distance of a row from it.
 struct Axis {
   Index rows = 0;
   double first = inf, last = -inf;
-  double unit = 0.0;           // that its times are written in
-  double begin = 0.0, dt = 0;  // 0: too few rows to tell
+  double unit = 0.0;           // in which its times are written
+  double begin = 0.0, dt = 0;  // 0: too few rows
   double steps = 0.0;          // dt from first to last
   double off = 0.0;
   size_t worst = 0;        // row
-  double uncounted = 0.0;  // steps, about, of the gap before or behind that row: more than can be told
-  bool is_even = false;    // but for what the writing of the times has cost
+  double uncounted = 0.0;  // about so many steps are in the gap beside that row, too many to count
+  bool is_even = false;    // up to the rounding of the written times
 };
 
-// What times may be off the line, and off each other: by themselves, or as rounding leaves them. Half a unit is what it
-// costs, and half of that again the line through rounded times.
+// Allowed distances of times from the line, and from each other, for even times or for rounded times. Rounding costs
+// half a unit, and the line through rounded times costs half of that again.
 struct Tolerance {
   double off = 0.0, apart = 0.0;
 };
@@ -87,7 +87,7 @@ Tolerance of_even_times(double dt, double resolution) {
 
 Tolerance of_rounded_times(double unit, double resolution) { return {0.75 * unit, unit + resolution}; }
 
-// The times of one experiment in order, and the steps that they are.
+// The times of one experiment in order, and their steps.
 class Stretch {
  public:
   Stretch(const std::vector<double>& time, std::vector<size_t> rows)
@@ -96,14 +96,15 @@ class Stretch {
     std::transform(rows_.begin(), rows_.end(), time_.begin(), [&](size_t row) { return time[row]; });
   }
 
-  // The line of a spacing that is stated.
+  // Fits the line with a stated spacing.
   void fit_stated(double dt, Axis& axis) {
     for (size_t i = 1; i < time_.size(); ++i) step_[i] = step_[i - 1] + std::round(gap(i) / dt);
     fit(0, time_.size() - 1, dt, axis);
   }
 
-  // The line through the longest run without gaps, then through all: row by row across the smaller gap, which the
-  // spacing so far counts, and which makes it sharper. A row that lies off the others would bend it: there it ends.
+  // Fits a line to the longest run without gaps, and extends it row by row across the smaller gap. The spacing so far
+  // counts the steps of the gap, and each row makes the spacing more exact. It ends at a row off the line, which would
+  // bend it.
   void fit_growing(double resolution, bool rounded, Axis& axis) {
     const double usual = usual_gap();
     auto [begin, end] = longest_run(1.5 * usual);
@@ -133,7 +134,7 @@ class Stretch {
  private:
   double gap(size_t i) const { return time_[i] - time_[i - 1]; }
 
-  // Neither a gap nor a row that is there twice is usual.
+  // Gaps and repeated rows are not usual.
   double usual_gap() const {
     std::vector<double> gaps;
     for (size_t i = 1; i < time_.size(); ++i)
@@ -153,7 +154,7 @@ class Stretch {
     return longest;
   }
 
-  // Least squares.
+  // Fits by least squares.
   void fit(size_t begin, size_t end, std::optional<double> stated, Axis& axis) const {
     const double rows = double(end - begin + 1);
     double mean_step = 0.0, mean_time = 0.0, squares = 0.0, products = 0.0;
@@ -218,10 +219,10 @@ std::vector<Axis> axes_of(const TimeColumn& rows, std::optional<double> stated, 
   return axes;
 }
 
-// Off the line by more than numbers of double precision are.
+// Are times farther off the line than double precision explains?
 bool is_rounded(const Axis& axis, double resolution) { return axis.off > resolution; }
 
-// What a time may be off the line, and the line off what was meant.
+// Allowed distance of a time from the line, and of the line from the intended one.
 double slack(const Axis& axis, double resolution) {
   return is_rounded(axis, resolution) ? std::max({axis.unit, 2 * axis.off, resolution}) : resolution;
 }
@@ -232,7 +233,7 @@ double meant(const Axis& axis, double resolution) {
 
 // ---- the times of all ----
 
-// Experiments of different sample times would have gaps where the others have samples.
+// Experiments with different sample times would have gaps where the others have samples.
 void check_spacings(const TimeColumn& rows, const std::vector<Axis>& axes, size_t longest, double resolution) {
   const Axis& common = axes[longest];
   size_t other = longest, fastest = longest;
@@ -256,7 +257,7 @@ void check_spacings(const TimeColumn& rows, const std::vector<Axis>& axes, size_
                   : " (or step numbers in a column 'k')");
 }
 
-// Steps that lie between those of others are no steps in common.
+// Steps between the steps of others are no common steps.
 void check_origins(const TimeColumn& rows, const std::vector<Axis>& axes, size_t longest, double resolution) {
   const Axis& common = axes[longest];
   for (size_t n = 0; n < axes.size(); ++n) {
@@ -282,7 +283,7 @@ std::optional<size_t> longest_of(const std::vector<Axis>& axes) {
   return longest;
 }
 
-// What rows may be off the grid, by experiment.
+// Allowed distances of rows from the grid, by experiment.
 struct Fit {
   Grid grid;
   std::vector<double> most;
@@ -300,7 +301,7 @@ Fit fitted(const TimeColumn& rows, const std::vector<Axis>& axes, std::optional<
   const std::vector<double> times = distinct(rows.time, resolution);
   grid.shows_dt = dt || times.size() > 1;
   grid.dt = dt ? *dt : longest ? meant(axes[*longest], resolution) : spacing(times);
-  // A sample time that is stated tells that the gaps are meant.
+  // A stated sample time shows that gaps are intended.
   if (!dt)
     check_common_steps(rows,
                        fmt::format("times from the begin of each experiment on needed, or a line '# dt = {}' above "
@@ -309,21 +310,21 @@ Fit fitted(const TimeColumn& rows, const std::vector<Axis>& axes, std::optional<
   const bool rounded = longest && std::any_of(axes.begin(), axes.end(), [&](const Axis& axis) {
                          return axis.is_even && is_rounded(axis, resolution);
                        });
-  // Rounded times lie around the grid, not behind its first one.
+  // Rounded times lie on both sides of the grid, so the grid need not start at the first time.
   if (rounded) {
     const double begin = axes[*longest].begin;
     grid.begin = begin - std::round((begin - grid.begin) / grid.dt) * grid.dt;
   }
   for (const Axis& axis : axes) {
     double& most = result.most.emplace_back(exact * grid.dt + resolution);
-    // From the line through those of another experiment whose times were rounded too.
+    // The line may be that of another experiment, whose times were rounded too.
     if (rounded && (axis.is_even || axis.rows < few))
       most = std::max({most, 1.5 * std::max(axis.unit, axes[*longest].unit), 2 * axis.off});
   }
   return result;
 }
 
-// Where uneven times are an experiment's own doing: the gap that can't be counted, or the row that is worst off.
+// Reports the uneven times of one experiment: the gap that cannot be counted, or the row that is farthest off.
 void fail_uneven(const TimeColumn& rows, const std::vector<Axis>& axes) {
   const auto relative = [](const Axis& axis) { return axis.dt > 0 && !axis.is_even ? axis.off / axis.dt : 0.0; };
   for (const Axis& axis : axes)
@@ -344,7 +345,7 @@ void fail_uneven(const TimeColumn& rows, const std::vector<Axis>& axes) {
 
 void check_rows(const TimeColumn& rows, const std::vector<Axis>& axes, const Fit& fit, bool stated) {
   const Grid& grid = fit.grid;
-  // Beside a gap that is too large all other times look like one.
+  // Compared with a gap that is too large, all other times look like one.
   if (std::any_of(axes.begin(), axes.end(), [&](const Axis& a) { return a.uncounted > 0 && grid.dt > 1.5 * a.dt; }))
     fail_uneven(rows, axes);
   for (size_t i = 0; i < rows.time.size(); ++i) {
@@ -364,7 +365,7 @@ void check_rows(const TimeColumn& rows, const std::vector<Axis>& axes, const Fit
   }
 }
 
-// A sample time that no two rows are apart is another one than that of the rows.
+// If no two rows are one stated sample time apart, the rows have another sample time.
 void check_stated(const TimeColumn& rows, const Grid& grid, double stated) {
   constexpr double most = 9007199254740992.0;  // whole numbers that doubles can count
   std::int64_t common = 0;

@@ -1,4 +1,4 @@
-// The column of the times of a table: from the times of its rows, as they were written, to steps of one grid.
+// Converts the column of times in a table, as written, to steps of one grid.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,15 +12,15 @@
 
 namespace tokid::io {
 
-// How finely a column of numbers is written. Programs leave out zeros at the end: its longest numbers tell.
+// Finds how finely a column of numbers is written. Programs leave out trailing zeros, so the longest numbers count.
 class Precision {
  public:
   void add(std::string_view text, double value);
-  double unit(double value) const;  // what a number of this size is a multiple of
+  double unit(double value) const;  // a number of this size is a multiple of it
 
  private:
   int digits_ = 1, decimals_ = 0;
-  bool single_ = true;  // as numbers of single precision are
+  bool single_ = true;  // all numbers are of single precision
 };
 
 struct TimeColumn {
@@ -35,22 +35,22 @@ struct TimeColumn {
 
 struct Grid {
   double begin = 0.0, dt = 1.0;  // in the unit of the times
-  bool shows_dt = false;         // else a single time, and dt is 1
+  bool shows_dt = false;         // else a single time, with dt = 1
 
   double step(double time) const { return std::round((time - begin) / dt); }
 };
 
-// The grid whose steps the times are: even to 1e-6 of a step, or to what rounding has cost where that is a sixth of
-// a step at most; with a dt [s] > 0 that is stated, or the one that they tell.
-// \throws IoError that names the line of a time off the grid or behind a gap whose steps can't be counted, experiments
+// Finds the grid of the times. The times must be even to 1e-6 of a step, or to their rounding if that is at most a
+// sixth of a step. `dt` [s] > 0: the stated sample time; without it the times determine the grid.
+// \throws IoError that names the line of a time off the grid or after a gap whose steps cannot be counted, experiments
 // that share no steps, and a stated dt of which all times are multiples
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
 
-// Experiments that share no step can't show how one step differs from another. \throws IoError that names two of them
-// and says what is needed
+// Experiments that share no step cannot show how one step differs from another. \throws IoError that names two of them
+// and states what is needed
 void check_common_steps(const TimeColumn& rows, std::string_view needed);
 
-// Of times in their order, even as for time_grid() and without a gap; empty for others, and for fewer than two.
+// The spacing of ordered times, even as for time_grid() and without a gap; empty for others, and for fewer than two.
 std::optional<double> even_spacing(const std::vector<double>& times);
 
 }  // namespace tokid::io

@@ -43,14 +43,14 @@ std::string_view stripped(std::string_view text, std::string_view marks) {
   return text.substr(begin, text.find_last_not_of(marks) + 1 - begin);
 }
 
-// With a space for each mark that may stand between two words.
+// Replaces each mark that may separate two words by a space.
 std::string with_spaces(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](char c) { return c == '_' || c == '-' || c == '.'; }, ' ');
   return text;
 }
 
-// What stands behind a word for time; empty where the name begins with none.
+// The text after a word for time; empty if the name begins with no such word.
 std::optional<std::string_view> behind_word(std::string_view name, std::string_view lower) {
   const std::string spaced = with_spaces(std::string(lower));
   for (const std::string_view word :
@@ -64,8 +64,8 @@ std::optional<std::string_view> behind_word(std::string_view name, std::string_v
   return std::nullopt;
 }
 
-// Units that say by themselves that they count time: "s" may be any quantity, "second" the one behind the first, and
-// hours and minutes are parts of a date.
+// Units that need no word for time. Other units do need one: "s" may be any quantity, "second" the one after the first,
+// and hours and minutes are parts of a date.
 std::optional<TimeUnit> unit_alone(const std::string& lower) {
   constexpr std::string_view origin = " since start";
   std::string word = with_spaces(lower);
@@ -90,10 +90,10 @@ std::optional<TimeUnit> time_unit(std::string_view column) {
     rest = stripped(rest.substr(2), between);
   const bool is_long_word = lower.size() - behind->size() > 1;
   if (auto unit = unit_of(std::string(rest))) {
-    // t_min is rather the smallest t than t in minutes.
+    // t_min is more likely the smallest t than t in minutes.
     if (in_brackets || is_long_word || unit->seconds <= 1) return unit;
   }
-  // A time in a unit that is read as another one would be wrong; t [m] is a thickness, elapsed [m] a distance.
+  // Reading a time in another unit would be wrong, so it is refused. t [m] is a thickness, elapsed [m] a distance.
   if (in_brackets && lower.substr(0, lower.size() - behind->size()).find("time") != std::string::npos)
     fail("column '{}': the unit '{}' is not known; one of s, ms, us, ns, min, h, d needed", name, rest);
   return std::nullopt;
