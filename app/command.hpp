@@ -1,4 +1,4 @@
-// A subcommand: its arguments and options, and what it does when the command line has been parsed.
+// A subcommand: its arguments, its options, and its work after the command line has been parsed.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -18,14 +18,14 @@
 #include "tokid/io.hpp"
 
 namespace CLI {
-class App;  // known to command.cpp and tool.cpp alone: CLI11 takes longer to compile than what the commands do
+class App;  // known to command.cpp and tool.cpp only, because CLI11 takes longer to compile than the commands
 }
 
 namespace tokid::app {
 
 namespace fs = std::filesystem;
 
-// The whole text as a number from `smallest` to `largest`, or nothing.
+// Reads the whole text as a number from `smallest` to `largest`; empty if it is none.
 template <class T>
 std::optional<T> parse_number(const std::string& text, T smallest, T largest) {
   T value{};
@@ -39,8 +39,7 @@ std::vector<std::string> split_at_commas(const std::string& text);
 template <class T>
 using Choices = std::vector<std::pair<std::string, T>>;
 
-// What the command line says goes to the targets, which must outlive the parsing. Names without a dash are arguments,
-// which are required.
+// The parser writes to the targets, which must outlive the parsing. Names without a dash are required arguments.
 class Command {
  public:
   // With its help text and one example of its use.
@@ -69,7 +68,7 @@ class Command {
         fmt::format("a {}number {} needed", std::is_integral_v<T> ? "whole " : "", range));
   }
 
-  // One of several words; a wrong one is answered with the list.
+  // One of several words. The message about a wrong word lists them.
   template <class T>
   void choice(const char* name, T& target, const Choices<T>& choices, const char* description) {
     std::string words;
@@ -82,7 +81,7 @@ class Command {
     value(name, target, words.c_str(), description, choose, fmt::format("one of {} needed", words));
   }
 
-  // What `parse` makes of the text; where that is nothing, the complaint says what was found, and `needed`.
+  // The value that `parse` makes of the text. If there is none, the message states the text, and `needed`.
   template <class T, class Parse>
   void value(const char* name, T& target, const char* type, const char* description, const Parse& parse,
              std::string needed) {
@@ -94,11 +93,11 @@ class Command {
     text(name, type, description, set, std::move(needed));
   }
 
-  void excludes(const char* name, const char* other);  // options of which one may be given, not both
+  void excludes(const char* name, const char* other);  // only one of the two options may be given
   void runs(std::function<void()> work);
 
  private:
-  // `set` says whether it took the text.
+  // `set` returns whether it accepted the text.
   void text(const char* name, const char* type, const char* description, std::function<bool(const std::string&)> set,
             std::string needed);
 

@@ -135,7 +135,7 @@ std::string with_unit(const std::string& name, const std::vector<std::string>& u
   return printable(at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name);
 }
 
-// Code points stand for columns: good for every script that channels are named in, but not for the widest.
+// Each code point counts as one column. This suits every usual script of channel names, but not wide characters.
 size_t width(std::string_view text) {
   return static_cast<size_t>(
       std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
@@ -181,8 +181,8 @@ void print(const std::string& text) {
   if (errno != EPIPE) throw std::system_error(errno, std::generic_category(), "standard output");
 }
 
-// NaN and infinity become null; text that is not UTF-8 is repaired rather than refused. What printable() would not
-// leave as it is, is written as its number, which says the same.
+// NaN and infinity become null. Text that is not UTF-8 is repaired rather than refused. Characters that printable()
+// would change are written as their numbers, which mean the same.
 void print(const Json& json) {
   const std::string text = text_of(json, 2);
   std::istringstream lines(text);

@@ -1,4 +1,4 @@
-// What the subcommands share: checking files, text and JSON for people and programs.
+// Common parts of the subcommands: checks of files, and text and JSON for people and programs.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -23,18 +23,18 @@ namespace fs = std::filesystem;
 std::string extension_of(const fs::path& path);  // in lower case, with its dot
 
 enum class Content { ensemble, model, bounds, state, page };
-// Before long work: will the file be writable under this name, and is it none of those that are to be kept?
-// \throws IoError for a wrong name, WriteError where the system does not let it be written
+// Checks before long work that the file can be written under this name, and that it is none of the files to keep.
+// \throws IoError for a wrong name, WriteError if the system does not permit writing
 void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept = {});
 
-// The data for a model: channels that have the names of the model's are taken by name.
+// Loads the data for a model. Channels that have the names of the model's channels are found by name.
 Ensemble load_data(const Model& model, const fs::path& path, ReadOptions options);
 
-// Of a file to read, change and write. Where it has to wait, it says so on stderr. \throws as FileLock
+// Locks a file that is read, changed and written. If it has to wait, it reports this on stderr. \throws as FileLock
 FileLock held_file(const fs::path& path, double limit = LockOptions().limit);
-bool same_file(const fs::path& a, const fs::path& b);  // whether it exists or not
+bool same_file(const fs::path& a, const fs::path& b);  // whether they exist or not
 
-// The library's complaints about an argument can't know the file that it came from.
+// Puts the name of the file in front of errors about an argument, because the library does not know the file.
 template <class Work>
 std::invoke_result_t<Work> about(const fs::path& file, Work&& work) {
   try {
@@ -44,7 +44,7 @@ std::invoke_result_t<Work> about(const fs::path& file, Work&& work) {
   }
 }
 
-std::string coverage(const Ensemble& computed);  // at which steps something could be computed
+std::string coverage(const Ensemble& computed);  // the steps at which something could be computed
 
 // Numbers
 
@@ -64,11 +64,11 @@ std::string describe(const Model& model);
 std::string output_label(const Channels& names, Index j);
 std::string input_label(const Channels& names, Index i);
 
-// A label on the left, what it says on the right; tables below.
+// Labels on the left with their texts on the right; tables below.
 class Page {
  public:
   void row(std::string_view label, std::string_view text);
-  // First row: the heading. First column to the left, the others to the right.
+  // The first row is the heading. The first column is aligned to the left, the others to the right.
   void table(const std::vector<std::vector<std::string>>& rows);
   const std::string& text() const { return text_; }
 
@@ -79,15 +79,15 @@ class Page {
 // Output
 
 Json numbers(const Vector& values);
-Json json_penalty(double smoothing);  // lambda, or "infinity", which JSON has no number for
-void print(const std::string& text);  // on stdout. \throws std::system_error, but not where the reader has gone
+Json json_penalty(double smoothing);  // lambda, or "infinity", because JSON has no such number
+void print(const std::string& text);  // on stdout. \throws std::system_error, but not if the reader has gone
 void print(const Json& json);
 void warn(const std::vector<std::string>& warnings);  // on stderr
 void warn(const Findings& findings);
 // "findings" and, in words, "warnings".
 void add_findings(Json& json, const Findings& findings);
 
-// Drawn on stderr where that is a terminal, once the work has taken a moment; erased at the end.
+// A bar on stderr, if that is a terminal and the work has taken a moment. It is erased at the end.
 class ProgressBar {
  public:
   explicit ProgressBar(bool wanted);

@@ -1,4 +1,4 @@
-// tokid confidence: how far the parameters, outputs and eigenvalues of a model may lie from the truth.
+// tokid confidence: bounds for the errors of the parameters, outputs and eigenvalues of a model.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
@@ -21,7 +21,7 @@ struct Call {
 
 // Half widths of the intervals of each output, as shares of the estimates: root mean squares at every step.
 struct Widths {
-  std::vector<std::vector<double>> share;  // (m) of (T); NaN where there is nothing to compare
+  std::vector<std::vector<double>> share;  // (m) of (T); NaN if there is nothing to compare
 
   double typical(Index j) const { return median(share[size_t(j)]); }
   // The steps with the widest intervals, the worst first.
@@ -37,7 +37,7 @@ struct Widths {
   }
 };
 
-// `entries(k, j)` gives the estimates and the half widths of output j at step k.
+// `entries(k, j)`: the estimates and the half widths of output j at step k.
 template <class Entries>
 Widths widths(size_t steps, Index outputs, Entries&& entries) {
   Widths result;
@@ -62,7 +62,7 @@ Widths markov_widths(const Confidence& c) {
   });
 }
 
-// Outputs as departures from the mean motion, where there is one.
+// Outputs are departures from the mean motion, if there is one.
 Widths output_widths(const OutputBounds& bounds, const Model& model) {
   return widths(bounds.step.size(), bounds.step.empty() ? 0 : model.outputs, [&](size_t k, Index j) {
     const Interval& step = bounds.step[k];
@@ -74,7 +74,7 @@ Widths output_widths(const OutputBounds& bounds, const Model& model) {
 
 struct Eigenvalues {
   Index total = 0, bounded = 0;
-  Index fixed = 0;                                          // zeros that no noise moves, of the bounded ones
+  Index fixed = 0;                                          // bounded zeros that noise does not move
   double width = std::numeric_limits<double>::quiet_NaN();  // median half width of the real parts of the others
 };
 Eigenvalues eigenvalues(const SpectrumBounds& spectrum) {

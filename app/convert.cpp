@@ -15,7 +15,7 @@ struct Call {
 
 void run(const Call& call) {
   const bool model = file_kind(call.input) == FileKind::model;
-  // What tokid has no use for, other arrays and columns, is left behind.
+  // Other arrays and columns, which tokid does not use, are left out.
   check_output(call.output, model ? Content::model : Content::ensemble, {call.input});
   if (call.write.mat73 && extension_of(call.output) != ".mat")
     throw std::invalid_argument(fmt::format("--mat73: the output is '{}', a .mat needed", call.output.string()));

@@ -26,12 +26,12 @@ struct Call {
   bool json = false, quiet = false;
 };
 
-// What is said of the data, wherever they are.
+// Facts about the data, from any source.
 struct Data {
   Index experiments = 0, steps = 0, inputs = 0, outputs = 0, missing = 0, free_responses = 0;
   double dt = 1.0;
   bool says_initial_state = false;
-  Index block = 0, blocks = 0, overlap = 0;  // steps; none where all were identified from at once
+  Index block = 0, blocks = 0, overlap = 0;  // steps; none if all steps were identified at once
   Index resumed = 0;                         // blocks of an earlier call
 };
 
@@ -46,7 +46,7 @@ Data about_data(const EnsembleFile& file, const Streamed& streamed) {
           streamed.block,     streamed.blocks,       streamed.overlap, streamed.resumed};
 }
 
-// RMS errors relative to what they are errors of, from the means of their logarithms.
+// RMS errors relative to their reference, from the means of their logarithms.
 std::vector<double> relative(const Vector& mean_log_square) {
   const Vector error = (mean_log_square.array() / 2).exp();
   return {error.begin(), error.end()};
@@ -57,7 +57,7 @@ std::vector<double> relative(std::vector<double> logs) {
   return logs;
 }
 
-// Errors of twice the size of the outputs, or a googol of it, say the same: useless.
+// An error of twice the size of the outputs, or more, is useless whatever its size.
 std::string share(double error) { return error < 1.999 ? fmt::format("{:.3g} %", 100 * error) : "> 200 %"; }
 
 // Candidates with the errors that decided between them.
@@ -101,7 +101,7 @@ void add_trial(const Trial& trial, Page& page) {
   page.table(rows);
 }
 
-// null where nothing was tried.
+// null if nothing was tried.
 Json json(const Trial& trial) {
   if (trial.candidates.empty()) return {};
   Json j{{"candidates", trial.candidates}, {"best", trial.best}};
@@ -114,7 +114,7 @@ Json json(const Trial& trial) {
   return j;
 }
 
-// null where none was tried. Errors are geometric means over one step, many steps and simulation.
+// null if nothing was tried. Errors are geometric means over one step, many steps and simulation.
 Json json(const RefinementChoice& choice) {
   if (choice.trials.empty()) return {};
   Json j{{"states", choice.states},
@@ -139,7 +139,7 @@ std::string nominal_text(const Call& call, const Data& data, const Identificatio
   return nominal_remark(result.nominal_test, result.model.names, data.inputs, call.options.period);
 }
 
-// The largest lag order that the experiments carry; the mean motion costs one of them.
+// The largest lag order that the experiments permit. The mean motion costs one experiment.
 Index largest_lags(const Data& data, const Identification& result) {
   const Index spent = result.plan.nominal ? 1 : 0;
   return largest_lag_order(result.experiments - spent, data.inputs, data.outputs);
@@ -156,7 +156,7 @@ std::string smoothing_text(const Call& call, const Identification& result) {
                      penalty(result.plan.choices.variation.smoothing), why);
 }
 
-// The errors of one lag order by rows, those of one lambda by columns.
+// Each row has the errors of one lag order, and each column those of one lambda.
 void add_smoothing_trials(const SmoothingChoice& choice, Page& page) {
   std::map<Index, std::map<double, double>> errors;
   std::set<double> weights;
@@ -377,7 +377,8 @@ bool is_hdf5(const fs::path& path) {
   return extension == ".h5" || extension == ".hdf5";
 }
 
-// Are blocks asked for, or better? They are where all samples would take much memory, or processes share the work.
+// Should the work go in blocks? This is so if it was asked for, if all samples take much memory, or if processes share
+// the work.
 bool in_blocks(const Call& call) {
   constexpr double much = 512e6;
   if (call.block != automatic) return call.block > 0;
@@ -397,7 +398,7 @@ void run_in_blocks(const Call& call) {
   if (!call.read.inputs.empty() || !call.read.outputs.empty())
     throw std::invalid_argument("--inputs, --outputs: columns of a .csv, which can't be read in blocks");
   if (!is_hdf5(call.data)) {
-    file_kind(call.data);  // is it there?
+    file_kind(call.data);  // does it exist?
     throw std::invalid_argument(fmt::format(
         "--block: '{}' found, an .h5 needed, the only format that can be read in blocks; tokid convert makes one",
         call.data.string()));
@@ -417,7 +418,7 @@ void run_in_blocks(const Call& call) {
 }
 
 void run_at_once(const Call& call) {
-  // From the beginning: what an update adds to the old state meanwhile would be lost.
+  // The lock is held from the beginning, because an update of the old state in the meantime would be lost.
   std::optional<FileLock> held;
   if (!call.state.empty()) held.emplace(held_file(call.state));
   const Ensemble data = load_ensemble(call.data, call.read);
@@ -432,7 +433,7 @@ void run_at_once(const Call& call) {
   FilesTogether files;
   if (!call.page.empty()) save_page(call, data, result);
   if (state) save_update_state(*state, *held);
-  save_model(result.model, call.model);  // the last one to appear: where it is there, all are
+  save_model(result.model, call.model);  // the last file to appear: if it exists, all do
   files.commit();
   tell(call, about_data(data), result);
 }

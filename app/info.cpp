@@ -72,7 +72,7 @@ Json json(const Call& call, const Ensemble& e) {
   return j;
 }
 
-// The first ones and the last.
+// The first names and the last one.
 std::string name_list(const std::vector<std::string>& names) {
   constexpr size_t most = 6;
   if (names.size() <= most) return fmt::format("{}", fmt::join(names, ", "));
@@ -144,7 +144,7 @@ double largest(const std::vector<double>& values) {
   return values.empty() ? std::numeric_limits<double>::quiet_NaN() : *std::max_element(values.begin(), values.end());
 }
 
-// How well the observer forgets, away from the steps without states.
+// How well the observer forgets; steps without states do not count.
 double deadbeat_norm(const Model& model) {
   return model.step.empty() ? std::numeric_limits<double>::quiet_NaN()
                             : median(deadbeat_products(model, model.max_lags()));

@@ -15,7 +15,7 @@ struct Call {
   int threads = 1;
 };
 
-// Before the work: a directory that is there, or can be made.
+// Makes the directory before the work, unless it exists.
 void make_directory(const fs::path& path) {
   std::error_code error;
   if (fs::is_directory(path, error)) return;

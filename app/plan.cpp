@@ -1,4 +1,4 @@
-// tokid plan: how many experiments, and inputs for them.
+// tokid plan: the number of experiments, and inputs for them.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
@@ -16,7 +16,7 @@ struct Call {
   bool json = false;
 };
 
-// The largest of some numbers, which may be NaN where there is none, and the first step that has it but for rounding.
+// The largest of some numbers, and the first step that has it up to rounding. Numbers may be NaN.
 struct Extreme {
   double value = std::numeric_limits<double>::quiet_NaN(), median = std::numeric_limits<double>::quiet_NaN();
   Index step = 0;
@@ -25,8 +25,8 @@ Extreme extreme(const std::vector<double>& values) {
   Extreme result;
   for (const double value : values)
     if (!std::isnan(value) && !(value <= result.value)) result.value = value;
-  // Rounding errors of a condition number are a few eps times its square, and those of shares are less; of the largest
-  // conditions little more than the size is known.
+  // The rounding error of a condition number is a few eps times its square, and that of a share is less. For the
+  // largest condition numbers little more than the size is known.
   const double rounding =
       std::min(0.5, 100 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(result.value)));
   const auto first = std::find_if(values.begin(), values.end(), [&](double value) {
@@ -41,7 +41,7 @@ std::string describe(const Extreme& e) {
   return fmt::format("median {}, largest {} at step {}", number(e.median), number(e.value), e.step);
 }
 
-// Of expected values three digits are plenty.
+// Three digits suffice for expected values.
 std::string share(double value) {
   if (std::isnan(value)) return "-";
   return value < 10 ? fmt::format("{:.3g} %", 100 * value) : fmt::format("{:.0f} times", value);

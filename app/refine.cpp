@@ -92,7 +92,7 @@ Json json(const Call& call, const Ensemble& data, const RefinedModel& outcome) {
 
 void run(const Call& call) {
   check_output(call.output, Content::model, {call.data});
-  std::optional<FileLock> held;  // of a model that is read and replaced
+  std::optional<FileLock> held;  // for a model that is read and replaced
   if (same_file(call.model, call.output)) held.emplace(held_file(call.output));
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
@@ -114,7 +114,7 @@ void run(const Call& call) {
   warn(outcome.findings);
 }
 
-// "auto" is a choice too: none is made here.
+// "auto" is valid too and gives an empty inner value.
 std::optional<std::optional<double>> smoothing(const std::string& text) {
   if (text == "auto") return std::optional<double>();
   const auto value = text == "infinity" ? std::numeric_limits<double>::infinity() : parse_number(text, 0.0, 1e12);

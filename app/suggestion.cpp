@@ -12,7 +12,7 @@ namespace tokid::app {
 
 namespace {
 
-// Insertions, deletions, replacements and swaps of neighbours that make one word of the other.
+// Number of insertions, deletions, replacements and swaps of neighbours that make one word of the other.
 size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<size_t> before, last(b.size() + 1), row(b.size() + 1);
   std::iota(row.begin(), row.end(), size_t{0});
@@ -62,7 +62,7 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string>& 
   };
   for (const std::string& name : also_called(word))
     if (is_known(name)) meant.push_back(name);
-  // One slip in a short word, more in a long one; dashes are no letters. A word that is cut short counts as well.
+  // A short word may have one error, a long word more. Dashes are no letters. A truncated word counts as well.
   const size_t letters = word.size() - std::min(word.size(), word.find_first_not_of('-'));
   size_t nearest = std::max<size_t>(1, letters / 3) + 1;
   std::vector<std::string> alike;

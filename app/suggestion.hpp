@@ -1,4 +1,4 @@
-// What the user may have meant by a word that the command line does not know.
+// Suggests known words for a word that the command line does not know.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,8 +8,8 @@
 
 namespace tokid::app {
 
-// ". Did you mean a or b?" with the known names that are spelled almost like the word, or that other programs call so;
-// empty where there are none.
+// ". Did you mean a or b?" with known names of similar spelling, or known names of a term that other programs use;
+// empty if there are none.
 std::string did_you_mean(std::string_view word, const std::vector<std::string>& known);
 
 }  // namespace tokid::app

@@ -24,7 +24,7 @@ namespace {
 
 constexpr int failed = 1, wrong_call = 2;
 
-// CLI11's own adds how many subcommands it wants.
+// CLI11's own formatter adds how many subcommands it needs.
 class Help : public CLI::Formatter {
  public:
   Help() {
@@ -36,7 +36,7 @@ class Help : public CLI::Formatter {
   std::string make_description(const CLI::App* command) const override { return command->get_description() + "\n\n"; }
 };
 
-// A file opened later must not become what is printed to.
+// Opens missing standard streams. Otherwise a file opened later would receive the printed text.
 void open_standard_streams() {
   for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     while (fcntl(fd, F_GETFD) == -1 && open("/dev/null", O_RDWR) >= 0)
@@ -79,7 +79,7 @@ std::string unknown_command(const CLI::App& tool, const std::string& found) {
                      hint.empty() ? fmt::format(", one of {} needed.", fmt::join(commands, ", ")) : hint);
 }
 
-// CLI11 reports what is missing before what is too much; the latter is more often the cause.
+// CLI11 reports missing words before unexpected ones, but unexpected words are more often the cause.
 std::string complaint(const CLI::App& tool, const CLI::ParseError& error) {
   const std::vector<std::string> unexpected = tool.remaining(true);
   if (tool.get_subcommands().empty()) {
@@ -129,13 +129,12 @@ Team& team() {
 
 Outcome run_tool(int argc, char** argv) {
 #ifdef __GLIBC__
-  // Memory that one stage or block has given back serves the next one: what comes from the system costs a fault for
-  // each of its pages.
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that it takes
+  // Memory that one stage or block frees serves the next one. New memory from the system costs a fault for each page.
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest value that is accepted
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
 #endif
-  H5dont_atexit();  // all files are closed by then; about damaged ones it would print words of its own
-  // A reader that goes away, or a file beyond the limit, shows as an error of the write.
+  H5dont_atexit();  // all files are closed by then, and it would print its own messages about damaged ones
+  // A closed pipe, or a file beyond the limit, becomes an error of the write.
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
   open_standard_streams();
@@ -158,7 +157,7 @@ std::string complaint(int argc, const char* const* argv) {
   CLI::App tool("", "tokid");
   add_commands(tool);
   struct Parsed {};
-  tool.parse_complete_callback([] { throw Parsed{}; });  // before the command runs
+  tool.parse_complete_callback([] { throw Parsed{}; });  // stops before the command runs
   try {
     tool.parse(argc, argv);
   } catch (const Parsed&) {
@@ -168,7 +167,7 @@ std::string complaint(int argc, const char* const* argv) {
   return {};
 }
 
-// Nobody is left to tell where stderr can't be written.
+// If stderr cannot be written, the error cannot be reported anywhere.
 void message(std::string_view text) {
   const std::string line = printable(fmt::format("tokid: {}", text)) + '\n';
   std::fwrite(line.data(), 1, line.size(), stderr);

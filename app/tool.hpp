@@ -1,4 +1,4 @@
-// The whole tool, as the programs around it see it: tokid, tokid-mpi and the fuzzers.
+// The whole tool, for the programs around it: tokid, tokid-mpi and the fuzzers.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,17 +9,17 @@
 
 namespace tokid::app {
 
-// The processes that share the work; a single one, unless tokid-mpi says otherwise.
+// The processes that share the work; a single one, unless tokid-mpi sets others.
 Team& team();
 
-// Its exit status, and what is wrong where that is not zero.
+// The exit status, and the error message if it is not zero.
 struct Outcome {
   int status = 0;
   std::string complaint;
 };
 Outcome run_tool(int argc, char** argv);
 
-// What is wrong with a command line, or nothing; its command doesn't run.
+// The error message for a command line, or nothing. The command does not run.
 std::string complaint(int argc, const char* const* argv);
 
 void message(std::string_view text);  // one line on stderr

@@ -1,4 +1,4 @@
-// tokid update: experiments that come later join those that a state was kept of.
+// tokid update: adds later experiments to a kept state.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/update.hpp"
 
@@ -89,8 +89,8 @@ void run_first(const Call& call) {
     kept.push_back(call.state);
     check_output(call.model, Content::model, kept);
   }
-  for (const fs::path& file : call.data) file_kind(file);  // before the work: is it there?
-  // Until the end: what another update adds meanwhile would be lost.
+  for (const fs::path& file : call.data) file_kind(file);  // does it exist? checked before the work
+  // The lock is held until the end, because another update in the meantime would be lost.
   FileLock held = held_file(call.state, call.wait);
   UpdateState state = load_update_state(call.state);
   const Execution& execution = call.options.execution;
@@ -102,7 +102,7 @@ void run_first(const Call& call) {
   result.dt = state.factors.dt;
   result.now = identify(state, execution);
   result.now.findings.insert(result.now.findings.begin(), result.added.findings.begin(), result.added.findings.end());
-  // The state comes last: where it has not got the experiments, they can be added once more, to the same model.
+  // The state comes last. If it is not written, the experiments can be added again, to the same model.
   FilesTogether files;
   if (!call.model.empty()) save_model(result.now.model, call.model);
   save_update_state(state, held);

@@ -1,4 +1,4 @@
-// tokid validate: how good is a model on data?
+// tokid validate: tests how good a model is on data.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
@@ -19,7 +19,7 @@ struct Call {
   bool json = false;
 };
 
-// One row per output; the horizon has a column of its own where it is not one step.
+// One row per output. The horizon has a column of its own, unless it is one step.
 void add_table(const Call& call, const Model& model, const Validation& v, Vector Fit::*figure,
                std::string (*format)(double), Page& page) {
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};

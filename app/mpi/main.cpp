@@ -1,5 +1,5 @@
-// tokid-mpi: identify, its blocks, and update, its files, shared by the processes of mpirun. All other commands are
-// left to the first process.
+// tokid-mpi: the processes of mpirun share the blocks of identify and the files of update. The first process alone runs
+// all other commands.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 #include <mpi.h>
@@ -77,7 +77,7 @@ bool for_all(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Threads compute and read; the one that began alone sends.
+  // All threads compute and read, but only the first thread sends.
   int provided = 0;
   MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided);
   tokid::Team& team = tokid::app::team();
@@ -85,7 +85,7 @@ int main(int argc, char** argv) {
   tokid::app::Outcome outcome;
   if (team.rank == 0 || for_all(argc, argv)) outcome = tokid::app::run_tool(argc, argv);
   if (outcome.status != 0) {
-    // What is wrong for all of them is said once, by the first one, which ends the others.
+    // The first process reports an error that concerns all of them, and ends the others.
     if (team.rank > 0) std::this_thread::sleep_for(std::chrono::milliseconds(2000 + 100 * team.rank));
     tokid::app::message(team.rank == 0 ? outcome.complaint
                                        : fmt::format("process {}: {}", team.rank, outcome.complaint));

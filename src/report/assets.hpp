@@ -1,4 +1,4 @@
-// The files that pages are made of, embedded at build time (cmake/embed.cmake).
+// The files of the pages, embedded at build time (cmake/embed.cmake).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

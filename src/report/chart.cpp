@@ -19,7 +19,7 @@ namespace {
 // Lengths in units of the view box.
 constexpr double width = 560, panel_height = 290, square_height = 400;
 constexpr double left = 66, right = 14, top = 12, bottom = 46, legend_line = 20, between = 10;
-constexpr double letter = 6.6;  // width of a letter of the legend, on average and rather too much
+constexpr double letter = 6.6;  // width of a letter of the legend, on average or a little more
 
 struct Range {
   double least = std::numeric_limits<double>::infinity(), most = -least;
@@ -89,11 +89,11 @@ struct Legend {
 
 Legend legend(const Panel& panel, double y) {
   Legend result;
-  if (panel.series.size() < 2) return result;  // the axis says what a single one is
+  if (panel.series.size() < 2) return result;  // the axis names a single one
   double x = left, line = y + 13;
   for (const Series& s : panel.series) {
     if (s.name.empty()) continue;
-    // Letters, not bytes.
+    // The number of letters counts, not of bytes.
     const auto letters = std::count_if(s.name.begin(), s.name.end(), [](char c) { return (c & 0xC0) != 0x80; });
     const double size = 26 + letter * double(letters) + 14;
     if (x > left && x + size > width - right) x = left, line += legend_line;
@@ -120,7 +120,7 @@ Legend legend(const Panel& panel, double y) {
   return result;
 }
 
-// One path for all points of a series, with a gap wherever a value can't be drawn.
+// One path for all points of a series, with a gap at each value that cannot be drawn.
 std::string path(const Series& s, const Scale& x, const Scale& y) {
   std::string d;
   bool pen_down = false;
@@ -166,7 +166,7 @@ double draw(const Panel& panel, double y, std::string& out) {
     for (const double one : {-1.0, 1.0}) xs.add(one), ys.add(one);
   Scale sx = scale(panel.x, xs, left, width - right), sy = scale(panel.y, ys, end, begin);
   if (panel.complex_plane) {
-    // The same length for the same value on both axes: the one with more room gives it to both sides.
+    // Equal values have equal lengths on both axes. The axis with more room extends to both sides.
     const double unit = std::max((sx.most - sx.least) / (sx.to - sx.from), (sy.most - sy.least) / (sy.from - sy.to));
     for (Scale* s : {&sx, &sy}) {
       const double middle = (s->least + s->most) / 2, half = unit * std::abs(s->to - s->from) / 2;
@@ -212,7 +212,7 @@ std::vector<double> linear_ticks(double least, double most, int count) {
   if (!(step > 0)) return result;    // a range of numbers that underflow
   const double slack = 1e-9 * step;  // ends that miss a tick by rounding only
   const double first = std::ceil((least - slack) / step), last = std::floor((most + slack) / step);
-  // Far from zero neighbours may round to one.
+  // Far from zero, neighbours may round to the same number.
   for (int i = 0; i <= int(last - first); ++i)
     if (const double tick = (first + i) * step; result.empty() || tick > result.back()) result.push_back(tick);
   return result;

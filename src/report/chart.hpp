@@ -1,5 +1,5 @@
-// Figures as SVG text, for pages and files. The plotting library of the report page needs a browser; these do not, and
-// they follow the page's colours, so that light, dark and paper need no second drawing.
+// Figures as SVG text, for pages and files. Unlike the plotting library of the report page, they need no browser. They
+// use the page's colours, so that light, dark and print need no second drawing.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,10 +11,10 @@ namespace tokid::report {
 enum class Mark { line, dashed, dot, cross };
 
 struct Series {
-  std::string name;          // in the legend; empty: not there
+  std::string name;          // in the legend; empty: not listed
   std::vector<double> x, y;  // same number; NaN leaves a gap
   Mark mark = Mark::line;
-  int colour = 0;  // 0 … 7, told apart by readers of any colour vision
+  int colour = 0;  // 0 … 7, distinct for readers of any colour vision
 };
 
 struct Axis {
@@ -32,12 +32,12 @@ struct Panel {
 
 struct Figure {
   std::string id;             // of the file and the element: letters, digits, hyphens
-  std::string title;          // what it is
-  std::string caption;        // what it shows, and how it was made
+  std::string title;          // its subject
+  std::string caption;        // its content, and how it was made
   std::vector<Panel> panels;  // one below the other
 };
 
-// <svg> element. Standing alone it carries its own style and name space; in a page the page's style serves.
+// <svg> element. In a file it has its own style and name space; in a page it uses the page's style.
 enum class Setting { page, file };
 std::string svg(const Figure& figure, Setting setting);
 

@@ -44,7 +44,7 @@ Errors relative_errors(const Ensemble& data, const Ensemble& computed, const Vec
   return {step, experiment};
 }
 
-// The spread over the experiments of each step; NaN where fewer than three samples are there.
+// The spread over the experiments at each step; NaN for fewer than three samples.
 std::vector<double> spreads(const Ensemble& data, Index input) {
   std::vector<double> spread(size_t(data.steps()), nan);
   for (Index k = 0; k < data.steps(); ++k) {
@@ -57,7 +57,7 @@ std::vector<double> spreads(const Ensemble& data, Index input) {
     for (const double u : data.input(k).col(input))
       if (!std::isnan(u)) squares += (u - mean) * (u - mean);
     const double deviation = std::sqrt(squares / double(count - 1));
-    spread[size_t(k)] = deviation > 1e-12 * std::abs(mean) ? deviation : 0.0;  // but for rounding errors
+    spread[size_t(k)] = deviation > 1e-12 * std::abs(mean) ? deviation : 0.0;  // apart from rounding errors
   }
   return spread;
 }
@@ -77,20 +77,20 @@ double chance_agreement(const Ensemble& data, Index input, double distance) {
 
 std::vector<WeakInput> weak_inputs(const Model& model, const Ensemble& data) {
   std::vector<WeakInput> result;
-  if (model.period > 0) {  // inputs that differ over time tell as much as those that differ between experiments
+  if (model.period > 0) {  // inputs that differ over time are as useful as those that differ between experiments
     for (Index i = 0; i < data.inputs(); ++i)
       if (const ChannelSummary s = channel_summary(data, i); s.samples > 1 && s.min == s.max)
         result.push_back({i, {}, 0.0, true});
     return result;
   }
-  if (data.experiments() < 3) return result;  // no spread to speak of
+  if (data.experiments() < 3) return result;  // too few for a spread
   for (Index i = 0; i < data.inputs(); ++i) {
     const std::vector<double> spread = spreads(data, i);
     std::vector<double> moving;
     for (const double s : spread)
       if (s > 0) moving.push_back(s);
     WeakInput weak{i, {}, 1.0};
-    const double usual = finite_median(moving);  // of the steps at which it moves at all
+    const double usual = finite_median(moving);  // over the steps at which it moves
     if (std::isnan(usual)) {
       weak.always = std::any_of(spread.begin(), spread.end(), [](double s) { return s == 0; });
       weak.spread = 0.0;
@@ -103,7 +103,7 @@ std::vector<WeakInput> weak_inputs(const Model& model, const Ensemble& data) {
         weak.spread = std::min(weak.spread, spread[size_t(k)] / usual);
       }
     if (weak.steps.empty()) continue;
-    // Few experiments agree now and then by chance, above all where inputs have few values.
+    // Few experiments sometimes agree by chance, above all if inputs have few values.
     const double agreement = chance_agreement(data, i, 3 * bounds::weak_input * usual);
     const double expected = double(data.steps() * data.inputs()) * std::pow(agreement, double(data.experiments() - 1));
     if (expected < bounds::chance) result.push_back(weak);
@@ -120,15 +120,14 @@ std::vector<Index> outputs_at_rest(const Ensemble& data) {
   return result;
 }
 
-// RMS of the innovations that the model states at step k, relative to the spread of the outputs; 0 where it states
-// none.
+// RMS of the innovations that the model states at step k, relative to the spread of the outputs; 0 if it states none.
 double stated_error(const Model& model, const Vector& spread, Index k) {
   if (!model.has(&Step::has_innovation_cov)) return 0.0;
   const Vector variance = model.at(k).innovation_cov().diagonal();
   return std::sqrt((variance.array() / spread.array().square()).mean());
 }
 
-// What a pooled figure hides: steps and experiments that stand out, steps without a comparison.
+// Finds the steps and experiments that stand out, which a pooled figure hides, and the steps without a comparison.
 void judge_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
   const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
@@ -138,11 +137,11 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
       found.untested.push_back(k);
       continue;
     }
-    // A state that is not known at first is known later: the model may say so.
+    // An initial state that is unknown at first becomes known later, and the covariance of the model may show this.
     if (error > bounds::error_floor && error > bounds::error_peak * usual &&
         error > bounds::error_stated * stated_error(model, spread, k))
       found.error_peaks.push_back(k);
-    // Covariances of few degrees of freedom are themselves too uncertain.
+    // Covariances with few degrees of freedom are too uncertain.
     if (!model.has(&Step::has_innovation_cov) || freedom < 10) continue;
     double sum = 0.0;
     Index count = 0;
@@ -178,7 +177,7 @@ void judge_regressions(const Model& model, Evidence& found) {
   }
 }
 
-// Experiments of the identification, where the model has kept their number.
+// Number of experiments of the identification, if the model has it.
 Index identified_from(const Model& model, const ReportOptions& options) {
   if (options.identified_from > 0) return options.identified_from;
   const auto json = options_json(model.options);

@@ -1,4 +1,4 @@
-// The figures behind a report: computed once, read by the verdict, the tables and the plots.
+// The figures of a report: computed once, and used by the verdict, the tables and the plots.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -17,7 +17,7 @@ namespace tokid::report {
 
 using words::figure, words::percent, words::percent_range, words::plural, words::probability, words::step_list;
 
-// An input that hardly differs between the experiments at some steps, or nowhere.
+// An input that hardly differs between the experiments at some steps, or at all of them.
 struct WeakInput {
   Index input = 0;
   std::vector<Index> steps;
@@ -34,11 +34,11 @@ struct Evidence {
   Channels names;  // of the model, or of the data where the model has none
   Index horizon = 1;
   Index experiments = 0, missing = 0;         // tested; missing samples within the lengths
-  std::vector<Index> rows;                    // (N) of these, in the data that were given
-  std::vector<std::string> experiment_names;  // (N) of the same, empty for those that have none
+  std::vector<Index> rows;                    // (N) of these, in the given data
+  std::vector<std::string> experiment_names;  // (N) of the same; empty for those without a name
   double missing_share = 0.0;                 // of the samples within the lengths
   bool noisy = false;                         // innovations beyond rounding errors
-  Index lags = 0, unknowns = 0;               // p, and the largest of unknowns(); 0 where the model tells no lag order
+  Index lags = 0, unknowns = 0;               // p, and the largest of unknowns(); 0 if the model has no lag order
   Index identified_from = 0;                  // experiments; 0: not known
   Index samples = 0;  // of the identification for each unknown: its experiments, over all periods
   double condition_median = 0.0, condition_max = 0.0;
@@ -47,7 +47,7 @@ struct Evidence {
   std::vector<Index> error_peaks;   // steps whose one-step error stands out from the others
   std::vector<Index> beyond_noise;  // steps whose one-step error stands out from the model's own innovations there
   std::vector<Index> outliers;      // experiments whose error stands out
-  std::vector<Index> at_rest;       // outputs that do not move in the data: their fits say nothing
+  std::vector<Index> at_rest;       // outputs that do not move in the data, so that their fits mean nothing
   std::vector<Index> untested;      // steps of the model without a comparison
   std::vector<double> step_error;   // (T) RMS one-step error over outputs, relative to their spread; NaN where none
   std::vector<double> experiment_error;  // (N) the same at the judged horizon, or one step ahead without a simulation
@@ -61,7 +61,7 @@ Evidence evidence(const Model& model, const Tested& tested);
 
 Verdict verdict_of(const Model& model, const Evidence& found, const ReportOptions& options);
 
-// The median of what is finite; NaN for none.
+// The median of the finite values; NaN if there are none.
 double finite_median(std::vector<double> values);
 
 }  // namespace tokid::report

@@ -13,7 +13,7 @@ namespace tokid::report {
 
 namespace {
 
-// Those that the model states, or else that of the innovations at hand for all steps.
+// The covariances that the model states, or else one covariance of the innovations for all steps.
 std::vector<Matrix> innovation_covariances(const Model& model, const Innovations& innovations) {
   if (model.has(&Step::has_innovation_cov)) {
     std::vector<Matrix> stated;
@@ -33,7 +33,7 @@ Vector fits(const Vector& variance, const Vector& spread) {
   return 100 * (1 - variance.cwiseSqrt().array() / spread.array());
 }
 
-// Mean over the samples that are compared.
+// Mean over the compared samples.
 Vector mean_variance(const Matrix& variances, const Ensemble& data, const Ensemble& computed) {
   Vector sum = Vector::Zero(data.outputs()), count = sum;
   for (Index k = 0; k < data.steps(); ++k)
@@ -43,11 +43,11 @@ Vector mean_variance(const Matrix& variances, const Ensemble& data, const Ensemb
       sum(j) += double(both.count()) * variances(k, j);
       count(j) += double(both.count());
     }
-  return sum.array() / count.array();  // NaN where nothing is compared
+  return sum.array() / count.array();  // NaN if nothing is compared
 }
 
-// RMS over experiments and steps of what departures of the inputs from their mean do to each output within so many
-// steps. Of long records some steps stand for all.
+// RMS over experiments and steps of the effect of input departures from their mean on each output, within so many
+// steps. In long records some steps represent all.
 Vector forced_response(const Model& model, const Ensemble& data, Index begin, Index end, Index horizon) {
   constexpr Index most_starts = 64;
   const Index starts = std::max<Index>(1, end - begin - horizon + 1);
@@ -97,7 +97,7 @@ JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Jud
   if (simulates && good(v.one_step)) return result;
   const std::vector<Matrix> covariances = innovation_covariances(model, judged.prediction.innovations);
   const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
-  // An observer that does not know the initial state learns it from the first samples.
+  // An observer that does not know the initial state estimates it from the first samples.
   Index begin = std::max(v.first_predicted, model.k_begin);
   if (!starts_from_zero(model, initial))
     begin = std::min(std::max(begin, model.k_begin + estimation_window(model)), end - 1);
@@ -108,7 +108,7 @@ JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Jud
   result.expected_one_step = fits(ahead.row(0).transpose(), spread);
   result.expected_simulation = result.expected = fits(simulated, spread);
 
-  // An exact model predicts well where its errors are small beside the outputs, or hardly larger than those of one
+  // An exact model predicts well if its errors are small relative to the outputs, or hardly larger than those of one
   // step.
   const auto well = [&](const Vector& variance) {
     return std::all_of(judged_outputs.begin(), judged_outputs.end(), [&](Index j) {

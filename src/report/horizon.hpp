@@ -1,4 +1,4 @@
-// By what is a model judged: its simulation, or predictions over fewer steps?
+// Decides how a model is evaluated: by its simulation, or by predictions over fewer steps.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,9 +6,9 @@
 
 namespace tokid::report {
 
-// Where the noise that the model states spoils the simulation of an exact model too, the simulation says nothing of the
-// model. Then the predictions are judged over the most steps that an exact model would predict well. A model that gets
-// the effects of the inputs wrong spoils its simulation by that, and is judged by it.
+// If the noise that the model states spoils the simulation of an exact model too, the simulation says nothing about the
+// model. Then predictions evaluate it, over the most steps that an exact model would predict well. A model with wrong
+// effects of the inputs spoils its simulation by these, so its simulation evaluates it.
 struct JudgedHorizon {
   Index steps = 0;             // 0: the simulation
   bool stated = false;         // the covariances are the model's own, not those of the innovations at hand
@@ -18,7 +18,7 @@ struct JudgedHorizon {
   Fit fit;                     // found at the judged horizon
   Ensemble computed;           // outputs at the judged horizon
   double inputs =
-      0.0;  // RMS of what the inputs do within the horizon over that of the errors, largest over the outputs
+      0.0;  // RMS of the effect of the inputs within the horizon over that of the errors, largest over the outputs
 };
 // `spread` (m): RMS of the outputs about their nominal trajectory or mean; `judged_outputs`: those that move.
 JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Judged& judged,

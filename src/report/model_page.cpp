@@ -28,7 +28,7 @@ std::string with_unit(const std::string& name, const std::vector<std::string>& u
   return at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name;
 }
 
-// Ranges and figures with their units stay on one line.
+// Keeps ranges, and figures with their units, on one line.
 std::string keep_together(std::string html) {
   const auto replace = [&html](std::string_view from, std::string_view to) {
     for (size_t i = 0; (i = html.find(from, i)) != std::string::npos; i += to.size()) html.replace(i, from.size(), to);
@@ -48,7 +48,7 @@ std::string list(const std::vector<std::string>& texts, std::string_view css_cla
   return fmt::format("<ul class=\"{}\">\n{}</ul>\n", css_class, items);
 }
 
-// A tick, a lens, a cross: the status for those who don't see its colour.
+// A tick, a lens or a cross shows the status to readers who do not see its colour.
 std::string status(Trust trust) {
   static constexpr const char* css_class[] = {"good", "look", "bad"};
   static constexpr const char* text[] = {"Good", "Look closer", "Don’t trust"};
@@ -73,7 +73,7 @@ std::string legend(std::string_view id) {
   return fmt::format("<div class=\"legend\" id=\"{}\" aria-live=\"off\"></div>\n", id);
 }
 
-// The sections of the page, from what was found.
+// Makes the sections of the page from the findings.
 class Report {
  public:
   Report(const Model& model, const Tested& tested)
@@ -149,7 +149,7 @@ class Report {
         verdict_.reasons.empty() ? paragraph(no_reasons()) : list(verdict_.reasons, "reasons"), tiles, thresholds());
   }
 
-  // What stands in the place of the reasons against the model where there are none.
+  // The text if there are no reasons against the model.
   std::string no_reasons() const {
     const Conclusions& c = found_.conclusions;
     std::vector<std::string> small;
@@ -246,7 +246,7 @@ class Report {
     return fmt::format("{}", fmt::join(names, ", "));
   }
 
-  // What was asked for, and what was left to the program.
+  // The options that the user chose, and those that the program chose.
   std::string option_text() const {
     const auto json = options_json(model_.options);
     if (!json.is_object()) return model_.options;
@@ -383,7 +383,8 @@ class Report {
     std::vector<double> falls;
     falls.reserve(fall.size());
     for (const auto& values : fall) falls.push_back(values.empty() ? 0.0 : finite_median(values));
-    // The end of what the window can carry is a fall too, but says nothing about the system.
+    // Beyond the number of states that the window can carry, singular values fall too. This says nothing about the
+    // system.
     const auto informative = [&](size_t i) { return i + 1 < size.size() && finite_median(size[i + 1]) > 1e-12; };
     size_t clearest = 0;
     for (size_t i = 0; i < falls.size(); ++i)
@@ -411,11 +412,11 @@ class Report {
             plot_place("plot-step", "Relative one-step error of each step over the experiments") + worst_steps());
   }
 
-  // The steps that deserve a look, without a plot.
+  // The steps that need attention, without a plot.
   std::string worst_steps() const {
     const bool condition = model_.has(&Step::has_condition), lags = model_.has(&Step::has_lags),
                rank = model_.has(&Step::has_rank);
-    // How bad a step is: its condition; without one, what its rank lacks. What is not known comes last.
+    // Badness of a step: its condition number or, without one, its rank deficiency. Unknown values come last.
     const auto badness = [&](Index k) {
       const double value = condition ? model_.at(k).condition() : double(unknowns(model_, k) - model_.at(k).rank());
       return std::isnan(value) ? -std::numeric_limits<double>::infinity() : value;
@@ -514,7 +515,7 @@ class Report {
             "<p class=\"note unscripted\">The matrices themselves are in the model's file.</p>\n");
   }
 
-  // The test of 20 experiments or more presumes nothing but that they are independent.
+  // The test of 20 experiments or more assumes only that they are independent.
   std::string squares_text() const {
     const NormalisedSquares& s = found_.validation.squares;
     const std::string text = found_.conclusions.squares.text + ".";

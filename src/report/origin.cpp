@@ -31,7 +31,7 @@ Tested tested(const Model& model, const Ensemble& data, const ReportOptions& opt
       result.options.evaluation = Evaluation::held_out;
     }
   } catch (const std::invalid_argument&) {
-    // Nothing was held out, or the data are too few for such a share: not those of the identification.
+    // Nothing was held out, or the data are too few for this share. They are not those of the identification.
   }
   return result;
 }

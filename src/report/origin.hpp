@@ -1,4 +1,4 @@
-// Has the model seen the data that it is judged by?
+// Finds out whether the model has seen the data that evaluate it.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,12 +6,12 @@
 
 namespace tokid::report {
 
-// What is tested, and what it is to the model, with Evaluation::automatic resolved: where the data are those of an
-// identification that held some back, these alone are tested.
+// The tested data, and their relation to the model, with Evaluation::automatic resolved. If the data are those of an
+// identification with held-out experiments, only the held-out ones are tested.
 struct Tested {
   Ensemble data;
   ReportOptions options;
-  // Of each experiment tested, in the data that were given: its row, and its name, empty where it has none.
+  // For each tested experiment: its row in the given data, and its name, empty if it has none.
   std::vector<Index> rows;
   std::vector<std::string> names;
 };

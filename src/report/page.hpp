@@ -1,4 +1,4 @@
-// HTML pages that stand alone: text, tables, data, and the frame that all pages share.
+// HTML pages that stand alone: text, tables, data, and the common frame of all pages.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,14 +8,14 @@
 
 namespace tokid::report {
 
-// Text as it appears between tags or in a quoted attribute. Whatever is not UTF-8 becomes U+FFFD, control characters
+// Text for use between tags or in a quoted attribute. Text that is not UTF-8 becomes U+FFFD, and control characters
 // become spaces.
 std::string escape(std::string_view text);
 
 // <tag class="…">text</tag>, the text escaped.
 std::string element(std::string_view tag, std::string_view text, std::string_view css_class = {});
 
-// A table of texts, all of them escaped. It scrolls by itself where it is wider than the page.
+// A table of texts, all of them escaped. A table that is wider than the page scrolls.
 class Table {
  public:
   // Columns of text are aligned to the left, columns of numbers to the right.
@@ -48,19 +48,19 @@ class Facts {
 // <section> with a heading that can be linked to. The heading is escaped, the body is HTML.
 std::string section(std::string_view id, std::string_view heading, std::string_view body);
 
-// The place of a plot, which a script fills: empty and announced as missing where no script runs.
+// The place of a plot, which a script fills. Without scripts it stays empty, and says that the plot is missing.
 std::string plot_place(std::string_view id, std::string_view label);
 
-// <script type="application/json" id="…">: JSON text that can't end the element or begin a comment.
+// <script type="application/json" id="…"> with JSON text that cannot end the element or begin a comment.
 std::string script_json(std::string_view id, std::string_view json);
-// <script> of code that is part of tokid, never of data. \throws std::invalid_argument where it could end the element
+// <script> of code that is part of tokid, never of data. \throws std::invalid_argument if it could end the element
 std::string script(std::string_view code);
 
 struct Link {
   std::string id, text;
 };
 
-// What a page consists of. `body` and `scripts` are HTML, the other texts are escaped.
+// The parts of a page. `body` and `scripts` are HTML, the other texts are escaped.
 struct Document {
   std::string title;        // of the window and the first heading
   std::string kind;         // small words above the heading, as "identification report"

@@ -11,7 +11,7 @@ namespace tokid::report {
 
 namespace {
 
-// x = k·dt for k = begin … of as many values as y has.
+// x = k·dt for k = begin …, with as many values as y has.
 Series history(std::string name, const Vector& y, Index begin, double dt, int colour, Mark mark = Mark::line) {
   Series s{std::move(name), {}, {y.begin(), y.end()}, mark, colour};
   for (Index k = 0; k < y.size(); ++k) s.x.push_back(double(begin + k) * dt);
@@ -28,9 +28,9 @@ double largest(const Matrix& a) {
 }
 
 // The step from which on every product of p closed-loop matrices vanishes. The windows of earlier steps reach back to
-// the start from rest, where there is no state to be seen: their data do not determine the gain.
+// the start from rest. No state is visible there, so their data do not determine the gain.
 Index first_deadbeat(const Paper& paper) {
-  constexpr double rounding = 1e-9;  // beside closed loops of norm ten
+  constexpr double rounding = 1e-9;  // closed loops have a norm of about ten
   size_t first = paper.products.size();
   while (first > 0 && paper.products[first - 1] < rounding) --first;
   return paper.framed.begin + static_cast<Index>(first);
@@ -113,7 +113,7 @@ Figure state_error(const Paper& paper) {
   for (Index i = 0; i < paper.closed_error.rows(); ++i)
     components.series.push_back(
         history(i == 0 ? "all, observer" : "", paper.closed_error.row(i), begin, dt, 7, Mark::dashed));
-  // What is smaller than any rounding error is drawn as that.
+  // Values below any rounding error are drawn at this level.
   constexpr double floor = 1e-18;
   const Index deadbeat = first_deadbeat(paper), gone = std::min(deadbeat + paper.lags, paper.framed.end - 1);
   norms.series = {history("open loop", paper.open_error.colwise().norm(), begin, dt, 0),

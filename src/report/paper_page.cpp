@@ -25,7 +25,7 @@ std::string figure_html(const Figure& figure) {
       escape(figure.caption));
 }
 
-// Figures side by side where there is room; those of an inner list stand below each other.
+// Figures side by side if there is room. The figures of an inner list stand below each other.
 std::string figures_html(const std::vector<Figure>& figures, const std::vector<std::vector<size_t>>& columns) {
   std::string html = "<div class=\"two\">\n";
   for (const std::vector<size_t>& column : columns) {
@@ -44,7 +44,7 @@ std::string number(std::complex<double> value, const char* format) {
   return text;
 }
 
-// Appendix B, number by number; those that are zero but for rounding errors apart from the others.
+// All numbers of Appendix B. Those that are zero up to rounding errors are in a separate list.
 std::string printed_table(const Paper& paper) {
   Table table(
       {{"equation", Table::Align::text}, {"quantity", Table::Align::text}, {"printed"}, {"computed"}, {"difference"}},

@@ -20,15 +20,15 @@ namespace tokid::report {
 
 namespace {
 
-// The page holds at most so many numbers of each kind; seven bytes each, more or less.
+// Largest count of numbers of each kind on the page, at about seven bytes each.
 constexpr Index most_trace_numbers = 400'000;
 constexpr Index most_entry_numbers = 60'000;  // of A_k and G_k each
 constexpr Index most_poles = 50'000;
 constexpr Index most_heat_columns = 1200, most_heat_rows = 32;
 constexpr Index most_states_shown = 12;
-constexpr Index fewest_points = 120;  // of a curve, however many there are
+constexpr Index fewest_points = 120;  // of a curve, for any number of curves
 
-// Six digits are more than any screen shows; null where there is no finite number.
+// Six digits are more than any screen shows. A value that is not finite becomes null.
 Json rounded(double value) {
   if (!std::isfinite(value)) return {};
   if (value == std::trunc(value) && std::abs(value) < 1e6) return static_cast<std::int64_t>(value);
@@ -63,7 +63,7 @@ Grid make_grid(Index begin, Index steps, Index points) {
   }
   for (Index k = 0; k < steps; k += grid.stretch) {
     grid.x.push_back(begin + k);
-    // The last stretch may be a single step: its two points stand side by side all the same.
+    // The last stretch may be a single step, but its two points still stand side by side.
     grid.x.push_back(begin + k + std::max<Index>(1, grid.stretch / 2));
   }
   return grid;
@@ -99,11 +99,11 @@ Framed pole_frame(const Model& model) {
     const Index s = model.full_begin(), full = model.full_end() - s;
     try {
       FramedModel reference = reference_frame(model, s, rows);
-      // One that reaches half of the steps is a picture, less is a stub.
+      // A frame of at least half of the steps makes a useful plot, a shorter one does not.
       if (2 * (reference.end - reference.begin) >= full && reference.end - reference.begin > 1)
         return {std::move(reference.model), "reference", reference.begin, reference.end - 1, s};
     } catch (const std::invalid_argument&) {
-      // The outputs of step s don't tell its state: the smooth frame needs no such thing.
+      // The outputs of step s do not determine its state. The smooth frame does not need this.
     }
   }
   return {smooth_frame(model, rows), "smooth", model.k_begin, model.k_end(), -1};
@@ -117,7 +117,7 @@ Shown shown_experiments(const Evidence& found, Index most) {
   std::iota(order.begin(), order.end(), Index{0});
   std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
     const double x = error[size_t(a)], y = error[size_t(b)];
-    return std::isnan(y) ? !std::isnan(x) : x < y;  // those without an error come last
+    return std::isnan(y) ? !std::isnan(x) : x < y;  // rows without an error come last
   });
   const Index known = std::count_if(error.begin(), error.end(), [](double e) { return !std::isnan(e); });
 
@@ -155,7 +155,7 @@ Shown shown_experiments(const Evidence& found, Index most) {
 
 namespace {
 
-// Collects the JSON, and says what it leaves out.
+// Collects the JSON, and reports what it leaves out.
 class Collector {
  public:
   Collector(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options)
@@ -187,10 +187,10 @@ class Collector {
     plots_.omitted.push_back(fmt::format(text, std::forward<Arguments>(arguments)...));
   }
 
-  // Points for each of `curves` curves that share `budget` numbers.
+  // Number of points for each of `curves` curves that share `budget` numbers.
   Index points_for(Index curves, Index budget) const {
     const Index fair = std::max(fewest_points, budget / std::max<Index>(1, curves));
-    return std::min(fair, std::max<Index>(2, options_.points));  // fewer than the fewest, where that was asked for
+    return std::min(fair, std::max<Index>(2, options_.points));  // fewer than the fewest, if asked for
   }
 
   template <class Value>
@@ -202,7 +202,7 @@ class Collector {
 
   void traces() {
     const Index curves = model_.inputs + 5 * model_.outputs;
-    // So many experiments that each curve keeps a fair number of points.
+    // The number of experiments is limited, so that each curve keeps enough points.
     const Index fair = std::min({data_.steps(), options_.points, Index{400}});
     Index most = std::min(options_.experiments, most_trace_numbers / std::max<Index>(1, curves * fair));
     const Shown shown = shown_experiments(found_, std::max<Index>(1, most));
@@ -255,7 +255,7 @@ class Collector {
             {"prediction_error", difference(predicted)}};
   }
 
-  // Base-ten logarithms in hundredths: small whole numbers.
+  // Base-ten logarithms in hundredths, which are small whole numbers.
   void singular_values() {
     json_["sigma"] = nullptr;
     Index rows = 0;
@@ -266,7 +266,7 @@ class Collector {
     rows = std::min(rows, most_heat_rows);
     const Index stride = (model_.steps() + most_heat_columns - 1) / most_heat_columns;
     if (stride > 1) omit("Of every {} steps the largest singular values and the largest order are drawn.", stride);
-    // Where nothing moves, all singular values are rounding errors of D, which is a Markov parameter as they are.
+    // If nothing moves, all singular values are rounding errors. D, a Markov parameter too, then sets the scale.
     double largest = 0.0;
     for (const Step& step : model_.step)
       if (const auto s = step.singular_values(); s.size() > 0 && std::isfinite(s(0))) largest = std::max(largest, s(0));
@@ -297,7 +297,7 @@ class Collector {
         {"log", columns},          {"order", order}};
   }
 
-  // What lies seventeen decades below the scale is zero in double precision; null where all is zero.
+  // A value seventeen decades below the scale is zero in double precision. The result is null if all values are zero.
   static Json hundredths(double value) {
     if (!(value >= std::numeric_limits<double>::min())) return {};
     return std::lround(100 * std::log10(value));
@@ -352,7 +352,7 @@ class Collector {
     if (infinite > 0)
       omit("Eigenvalues are not shown at {}: A or A + GC has none that are finite there.", steps(infinite));
 
-    // Of too many steps, those of every stretch that go farthest, once for A and once for A + GC.
+    // For too many steps, each stretch shows the steps with the largest values, once for A and once for A + GC.
     const Index count = Index(plots_.radius.size());
     const Index most = std::max<Index>(2, most_poles / std::max<Index>(1, 4 * model.states()));
     const Index stride = count <= most ? 1 : (2 * count + most - 1) / most;

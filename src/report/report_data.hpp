@@ -1,4 +1,4 @@
-// What the plots of a report draw, thinned out to a bounded size.
+// The data of the plots of a report, reduced to a bounded size.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,18 +9,18 @@
 
 namespace tokid::report {
 
-// Curves of `steps` samples on a grid that all of them share: as they are where they are few enough, else two points
-// for every stretch of `stretch` steps, its least and largest value in the order in which they come. No peak is lost;
-// it moves by less than a stretch.
+// Curves of `steps` samples on a common grid. Curves of few samples stay as they are. Otherwise every stretch of
+// `stretch` steps has two points, its least and its largest value, in their order. No peak is lost; it moves by less
+// than a stretch.
 struct Grid {
   Index begin = 0, steps = 0, stretch = 1;
   std::vector<Index> x;  // steps k of the points
 
-  std::vector<double> thin(const std::vector<double>& values) const;  // NaN where a stretch has no value
+  std::vector<double> thin(const std::vector<double>& values) const;  // NaN if a stretch has no value
 };
 Grid make_grid(Index begin, Index steps, Index points);
 
-// Eigenvalues of A_k and of A_k + G_k C_k need coordinates; these are those of the plots.
+// Eigenvalues of A_k and of A_k + G_k C_k need coordinates. This is the frame of the plots.
 struct Framed {
   Model model;
   std::string name;          // "reference", "smooth"
@@ -29,11 +29,11 @@ struct Framed {
 };
 Framed pole_frame(const Model& model);
 
-// Rows of the ensemble that are plotted: the best, the median and the worst, and others spread evenly; with labels.
+// The plotted rows of the ensemble, with labels: the best, the median and the worst, and others spread evenly.
 struct Shown {
   std::vector<Index> rows;
   std::vector<std::string> labels;
-  size_t first = 0;  // that the page begins with: the median
+  size_t first = 0;  // index of the row that the page shows first: the median
 };
 Shown shown_experiments(const Evidence& found, Index most);
 
@@ -45,9 +45,9 @@ struct Radius {
 
 struct Plots {
   std::string json;
-  std::vector<std::string> omitted;  // what the page does not show, in words
+  std::vector<std::string> omitted;  // parts that the page does not show, in words
   Framed frame;
-  std::vector<Radius> radius;  // where they are finite, of steps in the frame with as many states before as after them
+  std::vector<Radius> radius;  // if finite, of steps in the frame with as many states before as after
 };
 Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options);
 

@@ -49,7 +49,7 @@ std::string capital(std::string text) {
   return text;
 }
 
-// Reasons in the order of their gravity; each pulls the status down as far as it must.
+// Collects reasons in the order of their gravity. Each reason lowers the status as far as necessary.
 class Judge {
  public:
   Judge(const Model& model, const Evidence& found, const ReportOptions& options)
@@ -119,15 +119,15 @@ class Judge {
                               exact < 0 ? "worse than none" : fmt::format("fit {}", percent(exact)));
   }
 
-  // NaN for outputs at rest.
+  // Fits of outputs at rest become NaN.
   Vector of_moving(Vector fits) const {
     for (const Index j : found_.at_rest)
       if (j < fits.size()) fits(j) = std::numeric_limits<double>::quiet_NaN();
     return fits;
   }
 
-  // Are errors of outputs below a good fit those that the model's own noise gives an exact model? Noise that explains
-  // everything explains nothing, and a model that states too much of it is no excuse.
+  // For outputs below a good fit: would the model's own noise give an exact model the same errors? Noise that explains
+  // everything explains nothing. A model that states too much noise has no excuse.
   bool noise_explains(const Vector& found, const Vector& expected) const {
     if (!found_.judged.stated || expected.size() == 0 || found_.validation.squares.ratio < 1 / counts::overconfident)
       return false;
@@ -138,7 +138,7 @@ class Judge {
     return true;
   }
 
-  // No input differs between the experiments that the model was identified from.
+  // Is there no input that differs between the training experiments?
   bool inputs_unknown() const {
     return options_.evaluation != Evaluation::given && Index(found_.weak_inputs.size()) == model_.inputs &&
            std::all_of(found_.weak_inputs.begin(), found_.weak_inputs.end(),
@@ -212,7 +212,7 @@ class Judge {
                           plural(h.steps, "step"), bounds::inputs_show));
   }
 
-  // Nothing else counts where nothing could be compared.
+  // If nothing could be compared, nothing else counts.
   bool fits() {
     const Validation& v = found_.validation;
     if (v.simulation.samples == 0 && v.one_step.samples == 0) {
@@ -292,7 +292,7 @@ class Judge {
               fmt::format("Only {} tested.", found_.experiments == 1 ? "one experiment was" : "two experiments were"));
   }
 
-  // Does the window of step k reach a step at which the input rests?
+  // Does the window of step k contain a step at which the input is at rest?
   bool explains(const WeakInput& weak, Index k) const {
     const auto first = std::lower_bound(weak.steps.begin(), weak.steps.end(), k - found_.lags);
     return weak.always || (first != weak.steps.end() && *first <= k);
@@ -308,7 +308,7 @@ class Judge {
   }
 
   void regressions() {
-    // Other data explain nothing about the regressions of the identification.
+    // Other data cannot explain the regressions of the identification.
     const bool own = options_.evaluation != Evaluation::given;
     std::vector<Index> explained, unexplained;
     std::vector<const WeakInput*> causes;

@@ -31,7 +31,7 @@
     apply();
   });
   system.addEventListener("change", apply);
-  // Paper is white.
+  // Printed pages are white.
   const paper = window.matchMedia("print");
   const print = on => { printing = on; apply(); };
   paper.addEventListener("change", event => print(event.matches));
@@ -40,7 +40,7 @@
   printing = paper.matches;
   apply();
 
-  // Tables take the keyboard's focus where they scroll, and only there.
+  // Only tables that scroll take the keyboard's focus.
   const scrolls = [...document.querySelectorAll(".scroll")];
   const reachable = () => {
     for (const scroll of scrolls)
@@ -52,7 +52,7 @@
   }
   reachable();
 
-  // The section on the screen is marked in the navigation.
+  // The navigation marks the section on the screen.
   const links = new Map([...document.querySelectorAll("nav a")].map(a => [a.hash.slice(1), a]));
   if (links.size && "IntersectionObserver" in window) {
     const seen = new Set();

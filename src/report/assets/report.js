@@ -1,4 +1,4 @@
-// Draws the plots of the report from the data in the page. Names come from files: they enter as text, never as HTML.
+// Draws the plots of the report from the data in the page. Names come from files, so they enter as text, never as HTML.
 // SPDX-License-Identifier: BSD-3-Clause
 "use strict";
 (() => {
@@ -19,7 +19,7 @@
     return element;
   };
 
-  // Numbers as people read them
+  // Formats numbers for readers.
   const raised = exponent => "10" + [...String(exponent)].map(c => c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(c)]).join("");
   function short(value) {
     if (value === null || value === undefined || !Number.isFinite(value)) return "–";
@@ -71,7 +71,7 @@
   }
   const height_of = plot => printing() ? 200 : Math.round((plot.tall || 250) * (narrow() ? 0.84 : 1));
 
-  // Lone samples between gaps would vanish from a line.
+  // Single samples between gaps would vanish from a line.
   function lone(u, i, show) {
     if (show) return null;
     const y = u.data[i], found = [];
@@ -105,7 +105,7 @@
     for (const [element, curve] of plot.values) element.textContent = k == null ? "" : short((curve.shown || curve.values)[k]);
     if (k == null) plot.where.textContent = "";
     else if (plot.shared) {
-      // Thinned curves: each shows the least or the largest value of a stretch, wherever in it that lies.
+      // Each thinned curve has the least or the largest value of a stretch, from any place in it.
       if (plot.stretch > 1) {
         const begin = plot.step_of ? plot.step_of(k) : plot.x[k - k % 2];
         const end = Math.min(begin + plot.stretch - 1, last_step);
@@ -118,7 +118,7 @@
     else plot.where.textContent = `lag ${plot.x[k]}`;
   }
 
-  // With a finger: across is zoom, down is the page's, two taps on one place show everything again.
+  // Touch: a movement across zooms, a movement down scrolls the page, and a double tap shows the whole range again.
   function touch(u) {
     const over = u.over, fingers = new Set();
     let start = null, tap = null;  // where the only finger went down; the last tap
@@ -129,7 +129,7 @@
       if (event.pointerType === "mouse") return;
       fingers.add(event.pointerId);
       const alone = fingers.size === 1;
-      if (!alone) unselect(), tap = null;  // what several fingers do is the browser's
+      if (!alone) unselect(), tap = null;  // the browser handles several fingers
       start = alone ? {left: left(event), clientX: event.clientX, clientY: event.clientY} : null;
     });
     over.addEventListener("pointermove", event => {
@@ -153,7 +153,7 @@
     over.addEventListener("pointercancel", end);
   }
 
-  // With the keyboard: arrows read the values, + and − zoom about the cursor, Escape undoes it.
+  // Keyboard: arrows read the values, + and − zoom about the cursor, Escape undoes it.
   const spoken = make("div", undefined, document.body);
   spoken.className = "unseen";
   spoken.setAttribute("role", "status");
@@ -205,14 +205,14 @@
   function listen(plot, place) {
     if (place.tabIndex === 0) return;  // another curve in the same place
     place.tabIndex = 0;
-    place.setAttribute("role", "application");  // else a screen reader keeps the arrows to itself
+    place.setAttribute("role", "application");  // otherwise a screen reader keeps the arrow keys
     place.setAttribute("aria-roledescription", "plot");
     place.setAttribute("aria-keyshortcuts", "ArrowLeft ArrowRight Home End" + (plot.shared ? " Plus Minus" : "") + " Escape");
     place.addEventListener("keydown", event => press(plots.get(plot.name), event));
     place.addEventListener("blur", () => leave(plots.get(plot.name)));
   }
 
-  // What a plot does not show is said beneath it.
+  // A text beneath a plot says what the plot does not show.
   function remark(place, text) {
     let note = at(`${place}-remark`);
     if (!note && !text) return;
@@ -254,7 +254,7 @@
       },
       axes: [
         {...axis, ...hidden_grid, incrs: steps, size: 30, label: plot.shared ? "Step" : "Lag", labelSize: 18, labelFont: font(12), space: narrow() ? 48 : 64, values: (u, ticks) => ticks.map(v => Number.isInteger(v) ? tick(v) : "")},
-        // As wide with a label as without: steps stand below each other.
+        // The width is the same with a label as without, so that steps stand below each other.
         {...axis, ...hidden_grid, size: (narrow() ? 48 : 58) + (plot.label ? 0 : 20), space: 34, ...(plot.incrs ? {incrs: plot.incrs} : {}),
           ...(plot.label ? {label: cut(plot.label, Math.max(8, Math.floor((height_of(plot) - 50) / 8))), labelSize: 20, labelFont: font(12)} : {}),
           ...(plot.filter ? {filter: plot.filter, grid: {...axis.grid, filter: plot.filter}, ticks: {...axis.ticks, filter: plot.filter}} : {}),
@@ -310,7 +310,7 @@
     const j = Number(output.value), i = Number(input.value), x = traces.x;
     const nominal = traces.nominal;
     const few = traces.stretch === 1;
-    // The nominal trajectory may be so much larger than what the experiments differ by that it hides every error.
+    // The nominal trajectory may be so much larger than the differences between experiments that it hides every error.
     const departures = nominal && motion && motion.value === "departures";
     const less = (values, mean) => departures ? values.map((v, k) => v === null || mean[k] === null ? null : v - mean[k]) : values;
     const of_output = values => less(values, nominal && nominal.y[j]), of_input = values => less(values, nominal && nominal.u[i]);
@@ -335,7 +335,7 @@
     if (!few) remark("plot-outputs", `Of every ${traces.stretch} steps the least and the largest value are drawn.`);
     place.setAttribute("aria-label", `${e.label}, output ${named(data.outputs[j])}: measured, simulated and predicted over the steps`);
   }
-  // Samples are marked where there is room for it.
+  // Samples are marked if there is room.
   const undefined_points = (u, i, i0, i1) => (i1 - i0) * 8 < u.bbox.width / devicePixelRatio;
 
   function setup_traces() {
@@ -343,7 +343,7 @@
     fill(output, data.outputs.map(named), 0);
     fill(input, data.inputs.length ? data.inputs.map(named) : ["none"], 0);
     if (motion) {
-      // Least and largest values of a stretch have no difference from the nominal ones.
+      // The least and largest values of a stretch cannot be compared with the nominal ones.
       make("option", "whole motion", motion).value = "whole";
       make("option", "departures from nominal", motion).value = "departures";
       motion.disabled = data.traces.stretch > 1;
@@ -359,7 +359,7 @@
     draw_traces();
   }
 
-  // Singular values: dark is small, bright is large, on a scale whose lightness rises evenly.
+  // Singular values: dark is small and bright is large. The lightness of the scale rises evenly.
 
   const scale = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137], [53, 183, 121], [110, 206, 88], [181, 222, 43], [253, 231, 37]];
   function shade(share) {
@@ -370,7 +370,7 @@
   function draw_order() {
     const sigma = data.sigma;
     if (!sigma || !sigma.log.length) return;
-    // What is no more than rounding errors is grey, so that the colours are left to the rest.
+    // Values at rounding level are grey, so that the colours are left to the rest.
     const rounding = value => value === null || sigma.rounding === null || value < sigma.rounding;
     const all = sigma.log.flat(), sizes = all.filter(value => !rounding(value));
     let most = sizes.reduce((a, b) => Math.max(a, b), -Infinity), least = sizes.reduce((a, b) => Math.min(a, b), Infinity);
@@ -441,7 +441,7 @@
     }
   }
 
-  // What each step's regression was like
+  // Quality of the regression of each step
 
   function draw_steps() {
     const p = data.per_step, x = p.x;
@@ -450,7 +450,7 @@
       add({name: "condition", place: "plot-condition", legend: "legend-condition", shared: true, tall: 200, x, stretch: p.stretch,
         curves: [{label: "Condition number", colour: "--c-blue", values: p.condition.map(v => v > 0 ? v : null), points: undefined_points}],
         scale: {distr: 3}, tick: v => v === null ? "" : v >= 1e4 ? raised(Math.round(Math.log10(v))) : tick(v),
-        // Decades alone; within a single one 1, 2 and 5.
+        // The axis shows decades only; within a single decade it shows 1, 2 and 5.
         filter: (u, ticks) => {
           const decades = ticks.map(v => Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-6 ? v : null);
           const count = decades.filter(v => v !== null).length, stride = Math.ceil(count / 6);
@@ -708,7 +708,7 @@
     });
   }).observe(root);
 
-  // For tests and for the curious at the console.
+  // For tests and for users of the console.
   window.tokid = {
     plots: () => [...plots.values()].map(plot => ({
       name: plot.name, shared: plot.shared, from: plot.u.scales.x.min, to: plot.u.scales.x.max,
