@@ -42,7 +42,7 @@ using Choices = std::vector<std::pair<std::string, T>>;
 // The parser writes to the targets, which must outlive the parsing. Names without a dash are required arguments.
 class Command {
  public:
-  // With its help text and one example of its use.
+  // Adds the command with its help text and one example of its use.
   Command(CLI::App& tool, const char* name, const char* description, const char* example);
 
   void argument(const char* name, fs::path& file, const char* description);

@@ -26,7 +26,7 @@ std::string extension_of(const fs::path& path) {
 }
 
 bool same_file(const fs::path& a, const fs::path& b) {
-  if (a.empty() || b.empty()) return false;  // an option that was not given
+  if (a.empty() || b.empty()) return false;  // the option was not given
   std::error_code error;
   return fs::equivalent(a, b, error) ||
          fs::weakly_canonical(fs::absolute(a, error), error) == fs::weakly_canonical(fs::absolute(b, error), error);

@@ -1,4 +1,4 @@
-// tokid simulate: outputs of a model for new inputs, from the zero state, the mean initial one or an estimate.
+// tokid simulate: outputs of a model for new inputs, from the zero state, the mean initial state or an estimate.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "command.hpp"
 #include "common.hpp"

@@ -22,7 +22,7 @@ constexpr Index most_states = 16, most_judged = 64;
 // A refined model may not increase an error by more than this factor.
 constexpr double spoilt = 1.1;
 
-// Sets what the options state about the realisation. The data decide the rest later.
+// Takes the choices of the options about the realisation. The data decide the rest later.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
   const bool exact = !plan.noisy && plan.initial_state == InitialState::zero && !plan.coupled;
   const bool tvera = o.method == Method::tvera || (o.method == Method::automatic && exact);

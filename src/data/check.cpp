@@ -27,7 +27,7 @@ void check_length(const Ensemble& e, const std::vector<Index>& length) {
       throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, e.steps()));
 }
 
-// Free-response experiments are samples like any other; NaN marks what is missing.
+// Free-response experiments are samples like any other; NaN marks a missing sample.
 void check_free_response(const FreeResponse& free, Index outputs) {
   if (free.experiments == 0) return;
   if (free.y.rows() != free.experiments || free.y.cols() != free.steps * outputs)

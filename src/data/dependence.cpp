@@ -219,8 +219,8 @@ class Combinations {
     return result;
   }
 
-  // The dependent experiments as combinations of the basis, without terms at rounding level. Combinations that may be
-  // chance are left out.
+  // The dependent experiments as combinations of the basis, without terms at rounding level and without combinations
+  // that may be chance.
   std::vector<DependentExperiment> combinations(const Parts& parts) const {
     const Fit all = fit(parts.basis, parts.dependent);
     const Index K = Index(parts.basis.size());

@@ -1,4 +1,4 @@
-// Do the outputs follow from the samples before them, within rounding?
+// Decides whether the outputs follow from the samples before them, within rounding.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

@@ -39,7 +39,7 @@ Survey survey(const Ensemble& ensemble, Index begin, Index end, Index origin = 0
 // \throws std::invalid_argument that names a channel with no sample at all
 void check_presence(const Survey& survey, const Channels& names, Index inputs, Index samples);
 
-// Squares and ratios of samples must stay within the range of double precision, ratios of their squares too.
+// Squares and ratios of samples, and the squares of ratios, must stay within the range of double precision.
 // \throws std::invalid_argument
 void check_magnitudes(const Survey& survey, const Channels& names, Index inputs);
 

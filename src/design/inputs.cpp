@@ -129,7 +129,8 @@ Matrix directions(const InputSizes& sizes, bool zero_mean, RandomNumbers& random
     for (Index i = 0; i < size; ++i) basis(i, j) = values((rows[size_t(i)] * (j + first)) % size);
   if (zero_mean) return basis;
 
-  // Random signs of the rows keep the mean of each column small, so that no column looks like a mean motion.
+  // The best of a few random signs of the rows keeps the means of all columns small. No column shall look like a mean
+  // motion.
   Vector signs;
   double smallest = std::numeric_limits<double>::infinity();
   for (int draw = 0; draw < 32; ++draw) {

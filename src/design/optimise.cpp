@@ -18,8 +18,8 @@ namespace {
 constexpr double power = 0.5;
 
 // log-mean of κ_k² = ‖W_k B_k‖_F^{2·power} ‖(W_k B_k)⁺‖²_F to the power q: q up to 1 weights all steps, a large q the
-// worst ones. B_k (L × rank) scales the channels of W_k by the outputs at the beginning, and spans its row space. The
-// model fixes this space; it has no directions that inputs cannot excite.
+// worst ones. B_k (L × rank) scales the channels of W_k by the outputs at the last rescale(), and spans its row space.
+// The model fixes this space; it has no directions that inputs cannot excite.
 class WindowConditions {
  public:
   WindowConditions(const Model& model, const Vector& amplitude, const Windows& windows, const Execution& execution)

@@ -28,7 +28,7 @@ constexpr double answers = 100 * nothing_left;
 constexpr Index sampled_steps = 24, sampled_outputs = 16;
 // Most different combinations that are reported.
 constexpr size_t most_cases = 4;
-// Largest probability of a reported finding by chance.
+// A finding is reported if chance produces it with at most this probability.
 constexpr double chance_of_alarm = 1e-4;
 // For coupled steps: the length of a run, or the share of all steps, that is worth a report.
 constexpr Index long_run = 8;

@@ -26,8 +26,9 @@ struct Excitation {
 };
 
 // Reports inputs of one step that move together, at any step. It also looks for inputs that follow from earlier
-// samples: at the suspects, at steps that look like the step before, and at two dozen others. If it finds any, it looks
-// at all steps. It reports nothing that chance produces with few experiments or with inputs of few values.
+// samples. It does so at the suspects, at steps that look like the step before, and at two dozen others. If it finds
+// any, it looks at all steps. It reports nothing that chance produces with few experiments or with inputs of few
+// values.
 Excitation excitation(const Ensemble& ensemble, const ExcitationOptions& options);
 
 // Reports outputs that are one combination of others at all steps. Also reports outputs that are the same in every

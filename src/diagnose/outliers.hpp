@@ -25,9 +25,9 @@ struct OutlierOptions {
 // all steps: so few cannot show which one is wrong.
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
-// For data without noise. There, regressions with many lags also fit a wrong experiment, through states of its own.
-// This returns the one experiment without which some lag order explains all others exactly, but not with it. Windows
-// from the first step are examined too where experiments begin at rest. Of several wrong experiments none is found.
+// Finds one wrong experiment in data without noise. There, regressions with many lags also fit a wrong experiment,
+// through states of its own. Without the one found, some lag order explains all others exactly, but not with it. If
+// experiments begin at rest, windows from the first step are examined too. If several are wrong, none is found.
 std::vector<Outlier> outliers_without_noise(const Ensemble& ensemble, const OutlierOptions& options);
 
 // `told`: experiments that are already reported; they are left out.

@@ -182,7 +182,7 @@ Suspects suspects(const Ensemble& used, const Ensemble& measured, const std::vec
                   const Plan& plan, const IdentifyOptions& options) {
   const bool exact = !plan.noisy && plan.initial_state == InitialState::zero;
   const Index r = used.inputs(), p = plan.lags;
-  // From unknown initial states, and with noise, states vary without the inputs.
+  // With unknown initial states, or with noise, states vary without the inputs.
   const Index needed = options.period > 0 ? 0
                        : plan.coupled     ? r + model.states()
                        : exact            ? experiments_for(used, p, plan.nominal)
@@ -251,7 +251,7 @@ Validation validated(const Model& model, const Ensemble& training, const Ensembl
   const Ensemble& judged = held_out ? *held_out : training;
   Validation result = validate_in_numbers(model, judged, o);
   if (measured) {
-    // For a single record, its end is held out.
+    // The held-out part of a single record is its end.
     const Index first = held_out ? measured->steps() - held_out->steps() : 0;
     result.outlying = outlying_in(*measured, judged, first, std::move(result.outlying));
     if (held_out && result.noisy) {

@@ -59,7 +59,7 @@ size_t checked_product(const Shape& shape, size_t item_bytes = 1);
 
 // Axis i of the result is axis order[i] of the argument.
 Array permuted(const Array& array, const std::vector<size_t>& order);
-// All axes reversed: the way from row-major to column-major and back.
+// Reverses all axes, which converts between row-major and column-major order.
 Array reversed(const Array& array);
 
 std::string text(const Shape& shape);    // "(2, 80, 1)"

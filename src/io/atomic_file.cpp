@@ -173,7 +173,7 @@ void AtomicFile::finish() {
   if (old_ && fstat(file_, &own) == 0) {
     const uid_t owner = geteuid() == 0 ? old_->st_uid : own.st_uid;
     mode_t mode = old_->st_mode & 0777;
-    // A group other than the target's gets no permissions.
+    // If the group is not the target's, it gets no permissions.
     const bool kept = own.st_uid == owner && own.st_gid == old_->st_gid;
     if (!kept && fchown(file_, owner, old_->st_gid) != 0) mode &= ~mode_t{S_IRWXG};
     if ((own.st_mode & 0777) != mode && fchmod(file_, mode) != 0) fail_to_write(errno);

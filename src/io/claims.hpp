@@ -11,7 +11,7 @@ namespace tokid::io {
 
 // Bytes that the data sets of one file may take together: the memory of the machine, or the share of this process.
 std::uint64_t memory_limit();
-void limit_memory(std::uint64_t bytes);  // lowers the limit from now on; 0 removes this limit
+void limit_memory(std::uint64_t bytes);  // applies from now on if it is lower; 0: no limit of this kind
 
 // Memory that the control groups of this process allow, including the groups around them, in both versions. The
 // system's files are looked up below `root`.

@@ -171,7 +171,7 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(begin, text.find_last_not_of(" \t\r") + 1 - begin));
 }
 
-// A number or a flat list. Objects are not parsed: their keys are searched one by one.
+// Reads a number or a flat list. Objects are not parsed: their keys are searched one by one.
 Json value_of_note(std::string_view text) {
   const JsonMeasure found = measure_json(text);
   return found.depth <= 1 && found.keys == 0 ? parse_json(text) : Json(Json::value_t::discarded);
@@ -292,7 +292,7 @@ const Names& names_to_read(const Row& header, const Names& stated, const Names& 
   return std::all_of(wanted.begin(), wanted.end(), is_there) ? wanted : noted;
 }
 
-// The only column whose name `wanted` accepts. Channels do not count, nor do those that the comments name.
+// The only column whose name `wanted` accepts. Channels do not count, also channels that the comments name.
 template <class Wanted>
 std::optional<size_t> only_column(const Columns& columns, const Channels& noted, const char* what, const char* name,
                                   Wanted&& wanted) {

@@ -1,4 +1,4 @@
-// MATLAB's .mat: versions 5 and 7 through matio; 7.3 is HDF5 and left to its reader and writer.
+// MATLAB's .mat: versions 5 and 7 through matio. Version 7.3 is HDF5 and has its own reader and writer.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fcntl.h>
 #include <matio.h>
@@ -29,7 +29,7 @@ struct FreeVariable {
 using File = std::unique_ptr<mat_t, CloseFile>;
 using Variable = std::unique_ptr<matvar_t, FreeVariable>;
 
-// ---- messages of the library, which are ours to print ----
+// ---- messages of the library, which tokid prints ----
 
 thread_local std::string last_message;
 

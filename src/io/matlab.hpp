@@ -6,11 +6,11 @@
 
 namespace tokid::io {
 
-// A char array: one text for each row, without the blanks that pad several rows to one width; scalar for one row.
-// The codes are column-major, as MATLAB keeps them.
+// A char array: one text for each row, without the blanks that pad rows to one width; scalar for one row. The codes are
+// column-major, as MATLAB keeps them.
 Array char_array(const std::u16string& codes, const Shape& shape);
 
-// Numbers as MATLAB keeps them: doubles, column-major, of two dimensions at least. The result has the axes reversed.
+// Numbers as MATLAB keeps them: column-major doubles of at least two dimensions. The result has the axes reversed.
 Array column_major(const Array& numbers);
 
 }  // namespace tokid::io

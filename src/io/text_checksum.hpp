@@ -8,7 +8,7 @@
 
 namespace tokid::io {
 
-// XXH3 of the pieces of a text, with "\n" for every "\r\n", one piece after the other.
+// XXH3 of the pieces of a text, one after the other, with "\n" for every "\r\n".
 class TextChecksum {
  public:
   TextChecksum();

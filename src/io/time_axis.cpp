@@ -70,7 +70,7 @@ struct Axis {
   double steps = 0.0;          // dt from first to last
   double off = 0.0;
   size_t worst = 0;        // row
-  double uncounted = 0.0;  // about so many steps are in the gap beside that row, too many to count
+  double uncounted = 0.0;  // about this number of steps in the gap beside that row, too many to count
   bool is_even = false;    // up to the rounding of the written times
 };
 

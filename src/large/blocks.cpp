@@ -23,7 +23,7 @@ Model excerpt(const Model& model, Index from, Index to, Index origin) {
   return part;
 }
 
-// x' = Rᵀ x at all steps, with R orthogonal.
+// Changes the coordinates to x' = Rᵀ x at all steps, with R orthogonal.
 void rotate(Model& model, const Matrix& r) {
   const Matrix back = r.transpose();
   for (size_t s = 0; s < model.step.size(); ++s) {

@@ -17,7 +17,7 @@ struct Block {
   Index first = 0, begin = 0, end = 0, last = 0;  // reads first … last-1, keeps begin … end-1
 };
 
-// The record in blocks, all of which follow one plan.
+// The division of the record into blocks, with one plan for all.
 struct BlockLayout {
   Plan plan;
   double hold_out = 0.0;

@@ -81,7 +81,7 @@ NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensem
 }
 
 // Reports findings about single experiments, and about channels that cannot be separated, from these steps alone.
-// `found`: the identifications of the parts, some of which may have failed.
+// `found`: the identifications of the parts; some may have failed.
 void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool states_asked,
              Identification& result) {
   Findings findings;

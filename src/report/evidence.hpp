@@ -22,7 +22,7 @@ struct WeakInput {
   Index input = 0;
   std::vector<Index> steps;
   double spread = 0.0;  // the smallest over those steps, relative to the input's median spread
-  bool always = false;  // the same in all experiments at every step
+  bool always = false;  // equal in all experiments at every step
 };
 
 struct Evidence {
@@ -50,10 +50,10 @@ struct Evidence {
   std::vector<Index> at_rest;       // outputs that do not move in the data, so that their fits mean nothing
   std::vector<Index> untested;      // steps of the model without a comparison
   std::vector<double> step_error;   // (T) RMS one-step error over outputs, relative to their spread; NaN where none
-  std::vector<double> experiment_error;  // (N) the same at the judged horizon, or one step ahead without a simulation
+  std::vector<double> experiment_error;  // (N) the same at the chosen horizon, or one step ahead without a simulation
   Findings differences;                  // between the data's and the model's sample time and names
 
-  // Experiment n of those tested, as words::experiment() has it.
+  // Tested experiment n, in the form of words::experiment().
   std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }
 };
 // \throws as report_page

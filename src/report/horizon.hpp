@@ -14,13 +14,13 @@ struct JudgedHorizon {
   bool stated = false;         // the covariances are the model's own, not those of the innovations at hand
   Vector expected_simulation;  // (m) fit [%] of an exact model; empty where it could not be computed
   Vector expected_one_step;    // (m) the same one step ahead
-  Vector expected;             // (m) the same at the judged horizon
-  Fit fit;                     // found at the judged horizon
-  Ensemble computed;           // outputs at the judged horizon
+  Vector expected;             // (m) the same at the chosen horizon
+  Fit fit;                     // at the chosen horizon
+  Ensemble computed;           // outputs at the chosen horizon
   double inputs =
       0.0;  // RMS of the effect of the inputs within the horizon over that of the errors, largest over the outputs
 };
-// `spread` (m): RMS of the outputs about their nominal trajectory or mean; `judged_outputs`: those that move.
+// `spread` (m): RMS of the outputs about their nominal trajectory or mean. `judged_outputs`: the outputs that move.
 JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Judged& judged,
                              std::optional<InitialState> initial_state, const Vector& spread,
                              const std::vector<Index>& judged_outputs, const Conclusions& conclusions);

@@ -45,7 +45,7 @@ class Facts {
   std::string rows_;
 };
 
-// <section> with a heading that can be linked to. The heading is escaped, the body is HTML.
+// <section> with a heading that links can reach. The heading is escaped, the body is HTML.
 std::string section(std::string_view id, std::string_view heading, std::string_view body);
 
 // The place of a plot, which a script fills. Without scripts it stays empty, and says that the plot is missing.
@@ -71,7 +71,8 @@ struct Document {
   std::string scripts;  // after the body
 };
 
-// The whole page: shared style, light and dark by the reader's system or a button, no request to anywhere.
+// Makes the whole page. It has the shared style, is light or dark by the reader's system or a button, and loads
+// nothing.
 std::string document(const Document& parts);
 
 }  // namespace tokid::report

@@ -386,7 +386,7 @@ class Collector {
         {"frame", frame.name}, {"stride", stride}, {"k", k_list}, {"open", open_list}, {"closed", closed_list}};
   }
 
-  // Entries of A_k or G_k over k, NaN where the entry does not exist.
+  // Entries of A_k or G_k over k; NaN if an entry does not exist.
   Json entries_of(const Model& model, Step::View (Step::*matrix)() const, Index begin, Index end, Index rows,
                   Index cols, const char* what) {
     const Index shown_rows = std::min(rows, most_states_shown), shown_cols = std::min(cols, most_states_shown);

@@ -26,7 +26,7 @@ Interval unknown(Index rows, Index cols) {
   return {none, none, none, none};
 }
 
-// Diagonals of W_{k,s} R_s W_{k,s}ᵀ (m × k-first+1), s = first … k: unit leverages at the steps s add them to the
+// Diagonals of W_{k,s} R_s W_{k,s}ᵀ (m × k-first+1), s = first … k. Unit leverages at the steps s add these to the
 // variances of the outputs at k. Infinite where R_s has no degree of freedom.
 Matrix carried_variances(const GtvArx& arx, Index k, Index first) {
   const Index m = arx.outputs;

@@ -15,7 +15,7 @@ void check_level(double level);
 class StudentT {
  public:
   explicit StudentT(double level);
-  double operator()(double freedom) const;  // freedom from 1 on, infinity included
+  double operator()(double freedom) const;  // any freedom > 0, infinity included; infinite for others
 
  private:
   double level_;

@@ -14,7 +14,7 @@ Index largest_lag_order(const GtvArx& arx);
 // the step has no degree of freedom.
 Matrix innovation_cov(const GtvArx& arx, Index k);
 
-// Rows of samples laid out as in an ensemble, from step `origin` on.
+// Rows of samples with the layout of an ensemble, from step `origin` on.
 struct Rows {
   Rows(const GtvArx& arx, Index count, Index first, Index steps)
       : origin(first), samples(Matrix::Zero(count, steps * (arx.inputs + arx.outputs))) {}

@@ -39,7 +39,7 @@ class Sketch {
 
   // Geometric mean, over places and outputs, of the usual residual divided by the size of the output.
   double error() const;
-  // (m) the usual size of residuals.
+  // (m) usual size of the residuals.
   Vector usual_residual() const;
 
   bool judged(Index n) const;
