@@ -67,8 +67,8 @@ TveraOptions tvera_options(const Plan& plan, Index outputs) {
   TveraOptions o;
   o.states = n;
   o.rows = plan.rows > 0 ? plan.rows : std::max(p + 1, ceil_div(n, outputs) + 1);
-  // One input, or one direction of the inputs, may have to reach every state by itself. n columns suffice for this,
-  // because n input steps do. With noise, more columns show the states better, above all slow and unstable ones.
+  // One input, or one direction of the inputs, may have to reach every state by itself. n columns suffice, because n
+  // input steps do. With noise, more columns show the states better, above all slow and unstable ones.
   const Index most = plan.noisy ? noisy_columns : n > 0 ? n : p * outputs;
   o.cols = plan.cols > 0 ? plan.cols : std::max(p, most);
   o.output_size = plan.output_size;

@@ -24,8 +24,8 @@ class Claims {
  public:
   explicit Claims(std::uint64_t file_bytes) : file_bytes_(file_bytes), left_(memory_limit()) {}
 
-  // \throws IoError for more dimensions than any format needs, for a size that the bytes of the file cannot hold, and
-  // for a size that does not fit into memory beside the earlier data sets
+  // Refuses more dimensions than any format needs, and a size that the bytes of the file cannot hold. Refuses a size
+  // that does not fit into memory beside the earlier data sets. \throws IoError
   void add(std::string_view name, const Shape& shape, size_t stored_item_bytes, size_t memory_item_bytes);
   // Checks a size that is taken for a while only. \throws as add()
   void check(std::string_view name, const Shape& shape, size_t stored_item_bytes, size_t memory_item_bytes) const {

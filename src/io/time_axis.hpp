@@ -42,8 +42,8 @@ struct Grid {
 
 // Finds the grid of the times. The times must be even to 1e-6 of a step, or to their rounding if that is at most a
 // sixth of a step. `dt` [s] > 0: the stated sample time; without it the times determine the grid.
-// \throws IoError that names the line of a time off the grid or after a gap whose steps cannot be counted, experiments
-// that share no steps, and a stated dt of which all times are multiples
+// \throws IoError for experiments that share no steps, and for a stated dt of which all times are multiples. It also
+// throws, and names the line, for a time off the grid, or after a gap whose steps cannot be counted.
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
 
 // Experiments that share no step cannot show how one step differs from another. \throws IoError that names two of them
