@@ -82,7 +82,8 @@ void Command::runs(std::function<void()> work) { parser_->callback(std::move(wor
 
 void Command::text(const char* name, const char* type, const char* description,
                    std::function<bool(const std::string&)> set, std::string needed) {
-  const auto take = [name, set = std::move(set), needed = std::move(needed)](const std::string& text) {
+  const auto take = [name = std::string(name), set = std::move(set),
+                     needed = std::move(needed)](const std::string& text) {
     if (!set(text)) throw CLI::ValidationError(name, fmt::format("'{}' found, {}", text, needed));
   };
   described(parser_->add_option_function<std::string>(name, take, description), type);

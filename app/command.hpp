@@ -93,14 +93,14 @@ class Command {
     text(name, type, description, set, std::move(needed));
   }
 
-  void excludes(const char* name, const char* other);  // only one of the two options may be given
-  void runs(std::function<void()> work);
-
- private:
   // `set` returns whether it accepted the text.
   void text(const char* name, const char* type, const char* description, std::function<bool(const std::string&)> set,
             std::string needed);
 
+  void excludes(const char* name, const char* other);  // options of which one may be given, not both
+  void runs(std::function<void()> work);
+
+ private:
   CLI::App* parser_;
 };
 

@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 
+#include "choose/options.hpp"
 #include "command.hpp"
 #include "common.hpp"
 #include "tool.hpp"
@@ -459,10 +460,31 @@ std::optional<Index> block_steps(const std::string& text) {
   return text == "auto" ? automatic : text == "all" ? all_at_once : parse_number<Index>(text, 1, 1'000'000'000);
 }
 
-std::optional<double> smoothing(const std::string& text) {
-  return text == "auto"       ? -1.0
-         : text == "infinity" ? std::numeric_limits<double>::infinity()
-                              : parse_number<double>(text, 0.0, std::numeric_limits<double>::max());
+// A number, or a word.
+Json value_of(const std::string& text) {
+  if (const auto whole =
+          parse_number<Index>(text, std::numeric_limits<Index>::min(), std::numeric_limits<Index>::max()))
+    return *whole;
+  constexpr double largest = std::numeric_limits<double>::max();
+  if (const auto number = parse_number<double>(text, -largest, largest)) return *number;
+  return text;
+}
+
+// Those of the table.
+void add_options(Command& command, IdentifyOptions& target) {
+  for (const Option& option : option_table()) {
+    std::string name = option.key;
+    std::replace(name.begin(), name.end(), '_', '-');
+    if (option.is_switch()) {
+      command.flag(("--" + name).c_str(), [&] { option.read(target, true); }, option.help.c_str());
+      command.flag(("--no-" + name).c_str(), [&] { option.read(target, false); }, option.opposite.c_str());
+      command.excludes(("--no-" + name).c_str(), ("--" + name).c_str());
+    } else {
+      command.text(("--" + name).c_str(), option.value.c_str(), option.help.c_str(),
+                   [&](const std::string& text) { return option.read(target, value_of(text)); },
+                   option.needed() + " needed");
+    }
+  }
 }
 
 }  // namespace
@@ -475,48 +497,10 @@ void add_identify(CLI::App& tool) {
   command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
   command.output(call->model, "Model to write: .npz, .h5 or .mat");
   command.columns(call->read);
-  command.count_or_auto(
-      "--states", o.states,
-      "State dimension n (auto: the rank of the Hankel matrices, or by errors where the data are noisy)");
-  command.count_or_auto("--lags", o.lags, "Lag order p (auto: the smallest leave-one-out error)");
-  command.choice("--method", o.method,
-                 Choices<Method>{{"auto", Method::automatic}, {"tvera", Method::tvera}, {"subspace", Method::subspace}},
-                 "Realisation (auto: tvera without noise from zero initial states, else subspace)");
-  command.value(
-      "--smoothing", o.smoothing, "L|auto",
-      "Penalty lambda on variation in time: 0 none, infinity one model (auto: by errors on experiments left out)",
-      smoothing, "a number from 0 on, infinity or auto needed");
+  add_options(command, o);
   command.flag(
       "--time-invariant", [&o] { o.period = 1; }, "One model for all steps; a single record is enough");
-  command.number<Index>("--period", o.period, "P", "Steps k, k+P, ... share one model", 1, 1'000'000);
   command.excludes("--period", "--time-invariant");
-  command.flag(
-      "--refine", [&o] { o.refine = true; },
-      "Maximum likelihood by EM, as far as it lowers errors on experiments left out (default for noisy data)");
-  command.flag(
-      "--no-refine", [&o] { o.refine = false; }, "No EM");
-  command.excludes("--no-refine", "--refine");
-  command.choice("--weighting", o.weighting,
-                 Choices<std::optional<Weighting>>{{"auto", std::nullopt},
-                                                   {"one-step", Weighting::one_step},
-                                                   {"many-steps", Weighting::many_steps},
-                                                   {"projection", Weighting::projection}},
-                 "What the states must explain (auto: by errors on experiments left out); projection: PO-MOESP");
-  command.choice("--initial-state", o.initial_state,
-                 Choices<std::optional<InitialState>>{
-                     {"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
-                 "States at step 0 (auto: as the data say, else by test)");
-  command.choice("--frame", o.frame,
-                 Choices<Frame>{{"raw", Frame::raw}, {"reference", Frame::reference}, {"smooth", Frame::smooth}},
-                 "Coordinates of the states (default raw)");
-  command.number<Index>("--reference-step", o.reference_step, "S",
-                        "Step of the reference frame (default: first of full dimension)", 0, 1'000'000'000);
-  command.choice("--nominal", o.nominal,
-                 Choices<NominalChoice>{
-                     {"auto", NominalChoice::automatic}, {"none", NominalChoice::none}, {"mean", NominalChoice::mean}},
-                 "Mean motion to remove (auto: where it is significant)");
-  command.number("--hold-out", o.hold_out, "FRACTION", "Share of the experiments kept for validation (default 0)", 0.0,
-                 1.0);
   command.threads(o.execution.threads);
   command.value("--block", call->block, "STEPS|auto|all",
                 "Steps of an .h5 in memory at a time, or all (auto: all, in blocks beyond 512 MB of samples)",

@@ -156,15 +156,16 @@ TEST(IdentifyOptions, OthersThanTheKnownAreRefused) {
   EXPECT_NE(refusal("{").find("JSON"), std::string::npos);
   EXPECT_NE(refusal("[1]").find("JSON"), std::string::npos);
   EXPECT_NE(refusal(R"({"wisdom": 3})").find("\"wisdom\" is not known"), std::string::npos);
-  EXPECT_NE(refusal(R"({"states": 0})").find("whole number from 1 on"), std::string::npos);
+  EXPECT_NE(refusal(R"({"states": 0})").find("a whole number from 1 to 1000000 or \"auto\" needed"), std::string::npos);
   EXPECT_NE(refusal(R"({"lags": 2.5})").find("2.5 found"), std::string::npos);
-  EXPECT_NE(refusal(R"({"reference_step": -1})").find("from 0 on"), std::string::npos);
-  EXPECT_NE(refusal(R"({"hold_out": "much"})").find("a number needed"), std::string::npos);
-  EXPECT_NE(refusal(R"({"frame": "golden"})").find("raw|reference|smooth"), std::string::npos);
-  EXPECT_NE(refusal(R"({"method": "era"})").find("auto|tvera|subspace"), std::string::npos);
-  EXPECT_NE(refusal(R"({"smoothing": -1})").find("\"infinity\" or a number from 0 on"), std::string::npos);
-  EXPECT_NE(refusal(R"({"refine": true})").find("auto|yes|no"), std::string::npos);
-  EXPECT_NE(refusal(R"({"nominal": null})").find("auto|none|mean"), std::string::npos);
+  EXPECT_NE(refusal(R"({"reference_step": -1})").find("a whole number from 0 to 1000000000 or"), std::string::npos);
+  EXPECT_NE(refusal(R"({"hold_out": "much"})").find("a number from 0 to below 1 needed"), std::string::npos);
+  EXPECT_NE(refusal(R"({"frame": "golden"})").find("one of \"raw\", \"reference\", \"smooth\""), std::string::npos);
+  EXPECT_NE(refusal(R"({"method": "era"})").find("one of \"auto\", \"tvera\", \"subspace\""), std::string::npos);
+  EXPECT_NE(refusal(R"({"smoothing": -1})").find("a number from 0 on, \"infinity\" or \"auto\" needed"),
+            std::string::npos);
+  EXPECT_NE(refusal(R"({"refine": 3})").find("one of \"auto\", \"yes\", \"no\""), std::string::npos);
+  EXPECT_NE(refusal(R"({"nominal": null})").find("one of \"auto\", \"none\", \"mean\""), std::string::npos);
 }
 
 }  // namespace

@@ -210,7 +210,9 @@ TEST(Identify, TooFewExperimentsAreCountedAndTheOrderThatWouldDoIsNamed) {
               identify(experiments(oscillator(2), {.experiments = 40}), {.lags = 2});
             }).find("steps: 2 found, lag order 2 needs at least 3"),
             std::string::npos);
-  EXPECT_NE(message([&] { identify(e, {.hold_out = 1.0}); }).find("hold-out fraction"), std::string::npos);
+  EXPECT_NE(
+      message([&] { identify(e, {.hold_out = 1.0}); }).find("hold_out: 1.0 found, a number from 0 to below 1 needed"),
+      std::string::npos);
   EXPECT_NE(message([&] { identify(e, {.states = -1}); }).find("states: -1 found"), std::string::npos);
   Ensemble no_outputs(5, 5, 2, 0);
   for (Index k = 0; k < 5; ++k) no_outputs.input(k).setOnes();

@@ -28,6 +28,7 @@ function [model, evidence] = identify(varargin)
 %   'frame'               'raw', 'reference' or 'smooth'; 'reference_step': its step
 %   'nominal'             'auto', 'none' or 'mean'
 %   'hold_out'            share of the experiments that is kept for the fit
+%   'rows', 'cols'        blocks of the Hankel matrices of tvera, or 'auto'
 %   'threads'             0 for all of the machine
 %   'report'              name of an .html to write: the page that shows whether to trust the model
 %   'state'               name of a state to write for tokid.update
@@ -46,7 +47,8 @@ function [model, evidence] = identify(varargin)
 
 known = {'states', 'value'; 'lags', 'value'; 'method', 'value'; 'smoothing', 'value'; 'time_invariant', 'flag'; ...
          'period', 'value'; 'refine', 'switch'; 'weighting', 'value'; 'initial_state', 'value'; 'frame', 'value'; ...
-         'reference_step', 'value'; 'nominal', 'value'; 'hold_out', 'value'; 'threads', 'value'; 'block', 'value'; ...
+         'reference_step', 'value'; 'nominal', 'value'; 'hold_out', 'value'; 'rows', 'value'; 'cols', 'value'; ...
+         'threads', 'value'; 'block', 'value'; ...
          'report', 'file'; 'state', 'file'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, [], {'initial_state'});

@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/identify.hpp"
 
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <limits>
+
 #include "call.hpp"
+#include "choose/options.hpp"
 #include "results.hpp"
 #include "tokid/report.hpp"
 #include "tokid/update.hpp"
@@ -26,6 +32,42 @@ nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads,
   return nb::make_tuple(std::move(result.model), evidence, std::move(state));
 }
 
+// NumPy's truth values, which NumPy 1 and 2 name differently.
+bool is_numpy_bool(nb::handle value) {
+  const auto name = nb::cast<std::string>(value.type().attr("__name__"));
+  return name == "bool_" || name == "bool";
+}
+
+// A value of Python: a truth value, a number, a word, or None for "auto". Numbers of NumPy are numbers.
+Json json_of(nb::handle value) {
+  PyObject* object = value.ptr();
+  if (value.is_none()) return "auto";
+  if (nb::isinstance<nb::str>(value)) return nb::cast<std::string>(value);
+  if (is_numpy_bool(value)) return PyObject_IsTrue(object) == 1;
+  if (PyIndex_Check(object)) {
+    const Py_ssize_t whole = PyNumber_AsSsize_t(object, nullptr);  // what is too large becomes the largest
+    return std::int64_t(whole);
+  }
+  if (PyFloat_Check(object) || nb::hasattr(value, "__float__")) {
+    const double number = PyFloat_AsDouble(object);
+    if (PyErr_Occurred()) {
+      PyErr_Clear();
+      return nullptr;
+    }
+    return number == std::numeric_limits<double>::infinity() ? Json("infinity") : Json(number);
+  }
+  return nullptr;
+}
+
+void set_option(IdentifyOptions& options, const std::string& key, nb::handle value) {
+  const Option* option = find_option(key);
+  if (!option) throw std::invalid_argument(key + " is no option of an identification");
+  if (!option->read(options, json_of(value)))
+    throw std::invalid_argument(
+        fmt::format("{}: {} found, {} needed", key, nb::cast<std::string>(nb::repr(value)),
+                    option->is_switch() ? "one of True, False, None, 'auto'" : option->needed("'")));
+}
+
 // What an earlier identification has chosen, of its dataclass.
 NoisyChoices choices_of(nb::handle choices) {
   const auto number = [](nb::handle object, const char* name) { return nb::cast<double>(object.attr(name)); };
@@ -33,10 +75,9 @@ NoisyChoices choices_of(nb::handle choices) {
   NoisyChoices result;
   result.variation = {number(variation, "smoothing"), nb::cast<Index>(variation.attr("period"))};
   result.state_smoothing = number(choices, "state_smoothing");
-  const std::string weighting = nb::cast<std::string>(choices.attr("weighting"));
-  result.weighting = weighting == "projection"   ? Weighting::projection
-                     : weighting == "many-steps" ? Weighting::many_steps
-                                                 : Weighting::one_step;
+  IdentifyOptions options;
+  set_option(options, "weighting", choices.attr("weighting"));
+  result.weighting = options.weighting.value_or(Weighting::one_step);
   result.refinement_smoothing = number(choices, "refinement_smoothing");
   result.refinement_iterations = nb::cast<Index>(choices.attr("refinement_iterations"));
   return result;
@@ -45,40 +86,16 @@ NoisyChoices choices_of(nb::handle choices) {
 }  // namespace
 
 void bind_identify(nb::module_& module) {
-  nb::enum_<Method>(module, "Method")
-      .value("auto", Method::automatic)
-      .value("tvera", Method::tvera)
-      .value("subspace", Method::subspace);
-  nb::enum_<NominalChoice>(module, "NominalChoice")
-      .value("auto", NominalChoice::automatic)
-      .value("none", NominalChoice::none)
-      .value("mean", NominalChoice::mean);
-  nb::enum_<Frame>(module, "Frame")
-      .value("raw", Frame::raw)
-      .value("reference", Frame::reference)
-      .value("smooth", Frame::smooth);
-  nb::enum_<Weighting>(module, "Weighting")
-      .value("one_step", Weighting::one_step)
-      .value("many_steps", Weighting::many_steps)
-      .value("projection", Weighting::projection);
-
   nb::class_<IdentifyOptions>(module, "IdentifyOptions", "The options of an identification, as the library has them.")
       .def(nb::init<>())
-      .def_rw("states", &IdentifyOptions::states)
-      .def_rw("lags", &IdentifyOptions::lags)
-      .def_rw("method", &IdentifyOptions::method)
-      .def_rw("smoothing", &IdentifyOptions::smoothing)
-      .def_rw("period", &IdentifyOptions::period)
-      .def_rw("weighting", &IdentifyOptions::weighting, nb::for_setter(nb::arg().none()))
-      .def_rw("refine", &IdentifyOptions::refine, nb::for_setter(nb::arg().none()))
-      .def_rw("initial_state", &IdentifyOptions::initial_state, nb::for_setter(nb::arg().none()))
-      .def_rw("nominal", &IdentifyOptions::nominal)
-      .def_rw("frame", &IdentifyOptions::frame)
-      .def_rw("reference_step", &IdentifyOptions::reference_step)
-      .def_rw("hold_out", &IdentifyOptions::hold_out)
-      .def_rw("rows", &IdentifyOptions::rows)
-      .def_rw("cols", &IdentifyOptions::cols)
+      .def("set", &set_option, nb::arg("key"), nb::arg("value").none(), "One of the table, from what a user has given.")
       .def("follow", [](IdentifyOptions& o, nb::handle choices) { o.choices = choices_of(choices); });
+  // (key, range, words) of each
+  module.def("option_table", [] {
+    nb::list table;
+    for (const Option& option : option_table()) table.append(nb::make_tuple(option.key, option.range, option.words));
+    return table;
+  });
 
   module.def("identify", &identified, nb::arg("data"), nb::arg("options"), nb::arg("threads"),
              nb::arg("listener").none(), nb::arg("keep_state") = false, nb::arg("page").none() = nb::none(),

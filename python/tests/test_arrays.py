@@ -194,9 +194,9 @@ REFUSED = [
     (lambda u, y: tokid.identify(tokid.Ensemble(u, y), y), "y: found beside an Ensemble"),
     (lambda u, y: tokid.identify(tokid.Ensemble(u, y), dt=1), "dt: found beside an Ensemble"),
     (lambda u, y: tokid.identify(u, y, lags=3, method="tvera"), "experiments: 5 found"),  # what the library says
-    (lambda u, y: tokid.identify(u, y, states=0), "states: 0 found, a whole number from 1 on or 'auto' needed"),
-    (lambda u, y: tokid.identify(u, y, states=2.0), "states: 2.0 found, a whole number from 1 on or 'auto' needed"),
-    (lambda u, y: tokid.identify(u, y, lags="all"), "lags: 'all' found, a whole number from 1 on or 'auto' needed"),
+    (lambda u, y: tokid.identify(u, y, states=0), "states: 0 found, a whole number from 1 to 1000000 or 'auto' needed"),
+    (lambda u, y: tokid.identify(u, y, states=2.0), "states: 2.0 found, a whole number from 1 to 1000000 or 'auto' needed"),
+    (lambda u, y: tokid.identify(u, y, lags="all"), "lags: 'all' found, a whole number from 1 to 1000000 or 'auto' needed"),
     (lambda u, y: tokid.identify(u, y, method="era"), "method: 'era' found, one of 'auto', 'tvera', 'subspace' needed"),
     (lambda u, y: tokid.identify(u, y, smoothing=-1), "smoothing: -1 found, a number from 0 on, 'infinity' or 'auto'"),
     (lambda u, y: tokid.identify(u, y, smoothing=np.nan), "smoothing: nan found"),

@@ -65,22 +65,6 @@ def period(value: Any) -> int:
     return integer("period", value, 0, 1_000_000, " or 'invariant'")
 
 
-def refinement(value: Any) -> Optional[bool]:
-    """Whether to refine; None: as far as it helps where the data are noisy."""
-    if value is None or isinstance(value, (bool, np.bool_)):
-        return None if value is None else bool(value)
-    if isinstance(value, str) and value == "auto":
-        return None
-    raise ValueError(f"refine: {value!r} found, one of True, False, None, 'auto' needed")
-
-
-def share(name: str, value: Any) -> float:
-    """A number from 0 to below 1."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not 0 <= float(value) < 1:
-        raise ValueError(f"{name}: {value!r} found, a number from 0 to below 1 needed")
-    return float(value)
-
-
 def step(name: str, value: Any) -> int:
     """A step from 0 on, or None, which is -1."""
     return -1 if value is None else integer(name, value, 0, 1_000_000_000)

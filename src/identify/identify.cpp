@@ -12,6 +12,7 @@
 #include "base/integers.hpp"
 #include "base/statistics.hpp"
 #include "base/words.hpp"
+#include "choose/options.hpp"
 #include "choose/realisation.hpp"
 #include "data/axes.hpp"
 #include "data/check.hpp"
@@ -30,23 +31,6 @@
 namespace tokid {
 
 namespace {
-
-void check_options(const IdentifyOptions& o) {
-  static constexpr Index most = 1'000'000;
-  const auto check_count = [](const char* name, Index value) {
-    if (value < 0 || value > most)
-      throw std::invalid_argument(fmt::format("{}: {} found, 1 to {} (or automatic) needed", name, value, most));
-  };
-  check_count("states", o.states);
-  check_count("lags", o.lags);
-  check_count("rows", o.rows);
-  check_count("cols", o.cols);
-  if (std::isnan(o.smoothing))
-    throw std::invalid_argument(
-        "smoothing: nan found, a number from 0 on, infinity or a negative one (automatic) needed");
-  if (!(o.hold_out >= 0 && o.hold_out < 1))
-    throw std::invalid_argument(fmt::format("hold-out fraction: {} found, 0 <= fraction < 1 needed", o.hold_out));
-}
 
 // Steps that share a model also share one mean motion. The steps of the first period represent all steps.
 void count_in_phases(NominalTest& test, Index period) {

@@ -242,7 +242,7 @@ def test_too_few_steps(identify_refused, npz):
 
 def test_held_out_share_that_leaves_nothing(identify_refused, npz):
     identify_refused(npz(), "--hold-out", 0.001, words=["hold-out"])
-    identify_refused(npz(), "--hold-out", 1, words=["hold-out"])
+    identify_refused(npz(), "--hold-out", 0.999, words=["hold-out"])
 
 
 def test_model_and_data_that_disagree(tokid, tmp_path, oscillator, npz):
@@ -321,7 +321,7 @@ def test_columns_are_for_csv_only(identify_refused, npz):
     (["--smoothing", "bad"], ["--smoothing", "'bad'", "infinity", "auto"]),
     (["--smoothing", "-1"], ["--smoothing", "'-1'", "infinity", "auto"]),
     (["--smoothing", "nan"], ["--smoothing", "'nan'"]),
-    (["--period", "0"], ["--period", "'0'"]),
+    (["--period", "1000001"], ["--period", "'1000001'"]),
     (["--period", "2.5"], ["--period", "'2.5'"]),
     (["--period", "3", "--time-invariant"], ["--period", "--time-invariant"]),
     (["--refine", "--no-refine"], ["--refine", "--no-refine"]),
@@ -329,6 +329,7 @@ def test_columns_are_for_csv_only(identify_refused, npz):
     (["--nominal", "median"], ["--nominal", "'median'", "auto", "none", "mean"]),
     (["--initial-state", "one"], ["--initial-state", "'one'", "auto", "zero", "unknown"]),
     (["--hold-out", "2"], ["--hold-out", "'2'"]),
+    (["--hold-out", "1"], ["--hold-out", "'1'", "below 1"]),
     (["--hold-out", "nan"], ["--hold-out", "'nan'"]),
     (["--threads", "-2"], ["--threads", "-2"]),
     (["--threads"], ["--threads"]),

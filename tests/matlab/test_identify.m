@@ -102,10 +102,10 @@ data = clean_data();
 throws('tokid:input', 'data: steps: 14 found, lag order 50 needs at least 51', @() tokid.identify(data, 'lags', 50));
 throws('tokid:input', 'data: ', @() tokid.identify(data.u, inf(size(data.y))));
 throws('tokid:input', 'absent.npz', @() tokid.identify('absent.npz'));
-throws('tokid:option', '--lags: ''x'' found, a whole number from 1 on or auto needed', ...
+throws('tokid:option', '--lags: ''x'' found, a whole number from 1 to 1000000 or auto needed', ...
        @() tokid.identify(data, 'lags', 'x'));
 throws('tokid:option', '--lags: ''2.5'' found', @() tokid.identify(data, 'lags', 2.5));
-throws('tokid:option', 'identify: option ''lag'' found, one of block, dt,', @() tokid.identify(data, 'lag', 2));
+throws('tokid:option', 'identify: option ''lag'' found, one of block, cols, dt,', @() tokid.identify(data, 'lag', 2));
 throws('tokid:option', 'option ''lags'' has no value', @() tokid.identify(data, 'lags'));
 throws('tokid:option', 'option ''dt'' has no value', @() tokid.identify(data.u, data.y, 'dt'));
 throws('tokid:option', 'hold_out, initial_state, input_names,', @() tokid.identify(data, 'lag', 2)); % once each

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""One table of options: the tool, the package and MATLAB know the same ones, with the same values."""
+
+import inspect
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import tokid
+from tokid import _tokid
+from tokid._identify_options import IdentifyOptions, checked
+
+TABLE = {key: (range_, words) for key, range_, words in _tokid.option_table()}
+ROOT = Path(__file__).resolve().parents[2]
+NUMBERS = [-1, 0, 1, 2, 7, 0.5, 0.999, 1.0, 1_000_000, 1_000_001, 1_000_000_000, 1_000_000_001, 10**30, -0.1, 1e300]
+
+
+def test_signatures_and_lists():
+    assert len(TABLE) >= 14
+    assert set(IdentifyOptions.__annotations__) - {"choices"} == set(TABLE)
+    parameters = inspect.signature(tokid.identify).parameters
+    assert list(TABLE) == [name for name in parameters if name in TABLE]
+    documented = re.findall(r"^    ([a-z_, ]+) : ", inspect.getdoc(tokid.identify).replace("\n", "\n    "), re.MULTILINE)
+    assert set(TABLE) <= {name for names in documented for name in names.split(", ")}
+
+
+def test_estimator():
+    learn = pytest.importorskip("tokid.sklearn")
+    shared = set(inspect.signature(learn.LTVIdentifier).parameters) & set(TABLE)
+    assert shared == set(TABLE) - {"hold_out"}
+
+
+def test_matlab():
+    text = (ROOT / "matlab/+tokid/identify.m").read_text()
+    known = set(re.findall(r"'(\w+)', '(?:value|flag|switch)'", text))
+    assert set(TABLE) <= known
+    assert all(f"'{key}'" in text.split("% SPDX")[0] for key in TABLE)
+
+
+@pytest.mark.parametrize("key", [key for key in TABLE if key != "refine"])
+def test_tool_and_package_take_the_same_values(key, tmp_path):
+    """The tool refuses a wrong value with the name of the option, before it looks for the data, which are not there."""
+    words = {word for _, words in TABLE.values() for word in words} | {"nan", "all", "1e400"}
+    for value in [*NUMBERS, *sorted(words)]:
+        try:
+            checked({key: value, **({"frame": "reference"} if key == "reference_step" else {})})
+            taken = True
+        except ValueError as error:
+            assert str(error).startswith(f"{key}: {value!r} found, ")
+            taken = False
+        option = "--" + key.replace("_", "-")
+        extra = ["--frame", "reference"] if key == "reference_step" else []
+        call = [os.environ["TOKID"], "identify", "none.npz", "-o", "m.npz", f"{option}={value}", *extra]
+        complaint = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True).stderr
+        assert ("none.npz" in complaint) == taken, (value, complaint)
+        assert (option in complaint) != taken, (value, complaint)
