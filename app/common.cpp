@@ -203,7 +203,9 @@ Json json(const Finding::Channel& channel) {
   return {{"side", channel.output ? "output" : "input"}, {"index", channel.index}, {"name", channel.name}};
 }
 
-Json json(const Finding::Experiment& experiment) { return {{"row", experiment.row}, {"name", experiment.name}}; }
+Json json(const Finding::Experiment& experiment) {
+  return {{"row", experiment.row}, {"name", experiment.name.empty() ? Json() : Json(experiment.name)}};
+}
 
 Json json(const Finding::Term& term);
 Json json(const Finding& finding);
@@ -235,14 +237,17 @@ Json json(const Finding& finding) {
     j["groups"] = Json::array();
     for (const auto& group : finding.groups) j["groups"].push_back(list(group));
   }
+  if (!finding.detail.empty()) j["detail"] = finding.detail;
   if (!finding.file.empty()) j["file"] = finding.file;
   return j;
 }
 
 }  // namespace
 
+Json findings_json(const Findings& findings) { return list(findings); }
+
 void add_findings(Json& j, const Findings& findings) {
-  j["findings"] = list(findings);
+  j["findings"] = findings_json(findings);
   j["warnings"] = in_words(findings);
 }
 

@@ -84,6 +84,7 @@ void print(const std::string& text);  // on stdout. \throws std::system_error, b
 void print(const Json& json);
 void warn(const std::vector<std::string>& warnings);  // on stderr
 void warn(const Findings& findings);
+Json findings_json(const Findings& findings);
 // "findings" and, in words, "warnings".
 void add_findings(Json& json, const Findings& findings);
 

@@ -186,7 +186,7 @@ void run(const Call& call) {
   }();
   if ((call.replicates > 0 || call.seed > 0) && result.method != BoundsMethod::bootstrap)
     result.findings.push_back(
-        {.kind = Finding::Kind::option_without_effect, .text = call.replicates > 0 ? "--replicates" : "--seed"});
+        {.kind = Finding::Kind::option_without_effect, .detail = call.replicates > 0 ? "--replicates" : "--seed"});
   Findings findings = remarks(model, data);
   append(findings, std::move(result.findings));
   append(findings, differences(model, data));

@@ -148,5 +148,22 @@ TEST(CrossValidate, RefusesWhatCannotBeCut) {
       << few;
 }
 
+// The factors of a combination differ from fold to fold in their last digits; it is one finding all the same.
+TEST(CrossValidate, FindingsOfAllFoldsAreOne) {
+  Ensemble e = with_noise(random_experiments(random_system({2, 2, 3}, 20, 0.9, 21), 40, 22), 0.01, 23);
+  for (Index k = 0; k < e.steps(); ++k) {
+    e.input(k).col(2) = 0.3 * e.input(k).col(0) - 1.7 * e.input(k).col(1);
+    e.output(k).col(1) = 0.7 * e.output(k).col(0);
+  }
+  const Findings found = remarks(cross_validate(e, {.refine = false}, {.folds = 4}));
+  for (const Finding::Kind kind : {Finding::Kind::inputs_dependent, Finding::Kind::outputs_dependent}) {
+    const auto is_of_kind = [kind](const Finding& finding) { return finding.kind == kind; };
+    ASSERT_EQ(std::count_if(found.begin(), found.end(), is_of_kind), 1) << to_string(kind);
+    const Finding& one = *std::find_if(found.begin(), found.end(), is_of_kind);
+    EXPECT_EQ(one.scope, Finding::Scope::folds);
+    EXPECT_EQ(one.numbers.at("folds_with"), 4);
+  }
+}
+
 }  // namespace
 }  // namespace tokid::testing

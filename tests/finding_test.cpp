@@ -41,7 +41,7 @@ TEST(Finding, SentencesAreComplete) {
               .terms = {{u1, 0, 1.0}, {y1, 2, -0.5}},
               .groups = {{{1}}, {{1}, {2}}},
               .names = {"a", "b"},
-              .text = "words"};
+              .detail = "words"};
   for (const char* name :
        {"asked",        "begin",  "bias",   "bound",        "condition",   "constant",   "count",  "courses",
         "data",         "dt",     "end",    "error",        "experiments", "failed",     "first",  "fit",

@@ -544,7 +544,7 @@ TEST(ReportPage, KeepsNamesAsText) {
   model.names.output_names = {nasty, "\"y\" \xFF"};
   ReportOptions options;
   options.model_name = options.data_name = nasty;
-  options.findings = {{.kind = Finding::Kind::reader_remark, .text = nasty}};
+  options.findings = {{.kind = Finding::Kind::reader_remark, .detail = nasty}};
   const std::string html = report_page(model, data, options).html;
   EXPECT_FALSE(contains(html, "<img"));
   EXPECT_EQ(page_data(html)["outputs"][0]["name"], nasty);

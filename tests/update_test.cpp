@@ -246,6 +246,33 @@ TEST(Update, StatesComeBackFromFiles) {
   }
 }
 
+// A state whose text somebody has changed.
+TEST(Update, RefusesStatesWithoutTheirPlan) {
+  const Ensemble e = with_noise(random_experiments(random_system({2, 1, 1}, 20, 0.9, 11), 30, 12), 0.05, 13);
+  const UpdateState state = update_state(e, identify(e, {.refine = false}), {.refine = false});
+  ASSERT_TRUE(state.plan.coupled);
+  const std::filesystem::path path = std::filesystem::path(::testing::TempDir()) / "tokid_state_without_plan.npz";
+  const auto refusal = [&](const std::string& from, const std::string& to) {
+    UpdateState other = state;
+    const size_t at = other.options.find(from);
+    EXPECT_NE(at, std::string::npos) << other.options;
+    other.options.replace(at, from.size(), to);
+    save_update_state(other, path);
+    try {
+      load_update_state(path);
+    } catch (const IoError& error) {
+      return std::string(error.what());
+    } catch (const std::invalid_argument& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(refusal("\"refinement_iterations\":0", "\"refinement_iterations\":-1").find("no choices found"),
+            std::string::npos);
+  EXPECT_NE(refusal("\"hold_out\"", "\"hold_on\"").find("\"hold_on\" is not known"), std::string::npos);
+  std::filesystem::remove(path);
+}
+
 TEST(Update, RefusesWhatDoesNotFit) {
   const Ensemble e = random_experiments(random_system({3, 2, 1}, 20, 1.0, 13), 30, 14);
   const Identification result = identify(e);

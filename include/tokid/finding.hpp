@@ -39,7 +39,7 @@ struct Finding {
   // Each kind is followed by the fields that it fills. `numbers` are counts unless a unit is given.
   enum class Kind {
     // data
-    reader_remark,                 // text: what the reader of a file did or found
+    reader_remark,                 // detail: what the reader of a file did or found
     sample_time_missing,           // numbers: the assumed dt [s]
     sample_time_of_model,          // numbers: dt [s]
     axes_of_one_experiment,        // numbers: experiments, steps, inputs, outputs, as they were read
@@ -65,7 +65,7 @@ struct Finding {
     experiments_copied,            // experiments, groups: the original of each copy; numbers: experiments
     experiments_dependent,         // experiments, groups: the terms of each sum; numbers: experiments
     inputs_repeated,               // numbers: experiments, courses, needed, lags
-    experiment_outlying,           // experiments; numbers: ratio; text: a possible explanation
+    experiment_outlying,           // experiments; numbers: ratio; detail: a possible explanation
     more_outlying_experiments,     // numbers: count
     samples_outlying,              // channels, experiments, steps; numbers: error, usual
     more_outlying_samples,         // numbers: count
@@ -115,7 +115,7 @@ struct Finding {
     nothing_predicted_ahead,  // numbers: horizon
     simulation_overflows,
     outputs_absent,  // no step of the data has outputs of the model
-    simulated_from,  // text: the state; numbers: step
+    simulated_from,  // detail: the state; numbers: step
     // blocks and updates
     exact_stretches,         // the deciding stretches are free of noise, other stretches are not
     constant_stretches,      // numbers: smoothing
@@ -126,14 +126,14 @@ struct Finding {
     update_states_below,     // numbers: asked, found
     // bounds
     bounds_of_other_data,
-    bounds_of_regressions,  // text: the method of the model
+    bounds_of_regressions,  // detail: the method of the model
     bounds_without_free_responses,
-    no_eigenvalue_bounds,   // text: the reason
+    no_eigenvalue_bounds,   // detail: the reason
     infinite_bounds,        // steps
     replicates_failed,      // numbers: failed, replicates
     bounds_of_other_model,  // the options and the data do not reproduce the model
     bounds_without_bias,    // numbers: experiments, regressors
-    option_without_effect,  // text: the option that bounds from the factors ignore
+    option_without_effect,  // detail: the option that bounds from the factors ignore
     // plans of experiments
     plan_of_departures,
     plan_windows_sampled,  // numbers: inputs, judged, windows
@@ -160,7 +160,7 @@ struct Finding {
   std::vector<Term> terms = {};
   std::vector<std::vector<Experiment>> groups = {};  // for each experiment: the ones that it is a copy or sum of
   std::vector<std::string> names = {};               // channel names of the model, where they differ from the data
-  std::string text = {};                             // text from elsewhere: from a file reader or an error
+  std::string detail = {};                           // text from elsewhere: from a file reader or an error
   std::string file = {};                             // the file that the finding is about, if there are several
 
   bool operator==(const Finding&) const = default;
@@ -174,6 +174,8 @@ Severity severity(Finding::Kind kind);
 
 std::string in_words(const Finding& finding);
 std::vector<std::string> in_words(const Findings& findings);
+// Do they say the same? Numbers that differ in their last digits do.
+bool same_words(const Finding& a, const Finding& b);
 
 // Appends the findings of `more` to `all`.
 void append(Findings& all, Findings more);

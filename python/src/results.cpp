@@ -143,6 +143,10 @@ nb::any object_of(const Finding::Experiment& e) {
 
 nb::any object_of(const Finding& f);
 
+nb::any object_of(const Finding::Term& t) {
+  return make("FindingTerm", {{"channel", object_of(t.channel)}, {"lag", t.lag}, {"factor", t.factor}});
+}
+
 template <class T>
 nb::list objects_of(const std::vector<T>& values) {
   nb::list list;
@@ -153,6 +157,8 @@ nb::list objects_of(const std::vector<T>& values) {
 nb::any object_of(const Finding& f) {
   nb::dict numbers;
   for (const auto& [name, value] : f.numbers) numbers[results::cast(name)] = results::cast(value);
+  nb::list groups;
+  for (const auto& group : f.groups) groups.append(objects_of(group));
   return make("Finding", {{"kind", to_string(f.kind)},
                           {"severity", to_string(severity(f.kind))},
                           {"scope", to_string(f.scope)},
@@ -160,7 +166,12 @@ nb::any object_of(const Finding& f) {
                           {"experiments", objects_of(f.experiments)},
                           {"steps", f.steps},
                           {"numbers", nb::object(numbers)},
-                          {"text", in_words(f)}});
+                          {"text", in_words(f)},
+                          {"terms", objects_of(f.terms)},
+                          {"groups", nb::object(groups)},
+                          {"names", texts(f.names)},
+                          {"detail", f.detail},
+                          {"file", f.file}});
 }
 
 }  // namespace

@@ -517,7 +517,18 @@ class Model(StateSpace):
         for name, value in (("replicates", replicates), ("seed", seed)):
             if value is not None and result.method == "factors":
                 text = f"{name} has no effect on bounds from the factors"
-                result.findings.append(Finding("option_without_effect", "note", "all", [], [], [], {}, text))
+                finding = Finding(
+                    kind="option_without_effect",
+                    severity="note",
+                    scope="all",
+                    channels=[],
+                    experiments=[],
+                    steps=[],
+                    numbers={},
+                    text=text,
+                    detail=name,
+                )
+                result.findings.append(finding)
                 break
         warn(result.warnings)
         return result

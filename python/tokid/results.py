@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple, Optional
+from typing import Any, Optional
 
 import numpy as np
 import numpy.typing as npt
@@ -37,7 +37,8 @@ class _Result:
         return f"{type(self).__name__}({shown})"
 
 
-class FindingChannel(NamedTuple):
+@dataclass(frozen=True)
+class FindingChannel:
     """A channel that a finding is about."""
 
     side: str
@@ -45,11 +46,21 @@ class FindingChannel(NamedTuple):
     name: str
 
 
-class FindingExperiment(NamedTuple):
+@dataclass(frozen=True)
+class FindingExperiment:
     """An experiment that a finding is about; its name is None where the data give none."""
 
     row: int
     name: Optional[str]
+
+
+@dataclass(frozen=True)
+class FindingTerm:
+    """A sample of a channel `lag` steps before k, and its factor in a sum."""
+
+    channel: FindingChannel
+    lag: int
+    factor: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -73,6 +84,16 @@ class Finding(_Result):
         By how much, with the names of the kind.
     text : str
         All of it in words.
+    terms : list of FindingTerm
+        Of sums of samples.
+    groups : list of list of FindingExperiment
+        Of copies, sums and multiples: for each experiment, those that it is made of.
+    names : list of str
+        Of the model, where those of the data differ.
+    detail : str
+        Words of others: of the reader of a file, of an error.
+    file : str
+        Of several files, the one that it is about.
     """
 
     kind: str
@@ -83,6 +104,11 @@ class Finding(_Result):
     steps: list[int]
     numbers: dict[str, float]
     text: str
+    terms: list[FindingTerm] = field(default_factory=list)
+    groups: list[list[FindingExperiment]] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    detail: str = ""
+    file: str = ""
 
 
 class _Found(_Result):

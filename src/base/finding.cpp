@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
+#include <stdexcept>
 
 #include "base/words.hpp"
 
@@ -20,9 +20,11 @@ using Channel = Finding::Channel;
 using Experiment = Finding::Experiment;
 using Term = Finding::Term;
 
+// \throws std::logic_error where who made the finding has forgotten it
 double number(const Finding& f, const char* name) {
   const auto found = f.numbers.find(name);
-  return found == f.numbers.end() ? std::numeric_limits<double>::quiet_NaN() : found->second;
+  if (found == f.numbers.end()) throw std::logic_error(fmt::format("finding {}: no {}", to_string(f.kind), name));
+  return found->second;
 }
 Index count(const Finding& f, const char* name) { return Index(std::llround(number(f, name))); }
 bool is(const Finding& f, const char* name) { return number(f, name) == 1; }
@@ -133,11 +135,12 @@ std::string made_of(const Finding& f, const char* one, const char* several) {
   constexpr size_t most_groups = 4;
   std::vector<std::string> parts;
   size_t more = 0;
-  // Successive experiments with the same original are joined.
+  // Successive copies of one experiment are joined.
   for (size_t i = 0; i < f.experiments.size();) {
-    std::vector<Experiment> alike;
-    size_t j = i;
-    while (j < f.experiments.size() && f.groups[j] == f.groups[i]) alike.push_back(f.experiments[j++]);
+    std::vector<Experiment> alike{f.experiments[i]};
+    size_t j = i + 1;
+    while (f.kind == Kind::experiments_copied && j < f.experiments.size() && f.groups[j] == f.groups[i])
+      alike.push_back(f.experiments[j++]);
     if (parts.size() < most_groups)
       parts.push_back(fmt::format("{} of {}", listed(alike, most_groups), listed(f.groups[i], most_groups)));
     else
@@ -212,8 +215,8 @@ struct Entry {
 
 constexpr Severity note = Severity::note, warning = Severity::warning;
 
-const Entry table[] = {
-    {Kind::reader_remark, "reader_remark", note, [](const Finding& f) { return f.text; }},
+constexpr Entry table[] = {
+    {Kind::reader_remark, "reader_remark", note, [](const Finding& f) { return f.detail; }},
     {Kind::sample_time_missing, "sample_time_missing", note,
      [](const Finding& f) {
        return fmt::format("the data state no sample time: dt = {} s was taken; state dt where it is another",
@@ -349,7 +352,7 @@ const Entry table[] = {
        return fmt::format(
            "experiment {} does not fit the others: its leave-one-out residuals are {} times as large as "
            "theirs{}{}",
-           experiment(f.experiments[0]), times(number(f, "ratio")), f.text.empty() ? "" : "; ", f.text);
+           experiment(f.experiments[0]), times(number(f, "ratio")), f.detail.empty() ? "" : "; ", f.detail);
      }},
     {Kind::more_outlying_experiments, "more_outlying_experiments", warning,
      [](const Finding& f) {
@@ -600,7 +603,7 @@ const Entry table[] = {
     {Kind::simulated_from, "simulated_from", note,
      [](const Finding& f) {
        return fmt::format("the initial states are unknown: simulated from the {} at step {}, where the model begins",
-                          f.text, count(f, "step"));
+                          f.detail, count(f, "step"));
      }},
     {Kind::exact_stretches, "exact_stretches", warning,
      [](const Finding&) {
@@ -646,14 +649,14 @@ const Entry table[] = {
      [](const Finding& f) {
        return fmt::format(
            "the bounds are those of the regressions, which a model of method {} does not follow from alone; those of its own parameters and eigenvalues take the bootstrap",
-           f.text);
+           f.detail);
      }},
     {Kind::bounds_without_free_responses, "bounds_without_free_responses", note,
      [](const Finding&) {
        return std::string("the factors say nothing of free responses: bounds of the eigenvalues take the bootstrap");
      }},
     {Kind::no_eigenvalue_bounds, "no_eigenvalue_bounds", warning,
-     [](const Finding& f) { return fmt::format("no bounds of eigenvalues: {}", f.text); }},
+     [](const Finding& f) { return fmt::format("no bounds of eigenvalues: {}", f.detail); }},
     {Kind::infinite_bounds, "infinite_bounds", warning,
      [](const Finding& f) {
        return fmt::format("no degree of freedom is left at {}: what depends on these steps has infinite bounds",
@@ -675,7 +678,7 @@ const Entry table[] = {
            count(f, "experiments"), count(f, "regressors"));
      }},
     {Kind::option_without_effect, "option_without_effect", note,
-     [](const Finding& f) { return fmt::format("{} has no effect on bounds from the factors", f.text); }},
+     [](const Finding& f) { return fmt::format("{} has no effect on bounds from the factors", f.detail); }},
     {Kind::plan_of_departures, "plan_of_departures", note,
      [](const Finding&) {
        return std::string("the inputs are departures: add the nominal trajectory of the model to them");
@@ -737,7 +740,12 @@ const Entry table[] = {
      }},
 };
 
-static_assert(std::size(table) == size_t(Kind::last) + 1);
+constexpr bool is_in_order() {
+  for (size_t k = 0; k < std::size(table); ++k)
+    if (table[k].kind != Kind(k)) return false;
+  return std::size(table) == size_t(Kind::last) + 1;
+}
+static_assert(is_in_order());
 
 const Entry& entry(Kind kind) { return table[size_t(kind)]; }
 
@@ -790,6 +798,8 @@ std::vector<std::string> in_words(const Findings& findings) {
   for (const Finding& finding : findings) result.push_back(in_words(finding));
   return result;
 }
+
+bool same_words(const Finding& a, const Finding& b) { return in_words(a) == in_words(b); }
 
 void append(Findings& all, Findings more) {
   all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));

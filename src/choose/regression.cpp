@@ -10,7 +10,6 @@
 #include <stdexcept>
 
 #include "base/integers.hpp"
-#include "base/rounding.hpp"
 #include "base/words.hpp"
 #include "choose/folds.hpp"
 #include "choose/initial_state.hpp"
@@ -228,6 +227,7 @@ Regressed coupled(const Ensemble& data, const Ensemble& judged, bool nominal, co
     result.initial_state_test = *known;
   } else if (variation.period > 0) {
     // The steps share their residuals, so the residuals cannot test the initial state.
+    result.initial_state_test.threshold = std::numeric_limits<double>::infinity();
     result.initial_state_test.decision = InitialState::unknown;
     result.initial_state_test.reason = "not stated with the data";
   } else {

@@ -7,8 +7,6 @@
 #include <functional>
 #include <vector>
 
-#include "base/words.hpp"
-
 namespace tokid {
 
 namespace {

@@ -476,6 +476,7 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
                       .numbers = {{"constant", c.found.constant}, {"varying", !c.same}, {"period", double(o.period)}},
                       .terms = c.found.terms};
       for (Index& k : finding.steps) k += o.origin;
+      if (o.period == 1) finding.steps.clear();  // all of them
       if (const Index sines = with_past ? inspect.sines(c.found) : 0; sines > 0) {
         finding.numbers["sines"] = double(sines);
         finding.numbers["sines_needed"] = double((2 + o.lags * e.channels()) / 2);

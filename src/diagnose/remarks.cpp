@@ -21,7 +21,7 @@ void remark_on_axes(const Ensemble& data, Findings& result) {
 
 Findings of_reader(const Ensemble& data) {
   Findings result;
-  for (const std::string& text : data.remarks) result.push_back({.kind = Finding::Kind::reader_remark, .text = text});
+  for (const std::string& text : data.remarks) result.push_back({.kind = Finding::Kind::reader_remark, .detail = text});
   return result;
 }
 
@@ -71,7 +71,7 @@ Findings simulation_remarks(const Model& model, const Ensemble& inputs, const En
   if (!estimate && !starts_from_zero(model, initial_state(model, inputs)))
     result.push_back({.kind = Finding::Kind::simulated_from,
                       .numbers = {{"step", double(model.k_begin)}},
-                      .text = simulation_start(model, inputs, estimate)});
+                      .detail = simulation_start(model, inputs, estimate)});
   return result;
 }
 

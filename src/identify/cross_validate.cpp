@@ -156,7 +156,7 @@ Findings remarks(const CrossValidation& cross) {
   std::vector<std::pair<Finding, int>> seen;
   for (const Fold& fold : cross.folds)
     for (const Finding& finding : fold.findings) {
-      const auto same = [&finding](const auto& entry) { return entry.first == finding; };
+      const auto same = [&finding](const auto& entry) { return same_words(entry.first, finding); };
       const auto found = std::find_if(seen.begin(), seen.end(), same);
       if (found == seen.end())
         seen.emplace_back(finding, 1);

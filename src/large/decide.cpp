@@ -88,7 +88,8 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
   std::vector<Index> stuck;
   const auto add = [&findings](Findings more) {
     for (Finding& finding : more)
-      if (std::find(findings.begin(), findings.end(), finding) == findings.end())
+      if (std::none_of(findings.begin(), findings.end(),
+                       [&](const Finding& other) { return same_words(other, finding); }))
         findings.push_back(std::move(finding));
   };
   for (size_t i = 0; i < parts.size(); ++i) {

@@ -27,7 +27,7 @@ void fields(Archive& archive, T& t) { archive(t.channel, t.lag, t.factor); }
 template <class Archive, class F>
 requires std::is_same_v<std::remove_const_t<F>, Finding>
 void fields(Archive& archive, F& f) {
-  archive(f.kind, f.scope, f.channels, f.experiments, f.steps, f.numbers, f.terms, f.groups, f.names, f.text, f.file);
+  archive(f.kind, f.scope, f.channels, f.experiments, f.steps, f.numbers, f.terms, f.groups, f.names, f.detail, f.file);
 }
 
 }  // namespace tokid

@@ -9,11 +9,9 @@
 #include <numeric>
 #include <optional>
 #include <stdexcept>
-#include <string_view>
 #include <type_traits>
 #include <utility>
 
-#include "base/words.hpp"
 #include "data/check.hpp"
 #include "data/subjects.hpp"
 #include "diagnose/model_states.hpp"

@@ -2,8 +2,6 @@
 #include "model/outlying_samples.hpp"
 #include "data/subjects.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -14,7 +12,6 @@
 #include "base/integers.hpp"
 #include "base/nan.hpp"
 #include "base/statistics.hpp"
-#include "base/words.hpp"
 #include "model/step_by_step.hpp"
 
 namespace tokid {

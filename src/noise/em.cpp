@@ -11,7 +11,6 @@
 #include <stdexcept>
 
 #include "base/statistics.hpp"
-#include "base/words.hpp"
 #include "linalg/symmetric.hpp"
 #include "model/kalman_step.hpp"
 #include "noise/em/anderson.hpp"

@@ -563,7 +563,9 @@ class Report {
     std::string body = "<h3>Warnings</h3>\n";
     Findings findings = options_.findings;
     for (const Finding& finding : found_.validation.findings)
-      if (std::find(findings.begin(), findings.end(), finding) == findings.end()) findings.push_back(finding);
+      if (std::none_of(findings.begin(), findings.end(),
+                       [&](const Finding& other) { return same_words(other, finding); }))
+        findings.push_back(finding);
     body += findings.empty() ? paragraph("None.") : list(in_words(findings), "plain");
     body += "<h3>What the plots leave out</h3>\n";
     body += plots_.omitted.empty() ? paragraph("Nothing: every sample of every experiment is on this page.")

@@ -8,7 +8,6 @@
 
 #include "base/json.hpp"
 #include "base/nan.hpp"
-#include "base/words.hpp"
 #include "data/channel_sizes.hpp"
 #include "identify/identify.hpp"
 #include "tokid/dependence.hpp"
@@ -150,7 +149,8 @@ class Bounds {
     result_.predicted = prediction_bounds(arx, departing_, {options_.level, share(0.8, 0.9)});
     add_nominal(model_, result_.simulated);
     add_nominal(model_, result_.predicted);
-    if (model_.method != "tvera") return report({.kind = Finding::Kind::bounds_of_regressions, .text = model_.method});
+    if (model_.method != "tvera")
+      return report({.kind = Finding::Kind::bounds_of_regressions, .detail = model_.method});
     if (data_.free.experiments > 0) return report({.kind = Finding::Kind::bounds_without_free_responses});
     with_frame([&] {
       loop_.execution = share(0.9, 1.0);
@@ -166,7 +166,7 @@ class Bounds {
       work();
     } catch (const std::invalid_argument& error) {
       if (options_.reference_step >= 0) throw;
-      report({.kind = Finding::Kind::no_eigenvalue_bounds, .text = error.what()});
+      report({.kind = Finding::Kind::no_eigenvalue_bounds, .detail = error.what()});
     }
   }
 

@@ -82,9 +82,9 @@ def test_findings(tokid, tmp_path):
     assert resting["channels"] == [{"side": "input", "index": 1, "name": "valve"}]
     assert resting["steps"] == [10, 11, 12] and resting["severity"] == "warning" and resting["scope"] == "all"
     copied = kinds["experiments_copied"]
-    assert copied["experiments"] == [{"row": 7, "name": ""}] and copied["groups"] == [[{"row": 3, "name": ""}]]
+    assert copied["experiments"] == [{"row": 7, "name": None}] and copied["groups"] == [[{"row": 3, "name": None}]]
     outlying = kinds["samples_outlying"]
-    assert outlying["experiments"] == [{"row": 9, "name": ""}] and outlying["steps"] == [20]
+    assert outlying["experiments"] == [{"row": 9, "name": None}] and outlying["steps"] == [20]
     assert outlying["channels"] == [{"side": "output", "index": 0, "name": "speed"}]
     assert outlying["numbers"]["error"] > 25
 
