@@ -9,7 +9,6 @@
 #include <iterator>
 #include <stdexcept>
 
-#include "base/integers.hpp"
 #include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "choose/options.hpp"
@@ -253,17 +252,47 @@ struct Measured {
   std::vector<Index> rows;
 };
 
+// The survey of samples that can be identified from.
+Survey checked_channels(const Ensemble& data) {
+  Survey samples = checked(data);
+  if (data.inputs() == 0 || data.outputs() == 0)
+    throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
+                                            data.inputs(), data.outputs()));
+  check_magnitudes(samples, data.names, data.inputs());
+  return samples;
+}
+
+// The model in the coordinates of its plan.
+Model framed(Model model, const Plan& plan, Findings& findings) {
+  const Index step = frame_step(model, plan);
+  FramedModel result = in_frame(std::move(model), plan);
+  append(findings, findings_of_frame(result, step, plan));
+  check_finite(result.model);
+  return std::move(result.model);
+}
+
+// What led to the choices.
+void take_evidence(NominalTest nominal, Regressed regression, const RegressionSurvey& survey, Realised realisation,
+                   Identification& result) {
+  if (!result.plan.coupled) {
+    result.condition_max = survey.condition_max;
+    result.rank_deficient_steps = survey.rank_deficient;
+  }
+  result.nominal_test = std::move(nominal);
+  result.initial_state_test = std::move(regression.initial_state_test);
+  result.lag_order_errors = std::move(regression.lag_order_errors);
+  result.smoothing_choice = std::move(regression.smoothing_choice);
+  result.order_scores = std::move(realisation.order_scores);
+  result.refinement = std::move(realisation.refinement);
+  result.singular_value_gap = statistics::median(singular_value_gaps(result.model));
+}
+
 // `measured`: the source of the names of single experiments; null: no findings about single experiments.
 Identification identified(const Ensemble& used, const Measured* measured, bool validating,
                           const IdentifyOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
   check_options(options);
-  const Survey all_samples = checked(used);
-  if (used.inputs() == 0 || used.outputs() == 0)
-    throw std::invalid_argument(fmt::format("ensemble: {} inputs and {} outputs found, at least one of each needed",
-                                            used.inputs(), used.outputs()));
-  check_magnitudes(all_samples, used.names, used.inputs());
-
+  const Survey all_samples = checked_channels(used);
   Split parts;
   const bool holding_out = options.hold_out > 0;
   if (holding_out) parts = split(used, options.hold_out, options.period);
@@ -311,26 +340,12 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   }
   append(findings, findings_of_states(result.model, data, result.plan, regressed_from, options));
 
-  const Index step = frame_step(result.model, result.plan);
-  FramedModel framed = in_frame(std::move(result.model), result.plan);
-  append(findings, findings_of_frame(framed, step, result.plan));
-  result.model = std::move(framed.model);
-  check_finite(result.model);
+  result.model = framed(std::move(result.model), result.plan, findings);
 
   result.experiments = training.experiments();
   result.steps = training.steps();
   result.min_experiments = experiments_for(training, result.plan.lags, nominal);
-  if (!result.plan.coupled) {
-    result.condition_max = survey.condition_max;
-    result.rank_deficient_steps = survey.rank_deficient;
-  }
-  result.nominal_test = std::move(decision.test);
-  result.initial_state_test = std::move(regression.initial_state_test);
-  result.lag_order_errors = std::move(regression.lag_order_errors);
-  result.smoothing_choice = std::move(regression.smoothing_choice);
-  result.order_scores = std::move(realisation.order_scores);
-  result.refinement = std::move(realisation.refinement);
-  result.singular_value_gap = statistics::median(singular_value_gaps(result.model));
+  take_evidence(std::move(decision.test), std::move(regression), survey, std::move(realisation), result);
   result.held_out = holding_out;
   note_provenance(training, options, result);
   if (validating) {
