@@ -32,8 +32,8 @@ class Recursions {
     }
   }
 
-  // h_{k,i} and h°_{k,i}, k > i: the response of the ARX recursion to a pulse at i.                     (28), (34)
-  void respond(Index i) {
+  // h_{k,i} and h°_{k,i}, k > i: the responses of the ARX recursion to pulses at i         (28), (29), (34), (35)
+  void pulse_responses(Index i) {
     for (Index k = i + 1; k <= last(i); ++k) {
       const Index gap = k - i, lags = arx_.step[size_t(k)].lags;
       auto h = markov_.h(k, i);
@@ -52,7 +52,7 @@ class Recursions {
   }
 
   // Adds the variance from the regression of step k itself. h_{k,i} = M_k ω, where ω is the window of the pulse
-  // response. To first order, the variance is Σ_e ωᵀ(W_kᵀW_k)⁺ω. hand_on() adds the variances of the earlier
+  // response. To first order, the variance is Σ_e ωᵀ(W_kᵀW_k)⁺ω. propagate_variances() adds the variances of the earlier
   // parameters.
   class Own {
    public:
@@ -87,7 +87,7 @@ class Recursions {
     Matrix windows_, projected_;
   };
 
-  void hand_on(Index i) {
+  void propagate_variances(Index i) {
     const Index r = arx_.inputs;
     for (Index k = i + 1; k <= last(i); ++k) {
       const Index gap = k - i, lags = arx_.step[size_t(k)].lags;
@@ -130,7 +130,7 @@ Markov markov(const GtvArx& arx, Index band, const Execution& execution) {
 
   Recursions recursions(arx, result);
   parallel_for(arx.k_begin, steps, execution, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) recursions.respond(i);
+    for (Index i = begin; i < end; ++i) recursions.pulse_responses(i);
   });
   const Execution quiet{execution.threads, {}};
   parallel_for(arx.k_begin, steps, quiet, [&](Index begin, Index end) {
@@ -138,7 +138,7 @@ Markov markov(const GtvArx& arx, Index band, const Execution& execution) {
     for (Index k = begin; k < end; ++k) own.add(k);
   });
   parallel_for(arx.k_begin, steps, quiet, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) recursions.hand_on(i);
+    for (Index i = begin; i < end; ++i) recursions.propagate_variances(i);
   });
   return result;
 }

@@ -174,7 +174,7 @@ class Realisation {
 
   // Computes the entries begin … end-1 of the model.
   void run(Index begin, Index end) {
-    for (Index s = begin; s < end; ++s) others(s);
+    for (Index s = begin; s < end; ++s) B_C_D_G(s);
     const Index lanes = linalg::LaneRegression::lanes();
     for (Index s = begin; s < end;) {
       const Shape shape = shape_of(s);
@@ -239,7 +239,7 @@ class Realisation {
   }
 
   // C_k, D_k, and B_k, G_k = O_{k+1}⁺ [h_{k+1,k}; …], O_{k+1}⁺ [h°_{k+1,k}; …]                          (38), (40)
-  void others(Index s) {
+  void B_C_D_G(Index s) {
     const Index m = markov_.outputs, r = markov_.inputs, k = model_.k_begin + s, n = states(s), next = states(s + 1);
     Step& step = model_.step[size_t(s)];
     step = Step(n, next, r, m);

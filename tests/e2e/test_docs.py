@@ -100,3 +100,24 @@ def test_findings_that_documents_name():
     table = (ROOT / "docs/formats.md").read_text().split("<!-- table: findings -->")[1].split("<!-- end -->")[0]
     assert len(kinds) > 90
     assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == kinds
+
+
+def test_equations_have_their_place():
+    """The code cites no equation that the table lacks, and the table no place that does not cite it."""
+    table = (ROOT / "docs/math.md").read_text().split("## Where each equation is")[1].split("\n## ")[0]
+    places = {}
+    for equations, path, names in re.findall(r"^\| (\(.*?) \|.*?\| `([\w./]+)`: (.*?) \|$", table, re.MULTILINE):
+        source = (ROOT / path).read_text()
+        for name in re.findall(r"`([\w:]+)`", names):
+            assert re.search(rf"\b{name.split('::')[-1]}\b", source), f"{name} in {path}"
+        for equation in re.findall(r"\d+", equations):
+            places.setdefault(int(equation), []).append(path)
+    assert len(places) > 25
+    for folder in ("include/tokid", "src"):
+        for file in (ROOT / folder).rglob("*.[ch]pp"):
+            for line in file.read_text().splitlines():
+                for first, last in re.findall(r"(?<![\w)\]}])\((\d{1,2})\)(?:-\((\d{1,2})\))?(?=[\s.,:;]|$)",
+                                              line.partition("//")[2]):
+                    cited = range(int(first), int(last or first) + 1)
+                    # A range stands for a part of the paper, of which some equations are steps of a proof.
+                    assert any(number in places for number in cited), f"({first}) in {file.name}: {line.strip()}"
