@@ -5,11 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 
-#include "base/words.hpp"
 #include "model/provenance.hpp"
 
 namespace tokid {

@@ -24,15 +24,13 @@ constexpr double spoilt = 1.1;
 
 // Takes the choices of the options about the realisation. The data decide the rest later.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
-  const bool exact = !plan.noisy && plan.initial_state == InitialState::zero && !plan.coupled;
-  const bool tvera = o.method == Method::tvera || (o.method == Method::automatic && exact);
-  plan.method = tvera ? Method::tvera : Method::subspace;
+  plan.method = method_of(plan, o.method);
   plan.states = o.states;
   plan.rows = o.rows, plan.cols = o.cols;
   plan.frame = o.frame, plan.reference_step = o.reference_step;
   plan.choices.weighting = o.weighting.value_or(Weighting::one_step);
   plan.choices.state_smoothing = SubspaceOptions::state_share * plan.choices.variation.smoothing;
-  if (tvera) {
+  if (plan.method == Method::tvera) {
     plan.output_size = channel_sizes(data, data.inputs(), data.outputs());
     plan.input_size = channel_sizes(data, 0, data.inputs());
   }
@@ -195,6 +193,12 @@ void realise_by_folds(const Ensemble& data, const Ensemble& judged, const GtvArx
 }
 
 }  // namespace
+
+Method method_of(const Plan& plan, Method asked) {
+  if (asked != Method::automatic) return asked;
+  const bool exact = !plan.noisy && plan.initial_state == InitialState::zero && !plan.coupled;
+  return exact ? Method::tvera : Method::subspace;
+}
 
 Realised realised(const Ensemble& data, const Ensemble& judged, const Plan& plan, GtvArx arx,
                   const IdentifyOptions& options) {

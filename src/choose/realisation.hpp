@@ -6,6 +6,9 @@
 
 namespace tokid {
 
+// TVERA or the subspace realisation: as asked, or by noise, initial state and coupling of the plan.
+Method method_of(const Plan& plan, Method asked);
+
 struct Realised {
   Model model;  // in the coordinates of its realisation
   Plan plan;    // complete

@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "choose/realisation.hpp"
 #include "data/axes.hpp"
 #include "data/channel_sizes.hpp"
 #include "diagnose/excitation.hpp"
@@ -197,9 +198,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     plan.coupled = plan.coupled || own->plan.coupled;
   }
   plan.initial_state = begin.model.initial_state;
-  const bool exact = !plan.noisy && !plan.coupled && plan.initial_state == InitialState::zero;
-  plan.method = options.method == Method::tvera || (options.method == Method::automatic && exact) ? Method::tvera
-                                                                                                  : Method::subspace;
+  plan.method = method_of(plan, options.method);
   plan.frame = options.frame;
   if (!plan.noisy)
     for (const Identification* own : found) plan.lags = std::max(plan.lags, own->plan.lags);
