@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What can go wrong, and what is worth a word."""
+"""Errors of files, and warnings."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import Any
 
 from ._tokid import IoError as IoError
 
-IoError.__module__ = "tokid"  # as users know it
+IoError.__module__ = "tokid"  # its public name
 
 _PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
 
 
 class _NamedFileError(IoError):
-    """An IoError with errno and filename, and the text of the library."""
+    """An IoError with errno and filename, whose text is that of the library."""
 
     def __str__(self) -> str:
         return str(self.strerror)
@@ -35,7 +35,7 @@ class _ForbiddenFileError(_NamedFileError, PermissionError):
 
 @contextmanager
 def reading(path: Any) -> Iterator[str]:
-    """The path of a file to read. Where that is missing, or may not be read, Python's own errors are raised too."""
+    """The path of a file to read. For a missing or forbidden file, the error is also that of Python."""
     file = os.fsdecode(path)
     try:
         yield file
@@ -49,7 +49,7 @@ def reading(path: Any) -> Iterator[str]:
 
 @contextmanager
 def writing(path: Any) -> Iterator[str]:
-    """The path of a file to write; likewise where it or its directory can't be written, or has no space left."""
+    """The path of a file to write. If the system refuses, the error is also that of Python, or has errno."""
     file = os.fsdecode(path)
     directory = os.path.dirname(os.path.realpath(file))
     try:
@@ -65,11 +65,11 @@ def writing(path: Any) -> Iterator[str]:
 
 
 class TokidWarning(UserWarning):
-    """What a user should know about a result: the tool's warnings, with the same texts."""
+    """A finding that the user should know, with the same text as a warning of the tool."""
 
 
 def warn(texts: Iterable[str]) -> None:
-    """Issues each text as a TokidWarning of the line outside this package that made the call."""
+    """Issue each text as a TokidWarning at the line outside this package that made the call."""
     level, frame = 1, sys._getframe(0)
     while frame.f_back is not None and os.path.abspath(frame.f_code.co_filename).startswith(_PACKAGE):
         level, frame = level + 1, frame.f_back

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files of either kind."""
+"""Reading files of unknown kind."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from ._typing import PathLike
 
 
 def load(path: PathLike, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> Union[Ensemble, Model]:
-    """Reads an ensemble or a model, whichever the file holds.
+    """Read an ensemble or a model, depending on the content of the file.
 
-    `Ensemble.load` and `Model.load` do the same for files of one kind.
+    `Ensemble.load` and `Model.load` read one kind of file.
 
     Parameters
     ----------
     path : path
-        .npz, .h5, .mat, or .csv for ensembles.
+        A .npz, .h5 or .mat, or a .csv with an ensemble.
     inputs, outputs : sequence of str, optional
         Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
 
     Raises
     ------
     IoError
-        For a file that can't be read or holds neither; an OSError, and a FileNotFoundError where there is none.
+        If the file can't be read or contains neither. It is an OSError, and a FileNotFoundError for a missing file.
     """
     with reading(path) as file:
         is_model = _tokid.is_model(file)

@@ -10,7 +10,7 @@ from .results import NoisyChoices
 
 
 class IdentifyOptions(TypedDict, total=False):
-    """The options of `tokid.identify` that say how to identify, for the calls that identify more than once."""
+    """The options of the identification in `tokid.identify`, for calls that identify more than once."""
 
     states: Union[int, str]
     lags: Union[int, str]
@@ -30,7 +30,7 @@ class IdentifyOptions(TypedDict, total=False):
 
 
 def checked(options: IdentifyOptions) -> _tokid.IdentifyOptions:
-    """The options of an identification, each one checked."""
+    """Check the options of an identification."""
     unknown = set(options) - set(IdentifyOptions.__annotations__)
     if unknown:
         raise TypeError(f"{sorted(unknown)[0]!r} is no option of an identification")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files that are read, changed and written."""
+"""Locks for files that are read, changed and written."""
 
 from __future__ import annotations
 
@@ -12,29 +12,30 @@ from ._typing import PathLike
 
 
 class FileLock:
-    """Holds a file, such as that of an `UpdateState`: nobody else who asks for its lock has it meanwhile.
+    """A lock for a file, such as that of an `UpdateState`. One holder at a time can have the lock of a file.
 
-    `tokid.update` of a file, ``tokid update`` and ``tokid identify --state`` ask for the lock by themselves. Hold it
-    where you read a state, change it and save it in steps of your own::
+    `tokid.update` of a file, ``tokid update`` and ``tokid identify --state`` take the lock themselves. Take it in a
+    program that reads, changes and saves a state in separate steps. Otherwise the experiments of another program may be
+    lost::
 
         with tokid.FileLock("state.h5") as held:
             state = tokid.UpdateState.load(held)
             model = tokid.update(state, u, y)
             model.state.save(held)
 
-    Locks work between processes, threads and machines that share the folder. A process that dies loses its locks.
+    Locks hold between processes, threads and machines that share the folder. A process that ends loses its locks.
 
     Parameters
     ----------
     path : path
-        The file; it need not exist yet.
-    wait : float, optional
-        Seconds to wait where somebody else has it, with a `TokidWarning` that says who.
+        The file. It need not exist yet.
+    wait : float, default 60.0
+        Time to wait for another holder [s]. A `TokidWarning` says who has the lock.
 
     Raises
     ------
     IoError
-        Where somebody else has it for longer, or the file system lets nothing be locked; an OSError.
+        If another holder has the lock for longer, or the file system does not support locks. It is an OSError.
     """
 
     __slots__ = ("__weakref__", "_core", "_path")
@@ -47,7 +48,7 @@ class FileLock:
             )
 
     def release(self) -> None:
-        """Lets others have the file. The end of a ``with`` block does it, too."""
+        """Release the lock. The end of a ``with`` block releases it too."""
         self._core = None
 
     def __enter__(self) -> FileLock:
@@ -64,5 +65,5 @@ class FileLock:
 
     def _held(self) -> _tokid.FileLock:
         if self._core is None:
-            raise ValueError(f"{self._path}: the lock was released before, one that is held needed")
+            raise ValueError(f"{self._path}: the lock was released before, a held lock needed")
         return self._core

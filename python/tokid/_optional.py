@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Packages that tokid does without until they are needed."""
+"""Optional packages, imported when they are needed."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 
 def need(module: str, what: str, install: str) -> Any:
-    """The module, or an ImportError that says what to install."""
+    """Return the module. The ImportError of a missing package says what to install."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] != module.split(".")[0]:
-            raise  # there, but not whole
+            raise  # the package is there, but incomplete
         raise ImportError(f"{what} needs {module.split('.')[0]}: pip install {install}", name=error.name) from None

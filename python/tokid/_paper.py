@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The paper's example, recomputed."""
+"""The example of the paper, recomputed."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from .results import Paper
 def paper(
     directory: Optional[PathLike] = None, *, seed: int = 1, threads: int = 1, progress: Progress = False
 ) -> Paper:
-    """The paper's figures and printed numbers, recomputed from experiments.
+    """Recompute the figures and the printed numbers of the paper from experiments.
 
     Parameters
     ----------
     directory : path, optional
-        Where to write paper.html, paper.json and the figures (.svg).
+        Folder for paper.html, paper.json and the figures (.svg). Without it, no file is written.
     seed : int, default 1
-        Of the experiments.
+        Seed of the experiments.
     threads, progress
-        As of `tokid.identify`.
+        As in `tokid.identify`.
 
     Returns
     -------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How far long calls are."""
+"""The progress of long calls."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Listener = Optional[Callable[[float], Any]]
 
 @contextmanager
 def listener(progress: Progress, what: str) -> Iterator[Listener]:
-    """What the extension calls with the finished share: a bar of tqdm, a line on stderr, or the user's own callable."""
+    """The function that gets the finished share: a bar of tqdm, a line on stderr, or the callable of the user."""
     if callable(progress):
         yield progress
     elif not progress:
@@ -29,7 +29,7 @@ def listener(progress: Progress, what: str) -> Iterator[Listener]:
 
 
 class _Line:
-    """One line on stderr, written over and over."""
+    """One line on stderr, which is overwritten."""
 
     def __init__(self, what: str) -> None:
         self._what = what

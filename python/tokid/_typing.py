@@ -14,5 +14,5 @@ ComplexArray = npt.NDArray[np.complex128]
 IndexArray = npt.NDArray[np.int64]
 ArrayLike = npt.ArrayLike
 PathLike = Union[str, "os.PathLike[str]"]
-# False: silent; True: a bar; a callable gets the finished share of the work, 0 … 1
+# False: nothing. True: a bar. A callable gets the finished share of the work, from 0 to 1.
 Progress = Union[bool, Callable[[float], Any]]

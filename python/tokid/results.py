@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What calls find out, in dataclasses: a field for each one of the C++ library's."""
+"""The results of calls, as dataclasses with the fields of the C++ structs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _short(value: Any) -> str:
 
 
 class _Result:
-    """Arrays by their shapes, numbers by four digits."""
+    """A result with a short repr: arrays by their shapes, numbers with four digits."""
 
     def __repr__(self) -> str:
         shown = ", ".join(
@@ -48,7 +48,7 @@ class FindingChannel:
 
 @dataclass(frozen=True)
 class FindingExperiment:
-    """An experiment that a finding is about; its name is None where the data give none."""
+    """An experiment that a finding is about. Its name is None if the data give none."""
 
     row: int
     name: Optional[str]
@@ -56,7 +56,7 @@ class FindingExperiment:
 
 @dataclass(frozen=True)
 class FindingTerm:
-    """A sample of a channel `lag` steps before k, and its factor in a sum."""
+    """A term of a sum: `factor` times the sample of a channel `lag` steps before k."""
 
     channel: FindingChannel
     lag: int
@@ -65,35 +65,38 @@ class FindingTerm:
 
 @dataclass(frozen=True, repr=False)
 class Finding(_Result):
-    """What was found in data, in a model, or on the way to it, that its user should know.
+    """A fact about data, a model or an identification that the user should know.
 
     Attributes
     ----------
     kind : str
-        What it is, such as "samples_outlying"; the names stay. The guide to files and the command line lists them.
-    severity : str
-        "note" for what was done in place of what was not stated, else "warning".
-    scope : str
-        "all" data, "deciding_stretches" of blocks, "new_experiments" of an update, "cross_validation" or its "folds".
+        Name of the kind, such as "samples_outlying". docs/formats.md lists all kinds and the fields that they fill.
+    severity : {"note", "warning"}
+        "note": an assumption replaced missing information. "warning": the data or the model may not be what the user
+        expects.
+    scope : {"all", "deciding_stretches", "new_experiments", "cross_validation", "folds"}
+        The data that the finding is about: all data, the stretches from which an identification in blocks makes its
+        choices, the new experiments of an update, all data of a cross-validation, or its folds.
     channels : list of FindingChannel
-        Each with its side ("input" or "output"), its number there and its name.
+        Each with its side ("input" or "output"), its number there, and its name.
     experiments : list of FindingExperiment
         Each with its row and its name.
     steps : list of int
+        Steps k.
     numbers : dict of str to float
-        By how much, with the names of the kind.
+        Numbers, with the names that docs/formats.md gives for the kind.
     text : str
-        All of it in words.
+        The finding as a sentence.
     terms : list of FindingTerm
-        Of sums of samples.
+        Terms of a sum of samples.
     groups : list of list of FindingExperiment
-        Of copies, sums and multiples: for each experiment, those that it is made of.
+        For each of `experiments`: the experiments that it is a copy or a weighted sum of.
     names : list of str
-        Of the model, where those of the data differ.
+        Names in the model, if those in the data differ.
     detail : str
-        Words of others: of the reader of a file, of an error.
+        A text from elsewhere, such as the message of an error or the name of an option.
     file : str
-        Of several files, the one that it is about.
+        The file that the finding is about, if there are several.
     """
 
     kind: str
@@ -118,23 +121,23 @@ class _Found(_Result):
 
     @property
     def warnings(self) -> list[str]:
-        """The findings in words."""
+        """The findings as sentences."""
         return [finding.text for finding in self.findings]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(_Result):
-    """How near computed outputs are to measured ones, over all experiments and steps where both are known.
+    """The agreement of computed and measured outputs, over all experiments and steps where both are known.
 
     Attributes
     ----------
     fit : ndarray, shape (m,)
-        100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%], ȳ the nominal trajectory where the model has one, else the mean. NaN where
-        nothing could be compared.
+        100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%]. ȳ is the nominal trajectory if the model has one, else the mean over
+        experiments and steps. NaN if nothing could be compared.
     rmse : ndarray, shape (m,)
-        Root mean square errors in the units of the outputs.
+        Root mean square errors, in the units of the outputs.
     samples : int
-        Samples compared, the fewest of any output.
+        Number of compared samples per output, the smallest over the outputs.
     """
 
     fit: Array
@@ -144,20 +147,20 @@ class Fit(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Whiteness(_Result):
-    """Are the innovations of successive steps correlated?
+    """Test: are the innovations of different steps correlated?
 
     Attributes
     ----------
     p : float
-        Probability of innovations as correlated as these if they were white; NaN where not tested.
+        Probability of at least this correlation if the innovations are white. NaN if not tested.
     z : ndarray, shape (lags,)
         Standardised sum of each lag.
     correlation : ndarray, shape (lags, m)
-        Of every output with itself so many steps before.
+        Correlation of each output with itself 1, 2, … steps before.
     bound : ndarray, shape (lags,)
-        99 % of the entries of `correlation` are smaller in size if the innovations are white.
+        If the innovations are white, 99 % of the entries of `correlation` are smaller in size.
     over : {"experiments", "time", "nothing"}
-        What the correlations were taken over.
+        Samples over which the correlations were computed.
     """
 
     p: float
@@ -169,20 +172,20 @@ class Whiteness(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Independence(_Result):
-    """Are the innovations correlated with the inputs?
+    """Test: are the innovations correlated with the inputs?
 
     Attributes
     ----------
     p : float
-        Probability of correlations as large as these if there were none; NaN where not tested.
+        Probability of correlations at least this large if there are none. NaN if not tested.
     first : int
-        Lag of the first entry of `z` and `correlation`; negative lags are those of later inputs.
+        Lag of the first entry of `z` and `correlation`. Negative lags belong to later inputs.
     z : ndarray, shape (lags,)
         Standardised sum of each lag.
     correlation : ndarray, shape (lags,)
-        Root mean square of the canonical correlations beyond what chance gives.
+        Root mean square of the canonical correlations beyond chance.
     over : {"experiments", "time", "nothing"}
-        What the correlations were taken over.
+        Samples over which the correlations were computed.
     """
 
     p: float
@@ -194,18 +197,18 @@ class Independence(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NormalisedSquares(_Result):
-    """Are the innovations as large as the model says?
+    """Test: are the innovations as large as their covariance in the model?
 
     Attributes
     ----------
     ratio : float
-        Mean of εᵀ S⁻¹ ε over m: 1 if the covariance S is right, more if the model is overconfident; NaN without one.
+        Mean of εᵀ S⁻¹ ε over m. 1 if the covariance S is right, more if S is too small. NaN if the model has no S.
     p : float
-        Probability of a ratio as far from 1 if S were right.
+        Probability of a ratio at least this far from 1 if S is right.
     normal : bool
-        Whether `p` presumes normal innovations, as it does of fewer than 20 experiments.
+        True: there are fewer than 20 experiments, and `p` assumes normal innovations.
     step, step_p : ndarray, shape (T,)
-        Both of each step; NaN where there is none.
+        Ratio and probability of each step. NaN where there is none.
     """
 
     ratio: float
@@ -217,16 +220,17 @@ class NormalisedSquares(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InputGains(_Result):
-    """Do the outputs answer to each input as strongly as the model says?
+    """Test: does each input act on the outputs as strongly as in the model?
 
     Attributes
     ----------
     error : ndarray, shape (r,)
-        α: the outputs answer 1 + α times as strongly as the model says; NaN where the inputs don't tell it.
+        α: the input acts 1 + α times as strongly as in the model. NaN if the inputs do not determine it.
     deviation : ndarray, shape (r,)
-        Its standard deviation; infinite where the inputs don't tell it, NaN where nothing was tested.
+        Standard deviation of α. Infinite if the inputs do not determine it, NaN if nothing was tested.
     share : ndarray, shape (r,)
-        RMS of what the model answers to this input alone, relative to the output where that is largest.
+        RMS of the simulated response to this input alone over the RMS of the output, for the output where it is
+        largest.
     """
 
     error: Array
@@ -236,19 +240,20 @@ class InputGains(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OutlyingSamples(_Result):
-    """Samples of one output of one experiment that lie far off their predictions while those of the others do not.
+    """Samples of one output of one experiment with much larger prediction errors than in the other experiments.
 
     Attributes
     ----------
     experiment : int
-        Its row in the data.
+        Row of the experiment in the data.
     name : str or None
-        Its name, where the data give it one.
+        Name of the experiment, if the data give one.
     output : int
-        Counted from 0.
+        Number of the output, from 0.
     steps : list of int
+        Steps of the samples.
     error, usual : float
-        The largest prediction error one step ahead, and the median over the experiments there.
+        Largest one-step prediction error, and the median over the experiments at that step.
     """
 
     experiment: int
@@ -261,25 +266,27 @@ class OutlyingSamples(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Validation(_Found):
-    """How good a model is on data.
+    """The fits and tests of a model on data.
 
     Attributes
     ----------
     simulation, one_step, horizon : Fit
-        Of simulations, and of predictions one step and `horizon` steps ahead.
+        Fits of the simulation and of the predictions one step and `horizon` steps ahead.
     noisy : bool
-        Innovations beyond rounding errors.
+        True: the innovations exceed rounding errors.
     whiteness_p : float
-        That of `whiteness`.
+        `whiteness.p`.
     whiteness : Whiteness
-    independence : Independence
-        Of past and present inputs.
-    feedback : Independence
-        Of later inputs: a small p is no fault of the model.
+        Test for correlation in time.
+    independence, feedback : Independence
+        Tests for correlation with past and present inputs, and with later inputs. A small p of `feedback` is not a
+        fault of the model.
     squares : NormalisedSquares
+        Test of the covariance of the innovations.
     gains : InputGains
+        Test of the effect of each input.
     outlying : list of OutlyingSamples
-        Of noisy data.
+        Outlying samples; only for noisy data.
     first_predicted, first_simulated : int
         First steps with a prediction and with a simulation.
     findings : list of Finding
@@ -303,14 +310,14 @@ class Validation(_Found):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TimeVariation(_Result):
-    """How a model may vary with time.
+    """The variation of a model over time.
 
     Attributes
     ----------
     smoothing : float
-        λ of the penalty on variation: 0 leaves each step to its own data, infinity makes all steps one.
+        λ of the penalty on variation. 0: each step has its own coefficients. Infinity: all steps have the same ones.
     period : int
-        P: the steps k and k + P share one model; 1: all steps; 0: no period.
+        P: the steps k and k + P share one model. 1: all steps do. 0: no period.
     """
 
     smoothing: float
@@ -319,7 +326,7 @@ class TimeVariation(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NoisyChoices(_Result):
-    """What an identification from noisy data has chosen beside lag order and states.
+    """The choices of an identification from noisy data, apart from lag order and state dimension.
 
     Attributes
     ----------
@@ -330,7 +337,7 @@ class NoisyChoices(_Result):
     refinement_smoothing : float
         λ of EM.
     refinement_iterations : int
-        0: no refinement.
+        Iterations of EM. 0: no refinement.
     """
 
     variation: TimeVariation
@@ -342,14 +349,14 @@ class NoisyChoices(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Departure(_Result):
-    """A channel whose mean over the experiments departs from zero.
+    """A channel whose mean over the experiments differs from zero.
 
     Attributes
     ----------
     channel : int
-        Number of the channel from 0 on, inputs first.
+        Number of the channel, from 0, inputs first.
     steps : list of int
-        Steps at which its own t² is beyond the bound; with a period its phases.
+        Steps at which its t² exceeds the bound; with a period, phases.
     """
 
     channel: int
@@ -358,24 +365,21 @@ class Departure(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NominalTest(_Result):
-    """Is the mean motion significantly different from zero?
+    """Test: does the mean motion differ significantly from zero?
 
-    Two tests share the error of one run in a thousand: the mean of t² over channels and steps, and the largest t².
+    Two tests share a total false-alarm rate of 1 in 1000: the mean of t² over channels and steps, and the largest t².
 
     Attributes
     ----------
-    statistic : float
-        Mean of t² over channels and steps.
-    threshold : float
-        Its bound.
-    step_statistic : float
-        The t² of one channel at one step that is largest beside its bound.
-    step_threshold : float
-        That bound, corrected for the number of channels and steps.
+    statistic, threshold : float
+        Mean of t² over channels and steps, and its bound.
+    step_statistic, step_threshold : float
+        The t² of one channel at one step that is largest relative to its bound, and this bound. The bound is corrected
+        for the number of channels and steps.
     departures : list of Departure
-        Channels and steps whose own t² is beyond the bound.
+        Channels and steps whose own t² exceeds the bound.
     significant : bool
-        By either test.
+        True if either test is significant.
     """
 
     statistic: float
@@ -388,13 +392,12 @@ class NominalTest(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InitialStateTest(_Result):
-    """Do the residuals of the first steps show unknown initial states?
+    """Test: do the residuals of the first steps show unknown initial states?
 
     Attributes
     ----------
-    statistic : float
-        Largest ratio of an early to the later residual variance.
-    threshold : float
+    statistic, threshold : float
+        Largest ratio of an early residual variance to the later one, and its bound.
     decision : {"zero", "unknown"}
     reason : str
     """
@@ -407,15 +410,16 @@ class InitialStateTest(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LagOrderErrors(_Result):
-    """Leave-one-out errors by which the lag order was chosen step by step; empty where it was not.
+    """Leave-one-out errors of the lag orders; empty unless p was chosen with a regression for each step.
 
     Attributes
     ----------
     steps : list of int
-        The steps examined.
+        The examined steps.
     error : ndarray, shape (steps, p_max)
-        Mean over outputs of log(leave-one-out mean square / mean square of y).
+        Mean over the outputs of log(leave-one-out mean square / mean square of y).
     mean : ndarray, shape (p_max,)
+        Mean of `error` over the steps.
     best : int
         The smallest p within a standard error of the smallest mean.
     """
@@ -428,14 +432,14 @@ class LagOrderErrors(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SmoothingTrial(_Result):
-    """One lag order with one λ.
+    """The cross-validation error of one lag order with one λ.
 
     Attributes
     ----------
     lags : int
     smoothing : float
     error : float
-        Relative RMS one-step error on experiments left out.
+        Relative RMS one-step error in cross-validation, geometric mean over the outputs.
     """
 
     lags: int
@@ -445,12 +449,12 @@ class SmoothingTrial(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SmoothingChoice(_Result):
-    """Lag order and λ by cross-validation; without trials where they were not chosen together.
+    """The choice of lag order and λ by cross-validation; without trials unless both were chosen together.
 
     Attributes
     ----------
     trials : list of SmoothingTrial
-        In the order in which they were made.
+        All trials, in the order of the search.
     lags : int
     smoothing : float
     error : float
@@ -464,27 +468,29 @@ class SmoothingChoice(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OrderScores(_Result):
-    """What each number of states made of the data; empty where it was not chosen from noisy data.
+    """The errors of each state dimension; empty unless n was chosen from noisy data.
 
     Attributes
     ----------
     states : list of int
         The candidates.
     one_step, ahead, simulation : ndarray, shape (candidates,)
-        RMS errors over that of the departures, mean logs over outputs; `ahead` is `horizon` steps ahead.
+        Log of the RMS error over the RMS of the departures, mean over the outputs. `ahead` belongs to predictions
+        `horizon` steps ahead.
     horizon : int
     cross_validated : bool
-        On experiments left out, else on the training data.
+        True: cross-validation errors. False: errors on the training data.
     smoothing : float
         λ of the regressions on states.
     weighting : {"one-step", "many-steps", "projection"}
     price : float
-        Of a state.
+        Penalty for each state, for errors on the training data.
     smallest : float
-        The smallest mean.
+        The smallest weighted mean of the three logs, penalty included.
     uncertainty : ndarray, shape (candidates,)
-        Of the difference from the order of the smallest mean; empty on training data.
+        Standard error of the difference from the order with the smallest mean. Empty for errors on the training data.
     best : int
+        The smallest order whose mean is close to the smallest mean.
     """
 
     states: list[int]
@@ -503,16 +509,16 @@ class OrderScores(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RefinementTrial(_Result):
-    """EM with one number of states and one λ.
+    """The cross-validation error of EM with one state dimension and one λ.
 
     Attributes
     ----------
     states : int
     smoothing : float
     iterations : int
-        0: the model as it was before EM.
+        Iterations of EM. 0: the model before EM.
     error : float
-        Mean log error on experiments left out.
+        Mean log of the errors, as in `OrderScores`.
     """
 
     states: int
@@ -523,7 +529,7 @@ class RefinementTrial(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RefinementChoice(_Result):
-    """How far EM brought the models of experiments forward on others; without trials where that was not tried.
+    """The cross-validation of EM; without trials if EM was not tried.
 
     Attributes
     ----------
@@ -531,10 +537,10 @@ class RefinementChoice(_Result):
     states : int
     smoothing : float
     iterations : int
-        0: no refinement.
+        Iterations of EM. 0: no refinement.
     error : float
     one_step : float
-        Log of the one-step error alone, where there are iterations.
+        Log of the one-step error alone, if there are iterations.
     """
 
     trials: list[RefinementTrial]
@@ -547,18 +553,18 @@ class RefinementChoice(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Outlier(_Result):
-    """An experiment that does not obey the model of the others.
+    """An experiment whose residuals show that it does not fit the model of the others.
 
     Attributes
     ----------
     experiment : int
-        Its row in the data.
+        Row of the experiment in the data.
     name : str or None
-        Its name, where the data give it one.
+        Name of the experiment, if the data give one.
     ratio : float
-        Size of its leave-one-out residuals over the usual one.
+        Size of its leave-one-out residuals over the usual size.
     explanation : str
-        What would make it as usual, in words; empty where nothing that was tried does.
+        Possible cause: a change that makes it fit. Empty if none was found.
     """
 
     experiment: int
@@ -569,14 +575,14 @@ class Outlier(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DependentExperiment(_Result):
-    """An experiment that is the sum of others, each multiplied by its weight, within rounding.
+    """An experiment that is a weighted sum of other experiments, within rounding.
 
     Attributes
     ----------
     experiment : int
-        Its row in the data.
+        Row of the experiment in the data.
     of : list of int
-        Rows of the others.
+        Rows of the other experiments.
     weights : ndarray, shape (others,)
     """
 
@@ -587,22 +593,23 @@ class DependentExperiment(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(_Found):
-    """The evidence for every choice of an identification.
+    """The choices of an identification, and the evidence for them.
 
     Attributes
     ----------
     experiments, steps : int
-        Used for the identification.
+        Numbers used for the identification.
     lags : int
         Lag order p.
     variation : TimeVariation
     state_smoothing : float
         λ of the regressions on states.
     min_experiments : int
-        Experiments that this lag order needs.
+        Number of experiments that this lag order needs.
     rank_deficient_steps : int
+        Number of steps whose regression has no full rank.
     condition_max : float
-        0 where all steps were in one regression.
+        Largest condition number of the regressions of single steps. 0 if all steps are in one regression.
     nominal_test : NominalTest
     initial_state_test : InitialStateTest
     lag_order_errors : LagOrderErrors
@@ -610,26 +617,27 @@ class Identification(_Found):
     order_scores : OrderScores
     refinement : RefinementChoice
     choices : NoisyChoices or None
-        Where all steps were regressed together.
+        The choices, if all steps are in one regression.
     together : bool
-        All steps in one regression, else one for each.
+        True: one regression of all steps. False: one regression for each step.
     noisy : bool
-        Residuals beyond rounding errors.
+        True: the residuals exceed rounding errors.
     nominal : bool
-        A mean motion was removed.
+        True: a mean motion was removed.
     singular_value_gap : float
-        How clearly the order shows in the singular values; NaN where it does not.
+        Median of σ_n / σ_{n+1} over the steps of full dimension. A large gap shows the order clearly. NaN if not known.
     held_out : bool
-        `validation` is on experiments held out, else on the training data.
+        True: `validation` uses held-out experiments. False: the training data.
     validation : Validation
     outliers : list of Outlier
-        Looked for where there is noise, and five experiments or more.
+        Outliers. The search needs noise and at least five experiments.
     copies : list of list of int
-        Rows of experiments that are copies of each other, within rounding; the first one of each list was used.
+        Rows of experiments that are copies of each other, within rounding. The first one of each list was used.
     dependent : list of DependentExperiment
-        Experiments that are sums or multiples of others, within rounding; they were not used.
+        Experiments that are weighted sums of others, within rounding. They were not used.
     findings : list of Finding
     seconds : float
+        Duration of the identification [s].
     """
 
     experiments: int
@@ -662,17 +670,18 @@ class Identification(_Found):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LikelihoodChoice(_Result):
-    """λ of EM by the likelihood of experiments left out.
+    """The choice of λ of EM by the likelihood of held-out experiments.
 
     Attributes
     ----------
     smoothing : ndarray, shape (candidates,)
-        Descending.
+        The candidates, descending.
     log_likelihood : ndarray, shape (candidates,)
-        Of each, per output sample.
+        Log-likelihood of each candidate, per output sample.
     error : ndarray, shape (candidates,)
-        Standard error of its difference from the best.
+        Standard error of its difference from the best candidate.
     best : float
+        The most likely candidate; infinity if infinity is within one standard error of it.
     """
 
     smoothing: Array
@@ -683,12 +692,12 @@ class LikelihoodChoice(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RefinementFigures(_Result):
-    """A model on the data of its refinement.
+    """The fits of a model on the data of its refinement.
 
     Attributes
     ----------
     simulation, one_step : Fit
-        Over the samples that the models before and after can both compute.
+        Fits over the samples that the models before and after EM can both compute.
     whiteness_p : float
     """
 
@@ -699,24 +708,25 @@ class RefinementFigures(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Refinement(_Found):
-    """What a refinement by EM has done.
+    """The course of a refinement by EM.
 
     Attributes
     ----------
     smoothing : float
-        λ, and
+        λ.
     reason : str
-        why.
+        Reason for this λ.
     choice : LikelihoodChoice or None
-        Where λ was chosen by cross-validation.
+        The cross-validation, if it chose λ.
     start_log_likelihood : float
-        Of the model given.
+        Log-likelihood of the given model.
     log_likelihood, penalised : ndarray, shape (iterations + 1,)
-        Before the first iteration and after each: the plain one, and the one that EM climbs and that never falls.
+        Log-likelihood before the first iteration and after each one, without and with the penalty. EM climbs the
+        penalised one, which never falls.
     iterations : int
     converged : bool
     noise_segments : int
-        Stretches of steps whose noise has a size of its own.
+        Number of stretches of steps with their own noise size.
     before, after : RefinementFigures
     findings : list of Finding
     """
@@ -737,16 +747,16 @@ class Refinement(_Found):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fold(_Found):
-    """One part of a cross-validation.
+    """One fold of a cross-validation.
 
     Attributes
     ----------
     experiments : list of int
-        Row numbers of those that were kept back.
+        Rows of the held-out experiments.
     experiment_names : list of str or None
-        Their names, where the data give them some.
+        Names of the held-out experiments, if the data give some.
     states, lags : int
-        Of the model of the others.
+        n and p of the model of the other experiments.
     simulation, one_step, horizon : Fit
     findings : list of Finding
     """
@@ -763,17 +773,17 @@ class Fold(_Found):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CrossValidation(_Found):
-    """Every experiment judged by a model that has not seen it.
+    """A cross-validation: a model of the other folds predicts and simulates each experiment.
 
     Attributes
     ----------
     folds : list of Fold
     simulation, one_step, horizon : Fit
-        Over all experiments, as computed in their folds.
+        Fits over all experiments, each computed by the model of its fold.
     simulation_spread, one_step_spread, horizon_spread : ndarray, shape (m,)
         Standard deviations of the fits of the folds [%].
     findings : list of Finding
-        Those of the folds, each of them once.
+        Findings of all folds, each one once.
     """
 
     folds: list[Fold]
@@ -788,16 +798,16 @@ class CrossValidation(_Found):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Interval(_Result):
-    """Estimates, and between what the truth lies; all arrays have one shape.
+    """Estimates with their bounds. All arrays have the same shape.
 
     Attributes
     ----------
     estimate : ndarray
-        NaN where there is none.
+        Estimates. NaN where there is none.
     deviation : ndarray
         Standard errors.
     lower, upper : ndarray
-        Bounds of each entry by itself; infinite where nothing tells the noise.
+        Bounds of each entry, taken alone. Infinite if no degree of freedom is left to estimate the noise.
     """
 
     estimate: Array
@@ -813,6 +823,7 @@ class MarkovBounds(_Result):
     Attributes
     ----------
     band : int
+        Largest number of steps between input and output.
     k_begin : int
         Pulses before this step have no estimate.
     interval : Interval of shape (T, band + 1, m, r)
@@ -826,7 +837,7 @@ class MarkovBounds(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SpectrumBounds(_Result):
-    """Bounds of the eigenvalues of the closed loop in a reference frame, NaN where a step has fewer.
+    """Bounds of the eigenvalues of the closed loop in a reference frame. NaN if a step has fewer eigenvalues.
 
     Attributes
     ----------
@@ -834,11 +845,11 @@ class SpectrumBounds(_Result):
         Step of the first entry.
     eigenvalues : ndarray of complex, shape (S, n)
     real, imaginary : Interval of shape (S, n)
-        Of their parts.
+        Real and imaginary parts.
     covariance : ndarray, shape (S, n)
-        Of real and imaginary part.
+        Covariance of real and imaginary part.
     simple : ndarray of bool, shape (S, n)
-        False where neighbours are too near for bounds, which are infinite then.
+        False: a neighbour is too near for bounds, which are then infinite.
     """
 
     begin: int
@@ -851,25 +862,26 @@ class SpectrumBounds(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Confidence(_Found):
-    """How far parameters, outputs and eigenvalues of a model may lie from the truth.
+    """Bounds of the parameters, outputs and eigenvalues of a model.
 
     Attributes
     ----------
     method : {"factors", "bootstrap"}
     level : float
-        Probability that an interval holds the truth.
+        Probability that an interval contains the true value.
     dt : float
         Sample time [s].
     experiments, lags : int
+        N and p of the identification.
     replicates : int
-        Of the bootstrap, that could be identified.
+        Number of bootstrap replicates with a successful identification.
     freedom : float
         Degrees of freedom of Student's t.
     markov : MarkovBounds
-    simulated : Interval of shape (N, T, m)
+    simulated : Interval of shape (N, T, m), or None
         Mean outputs for the inputs of the data.
     predicted : Interval of shape (N, T, m), or None
-        New measurements one step ahead; of the factors alone.
+        New measurements one step ahead; only from the factors.
     spectrum : SpectrumBounds or None
     findings : list of Finding
     """
@@ -889,12 +901,12 @@ class Confidence(_Found):
     _core: Any = field(repr=False)
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
-        """Writes the bounds to .npz, .h5 or .mat, whole or not at all.
+        """Write the bounds to .npz, .h5 or .mat. The file appears as a whole or not at all.
 
         Parameters
         ----------
         path : path
-            The file; its extension says the format.
+            The file; its extension determines the format.
         mat73 : bool, default False
             Write a .mat of MATLAB version 7.3.
         """
@@ -903,7 +915,7 @@ class Confidence(_Found):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(_Found):
-    """How many experiments, and inputs for them.
+    """A number of experiments, and inputs for them.
 
     Attributes
     ----------
@@ -916,27 +928,28 @@ class Plan(_Found):
     minimum, recommended : int
         Numbers of experiments.
     reasons : list of str
-        Of both numbers, and of the steps that have no full regression.
+        Reasons for both numbers, and for steps without a full regression.
     kind : {"gaussian", "binary", "multisine", "orthogonal", "optimised"}
+        Kind of the inputs.
     peak, rms : ndarray, shape (r,)
-        Of the inputs.
+        Peak and RMS of the inputs.
     first_step : int
         First step with a regression.
     excess : float
-        Share that estimated coefficients add to the one-step mean square error.
+        Relative increase of the one-step mean square error, because N experiments estimate the coefficients.
     input_condition : ndarray, shape (T,)
-        Condition number of the inputs in a window; NaN without a regression.
+        Condition number of the inputs in a window. NaN without a regression.
     first_forecast : int
-        With a model: first step whose window it forecasts.
+        First step with a forecast. Forecasts need a model.
     condition : ndarray, shape (T,), rank : list of int
-        With a model: of the whole windows; empty without one.
+        Condition number and rank of the windows, from a model. Empty without one.
     start_condition : float
-        Worst condition before the inputs were optimised.
+        Largest condition number before the optimisation of the inputs. NaN without a model.
     output_peak : ndarray, shape (m,)
-        With a model: largest output without noise.
+        Largest output without noise, from a model. Empty without one.
     noise_floor, markov_error : float
-        With a model and noise levels: best one-step error over the outputs; error of the Markov parameters over
-        themselves.
+        RMS one-step error of the best coefficients over the RMS of the outputs; expected relative error of the Markov
+        parameters. NaN without a model and noise levels.
     findings : list of Finding
     """
 
@@ -963,7 +976,7 @@ class Plan(_Found):
 
     @property
     def u(self) -> Array:
-        """The inputs (N, T, r), a view."""
+        """The inputs (N, T, r), as a view."""
         return self.inputs.u
 
     @property
@@ -972,23 +985,23 @@ class Plan(_Found):
         return self.inputs.experiments
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
-        """Writes the inputs as an ensemble, as `Ensemble.save` does."""
+        """Write the inputs as an ensemble, as `Ensemble.save` does."""
         self.inputs.save(path, mat73=mat73)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verdict(_Result):
-    """Can the model be trusted?
+    """The conclusion of a report: can the model be trusted?
 
     Attributes
     ----------
     trust : {"good", "look closer", "don't trust"}
     summary : str
-        One sentence of figures.
+        The main figures in one sentence.
     reasons : list of str
-        Against the model, the gravest first.
+        Reasons against the model, the most serious first.
     horizon : int
-        Steps ahead of the predictions that were judged; 0: the simulation was.
+        Prediction horizon of the fits that decide. 0: the simulation decides.
     """
 
     trust: str
@@ -999,7 +1012,7 @@ class Verdict(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Streamed(_Result):
-    """An identification in blocks, whose model is in a file.
+    """An identification in blocks. Its model is in a file.
 
     Attributes
     ----------
@@ -1007,13 +1020,13 @@ class Streamed(_Result):
     states : int
         Largest state dimension n.
     block, blocks : int
-        Steps of a block, and how many there are.
+        Steps of a block, and number of blocks.
     overlap : int
         Steps that a block shares with its neighbours.
     missing : int
-        Samples, within the lengths of the experiments.
+        Number of missing samples within the lengths of the experiments.
     resumed : int
-        Blocks that come from the journal of an earlier call.
+        Number of blocks from the resume journal of an earlier call.
     """
 
     identification: Identification
@@ -1027,18 +1040,19 @@ class Streamed(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Additions(_Found):
-    """What new experiments have added, and how well the model of those before does on them.
+    """The experiments of an update, and the fit of the previous model to them.
 
     Attributes
     ----------
     experiments : list of int
-        That each ensemble or file has added.
+        Number of experiments added from each ensemble or file.
     known : list of list of int
-        Row numbers, in each ensemble or file, of experiments that the state had already. They are not added again.
+        Rows, in each ensemble or file, of experiments that the state already had. They are not added again.
     simulation, one_step : Fit
-        Of the model before on all new experiments.
+        Fits of the previous model to all new experiments.
     findings : list of Finding
-        Among them one for each output that the model before predicts no better than by its mean, or simulates far worse.
+        They include one for each output that the previous model predicts no better than its mean does, or simulates far
+        worse.
     """
 
     experiments: list[int]
@@ -1050,17 +1064,18 @@ class Additions(_Found):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Updated(_Found):
-    """The model of all experiments so far.
+    """The identification of a model from an update state.
 
     Attributes
     ----------
     experiments : int
-        All of them.
+        Number of all experiments so far.
     condition_max : float
-        0 where all steps were in one regression.
+        Largest condition number of the regressions of single steps. 0 if all steps are in one regression.
     rank_deficient_steps : int
+        Number of steps whose regression has no full rank.
     added : Additions or None
-        What the last update has added.
+        The experiments of the last update.
     findings : list of Finding
     """
 
@@ -1073,14 +1088,14 @@ class Updated(_Found):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PrintedNumber(_Result):
-    """A number of the paper's Appendix B and the one computed here.
+    """A number printed in Appendix B of the paper, and the same number computed here.
 
     Attributes
     ----------
     equation, quantity : str
     printed, computed : complex
     tolerance : float
-        What counts as agreement.
+        Largest difference that counts as agreement.
     """
 
     equation: str
@@ -1091,19 +1106,19 @@ class PrintedNumber(_Result):
 
     @property
     def agrees(self) -> bool:
-        """Whether the two are as near as the printed digits can tell."""
+        """Whether the two numbers differ by no more than the tolerance."""
         return abs(self.computed - self.printed) <= self.tolerance
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Paper(_Result):
-    """The paper's example, recomputed.
+    """The example of the paper, recomputed.
 
     Attributes
     ----------
     printed : list of PrintedNumber
     data : dict
-        All that the figures show, as `paper.json` holds it.
+        The data of all figures, as in `paper.json`.
     """
 
     printed: list[PrintedNumber]
