@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Identification as a scikit-learn estimator, whose samples are whole experiments."""
+"""Identification as a scikit-learn estimator. Its samples are whole experiments."""
 
 from __future__ import annotations
 
@@ -27,40 +27,40 @@ __all__ = ["LTVIdentifier", "make_scorer", "scorers"]
 class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused-ignore]
     """A linear time-varying model of every step, identified from repeated experiments by `tokid.identify`.
 
-    A sample of scikit-learn is an experiment: X holds inputs (N, T, r), y outputs (N, T, m), and the folds of
-    `GridSearchCV` and `cross_val_score` are experiments left out. NaN marks a missing sample in both.
+    A sample of scikit-learn is an experiment: X has the inputs (N, T, r) and y the outputs (N, T, m). The folds of
+    `GridSearchCV` and `cross_val_score` are held-out experiments. NaN marks a missing sample in X and y.
 
     Parameters
     ----------
     dt : float, default 1.0
         Sample time [s].
     states, lags, method, smoothing, period, weighting, refine, initial_state, nominal
-        As of `tokid.identify`.
+        As in `tokid.identify`.
     frame, reference_step, rows, cols, threads
-        As of `tokid.identify`.
+        As in `tokid.identify`.
     horizon : int or None, default None
-        What `predict` and `score` compute. None: simulations from the inputs alone. A number: predictions so many
-        steps ahead, for which `predict` takes the measured outputs as its second argument.
+        None: `predict` and `score` use simulations from the inputs alone. A number: they use predictions this number of
+        steps ahead, and `predict` needs the measured outputs as its second argument.
 
     Attributes
     ----------
     model_ : Model
-        The model, with the evidence for every choice at ``model_.identification``.
+        The model. ``model_.identification`` has the evidence for every choice.
     n_features_in_ : int
         Number of inputs r.
     n_outputs_ : int
         Number of outputs m.
     n_steps_ : int
-        Number of steps T of the experiments that it was fitted to.
+        Number of steps T of the training data.
 
     Notes
     -----
-    `score` is R², see there. `tokid.validate` and the report page tell fits in percent instead, 100 (1 - sqrt(1 - R²))
-    for the same means.
+    `score` is R². `Model.validate` and the report page give fits in percent instead: 100 (1 - sqrt(1 - R²)) for the
+    same means.
 
-    The scorers that scikit-learn has names for, as ``scoring="r2"``, take tables (n_samples, n_outputs) without NaN
-    alone, and make NaN of experiments. `tokid.sklearn.scorers` has them for experiments under the same names, and
-    `make_scorer` makes one of any other metric.
+    The named scorers of scikit-learn, such as ``scoring="r2"``, accept only tables (n_samples, n_outputs) without NaN.
+    Their result for experiments is NaN. `tokid.sklearn.scorers` has scorers for experiments with the same names, and
+    `make_scorer` makes a scorer from any other metric.
 
     Examples
     --------
@@ -114,7 +114,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         self.threads = threads
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> LTVIdentifier:
-        """Identifies the model.
+        """Identify the model.
 
         Parameters
         ----------
@@ -126,58 +126,41 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         Returns
         -------
         LTVIdentifier
-            Itself.
+            The estimator itself.
         """
         if y is None:
-            # In the words that scikit-learn has for it.
+            # The words of scikit-learn, which its checks expect.
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None: outputs (N, T, m) needed"
             )
         inputs = _experiments("X", X, "r")
         outputs = _experiments("y", y, "m", inputs)
-        self.model_ = identify(
-            inputs,
-            outputs,
-            dt=self.dt,
-            states=self.states,
-            lags=self.lags,
-            method=self.method,
-            smoothing=self.smoothing,
-            period=self.period,
-            weighting=self.weighting,
-            refine=self.refine,
-            initial_state=self.initial_state,
-            nominal=self.nominal,
-            frame=self.frame,
-            reference_step=self.reference_step,
-            rows=self.rows,
-            cols=self.cols,
-            threads=self.threads,
-        )
+        options = {name: value for name, value in self.get_params(deep=False).items() if name != "horizon"}
+        self.model_ = identify(inputs, outputs, **options)
         self.n_features_in_ = inputs.shape[2]
         self.n_outputs_ = outputs.shape[2]
         self.n_steps_ = inputs.shape[1]
         return self
 
     def predict(self, X: ArrayLike, y: Optional[ArrayLike] = None) -> Array:
-        """Outputs for inputs: simulated, or predicted `horizon` steps ahead.
+        """Simulate the outputs, or predict them `horizon` steps ahead.
 
         Parameters
         ----------
         X : array_like, shape (N, T, r)
             Inputs from step 0 on.
         y : array_like, shape (N, T, m), optional
-            Measured outputs, which predictions with a `horizon` need; simulations leave them alone.
+            Measured outputs. Predictions with a `horizon` need them; simulations ignore them.
 
         Returns
         -------
         ndarray, shape (N, T, m)
-            NaN where the model has no step, behind a missing input, and before the first prediction.
+            Outputs. NaN where the model has no step, after a missing input, and before the first prediction.
 
         Raises
         ------
         sklearn.exceptions.NotFittedError
-            Before `fit`.
+            If `fit` was not called before.
         """
         check_is_fitted(self, "model_")
         inputs = self._inputs(X)
@@ -191,12 +174,11 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         return self.model_.predict(inputs, self._outputs(y, inputs), horizon=self.horizon)
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: Optional[ArrayLike] = None) -> float:
-        """R² of what `predict` computes.
+        """Return R² of the outputs of `predict`, as the mean over the outputs.
 
-        For each output 1 - Σ (y - ŷ)² / Σ (y - ȳ)², where the sums go over all experiments and steps that are both
-        measured and computed, and ȳ is the mean of the measured ones among them; of that the mean over the outputs.
-        1 is no error, 0 no better than a constant, and there is no lower bound. It is `sklearn.metrics.r2_score` of the
-        samples as a table (N T, m).
+        For each output, R² is 1 - Σ (y - ŷ)² / Σ (y - ȳ)². The sums are over all experiments and steps with a measured
+        and a computed sample, and ȳ is the mean of these measured samples. 1 means no error, 0 no better than a
+        constant; there is no lower bound. It is `sklearn.metrics.r2_score` of the samples as a table (N T, m).
 
         Parameters
         ----------
@@ -210,7 +192,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         Returns
         -------
         float
-            NaN where nothing can be compared.
+            NaN if nothing can be compared.
         """
         check_is_fitted(self, "model_")
         inputs = self._inputs(X)
@@ -218,12 +200,12 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         weights = np.ones(len(inputs))
         if sample_weight is not None:
             weights = _arrays.shaped("sample_weight", sample_weight, (len(inputs),))
-        return _r2(outputs, self.predict(inputs, outputs), weights)
+        return _of_each_output(_r2, outputs, self.predict(inputs, outputs), weights)
 
     def _inputs(self, X: Any) -> Array:
         inputs = _experiments("X", X, "r")
         if inputs.shape[2] != self.n_features_in_:
-            # In the words that scikit-learn has for it.
+            # The words of scikit-learn, which its checks expect.
             raise ValueError(
                 f"X has {inputs.shape[2]} features, but {type(self).__name__} is expecting {self.n_features_in_} "
                 "features as input."
@@ -248,7 +230,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
 
 
 def _experiments(name: str, values: Any, channels: str, inputs: Optional[Array] = None) -> Array:
-    """An array (N, T, channels), with as many experiments and steps as the inputs have."""
+    """Return an array (N, T, channels) with the numbers of experiments and steps of the inputs."""
     array = _arrays.numbers(name, values)
     size = "N, T" if inputs is None else f"{inputs.shape[0]}, {inputs.shape[1]}"
     if array.ndim != 3 or (inputs is not None and array.shape[:2] != inputs.shape[:2]):
@@ -259,7 +241,7 @@ def _experiments(name: str, values: Any, channels: str, inputs: Optional[Array] 
 def _of_each_output(
     metric: Callable[..., float], measured: Array, computed: Array, weights: Optional[Array]
 ) -> float:
-    """The mean over the outputs of a metric of the samples that are both measured and computed."""
+    """Return the mean of a metric over the outputs, from the samples that are both measured and computed."""
     scores = []
     for j in range(measured.shape[2]):
         y, y_hat = measured[:, :, j], computed[:, :, j]
@@ -274,7 +256,7 @@ def _of_each_output(
 
 
 class _Scorer:
-    """A scorer that goes to other processes if its metric does."""
+    """A scorer that can be pickled if its metric can."""
 
     def __init__(self, metric: Callable[..., float], sign: int, options: dict[str, Any]) -> None:
         self._metric = metric
@@ -289,7 +271,7 @@ class _Scorer:
             weights = _arrays.shaped("sample_weight", sample_weight, (len(inputs),))
         best = getattr(estimator, "best_estimator_", estimator)
         last = best[-1] if hasattr(best, "steps") else best
-        # Predictions ahead need what has been measured.
+        # Predictions some steps ahead need the measured outputs.
         computed = best.predict(X, y=outputs) if isinstance(last, LTVIdentifier) else best.predict(X)
 
         def metric(y: Array, y_hat: Array, **options: Any) -> float:
@@ -305,24 +287,24 @@ class _Scorer:
 def make_scorer(
     metric: Callable[..., float], *, greater_is_better: bool = True, **options: Any
 ) -> Callable[..., float]:
-    """A scorer of experiments, for ``scoring=`` of `GridSearchCV`, `cross_val_score` and their like.
+    """Make a scorer of experiments, for the argument ``scoring`` of `GridSearchCV`, `cross_val_score` and others.
 
     Parameters
     ----------
     metric : callable
-        ``metric(y_true, y_pred, **options)`` of two arrays (samples,), as those of `sklearn.metrics`. It gets the
-        samples of all experiments and steps that are both measured and computed, of one output after another.
+        ``metric(y_true, y_pred, **options)`` of two arrays (samples,), such as those of `sklearn.metrics`. It is called
+        for each output, with the samples of all experiments and steps that are both measured and computed.
     greater_is_better : bool, default True
-        False for an error, whose sign is turned.
+        False for an error. The scorer then changes the sign.
     **options
-        For the metric.
+        Options of the metric.
 
     Returns
     -------
     callable
-        ``scorer(estimator, X, y, sample_weight=None)``, the mean over the outputs; NaN where an output has nothing to
-        compare. `sample_weight` (N,) holds weights of experiments, for metrics that take them. Of an `LTVIdentifier`
-        with a `horizon` it judges predictions, else simulations.
+        ``scorer(estimator, X, y, sample_weight=None)`` returns the mean over the outputs, NaN if an output has nothing
+        to compare. `sample_weight` (N,) contains weights of experiments, for metrics that accept weights. For an
+        `LTVIdentifier` with a `horizon` it scores predictions, else simulations.
 
     Examples
     --------
@@ -330,7 +312,8 @@ def make_scorer(
     >>> from sklearn.model_selection import cross_val_score
     >>> data = tokid.example("oscillator", experiments=60, steps=40, measurement_noise=0.01)
     >>> estimator = LTVIdentifier(states=4, lags=2, smoothing=0.0, refine=False)
-    >>> worst = cross_val_score(estimator, data.u, data.y, cv=3, scoring=make_scorer(max_error, greater_is_better=False))
+    >>> scorer = make_scorer(max_error, greater_is_better=False)
+    >>> worst = cross_val_score(estimator, data.u, data.y, cv=3, scoring=scorer)
     >>> bool((worst < 0).all())
     True
     """
@@ -341,7 +324,7 @@ def _root_mean_squared_error(y_true: Array, y_pred: Array, **options: Any) -> fl
     return float(np.sqrt(metrics.mean_squared_error(y_true, y_pred, **options)))
 
 
-#: Scorers of experiments by the names that scikit-learn has for those of tables: ``scoring=scorers["r2"]``.
+#: Scorers of experiments, by the names of the scorers of scikit-learn for tables: ``scoring=scorers["r2"]``.
 scorers: Mapping[str, Callable[..., float]] = MappingProxyType(
     {
         "r2": make_scorer(metrics.r2_score),
@@ -354,17 +337,10 @@ scorers: Mapping[str, Callable[..., float]] = MappingProxyType(
 )
 
 
-def _r2(measured: Array, computed: Array, weights: Array) -> float:
-    scores = []
-    for j in range(measured.shape[2]):
-        y, y_hat = measured[:, :, j], computed[:, :, j]
-        both = ~(np.isnan(y) | np.isnan(y_hat))
-        weight = np.broadcast_to(weights[:, np.newaxis], y.shape)[both]
-        if not weight.sum() > 0:
-            return float("nan")
-        y, y_hat = y[both], y_hat[both]
-        error = float(np.sum(weight * (y - y_hat) ** 2))
-        spread = float(np.sum(weight * (y - np.average(y, weights=weight)) ** 2))
-        # As scikit-learn has it for outputs that do not move.
-        scores.append(1 - error / spread if spread > 0 else 1.0 if error == 0 else 0.0)
-    return float(np.mean(scores))
+def _r2(y: Array, y_hat: Array, sample_weight: Array) -> float:
+    if not sample_weight.sum() > 0:
+        return float("nan")
+    error = float(np.sum(sample_weight * (y - y_hat) ** 2))
+    spread = float(np.sum(sample_weight * (y - np.average(y, weights=sample_weight)) ** 2))
+    # For constant outputs, the values of scikit-learn.
+    return 1 - error / spread if spread > 0 else 1.0 if error == 0 else 0.0
