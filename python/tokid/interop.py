@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Bridges to python-control, SciPy, xarray and pandas.
 
-The conversions are methods of models and ensembles, too: `Model.to_control`, `Model.to_scipy`, `Model.to_xarray`,
+The conversions are also methods of models and ensembles: `Model.to_control`, `Model.to_scipy`, `Model.to_xarray`,
 `Model.to_dataframe`, `Ensemble.to_xarray`, `Ensemble.from_xarray`, `Ensemble.to_dataframe` and
-`Ensemble.from_dataframe`. None of the packages is needed before its function is called.
+`Ensemble.from_dataframe`. Each function imports its package when it is called.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
 import numpy as np
 
-from . import _arrays, _dataframe, _dataset
+from . import _arrays, _dataframe
 from ._ensemble import Ensemble
 from ._model import Model
 from ._typing import Array, ArrayLike
@@ -45,30 +45,30 @@ def _contiguous(array: Any) -> Array:
 
 
 def to_control(model: Model, k: Optional[int] = None, *, pad: bool = False) -> Any:
-    """The step k of a model as a `control.StateSpace`.
+    """Return step k of a model as a `control.StateSpace`.
 
     Parameters
     ----------
     model : Model
         The model.
     k : int, optional
-        The step. Without it the model must be time-invariant.
+        The step. A time-invariant model needs none.
     pad : bool, default False
-        Fill up with zeros to the largest number of states, as the files do. So have all steps objects of one size, also
-        those at which the number of states changes; the states that are added carry nothing.
+        Pad with zeros to the largest state dimension, as in the files. Then all steps have the same size, including
+        those at which the state dimension changes. The added states have no effect.
 
     Returns
     -------
     control.StateSpace
-        Of the model's sample time, with the names of its inputs and outputs. It describes departures from the nominal
-        trajectory, where the model has one.
+        A system with the sample time and the channel names of the model. If the model has a nominal trajectory, the
+        system describes departures from it.
 
     Raises
     ------
     ImportError
-        Where python-control is not installed.
+        If python-control is not installed.
     ValueError
-        Where the model has no step k, or another number of states behind it than before and `pad` is not set.
+        If the model has no step k, or if the state dimension changes at this step and `pad` is False.
 
     Examples
     --------
@@ -80,9 +80,9 @@ def to_control(model: Model, k: Optional[int] = None, *, pad: bool = False) -> A
 
 
 def to_scipy(model: Model, k: Optional[int] = None, *, pad: bool = False) -> Any:
-    """The step k of a model as a `scipy.signal.StateSpace` of its sample time (a `dlti`).
+    """Return step k of a model as a `scipy.signal.StateSpace` with its sample time (a `dlti`).
 
-    Parameters, errors and meaning are those of `to_control`.
+    Parameters, result and errors are as in `to_control`.
 
     Examples
     --------
@@ -161,23 +161,24 @@ def simulate_ltv(
         or tuples (A, B, C, D) of shapes (n', n), (n', r), (m, n), (m, r). The number of states may vary from step to
         step in tuples, as long as each system begins with as many as the one before ends with.
     u : array_like, shape (N, T, r) or (T, r)
-        Inputs of N experiments or of one, from the step of the first system on; not more steps than systems.
+        Inputs of N experiments or of one, from the step of the first system on; at most as many steps as systems.
     x0 : array_like, shape (N, n) or (n,), optional
         States before the first step; by default zero.
     return_states : bool, default False
-        Return the states, too.
+        Also return the states.
 
     Returns
     -------
     y : ndarray, shape (N, T, m) or (T, m)
-        Outputs. NaN behind a missing input.
+        Outputs. NaN after a missing input.
     x : ndarray, shape (N, T+1, n) or (T+1, n)
-        With `return_states`: states before each step, and behind the last one; NaN pads those that have fewer.
+        With `return_states`: states before each step and after the last one, padded with NaN to the largest dimension.
 
     Raises
     ------
     ValueError
-        For systems in continuous time, of different sample times, or whose sizes do not go together; names the system.
+        If systems are in continuous time, have different sample times, or have sizes that do not match. The message
+        names the system.
 
     Examples
     --------
@@ -188,7 +189,7 @@ def simulate_ltv(
     True
     """
     if isinstance(systems, Model):
-        raise ValueError("systems: a Model found, its steps [model.at(k), …] needed; Model.simulate simulates a model")
+        raise ValueError("systems: a Model found, its steps [model.at(k), …] needed. Use Model.simulate for a model")
     inputs, single = _arrays.samples("u", u, "r")
     inputs = _contiguous(inputs)
     experiments, steps, r = inputs.shape
@@ -241,7 +242,7 @@ def simulate_ltv(
 
 
 def model_to_xarray(model: Model) -> xarray.Dataset:
-    """A model as an `xarray.Dataset`.
+    """Return a model as an `xarray.Dataset`.
 
     Parameters
     ----------
@@ -255,17 +256,17 @@ def model_to_xarray(model: Model) -> xarray.Dataset:
         ``G`` (k, state_next, output) and, where the model has them, ``innovation_cov`` (k, output, output_2), ``Q``
         (k, state_next, state_next_2), ``R`` (k, output, output_2), ``K`` (k, state, output), ``singular_value`` (k,
         number), ``condition``, ``rank`` and ``lags`` (k), ``u_nominal`` (step, input), ``y_nominal`` (step, output),
-        ``x0_mean`` (state), ``x0_cov`` (state, state_2). ``state_dim`` (k) and ``state_dim_next`` (k) are the numbers
-        of states before and behind each step.
+        ``x0_mean`` (state), ``x0_cov`` (state, state_2). ``state_dim`` (k) and ``state_dim_next`` (k) are the state
+        dimensions before and after each step.
 
-        Coordinates: ``k``, ``time`` [s], ``step`` (from 0 on, of the nominal trajectory), ``state`` and ``number``
-        from 1 on, ``input`` and ``output`` by name, ``input_unit`` and ``output_unit`` where they are known. The
-        attributes hold dt, period, frame, method, initial_state, version and options (JSON).
+        Coordinates: ``k``, ``time`` [s], ``step`` (of the nominal trajectory, from 0), ``state`` and ``number``
+        (from 1), ``input`` and ``output`` (names), ``input_unit`` and ``output_unit`` if known. The attributes are dt,
+        period, frame, method, initial_state, version and options (JSON).
 
     Notes
     -----
-    Entries that do not exist, because a step has fewer states than others, are NaN: no entry is not zero, and means
-    and plots leave NaN out. ``dataset.fillna(0.0)`` has the zeros of `MatrixSequence.stack` and of the files.
+    Entries are NaN where a step has fewer states than others, so that means and plots leave them out.
+    ``dataset.fillna(0.0)`` has zeros instead, as `MatrixSequence.stack` and the files.
 
     Examples
     --------
@@ -277,7 +278,7 @@ def model_to_xarray(model: Model) -> xarray.Dataset:
 
 
 def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
-    """An ensemble as an `xarray.Dataset`.
+    """Return an ensemble as an `xarray.Dataset`.
 
     Parameters
     ----------
@@ -287,30 +288,30 @@ def ensemble_to_xarray(ensemble: Ensemble) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        ``u`` (experiment, k, input) and ``y`` (experiment, k, output), which are views of the ensemble's own samples,
-        ``length`` (experiment) where lengths are given, and ``free_y`` (free_experiment, free_k, output) where there
-        are free responses. Coordinates: ``experiment``, the names of the experiments or their rows, ``k`` and
-        ``time`` [s], ``input`` and ``output`` by name, ``input_unit`` and ``output_unit`` where they are known. The
-        attributes hold dt, and initial_state where it is stated.
+        ``u`` (experiment, k, input) and ``y`` (experiment, k, output), which are views of the samples of the ensemble;
+        ``length`` (experiment) if lengths are given; ``free_y`` (free_experiment, free_k, output) if there are free
+        responses. Coordinates: ``experiment`` (names of the experiments or their rows), ``k``, ``time`` [s] if dt is
+        stated, ``input`` and ``output`` (names), ``input_unit`` and ``output_unit`` if known. The attributes are dt and
+        initial_state, if stated.
     """
     return ensemble.to_xarray()
 
 
 def ensemble_from_xarray(data: xarray.Dataset, **options: Any) -> Ensemble:
-    """`Ensemble.from_xarray`."""
-    return Ensemble._of(_dataset.from_xarray(data, **options))
+    """Call `Ensemble.from_xarray`."""
+    return Ensemble.from_xarray(data, **options)
 
 
 # ---- pandas ----
 
 
 def ensemble_from_dataframe(data: pandas.DataFrame, **options: Any) -> Ensemble:
-    """`Ensemble.from_dataframe`."""
-    return Ensemble._of(_dataframe.from_dataframe(data, **options))
+    """Call `Ensemble.from_dataframe`."""
+    return Ensemble.from_dataframe(data, **options)
 
 
 def ensemble_to_dataframe(ensemble: Ensemble) -> pandas.DataFrame:
-    """`Ensemble.to_dataframe`."""
+    """Call `Ensemble.to_dataframe`."""
     return ensemble.to_dataframe()
 
 
@@ -323,26 +324,26 @@ def model_to_dataframe(
     x0: Optional[ArrayLike] = None,
     initial_state: str = "auto",
 ) -> pandas.DataFrame:
-    """`Model.to_dataframe`."""
+    """Call `Model.to_dataframe`."""
     return model.to_dataframe(u, y, horizon=horizon, x0=x0, initial_state=initial_state)
 
 
 def dataframe_of(samples: ArrayLike, names: Sequence[str], *, dt: float = 1.0) -> pandas.DataFrame:
-    """Any array of samples as a tidy table, for instance what `Model.predict` or `Model.innovations` return.
+    """Return samples, such as those of `Model.predict` or `Model.innovations`, as a tidy table.
 
     Parameters
     ----------
     samples : array_like, shape (N, T, channels) or (T, channels)
         Samples of N experiments or of one.
     names : sequence of str
-        Of the channels.
+        Names of the channels.
     dt : float, default 1.0
         Sample time [s].
 
     Returns
     -------
     pandas.DataFrame
-        A row for each experiment and step: ``experiment``, ``time`` and a column for each channel.
+        A row for each experiment and step, with the columns ``experiment``, ``time`` [s] and one for each channel.
 
     Examples
     --------
