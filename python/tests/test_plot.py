@@ -401,9 +401,9 @@ def test_pyplot_is_not_imported_before_it_is_needed():
 
 def test_what_can_not_be_drawn(data):
     known, exact = tokid.example_system("oscillator", steps=30), tokid.example("oscillator", experiments=12, steps=30)
-    with pytest.raises(ValueError, match="the model carries no singular values"):
+    with pytest.raises(ValueError, match="the model has no singular values"):
         plot.singular_values(known)
-    with pytest.raises(ValueError, match="the model carries no condition numbers"):
+    with pytest.raises(ValueError, match="the model has no condition numbers"):
         plot.condition(known)
     with pytest.raises(ValueError, match="output: 'speed' found, one of 'angle', 'rate' needed"):
         plot.outputs(known, data, output="speed")
@@ -418,12 +418,12 @@ def test_what_can_not_be_drawn(data):
             draw(model, over="days")
     with pytest.raises(ValueError, match="u: none found, experiments needed beside a model"):
         plot.whiteness(known)
-    with pytest.raises(ValueError, match="whiteness: not tested, the innovations are at rounding level"):
+    with pytest.raises(ValueError, match="whiteness: not tested, because the innovations are rounding errors"):
         plot.whiteness(known, exact)
     static = tokid.Model.from_matrices(
         [np.zeros((0, 0))] * 5, [np.zeros((0, 1))] * 5, [np.zeros((1, 0))] * 5, [np.ones((1, 1))] * 5
     )
-    with pytest.raises(ValueError, match="the model has no states: it has neither gains nor A"):
+    with pytest.raises(ValueError, match="the model has no states, and therefore neither gains nor A"):
         plot.gains(static)
     with pytest.raises(ValueError, match="there are no eigenvalues"):
         plot.poles(static)

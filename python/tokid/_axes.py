@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How axes, lines and legends of plots look."""
+"""The look of axes, lines and legends of plots."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ._typing import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes  # type: ignore[import-not-found, unused-ignore]
 
-# Those of src/report/assets/chart_colours.css
+# The colours of src/report/assets/chart_colours.css
 COLOURS = {
     "surface": "#ffffff",
     "measured": "#333d49",
@@ -46,7 +46,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (7, 2.5, 1.5, 2.
 
 
 def axes(ax: Optional[Axes], width: float = 7.0, height: float = 3.4) -> Any:
-    """Those given, or of a new figure, with a grid."""
+    """The given Axes, or those of a new figure, with a grid."""
     if ax is None:
         from matplotlib import pyplot
 
@@ -57,7 +57,7 @@ def axes(ax: Optional[Axes], width: float = 7.0, height: float = 3.4) -> Any:
 
 
 def colours(ax: Any) -> dict[str, str]:
-    """Those for a light or for a dark background."""
+    """The colours for the light or dark background of the Axes."""
     from matplotlib.colors import to_rgba
 
     red, green, blue, alpha = to_rgba(ax.get_facecolor())
@@ -67,33 +67,13 @@ def colours(ax: Any) -> dict[str, str]:
     return DARK_COLOURS if dark else COLOURS
 
 
-def named(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
-
-
-class Steps:
-    """Steps on the horizontal axis, by their time or by their number."""
-
-    def __init__(self, over: str, dt: float) -> None:
-        self._unit = choice("over", over, {"time": dt, "step": 1.0})
-        self.label = "Time [s]" if over == "time" else "Step"
-
-    def __call__(self, steps: Any) -> Array:
-        return np.asarray(steps, dtype=np.float64) * self._unit
-
-    def finish(self, ax: Any, steps: Any) -> None:
-        ax.set_xlabel(self.label)
-        if self.label == "Step":
-            whole_ticks(ax.xaxis)
-
-
 def whole_ticks(axis: Any) -> None:
-    """Ticks at whole numbers alone."""
+    """Draw ticks only at whole numbers."""
     axis.get_major_locator().set_params(integer=True)
 
 
-def legend(ax: Any, beside: int = 0) -> None:
-    """In the plot, or beside it where so many entries would cover curves."""
+def draw_legend(ax: Any, beside: int = 0) -> None:
+    """Draw the legend in the plot; with a number of entries `beside`, beside the plot, where it covers no curve."""
     if beside:
         ax.legend(
             loc="upper left",
@@ -109,15 +89,44 @@ def legend(ax: Any, beside: int = 0) -> None:
         ax.legend(loc="best", framealpha=0.8, fontsize="small")
 
 
-def _lone(values: Array) -> list[int]:
-    """Lone samples between gaps, which would vanish from a line."""
-    known = np.isfinite(values)
-    before, after = np.append(False, known[:-1]), np.append(known[1:], False)
-    return [int(i) for i in np.flatnonzero(known & ~before & ~after)]
+class StepPlot:
+    """Axes with the steps `k` on the horizontal axis, by their time [s] or their number."""
+
+    def __init__(self, ax: Optional[Axes], over: str, dt: float, k: Any, height: float = 3.4) -> None:
+        self._unit = choice("over", over, {"time": dt, "step": 1.0})
+        self._over = over
+        self.k = k
+        self.ax = axes(ax, height=height)
+        self.colours = colours(self.ax)
+
+    def x(self, steps: Any) -> Array:
+        """The places of steps on the horizontal axis."""
+        return np.asarray(steps, dtype=np.float64) * self._unit
+
+    def line(self, values: Any, colour: str, width: float, label: Optional[str] = None, **options: Any) -> None:
+        """Draw a value for each step. Single samples between gaps get a marker, because a line does not show them."""
+        numbers = np.asarray(values, dtype=np.float64)
+        known = np.isfinite(numbers)
+        before, after = np.append(False, known[:-1]), np.append(known[1:], False)
+        lone = [int(i) for i in np.flatnonzero(known & ~before & ~after)]
+        if lone and "marker" not in options:
+            options.update(marker=".", markevery=lone)
+        self.ax.plot(self.x(self.k), numbers, color=self.colours[colour], linewidth=width, label=label, **options)
+
+    def finish(self, ylabel: str, title: str = "", legend: bool = False, beside: int = 0) -> Axes:
+        """Add the labels, the title, and a legend as in `draw_legend`, and return the Axes."""
+        self.ax.set_ylabel(ylabel)
+        if title:
+            self.ax.set_title(title, loc="left", fontsize="medium")
+        self.ax.set_xlabel("Time [s]" if self._over == "time" else "Step")
+        if self._over == "step":
+            whole_ticks(self.ax.xaxis)
+        if legend:
+            draw_legend(self.ax, beside)
+        drawn: Axes = self.ax
+        return drawn
 
 
-def line(ax: Any, x: Array, values: Array, **options: Any) -> None:
-    lone = _lone(values)
-    if lone and "marker" not in options:
-        options.update(marker=".", markevery=lone)
-    ax.plot(x, values, **options)
+def style(count: int) -> tuple[str, Any]:
+    """The colour and the dash of a curve by its number. They repeat only after all combinations."""
+    return PALETTE[count % len(PALETTE)], DASHES[count // len(PALETTE) % len(DASHES)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Options as users write them, checked, and as the library has them."""
+"""Checks of the options of a user, and their values for the library."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from . import _tokid
 
 T = TypeVar("T")
 
-INITIAL_STATES = {"auto": None, "zero": _tokid.InitialState.zero, "unknown": _tokid.InitialState.unknown}
+_INITIAL_STATES = {"zero": _tokid.InitialState.zero, "unknown": _tokid.InitialState.unknown}
+INITIAL_STATES = {"auto": None, **_INITIAL_STATES}
 
 
 def choice(name: str, value: Any, choices: Mapping[str, T]) -> T:
-    """One of several words."""
+    """The value of one of several words."""
     if isinstance(value, str) and value in choices:
         return choices[value]
     raise ValueError(f"{name}: {value!r} found, one of {', '.join(map(repr, choices))} needed")
 
 
 def integer(name: str, value: Any, smallest: int, largest: Optional[int] = None, or_else: str = "") -> int:
-    """A whole number in a range; NumPy's integers are such, floats and booleans are not."""
+    """A whole number in a range. Integers of NumPy are allowed, floats and booleans are not."""
     wanted = f"a whole number from {smallest} {'on' if largest is None else f'to {largest}'}{or_else}"
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise ValueError(f"{name}: {value!r} found, {wanted} needed")
@@ -36,12 +37,12 @@ def integer(name: str, value: Any, smallest: int, largest: Optional[int] = None,
 
 
 def count_or_auto(name: str, value: Any) -> int:
-    """A positive whole number, or "auto", which is 0."""
+    """A positive whole number, or 0 for "auto"."""
     return 0 if isinstance(value, str) and value == "auto" else integer(name, value, 1, None, " or 'auto'")
 
 
 def real(name: str, value: Any, smallest: float, largest: float = math.inf, or_else: str = "") -> float:
-    """A number in a range that is not NaN."""
+    """A number in a range, not NaN."""
     wanted = f"a number from {smallest:g} {'on' if largest == math.inf else f'to {largest:g}'}{or_else}"
     if isinstance(value, bool) or not isinstance(value, numbers.Real) or not smallest <= float(value) <= largest:
         raise ValueError(f"{name}: {value!r} found, {wanted} needed")
@@ -49,7 +50,7 @@ def real(name: str, value: Any, smallest: float, largest: float = math.inf, or_e
 
 
 def smoothing(value: Any) -> Optional[float]:
-    """λ from 0 on, or "infinity"; None for "auto"."""
+    """λ ≥ 0, infinity included; None for "auto"."""
     if isinstance(value, str):
         if value == "auto":
             return None
@@ -59,23 +60,34 @@ def smoothing(value: Any) -> Optional[float]:
 
 
 def period(value: Any) -> int:
-    """P; "invariant" is 1, and 0 no period."""
+    """The period P: 1 for "invariant", 0 without a period."""
     if isinstance(value, str) and value == "invariant":
         return 1
     return integer("period", value, 0, 1_000_000, " or 'invariant'")
 
 
 def step(name: str, value: Any) -> int:
-    """A step from 0 on, or None, which is -1."""
+    """A step ≥ 0, or -1 for None."""
     return -1 if value is None else integer(name, value, 0, 1_000_000_000)
 
 
+def initial_state(value: Any) -> Optional[_tokid.InitialState]:
+    """The stated initial state; None for "auto"."""
+    return choice("initial_state", value, {"auto": None, **_INITIAL_STATES})
+
+
+def known_initial_state(value: Any) -> _tokid.InitialState:
+    """The stated initial state, "zero" or "unknown"."""
+    return choice("initial_state", value, _INITIAL_STATES)
+
+
 def threads(value: Any) -> int:
+    """A number of threads; 0 means all of the machine."""
     return integer("threads", value, 0, 1024)
 
 
 def cross_validation(folds: Any, horizon: Any, seed: Any, processors: Any) -> dict[str, Any]:
-    """What a cross-validation takes beside the options of the identification."""
+    """The options of a cross-validation, without those of its identifications."""
     return {
         "folds": integer("folds", folds, 2),
         "horizon": integer("horizon", horizon, 1, 1_000_000),
@@ -85,7 +97,7 @@ def cross_validation(folds: Any, horizon: Any, seed: Any, processors: Any) -> di
 
 
 def page(model_name: str, data_name: str, horizon: Any, experiments: Any) -> _tokid.ReportOptions:
-    """What a page shows."""
+    """The options of a report page."""
     options = _tokid.ReportOptions()
     options.model_name = model_name
     options.data_name = data_name

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What plots show of models and data."""
+"""Models and data → the values that plots show."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import numpy as np
 
 from ._ensemble import Ensemble
 from ._model import Model
-from ._options import INITIAL_STATES, choice, integer
+from . import _options
+from ._options import integer
+from ._samples import named
 from ._typing import Array
 
 
@@ -20,24 +22,43 @@ from ._typing import Array
 
 
 @dataclass
-class Outcome:
-    """What the model makes of data."""
+class OutputCurves:
+    """One output of one experiment: T values of each curve, and their name with unit, title and sample time [s]."""
 
-    data: Ensemble
+    measured: Array
     simulated: Array
     predicted: Array
+    nominal: Optional[Array]
+    name: str
+    title: str
+    dt: float
 
 
-def outcome(model: Model, u: Any, y: Any, initial_state: str) -> Outcome:
+def output_curves(
+    model: Model, u: Any, y: Any, experiment: Optional[int], output: Union[int, str], initial_state: str
+) -> OutputCurves:
+    """The curves of an output, by default of the experiment with the median error."""
     core, _ = model._data(u, y, outputs=True)
     data = Ensemble._of(core)
-    initial = choice("initial_state", initial_state, INITIAL_STATES)
-    simulated = model._core.simulate_data(core, initial).outputs_copied()
-    return Outcome(data, simulated, model.predict(data, initial_state=initial_state))
+    simulated = model._core.simulate_data(core, _options.initial_state(initial_state)).outputs_copied()
+    predicted = model.predict(data, initial_state=initial_state)
+    names, units = channel_names(model, data, "output")
+    j = channel("output", output, names)
+    n, title = chosen_experiment(model, data, simulated, predicted, experiment)
+    nominal = nominal_trajectory(model, "y", data.steps, data.outputs)
+    return OutputCurves(
+        data.y[n, :, j],
+        simulated[n, :, j],
+        predicted[n, :, j],
+        None if nominal is None else nominal[:, j],
+        named(names[j], units[j]),
+        title,
+        data.dt,
+    )
 
 
 def channel(name: str, value: Union[int, str], names: Sequence[str]) -> int:
-    """The number of a channel that is given by its number or name."""
+    """The number of a channel, from its number or its name."""
     if isinstance(value, str):
         if value in names:
             return names.index(value)
@@ -46,7 +67,7 @@ def channel(name: str, value: Union[int, str], names: Sequence[str]) -> int:
 
 
 def channel_names(model: Model, data: Optional[Ensemble], kind: str) -> tuple[list[str], list[str]]:
-    """Names and units of the channels: the model's, or the data's where the model has none."""
+    """The names and units of the channels: those of the model, else those of the data."""
     cores = [model._core] + ([data._core] if data is not None else [])
     names = next((list(found) for core in cores if (found := getattr(core, f"{kind}_names"))), None)
     units = next((list(found) for core in cores if (found := getattr(core, f"{kind}_units"))), None)
@@ -54,7 +75,7 @@ def channel_names(model: Model, data: Optional[Ensemble], kind: str) -> tuple[li
 
 
 def nominal_trajectory(model: Model, kind: str, steps: int, channels: int) -> Optional[Array]:
-    """The nominal inputs "u" or outputs "y" (T, channels), NaN where there are none."""
+    """The nominal inputs "u" or outputs "y" (T, channels), NaN after their end; None if the model has none."""
     nominal = model.y_nominal if kind == "y" else model.u_nominal
     if nominal is None:
         return None
@@ -64,7 +85,7 @@ def nominal_trajectory(model: Model, kind: str, steps: int, channels: int) -> Op
 
 
 def relative_errors(model: Model, data: Ensemble, computed: Array) -> Array:
-    """Errors (N, T, m), relative to the spread of each output about the nominal trajectory, or about its mean."""
+    """Errors (N, T, m), relative to the spread of each output around the nominal trajectory, else around its mean."""
     y = np.asarray(data.y)
     nominal = nominal_trajectory(model, "y", data.steps, data.outputs)
     about = y
@@ -89,13 +110,14 @@ def root_mean_square(errors: Array, axes: tuple[int, ...]) -> Array:
     return root
 
 
-def chosen_experiment(model: Model, found: Outcome, experiment: Optional[int]) -> tuple[int, str]:
-    """The one asked for, or that of the median error; with the page's words for it."""
-    data = found.data
-    error = root_mean_square(relative_errors(model, data, found.simulated), (1, 2))
+def chosen_experiment(
+    model: Model, data: Ensemble, simulated: Array, predicted: Array, experiment: Optional[int]
+) -> tuple[int, str]:
+    """The given experiment, else the one with the median error, and its title as on the report page."""
+    error = root_mean_square(relative_errors(model, data, simulated), (1, 2))
     if not np.isfinite(error).any():
-        error = root_mean_square(relative_errors(model, data, found.predicted), (1, 2))
-    order = np.argsort(error, kind="stable")  # those without an error come last
+        error = root_mean_square(relative_errors(model, data, predicted), (1, 2))
+    order = np.argsort(error, kind="stable")  # experiments without an error come last
     known = int((~np.isnan(error)).sum())
     best, middle, worst = (order[0], order[(known - 1) // 2], order[known - 1]) if known else (-1, -1, -1)
     if experiment is None:
@@ -117,7 +139,7 @@ def chosen_experiment(model: Model, found: Outcome, experiment: Optional[int]) -
 
 @dataclass
 class Framed:
-    """A model in the frame in which the page shows eigenvalues and gains, at the steps that are in it."""
+    """A model in the frame of the eigenvalues and gains on the report page, and the steps that are in this frame."""
 
     model: Model
     begin: int
@@ -125,25 +147,23 @@ class Framed:
 
 
 def pole_frame(model: Model) -> Framed:
-    """The reference frame of the first step with all states, if it reaches half of them, else the smooth frame."""
+    """The reference frame of the first step with all states, if it reaches half of the steps, else the smooth frame."""
     rows = model._core.estimation_window()
     if model.states:
         s = model.full_begin
         try:
             reference = model.frame("reference", reference_step=s, rows=rows)
         except ValueError:
-            # The outputs of step s don't tell its state: the smooth frame needs no such thing.
-            reference = None
+            reference = None  # the outputs from step s on do not determine its state
         if reference is not None:
             begin, end = _reach(reference, s, rows)
-            # One that reaches half of the steps is a picture, less is a stub.
             if 2 * (end - begin) >= model.full_end - s and end - begin > 1:
                 return Framed(reference, begin, end - 1)
     return Framed(model.frame("smooth", rows=rows), model.k_begin, model.k_end)
 
 
 def _reach(reference: Model, s: int, rows: int) -> tuple[int, int]:
-    """Steps begin … end-1 around s whose states are in the frame: O_s⁺ O_k is the identity in it."""
+    """The steps begin … end-1 around s whose states are in the frame: there, O_s⁺ O_k is the identity."""
     core = reference._core
     projection = np.linalg.pinv(core.observability(s, rows))
 
@@ -162,9 +182,10 @@ def _reach(reference: Model, s: int, rows: int) -> tuple[int, int]:
 
 
 def eigenvalues(model: Model) -> tuple[Any, Any, Any]:
-    """Steps in the frame with as many states behind as before, and the eigenvalues of A and of A + GC there.
+    """The steps in the frame with square A, and the eigenvalues of A and of A + GC at these steps.
 
-    Without those at which one of the two overflows, which has none."""
+    Steps at which one of the two is not finite are left out.
+    """
     frame = pole_frame(model)
     k = [
         k
@@ -172,7 +193,7 @@ def eigenvalues(model: Model) -> tuple[Any, Any, Any]:
         if (a := frame.model.A[k - model.k_begin]).shape[0] == a.shape[1] and a.size
     ]
     if not k:
-        raise ValueError("no step has as many states before as after it: there are no eigenvalues")
+        raise ValueError("no step has equal numbers of states before and after it, so that there are no eigenvalues")
     finite, opened, closed = [], [], []
     for step in k:
         at = frame.model.at(step)
@@ -184,5 +205,5 @@ def eigenvalues(model: Model) -> tuple[Any, Any, Any]:
         opened.append(np.linalg.eigvals(both[0]))
         closed.append(np.linalg.eigvals(both[1]))
     if not finite:
-        raise ValueError("A or A + GC is not finite at any step: there are no eigenvalues")
+        raise ValueError("A or A + GC is infinite or NaN at every step, so that there are no eigenvalues")
     return np.asarray(finite), opened, closed

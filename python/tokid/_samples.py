@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Samples as the library has them, and what goes with them."""
+"""Samples and their description → the ensemble of the library."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ._typing import ArrayLike
 
 
 def label(name: Any) -> str:
-    """A name of an experiment, which may be a number: 17.0 is 17."""
+    """The name of an experiment as text. It may be a number: 17.0 gives "17"."""
     whole = isinstance(name, (float, np.floating)) and float(name).is_integer()
     return str(int(name) if whole else name)
 
 
 def labels_of(data: _tokid.Ensemble) -> np.ndarray[Any, Any]:
-    """The names (N,) of the experiments as an index: whole numbers where all of them are, else texts."""
+    """The names (N,) of the experiments as an index: integers if all names are integers, else texts."""
     names = data.experiment_names
     if not names:
         return np.arange(data.experiments)
@@ -32,6 +32,11 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
+def named(name: str, unit: str) -> str:
+    """A channel with its unit, if it has one: "angle [rad]"."""
+    return f"{name} [{unit}]" if unit else name
+
+
 def sizes(e: Any) -> str:
     return (
         f"N = {plural(e.experiments, 'experiment')}, T = {plural(e.steps, 'step')}, r = {plural(e.inputs, 'input')}, "
@@ -40,12 +45,12 @@ def sizes(e: Any) -> str:
 
 
 def experiment_names(data: _tokid.Ensemble) -> list[str]:
-    """The names (N) of the experiments, their rows "0" … where none were given."""
+    """The names (N) of the experiments; without names, their rows "0", "1", …"""
     return data.experiment_names or [str(n) for n in range(data.experiments)]
 
 
 def core_of(u: Any, y: Any, dt: Optional[float]) -> tuple[_tokid.Ensemble, bool]:
-    """Samples laid out for the library, and whether they were those of a single experiment."""
+    """Return an ensemble with these samples, and whether they were those of a single experiment."""
     if u is None and y is None:
         raise ValueError("u, y: none of them found, inputs (N, T, r) or outputs (N, T, m) needed")
     inputs: Optional[np.ndarray[Any, Any]] = None
@@ -75,16 +80,16 @@ def core_of(u: Any, y: Any, dt: Optional[float]) -> tuple[_tokid.Ensemble, bool]
 
 
 def taken_for_one(core: _tokid.Ensemble) -> str:
-    """How inputs (T, r) were understood, which may have been (N, T)."""
+    """A remark on inputs that were taken for (T, r), but may be (N, T)."""
     steps, r = core.steps, core.inputs
     return (
-        f"u ({steps}, {r}) was taken for one experiment of {plural(steps, 'step')} with {plural(r, 'input')}; (N, T, 1) "
-        "for N experiments with one input"
+        f"u ({steps}, {r}) was taken for one experiment of {plural(steps, 'step')} with {plural(r, 'input')}; "
+        "(N, T, 1) for N experiments with one input"
     )
 
 
 def with_remark(texts: Sequence[str], core: _tokid.Ensemble, remark: str) -> Sequence[str]:
-    """Warnings, with a remark of `taken_for_one` where (N, T) is likelier, unless they have it already."""
+    """The warnings, with the remark of `taken_for_one` if (N, T) is more likely, once."""
     if remark and core.inputs > core.steps and not any(remark in text for text in texts):
         return [remark, *texts]
     return texts
@@ -101,7 +106,7 @@ def describe(
     output_units: Optional[Sequence[str]] = None,
     experiment_names: Optional[Iterable[Any]] = None,
 ) -> None:
-    """What goes with the samples."""
+    """Set the parts of an ensemble that are not samples. The arguments are those of `Ensemble`."""
     if length is not None:
         lengths = _arrays.shaped("length", length, (core.experiments,))
         if lengths.dtype.kind not in "iu":
@@ -110,7 +115,7 @@ def describe(
     if free_y is not None:
         core.free_y = _arrays.shaped("free_y", free_y, (None, None, core.outputs), "Nf, Tf, m")
     if initial_state is not None:
-        _options.choice("initial_state", initial_state, {"zero": 0, "unknown": 1})
+        _options.known_initial_state(initial_state)
         core.initial_state = initial_state
     name_channels(core, input_names, output_names, input_units, output_units)
     if experiment_names is not None:
@@ -128,7 +133,7 @@ def name_channels(
     input_units: Optional[Sequence[str]],
     output_units: Optional[Sequence[str]],
 ) -> None:
-    """Names and units of an ensemble or a model, one for each channel."""
+    """Set the names and units of an ensemble or a model, one for each channel."""
     for name, texts, count in (
         ("input_names", input_names, core.inputs),
         ("output_names", output_names, core.outputs),

@@ -1,9 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The pictures of the report page with matplotlib.
+"""The plots of the report page, with matplotlib.
 
-Every function draws into `ax`, or into a new figure where none is given, and returns the Axes. The colours are those of
-the page, which people with a colour vision deficiency can tell apart; on dark Axes those of its dark form. Nothing that
-belongs to others is changed: no style, no rcParams, no current Axes of another figure.
+Every function draws into `ax`, or into a new figure without it, and returns the Axes. The colours are those of the
+report page. People with a colour vision deficiency can distinguish them. On dark Axes, they are the colours of the dark
+page. The functions change no style, no rcParams and no current Axes.
+
+Parameters that several functions share:
+
+over : {"time", "step"}, default "time"
+    Quantity on the horizontal axis: time [s] or step number.
+initial_state : {"auto", "zero", "unknown"}, default "auto"
+    States at step 0. Unknown states are estimated from the first samples.
+ax : matplotlib.axes.Axes, optional
+    Axes to draw into; by default those of a new figure.
 
 >>> import tokid
 >>> data = tokid.example("oscillator", experiments=60, steps=40, measurement_noise=0.01)
@@ -20,11 +29,12 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 import numpy as np
 
 from . import _axes, _plot_data, _tokid
-from ._axes import COLOURS, DARK_COLOURS
+from ._axes import COLOURS, DARK_COLOURS, StepPlot
 from ._ensemble import Ensemble
 from ._model import Model
 from ._optional import need
 from ._options import integer
+from ._samples import named
 from ._typing import Array, ArrayLike
 from .results import Validation
 
@@ -53,9 +63,9 @@ __all__ = [
     "whiteness",
 ]
 
-_GREY = "#8c949e"  # singular values that are rounding errors
+_GREY = "#8c949e"  # of singular values that are rounding errors
 
-# As many as on the page
+# The same limits as on the report page
 _MOST_SINGULAR_VALUES = 32
 _MOST_STATES = 12
 
@@ -75,7 +85,7 @@ def outputs(
     initial_state: str = "auto",
     ax: Optional[Axes] = None,
 ) -> Axes:
-    """An output: measured, simulated from the inputs alone, and predicted one step ahead.
+    """Plot an output: measured, simulated, and predicted one step ahead.
 
     Parameters
     ----------
@@ -84,17 +94,13 @@ def outputs(
     u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble, or DataFrame
         Experiments.
     experiment : int, optional
-        Row of the experiment; by default that of the median error.
+        Row of the experiment; by default the one with the median error.
     output : int or str, default 0
-        The output, by its number or its name.
+        Number or name of the output.
     departures : bool, default False
-        Show departures from the nominal trajectory, which may be so large that it hides every error.
-    over : {"time", "step"}, default "time"
-        What the horizontal axis shows.
-    initial_state : {"auto", "zero", "unknown"}, default "auto"
-        States at step 0; unknown ones are estimated from the first samples.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; by default in a new figure.
+        Show departures from the nominal trajectory. A large nominal trajectory can hide all errors.
+    over, initial_state, ax
+        As described for `tokid.plot`.
 
     Returns
     -------
@@ -106,37 +112,16 @@ def outputs(
     >>> ax.get_ylabel()
     'y2'
     """
-    found = _plot_data.outcome(model, u, y, initial_state)
-    data = found.data
-    names, units = _plot_data.channel_names(model, data, "output")
-    j = _plot_data.channel("output", output, names)
-    n, label = _plot_data.chosen_experiment(model, found, experiment)
-    steps, ax = _axes.Steps(over, data.dt), _axes.axes(ax)
-    colours = _axes.colours(ax)
-    k = np.arange(data.steps)
-    x = steps(k)
-    nominal = _plot_data.nominal_trajectory(model, "y", data.steps, data.outputs)
-    less: Any = nominal[:, j] if departures and nominal is not None else 0.0
-    few: dict[str, Any] = {"marker": ".", "markersize": 5} if data.steps <= 100 else {}
-    _axes.line(ax, x, data.y[n, :, j] - less, label="Measured", color=colours["measured"], linewidth=1.2, **few)
-    _axes.line(ax, x, found.simulated[n, :, j] - less, label="Simulated", color=colours["blue"], linewidth=1.8)
-    _axes.line(
-        ax,
-        x,
-        found.predicted[n, :, j] - less,
-        label="One-step prediction",
-        color=colours["orange"],
-        linewidth=1.4,
-        linestyle=_axes.DASHES[1],
-    )
-    if nominal is not None and not departures:
-        grey = {"color": colours["faint"], "linewidth": 1.2, "linestyle": _axes.DASHES[2]}
-        _axes.line(ax, x, nominal[:, j], label="Nominal", **grey)
-    ax.set_ylabel(_axes.named(names[j], units[j]))
-    ax.set_title(label, loc="left", fontsize="medium")
-    steps.finish(ax, k)
-    _axes.legend(ax)
-    return ax
+    found = _plot_data.output_curves(model, u, y, experiment, output, initial_state)
+    plot = StepPlot(ax, over, found.dt, np.arange(len(found.measured)))
+    shift: Any = found.nominal if departures and found.nominal is not None else 0.0
+    few: dict[str, Any] = {"marker": ".", "markersize": 5} if len(found.measured) <= 100 else {}
+    plot.line(found.measured - shift, "measured", 1.2, "Measured", **few)
+    plot.line(found.simulated - shift, "blue", 1.8, "Simulated")
+    plot.line(found.predicted - shift, "orange", 1.4, "One-step prediction", linestyle=_axes.DASHES[1])
+    if found.nominal is not None and not departures:
+        plot.line(found.nominal, "faint", 1.2, "Nominal", linestyle=_axes.DASHES[2])
+    return plot.finish(found.name, found.title, legend=True)
 
 
 def errors(
@@ -150,7 +135,7 @@ def errors(
     initial_state: str = "auto",
     ax: Optional[Axes] = None,
 ) -> Axes:
-    """What simulation and one-step prediction leave of an output.
+    """Plot the errors of the simulation and of the one-step prediction of an output.
 
     The parameters are those of `outputs`.
 
@@ -158,23 +143,11 @@ def errors(
     --------
     >>> ax = tokid.plot.errors(model, data, experiment=3)
     """
-    found = _plot_data.outcome(model, u, y, initial_state)
-    data = found.data
-    names, units = _plot_data.channel_names(model, data, "output")
-    j = _plot_data.channel("output", output, names)
-    n, label = _plot_data.chosen_experiment(model, found, experiment)
-    steps, ax = _axes.Steps(over, data.dt), _axes.axes(ax, height=2.6)
-    colours = _axes.colours(ax)
-    k = np.arange(data.steps)
-    measured = data.y[n, :, j]
-    simulated, predicted = measured - found.simulated[n, :, j], measured - found.predicted[n, :, j]
-    _axes.line(ax, steps(k), simulated, label="Measured − simulated", color=colours["blue"], linewidth=1.5)
-    _axes.line(ax, steps(k), predicted, label="Measured − predicted", color=colours["orange"], linewidth=1.3)
-    ax.set_ylabel(_axes.named(names[j], units[j]))
-    ax.set_title(label, loc="left", fontsize="medium")
-    steps.finish(ax, k)
-    _axes.legend(ax)
-    return ax
+    found = _plot_data.output_curves(model, u, y, experiment, output, initial_state)
+    plot = StepPlot(ax, over, found.dt, np.arange(len(found.measured)), height=2.6)
+    plot.line(found.measured - found.simulated, "blue", 1.5, "Measured − simulated")
+    plot.line(found.measured - found.predicted, "orange", 1.3, "Measured − predicted")
+    return plot.finish(found.name, found.title, legend=True)
 
 
 def inputs(
@@ -187,9 +160,9 @@ def inputs(
     over: str = "time",
     ax: Optional[Axes] = None,
 ) -> Axes:
-    """An input, held from step to step, beside the nominal one.
+    """Plot an input, constant between steps, and the nominal input.
 
-    The parameters are those of `outputs`, but for the experiment, which is the first one by default.
+    The parameters are those of `outputs`. The default experiment is the first one.
 
     Examples
     --------
@@ -200,49 +173,34 @@ def inputs(
     names, units = _plot_data.channel_names(model, data, "input")
     i = _plot_data.channel("input", input, names)
     n = integer("experiment", experiment, 0, data.experiments - 1)
-    steps, ax = _axes.Steps(over, data.dt), _axes.axes(ax, height=2.6)
-    colours = _axes.colours(ax)
-    k = np.arange(data.steps)
+    plot = StepPlot(ax, over, data.dt, np.arange(data.steps), height=2.6)
     nominal = _plot_data.nominal_trajectory(model, "u", data.steps, data.inputs)
-    less: Any = nominal[:, i] if departures and nominal is not None else 0.0
-    _axes.line(
-        ax,
-        steps(k),
-        data.u[n, :, i] - less,
-        label="Measured",
-        color=colours["green"],
-        linewidth=1.5,
-        drawstyle="steps-post",
-    )
-    if nominal is not None and not departures:
-        grey = {"color": colours["faint"], "linewidth": 1.2, "linestyle": _axes.DASHES[2]}
-        _axes.line(ax, steps(k), nominal[:, i], label="Nominal", **grey)
-        _axes.legend(ax)
-    ax.set_ylabel(_axes.named(names[i], units[i]))
-    ax.set_title(f"Experiment {data._core.experiment(n)}", loc="left", fontsize="medium")
-    steps.finish(ax, k)
-    return ax
+    shift: Any = nominal[:, i] if departures and nominal is not None else 0.0
+    plot.line(data.u[n, :, i] - shift, "green", 1.5, "Measured", drawstyle="steps-post")
+    beside_nominal = nominal is not None and not departures
+    if nominal is not None and beside_nominal:
+        plot.line(nominal[:, i], "faint", 1.2, "Nominal", linestyle=_axes.DASHES[2])
+    return plot.finish(named(names[i], units[i]), f"Experiment {data._core.experiment(n)}", legend=beside_nominal)
 
 
 # ---- order ----
 
 
 def singular_values(model: Model, *, over: str = "time", colorbar: bool = True, ax: Optional[Axes] = None) -> Axes:
-    """Singular values of the Hankel matrix of each step, with the number of states in use.
+    """Plot the singular values of the Hankel matrix of each step, and the state dimension.
 
-    They say what the past can do to the future: dark is small, bright is large, grey no more than rounding errors. A
-    fall of brightness across the line says that the order is clear. Of more than 32 the largest 32 are drawn.
+    They measure the effect of the past on the future. Bright colours are large values, dark colours small ones, and
+    grey are rounding errors. A sharp change of colour at the line shows the order clearly. At most the 32 largest
+    values are drawn.
 
     Parameters
     ----------
     model : Model
         An identified model.
-    over : {"time", "step"}, default "time"
-        What the horizontal axis shows.
     colorbar : bool, default True
         Draw the scale beside the plot.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; by default in a new figure.
+    over, ax
+        As described for `tokid.plot`.
 
     Returns
     -------
@@ -251,7 +209,7 @@ def singular_values(model: Model, *, over: str = "time", colorbar: bool = True, 
     Raises
     ------
     ValueError
-        Where the model carries no singular values: it was not identified by tokid.
+        If the model has no singular values, because tokid did not identify it.
 
     Examples
     --------
@@ -265,11 +223,11 @@ def singular_values(model: Model, *, over: str = "time", colorbar: bool = True, 
     sigma = model.singular_values
     rows = min(_MOST_SINGULAR_VALUES, max((len(values) for values in sigma), default=0))
     if rows == 0:
-        raise ValueError("the model carries no singular values: it was not identified by tokid")
-    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax, height=min(4.4, 2.2 + 0.16 * rows))
-    colours = _axes.colours(ax)
+        raise ValueError("the model has no singular values, because tokid did not identify it")
+    plot = StepPlot(ax, over, model.dt, _steps_of(model), height=min(4.4, 2.2 + 0.16 * rows))
+    ax = plot.ax
 
-    # Where nothing moves, all singular values are rounding errors of D, which is a Markov parameter as they are.
+    # Without motion, all singular values are rounding errors of D. D is a Markov parameter too, and gives the scale.
     finite = [float(np.abs(matrix).max()) for matrix in (*model.D, *sigma) if matrix.size and np.isfinite(matrix).all()]
     scale = max(finite, default=0.0) or 1.0
     values = np.full((rows, model.steps), np.nan)
@@ -280,61 +238,60 @@ def singular_values(model: Model, *, over: str = "time", colorbar: bool = True, 
     sizes = known[known >= 1e-12 * scale]
     most = 10.0 ** math.ceil(math.log10(sizes.max())) if sizes.size else scale
     least = min(10.0 ** math.floor(math.log10(sizes.min())), most / 10) if sizes.size else most / 10
-    least = max(least, 1e-12 * scale)  # beneath it is grey
+    least = max(least, 1e-12 * scale)  # smaller values are grey
 
-    edges = steps(np.arange(model.k_begin, model.k_end + 1) - 0.5)
-    colour_map = colormaps["viridis"].with_extremes(under=_GREY, bad=(0, 0, 0, 0))
+    edges = plot.x(np.arange(model.k_begin, model.k_end + 1) - 0.5)
     ax.grid(False)
     mesh = ax.pcolormesh(
         edges,
         np.arange(rows + 1) + 0.5,
         np.ma.masked_invalid(values),
         norm=LogNorm(least, most),
-        cmap=colour_map,
+        cmap=colormaps["viridis"].with_extremes(under=_GREY, bad=(0, 0, 0, 0)),
         rasterized=True,
     )
     line = ax.stairs(
         model.state_dim[:-1] + 0.5,
         edges,
         baseline=None,
-        color=colours["orange"],
+        color=plot.colours["orange"],
         linewidth=2.0,
         label="Number of states",
     )
-    line.set_path_effects([Stroke(linewidth=4.5, foreground=colours["surface"]), Normal()])
+    line.set_path_effects([Stroke(linewidth=4.5, foreground=plot.colours["surface"]), Normal()])
     handles: list[Any] = [line]
     if sizes.size < known.size:
         handles.append(Patch(color=_GREY, label="Rounding errors"))
     ax.set_ylim(rows + 0.5, 0.5)
     _axes.whole_ticks(ax.yaxis)
-    ax.set_ylabel("Singular value")
-    steps.finish(ax, None)
     ax.legend(handles=handles, loc="lower right", framealpha=0.9, fontsize="small")
     if colorbar:
         ax.figure.colorbar(mesh, ax=ax, label="Size", pad=0.02)
-    return ax
+    return plot.finish("Singular value")
 
 
 # ---- regressions ----
 
 
-def _per_step(model: Model, values: Any, what: str) -> tuple[Any, Array]:
+def _steps_of(model: Model) -> Any:
+    return np.arange(model.k_begin, model.k_end)
+
+
+def _known(values: Any, what: str) -> Array:
     if not len(values):
-        raise ValueError(f"the model carries no {what}: it was not identified by tokid")
-    return np.arange(model.k_begin, model.k_end), np.asarray(values, dtype=np.float64)
+        raise ValueError(f"the model has no {what}, because tokid did not identify it")
+    return np.asarray(values, dtype=np.float64)
 
 
 def condition(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axes:
-    """Condition number of the regression of each step: how much noise and rounding errors may be magnified.
+    """Plot the condition number of the regression of each step. It measures how strongly errors may be amplified.
 
     Parameters
     ----------
     model : Model
         An identified model.
-    over : {"time", "step"}, default "time"
-        What the horizontal axis shows.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; by default in a new figure.
+    over, ax
+        As described for `tokid.plot`.
 
     Returns
     -------
@@ -343,33 +300,29 @@ def condition(model: Model, *, over: str = "time", ax: Optional[Axes] = None) ->
     Raises
     ------
     ValueError
-        Where the model carries none.
+        If the model has no condition numbers.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    k, values = _per_step(model, model.condition, "condition numbers")
-    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax, height=2.6)
+    values = _known(model.condition, "condition numbers")
+    plot = StepPlot(ax, over, model.dt, _steps_of(model), height=2.6)
     values = np.where(values > 0, values, np.nan)
-    ax.set_yscale("log")
-    if not np.nanmax(values, initial=0.0) > 1e3 * np.nanmin(values, initial=np.inf):  # decades alone would be too few
-        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.yaxis.set_minor_formatter(NullFormatter())
-    marker = "." if len(k) <= 100 else None
-    _axes.line(ax, steps(k), values, color=_axes.colours(ax)["blue"], linewidth=1.5, marker=marker)
-    ax.set_ylabel("Condition number")
-    steps.finish(ax, k)
-    return ax
+    plot.ax.set_yscale("log")
+    if not np.nanmax(values, initial=0.0) > 1e3 * np.nanmin(values, initial=np.inf):  # too few ticks at decades alone
+        plot.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        plot.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        plot.ax.yaxis.set_minor_formatter(NullFormatter())
+    plot.line(values, "blue", 1.5, marker="." if len(values) <= 100 else None)
+    return plot.finish("Condition number")
 
 
 def ranks(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axes:
-    """Rank of the regression of each step beside the number of its unknowns, the lag order and the number of states.
+    """Plot the rank of the regression of each step, its number of unknowns, the lag order and the state dimension.
 
-    Full rank says that all unknowns of a step could be told apart. The parameters are those of `condition`.
+    With full rank, the regression determines all unknowns of a step. The parameters are those of `condition`.
     """
-    k, rank = _per_step(model, model.rank, "ranks")
-    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax, height=2.6)
-    colours = _axes.colours(ax)
+    rank = _known(model.rank, "ranks")
+    plot = StepPlot(ax, over, model.dt, _steps_of(model), height=2.6)
     states = model.state_dim[:-1]
     curves: list[tuple[str, Any, str, float, Any]] = [("Rank", rank, "blue", 1.6, "-")]
     if len(model.lags):
@@ -378,22 +331,10 @@ def ranks(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axe
         curves.append(("Lag order", model.lags, "orange", 1.6, "-"))
     curves.append(("States", states, "green", 1.6, _axes.DASHES[1]))
     for label, values, colour, width, dash in curves:
-        _axes.line(
-            ax,
-            steps(k),
-            np.asarray(values, dtype=np.float64),
-            label=label,
-            color=colours[colour],
-            linewidth=width,
-            linestyle=dash,
-            drawstyle="steps-post",
-        )
-    ax.set_ylim(bottom=0)
-    _axes.whole_ticks(ax.yaxis)
-    ax.set_ylabel("Number")
-    steps.finish(ax, k)
-    _axes.legend(ax, len(curves))
-    return ax
+        plot.line(values, colour, width, label, linestyle=dash, drawstyle="steps-post")
+    plot.ax.set_ylim(bottom=0)
+    _axes.whole_ticks(plot.ax.yaxis)
+    return plot.finish("Number", legend=True, beside=len(curves))
 
 
 def step_error(
@@ -405,7 +346,7 @@ def step_error(
     initial_state: str = "auto",
     ax: Optional[Axes] = None,
 ) -> Axes:
-    """One-step error of each step over the spread of the outputs: root mean square over experiments and outputs.
+    """Plot the RMS one-step error of each step over experiments and outputs, relative to the spread of the outputs.
 
     The parameters are those of `outputs`.
     """
@@ -413,33 +354,29 @@ def step_error(
     data = Ensemble._of(core)
     predicted = model.predict(data, initial_state=initial_state)
     values = _plot_data.root_mean_square(_plot_data.relative_errors(model, data, predicted), (0, 2))
-    steps, ax = _axes.Steps(over, data.dt), _axes.axes(ax, height=2.6)
-    k = np.arange(data.steps)
-    marker = "." if len(k) <= 100 else None
-    _axes.line(ax, steps(k), values, color=_axes.colours(ax)["orange"], linewidth=1.5, marker=marker)
-    ax.set_ylim(bottom=0)
-    ax.set_ylabel("One-step error / spread")
-    steps.finish(ax, k)
-    return ax
+    plot = StepPlot(ax, over, data.dt, np.arange(data.steps), height=2.6)
+    plot.line(values, "orange", 1.5, marker="." if len(values) <= 100 else None)
+    plot.ax.set_ylim(bottom=0)
+    return plot.finish("One-step error / spread")
 
 
 # ---- eigenvalues and matrices ----
 
 
 def poles(model: Model, *, k: Optional[int] = None, ax: Optional[Axes] = None) -> Axes:
-    """Eigenvalues of A (open loop) and of A + GC (with the observer) of all steps in the complex plane.
+    """Plot the eigenvalues of A (open loop) and of A + GC (with the observer) of all steps in the complex plane.
 
-    They need coordinates: those of the reference frame, or of the smooth one where it does not reach far enough. In a
-    time varying system they do not decide stability by themselves.
+    They depend on the coordinates, which are those of the reference frame. If this frame does not reach half of the
+    steps, they are those of the smooth frame. Eigenvalues alone do not decide the stability of a time-varying system.
 
     Parameters
     ----------
     model : Model
         The model.
     k : int, optional
-        A step whose eigenvalues are strong; all others are faint.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; by default in a new figure.
+        A step to highlight.
+    ax
+        As described for `tokid.plot`.
 
     Returns
     -------
@@ -448,7 +385,7 @@ def poles(model: Model, *, k: Optional[int] = None, ax: Optional[Axes] = None) -
     Raises
     ------
     ValueError
-        Where no step has eigenvalues, or k is not one that has them.
+        If no step has eigenvalues, or step k has none.
 
     Examples
     --------
@@ -519,16 +456,14 @@ def poles(model: Model, *, k: Optional[int] = None, ax: Optional[Axes] = None) -
 
 
 def pole_radius(model: Model, *, over: str = "time", ax: Optional[Axes] = None) -> Axes:
-    """Largest magnitude of the eigenvalues of A and of A + GC over the steps.
+    """Plot the largest magnitude of the eigenvalues of A and of A + GC over the steps.
 
     Parameters
     ----------
     model : Model
         The model.
-    over : {"time", "step"}, default "time"
-        What the horizontal axis shows.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; by default in a new figure.
+    over, ax
+        As described for `tokid.plot`.
 
     Returns
     -------
@@ -539,22 +474,17 @@ def pole_radius(model: Model, *, over: str = "time", ax: Optional[Axes] = None) 
     >>> ax = tokid.plot.pole_radius(model)
     """
     k, opened, closed = _plot_data.eigenvalues(model)
-    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax)
-    colours = _axes.colours(ax)
-    every = np.arange(k[0], k[-1] + 1)
+    plot = StepPlot(ax, over, model.dt, np.arange(k[0], k[-1] + 1))
     for label, lists, colour, dash in (
         ("Open loop", opened, "orange", "-"),
         ("With the observer", closed, "blue", _axes.DASHES[1]),
     ):
-        values = np.full(len(every), np.nan)
+        values = np.full(len(plot.k), np.nan)
         values[k - k[0]] = [float(np.abs(found).max()) for found in lists]
-        _axes.line(ax, steps(every), values, label=label, color=colours[colour], linewidth=1.6, linestyle=dash)
-    ax.axhline(1, color=colours["faint"], linewidth=1.2, label="Unit circle")
-    ax.set_ylim(bottom=0)
-    ax.set_ylabel("Largest magnitude of the eigenvalues")
-    steps.finish(ax, k)
-    _axes.legend(ax)
-    return ax
+        plot.line(values, colour, 1.6, label, linestyle=dash)
+    plot.ax.axhline(1, color=plot.colours["faint"], linewidth=1.2, label="Unit circle")
+    plot.ax.set_ylim(bottom=0)
+    return plot.finish("Largest magnitude of the eigenvalues", legend=True)
 
 
 def _entries(
@@ -563,48 +493,30 @@ def _entries(
     matrices = getattr(model, name)[begin - model.k_begin : end - model.k_begin]
     n, columns = model.states, model.outputs if name == "G" else model.states
     if not n:
-        raise ValueError("the model has no states: it has neither gains nor A")
+        raise ValueError("the model has no states, and therefore neither gains nor A")
     chosen = range(min(n, _MOST_STATES)) if rows is None else [integer("rows", row, 0, n - 1) for row in rows]
-    steps, ax = _axes.Steps(over, model.dt), _axes.axes(ax)
-    colours = _axes.colours(ax)
-    k = np.arange(begin, end)
-    count = 0
-    for i in chosen:
-        for j in range(min(columns, _MOST_STATES)):
-            values = np.array([a[i, j] if i < a.shape[0] and j < a.shape[1] else np.nan for a in matrices])
-            _axes.line(
-                ax,
-                steps(k),
-                values,
-                label=f"{name}({i + 1},{j + 1})",
-                color=colours[_axes.PALETTE[count % len(_axes.PALETTE)]],
-                linestyle=_axes.DASHES[count // len(_axes.PALETTE) % len(_axes.DASHES)],
-                linewidth=1.4,
-            )
-            count += 1
-    ax.set_ylabel(label)
-    steps.finish(ax, k)
-    _axes.legend(ax, count)
-    drawn: Axes = ax
-    return drawn
+    plot = StepPlot(ax, over, model.dt, np.arange(begin, end))
+    drawn = [(i, j) for i in chosen for j in range(min(columns, _MOST_STATES))]
+    for count, (i, j) in enumerate(drawn):
+        values = [a[i, j] if i < a.shape[0] and j < a.shape[1] else np.nan for a in matrices]
+        colour, dash = _axes.style(count)
+        plot.line(values, colour, 1.4, f"{name}({i + 1},{j + 1})", linestyle=dash)
+    return plot.finish(label, legend=True, beside=len(drawn))
 
 
 def gains(model: Model, *, rows: Optional[Sequence[int]] = None, over: str = "time", ax: Optional[Axes] = None) -> Axes:
-    """Entries of the observer gain G over the steps.
+    """Plot the entries of the observer gain G over the steps.
 
-    In the reference frame, or in the smooth one where it does not reach far enough. A system that varies smoothly should
-    show smooth curves: what scatters is noise.
+    The frame is that of `poles`. The curves of a system that varies smoothly should be smooth; scatter is noise.
 
     Parameters
     ----------
     model : Model
         The model.
     rows : sequence of int, optional
-        Rows of G that are drawn, counted from 0; by default the first 12.
-    over : {"time", "step"}, default "time"
-        What the horizontal axis shows.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; by default in a new figure.
+        Rows of G to draw, from 0; by default the first 12.
+    over, ax
+        As described for `tokid.plot`.
 
     Returns
     -------
@@ -623,7 +535,7 @@ def gains(model: Model, *, rows: Optional[Sequence[int]] = None, over: str = "ti
 def state_matrix(
     model: Model, *, rows: Optional[Sequence[int]] = None, over: str = "time", ax: Optional[Axes] = None
 ) -> Axes:
-    """Entries of A over the steps in the smooth frame. The parameters are those of `gains`."""
+    """Plot the entries of A over the steps in the smooth frame. The parameters are those of `gains`."""
     smooth = model if model.frame_name == "smooth" or not model.states else model.frame("smooth")
     return _entries(smooth, "A", model.k_begin, model.k_end, rows, over, ax, "A, smooth frame")
 
@@ -640,22 +552,20 @@ def whiteness(
     initial_state: str = "auto",
     ax: Optional[Axes] = None,
 ) -> Axes:
-    """Correlation of each output's innovations with those some steps before, with its 99 % bound.
+    """Plot the correlation of the innovations of each output with those of earlier steps, and its 99 % bound.
 
-    An observer that is right leaves innovations without memory.
+    The innovations of a correct observer are not correlated.
 
     Parameters
     ----------
     model : Model or Validation
-        The model, or what `Model.validate` has found already.
+        The model, or a result of `Model.validate`.
     u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble, or DataFrame
-        Experiments, beside a model.
+        Experiments, for a model.
     lags : int, default 5
-        Lags that are tested.
-    initial_state : {"auto", "zero", "unknown"}, default "auto"
-        States at step 0.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; by default in a new figure.
+        Number of lags to test.
+    initial_state, ax
+        As described for `tokid.plot`.
 
     Returns
     -------
@@ -664,7 +574,7 @@ def whiteness(
     Raises
     ------
     ValueError
-        Where whiteness was not tested: too few samples, or innovations at rounding level.
+        If whiteness was not tested, because there are too few samples or the innovations are rounding errors.
 
     Examples
     --------
@@ -673,7 +583,7 @@ def whiteness(
     names: Optional[list[str]] = None
     if isinstance(model, Validation):
         if u is not None or y is not None:
-            raise ValueError("u, y: found beside a Validation, which is of its own data")
+            raise ValueError("u, y: found beside a Validation, which already has its data")
         validation = model
     else:
         if u is None:
@@ -685,25 +595,20 @@ def whiteness(
         )
     white = validation.whiteness
     if math.isnan(white.p) or not len(white.correlation):
-        why = "too few samples" if validation.noisy else "the innovations are at rounding level"
-        raise ValueError(f"whiteness: not tested, {why}")
+        why = "there are too few samples" if validation.noisy else "the innovations are rounding errors"
+        raise ValueError(f"whiteness: not tested, because {why}")
     ax = _axes.axes(ax, height=3.0)
     colours = _axes.colours(ax)
     correlation, x = white.correlation, np.arange(1, len(white.bound) + 1)
+    drawn = min(correlation.shape[1], _MOST_STATES)
     ax.axhline(0, color=colours["faint"], linewidth=0.8)
-    ax.plot(x, white.bound, color=colours["faint"], linestyle=_axes.DASHES[1], linewidth=1.3, label="99 % bound")
-    ax.plot(x, -white.bound, color=colours["faint"], linestyle=_axes.DASHES[1], linewidth=1.3, label="_")
-    for j in range(min(correlation.shape[1], _MOST_STATES)):
-        ax.plot(
-            x,
-            correlation[:, j],
-            color=colours[_axes.PALETTE[j % len(_axes.PALETTE)]],
-            linestyle=_axes.DASHES[j // len(_axes.PALETTE) % len(_axes.DASHES)],
-            linewidth=1.4,
-            marker="o",
-            markersize=5,
-            label=names[j] if names else f"y{j + 1}",
-        )
+    for sign, label in ((1, "99 % bound"), (-1, "_")):
+        ax.plot(x, sign * white.bound, color=colours["faint"], linestyle=_axes.DASHES[1], linewidth=1.3, label=label)
+    for j in range(drawn):
+        colour, dash = _axes.style(j)
+        label = names[j] if names else f"y{j + 1}"
+        values = correlation[:, j]
+        ax.plot(x, values, color=colours[colour], linestyle=dash, linewidth=1.4, marker="o", markersize=5, label=label)
     most = 1.15 * max(0.02, float(np.nanmax(np.abs(correlation))), float(np.nanmax(white.bound)))
     ax.set_xlim(0.5, len(x) + 0.5)
     ax.set_ylim(-most, most)
@@ -712,5 +617,5 @@ def whiteness(
     ax.set_ylabel("Correlation")
     probability = "p < 0.0001" if white.p < 1e-4 else f"p = {white.p:.3g}"
     ax.set_title(f"Whiteness of the innovations, {probability}", loc="left", fontsize="medium")
-    _axes.legend(ax, min(correlation.shape[1], _MOST_STATES) + 1 if correlation.shape[1] > 4 else 0)
+    _axes.draw_legend(ax, drawn + 1 if correlation.shape[1] > 4 else 0)
     return ax
