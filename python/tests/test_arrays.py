@@ -140,7 +140,7 @@ def test_experiments_by_number():
 
 def test_ensemble_is_no_array():
     u, y = samples(10)
-    with pytest.raises(TypeError, match=r"an Ensemble found, an array needed: it holds two, u \(N, T, r\) and y"):
+    with pytest.raises(TypeError, match=r"an Ensemble found, an array needed: use its arrays u \(N, T, r\) and y"):
         tokid.identify(u, tokid.Ensemble(u, y))
 
 

@@ -52,4 +52,5 @@ def test_everything_public_is_documented():
             bases = [base for base in thing.__mro__ if base.__module__.startswith("tokid")]
             for member, value in (item for base in bases for item in vars(base).items()):
                 if not member.startswith("_") and (callable(value) or isinstance(value, (property, classmethod))):
-                    assert (value.__func__ if isinstance(value, classmethod) else value).__doc__, f"{name}.{member}"
+                    doc = (value.__func__ if isinstance(value, classmethod) else value).__doc__
+                    assert doc and doc != type(value).__doc__, f"{name}.{member}"

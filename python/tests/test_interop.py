@@ -113,7 +113,7 @@ def test_step_may_be_left_out_of_a_time_invariant_model(varying, form):
 @pytest.mark.parametrize("form", ["to_control", "to_scipy"])
 def test_step_whose_states_change_has_no_object(form):
     model = growing_model()
-    with pytest.raises(ValueError, match="k: step 3 has 1 states before and 2 behind it.* steps 4 to 5 have; pad=True"):
+    with pytest.raises(ValueError, match="k: step 3 has 1 states before and 2 after it.* pad=True, or one of the steps 4 to 5"):
         getattr(model, form)(3)
     assert getattr(model, form)(4).A.shape == (2, 2)
     padded = [getattr(model, form)(k, pad=True) for k in range(2, 7)]
@@ -296,7 +296,7 @@ def test_datasets_of_others():
         (dataset.rename(u="force"), None),
         (dataset.rename(u="force", y="angle"), r"data: variables \['force', 'angle'\] found, 'u' or 'y' needed"),
         (dataset.rename(time="t"), r"u: dimensions \('t',\) found, 'k' or 'time' needed"),
-        (dataset.expand_dims("trial"), "no others than 'experiment' and 'input' beside it"),
+        (dataset.expand_dims("trial"), "apart from it only 'experiment' and 'input'; rename"),
         (dataset.assign(u=("k", np.ones(3))), "u, y: steps along 'k' and 'time' found, one dimension needed"),
         (dataset.isel(time=[0, 1, 1]), "time: two entries found for a step, one needed"),
         (dataset.isel(time=[]), "data: no steps found"),
@@ -487,7 +487,7 @@ BAD = {
     "days apart": (
         {"experiment": [1, 2], "time": pd.to_datetime(["2026-01-01", "2026-01-02"]), "u1": [1.0, 2.0]},
         {},
-        "column 'time': experiment '2' begins 86400 s behind the end of '1', times from a common origin needed",
+        "column 'time': experiment '2' begins 86400 s after the end of '1', times from a common origin needed",
     ),
     "no experiment": (
         {"experiment": ["a", None], "u1": [1.0, 2.0]},
@@ -669,7 +669,7 @@ def test_identify_and_models_take_tables():
         model.predict(table, data.y)
     with pytest.raises(ValueError, match="y: found beside a DataFrame"):
         tokid.identify(table, data.y)
-    with pytest.raises(ValueError, match="u, y: two DataFrames found, one that holds all columns needed; input_names"):
+    with pytest.raises(ValueError, match="u, y: two DataFrames found, one with all columns needed; input_names"):
         tokid.identify(table[["u1", "u2"]], table[["y1", "y2"]])
 
 

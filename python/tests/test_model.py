@@ -148,7 +148,7 @@ def test_channels_are_taken_by_name(noisy):
     model = tokid.identify(tokid.Ensemble(u, y, dt=noisy.dt, **names), refine=False)
     swapped = tokid.Ensemble(u[:, :, ::-1], y[:, :, ::-1], dt=noisy.dt, input_names=["force", "torque"],
                              output_names=["rate", "angle"])
-    with pytest.warns(tokid.TokidWarning, match="taken by name; results have the model's order: angle, rate"):
+    with pytest.warns(tokid.TokidWarning, match="taken by name. Results have the order of the model: angle, rate"):
         assert np.array_equal(model.predict(swapped), model.predict(u, y), equal_nan=True)
     with pytest.warns(tokid.TokidWarning, match="by name"):
         assert np.array_equal(model.validate(swapped).simulation.fit, model.validate(u, y).simulation.fit)

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Identification of linear time-varying systems from repeated experiments.
 
-From N experiments of T steps, inputs ``u`` (N, T, r) and outputs ``y`` (N, T, m), to a model of every step::
+From N experiments of T steps, with inputs ``u`` (N, T, r) and outputs ``y`` (N, T, m), tokid identifies a model of
+every step::
 
     x[k+1] = A[k] x[k] + B[k] u[k]
     y[k]   = C[k] x[k] + D[k] u[k]
 
-with its observer, and with the evidence for every choice that was made on the way.
+The model includes an observer, and the evidence for every choice of the identification.
 
 >>> import tokid
 >>> data = tokid.example("oscillator", experiments=60, steps=40)
@@ -23,12 +24,13 @@ from ._example import example, example_system
 from ._files import load
 from ._identify import cross_validate, identify, identify_file
 from ._lock import FileLock
-from ._model import Model, UpdateState
+from ._model import Model
 from ._paper import paper
 from ._plan import plan
 from ._state_space import MatrixSequence, Step
 from ._tokid import version as __version__
 from ._update import update
+from ._update_state import UpdateState
 from .results import (
     Confidence,
     CrossValidation,
@@ -78,7 +80,7 @@ __all__ = [
     "update",
 ]
 
-_LATER = ("interop", "plot", "sklearn")  # imported when they are asked for, with the packages that they need
+_LATER = ("interop", "plot", "sklearn")  # imported on first access, because they need other packages
 
 
 def __getattr__(name: str) -> Any:

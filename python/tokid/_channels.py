@@ -6,63 +6,30 @@ from __future__ import annotations
 from typing import Union
 
 from . import _tokid
+from ._held import Held
+
+_DEFAULTS = {"input_names": "u{}", "output_names": "y{}", "input_units": "", "output_units": ""}
 
 
-Core = Union[_tokid.Ensemble, _tokid.Model]
+def channel_texts(core: Union[_tokid.Ensemble, _tokid.Model], which: str) -> list[str]:
+    """The names or units of all inputs or outputs. `which` is "input_names", "output_units", …
 
-
-def input_names(core: Core) -> list[str]:
-    """Names (r) of the inputs, u1 … ur where none were given."""
-    return core.input_names or [f"u{i + 1}" for i in range(core.inputs)]
-
-
-def output_names(core: Core) -> list[str]:
-    """Names (m) of the outputs, y1 … ym where none were given."""
-    return core.output_names or [f"y{j + 1}" for j in range(core.outputs)]
-
-
-def input_units(core: Core) -> list[str]:
-    """Units (r) of the inputs, "" where they are not known."""
-    return core.input_units or [""] * core.inputs
-
-
-def output_units(core: Core) -> list[str]:
-    """Units (m) of the outputs, "" where they are not known."""
-    return core.output_units or [""] * core.outputs
+    Without names in the data, they are u1 … ur and y1 … ym. Unknown units are "".
+    """
+    count: int = core.inputs if which.startswith("input") else core.outputs
+    given: list[str] = getattr(core, which)
+    return given or [_DEFAULTS[which].format(i + 1) for i in range(count)]
 
 
 class Channels:
-    """What ensembles and models say of their inputs and outputs."""
+    """The inputs and outputs of an ensemble or a model."""
 
-    _core: Core
+    _core: Union[_tokid.Ensemble, _tokid.Model]
     __slots__ = ()
 
-    @property
-    def inputs(self) -> int:
-        """Number of inputs r."""
-        return self._core.inputs
-
-    @property
-    def outputs(self) -> int:
-        """Number of outputs m."""
-        return self._core.outputs
-
-    @property
-    def input_names(self) -> list[str]:
-        """Names (r) of the inputs, u1 … ur where none were given."""
-        return input_names(self._core)
-
-    @property
-    def output_names(self) -> list[str]:
-        """Names (m) of the outputs, y1 … ym where none were given."""
-        return output_names(self._core)
-
-    @property
-    def input_units(self) -> list[str]:
-        """Units (r) of the inputs, "" where they are not known."""
-        return input_units(self._core)
-
-    @property
-    def output_units(self) -> list[str]:
-        """Units (m) of the outputs, "" where they are not known."""
-        return output_units(self._core)
+    inputs = Held[int]("Number of inputs r.")
+    outputs = Held[int]("Number of outputs m.")
+    input_names = Held("Names (r) of the inputs; u1 … ur if none were given.", channel_texts)
+    output_names = Held("Names (m) of the outputs; y1 … ym if none were given.", channel_texts)
+    input_units = Held('Units (r) of the inputs; "" if not known.', channel_texts)
+    output_units = Held('Units (m) of the outputs; "" if not known.', channel_texts)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""One step of a model as a state-space object of python-control or SciPy."""
+"""Steps of a model → state-space objects of python-control and SciPy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ._typing import Array
 
 
 def _square_step(model: StateSpace, k: Optional[int], pad: bool) -> tuple[int, list[Array]]:
-    """A step and its matrices A, B, C, D, with as many states behind it as before."""
+    """Return a step and its matrices A, B, C, D, with equal state dimensions before and after the step."""
     if k is None:
         stacks = (np.asarray(matrices) for matrices in (model.A, model.B, model.C, model.D))
         dims = model.state_dim
@@ -26,15 +26,15 @@ def _square_step(model: StateSpace, k: Optional[int], pad: bool) -> tuple[int, l
         k = model.k_begin
     step = model.at(k)
     a, b, c, d = (np.array(matrix) for matrix in (step.A, step.B, step.C, step.D))
-    behind, before = a.shape
+    after, before = a.shape
     if pad:
         n = model.states
-        a = np.pad(a, ((0, n - behind), (0, n - before)))
-        b, c = np.pad(b, ((0, n - behind), (0, 0))), np.pad(c, ((0, 0), (0, n - before)))
-    elif behind != before:
+        a = np.pad(a, ((0, n - after), (0, n - before)))
+        b, c = np.pad(b, ((0, n - after), (0, 0))), np.pad(c, ((0, 0), (0, n - before)))
+    elif after != before:
         raise ValueError(
-            f"k: step {k} has {before} states before and {behind} behind it, equal numbers needed, as steps "
-            f"{model.full_begin} to {model.full_end - 2} have; pad=True fills up with zeros"
+            f"k: step {k} has {before} states before and {after} after it, equal numbers needed. Use pad=True, or one "
+            f"of the steps {model.full_begin} to {model.full_end - 2}"
         )
     return step.k, [a, b, c, d]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tidy tables of pandas, by the rules that .csv files have (src/io/csv.cpp)."""
+"""Tidy tables of pandas from and to ensembles, by the rules of .csv files."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any, Optional
 import numpy as np
 
 from . import _options, _tokid
-from ._channels import input_names, output_names
+from ._channels import channel_texts
 from ._optional import need
 from ._samples import describe, experiment_names, label, labels_of
 from ._time_grid import Grid, seconds, text_of
 from ._typing import Array, ArrayLike
 
 _RESERVED = ("experiment", "time", "k")
-_NOTES = "tokid"  # in DataFrame.attrs: what a table has no place for
+_NOTES = "tokid"  # key in DataFrame.attrs of the values that a table has no place for
 
 
 def pandas() -> Any:
@@ -37,7 +37,7 @@ def _quoted(names: Sequence[str]) -> str:
 
 
 def _time_unit(name: Any) -> Optional[tuple[float, float]]:
-    """So many seconds over so many, of a column whose name says that it holds times."""
+    """The time unit in the name of a column of times, as a fraction of seconds."""
     try:
         return _tokid.time_unit(str(name))
     except _tokid.IoError as error:
@@ -45,13 +45,16 @@ def _time_unit(name: Any) -> Optional[tuple[float, float]]:
 
 
 def _is_place(name: str) -> bool:
-    """Whether a column says to which step a row belongs."""
+    """Whether a column contains times or step numbers."""
     return name == "k" or _time_unit(name) is not None or _tokid.is_step_number(name)
 
 
 def _with_index(table: Any, timed: bool) -> Any:
-    """The table with what its index says of experiments and times as columns; an index that says what is not understood
-    is refused, lest it be ignored. Without `timed` the rows are steps of a sample time that was given."""
+    """The table with the experiments and times of its index as columns.
+
+    An index of unknown meaning is an error, because it must not be ignored. Without `timed`, the user gave the sample
+    time, and rows may be steps.
+    """
     levels = [name for name in table.index.names if name in _RESERVED or (name is not None and _is_place(str(name)))]
     if levels:
         table = table.reset_index(level=levels)
@@ -84,7 +87,7 @@ def _with_index(table: Any, timed: bool) -> Any:
 
 
 class _Table:
-    """Columns by their names, levels of the index among them."""
+    """A table whose columns, including levels of the index, are found by their names."""
 
     def __init__(self, table: Any, timed: bool) -> None:
         table = _with_index(table, timed)
@@ -110,13 +113,13 @@ class _Table:
         return columns
 
     def channels(self, name: str, wanted: Optional[Sequence[Any]], prefix: str, taken: Sequence[Any]) -> list[int]:
-        """The columns wanted, those that the table's notes name, or those of the prefix."""
+        """The wanted columns; else those in the notes of the table; else those whose names have the prefix."""
         if isinstance(wanted, str):
             raise ValueError(f"{name}s: {wanted!r} found, a list of columns needed")
         if wanted is not None and len(wanted):
             return self.named([str(label) for label in wanted])
         noted = self.notes.get(f"{name}_names")
-        if noted and all(label in self.names for label in noted):  # a table may have changed since
+        if noted and all(label in self.names for label in noted):  # the table may have changed since
             return self.named(noted)
         others = {str(label) for label in taken}
         return self.named([n for n in self.names if n.startswith(prefix) and n not in _RESERVED and n not in others])
@@ -130,7 +133,7 @@ class _Table:
         kind = getattr(dtype, "kind", "O")
         if isinstance(dtype, np.dtype) and kind in "fiub":
             return np.asarray(series.to_numpy(), dtype=np.float64)
-        if kind in "fiub":  # pandas' own, with its own marks of what is missing
+        if kind in "fiub":  # types of pandas, with their own marks of missing values
             return np.asarray(series.to_numpy(dtype=np.float64, na_value=np.nan), dtype=np.float64)
         if kind in "cMm":
             raise ValueError(f"column '{name}': {dtype} found, numbers needed")
@@ -142,23 +145,23 @@ class _Table:
         return values
 
     def stamped(self, column: Optional[int]) -> bool:
-        """Whether times are dates or differences of pandas, which count nanoseconds."""
+        """Whether a column has dates or time differences of pandas, which count nanoseconds."""
         return column is not None and getattr(self.series(column).dtype, "kind", "O") in "Mm"
 
     def time(self, channels: set[int]) -> Optional[int]:
-        """The column "time"; without it the only one, but for channels, whose name says that it holds times."""
+        """The column "time"; else the only column, apart from channels, with the name of a time."""
         column = self.find("time")
         return self._only(channels, "times", "time", _time_unit) if column is None else column
 
     def step(self, channels: set[int], time: Optional[int]) -> Optional[int]:
-        """The column "k"; without it, and without times, the only one whose name says that it holds step numbers."""
+        """The column "k"; else, without times, the only column with a name of step numbers."""
         column = self.find("k")
         if column is not None or time is not None:
             return column
         return self._only(channels, "step numbers", "k", _tokid.is_step_number)
 
     def doubt(self, time: Optional[int], step: Optional[int]) -> str:
-        """What a column without the name "k" was taken for, where its values say otherwise."""
+        """A remark for messages: a column with another name than "k" was taken for step numbers."""
         if time is not None or step is None or self.names[step] == "k":
             return ""
         return f"; '{self.names[step]}' was taken for step numbers: rename it where it holds something else"
@@ -178,12 +181,12 @@ class _Table:
         return named[0] if named else None
 
     def remark_on_unused(self, used: set[Optional[int]]) -> list[str]:
-        """What is passed over."""
+        """The remark on columns that are not used, if there are any."""
         remark = _tokid.remark_on_unused([name for column, name in enumerate(self.names) if column not in used])
         return [] if remark is None else [remark]
 
     def seconds(self, column: int) -> Array:
-        """Times [s]; dates from the first one on."""
+        """Times [s]; dates count from the first one."""
         if not self.stamped(column):
             unit, over = _time_unit(self.names[column]) or (1.0, 1.0)
             return np.asarray(self.numbers(column) * unit / over, dtype=np.float64)
@@ -207,11 +210,11 @@ def _number(value: Any, row: int, name: str) -> float:
 
 
 def _experiments(table: _Table, column: Optional[int]) -> tuple[Any, list[Any]]:
-    """Numbers of the experiments of all rows, and their names: numbers in their order, texts as they appear."""
+    """The number of the experiment of each row, and the names: numbers sorted, texts in order of appearance."""
     if column is None:
         return np.zeros(table.rows, dtype=np.int64), [""]
     series = table.series(column)
-    # Rows may come in any order; the names of texts would sort 10 before 9.
+    # The rows may be in any order. Sorted texts would have "10" before "9".
     codes, names = pandas().factorize(series, sort=getattr(series.dtype, "kind", "O") in "fiub")
     names = list(names)
     nothing = codes < 0
@@ -225,7 +228,7 @@ def _experiments(table: _Table, column: Optional[int]) -> tuple[Any, list[Any]]:
 
 def _times(table: _Table, time: Optional[int], step: Optional[int], experiment: Any) -> Array:
     column = time if time is not None else step
-    if column is None:  # the number of the row in its experiment
+    if column is None:  # the number of each row in its experiment
         order = np.argsort(experiment, kind="stable")
         grouped = experiment[order]
         begin = np.flatnonzero(np.diff(grouped, prepend=-1))
@@ -247,24 +250,28 @@ def _times(table: _Table, time: Optional[int], step: Optional[int], experiment: 
     return times
 
 
+def _ranges(values: Array, experiment: Any, experiments: int) -> tuple[Array, Array]:
+    """The smallest and the largest value of each experiment."""
+    begin, end = np.full(experiments, np.inf), np.full(experiments, -np.inf)
+    np.minimum.at(begin, experiment, values)
+    np.maximum.at(end, experiment, values)
+    return begin, end
+
+
 def _same_origin(times: Array, experiment: Any, names: list[Any]) -> None:
-    """Refuses dates of experiments made one after another: their first steps are not the same step."""
-    begin, end = np.full(len(names), np.inf), np.full(len(names), -np.inf)
-    np.minimum.at(begin, experiment, times)
-    np.maximum.at(end, experiment, times)
+    """Reject dates of experiments made one after another, because their first steps are not the same step."""
+    begin, end = _ranges(times, experiment, len(names))
     first, last = int(np.argmin(begin)), int(np.argmax(begin))
     if begin[last] > end[first]:
         raise ValueError(
-            f"column 'time': experiment '{names[last]}' begins {text_of(begin[last] - end[first])} s behind the end of "
-            f"'{names[first]}', times from a common origin needed: time less the begin of its experiment"
+            f"column 'time': experiment '{names[last]}' begins {text_of(begin[last] - end[first])} s after the end of "
+            f"'{names[first]}', times from a common origin needed. Subtract the first time of each experiment"
         )
 
 
 def _common_steps(steps: Array, experiment: Any, names: list[Any], column: str) -> None:
-    """Refuses numbers that run on from one experiment to the next: they count rows, unless they are called k."""
-    begin, end = np.full(len(names), np.inf), np.full(len(names), -np.inf)
-    np.minimum.at(begin, experiment, steps)
-    np.maximum.at(end, experiment, steps)
+    """Reject numbers that continue from one experiment to the next, because they count rows. Only "k" may do so."""
+    begin, end = _ranges(steps, experiment, len(names))
     first, last = int(np.argmin(end)), int(np.argmax(begin))
     if begin[last] > end[first]:
         raise ValueError(
@@ -274,7 +281,7 @@ def _common_steps(steps: Array, experiment: Any, names: list[Any], column: str) 
         )
 
 
-# ---- from tables to ensembles ----
+# ---- tables → ensembles ----
 
 
 def from_dataframe(
@@ -283,13 +290,10 @@ def from_dataframe(
     inputs: Optional[Sequence[Any]] = None,
     outputs: Optional[Sequence[Any]] = None,
     dt: Optional[float] = None,
-    length: Optional[ArrayLike] = None,
-    free_y: Optional[ArrayLike] = None,
-    initial_state: Optional[str] = None,
-    input_units: Optional[Sequence[str]] = None,
-    output_units: Optional[Sequence[str]] = None,
     outputs_required: bool = False,
+    **described: Any,
 ) -> _tokid.Ensemble:
+    """See `Ensemble.from_dataframe`. `described` has arguments of `describe`."""
     pandas()
     if not is_dataframe(data):
         raise ValueError(f"data: {type(data).__name__} found, a DataFrame needed")
@@ -337,31 +341,35 @@ def from_dataframe(
     for samples, columns in ((core.u(), u), (core.y(), y)):
         for channel, column in enumerate(columns):
             samples[row_experiment, grid.step, channel] = table.numbers(column)
-    given_units: dict[str, str] = notes.get("units") or {}
-    for kind, columns, prefix, units in (("input", u, "u", input_units), ("output", y, "y", output_units)):
-        names = [table.names[column] for column in columns]
-        default = names == [f"{prefix}{i + 1}" for i in range(len(names))]
-        if not default or f"{kind}_names" in notes:
-            setattr(core, f"{kind}_names", names)
-        if units is None and any(name in given_units for name in names):
-            setattr(core, f"{kind}_units", [given_units.get(name, "") for name in names])
-    noted_state = notes.get("initial_state") if initial_state is None else initial_state
-    describe(core, None, free_y, noted_state, None, None, input_units, output_units)
-    if experiment is not None:
-        core.experiment_names = [label(name) for name in experiments]
-    if length is not None:
-        describe(core, length)
-        for n, valid in enumerate(core.length):
-            core.u()[n, max(valid, 0) :] = np.nan
-            core.y()[n, max(valid, 0) :] = np.nan
-    else:
-        _keep_lengths(core, notes.get("length"), experiments, round(grid.begin / grid.dt) if time is not None else 0)
+    given = {name: value for name, value in described.items() if value is not None}
+    begin = round(grid.begin / grid.dt) if time is not None else 0
+    describe(core, **{**_description(table, core, u, y, experiments if experiment is not None else None), **given})
+    if "length" not in given:
+        _keep_lengths(core, notes.get("length"), experiments, begin)
     core.check(outputs_required)
     return core
 
 
+def _description(
+    table: _Table, core: _tokid.Ensemble, u: list[int], y: list[int], experiments: Optional[list[Any]]
+) -> dict[str, Any]:
+    """The names in a table and the values in its notes, as the arguments of `describe`."""
+    found: dict[str, Any] = {
+        "initial_state": table.notes.get("initial_state"),
+        "experiment_names": experiments,
+    }
+    units: dict[str, str] = table.notes.get("units") or {}
+    for side, columns in (("input", u), ("output", y)):
+        names = [table.names[column] for column in columns]
+        if names != channel_texts(core, f"{side}_names") or f"{side}_names" in table.notes:
+            found[f"{side}_names"] = names
+        if any(name in units for name in names):
+            found[f"{side}_units"] = [units.get(name, "") for name in names]
+    return found
+
+
 def _keep_lengths(core: _tokid.Ensemble, noted: Any, experiments: list[Any], begin: int) -> None:
-    """Takes over the lengths noted for the experiments, unless there are samples beyond them by now."""
+    """Use the lengths in the notes, unless the table now has samples beyond them."""
     if not isinstance(noted, dict) or any(label(name) not in noted for name in experiments):
         return
     lengths = [min(max(int(noted[label(name)]) - begin, 0), core.steps) for name in experiments]
@@ -370,22 +378,30 @@ def _keep_lengths(core: _tokid.Ensemble, noted: Any, experiments: list[Any], beg
         core.length = lengths
 
 
-# ---- and back ----
+# ---- ensembles → tables ----
 
 
 def _distinct_names(names: list[str]) -> None:
     for i, name in enumerate(names):
         if names.count(name) > 1 or (i > 1 and name in _RESERVED):
             raise ValueError(
-                f"channel name '{name}' found twice or as the name of a column of its own in a DataFrame; distinct "
-                "names needed"
+                f"channel name '{name}' found twice or as the name of another column; distinct names needed"
             )
 
 
 def tidy(dt: Optional[float], labels: Any, columns: Sequence[tuple[Sequence[str], Array]], kept: Any = None) -> Any:
-    """A row for each experiment, by its label, and step; a column for each channel of the arrays (N, T, channels).
+    """Return a table with a row for each experiment and step, and a column for each channel.
 
-    Steps have their times, or their numbers without a dt [s].
+    Parameters
+    ----------
+    dt : float or None
+        Sample time [s]. Without it, the steps have their numbers instead of their times.
+    labels : ndarray, shape (N,)
+        Names of the experiments.
+    columns : sequence of (names, ndarray of shape (N, T, channels))
+        Channels.
+    kept : ndarray of bool, shape (N, T), optional
+        Rows to keep; by default all.
     """
     experiments, steps = columns[0][1].shape[:2]
     steps_name = "k" if dt is None else "time"
@@ -407,26 +423,20 @@ def to_dataframe(core: _tokid.Ensemble) -> Any:
     if core.free_y is not None:
         raise ValueError("free responses don't fit into a DataFrame; .npz, .h5 or .mat needed")
     u, y = core.u(), core.y()
-    # Rows without a sample are left out, but for the first experiment and the first step, which keep the grid whole.
+    # Rows without a sample are left out. The first experiment and the first step keep all rows, for the whole grid.
     kept = np.asarray(~(np.isnan(u).all(axis=2) & np.isnan(y).all(axis=2)))
     kept[:1] = True
     kept[:, :1] = True
     stated = core.dt if core.dt_stated else None
-    table = tidy(stated, labels_of(core), [(input_names(core), u), (output_names(core), y)], kept)
+    inputs, outputs = channel_texts(core, "input_names"), channel_texts(core, "output_names")
+    table = tidy(stated, labels_of(core), [(inputs, u), (outputs, y)], kept)
     notes: dict[str, Any] = {"dt": core.dt} if core.dt_stated else {}
     if core.initial_state is not None:
         notes["initial_state"] = core.initial_state
     if core.length:
         notes["length"] = {name: int(length) for name, length in zip(experiment_names(core), core.length)}
-    if core.input_names:
-        notes["input_names"] = list(core.input_names)
-    if core.output_names:
-        notes["output_names"] = list(core.output_names)
-    units = {
-        name: unit
-        for names, kind in ((input_names(core), core.input_units), (output_names(core), core.output_units))
-        for name, unit in zip(names, kind)
-    }
+    notes.update({which: names for which in ("input_names", "output_names") if (names := list(getattr(core, which)))})
+    units = {**dict(zip(inputs, core.input_units)), **dict(zip(outputs, core.output_units))}
     if units:
         notes["units"] = units
     table.attrs[_NOTES] = notes

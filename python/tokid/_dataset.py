@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Datasets of xarray: ensembles from them, and ensembles and models as them."""
+"""Datasets of xarray from ensembles and models, and ensembles from datasets."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, Optional
 
 import numpy as np
 
 from . import _arrays, _options, _tokid
-from ._channels import input_names, input_units, output_names, output_units
+from ._channels import channel_texts
 from ._errors import warn
 from ._optional import need
 from ._samples import core_of, describe, label, labels_of
 from ._state_space import StateSpace
 from ._time_grid import Grid, seconds
-from ._typing import Array, ArrayLike
+from ._typing import Array
 
 _STEPS = ("k", "time")
 
@@ -28,15 +28,15 @@ def is_dataset(data: Any) -> bool:
 
 
 def _samples(data: Any, name: str, channel: str) -> tuple[Optional[str], Optional[np.ndarray[Any, Any]]]:
-    """The dimension of the steps and the samples (N, T, channels) of a variable, if it is there."""
+    """The dimension of the steps, and the samples (N, T, channels), of a variable; None without the variable."""
     if name not in data.data_vars:
         return None, None
     variable = data[name]
     steps = [dim for dim in _STEPS if dim in variable.dims]
     if len(steps) != 1 or not set(variable.dims) <= {"experiment", channel, *steps}:
         raise ValueError(
-            f"{name}: dimensions {variable.dims} found, 'k' or 'time' needed, and no others than 'experiment' and "
-            f"'{channel}' beside it; rename or select"
+            f"{name}: dimensions {variable.dims} found, 'k' or 'time' needed, and apart from it only 'experiment' and "
+            f"'{channel}'; rename or select"
         )
     for dim, axis in (("experiment", 0), (channel, -1)):
         if dim not in variable.dims:
@@ -49,7 +49,7 @@ def _coordinate(data: Any, name: str, dim: str) -> Optional[np.ndarray[Any, Any]
 
 
 def _times(data: Any, dim: str, steps: int) -> tuple[Array, bool, float]:
-    """Times of the steps, or their numbers where there are none; whether they are times, and what they are rounded to."""
+    """The times of the steps or their numbers, whether they are times, and their resolution [s]."""
     for name, timed in (("time", True), ("k", False)):
         found = _coordinate(data, name, dim)
         if found is not None:
@@ -74,20 +74,42 @@ def _texts(data: Any, name: str, dim: str) -> Optional[list[str]]:
     return None if found is None else [str(text) for text in found]
 
 
+def _description(data: Any, core: _tokid.Ensemble, dim: str, grid: Grid, names_given: bool) -> dict[str, Any]:
+    """The values of a dataset that describe its samples, as the arguments of `describe`.
+
+    They count steps from the begin of the ensemble. The samples may be a later stretch of it.
+    """
+    found: dict[str, Any] = {}
+    numbered = _coordinate(data, "k", dim)
+    numbers = np.arange(len(grid.step)) if numbered is None else _arrays.numbers("k", numbered)
+    begun = int(numbers.min()) == 0
+    if "length" in data and data["length"].dims == ("experiment",):
+        lengths = data["length"].values
+        found["length"] = [int(grid.step[numbers < valid].max(initial=-1)) + 1 for valid in lengths]
+    found["initial_state"] = data.attrs.get("initial_state") if begun else "unknown"
+    dims = ("free_experiment", "free_k", "output")
+    if "free_y" in data and set(data["free_y"].dims) == set(dims) and begun:
+        if grid.gapless and data.attrs.get("dt") in (None, grid.dt):
+            found["free_y"] = data["free_y"].transpose(*dims).values
+    for side, count in (("input", core.inputs), ("output", core.outputs)):
+        names = _texts(data, side, side)
+        if names != channel_texts(core, f"{side}_names"):  # channels without names have these
+            found[f"{side}_names"] = names
+        found[f"{side}_units"] = _texts(data, f"{side}_unit", side) if count else None
+    coordinate = _coordinate(data, "experiment", "experiment")
+    if coordinate is not None and not names_given:
+        labels = [label(name) for name in coordinate]
+        if all(labels) and len(set(labels)) == len(labels):
+            found["experiment_names"] = labels
+        else:
+            warn(["experiment: empty or repeated labels found. The experiments are named by their rows"])
+    return found
+
+
 def from_xarray(
-    data: Any,
-    *,
-    dt: Optional[float] = None,
-    length: Optional[ArrayLike] = None,
-    free_y: Optional[ArrayLike] = None,
-    initial_state: Optional[str] = None,
-    input_names: Optional[Sequence[str]] = None,
-    output_names: Optional[Sequence[str]] = None,
-    input_units: Optional[Sequence[str]] = None,
-    output_units: Optional[Sequence[str]] = None,
-    experiment_names: Optional[Iterable[Any]] = None,
-    outputs_required: bool = False,
+    data: Any, *, dt: Optional[float] = None, outputs_required: bool = False, **described: Any
 ) -> _tokid.Ensemble:
+    """See `Ensemble.from_xarray`. `described` has the arguments of `describe`."""
     need("xarray", "from_xarray", "tokid[xarray]")
     if not is_dataset(data):
         raise ValueError(f"data: {type(data).__name__} found, a Dataset needed")
@@ -100,66 +122,30 @@ def from_xarray(
     some, dim = (u, u_dim) if u is not None else (y, y_dim)
     if some is None or dim is None or not some.shape[1]:
         raise ValueError("data: no steps found, samples needed")
-    times, timed, rounded = _times(data, dim, some.shape[1])
+    times, timed, resolution = _times(data, dim, some.shape[1])
     stated = None if dt is None else _options.real("dt", dt, 0.0)
     noted = data.attrs.get("dt")
-    grid = Grid(times, timed, stated, None if noted is None else float(noted), 1, rounded)
+    grid = Grid(times, timed, stated, None if noted is None else float(noted), 1, resolution)
     if len(np.unique(grid.step)) < len(times):
         raise ValueError(f"{dim}: two entries found for a step, one needed")
-    even = grid.steps == len(times) and bool(np.all(np.diff(grid.step) == 1))
-    if not even:
+    if not grid.gapless:
         u, y = (None if samples is None else _on_grid(samples, grid) for samples in (u, y))
     core, _ = core_of(u, y, grid.dt)
     core.dt_stated = grid.dt_stated
-
-    # What is noted counts steps from where the ensemble began, of which this may be a stretch.
-    numbered = _coordinate(data, "k", dim)
-    numbers = np.arange(len(times)) if numbered is None else _arrays.numbers("k", numbered)
-    begun = int(numbers.min()) == 0
-    lengths = data["length"].values if "length" in data and data["length"].dims == ("experiment",) else None
-    if length is None and lengths is not None:
-        length = [int(grid.step[numbers < valid].max(initial=-1)) + 1 for valid in lengths]
-    if initial_state is None:
-        initial_state = data.attrs.get("initial_state") if begun else "unknown"
-    dims = ("free_experiment", "free_k", "output")
-    if free_y is None and "free_y" in data and set(data["free_y"].dims) == set(dims) and begun:
-        if even and (noted is None or grid.dt == noted):
-            free_y = data["free_y"].transpose(*dims).values
-    names = {
-        "input_names": _texts(data, "input", "input") if input_names is None else input_names,
-        "output_names": _texts(data, "output", "output") if output_names is None else output_names,
-    }
-    for name, count, given in (("input_names", core.inputs, input_names), ("output_names", core.outputs, output_names)):
-        if given is None and names[name] == [f"{'u' if name[0] == 'i' else 'y'}{i + 1}" for i in range(count)]:
-            names[name] = None  # those that channels without a name have
-    coordinate = _coordinate(data, "experiment", "experiment")
-    if experiment_names is None and coordinate is not None:
-        labels = [label(name) for name in coordinate]
-        if all(labels) and len(set(labels)) == len(labels):
-            experiment_names = labels
-        else:
-            warn(["experiment: empty or repeated labels found, so the experiments are known by their rows alone"])
-    describe(
-        core,
-        length,
-        free_y if core.outputs else None,
-        initial_state,
-        input_units=(_texts(data, "input_unit", "input") if core.inputs else None) if input_units is None else input_units,
-        output_units=(
-            (_texts(data, "output_unit", "output") if core.outputs else None) if output_units is None else output_units
-        ),
-        experiment_names=experiment_names,
-        **names,
-    )
+    given = {name: value for name, value in described.items() if value is not None}
+    description = {**_description(data, core, dim, grid, "experiment_names" in given), **given}
+    if not core.outputs:
+        description.pop("free_y", None)
+    describe(core, **description)
     core.check(outputs_required)
     return core
 
 
-# ---- and back ----
+# ---- ensembles and models → datasets ----
 
 
 def _padded(matrices: Sequence[Array], shape: tuple[int, int]) -> Array:
-    """One array of all steps, NaN where a matrix has no entry."""
+    """One array of all steps. NaN where a matrix has no entry."""
     whole = np.full((len(matrices), *shape), np.nan)
     for s, matrix in enumerate(matrices):
         whole[s, : matrix.shape[0], : matrix.shape[1]] = matrix
@@ -170,15 +156,17 @@ def _vector(values: Array, size: int) -> Array:
     return np.append(values, np.full(size - len(values), np.nan))
 
 
-def _described(names: list[str], units: list[str], kind: str) -> dict[str, Any]:
-    coordinates: dict[str, Any] = {kind: (kind, np.asarray(names, dtype=str))}
+def _described(core: Any, kind: str) -> dict[str, Any]:
+    """The coordinates of the inputs or outputs of an ensemble or a model: their names, and their units if known."""
+    units = channel_texts(core, f"{kind}_units")
+    coordinates: dict[str, Any] = {kind: (kind, np.asarray(channel_texts(core, f"{kind}_names"), dtype=str))}
     if any(units):
         coordinates[f"{kind}_unit"] = (kind, np.asarray(units, dtype=str))
     return coordinates
 
 
 def of_ensemble(core: _tokid.Ensemble) -> Any:
-    """An ensemble as a dataset: see `interop.ensemble_to_xarray`."""
+    """The dataset of an ensemble. See `interop.ensemble_to_xarray`."""
     xr = need("xarray", "to_xarray", "tokid[xarray]")
     variables: dict[str, Any] = {}
     if core.inputs:
@@ -197,9 +185,9 @@ def of_ensemble(core: _tokid.Ensemble) -> Any:
     if core.dt_stated:
         coordinates["time"] = ("k", k * core.dt, {"long_name": "Time", "units": "s"})
     if core.inputs:
-        coordinates.update(_described(input_names(core), input_units(core), "input"))
+        coordinates.update(_described(core, "input"))
     if core.outputs:
-        coordinates.update(_described(output_names(core), output_units(core), "output"))
+        coordinates.update(_described(core, "output"))
     attributes: dict[str, Any] = {"dt": core.dt} if core.dt_stated else {}
     if core.initial_state is not None:
         attributes["initial_state"] = core.initial_state
@@ -207,7 +195,7 @@ def of_ensemble(core: _tokid.Ensemble) -> Any:
 
 
 def of_model(model: StateSpace) -> Any:
-    """A model as a dataset: see `interop.model_to_xarray`."""
+    """The dataset of a model. See `interop.model_to_xarray`."""
     xr = need("xarray", "to_xarray", "tokid[xarray]")
     n, r, m = model.states, model.inputs, model.outputs
     sizes = {"state_next": n, "state": n, "input": r, "output": m}
@@ -251,8 +239,8 @@ def of_model(model: StateSpace) -> Any:
         "time": ("k", k * model.dt, {"long_name": "Time", "units": "s"}),
         "state": ("state", np.arange(1, n + 1)),
         "state_next": ("state_next", np.arange(1, n + 1)),
-        **_described(model.input_names, model.input_units, "input"),
-        **_described(model.output_names, model.output_units, "output"),
+        **_described(model._core, "input"),
+        **_described(model._core, "output"),
     }
     if "singular_value" in variables:
         coordinates["number"] = ("number", np.arange(1, variables["singular_value"][1].shape[1] + 1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Repeated experiments."""
+"""Ensembles: repeated experiments of the same system."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 from . import _arrays, _dataframe, _dataset, _options, _samples, _tokid
 from ._channels import Channels
 from ._errors import reading, warn, writing
+from ._held import Held
 from ._samples import core_of, describe, sizes, taken_for_one, with_remark
-from ._typing import Array, ArrayLike, PathLike
+from ._typing import Array, ArrayLike, IndexArray, PathLike
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
@@ -21,39 +22,40 @@ if TYPE_CHECKING:
 
 
 class Ensemble(Channels):
-    """N repeated experiments of T steps with r inputs and m outputs, their names, units and what is known of them.
+    """N repeated experiments of T steps with r inputs and m outputs, and their names, units and other information.
 
     Parameters
     ----------
     u : array_like, shape (N, T, r), or (T, r) for one experiment
-        Inputs. NaN marks a missing sample, and so does the mask of a masked array. Any strides and any type of real
-        numbers are read straight from the array; the samples are laid out anew in one pass, as the library needs them.
+        Inputs. NaN marks a missing sample, and so does the mask of a masked array. Arrays of any strides and any type
+        of real numbers are read directly. The samples are copied once, into the layout of the library.
     y : array_like, shape (N, T, m), or (T, m) for one experiment, optional
-        Outputs; without them the ensemble holds inputs alone, as for simulations.
+        Outputs. Without them, the ensemble contains only inputs, for simulations.
     dt : float, optional
-        Sample time [s]. Without it 1 is taken, and a `TokidWarning` says so.
+        Sample time [s]. Without it, dt is 1, and a `TokidWarning` reports this.
     length : array_like of int, shape (N,), optional
-        Valid samples of each experiment, from 0 to T; the rest is ignored.
+        Number of valid samples of each experiment, from 0 to T. Later samples are ignored.
     free_y : array_like, shape (Nf, Tf, m), optional
-        Outputs of experiments without input from unknown non-zero initial states, on the time origin of the others.
+        Free responses: outputs of experiments without input, from unknown initial states that are not zero. They have
+        the same time origin as the other experiments.
     initial_state : {"zero", "unknown"}, optional
-        What is known of the state of every experiment at step 0; None: nothing is stated.
+        State of every experiment at step 0. None: not stated.
     input_names, output_names : sequence of str, optional
-        Names of the channels, by default u1 … ur and y1 … ym.
+        Names of the channels; by default u1 … ur and y1 … ym.
     input_units, output_units : sequence of str, optional
-        Their units.
+        Units of the channels.
     experiment_names : sequence of str or numbers, shape (N,), optional
-        Names of the experiments, all different, by which messages, plots and tables call them; by default their rows.
+        Names of the experiments, all different, for messages, plots and tables; by default their rows.
 
     Raises
     ------
     ValueError
-        For shapes that do not go together, values that are no real numbers, and infinite ones; names what was found
-        and what is needed.
+        If shapes do not agree, values are not real numbers, or values are infinite. The message says what was found and
+        what is needed.
 
     See Also
     --------
-    Ensemble.empty : to write samples in place, without any copy.
+    Ensemble.empty : makes an ensemble whose samples are written in place, without a copy.
 
     Examples
     --------
@@ -97,8 +99,8 @@ class Ensemble(Channels):
         return self
 
     @classmethod
-    def _told(cls, core: _tokid.Ensemble) -> Self:
-        """One that was made from what a user has: what is worth a word of it is issued here, and nowhere else."""
+    def _with_warnings(cls, core: _tokid.Ensemble) -> Self:
+        """An ensemble from the data of a user. Its warnings are issued here, once."""
         warn(core.remarks())
         return cls._of(core)
 
@@ -120,9 +122,9 @@ class Ensemble(Channels):
         output_units: Optional[Sequence[str]] = None,
         experiment_names: Optional[Iterable[Any]] = None,
     ) -> Self:
-        """An ensemble of the given size in which every sample is missing (NaN), to be written through `u` and `y`.
+        """Make an ensemble of the given size with every sample missing (NaN). Samples are then written to `u` and `y`.
 
-        Written in place, samples are never copied. The other parameters are those of the constructor.
+        Samples that are written in place are never copied. The other parameters are those of the constructor.
 
         Examples
         --------
@@ -130,18 +132,18 @@ class Ensemble(Channels):
         >>> data.u[...] = 0.0
         >>> data.y[3, :, 0] = 1.0  # one experiment
         """
-        size = [
-            _options.integer(name, value, 0)
-            for name, value in zip(
-                ("experiments", "steps", "inputs", "outputs"), (experiments, steps, inputs, outputs)
-            )
-        ]
-        core = _tokid.Ensemble(size[0], size[1], size[2], size[3], 1.0 if dt is None else float(dt))
+        core = _tokid.Ensemble(
+            _options.integer("experiments", experiments, 0),
+            _options.integer("steps", steps, 0),
+            _options.integer("inputs", inputs, 0),
+            _options.integer("outputs", outputs, 0),
+            1.0 if dt is None else float(dt),
+        )
         core.dt_stated = dt is not None
         describe(
             core, length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
         )
-        return cls._told(core)
+        return cls._with_warnings(core)
 
     @classmethod
     def load(
@@ -152,12 +154,12 @@ class Ensemble(Channels):
         outputs: Sequence[str] = (),
         outputs_required: bool = False,
     ) -> Self:
-        """Reads an ensemble from .npz, .h5, .mat or .csv.
+        """Read an ensemble from .npz, .h5, .mat or .csv.
 
         Parameters
         ----------
         path : path
-            The file; its extension says the format.
+            The file; its extension determines the format.
         inputs, outputs : sequence of str, optional
             Columns of a .csv that are inputs and outputs; by default those whose names begin with u and y.
         outputs_required : bool, default False
@@ -166,108 +168,71 @@ class Ensemble(Channels):
         Raises
         ------
         IoError
-            For a file that can't be read or holds something else; an OSError.
+            If the file can't be read or contains something else. It is an OSError.
 
         Warns
         -----
         TokidWarning
-            Where the file states no sample time, so that dt is 1 s; of columns that are not used; of rows that were
-            taken as successive steps; of a last line that may have been cut; of a .csv that has been changed since
-            tokid wrote it; of axes that look swapped.
+            If the file states no sample time, so that dt is 1 s; if columns are not used; if rows were taken as
+            successive steps; if the last line may be incomplete; if a .csv has changed since tokid wrote it; if axes
+            look swapped.
         """
         with reading(path) as file:
             core = _tokid.load_ensemble(file, list(inputs), list(outputs), bool(outputs_required))
-        return cls._told(core)
+        return cls._with_warnings(core)
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
-        """Writes the ensemble to .npz, .h5, .mat or .csv, whole or not at all.
+        """Write the ensemble to .npz, .h5, .mat or .csv. The file appears as a whole or not at all.
 
         Parameters
         ----------
         path : path
-            The file; its extension says the format.
+            The file; its extension determines the format.
         mat73 : bool, default False
-            Write a .mat of MATLAB version 7.3, which arrays beyond 2 GiB need.
+            Write a .mat of MATLAB version 7.3. Arrays larger than 2 GiB need it.
         """
         with writing(path) as file:
             _tokid.save_ensemble(self._ready(), file, bool(mat73))
 
-    # Sizes and samples
-
-    @property
-    def experiments(self) -> int:
-        """Number of experiments N."""
-        return self._core.experiments
-
-    @property
-    def steps(self) -> int:
-        """Number of steps T."""
-        return self._core.steps
-
-    @property
-    def u(self) -> Array:
-        """Inputs (N, T, r): a writable view of the samples, of which the experiments lie next to each other."""
-        return self._core.u()
-
-    @property
-    def y(self) -> Array:
-        """Outputs (N, T, m): a writable view of the samples, of which the experiments lie next to each other."""
-        return self._core.y()
-
-    @property
-    def free_y(self) -> Optional[Array]:
-        """Free responses (Nf, Tf, m) as a writable view, or None."""
-        return self._core.free_y
-
-    @property
-    def dt(self) -> float:
-        """Sample time [s]."""
-        return self._core.dt
-
-    @property
-    def dt_stated(self) -> bool:
-        """Whether somebody stated `dt`; else it is 1."""
-        return self._core.dt_stated
+    experiments = Held[int]("Number of experiments N.")
+    steps = Held[int]("Number of steps T.")
+    u = Held[Array]("Inputs (N, T, r), a writable view with contiguous experiments.", lambda core, _: core.u())
+    y = Held[Array]("Outputs (N, T, m), a writable view with contiguous experiments.", lambda core, _: core.y())
+    free_y = Held[Optional[Array]]("Free responses (Nf, Tf, m), as a writable view, or None.")
+    dt = Held[float]("Sample time [s].")
+    dt_stated = Held[bool]("Whether the user or the data stated `dt`. Otherwise it is 1.")
+    length = Held[Optional[IndexArray]](
+        "Number of valid samples (N,) of each experiment, or None if all have T.",
+        lambda core, _: np.asarray(core.length, dtype=np.int64) if core.length else None,
+    )
+    experiment_names = Held[list[str]](
+        "Names (N) of the experiments; without names, their rows.", lambda core, _: _samples.experiment_names(core)
+    )
+    initial_state = Held[Optional[str]]('States at step 0: "zero", "unknown", or None if not stated.')
 
     @property
     def time(self) -> Array:
-        """Times (T,) of the steps [s], from 0 on."""
+        """Times (T,) of the steps, from 0 [s]."""
         return np.arange(self.steps, dtype=np.float64) * self.dt
 
     @property
-    def length(self) -> Optional[np.ndarray[Any, np.dtype[np.int64]]]:
-        """Valid samples (N,) of each experiment, or None where all have T."""
-        length = self._core.length
-        return np.asarray(length, dtype=np.int64) if length else None
-
-    @property
-    def experiment_names(self) -> list[str]:
-        """Names (N) of the experiments, their rows "0" … where none were given."""
-        return _samples.experiment_names(self._core)
-
-    @property
-    def initial_state(self) -> Optional[str]:
-        """What is known of the states at step 0: "zero", "unknown", or None where nothing is stated."""
-        return self._core.initial_state
-
-    @property
     def missing(self) -> int:
-        """Number of samples that are missing within the lengths of the experiments."""
+        """Number of missing samples within the lengths of the experiments."""
         return self._ready().missing()
 
     @property
     def fingerprint(self) -> str:
-        """16 hexadecimal digits that tell the samples of this ensemble from those of any other."""
+        """Hash of all samples, 16 hexadecimal digits. Different ensembles have different fingerprints."""
         return self._ready().fingerprint()
 
     def summary(self) -> dict[str, _tokid.ChannelSummary]:
-        """For each channel, inputs first: number of samples, how many are missing, mean, std, min and max."""
+        """Summarise each channel, inputs first: numbers of samples and missing samples, mean, std, min and max."""
         names = self.input_names + self.output_names
         core = self._ready()
         return {name: core.channel_summary(c) for c, name in enumerate(names)}
 
     def _ready(self) -> _tokid.Ensemble:
-        """The samples as the library wants them: nothing behind the lengths, whatever was written there."""
+        """The core without samples after the lengths of the experiments, which a user may have written there."""
         self._core.clear_beyond_lengths()
         return self._core
 
@@ -275,7 +240,7 @@ class Ensemble(Channels):
         return self.experiments
 
     def __getitem__(self, rows: Union[int, slice, ArrayLike]) -> Self:
-        """Experiments as an ensemble of their own: one by its number, or several as of `subset`."""
+        """Return one experiment by its number, or several as in `subset`, as an ensemble."""
         if isinstance(rows, (int, np.integer)) and not isinstance(rows, bool):
             if not -self.experiments <= rows < self.experiments:
                 raise IndexError(f"experiment {rows} found, one of {self.experiments} needed")
@@ -286,20 +251,20 @@ class Ensemble(Channels):
         return (self.subset([n]) for n in range(self.experiments))
 
     def __array__(self, dtype: Any = None, copy: Optional[bool] = None) -> np.ndarray[Any, Any]:
-        # NumPy would take it for a sequence of sequences without end.
-        raise TypeError("an Ensemble found, an array needed: it holds two, u (N, T, r) and y (N, T, m)")
+        # NumPy would otherwise treat an ensemble as an endless sequence of sequences.
+        raise TypeError("an Ensemble found, an array needed: use its arrays u (N, T, r) and y (N, T, m)")
 
     def __repr__(self) -> str:
-        names = f"; experiments {_told(self._core.experiment_names)}" if self._core.experiment_names else ""
+        names = f"; experiments {_shortened(self._core.experiment_names)}" if self._core.experiment_names else ""
         return f"<{'tokid.' if type(self) is Ensemble else ''}{type(self).__name__}: {sizes(self)}{names}>"
 
     # Parts
 
     def subset(self, rows: Union[slice, ArrayLike]) -> Self:
-        """The experiments of a slice, of the given row numbers, or for which a mask is true; all else is kept.
+        """Return the experiments of a slice, of row numbers, or of a mask, with all other information.
 
-        Negative numbers count from the end. The samples are copied. The experiments keep their names; those without
-        names get their row numbers as names. Where a row is chosen twice, the experiments of the subset have no names.
+        Negative numbers count from the end. The samples are copied. The experiments keep their names. Experiments
+        without names get their row numbers as names. If a row is chosen twice, the experiments have no names.
 
         Examples
         --------
@@ -314,7 +279,8 @@ class Ensemble(Channels):
             _arrays.shaped("rows", chosen, (self.experiments,))
             chosen = np.flatnonzero(chosen)
         if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
-            raise ValueError(f"rows: an array of {chosen.dtype} and shape {chosen.shape} found, row numbers (any,) needed")
+            found = f"an array of {chosen.dtype} and shape {chosen.shape}"
+            raise ValueError(f"rows: {found} found, row numbers (any,) needed")
         numbers = [int(n) for n in chosen]
         for n in numbers:
             if not -self.experiments <= n < self.experiments:
@@ -322,14 +288,14 @@ class Ensemble(Channels):
         return self._of(self._ready().subset([n % self.experiments for n in numbers]))
 
     def split(self, fraction: float, *, period: int = 0) -> tuple[Self, Self]:
-        """Experiments for identification, and a share of them, evenly spread, for validation.
+        """Split the experiments into training data and held-out data, which are spread evenly over the ensemble.
 
         Parameters
         ----------
         fraction : float
-            Share of the experiments that are held out, between 0 and 1.
+            Share of the experiments to hold out, between 0 and 1.
         period : int, default 0
-            Of a single record of a system with a period of so many steps its end is held out.
+            Period of the system. The end of a single record of a periodic system is held out.
 
         Returns
         -------
@@ -340,24 +306,24 @@ class Ensemble(Channels):
         return self._of(training), self._of(held_out)
 
     def stretch(self, begin: int, end: int) -> Self:
-        """The steps begin … end-1 of every experiment as an ensemble of its own. Free responses stay behind."""
+        """Return the steps begin … end-1 of every experiment as an ensemble, without free responses."""
         first = _options.integer("begin", begin, 0, self.steps - 1)
         return self._of(self._ready().stretch(first, _options.integer("end", end, first + 1, self.steps)))
 
     def cut(self, length: int) -> Self:
-        """Consecutive stretches of the given length as experiments of their own, unfinished ones left out."""
+        """Return consecutive stretches of the given length as experiments, without an incomplete last stretch."""
         return self._of(self._ready().cut(_options.integer("length", length, 1, self.steps)))
 
     def nominal(self) -> tuple[Array, Array]:
-        """The mean motion over the experiments: inputs (T, r) and outputs (T, m)."""
+        """Return the mean motion over the experiments: inputs (T, r) and outputs (T, m)."""
         u, y = self._ready().nominal()
         return u, y
 
     def departures(self) -> Self:
-        """The experiments less their mean motion."""
+        """Return the departures of the experiments from their mean motion."""
         return self._of(self._ready().departures())
 
-    # In the forms of other packages
+    # Objects of other packages
 
     @classmethod
     def from_dataframe(
@@ -374,28 +340,30 @@ class Ensemble(Channels):
         output_units: Optional[Sequence[str]] = None,
         outputs_required: bool = False,
     ) -> Self:
-        """An ensemble of a tidy `pandas.DataFrame`, by the rules of .csv files.
+        """Make an ensemble from a tidy `pandas.DataFrame`, by the rules of .csv files.
 
         Parameters
         ----------
         data : pandas.DataFrame
-            A row for each experiment and step, in any order. ``experiment`` (numbers, which come in their order, or
-            texts, which come as they first appear) names the experiments; where it is absent there is one. ``time``
-            (numbers [s], dates or time differences), or ``k`` (whole numbers), holds the step, and where both are
-            absent the rows of an experiment are its steps. They may be levels of the index, and an index of dates, of
-            time differences, or of floats without a name is ``time``. Times may also be called
-            ``t [s]``, ``time_ms`` and so on, as in .csv files. A warning names the other columns that are no channels,
-            such as ``trial``.
-            Absent rows, NaN, None and "NA" are missing samples.
+            A row for each experiment and step, in any order. Missing rows, NaN, None and "NA" are missing samples. A
+            warning names the columns that are not used.
+
+            The column ``experiment`` names the experiments. Numbers are sorted, texts keep the order of their first
+            appearance. Without this column there is one experiment.
+
+            The column ``time`` (numbers [s], dates or time differences) or ``k`` (whole numbers) determines the step.
+            Without both, the rows of an experiment are its steps. As in .csv files, the time may have other names, such
+            as ``t [s]`` or ``time_ms``. The columns may be levels of the index. An index of dates, of time differences,
+            or of floats without a name is ``time``.
         inputs, outputs : sequence, optional
-            Columns that are inputs and outputs; by default all whose names begin with u and y, ``uid`` and ``year``
-            not excepted.
+            Columns that are inputs and outputs; by default all columns whose names begin with u and y, such as ``uid``
+            and ``year``.
         dt : float, optional
             Sample time [s]; by default the spacing of ``time``, else 1.
         length, free_y, initial_state, input_units, output_units
-            As of the constructor.
+            As in the constructor.
         outputs_required : bool, default False
-            Refuse a table without outputs.
+            Reject a table without outputs.
 
         Returns
         -------
@@ -404,27 +372,27 @@ class Ensemble(Channels):
         Raises
         ------
         ValueError
-            Names the column and the row, which are counted from 0. So are refused an index whose meaning is not known,
-            as of texts, and without ``experiment`` and times one whose labels repeat, as of records put together.
+            If the table is wrong. The message names the column and the row, counted from 0. An index of unknown
+            meaning, such as texts, is an error. Without ``experiment`` and times, so is an index with repeated labels.
 
         Notes
         -----
-        `to_dataframe` leaves what a table has no place for in ``data.attrs["tokid"]``: dt, names, units, lengths and
-        what is known of the initial states. It is taken from there, as far as it still goes with the rows and columns.
+        `to_dataframe` stores in ``data.attrs["tokid"]`` what a table has no place for: dt, names, units, lengths and
+        initial states. This method uses these values if they still agree with the rows and columns.
         """
         core = _dataframe.from_dataframe(
             data,
             inputs=inputs,
             outputs=outputs,
             dt=dt,
+            outputs_required=outputs_required,
             length=length,
             free_y=free_y,
             initial_state=initial_state,
             input_units=input_units,
             output_units=output_units,
-            outputs_required=outputs_required,
         )
-        return cls._told(core)
+        return cls._with_warnings(core)
 
     @classmethod
     def from_xarray(
@@ -442,33 +410,35 @@ class Ensemble(Channels):
         experiment_names: Optional[Iterable[Any]] = None,
         outputs_required: bool = False,
     ) -> Self:
-        """An ensemble of an `xarray.Dataset`, as `to_xarray` makes them.
+        """Make an ensemble from an `xarray.Dataset` with the names that `to_xarray` uses.
 
         Parameters
         ----------
         data : xarray.Dataset
-            The variables ``u`` and ``y`` along ``k`` or ``time``, ``experiment`` (one where it is absent) and ``input``
-            or ``output`` (one channel where it is absent), in any order. The coordinate ``time`` (numbers [s], dates or
-            time differences), else ``k`` (whole numbers), says which steps the entries are; absent ones are missing
-            samples. Names of the experiments (the coordinate ``experiment``), names and units of the channels, lengths,
-            free responses and what is known of the initial states are taken from where `to_xarray` has them.
+            The variables ``u`` and ``y`` with the dimensions ``k`` or ``time``, ``experiment``, and ``input`` or
+            ``output``, in any order. Without ``experiment`` there is one experiment, without ``input`` or ``output``
+            one channel.
+
+            The coordinate ``time`` (numbers [s], dates or time differences), else ``k`` (whole numbers), determines the
+            steps. Steps without an entry are missing samples. The other values are taken from where `to_xarray` stores
+            them: names of experiments and channels, units, lengths, free responses and initial states.
         dt : float, optional
             Sample time [s]; by default the spacing of ``time``, else the attribute dt, else 1.
         length, free_y, initial_state, input_names, output_names, input_units, output_units, experiment_names
-            As of the constructor, in the place of what the dataset holds.
+            As in the constructor. They replace the values of the dataset.
         outputs_required : bool, default False
-            Refuse a dataset without outputs.
+            Reject a dataset without outputs.
 
         Returns
         -------
         Ensemble
-            With the samples of the dataset copied. A stretch that begins later than step 0 has unknown initial states
-            and no free responses, as of `stretch`.
+            An ensemble with a copy of the samples. As in `stretch`, data that begin after step 0 have unknown initial
+            states and no free responses.
 
         Raises
         ------
         ValueError
-            Names the variable or coordinate.
+            If the dataset is wrong. The message names the variable or coordinate.
         """
         core = _dataset.from_xarray(
             data,
@@ -483,21 +453,21 @@ class Ensemble(Channels):
             experiment_names=experiment_names,
             outputs_required=outputs_required,
         )
-        return cls._told(core)
+        return cls._with_warnings(core)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The ensemble as a tidy `pandas.DataFrame`: ``experiment``, ``time`` [s] and a column for each channel.
+        """Return the ensemble as a tidy `pandas.DataFrame`: ``experiment``, ``time`` [s] and a column for each channel.
 
-        The table is that of the .csv file. Rows in which everything is missing are left out, except in the first
-        experiment and the first step.
+        The table is that of the .csv file. Rows without any sample are left out, except in the first experiment and at
+        the first step.
         """
         table: pandas.DataFrame = _dataframe.to_dataframe(self._ready())
         return table
 
     def to_xarray(self) -> xarray.Dataset:
-        """Samples as an `xarray.Dataset` with the coordinates experiment, k, time, input and output.
+        """Return the samples as an `xarray.Dataset` with the coordinates experiment, k, time, input and output.
 
-        They are views of those of the ensemble. See `interop.ensemble_to_xarray`.
+        The samples are views of those of the ensemble. See `interop.ensemble_to_xarray`.
         """
         dataset: xarray.Dataset = _dataset.of_ensemble(self._ready())
         return dataset
@@ -505,11 +475,11 @@ class Ensemble(Channels):
     # Copies, also in other processes
 
     def __reduce__(self) -> tuple[Any, ...]:
-        state = {name: getattr(self._core, name) for name in _TOLD}
+        state = {name: getattr(self._core, name) for name in _DESCRIPTION}
         return _restored, (np.asarray(self.u), np.asarray(self.y), state, type(self))
 
 
-_TOLD = (
+_DESCRIPTION = (
     "dt",
     "dt_stated",
     "reader_remarks",
@@ -524,8 +494,8 @@ _TOLD = (
 )
 
 
-def _told(names: Sequence[str]) -> str:
-    """The first names and the last, cut where they are long."""
+def _shortened(names: Sequence[str]) -> str:
+    """The first three names and the last one, with long names cut."""
     shown = [repr(name if len(name) <= 20 else name[:20] + "…") for name in (*names[:3], names[-1])]
     return ", ".join(shown[: len(names)]) if len(names) <= 4 else f"{', '.join(shown[:3])}, … {shown[3]}"
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Systems with known answers."""
+"""Example systems with known matrices, and experiments on them."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ def example_system(
     process_noise: float = 0.0,
     measurement_noise: float = 0.0,
 ) -> Model:
-    """A system whose matrices are known.
+    """Make an example system with known matrices.
 
     Parameters
     ----------
     name : {"oscillator", "rotating-tube"}
-        "oscillator": the paper's, four states, two inputs, two outputs; "rotating-tube": a point mass on a spring in
-        a tube that rotates, two states, one input, one output.
+        "oscillator": the system of the paper, with four states, two inputs and two outputs. "rotating-tube": a point
+        mass on a spring in a rotating tube, with two states, one input and one output.
     steps : int, default 100
         Number of steps.
     dt : float, optional
-        Sample time [s]; by default 0.05 of the oscillator, 0.1 of the tube.
+        Sample time [s]; by default 0.05 for the oscillator, 0.1 for the tube.
     process_noise, measurement_noise : float, default 0.0
-        Standard deviations of the noise on each state and each output. Where one is positive, the model has their
-        covariances and its Kalman filter as observer, and no other predicts `example` with the same noise better.
+        Standard deviations of the noise on each state and each output. If one is positive, the model has the noise
+        covariances and a Kalman filter as observer. Its predictions of `example` with the same noise are optimal.
 
     Returns
     -------
@@ -59,32 +59,31 @@ def example(
     free_responses: int = 0,
     initial_state: str = "zero",
 ) -> Ensemble:
-    """Simulated experiments with unit Gaussian inputs, the same for the same seed on every machine.
+    """Simulate experiments with unit Gaussian inputs. The same seed gives the same experiments on every machine.
 
     Parameters
     ----------
     name : {"oscillator", "rotating-tube"}
-        The system, see `example_system`.
+        System, as in `example_system`.
     experiments : int, default 50
         Number of experiments N.
     steps : int, default 100
         Number of steps T.
     seed : int, default 1
-        Of the random numbers.
+        Seed of the random numbers.
     dt : float, optional
         Sample time [s].
     process_noise, measurement_noise : float, default 0.0
         Standard deviations of the noise on each state and each output.
     free_responses : int, default 0
-        Experiments without input.
+        Number of free responses.
     initial_state : {"zero", "unknown"}
-        States at step 0; "unknown": independent unit Gaussian ones.
+        States at step 0. "unknown": independent unit Gaussian states.
 
     Returns
     -------
     Ensemble
     """
-    _options.choice("initial_state", initial_state, {"zero": 0, "unknown": 1})
     return Ensemble._of(
         _tokid.experiments(
             _system(name, steps, dt),
@@ -93,7 +92,7 @@ def example(
             _options.real("process_noise", process_noise, 0.0),
             _options.real("measurement_noise", measurement_noise, 0.0),
             _options.integer("free_responses", free_responses, 0, 1_000_000),
-            _tokid.InitialState[initial_state],
+            _options.known_initial_state(initial_state),
         )
     )
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The experiments of a call: an ensemble, a table of pandas, a dataset of xarray, or arrays u and y."""
+"""The experiments of a call, from an ensemble, a DataFrame, a Dataset, or arrays u and y."""
 
 from __future__ import annotations
 
 from typing import Any, Optional
 
 from . import _dataframe, _dataset, _tokid
-from ._channels import output_names
+from ._channels import channel_texts
 from ._ensemble import Ensemble
 from ._errors import warn
 from ._samples import core_of, describe, taken_for_one
@@ -21,11 +21,11 @@ def _no_outputs_beside(what: str, y: Any) -> None:
 
 
 def to_identify(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) -> tuple[_tokid.Ensemble, str]:
-    """An ensemble, or arrays with what is said of them, and what there is to say of their shapes."""
+    """The experiments of an identification with their description, and a remark on the shapes of arrays."""
     if _dataframe.is_dataframe(u):
         if _dataframe.is_dataframe(y):
             raise ValueError(
-                "u, y: two DataFrames found, one that holds all columns needed; input_names and output_names choose them"
+                "u, y: two DataFrames found, one with all columns needed; input_names and output_names choose columns"
             )
         _no_outputs_beside("a DataFrame", y)
         return _of_table(u, dt, described), ""
@@ -45,7 +45,7 @@ def to_identify(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) 
 
 
 def _of_table(data: Any, dt: Optional[float], described: dict[str, Any]) -> _tokid.Ensemble:
-    """A table, whose channels have the names of their columns."""
+    """The ensemble of a table. Its channels have the names of the columns."""
     rest = {name: described.get(name) for name in ("length", "free_y", "input_units", "output_units")}
     if described.get("experiment_names") is not None:
         raise ValueError("experiment_names: found beside a DataFrame, whose column 'experiment' has them")
@@ -63,7 +63,7 @@ def _of_table(data: Any, dt: Optional[float], described: dict[str, Any]) -> _tok
 
 
 def to_add(state: _tokid.UpdateState, u: Any, y: Any) -> _tokid.Ensemble:
-    """Experiments beside those of a state, whose sample time arrays have."""
+    """The experiments of an update. Arrays get the sample time of the state."""
     if isinstance(u, Ensemble):
         _no_outputs_beside("an Ensemble", y)
         return u._ready()
@@ -82,7 +82,7 @@ def to_add(state: _tokid.UpdateState, u: Any, y: Any) -> _tokid.Ensemble:
 
 
 def for_model(model: _tokid.Model, u: Any, y: Any, outputs: bool) -> tuple[_tokid.Ensemble, bool]:
-    """Data for a model, whose sample time and names arrays have, and whether they are those of a single experiment."""
+    """Data for a model, and whether they are one experiment. Arrays get the sample time and names of the model."""
     if isinstance(u, Ensemble):
         _no_outputs_beside("an Ensemble", y)
         return _by_name(model, u._ready()), False
@@ -96,12 +96,10 @@ def for_model(model: _tokid.Model, u: Any, y: Any, outputs: bool) -> tuple[_toki
     if outputs and y is None:
         raise ValueError(f"y: none found, outputs (N, T, {model.outputs}) needed")
     core, single = core_of(u, y, model.dt)
-    for name in ("input_names", "input_units"):
-        if core.inputs == model.inputs:
-            setattr(core, name, getattr(model, name))
-    for name in ("output_names", "output_units"):
-        if core.outputs == model.outputs:
-            setattr(core, name, getattr(model, name))
+    for side in ("input", "output"):
+        if getattr(core, f"{side}s") == getattr(model, f"{side}s"):
+            for name in (f"{side}_names", f"{side}_units"):
+                setattr(core, name, getattr(model, name))
     core.check(False)
     if outputs and (remark := core.swapped_axes()) is not None:
         warn([remark])
@@ -109,7 +107,7 @@ def for_model(model: _tokid.Model, u: Any, y: Any, outputs: bool) -> tuple[_toki
 
 
 def _columns_of(model: _tokid.Model, data: Any, outputs_required: bool) -> _tokid.Ensemble:
-    """The columns of a table that have the names of the model's channels."""
+    """The columns of a table with the names of the channels of the model."""
     inputs: Optional[list[str]] = model.input_names
     outputs: Optional[list[str]] = model.output_names
     if not outputs_required and not set(model.output_names) <= {str(label) for label in data.columns}:
@@ -118,10 +116,10 @@ def _columns_of(model: _tokid.Model, data: Any, outputs_required: bool) -> _toki
 
 
 def _by_name(model: _tokid.Model, data: _tokid.Ensemble) -> _tokid.Ensemble:
-    """The data with the channels of the model in its order, where they have its names."""
+    """The data with their channels in the order of the model, if they have its names."""
     ordered = model.in_order(data)
     if ordered is None:
         return data
-    order = ", ".join(output_names(model))
-    warn([f"the data's channels were taken by name; results have the model's order: {order}"])
+    order = ", ".join(channel_texts(model, "output_names"))
+    warn([f"the channels of the data were taken by name. Results have the order of the model: {order}"])
     return ordered

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""From experiments to a model."""
+"""Experiments → model."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from . import _experiments, _identify_options, _options, _tokid
 from ._ensemble import Ensemble
 from ._errors import reading, warn, writing
 from ._identify_options import IdentifyOptions
-from ._model import Model, UpdateState
+from ._model import Model, Origin
 from ._progress import listener
 from ._samples import with_remark
 from ._typing import ArrayLike, PathLike, Progress
+from ._update_state import UpdateState
 from .results import CrossValidation, NoisyChoices, Streamed
 
 if TYPE_CHECKING:
@@ -54,72 +55,75 @@ def identify(
     threads: int = 1,
     progress: Progress = False,
 ) -> Model:
-    """Identifies a model of every step from repeated experiments.
+    """Identify a model of every step from repeated experiments.
 
     Parameters
     ----------
     u : array_like, shape (N, T, r) or (T, r), or Ensemble, DataFrame or Dataset
-        Inputs of N experiments; or an ensemble, which holds everything that is known of the data; or a tidy table of
-        pandas, as of `Ensemble.from_dataframe`, or a dataset of xarray, as of `Ensemble.from_xarray`.
+        Inputs of N experiments; or an ensemble; or a table as in `Ensemble.from_dataframe`; or a dataset as in
+        `Ensemble.from_xarray`.
     y : array_like, shape (N, T, m) or (T, m)
-        Outputs. NaN marks a missing sample, in `u` as in `y`.
+        Outputs. NaN marks a missing sample, in `u` and in `y`.
     dt : float, optional
-        Sample time [s] of arrays. Without it 1 is taken, and a `TokidWarning` says so.
+        Sample time [s] of arrays. Without it, dt is 1, and a `TokidWarning` reports this.
     states : int or "auto"
-        State dimension n. "auto": the rank of the Hankel matrices, or by errors where the data are noisy.
+        State dimension n. "auto": the rank of the Hankel matrices without noise, else the order with the smallest
+        errors.
     lags : int or "auto"
-        Lag order p. "auto": the smallest error on experiments left out.
+        Lag order p. "auto": the order with the smallest cross-validation error.
     method : {"auto", "tvera", "subspace"}
-        Realisation. "auto": tvera without noise from zero initial states, else subspace.
+        Realisation. "auto": TVERA for data without noise from zero initial states, else the subspace realisation.
     smoothing : float or "auto"
-        Penalty λ on variation in time: 0 none, "infinity" one model. "auto": by errors on experiments left out.
+        λ of the penalty on variation over time. 0: no penalty. "infinity": one model for all steps. "auto": by
+        cross-validation if the data are noisy or too few for a regression at each step.
     period : int or "invariant", default 0
-        P: the steps k, k + P, … share one model; "invariant" (or 1): all steps, for which a single record is enough;
-        0: each has its own.
+        P: the steps k, k + P, … share one model. "invariant" or 1: all steps do, and one record is enough. 0: each step
+        has its own model.
     weighting : {"auto", "one-step", "many-steps", "projection"}
-        What the states must explain. "auto": by errors on experiments left out; "projection": PO-MOESP.
+        The outputs that the states explain best: one step ahead, many steps ahead, or by projection (PO-MOESP). "auto":
+        by cross-validation if steps share a model, else "one-step".
     refine : bool or None
-        Maximum likelihood by EM, as far as it lowers errors on experiments left out. None: for noisy data.
+        Maximum likelihood by EM, as far as it lowers the cross-validation error. None: for noisy data with the subspace
+        realisation.
     initial_state : {"auto", "zero", "unknown"}
-        States at step 0. "auto": as the data say, else by test.
+        States at step 0. "auto": as the data state them, else by a test.
     nominal : {"auto", "none", "mean"}
-        Mean motion to remove. "auto": where it is significant.
+        Mean motion to remove. "auto": if it is significant.
     frame : {"raw", "reference", "smooth"}
         Coordinates of the states.
     reference_step : int, optional
         Step of the reference frame; by default the first one of full dimension.
     hold_out : float, default 0.0
-        Share of the experiments kept for validation, from 0 to below 1.
+        Share of the experiments to hold out for validation, 0 ≤ share < 1.
     rows, cols : int or "auto"
-        Blocks of the Hankel matrices of tvera.
+        Blocks of the Hankel matrices of TVERA.
     choices : NoisyChoices, optional
-        `Identification.choices` of an earlier identification of the same kind, to be followed with its `lags` and
+        `Identification.choices` of an earlier identification of the same kind, to use again with its `lags` and
         `states`.
     keep_state : bool, default False
-        Keep the factors of all regressions in `Model.state`, to which `tokid.update` adds later experiments.
+        Keep the factors of all regressions in `Model.state`. `tokid.update` adds later experiments to them.
     report : path, optional
-        Page (.html) to write that shows whether the model can be trusted.
+        Page (.html) to write about whether the model can be trusted.
     length, free_y, input_names, output_names, input_units, output_units, experiment_names
-        As of `Ensemble`, for arrays. Of a DataFrame the names choose the columns that are inputs and outputs.
+        As in `Ensemble`, for arrays. For a DataFrame, the names choose the columns that are inputs and outputs.
     threads : int, default 1
-        Threads, 0 for all of the machine. The result is the same to the last bit for any number.
+        Number of threads; 0: all of the machine. The result has the same bits for any number.
     progress : bool or callable, default False
-        True shows a bar (of tqdm, where that is installed); a callable gets the finished share of the work, 0 … 1.
+        True: show a bar, of tqdm if it is installed. A callable gets the finished share of the work, from 0 to 1.
 
     Returns
     -------
     Model
-        Its `identification` holds the evidence for every choice, and its `warnings` are issued as `TokidWarning` too.
+        Its `identification` has the evidence for every choice. Its `warnings` are also issued as `TokidWarning`.
 
     Raises
     ------
     ValueError
-        Names what the data lack: experiments (and which lag order would do), steps, excitation; or the option that is
-        wrong.
+        If the data lack experiments, steps or excitation, or if an option is wrong. The message names what is missing.
 
     Notes
     -----
-    The GIL is released; Ctrl-C stops the call.
+    The call releases the GIL. Ctrl-C stops it.
 
     Examples
     --------
@@ -157,7 +161,7 @@ def identify(
         "experiment_names": experiment_names,
     }
     core, remark = _experiments.to_identify(u, y, dt, described)
-    told = core.remarks() if isinstance(u, Ensemble) else []
+    reported = core.remarks() if isinstance(u, Ensemble) else []
     with listener(progress, "identify") as listening:
         model, evidence, state = _remarked(
             remark,
@@ -170,9 +174,9 @@ def identify(
             report,
             _options.page("model", "data", 10, 24),
         )
-    warn(text for text in with_remark(evidence.warnings, core, remark) if text not in told)
+    warn(text for text in with_remark(evidence.warnings, core, remark) if text not in reported)
     kept = None if state is None else UpdateState._of(state)
-    return Model._of(model, evidence.findings, identification=evidence, state=kept)
+    return Model._of(model, Origin(evidence.findings, evidence, state=kept))
 
 
 def cross_validate(
@@ -189,26 +193,26 @@ def cross_validate(
     progress: Progress = False,
     **options: Unpack[IdentifyOptions],
 ) -> CrossValidation:
-    """Judges a way of identification: every experiment by a model that has not seen it.
+    """Cross-validate an identification: each fold is held out once, and a model of the other folds predicts it.
 
-    Identifies once per fold on the other experiments, leaving to each identification all choices that are left open.
+    Each identification makes all choices that the options leave open.
 
     Parameters
     ----------
     u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
         Experiments.
     folds : int, default 5
-        Parts that are left out in turn, from 2 to N.
+        Number of folds, from 2 to N.
     horizon : int, default 1
-        Steps ahead of `CrossValidation.horizon`.
+        Steps ahead of the predictions for `CrossValidation.horizon`.
     seed : int, optional
-        Experiments in random order; by default experiment n is in fold n mod `folds`.
+        Seed of a random order of the experiments. By default, experiment n is in fold n mod `folds`.
     dt, length, free_y
-        As of `Ensemble`, for arrays.
+        As in `Ensemble`, for arrays.
     threads, progress
-        As of `identify`.
+        As in `identify`.
     **options
-        How to identify, as of `identify`.
+        Options of the identification, as in `identify`.
 
     Returns
     -------
@@ -216,7 +220,7 @@ def cross_validate(
 
     See Also
     --------
-    Model.cross_validate : with the options that a model was identified with.
+    Model.cross_validate : uses the options of the identification of a model.
     """
     checked = _identify_options.checked(options)
     core, remark = _experiments.to_identify(u, y, dt, {"length": length, "free_y": free_y})
@@ -244,27 +248,27 @@ def identify_file(
     progress: Progress = False,
     **options: Unpack[IdentifyOptions],
 ) -> Streamed:
-    """Identifies an .h5 that is larger than memory, in blocks of steps, and writes the model as they finish.
+    """Identify an .h5 file that is larger than memory, in blocks of steps, and write the model block by block.
 
-    Memory depends on N, r + m, the lag order and the length of the blocks, but not on T.
+    The memory depends on N, r + m, the lag order and the length of the blocks, but not on T.
 
     Parameters
     ----------
     data : path
-        Ensemble (.h5).
+        File of the ensemble (.h5).
     model : path
-        Model to write (.h5), whole or not at all.
+        File of the model (.h5). It appears as a whole or not at all.
     block : int or "auto"
-        Steps of a block; "auto": as many as `memory_per_thread` holds.
+        Steps of a block. "auto": the number that fits `memory_per_thread`.
     memory_per_thread : float, default 100e6
-        Bytes.
+        Memory of each thread [bytes].
     resume : bool, default False
-        Keep finished blocks in a journal, the model's path and ".resume", until the model is there; and go on from that
-        of a call that was stopped, to a model of the same bits.
+        Store finished blocks in a resume journal next to the model (its path and ".resume") until the model is
+        complete. If there is a journal, continue from it. The model has the same bits.
     threads, progress
-        As of `identify`.
+        As in `identify`.
     **options
-        How to identify, as of `identify`; what is left to be chosen is chosen from stretches at the begin, middle and
+        Options of the identification, as in `identify`. Open choices are made from stretches at the begin, middle and
         end.
 
     Returns
@@ -275,10 +279,11 @@ def identify_file(
     Raises
     ------
     ValueError
-        As `identify`, and for what needs all steps at once: a period, one model for all steps, the reference frame.
+        As in `identify`, and for options that need all steps at once: a period, one model for all steps, the reference
+        frame.
     IoError
-        For a file that can't be read in blocks, or not be written, and for a journal of other data or options; an
-        OSError.
+        If a file can't be read in blocks or can't be written, or if the journal belongs to other data or options. It is
+        an OSError.
     """
     checked = _identify_options.checked(options)
     steps = 0 if block == "auto" else _options.integer("block", block, 1, 1_000_000_000, " or 'auto'")
@@ -298,11 +303,11 @@ def identify_file(
 
 
 def _remarked(remark: str, call: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-    """The result of a call of the extension, to whose own errors a remark is added."""
+    """Call the extension, and add a remark to its errors."""
     try:
         return call(*arguments, **options)
     except ValueError as error:
-        # One that a listener raised comes from frames behind this one.
+        # An error with more frames comes from a listener of the user, not from the extension.
         if not remark or remark in str(error) or error.__traceback__ is None or error.__traceback__.tb_next is not None:
             raise
         raise ValueError(f"{error}; {remark}") from None

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Models with what was found out about them, and the states that later experiments are added to."""
+"""Models, and the evidence of the calls that made them."""
 
 from __future__ import annotations
 
 import copy
 import html
 import os
-import tempfile
 from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
@@ -15,26 +16,28 @@ import numpy as np
 from . import _arrays, _control, _dataframe, _dataset, _experiments, _options, _tokid
 from ._ensemble import Ensemble
 from ._errors import reading, warn, writing
-from ._lock import FileLock
 from ._progress import listener
-from ._samples import labels_of, name_channels, plural
+from ._samples import labels_of, name_channels, named, plural
 from ._state_space import LISTS, StateSpace, core_from, matrices_of, state_of
 from ._typing import Array, ArrayLike, PathLike, Progress
-from .results import (
-    Additions,
-    Confidence,
-    CrossValidation,
-    Finding,
-    Identification,
-    Refinement,
-    Updated,
-    Validation,
-    Verdict,
-)
+from .results import Confidence, CrossValidation, Finding, Identification, Refinement, Updated, Validation, Verdict
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
     import xarray  # type: ignore[import-not-found, unused-ignore]
+
+    from ._update_state import UpdateState
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The evidence of the call that made a model."""
+
+    findings: Sequence[Finding] = ()
+    identification: Optional[Identification] = None
+    refinement: Optional[Refinement] = None
+    updated: Optional[Updated] = None
+    state: Optional[UpdateState] = None
 
 
 class Model(StateSpace):
@@ -43,19 +46,15 @@ class Model(StateSpace):
         x[k+1] = A[k] x[k] + B[k] u[k]
         y[k]   = C[k] x[k] + D[k] u[k]
 
-    Models come from `tokid.identify`, `tokid.load`, `tokid.example_system` and `Model.from_matrices`. They do not
-    change: what makes another model of one returns that.
+    `tokid.identify`, `tokid.load`, `tokid.example_system` and `Model.from_matrices` make models. A model does not
+    change: a method that makes another model returns it.
 
-    Wherever a method takes ``u`` and ``y``, one experiment may be given as (T, r) and (T, m), and an `Ensemble` in the
-    place of both. Arrays come back with as many dimensions as they went in with.
+    Methods with the arguments ``u`` and ``y`` accept one experiment as (T, r) and (T, m), or an `Ensemble` instead of
+    both. They return arrays with as many dimensions as their arguments.
     """
 
-    __slots__ = ("_findings", "_identification", "_refinement", "_state", "_updated", "__weakref__")
-    _identification: Optional[Identification]
-    _refinement: Optional[Refinement]
-    _state: Optional[UpdateState]
-    _updated: Optional[Updated]
-    _findings: tuple[Finding, ...]
+    __slots__ = ("_origin", "__weakref__")
+    _origin: Origin
 
     def __init__(self) -> None:
         raise TypeError(
@@ -63,23 +62,10 @@ class Model(StateSpace):
         )
 
     @classmethod
-    def _of(
-        cls,
-        core: _tokid.Model,
-        findings: Sequence[Finding] = (),
-        *,
-        identification: Optional[Identification] = None,
-        refinement: Optional[Refinement] = None,
-        updated: Optional[Updated] = None,
-        state: Optional[UpdateState] = None,
-    ) -> Model:
+    def _of(cls, core: _tokid.Model, origin: Origin = Origin()) -> Model:
         self = cls.__new__(cls)
         self._core = core
-        self._findings = tuple(findings)
-        self._identification = identification
-        self._refinement = refinement
-        self._updated = updated
-        self._state = state
+        self._origin = origin
         return self
 
     @classmethod
@@ -108,36 +94,37 @@ class Model(StateSpace):
         input_units: Optional[Sequence[str]] = None,
         output_units: Optional[Sequence[str]] = None,
     ) -> Model:
-        """A model of known matrices.
+        """Make a model of known matrices.
 
         Parameters
         ----------
         A, B, C, D : sequences of array_like, shapes (S, n, n), (S, n, r), (S, m, n), (S, m, r)
             The matrices of all steps: arrays of three dimensions, or lists of matrices whose state dimensions may
-            vary. Without `D` that is zero.
+            vary. Without `D`, it is zero.
         G : sequence of array_like, shape (S, n, m), optional
-            Observer gains; without them there are no predictions.
+            Observer gains. Without them, they are zero: predictions then do not use measured outputs.
         dt : float, default 1.0
             Sample time [s].
         k_begin : int, default 0
             First step of the model.
         period : int or "invariant", default 0
-            P: the steps go on with those P before behind the last one; 0: the model ends there.
+            P: the last P steps repeat after the end. 0: the model ends with its last step.
         innovation_cov, Q, R, K : sequences of array_like, optional
-            Noise: shapes (S, m, m), (S, n, n), (S, m, m) and (S, n, m).
+            Covariances of innovations, process and measurement noise, and Kalman gains: shapes (S, m, m), (S, n, n),
+            (S, m, m) and (S, n, m).
         x0_mean, x0_cov : array_like, shapes (n,), (n, n), optional
-            The state at `k_begin`.
+            Mean and covariance of the state at `k_begin`.
         u_nominal, y_nominal : array_like, shapes (T, r), (T, m), optional
-            Motion that the model describes departures from.
+            Nominal trajectory. The model describes departures from it.
         initial_state : {"zero", "unknown"}, default "zero"
             States at step 0.
         input_names, output_names, input_units, output_units : sequences of str, optional
-            Of the channels.
+            Names and units of the channels.
 
         Raises
         ------
         ValueError
-            Names the matrices whose number or shape disagrees with the others.
+            If the number or the shape of matrices disagrees with the others. The message names them.
         """
         core = _tokid.Model()
         given = {"A": A, "B": B, "C": C, "D": D, "G": G, "innovation_cov": innovation_cov, "Q": Q, "R": R, "K": K}
@@ -159,8 +146,7 @@ class Model(StateSpace):
         core.period = _options.period(period)
         core.method = "known"
         core.version = _tokid.version
-        state = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
-        core.initial_state = _tokid.InitialState.zero if state is None else state
+        core.initial_state = _options.initial_state(initial_state) or _tokid.InitialState.zero
         for name, value, shape in (
             ("x0_mean", x0_mean, (None,)),
             ("x0_cov", x0_cov, (None, None)),
@@ -175,64 +161,64 @@ class Model(StateSpace):
 
     @classmethod
     def load(cls, path: PathLike) -> Model:
-        """Reads a model from .npz, .h5 or .mat.
+        """Read a model from .npz, .h5 or .mat.
 
         Raises
         ------
         IoError
-            For a file that can't be read or holds something else; an OSError.
+            If the file can't be read or contains something else. It is an OSError.
         """
         with reading(path) as file:
             return cls._of(_tokid.load_model(file))
 
     def save(self, path: PathLike, *, mat73: bool = False) -> None:
-        """Writes the model to .npz, .h5 or .mat, whole or not at all; the extension says the format.
+        """Write the model to .npz, .h5 or .mat. The file appears as a whole or not at all.
 
         Parameters
         ----------
         path : path
-            The file.
+            The file; its extension determines the format.
         mat73 : bool, default False
             Write a .mat of MATLAB version 7.3.
         """
         with writing(path) as file:
             _tokid.save_model(self._core, file, bool(mat73))
 
-    # How it was found
+    # Evidence
 
     @property
     def identification(self) -> Optional[Identification]:
-        """The evidence for every choice; None for a model that was not just identified."""
-        return self._identification
+        """The choices of the identification, and the evidence for them. None unless `tokid.identify` made the model."""
+        return self._origin.identification
 
     @property
     def refinement(self) -> Optional[Refinement]:
-        """What `refine` has done; None for a model that it did not make."""
-        return self._refinement
+        """The course of the refinement. None unless `refine` made the model."""
+        return self._origin.refinement
 
     @property
     def updated(self) -> Optional[Updated]:
-        """What `tokid.update` and `UpdateState.identify` found out; None for a model that they did not make."""
-        return self._updated
+        """The results of `tokid.update` or `UpdateState.identify`. None unless one of them made the model."""
+        return self._origin.updated
 
     @property
     def state(self) -> Optional[UpdateState]:
-        """What later experiments can be added to; None unless `tokid.identify` was asked to keep it.
+        """The update state, to which later experiments can be added. None unless `tokid.identify` was asked to keep it.
 
-        The model in other coordinates (`frame`, `align`, `transform`) keeps it, and what it then identifies is in the
-        coordinates of the identification. A model of other steps or with another observer has none.
+        The model in other coordinates (`frame`, `align`, `transform`) keeps the state. Models from this state are in
+        the coordinates of the identification. A model of other steps, or with another observer, has no state.
         """
-        return self._state
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the call that made the model had to say: its findings in words."""
-        return tuple(finding.text for finding in self._findings)
+        return self._origin.state
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What that call found in the data and in the model, for programs to look at."""
-        return self._findings
+        """The findings of the call that made the model, on the data and on the model."""
+        return tuple(self._origin.findings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings as sentences."""
+        return tuple(finding.text for finding in self._origin.findings)
 
     # Outputs
 
@@ -245,43 +231,43 @@ class Model(StateSpace):
         estimate_state: bool = False,
         initial_state: str = "auto",
     ) -> Array:
-        """Outputs for inputs alone.
+        """Simulate the outputs from the inputs alone.
 
         Parameters
         ----------
         u : array_like, shape (N, T, r) or (T, r), or Ensemble
-            Inputs, from step 0 on. Those of an ensemble come with what it says of the initial states.
+            Inputs, from step 0 on. An ensemble also states how its initial states are known.
         x0 : array_like, shape (N, n), or (n,) or (1, n) for all, optional
-            States of the experiments at `k_begin`. By default zero, or `x0_mean` where the initial states are unknown
-            and the model has estimated them.
+            States of the experiments at `k_begin`. By default zero, or `x0_mean` if the initial states are unknown and
+            the model has estimated them.
         y : array_like, shape (N, T, m) or (T, m), optional
-            Measured outputs, of which `estimate_state` uses the first ones.
+            Measured outputs. Only `estimate_state` uses them.
         estimate_state : bool, default False
-            Unknown initial states by the outputs of the first steps.
+            Estimate unknown initial states from the outputs of the first steps.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
-            States at step 0. "auto": as the data say, else as the model was identified.
+            States at step 0. "auto": as the data state them, else as the model was identified.
 
         Returns
         -------
         y : ndarray, shape (N, T, m) or (T, m)
-            NaN where the model has no step, and behind a missing input. The nominal trajectory is added back.
+            Outputs, with the nominal trajectory added. NaN where the model has no step, and after a missing input.
 
         Warns
         -----
         TokidWarning
-            Where initial states are unknown and not told, or no step has outputs.
+            If the initial states are unknown and not given, or if no step has outputs.
         """
         if y is not None and not estimate_state:
-            raise ValueError("y: found, but used with estimate_state=True alone")
+            raise ValueError("y: found, but only estimate_state=True uses measured outputs")
         data, single = self._data(u, y, outputs=estimate_state)
-        initial = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
+        initial = _options.initial_state(initial_state)
         if initial is not None and not estimate_state:
             if isinstance(u, Ensemble):
-                raise ValueError("initial_state: found beside an Ensemble, which says it itself")
+                raise ValueError("initial_state: found beside an Ensemble, which states it already")
             data.initial_state = initial_state
         if estimate_state:
             if x0 is not None:
-                raise ValueError("x0: found beside estimate_state=True, which finds it")
+                raise ValueError("x0: found beside estimate_state=True, which estimates it")
             simulated = self._core.simulate_data(data, initial)
         else:
             start = None
@@ -304,48 +290,47 @@ class Model(StateSpace):
         initial_state: str = "auto",
         initial_estimate: bool = True,
     ) -> Array:
-        """Outputs some steps ahead, with the observer in the loop.
+        """Predict the outputs some steps ahead with the observer.
 
         Parameters
         ----------
         u : array_like, shape (N, T, r) or (T, r), or Ensemble
             Inputs, from step 0 on.
         y : array_like, shape (N, T, m) or (T, m)
-            Measured outputs; those up to k - horizon serve for the prediction of step k. A missing one (NaN) corrects
-            nothing.
+            Measured outputs. The prediction of step k uses those up to k - horizon. NaN marks a missing sample.
         horizon : int, default 1
             Steps ahead.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
-            States at step 0; "auto": as the data say, else as the model was identified.
+            States at step 0. "auto": as the data state them, else as the model was identified.
         initial_estimate : bool, default True
-            Unknown initial states are distributed as `x0_mean` and `x0_cov` have it, where the model has them; False:
-            they come from elsewhere, and must be estimated.
+            True: unknown initial states have the distribution `x0_mean`, `x0_cov`, if the model has them. False: their
+            distribution is different, and they must be estimated.
 
         Returns
         -------
         y : ndarray, shape (N, T, m) or (T, m)
-            NaN where there is no prediction.
+            Predictions. NaN where there is none.
         """
         data, single = self._data(u, y, outputs=True)
-        initial = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
         ahead = _options.integer("horizon", horizon, 1, 1_000_000)
-        predicted = self._core.predict(data, ahead, initial, initial_estimate)
+        predicted = self._core.predict(data, ahead, _options.initial_state(initial_state), initial_estimate)
         warn(self._core.prediction_remarks(data, predicted))
         return _result(predicted, single)
 
     def innovations(
         self, u: Union[ArrayLike, Ensemble], y: Optional[ArrayLike] = None, *, initial_state: str = "auto"
     ) -> Array:
-        """What the model holds to be white noise of covariance `innovation_cov`: y less its one-step predictions.
+        """Return the innovations: the outputs minus their one-step predictions.
+
+        If the model is right, they are white and have the covariance `innovation_cov`.
 
         Returns
         -------
         e : ndarray, shape (N, T, m) or (T, m)
-            NaN where there is none.
+            Innovations. NaN where there is none.
         """
         data, single = self._data(u, y, outputs=True)
-        initial = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
-        e = self._core.innovations(data, initial)
+        e = self._core.innovations(data, _options.initial_state(initial_state))
         return e[0] if single else e
 
     def validate(
@@ -357,16 +342,16 @@ class Model(StateSpace):
         whiteness_lags: int = _tokid.test_lags,
         initial_state: str = "auto",
     ) -> Validation:
-        """How good the model is on data: fits of simulation and prediction, tests of the innovations.
+        """Validate the model on data: fits of simulation and prediction, and tests of the innovations.
 
         Parameters
         ----------
         u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
-            Experiments, best those that the model has not seen.
+            Experiments, preferably not the training data.
         horizon : int, default 1
-            Steps ahead of `Validation.horizon`.
+            Steps ahead of the predictions for `Validation.horizon`.
         whiteness_lags : int, default 5
-            Lags of the tests of the innovations; 0: none of them.
+            Lags of the tests of the innovations. 0: no tests.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
             States at step 0.
 
@@ -375,14 +360,13 @@ class Model(StateSpace):
         Validation
         """
         data, _ = self._data(u, y, outputs=True)
-        result = _tokid.validate(
+        validation: Validation = _tokid.validate(
             self._core,
             data,
             _options.integer("horizon", horizon, 1),
             _options.integer("whiteness_lags", whiteness_lags, 0),
-            _options.choice("initial_state", initial_state, _options.INITIAL_STATES),
+            _options.initial_state(initial_state),
         )
-        validation: Validation = result
         warn(validation.warnings)
         return validation
 
@@ -401,33 +385,33 @@ class Model(StateSpace):
         threads: int = 1,
         progress: Progress = False,
     ) -> Model:
-        """The maximum-likelihood model, by expectation and maximisation (EM) from this one on.
+        """Refine the model by expectation-maximisation (EM), which increases its likelihood.
 
         Parameters
         ----------
         u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
             Experiments.
         smoothing : float or "auto"
-            Penalty λ on variation over time. "auto": as the model was identified, else by cross-validation.
+            λ of the penalty on variation over time. "auto": that of the identification, else by cross-validation.
         period : int or "invariant", optional
-            Steps k and k + P share their matrices; by default as the model has it.
+            P: the steps k and k + P share their matrices. By default, the period of the model.
         iterations : int, default 60
-            At most so many.
+            Largest number of iterations.
         tolerance : float, default 1e-6
-            Converged: two gains in a row below this, of the log-likelihood per output sample.
+            EM has converged if two successive gains of log-likelihood per output sample are below this.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
-            States at step 0; "auto": as the data say, else as the model was identified.
+            States at step 0. "auto": as the data state them, else as the model was identified.
         accelerate : bool, default True
-            Anderson's acceleration, where it raises the likelihood.
+            Use Anderson acceleration where it raises the likelihood.
         warm_up : bool, default True
-            Approach a strong penalty by way of weaker ones.
+            Reach a strong penalty through weaker ones.
         threads, progress
-            As of `tokid.identify`.
+            As in `tokid.identify`.
 
         Returns
         -------
         Model
-            Its `refinement` tells what happened.
+            Its `refinement` describes the course of EM.
         """
         data, _ = self._data(u, y, outputs=True)
         with listener(progress, "refine") as listening:
@@ -438,24 +422,24 @@ class Model(StateSpace):
                 period=None if period is None else _options.period(period),
                 iterations=_options.integer("iterations", iterations, 1, 1_000_000),
                 tolerance=_options.real("tolerance", tolerance, 0.0),
-                initial_state=_options.choice("initial_state", initial_state, _options.INITIAL_STATES),
+                initial_state=_options.initial_state(initial_state),
                 accelerate=bool(accelerate),
                 warm_up=bool(warm_up),
                 threads=_options.threads(threads),
                 listener=listening,
             )
         warn(evidence.warnings)
-        return Model._of(core, evidence.findings, refinement=evidence)
+        return Model._of(core, Origin(evidence.findings, refinement=evidence))
 
     def log_likelihood(
         self, u: Union[ArrayLike, Ensemble], y: Optional[ArrayLike] = None, *, threads: int = 1
     ) -> Array:
-        """Log-likelihood (N,) of each experiment: the density of its outputs given its inputs.
+        """Return the log-likelihood (N,) of each experiment: the density of its outputs given its inputs.
 
         Raises
         ------
         ValueError
-            Where the model has no `Q` and `R`, or no `x0_mean` and `x0_cov` for an unknown first state.
+            If the model has no `Q` and `R`, or no `x0_mean` and `x0_cov` for an unknown first state.
         """
         data, _ = self._data(u, y, outputs=True)
         return _tokid.log_likelihoods(self._core, data, threads=_options.threads(threads), listener=None)
@@ -474,26 +458,28 @@ class Model(StateSpace):
         threads: int = 1,
         progress: Progress = False,
     ) -> Confidence:
-        """How far parameters, outputs and eigenvalues may lie from the truth.
+        """Compute confidence bounds of the parameters, outputs and eigenvalues.
 
         Parameters
         ----------
         u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
-            The experiments of the identification, whole.
+            All experiments of the identification, including held-out ones.
         level : float, default 0.95
-            Probability that an interval holds the truth.
+            Probability that an interval contains the true value.
         method : {"auto", "factors", "bootstrap"}
-            From the factors of the regressions, or by identifying anew. "auto": the latter where steps share a model.
+            "factors": from the factors of the regressions. "bootstrap": from repeated identifications. "auto": the
+            bootstrap if steps share a model, else the factors.
         replicates : int, optional
-            Of the bootstrap, by default 200.
+            Number of bootstrap replicates, by default 200.
         band : int or "auto"
-            Markov parameters up to so many steps apart. "auto": twice as many as tell a state.
+            Largest number of steps between input and output of the Markov parameters. "auto": twice the number of steps
+            that determine a state.
         reference_step : int, optional
-            Step of the frame of the eigenvalues, by default the first with all states.
+            Step of the frame of the eigenvalues; by default the first one with all states.
         seed : int, optional
-            Of the bootstrap, by default 1.
+            Seed of the bootstrap, by default 1.
         threads, progress
-            As of `tokid.identify`.
+            As in `tokid.identify`.
 
         Returns
         -------
@@ -544,20 +530,20 @@ class Model(StateSpace):
         threads: int = 1,
         progress: Progress = False,
     ) -> CrossValidation:
-        """Identifies anew, with the options of this model, from all but one part of the experiments at a time.
+        """Cross-validate the options of this model: each fold is held out once, and a model of the others predicts it.
 
         Parameters
         ----------
         u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
             Experiments.
         folds : int, default 5
-            Parts that are left out in turn, from 2 to N.
+            Number of folds, from 2 to N.
         horizon : int, default 1
-            Steps ahead of `CrossValidation.horizon`.
+            Steps ahead of the predictions for `CrossValidation.horizon`.
         seed : int, optional
-            Experiments in random order; by default experiment n is in fold n mod `folds`.
+            Seed of a random order of the experiments. By default, experiment n is in fold n mod `folds`.
         threads, progress
-            As of `tokid.identify`.
+            As in `tokid.identify`.
 
         Returns
         -------
@@ -586,22 +572,22 @@ class Model(StateSpace):
         model_name: str = "model",
         data_name: str = "data",
     ) -> Verdict:
-        """Whether the model can be trusted, on a page (HTML) that loads nothing.
+        """Judge whether the model can be trusted, and write a self-contained HTML page about it.
 
         Parameters
         ----------
         u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
-            Experiments; whether the model has seen them is found out.
+            Experiments. The report finds out whether they are the training data.
         path : path, optional
-            Page to write; without one there is the verdict alone. Beside an Ensemble it may take the place of `y`.
+            Page to write. Without a path, only the verdict is returned. With an Ensemble, it may take the place of `y`.
         horizon : int, default 10
             Steps ahead of the multi-step fit.
         experiments : int, default 24
-            In the plots, at most.
+            Largest number of experiments in the plots.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
             States at step 0.
         model_name, data_name : str
-            Shown on the page.
+            Names on the page.
 
         Returns
         -------
@@ -611,16 +597,15 @@ class Model(StateSpace):
             y, path = None, y
         data, _ = self._data(u, y, outputs=True)
         options = _options.page(model_name, data_name, horizon, experiments)
-        options.initial_state = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
-        if path is None:
-            return _verdict(self._core, data, None, options)
-        with writing(path) as file:
-            return _verdict(self._core, data, file, options)
+        options.initial_state = _options.initial_state(initial_state)
+        with nullcontext() if path is None else writing(path) as file:
+            verdict: Verdict = _tokid.report(self._core, data, file, options)
+        return verdict
 
     def estimate_state(
         self, u: Union[ArrayLike, Ensemble], y: Optional[ArrayLike] = None, *, k: int, window: Optional[int] = None
     ) -> Array:
-        """States at step k by least squares over the samples of the steps k … k+window-1.
+        """Estimate the states at step k by least squares over the samples of the steps k … k+window-1.
 
         Parameters
         ----------
@@ -629,134 +614,128 @@ class Model(StateSpace):
         k : int
             The step.
         window : int, optional
-            Steps whose samples are used, by default as many as tell a state.
+            Number of steps whose samples are used; by default the number that determines a state.
 
         Returns
         -------
         x : ndarray, shape (N, n) or (n,)
-            NaN where a sample is missing that the state needs. n is the state dimension of step k, ``state_dim[k -
-            k_begin]``: fewer than `states`, or none at all, before `full_begin`, the first step with all of them.
+            States. NaN if a necessary sample is missing. n is ``state_dim[k - k_begin]``, the state dimension of step
+            k. Before `full_begin` it is smaller than `states`, and may be zero.
         """
         data, single = self._data(u, y, outputs=True)
-        steps = self._core.estimation_window() if window is None else _options.integer("window", window, 1)
-        x = self._core.estimate_state(data, _options.integer("k", k, 0), steps).T
+        x = self._core.estimate_state(data, _options.integer("k", k, 0), self._window("window", window)).T
         return x[0] if single else x
 
     def _data(self, u: Any, y: Any, outputs: bool = False) -> tuple[_tokid.Ensemble, bool]:
-        """Data for this model; arrays have its sample time and names."""
+        """Data for this model, and whether they are one experiment. See `_experiments.for_model`."""
         return _experiments.for_model(self._core, u, y, outputs)
+
+    def _window(self, name: str, value: Optional[int]) -> int:
+        """A given number of steps, or the number that determines a state."""
+        return self._core.estimation_window() if value is None else _options.integer(name, value, 1)
 
     # Coordinates
 
     def frame(self, name: str, *, reference_step: Optional[int] = None, rows: Optional[int] = None) -> Model:
-        """The same model in other coordinates.
+        """Return the same model in other coordinates.
 
         Parameters
         ----------
         name : {"smooth", "reference"}
-            "smooth": matrices that vary as slowly as the system does; "reference": those of the paper's figures, in
-            which the model can be compared with others of the same system.
+            "smooth": neighbouring steps are aligned, so that the matrices vary as slowly as the system. "reference":
+            the outputs and one reference step define the frame, so that models of the same system can be compared.
         reference_step : int, optional
             Step of the reference frame; by default the first one with all states.
         rows : int, optional
-            Block rows of the observability matrices that are aligned; by default as many as tell a state.
+            Block rows of the observability matrices; by default the number of steps that determines a state.
 
         Returns
         -------
         Model
         """
-        core = self._core
-        rows = core.estimation_window() if rows is None else _options.integer("rows", rows, 1)
+        core, rows = self._core, self._window("rows", rows)
         which = _options.choice("name", name, {"smooth": "smooth", "reference": "reference"})
         if which == "smooth":
             if reference_step is not None:
                 raise ValueError("reference_step: needs name 'reference'")
-            return self._same(core.smooth_frame(rows), self._state)
+            return self._same(core.smooth_frame(rows))
         step = core.full_begin if reference_step is None else _options.integer("reference_step", reference_step, 0)
-        return self._same(core.reference_frame(step, rows), self._state)
+        return self._same(core.reference_frame(step, rows))
 
     def align(self, reference: Model, *, rows: Optional[int] = None) -> Model:
-        """The model in the coordinates of another one of the same system, with which it can then be compared.
+        """Return the model in the coordinates of another model of the same system, so that both can be compared.
 
         Parameters
         ----------
         reference : Model
-            The other one.
+            The other model.
         rows : int, optional
-            Block rows of the observability matrices; by default as many as tell a state.
+            Block rows of the observability matrices; by default the number of steps that determines a state.
         """
-        count = self._core.estimation_window() if rows is None else _options.integer("rows", rows, 1)
-        return self._same(self._core.align(_core_of("reference", reference), count), self._state)
+        return self._same(self._core.align(_core_of("reference", reference), self._window("rows", rows)))
 
     def difference(self, other: Model, *, band: Optional[int] = None) -> float:
-        """Largest difference of the Markov parameters of two models, over the largest of both at the same step.
+        """Return the largest difference of the Markov parameters of two models, relative to the largest at its step.
 
         Parameters
         ----------
         other : Model
-            Of the same inputs and outputs.
+            A model with the same inputs and outputs.
         band : int, optional
-            Steps between input and output, at most; by default twice the states.
+            Largest number of steps between input and output; by default twice the state dimension.
         """
         return self._core.difference(_core_of("other", other), 0 if band is None else _options.integer("band", band, 1))
 
     def kalman_observer(self) -> Model:
-        """The model with the Kalman filter of its `Q`, `R` and `x0_cov` as observer: `K`, `G`, `innovation_cov`."""
-        return self._same(self._core.kalman_observer())
+        """Return the model with its Kalman filter as observer: `K`, `G`, `innovation_cov` from `Q`, `R`, `x0_cov`."""
+        return self._same(self._core.kalman_observer(), state=None)
 
     def deadbeat_observer(self, *, tolerance: float = 1e-10) -> tuple[Model, int]:
-        """The model with a deadbeat observer, and the steps after which that has forgotten every error.
+        """Return the model with a deadbeat observer, and the number of steps after which every state error is zero.
 
         Parameters
         ----------
         tolerance : float, default 1e-10
-            Directions below this share of C[k] count as unseen, of A[k] as gone.
+            Directions below this share of the norm of C[k] count as unobserved, below this share of A[k] as zero.
         """
         core, steps = self._core.deadbeat_observer(_options.real("tolerance", tolerance, 0.0))
-        return self._same(core), steps
+        return self._same(core, state=None), steps
 
     def transform(self, S: Sequence[ArrayLike]) -> Model:
-        """The model with the states S[k] x[k], which changes no output.
+        """Return the model with the states S[k] x[k]. The outputs do not change.
 
         Parameters
         ----------
         S : sequence of array_like, S+1 matrices (n, n)
-            A regular matrix for each step, and one for the state behind the last one.
+            A regular matrix for the state of each step and for the state after the last step.
         """
-        return self._same(self._core.transform(matrices_of("S", S)), self._state)
+        return self._same(self._core.transform(matrices_of("S", S)))
 
     def from_step(self, k: int) -> Model:
-        """The model from step k on, with everything that belongs to those steps."""
-        return self._same(self._core.from_step(_options.integer("k", k, self.k_begin, self.k_end)))
+        """Return the model from step k on, with all values of these steps."""
+        return self._same(self._core.from_step(_options.integer("k", k, self.k_begin, self.k_end)), state=None)
 
-    def _same(self, core: _tokid.Model, state: Optional[UpdateState] = None) -> Model:
-        return Model._of(
-            core,
-            self._findings,
-            identification=self._identification,
-            refinement=self._refinement,
-            updated=self._updated,
-            state=state,
-        )
+    def _same(self, core: _tokid.Model, **changed: Any) -> Model:
+        return Model._of(core, replace(self._origin, **changed))
 
-    # In the forms of other packages
+    # Objects of other packages
 
     def to_control(self, k: Optional[int] = None, *, pad: bool = False) -> Any:
-        """The step k as a `control.StateSpace`; without k for a time-invariant model.
+        """Return step k as a `control.StateSpace`. A time-invariant model needs no k.
 
-        A step at which the number of states changes needs ``pad=True``, which fills up with zeros. See
+        A step at which the state dimension changes needs ``pad=True``, which pads the matrices with zeros. See
         `interop.to_control`.
         """
         return _control.to_control(self, k, pad)
 
     def to_scipy(self, k: Optional[int] = None, *, pad: bool = False) -> Any:
-        """The step k as a `scipy.signal.StateSpace` in discrete time; else as `to_control`."""
+        """Return step k as a `scipy.signal.StateSpace` in discrete time, with the arguments of `to_control`."""
         return _control.to_scipy(self, k, pad)
 
     def to_xarray(self) -> xarray.Dataset:
-        """All matrices as an `xarray.Dataset` with the coordinates k, time, state, input and output.
+        """Return all matrices as an `xarray.Dataset` with the coordinates k, time, state, input and output.
 
-        Entries that a step of fewer states does not have are NaN. See `interop.model_to_xarray`.
+        Entries are NaN where a step has fewer states. See `interop.model_to_xarray`.
         """
         dataset: xarray.Dataset = _dataset.of_model(self)
         return dataset
@@ -770,25 +749,25 @@ class Model(StateSpace):
         x0: Optional[ArrayLike] = None,
         initial_state: str = "auto",
     ) -> pandas.DataFrame:
-        """Measured, simulated and predicted outputs in a tidy `pandas.DataFrame`.
+        """Return measured, simulated and predicted outputs in a tidy `pandas.DataFrame`.
 
         Parameters
         ----------
         u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble, or DataFrame
-            Experiments; without outputs there are no predictions.
+            Experiments. Without outputs there are no predictions.
         horizon : int, default 1
             Steps ahead of the predictions.
         x0 : array_like, shape (N, n) or (n,), optional
-            States of the simulations at `k_begin`. By default as the initial states are known to be; where they are
-            unknown, those that the first outputs tell.
+            States of the simulations at `k_begin`. By default, unknown initial states are estimated from the first
+            outputs.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
             States at step 0.
 
         Returns
         -------
         pandas.DataFrame
-            A row for each experiment and step: ``experiment``, ``time`` [s], the inputs, the outputs, and for each
-            output ``simulated_`` and ``predicted_`` with its name.
+            A row for each experiment and step. Columns: ``experiment``, ``time`` [s], the inputs, the outputs, and for
+            each output ``simulated_`` and ``predicted_`` with its name.
         """
         _dataframe.pandas()
         data, _ = self._data(u, y)
@@ -798,9 +777,8 @@ class Model(StateSpace):
         columns = [(inputs, np.asarray(ensemble.u))]
         if data.outputs:
             columns.append((names, np.asarray(ensemble.y)))
-        if data.outputs and x0 is None:  # initial states that are unknown are those that the first outputs tell
-            initial = _options.choice("initial_state", initial_state, _options.INITIAL_STATES)
-            simulated = self._core.simulate_data(data, initial).outputs_copied()
+        if data.outputs and x0 is None:
+            simulated = self._core.simulate_data(data, _options.initial_state(initial_state)).outputs_copied()
         else:
             simulated = self.simulate(ensemble, x0)
         columns.append(([f"simulated_{name}" for name in names], simulated))
@@ -810,7 +788,7 @@ class Model(StateSpace):
         table: pandas.DataFrame = _dataframe.tidy(data.dt, labels_of(data), columns)
         return table
 
-    # How it looks
+    # Display
 
     def __repr__(self) -> str:
         return (
@@ -819,17 +797,19 @@ class Model(StateSpace):
         )
 
     def _repr_html_(self) -> str:
+        full = f", all at steps {self.full_begin} to {self.full_end - 1}" if self.steps else ""
         rows = [
-            ("states", f"n = {self.states}" + ("" if self.steps == 0 else f", all at steps {self.full_begin} to {self.full_end - 1}")),
-            ("inputs", _labels(self.input_names, self.input_units)),
-            ("outputs", _labels(self.output_names, self.output_units)),
+            ("states", f"n = {self.states}{full}"),
+            ("inputs", ", ".join(map(named, self.input_names, self.input_units))),
+            ("outputs", ", ".join(map(named, self.output_names, self.output_units))),
             ("steps", f"{self.k_begin} to {self.k_end - 1}, dt = {self.dt:g} s"),
             ("method", f"{self.method or 'unknown'}, {self.frame_name} frame"),
         ]
-        found = self._identification
+        found = self.identification
         if found is not None:
             where = "held out" if found.held_out else "training data"
-            for name, fit in (("simulation fit", found.validation.simulation), ("one-step fit", found.validation.one_step)):
+            fits = {"simulation fit": found.validation.simulation, "one-step fit": found.validation.one_step}
+            for name, fit in fits.items():
                 rows.append((name, ", ".join(f"{x:.2f} %" for x in fit.fit) + f" ({where})"))
         cells = "".join(f"<tr><th>{html.escape(a)}</th><td>{html.escape(b)}</td></tr>" for a, b in rows)
         return f"<table><caption>tokid.Model</caption>{cells}</table>"
@@ -837,32 +817,17 @@ class Model(StateSpace):
     # Copies, also in other processes
 
     def __copy__(self) -> Model:
-        return Model._of(self._core.copy(), self._findings, **self._found())
+        return Model._of(self._core.copy(), self._origin)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Model:
-        return Model._of(self._core.copy(), self._findings, **copy.deepcopy(self._found(), memo))
+        return Model._of(self._core.copy(), copy.deepcopy(self._origin, memo))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (*state_of(self._core, LISTS), self._findings, self._found())
-
-    def _found(self) -> dict[str, Any]:
-        return {
-            "identification": self._identification,
-            "refinement": self._refinement,
-            "updated": self._updated,
-            "state": self._state,
-        }
+        return _restored, (self._origin, *state_of(self._core, LISTS))
 
 
-def _restored(
-    state: dict[str, Any],
-    arrays: dict[str, Array],
-    stacks: dict[str, Array],
-    singular_values: tuple[Array, list[int]],
-    findings: Sequence[Finding],
-    found: dict[str, Any],
-) -> Model:
-    return Model._of(core_from(state, arrays, stacks, singular_values), findings, **found)
+def _restored(origin: Origin, *state: Any) -> Model:
+    return Model._of(core_from(*state), origin)
 
 
 def _core_of(name: str, model: Any) -> _tokid.Model:
@@ -871,143 +836,6 @@ def _core_of(name: str, model: Any) -> _tokid.Model:
     return model._core
 
 
-def _verdict(model: _tokid.Model, data: _tokid.Ensemble, path: Any, options: _tokid.ReportOptions) -> Verdict:
-    verdict: Verdict = _tokid.report(model, data, path, options)
-    return verdict
-
-
-def _labels(names: Sequence[str], units: Sequence[str]) -> str:
-    return ", ".join(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units))
-
-
 def _result(computed: _tokid.Ensemble, single: bool) -> Array:
     y = computed.outputs_copied()
     return y[0] if single else y
-
-
-class UpdateState:
-    """What is kept of all experiments so far: the factors of the regressions, and the choices made from the first ones.
-
-    `tokid.identify` with ``keep_state=True`` makes one, `Model.state`. Beside 16 bytes for each
-    experiment, by which it is known again, its size does not depend on their number.
-    """
-
-    __slots__ = ("_core", "__weakref__")
-    _core: _tokid.UpdateState
-
-    def __init__(self) -> None:
-        raise TypeError("states come from tokid.identify(..., keep_state=True) or tokid.UpdateState.load")
-
-    @classmethod
-    def _of(cls, core: _tokid.UpdateState) -> UpdateState:
-        self = cls.__new__(cls)
-        self._core = core
-        return self
-
-    @classmethod
-    def load(cls, path: PathLike) -> UpdateState:
-        """Reads a state from .h5, .npz or .mat.
-
-        Raises
-        ------
-        IoError
-            For a file that can't be read or holds something else; an OSError.
-        """
-        with reading(path) as file:
-            return cls._of(_tokid.load_update_state(file))
-
-    def save(self, path: PathLike) -> None:
-        """Writes the state to .h5, .npz or .mat, whole or not at all.
-
-        Parameters
-        ----------
-        path : path or FileLock
-            With the lock of a file that was read under it, the file is refused where a program without the lock has
-            replaced it meanwhile.
-        """
-        with writing(path) as file:
-            if isinstance(path, FileLock):
-                self._core.save_held(path._held())
-            else:
-                self._core.save(file)
-
-    @property
-    def experiments(self) -> int:
-        """Number of experiments N so far."""
-        return self._core.experiments
-
-    @property
-    def steps(self) -> int:
-        """Number of steps T."""
-        return self._core.steps
-
-    @property
-    def inputs(self) -> int:
-        """Number of inputs r."""
-        return self._core.inputs
-
-    @property
-    def outputs(self) -> int:
-        """Number of outputs m."""
-        return self._core.outputs
-
-    @property
-    def lags(self) -> int:
-        """Lag order p."""
-        return self._core.lags
-
-    def identify(self, *, threads: int = 1, progress: Progress = False) -> Model:
-        """The model of all experiments so far, with the choices made from the first ones and without EM.
-
-        Parameters
-        ----------
-        threads, progress
-            As of `tokid.identify`.
-
-        Returns
-        -------
-        Model
-            Its `updated` tells what was found out.
-        """
-        with listener(progress, "identify") as listening:
-            return identified(self._core, None, _options.threads(threads), listening)
-
-    # Copies, also in other processes; nothing changes a state, so that a copy is the state itself
-
-    def __copy__(self) -> UpdateState:
-        return self
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> UpdateState:
-        return self
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        with tempfile.TemporaryDirectory() as directory:
-            file = os.path.join(directory, "state.npz")
-            self._core.save(file)
-            with open(file, "rb") as stream:
-                return _restored_state, (stream.read(),)
-
-    def __repr__(self) -> str:
-        core = self._core
-        return (
-            f"<tokid.UpdateState: {plural(core.experiments, 'experiment')} of {plural(core.steps, 'step')}, "
-            f"r = {plural(core.inputs, 'input')}, m = {plural(core.outputs, 'output')}, lag order {core.lags}>"
-        )
-
-
-def _restored_state(content: bytes) -> UpdateState:
-    with tempfile.TemporaryDirectory() as directory:
-        file = os.path.join(directory, "state.npz")
-        with open(file, "wb") as stream:
-            stream.write(content)
-        return UpdateState._of(_tokid.load_update_state(file))
-
-
-def identified(core: _tokid.UpdateState, added: Optional[Additions], threads: int, listening: Any) -> Model:
-    """The model of all experiments of a state, to which some may just have been added."""
-    model, experiments, condition, deficient, findings = core.identify(threads=threads, listener=listening)
-    if added is not None:
-        findings = added.findings + findings
-    found = Updated(experiments, condition, deficient, added, findings)
-    warn(found.warnings)
-    return Model._of(model, findings, updated=found, state=UpdateState._of(core))

@@ -15,7 +15,6 @@ from . import _tokid
 T = TypeVar("T")
 
 _INITIAL_STATES = {"zero": _tokid.InitialState.zero, "unknown": _tokid.InitialState.unknown}
-INITIAL_STATES = {"auto": None, **_INITIAL_STATES}
 
 
 def choice(name: str, value: Any, choices: Mapping[str, T]) -> T:

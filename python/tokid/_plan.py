@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Before there is data."""
+"""Plans of experiments."""
 
 from __future__ import annotations
 
@@ -52,48 +52,49 @@ def plan(
     threads: int = 1,
     progress: Progress = False,
 ) -> Plan:
-    """How many experiments, and inputs for them.
+    """Recommend a number of experiments, and make inputs for them.
 
     Parameters
     ----------
     model : Model, optional
-        A preliminary model; what is not stated is taken from it.
+        A preliminary model. It gives the values that are not stated.
     states, inputs, outputs, steps : int
-        n, r, m and T; needed without a model.
+        n, r, m and T. They are needed without a model.
     lags : int or "auto"
-        Lag order p. "auto": the smallest, n/m rounded up.
+        Lag order p. "auto": the smallest one, n/m rounded up.
     experiments : int or "auto"
-        N. "auto": as many as recommended.
+        N. "auto": the recommended number.
     kind : {"auto", "orthogonal", "gaussian", "binary", "multisine", "optimised"}
-        Of the inputs. "auto": optimised with a model, else orthogonal.
+        Kind of the inputs. "auto": optimised with a model, else orthogonal.
     amplitude : float or sequence of float, default 1.0
-        Limit of |u|, one or one for each input.
+        Limit of |u|, for all inputs or for each one.
     noise : (float, float), optional
-        Standard deviations of the noise on inputs and outputs.
+        Standard deviations of the noise on inputs and outputs, in the units of the channels.
     initial_state : {"zero", "unknown"}, optional
-        States at step 0; by default as the model says, else zero.
+        States at step 0; by default those of the model, else zero.
     nominal : bool, default False
-        The experiments depart from a mean motion, which will be removed from the data.
+        True: a mean motion will be removed from the data.
     excess, markov_error, white_condition : float
-        Shares that set the recommended number: of the one-step mean square error that estimated coefficients add, and
-        the relative error of the Markov parameters; and the condition number of a window of white columns.
+        Limits that determine the recommended number. `excess`: relative increase of the one-step mean square error by
+        estimated coefficients. `markov_error`: relative error of the Markov parameters. `white_condition`: condition
+        number of a window of white columns.
     hold : int or "auto"
-        Orthogonal inputs: steps between exchanges of resting directions.
+        Orthogonal inputs: number of steps between exchanges of unused directions.
     iterations : int, default 120
-        Optimised inputs: at each of three stages.
+        Optimised inputs: iterations at each of three stages.
     dt : float, optional
-        Sample time [s]; by default the model's, else 1.
+        Sample time [s]; by default that of the model, else 1.
     input_names, input_units : sequence of str, optional
-        Of the inputs.
+        Names and units of the inputs.
     seed : int, default 1
-        Of the random numbers.
+        Seed of the random numbers.
     threads, progress
-        As of `tokid.identify`.
+        As in `tokid.identify`.
 
     Returns
     -------
     Plan
-        `Plan.inputs` is the ensemble of inputs.
+        A plan. Its `inputs` are an ensemble.
 
     Examples
     --------
@@ -107,7 +108,7 @@ def plan(
         if value is not None:
             setattr(options, name, _options.integer(name, value, 1, most))
         elif model is None:
-            raise ValueError(f"{name}: needed unless a model tells it")
+            raise ValueError(f"{name}: none found, a number needed without a model")
     options.lags = _options.count_or_auto("lags", lags)
     options.experiments = _options.count_or_auto("experiments", experiments)
     options.kind = _options.choice("kind", kind, _KINDS)
@@ -118,9 +119,7 @@ def plan(
             raise ValueError(f"noise: {noise!r} found, two standard deviations needed, such as (0.01, 0.1)")
         options.noise = (_options.real("noise", noise[0], 0.0), _options.real("noise", noise[1], 0.0))
     if initial_state is not None:
-        options.initial_state = _options.choice(
-            "initial_state", initial_state, {k: v for k, v in _options.INITIAL_STATES.items() if v is not None}
-        )
+        options.initial_state = _options.known_initial_state(initial_state)
     options.nominal = bool(nominal)
     options.excess = _options.real("excess", excess, 0.0)
     options.markov_error = _options.real("markov_error", markov_error, 0.0)

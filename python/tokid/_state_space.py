@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The matrices of every step, and what goes with them."""
+"""The matrices and the other values of a model."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from . import _arrays, _options, _tokid
 from ._channels import Channels
-from ._typing import Array, ArrayLike, ComplexArray
+from ._held import Held
+from ._typing import Array, ArrayLike, ComplexArray, IndexArray
 
 
 class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
-    """The matrices of all steps, entry s = 0 … S-1 for the step k = k_begin + s.
+    """The matrices of all steps. Entry s = 0 … S-1 belongs to the step k = k_begin + s.
 
-    An entry is a read-only view of the model's own matrix, which it keeps alive, and so are those of a slice of steps.
-    State dimensions may vary from step to step, and with them the shapes; `stack` and ``numpy.asarray`` pad them with
-    zeros to one array. Any other index, operators and NumPy's functions are those of that array, as are `shape`, `ndim`
-    and `dtype`.
+    An entry is a read-only view of the matrix in the model, and keeps the model alive. A slice of steps is a sequence
+    of such views. The shapes vary with the state dimensions. `stack` and ``numpy.asarray`` pad the matrices with zeros
+    and return one array. All other indices, operators and NumPy functions act on this array. `shape`, `ndim` and
+    `dtype` are those of this array too.
 
     Examples
     --------
@@ -64,13 +65,13 @@ class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """(S, rows, columns) of `stack`."""
+        """Shape (S, rows, columns) of `stack`."""
         rows, columns = self._core.stacked_size(self._name)
         return len(self), rows, columns
 
     @property
     def ndim(self) -> int:
-        """Dimensions of `stack`."""
+        """Number of dimensions of `stack`."""
         return 3
 
     @property
@@ -82,7 +83,7 @@ class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
         return any(np.array_equal(entry, np.asarray(matrix)) for entry in self)
 
     def index(self, matrix: Any, start: int = 0, stop: Optional[int] = None) -> int:
-        """The first entry that equals a matrix."""
+        """Return the number of the first entry that equals a matrix."""
         for s in range(*slice(start, stop).indices(len(self))):
             if np.array_equal(self[s], np.asarray(matrix)):
                 return s
@@ -105,7 +106,7 @@ class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
         return (self._core.matrix(self._name, s) for s in self._range)
 
     def stack(self) -> Array:
-        """One array (S, rows, columns), as in the files: padded with zeros to the largest state dimension."""
+        """Return one array (S, rows, columns), padded with zeros to the largest state dimension, as in the files."""
         whole = self._core.stack(self._name)
         if self._range == range(len(whole)):
             return whole
@@ -124,16 +125,16 @@ class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The model of one step: views of what the model holds; None for what it does not have.
+    """The model of one step, as views of the matrices in the model. None for a matrix that the model does not have.
 
     Attributes
     ----------
     k : int
         The step.
     A, B, C, D : ndarray, shapes (n', n), (n', r), (m, n), (m, r)
-        x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], for n states at k and n' at k+1.
+        x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], with n states at k and n' states at k+1.
     G : ndarray, shape (n', m), or None
-        Observer gain; A + G C is the closed loop.
+        Observer gain. A + G C is the closed loop.
     innovation_cov : ndarray, shape (m, m), or None
         Covariance of the innovations.
     Q, R : ndarray, shapes (n', n'), (m, m), or None
@@ -155,14 +156,14 @@ class Step:
 
     @property
     def closed_loop(self) -> Array:
-        """A + G C, the closed loop of the observer."""
+        """The closed loop A + G C of the observer."""
         if self.G is None:
             raise ValueError("the model has no observer gains G")
         return self.A + self.G @ self.C
 
 
 LISTS = ("A", "B", "C", "D", "G", "innovation_cov", "Q", "R", "K")
-_PLAIN = (  # in this order: state_dim makes the steps, for so many inputs and outputs
+_PLAIN = (  # in this order: state_dim makes the steps, and needs the numbers of inputs and outputs
     "inputs",
     "outputs",
     "k_begin",
@@ -184,66 +185,87 @@ _PLAIN = (  # in this order: state_dim makes the steps, for so many inputs and o
 _ARRAYS = ("u_nominal", "y_nominal", "x0_mean", "x0_cov")
 
 
+def _numbers(core: _tokid.Model, name: str) -> Array:
+    return np.asarray(getattr(core, name), dtype=np.float64)
+
+
+def _integers(core: _tokid.Model, name: str) -> IndexArray:
+    return np.asarray(getattr(core, name), dtype=np.int64)
+
+
+def _array_or_none(core: _tokid.Model, name: str) -> Optional[Array]:
+    array: Array = getattr(core, name)
+    return array if array.size else None
+
+
+def _singular_values(core: _tokid.Model, _: str) -> list[Array]:
+    return [core.singular_values(s) for s in range(core.singular_values_count())]
+
+
+def _options_of(core: _tokid.Model, _: str) -> dict[str, Any]:
+    try:
+        options = json.loads(core.options or "{}")
+    except json.JSONDecodeError:
+        return {}
+    return options if isinstance(options, dict) else {}
+
+
 class StateSpace(Channels):
-    """What a model holds: the matrices of every step k = k_begin … k_end-1, and what follows from them alone."""
+    """The matrices of every step k = k_begin … k_end-1, the other values of a model, and what follows from them."""
 
     __slots__ = ("_core",)
     _core: _tokid.Model
 
-    # The matrices
+    A = Held("State matrices (S) of shape (n', n).", MatrixSequence)
+    B = Held("Input matrices (S) of shape (n', r).", MatrixSequence)
+    C = Held("Output matrices (S) of shape (m, n).", MatrixSequence)
+    D = Held("Feedthrough matrices (S) of shape (m, r).", MatrixSequence)
+    G = Held("Observer gains (S) of shape (n', m). A + G C is the closed loop.", MatrixSequence)
+    innovation_cov = Held("Covariances (S) of the innovations (m, m); empty if not known.", MatrixSequence)
+    Q = Held("Covariances (S) of the process noise (n', n'); empty if not known.", MatrixSequence)
+    R = Held("Covariances (S) of the measurement noise (m, m); empty if not known.", MatrixSequence)
+    K = Held("Kalman gains (S) of shape (n, m); empty if not known.", MatrixSequence)
+
+    steps = Held[int]("Number of steps S.")
+    states = Held[int]("Largest state dimension n.")
+    k_begin = Held[int]("First step with a model.")
+    k_end = Held[int]("Step after the last one.", lambda core, _: core.k_begin + core.steps)
+    full_begin = Held[int]("First step with all n states.")
+    full_end = Held[int]("Step after the run of steps with all n states that starts at `full_begin`.")
+    state_dim = Held("State dimensions (S+1) before each step and after the last one.", _integers)
+    dt = Held[float]("Sample time [s].")
+    period = Held[int]("P: the steps k and k + P have the same matrices. 1: time-invariant. 0: no period.")
+    frame_name = Held[str]('Frame of the states: "raw", "reference" or "smooth".', lambda core, _: core.frame)
+    method = Held[str]('Origin of the model: "tvera", "subspace", "em", "known".')
+    initial_state = Held[str](
+        'Initial states of the training data: "zero" or "unknown".', lambda core, _: core.initial_state.name
+    )
+    u_nominal = Held("Nominal inputs (T, r) that were removed before the identification, or None.", _array_or_none)
+    y_nominal = Held("Nominal outputs (T, m) that were removed before the identification, or None.", _array_or_none)
+    x0_mean = Held("Mean (n,) of the state at `k_begin`, or None.", _array_or_none)
+    x0_cov = Held("Covariance (n, n) of the state at `k_begin`, or None.", _array_or_none)
+    singular_values = Held(
+        "Singular values (S) of the Hankel matrix or weighted predictor of each step; empty if not known.",
+        _singular_values,
+    )
+    condition = Held("Condition number (S,) of the scaled regression of each step; empty if not known.", _numbers)
+    rank = Held("Rank (S,) of the regression of each step; empty if not known.", _integers)
+    lags = Held("Lag order (S,) of each step; empty if not known.", _integers)
+    options = Held("Options and choices of the identification, as in the files; {} if not known.", _options_of)
+    version = Held[str]("Version of the program that made the model.")
 
     @property
-    def A(self) -> MatrixSequence:
-        """State matrices (S) of (n', n)."""
-        return MatrixSequence(self._core, "A")
-
-    @property
-    def B(self) -> MatrixSequence:
-        """Input matrices (S) of (n', r)."""
-        return MatrixSequence(self._core, "B")
-
-    @property
-    def C(self) -> MatrixSequence:
-        """Output matrices (S) of (m, n)."""
-        return MatrixSequence(self._core, "C")
-
-    @property
-    def D(self) -> MatrixSequence:
-        """Feedthrough matrices (S) of (m, r)."""
-        return MatrixSequence(self._core, "D")
-
-    @property
-    def G(self) -> MatrixSequence:
-        """Observer gains (S) of (n', m); A + G C is the closed loop."""
-        return MatrixSequence(self._core, "G")
-
-    @property
-    def innovation_cov(self) -> MatrixSequence:
-        """Covariances (S) of the innovations (m, m); empty where they are not known."""
-        return MatrixSequence(self._core, "innovation_cov")
-
-    @property
-    def Q(self) -> MatrixSequence:
-        """Covariances (S) of the process noise (n', n'); empty where they are not known."""
-        return MatrixSequence(self._core, "Q")
-
-    @property
-    def R(self) -> MatrixSequence:
-        """Covariances (S) of the measurement noise (m, m); empty where they are not known."""
-        return MatrixSequence(self._core, "R")
-
-    @property
-    def K(self) -> MatrixSequence:
-        """Kalman gains (S) of (n, m); empty where they are not known."""
-        return MatrixSequence(self._core, "K")
+    def time(self) -> Array:
+        """Times (S,) of the steps of the model [s]."""
+        return np.arange(self.k_begin, self.k_end, dtype=np.float64) * self.dt
 
     def at(self, k: int) -> Step:
-        """The model of step k; one with a period goes on behind its last step.
+        """Return the model of step k. A model with a period continues after its last step.
 
         Raises
         ------
         ValueError
-            Where the model has no such step.
+            If the model has no such step.
         """
         core = self._core
         s = _options.integer("k", k, self.k_begin, None if core.period else self.k_end - 1) - core.k_begin
@@ -252,138 +274,8 @@ class StateSpace(Channels):
         matrices: dict[str, Any] = {name: core.matrix(name, s) for name in LISTS if core.count(name)}
         return Step(k, **matrices)
 
-    # What it is
-
-    @property
-    def steps(self) -> int:
-        """Number of steps S."""
-        return self._core.steps
-
-    @property
-    def states(self) -> int:
-        """Largest state dimension n."""
-        return self._core.states
-
-    @property
-    def k_begin(self) -> int:
-        """First step with a model."""
-        return self._core.k_begin
-
-    @property
-    def k_end(self) -> int:
-        """One past the last step."""
-        return self._core.k_begin + self._core.steps
-
-    @property
-    def full_begin(self) -> int:
-        """First step with all n states."""
-        return self._core.full_begin
-
-    @property
-    def full_end(self) -> int:
-        """One past the last step with all n states, counted from `full_begin` without a gap."""
-        return self._core.full_end
-
-    @property
-    def state_dim(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """State dimensions (S+1) before each step and after the last one."""
-        return np.asarray(self._core.state_dim, dtype=np.int64)
-
-    @property
-    def dt(self) -> float:
-        """Sample time [s]."""
-        return self._core.dt
-
-    @property
-    def time(self) -> Array:
-        """Times (S,) of the steps of the model [s]."""
-        return np.arange(self.k_begin, self.k_end, dtype=np.float64) * self.dt
-
-    @property
-    def period(self) -> int:
-        """P: the steps k and k + P have the same matrices; 1: time-invariant; 0: the model ends with its last step."""
-        return self._core.period
-
-    @property
-    def frame_name(self) -> str:
-        """Coordinates of the states: "raw", "reference" or "smooth"."""
-        return self._core.frame
-
-    @property
-    def method(self) -> str:
-        """How the model was made: "tvera", "subspace", "em", "known"."""
-        return self._core.method
-
-    @property
-    def initial_state(self) -> str:
-        """Initial states that the model was identified from: "zero" or "unknown"."""
-        return str(self._core.initial_state.name)
-
-    @property
-    def u_nominal(self) -> Optional[Array]:
-        """Nominal inputs (T, r) that were removed before identification, or None."""
-        return self._array("u_nominal")
-
-    @property
-    def y_nominal(self) -> Optional[Array]:
-        """Nominal outputs (T, m) that were removed before identification, or None."""
-        return self._array("y_nominal")
-
-    @property
-    def x0_mean(self) -> Optional[Array]:
-        """Mean state (n,) at `k_begin`, or None."""
-        return self._array("x0_mean")
-
-    @property
-    def x0_cov(self) -> Optional[Array]:
-        """Covariance (n, n) of the state at `k_begin`, or None."""
-        return self._array("x0_cov")
-
-    def _array(self, name: str) -> Optional[Array]:
-        array: Array = getattr(self._core, name)
-        return array if array.size else None
-
-    # Of its identification
-
-    @property
-    def singular_values(self) -> list[Array]:
-        """Singular values (S) of the Hankel matrix or the weighted predictor of each step; empty where not known."""
-        core = self._core
-        return [core.singular_values(s) for s in range(core.singular_values_count())]
-
-    @property
-    def condition(self) -> Array:
-        """Condition number (S,) of the scaled regression of each step; empty where not known."""
-        return np.asarray(self._core.condition, dtype=np.float64)
-
-    @property
-    def rank(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Rank (S,) of the regression of each step; empty where not known."""
-        return np.asarray(self._core.rank, dtype=np.int64)
-
-    @property
-    def lags(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Lag order (S,) of each step; empty where not known."""
-        return np.asarray(self._core.lags, dtype=np.int64)
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """The options of the identification, and what it noted down, as the files hold them; {} where not known."""
-        try:
-            options = json.loads(self._core.options or "{}")
-        except json.JSONDecodeError:
-            return {}
-        return options if isinstance(options, dict) else {}
-
-    @property
-    def version(self) -> str:
-        """Version of the program that made the model."""
-        return self._core.version
-
-    # Parameters
-
     def markov(self, band: int) -> Array:
-        """Markov parameters, which no coordinates change.
+        """Return the Markov parameters. They do not depend on the coordinates of the states.
 
         Parameters
         ----------
@@ -393,50 +285,54 @@ class StateSpace(Channels):
         Returns
         -------
         h : ndarray, shape (S, band, m, r)
-            Entry [s, g-1] is h(k, k-g), k = k_begin + s: what an input at k - g adds to the output at k. NaN where
-            the model has no step k - g.
+            Entry [s, g-1] is h(k, k-g) with k = k_begin + s: the response of the output at step k to a unit pulse at
+            step k - g. NaN if the model has no step k - g.
         """
         return self._core.markov(_options.integer("band", band, 1))
 
     def pulse_response(self, k: int, i: int) -> Array:
-        """h(k, i), shape (m, r): what an input at step i < k adds to the output at step k."""
+        """Return h(k, i), shape (m, r): the response of the output at step k to a unit pulse at step i < k."""
         step = _options.integer("k", k, self.k_begin, self.k_end - 1)
         return self._core.pulse_response(step, _options.integer("i", i, self.k_begin, step - 1))
 
     def deadbeat_products(self, p: Optional[int] = None) -> Array:
-        """Norms of p successive closed loops, from `k_begin` on: zero for a deadbeat observer; p: the lag order."""
+        """Return the norms of the products of p successive closed loops, from `k_begin` on.
+
+        They are zero for a deadbeat observer. p is by default the largest lag order.
+        """
         return self._core.deadbeat_products(max(1, *self.lags, 1) if p is None else _options.integer("p", p, 1))
 
     def closed_loop_spectrum(
         self, *, reference_step: Optional[int] = None, threads: int = 1
     ) -> tuple[int, ComplexArray]:
-        """Eigenvalues of A + G C in a reference frame, which are the same for every model of a system.
+        """Return the eigenvalues of A + G C in a reference frame. They are the same for every model of a system.
 
         Parameters
         ----------
         reference_step : int, optional
-            Step of the frame, by default the first one with all states.
+            Step of the frame; by default the first one with all states.
         threads : int, default 1
+            Number of threads; 0: all of the machine.
 
         Returns
         -------
         begin : int
             Step of the first entry.
         eigenvalues : ndarray of complex, shape (steps, n)
-            NaN where A + G C is not finite.
+            NaN if A + G C is not finite.
         """
         step = _options.step("reference_step", reference_step)
         begin, values = _tokid.closed_loop_spectrum(self._core, step, _options.threads(threads))
         return begin, values
 
     def observability(self, k: int, rows: int) -> Array:
-        """[C[k]; C[k+1] A[k]; …] with the given number of block rows, fewer at the end of the model."""
+        """Return [C[k]; C[k+1] A[k]; …] with the given number of block rows, or fewer near the end of the model."""
         step = _options.integer("k", k, self.k_begin, self.k_end - 1)
         return self._core.observability(step, _options.integer("rows", rows, 1, 1_000_000))
 
 
 def state_of(core: _tokid.Model, lists: Iterable[str]) -> tuple[Any, ...]:
-    """All that a model holds, of the matrices those that are named; stacked, for there may be very many steps."""
+    """The values of a model for `core_from`, with the named matrices, stacked because there may be many steps."""
     state: dict[str, Any] = {name: getattr(core, name) for name in _PLAIN}
     state["initial_state"] = str(core.initial_state.name)
     arrays = {name: np.asarray(getattr(core, name)) for name in _ARRAYS}
@@ -446,7 +342,7 @@ def state_of(core: _tokid.Model, lists: Iterable[str]) -> tuple[Any, ...]:
 def core_from(
     state: dict[str, Any], arrays: dict[str, Array], stacks: dict[str, Array], singular_values: tuple[Array, list[int]]
 ) -> _tokid.Model:
-    """The model of what `state_of` returns."""
+    """The model from the values of `state_of`."""
     core = _tokid.Model()
     for name, value in state.items():
         setattr(core, name, _tokid.InitialState[value] if name == "initial_state" else value)
@@ -464,7 +360,7 @@ def _sequence(name: str, steps: range, *state: Any) -> MatrixSequence:
 
 
 def matrices_of(name: str, values: Sequence[ArrayLike]) -> list[Any]:
-    """A matrix for each step, as users give them."""
+    """The matrices of all steps, checked, from those of a user."""
     if isinstance(values, MatrixSequence):
         return list(values)
     if not isinstance(values, Iterable) or isinstance(values, (str, bytes, Mapping)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""From the times of samples to steps of one grid."""
+"""Times of samples → steps of one grid."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def text_of(number: float) -> str:
 
 
 def seconds(stamps: np.ndarray[Any, Any]) -> Array:
-    """Times [s] of time differences, or of dates from the first one on."""
+    """Time differences in seconds, or dates in seconds after the first one."""
     missing = np.isnat(stamps)
     dates = stamps.dtype.kind == "M"
     nanoseconds = stamps.astype("datetime64[ns]" if dates else "timedelta64[ns]").astype(np.int64)
@@ -29,7 +29,7 @@ def seconds(stamps: np.ndarray[Any, Any]) -> Array:
 
 
 def _distinct(times: Array, resolution: float) -> Array:
-    """Distinct times; those closer than rounding errors make them are one."""
+    """The distinct times. Times that differ by rounding errors are one."""
     times = np.unique(times)
     if len(times) < 2:
         return times
@@ -44,23 +44,52 @@ def _distinct(times: Array, resolution: float) -> Array:
 
 
 def _spacing(times: Array) -> float:
-    """The even spacing: the smallest distance counts the steps of the others, and the whole range refines it."""
+    """The even spacing. The smallest distance gives the number of steps, and the whole range the exact spacing."""
     if len(times) < 2:
         return 1.0
     gaps = np.diff(times)
     steps = float(np.floor(gaps / gaps.min() + 0.5).sum())
     refined = float(times[-1] - times[0]) / steps
-    # Of the numbers that the times allow for, the one that was meant has few digits.
+    # Among the numbers within the uncertainty, the intended one has few digits.
     rounded = float(f"{refined:.12g}")
     uncertainty = 2 * _EPSILON * (refined + max(abs(float(times[0])), abs(float(times[-1]))) / steps)
     return rounded if abs(rounded - refined) <= uncertainty else refined
 
 
 class Grid:
+    """The even grid of some times.
+
+    Parameters
+    ----------
+    times : ndarray
+        Times [s] of all samples, or their step numbers.
+    timed : bool
+        Whether they are times.
+    dt, noted : float or None
+        Sample time [s] from the user, and from the data.
+    groups : int
+        Number of experiments.
+    rounding : float
+        Resolution of the times [s].
+
+    Attributes
+    ----------
+    dt, begin : float
+        Sample time and first time [s].
+    dt_stated : bool
+        Whether the user or the data state the sample time.
+    step : ndarray of int
+        Step of each sample, from 0.
+    steps : int
+        Number of steps T.
+    gapless : bool
+        Whether the samples have the steps 0, 1, …, T-1 in this order.
+    """
+
     def __init__(
-        self, times: Array, timed: bool, dt: Optional[float], noted: Optional[float], groups: int, rounded: float
+        self, times: Array, timed: bool, dt: Optional[float], noted: Optional[float], groups: int, rounding: float
     ) -> None:
-        resolution = rounded + 4 * _EPSILON * max(abs(float(times.min())), abs(float(times.max())))
+        resolution = rounding + 4 * _EPSILON * max(abs(float(times.min())), abs(float(times.max())))
         self.begin = float(times.min())
         spacing = 1.0
         self.dt_stated = dt is not None or noted is not None
@@ -68,14 +97,15 @@ class Grid:
             distinct = _distinct(times, resolution)
             found = _spacing(distinct)
             self.dt_stated = self.dt_stated or len(distinct) > 1
-            # What is noted is the exact one, if it still is that of the rows.
-            still = noted is not None and (len(distinct) < 2 or abs(found - noted) <= 1e-6 * noted)
-            self.dt = spacing = dt if dt is not None else noted if noted is not None and still else found
+            # The sample time in the notes is exact, but the rows may have changed since.
+            if noted is not None and len(distinct) > 1 and not abs(found - noted) <= 1e-6 * noted:
+                noted = None
+            self.dt = spacing = dt if dt is not None else noted if noted is not None else found
         else:
             self.dt = dt if dt is not None else noted if noted is not None else 1.0
         if not 0 < self.dt < np.inf:
             raise ValueError(f"dt: {text_of(self.dt)} found, a positive time in seconds needed")
-        # Columns of NumPy's own arithmetic: the error of a wild number is a message, not a warning.
+        # A time of extreme size causes an error message below, not a warning of NumPy.
         with np.errstate(all="ignore"):
             step = np.floor((times - self.begin) / spacing + 0.5)
             uneven = ~(np.abs(times - self.begin - step * spacing) <= 1e-6 * spacing + resolution)
@@ -83,14 +113,15 @@ class Grid:
             row = int(np.flatnonzero(uneven)[0])
             off = abs(times[row] - self.begin - step[row] * spacing)
             raise ValueError(
-                f"row {row}, column 'time': {text_of(times[row])} found, {off:.4g} off the even steps of {text_of(spacing)} "
-                f"from {text_of(self.begin)} on, which are needed (or step numbers in a column 'k')"
+                f"row {row}, column 'time': {text_of(times[row])} found, {off:.4g} off the even steps of "
+                f"{text_of(spacing)} from {text_of(self.begin)} on, which are needed (or step numbers in a column 'k')"
             )
         steps = float(step.max()) + 1
-        # A wild time or step number would otherwise ask for more memory than the table can be worth.
+        # A single wrong time or step number must not require a huge grid.
         if not steps * groups <= 1e6 + 1000 * len(times):
             raise ValueError(
                 f"{groups} experiments of {text_of(steps)} steps found in {len(times)} rows, fewer gaps needed"
             )
         self.steps = int(steps)
         self.step = step.astype(np.int64)
+        self.gapless = np.array_equal(self.step, np.arange(self.steps))  # one time for each step, in this order

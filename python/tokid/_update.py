@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Experiments that come later."""
+"""Updates with later experiments."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from . import _experiments, _options, _tokid
 from ._ensemble import Ensemble
 from ._errors import reading
 from ._lock import FileLock
-from ._model import Model, UpdateState, identified
+from ._model import Model
 from ._progress import listener
 from ._typing import ArrayLike, PathLike, Progress
+from ._update_state import UpdateState, identified
 from .results import Additions
 
 
@@ -29,36 +30,36 @@ def update(
     threads: int = 1,
     progress: Progress = False,
 ) -> Model:
-    """Adds experiments to those that a state was kept of.
+    """Add later experiments to an update state, and identify the model of all experiments.
 
-    Experiments that the state has already are not added again; a warning and `updated.added.known` name them.
+    Experiments that the state already has are not added again. A warning and `updated.added.known` name them.
 
     Parameters
     ----------
     state : UpdateState, path or FileLock
-        That of the experiments before, which is not changed; but a file gets the new experiments, once all has worked.
-        A path is locked until then, so that concurrent updates follow each other.
+        The state of the previous experiments. An `UpdateState` does not change; a file is replaced after success. A
+        path is locked during the call, so that concurrent updates wait for each other.
     u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble, DataFrame or Dataset
-        New experiments; or the paths of files of them, of which one at a time is in memory.
+        New experiments; or as `u` the path of a file, or several paths. One file at a time is in memory.
     inputs, outputs : sequence of str, optional
         Columns of .csv files that are inputs and outputs.
-    wait : float, optional
-        Seconds to wait for another update of the same file.
+    wait : float, default 60.0
+        Time to wait for another update of the same file [s].
     threads, progress
-        As of `tokid.identify`.
+        As in `tokid.identify`.
 
     Returns
     -------
     Model
-        Of all experiments: that of `tokid.identify` with the same choices and without EM. Its `updated` tells how well
-        the model before did on the new experiments, and its `state` is the one to go on with.
+        The model of all experiments, as from `tokid.identify` with the same choices and without EM. Its `updated` has
+        the fit of the previous model to the new experiments. Its `state` contains all experiments.
 
     Raises
     ------
     ValueError
-        Names what differs from the experiments before.
+        If the new experiments do not fit the state. The message names the difference.
     IoError
-        Where another update has the file for longer than `wait`.
+        If another update has the file for longer than `wait`.
     """
     if isinstance(state, (UpdateState, FileLock)):
         return _updated(state, u, y, inputs, outputs, threads, progress)
@@ -77,12 +78,12 @@ def _updated(
 ) -> Model:
     count = _options.threads(threads)
     if isinstance(state, FileLock):
-        state._held()  # before the work
+        state._held()  # fails before the work starts
     core = state._core.copy() if isinstance(state, UpdateState) else UpdateState.load(state)._core
     files = _paths(u)
     if files is not None and y is not None:
         raise ValueError("y: found beside files, which have the outputs already")
-    for path in files or []:  # before the work: is it there?
+    for path in files or []:  # a missing file fails before the work starts
         with reading(path) as name:
             _tokid.is_model(name)
     with listener(progress, "update") as listening:
@@ -102,7 +103,7 @@ def _updated(
 
 
 def _paths(u: Any) -> Optional[list[Any]]:
-    """The files that were given, if there are any."""
+    """The paths, if `u` is a path or a list of paths."""
     if isinstance(u, (str, os.PathLike)):
         return [u]
     if isinstance(u, (list, tuple)) and u and all(isinstance(path, (str, os.PathLike)) for path in u):
