@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 
 #include "arrays.hpp"
 #include "call.hpp"
@@ -95,12 +96,20 @@ nb::any object_of(const SpectrumBounds& b) {
 }
 
 nb::any bounds_of(const Model& model, const Ensemble& data, double level, std::optional<BoundsMethod> method,
-                  Index replicates, std::uint64_t seed, Index band, Index reference_step, int threads,
-                  nb::object listener) {
+                  std::optional<Index> replicates, std::optional<std::uint64_t> seed, Index band, Index reference_step,
+                  int threads, nb::object listener) {
   Call call(std::move(listener));
-  ConfidenceOptions options{level, method, replicates, seed, band, reference_step, call.execution(threads)};
+  ConfidenceOptions options{.level = level,
+                            .method = method,
+                            .band = band,
+                            .reference_step = reference_step,
+                            .execution = call.execution(threads)};
+  options.replicates = replicates.value_or(options.replicates);
+  options.seed = seed.value_or(options.seed);
   Confidence c = call.run([&] { return confidence(model, data, options); });
   append(c.findings, differences(model, data));
+  if (c.method == BoundsMethod::factors && (replicates || seed))
+    c.findings.push_back({.kind = Finding::Kind::option_without_effect, .detail = replicates ? "replicates" : "seed"});
   const nb::object markov = object_of(c.markov), simulated = object_of(c.simulated), predicted = object_of(c.predicted),
                    spectrum = object_of(c.spectrum);
   const nb::list findings = list_of(c.findings);
@@ -136,7 +145,7 @@ void bind_confidence(nb::module_& module) {
           },
           nb::arg("path"), nb::arg("mat73"), nb::call_guard<nb::gil_scoped_release>());
   module.def("confidence", &bounds_of, nb::arg("model"), nb::arg("data"), nb::kw_only(), nb::arg("level"),
-             nb::arg("method").none(), nb::arg("replicates"), nb::arg("seed"), nb::arg("band"),
+             nb::arg("method").none(), nb::arg("replicates").none(), nb::arg("seed").none(), nb::arg("band"),
              nb::arg("reference_step"), nb::arg("threads"), nb::arg("listener").none());
   module.def(
       "closed_loop_spectrum",

@@ -194,6 +194,9 @@ def test_confidence(files, tool):
                 assert np.array_equal(saved[name], bounds.markov.interval.estimate, equal_nan=True)
     assert bounds.method == "factors" and bounds.markov.interval.lower.shape == (30, bounds.markov.band + 1, 2, 2)
     assert bounds.simulated.estimate.shape == bounds.predicted.upper.shape == (40, 30, 2)
+    with pytest.warns(tokid.TokidWarning, match="seed has no effect on bounds from the factors"):
+        note = model.confidence(data, level=0.9, seed=7).findings[-1]
+    assert (note.kind, note.severity, note.detail) == ("option_without_effect", "note", "seed")
     spectrum = bounds.spectrum
     assert spectrum.eigenvalues.dtype == complex and spectrum.simple.dtype == bool
     assert spectrum.eigenvalues.shape == spectrum.real.lower.shape == (len(spectrum.simple), 4)

@@ -493,29 +493,13 @@ class Model(StateSpace):
                 data,
                 level=_options.real("level", level, 1e-6, 1 - 1e-9),
                 method=_options.choice("method", method, methods),
-                replicates=200 if replicates is None else _options.integer("replicates", replicates, 2, 1_000_000),
-                seed=1 if seed is None else _options.integer("seed", seed, 1, 2**64 - 1),
+                replicates=None if replicates is None else _options.integer("replicates", replicates, 2, 1_000_000),
+                seed=None if seed is None else _options.integer("seed", seed, 1, 2**64 - 1),
                 band=_options.count_or_auto("band", band),
                 reference_step=_options.step("reference_step", reference_step),
                 threads=_options.threads(threads),
                 listener=listening,
             )
-        for name, value in (("replicates", replicates), ("seed", seed)):
-            if value is not None and result.method == "factors":
-                text = f"{name} has no effect on bounds from the factors"
-                finding = Finding(
-                    kind="option_without_effect",
-                    severity="note",
-                    scope="all",
-                    channels=[],
-                    experiments=[],
-                    steps=[],
-                    numbers={},
-                    text=text,
-                    detail=name,
-                )
-                result.findings.append(finding)
-                break
         warn(result.warnings)
         return result
 
