@@ -586,7 +586,7 @@ def test_index_and_column_of_times(kind, dt):
 def test_index_that_is_not_understood_is_refused():
     table = pd.DataFrame({"u1": [1.0, 2.0], "y1": [3.0, 4.0]})
     dates = table.set_axis(["2026-01-01", "2026-01-02"])
-    needed = "one of times or step numbers with the name 'time' or 'k' needed, or dt"
+    needed = "one of times or step numbers with the name 'time' or 'k' needed. If the rows are steps, state dt"
     with pytest.raises(ValueError, match=f"index: unnamed, of (str|object) found, {needed}"):
         tokid.Ensemble.from_dataframe(dates)
     pressures = table.set_axis(pd.Index([1.0, 1.5], name="pressure"))

@@ -64,11 +64,11 @@ def test_matrices_as_one_array(model):
     assert (A == model.A).all() and not (A[20] == 2 * A)[20].any() and not (A != A).any()
     assert np.array_equal(2 * A - stack, stack) and np.array_equal(stack @ A, stack @ stack)
     assert np.array_equal(np.abs(A), np.abs(stack))
-    with pytest.raises(ValueError, match="A: the matrices of a model do not change"):
+    with pytest.raises(ValueError, match="A: the matrices of a model can't be changed"):
         A += 1.0
     assert A[20] in A and np.eye(7) not in A and "matrix" not in A
     assert A.index(A[20]) == 20 and A.count(A[20]) == 1 and A.index(A[20].tolist(), 3) == 20
-    with pytest.raises(ValueError, match="A: no entry is that matrix"):
+    with pytest.raises(ValueError, match="A: the matrix found is none of the entries"):
         A.index(A[20], 21)
     with pytest.raises(IndexError):
         A[3.5]

@@ -71,7 +71,7 @@ def _with_index(table: Any, timed: bool) -> Any:
         if kind not in "iu" and timed:
             raise ValueError(
                 f"index: {'unnamed' if index.name is None else repr(index.name)}, of {index.dtype} found, one of times "
-                "or step numbers with the name 'time' or 'k' needed, or dt for rows that are steps"
+                "or step numbers with the name 'time' or 'k' needed. If the rows are steps, state dt"
             )
     if "experiment" not in columns:
         if index.nlevels > 1:
@@ -80,8 +80,8 @@ def _with_index(table: Any, timed: bool) -> Any:
         if not index.is_unique:
             row = int(np.flatnonzero(index.duplicated())[0])
             raise ValueError(
-                f"row {row}: index {index[row]} found a second time, a column 'experiment' needed where there are "
-                "several (or reset_index(drop=True) where all rows are steps of one)"
+                f"row {row}: index {index[row]} found a second time, a column 'experiment' needed. If all rows "
+                "are steps of one experiment, use reset_index(drop=True)"
             )
     return table
 

@@ -87,7 +87,7 @@ class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
         for s in range(*slice(start, stop).indices(len(self))):
             if np.array_equal(self[s], np.asarray(matrix)):
                 return s
-        raise ValueError(f"{self._name}: no entry is that matrix")
+        raise ValueError(f"{self._name}: the matrix found is none of the entries")
 
     def count(self, matrix: Any) -> int:
         """Number of entries that equal a matrix."""
@@ -96,7 +96,9 @@ class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **others: Any) -> Any:
         arrays = [x.stack() if isinstance(x, MatrixSequence) else x for x in inputs]
         if any(isinstance(x, MatrixSequence) for x in others.get("out", ())):
-            raise ValueError(f"{self._name}: the matrices of a model do not change; see Model.from_matrices")
+            raise ValueError(
+                f"{self._name}: the matrices of a model can't be changed. Use Model.from_matrices to make another model"
+            )
         return getattr(ufunc, method)(*arrays, **others)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -114,7 +116,7 @@ class MatrixSequence(NDArrayOperatorsMixin, Sequence[Array]):
 
     def __array__(self, dtype: Any = None, copy: Optional[bool] = None) -> np.ndarray[Any, Any]:
         if copy is False:
-            raise ValueError(f"{self._name}: one array of all steps is a copy; entries are views")
+            raise ValueError(f"{self._name}: copy=False found, but the array is a copy. Use entries, which are views")
         return self.stack() if dtype is None else self.stack().astype(dtype, copy=False)
 
     def __repr__(self) -> str:

@@ -149,19 +149,19 @@ def simulate_ltv(
     *,
     return_states: bool = False,
 ) -> Union[Array, tuple[Array, Array]]:
-    """Simulates systems one after another: the system of step k takes the state of step k to that of step k+1.
+    """Simulate a sequence of systems. The system of step k gives the state at step k+1 from the state at step k.
 
-    For a constant system that is what `control.forced_response` and `scipy.signal.dlsim` compute; for the steps of a
-    `Model` it is what `Model.simulate` does.
+    The result is that of `control.forced_response` and `scipy.signal.dlsim` for a constant system, and that of
+    `Model.simulate` for the steps of a `Model`.
 
     Parameters
     ----------
     systems : sequence, or a single system for all steps
-        One system in discrete time for each step: objects of python-control or SciPy, steps of a model (`Model.at`),
-        or tuples (A, B, C, D) of shapes (n', n), (n', r), (m, n), (m, r). The number of states may vary from step to
-        step in tuples, as long as each system begins with as many as the one before ends with.
+        One system in discrete time for each step. Systems are objects of python-control or SciPy, steps of a model
+        (`Model.at`), or tuples (A, B, C, D) of shapes (n', n), (n', r), (m, n), (m, r). The state dimension may vary:
+        n of each system must be n' of the previous one.
     u : array_like, shape (N, T, r) or (T, r)
-        Inputs of N experiments or of one, from the step of the first system on; at most as many steps as systems.
+        Inputs of N experiments or of one, from the first system on. There must be a system for each step.
     x0 : array_like, shape (N, n) or (n,), optional
         States before the first step; by default zero.
     return_states : bool, default False

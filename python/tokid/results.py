@@ -75,8 +75,9 @@ class Finding(_Result):
         "note": an assumption replaced missing information. "warning": the data or the model may not be what the user
         expects.
     scope : {"all", "deciding_stretches", "new_experiments", "cross_validation", "folds"}
-        The data that the finding is about: all data, the stretches from which an identification in blocks makes its
-        choices, the new experiments of an update, all data of a cross-validation, or its folds.
+        Data that the finding is about. "deciding_stretches": those from which an identification in blocks makes its
+        choices. "new_experiments": those of an update. "cross_validation", "folds": all experiments of a
+        cross-validation, or the training data of its folds.
     channels : list of FindingChannel
         Each with its side ("input" or "output"), its number there, and its name.
     experiments : list of FindingExperiment
