@@ -82,9 +82,9 @@ def identify(
     weighting : {"auto", "one-step", "many-steps", "projection"}
         The outputs that the states explain best: one step ahead, many steps ahead, or by projection (PO-MOESP). "auto":
         by cross-validation if steps share a model, else "one-step".
-    refine : bool or None
-        Maximum likelihood by EM, as far as it lowers the cross-validation error. None: for noisy data with the subspace
-        realisation.
+    refine : bool, "auto" or None
+        Maximum likelihood by EM, as far as it lowers the cross-validation error. "auto" or None: for noisy data with the
+        subspace realisation.
     initial_state : {"auto", "zero", "unknown"}
         States at step 0. "auto": as the data state them, else by a test.
     nominal : {"auto", "none", "mean"}
