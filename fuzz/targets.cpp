@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "command.hpp"
-#include "io/claims.hpp"
+#include "io/guard/claims.hpp"
 #include "large/blocks.hpp"
 #include "tokid/tokid.hpp"
 #include "tool.hpp"

@@ -19,9 +19,9 @@
 #include <optional>
 #include <random>
 
-#include "io/claims.hpp"
-#include "io/formats.hpp"
-#include "io/text_checksum.hpp"
+#include "io/formats/formats.hpp"
+#include "io/guard/claims.hpp"
+#include "io/guard/text_checksum.hpp"
 #include "model/step_fields.hpp"
 
 // NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming): the sanitizers look for these names

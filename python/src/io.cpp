@@ -2,8 +2,8 @@
 #include "tokid/io.hpp"
 
 #include "call.hpp"
-#include "io/column_remarks.hpp"
-#include "io/time_unit.hpp"
+#include "io/formats/column_remarks.hpp"
+#include "io/formats/time_unit.hpp"
 
 namespace tokid::python {
 

@@ -73,9 +73,4 @@ auto written_by_library(F&& f) {
   }
 }
 
-// Checks that the file can be read. The libraries' own messages differ, and some are misleading. \throws IoError
-void check_readable(const std::filesystem::path& path);
-
-bool is_hdf5(const std::filesystem::path& path);  // by its extension
-
 }  // namespace tokid::io

@@ -18,7 +18,7 @@
 #include "base/json.hpp"
 #include "base/statistics.hpp"
 #include "diagnose/model_states.hpp"
-#include "io/atomic_file.hpp"
+#include "io/guard/atomic_file.hpp"
 #include "io/naming.hpp"
 #include "large/blocks.hpp"
 #include "large/decide.hpp"

@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "io/atomic_file.hpp"
+#include "io/guard/atomic_file.hpp"
 
 namespace tokid::stream {
 

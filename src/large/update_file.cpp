@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "io/atomic_file.hpp"
-#include "io/files.hpp"
-#include "io/schema.hpp"
+#include "io/formats/files.hpp"
+#include "io/formats/schema.hpp"
+#include "io/guard/atomic_file.hpp"
 #include "tokid/update.hpp"
 
 namespace tokid {

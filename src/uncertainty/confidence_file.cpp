@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "base/nan.hpp"
-#include "io/files.hpp"
-#include "io/schema.hpp"
+#include "io/formats/files.hpp"
+#include "io/formats/schema.hpp"
 #include "tokid/uncertainty.hpp"
 
 namespace tokid {

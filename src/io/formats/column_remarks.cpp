@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/column_remarks.hpp"
+#include "io/formats/column_remarks.hpp"
 
 #include <fmt/format.h>
 

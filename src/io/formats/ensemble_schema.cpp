@@ -5,7 +5,7 @@
 #include "base/json.hpp"
 #include "base/words.hpp"
 #include "data/experiment_names.hpp"
-#include "io/schema.hpp"
+#include "io/formats/schema.hpp"
 #include "linalg/transposition.hpp"
 
 namespace tokid::io {

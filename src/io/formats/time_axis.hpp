@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "io/arrays.hpp"
-#include "io/time_unit.hpp"
+#include "io/formats/time_unit.hpp"
 
 namespace tokid::io {
 

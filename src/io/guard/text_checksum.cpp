@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/text_checksum.hpp"
+#include "io/guard/text_checksum.hpp"
 
 #include <fmt/format.h>
 

@@ -9,11 +9,11 @@
 #include <mutex>
 #include <optional>
 
-#include "io/atomic_file.hpp"
-#include "io/claims.hpp"
-#include "io/formats.hpp"
-#include "io/mat_frame.hpp"
-#include "io/matlab.hpp"
+#include "io/formats/formats.hpp"
+#include "io/formats/matlab.hpp"
+#include "io/guard/atomic_file.hpp"
+#include "io/guard/claims.hpp"
+#include "io/guard/mat_frame.hpp"
 #include "io/text.hpp"
 
 namespace tokid::io {

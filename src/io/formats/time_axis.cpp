@@ -1,6 +1,6 @@
 // Converts times as written to steps of a grid: fits a line to the times of each experiment, and one grid to all.
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/time_axis.hpp"
+#include "io/formats/time_axis.hpp"
 
 #include <fmt/format.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/hdf5_sink.hpp"
+#include "io/formats/hdf5_sink.hpp"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "io/atomic_file.hpp"
+#include "io/guard/atomic_file.hpp"
 
 namespace tokid::io {
 

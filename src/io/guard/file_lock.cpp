@@ -12,7 +12,7 @@
 #include <optional>
 #include <thread>
 
-#include "io/atomic_file.hpp"
+#include "io/guard/atomic_file.hpp"
 #include "io/naming.hpp"
 #include "tokid/parallel.hpp"
 

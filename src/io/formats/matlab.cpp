@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/matlab.hpp"
+#include "io/formats/matlab.hpp"
 
 #include <algorithm>
 

@@ -8,12 +8,12 @@
 #include <optional>
 #include <unordered_set>
 
-#include "io/claims.hpp"
-#include "io/formats.hpp"
-#include "io/hdf5_bytes.hpp"
-#include "io/hdf5_chunks.hpp"
-#include "io/hdf5_sink.hpp"
-#include "io/matlab.hpp"
+#include "io/formats/formats.hpp"
+#include "io/formats/hdf5_sink.hpp"
+#include "io/formats/matlab.hpp"
+#include "io/guard/claims.hpp"
+#include "io/guard/hdf5_bytes.hpp"
+#include "io/guard/hdf5_chunks.hpp"
 #include "io/naming.hpp"
 #include "io/text.hpp"
 

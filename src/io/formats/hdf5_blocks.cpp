@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/hdf5_blocks.hpp"
+#include "io/formats/hdf5_blocks.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
 
 #include <algorithm>
 
-#include "io/atomic_file.hpp"
+#include "io/guard/atomic_file.hpp"
 
 namespace tokid::io {
 

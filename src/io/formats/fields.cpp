@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/fields.hpp"
+#include "io/formats/fields.hpp"
 
 #include <algorithm>
 #include <cmath>

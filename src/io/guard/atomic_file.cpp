@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/atomic_file.hpp"
+#include "io/guard/atomic_file.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <functional>
 
-#include "io/fields.hpp"
+#include "io/formats/fields.hpp"
 #include "tokid/io.hpp"
 
 namespace tokid::io {
@@ -16,5 +16,10 @@ void load_arrays(const std::filesystem::path& path, const Names& wanted, const s
 // Writes arrays(layout), in the layout of the format. \throws as save_model()
 void save_arrays(const std::filesystem::path& path, const WriteOptions& options,
                  const std::function<Arrays(Layout)>& arrays);
+
+// Checks that the file can be read. The libraries' own messages differ, and some are misleading. \throws IoError
+void check_readable(const std::filesystem::path& path);
+
+bool is_hdf5(const std::filesystem::path& path);  // by its extension
 
 }  // namespace tokid::io

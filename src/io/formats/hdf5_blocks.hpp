@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <optional>
 
-#include "io/descriptor.hpp"
-#include "io/hdf5_chunks.hpp"
+#include "io/guard/descriptor.hpp"
+#include "io/guard/hdf5_chunks.hpp"
 #include "io/hdf5_handles.hpp"
 
 namespace tokid::io {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "io/fields.hpp"
+#include "io/formats/fields.hpp"
 #include "tokid/model.hpp"
 
 namespace tokid::io {

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/files.hpp"
+#include "io/formats/files.hpp"
 
 #include <algorithm>
 #include <fstream>
 
-#include "io/atomic_file.hpp"
-#include "io/descriptor.hpp"
-#include "io/formats.hpp"
+#include "io/formats/formats.hpp"
+#include "io/formats/sample_time.hpp"
+#include "io/formats/schema.hpp"
+#include "io/guard/atomic_file.hpp"
+#include "io/guard/descriptor.hpp"
 #include "io/naming.hpp"
-#include "io/sample_time.hpp"
-#include "io/schema.hpp"
 #include "io/text.hpp"
 
 namespace tokid {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/mat_frame.hpp"
+#include "io/guard/mat_frame.hpp"
 
 #include <zlib.h>
 

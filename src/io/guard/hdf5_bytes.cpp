@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/hdf5_bytes.hpp"
+#include "io/guard/hdf5_bytes.hpp"
 
 #include <algorithm>
 #include <functional>
@@ -7,7 +7,7 @@
 #include <set>
 #include <vector>
 
-#include "io/atomic_file.hpp"
+#include "io/guard/atomic_file.hpp"
 
 namespace tokid::io {
 

@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "io/atomic_file.hpp"
-#include "io/hdf5_sink.hpp"
+#include "io/formats/files.hpp"
+#include "io/formats/hdf5_sink.hpp"
+#include "io/formats/schema.hpp"
+#include "io/guard/atomic_file.hpp"
 #include "io/naming.hpp"
-#include "io/schema.hpp"
 #include "io/text.hpp"
 #include "model/archived.hpp"
 #include "tokid/model_file.hpp"

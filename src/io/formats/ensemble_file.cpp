@@ -3,15 +3,15 @@
 
 #include <algorithm>
 #include <array>
-#include <ctime>
 #include <mutex>
 
-#include "io/descriptor.hpp"
-#include "io/formats.hpp"
-#include "io/hdf5_blocks.hpp"
+#include "io/formats/files.hpp"
+#include "io/formats/formats.hpp"
+#include "io/formats/hdf5_blocks.hpp"
+#include "io/formats/sample_time.hpp"
+#include "io/formats/schema.hpp"
+#include "io/guard/descriptor.hpp"
 #include "io/naming.hpp"
-#include "io/sample_time.hpp"
-#include "io/schema.hpp"
 #include "linalg/transposition.hpp"
 #include "tokid/ensemble_file.hpp"
 
@@ -44,17 +44,6 @@ io::Hyperslab slab(const io::Hdf5Source::Samples& samples, const std::array<Inde
 }
 
 }  // namespace
-
-FileState io::Unchanged::state() const {
-  const auto text = [](const timespec& time) {
-    std::tm utc{};
-    gmtime_r(&time.tv_sec, &utc);
-    std::array<char, 32> second{};
-    std::strftime(second.data(), second.size(), "%Y-%m-%d %H:%M:%S", &utc);
-    return fmt::format("{}.{:09}", second.data(), time.tv_nsec);
-  };
-  return {before_.st_ino, std::uint64_t(before_.st_size), text(before_.st_mtim), text(before_.st_ctim)};
-}
 
 struct EnsembleFile::Content {
   explicit Content(const fs::path& file)

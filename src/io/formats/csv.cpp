@@ -18,14 +18,14 @@
 
 #include "base/json.hpp"
 #include "base/words.hpp"
-#include "io/atomic_file.hpp"
-#include "io/claims.hpp"
-#include "io/column_remarks.hpp"
-#include "io/formats.hpp"
+#include "io/formats/column_remarks.hpp"
+#include "io/formats/formats.hpp"
+#include "io/formats/time_axis.hpp"
+#include "io/formats/time_unit.hpp"
+#include "io/guard/atomic_file.hpp"
+#include "io/guard/claims.hpp"
+#include "io/guard/text_checksum.hpp"
 #include "io/text.hpp"
-#include "io/text_checksum.hpp"
-#include "io/time_axis.hpp"
-#include "io/time_unit.hpp"
 #include "tokid/parallel.hpp"
 
 namespace tokid::io {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/time_unit.hpp"
+#include "io/formats/time_unit.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/hdf5_chunks.hpp"
+#include "io/guard/hdf5_chunks.hpp"
 
 #include <zlib.h>
 

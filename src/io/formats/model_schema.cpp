@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "io/schema.hpp"
+#include "io/formats/schema.hpp"
 #include "model/step_fields.hpp"
 
 namespace tokid::io {

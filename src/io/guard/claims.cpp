@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/claims.hpp"
+#include "io/guard/claims.hpp"
 
 #include <sys/resource.h>
 #include <unistd.h>

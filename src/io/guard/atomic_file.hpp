@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "io/descriptor.hpp"
+#include "io/guard/descriptor.hpp"
 
 namespace tokid::io {
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "io/fields.hpp"
+#include "io/formats/fields.hpp"
 
 namespace tokid::io {
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/sample_time.hpp"
+#include "io/formats/sample_time.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "io/formats/time_axis.hpp"
 #include "io/text.hpp"
-#include "io/time_axis.hpp"
 
 namespace tokid::io {
 

@@ -14,9 +14,9 @@
 #include <optional>
 #include <unordered_set>
 
-#include "io/atomic_file.hpp"
-#include "io/claims.hpp"
-#include "io/formats.hpp"
+#include "io/formats/formats.hpp"
+#include "io/guard/atomic_file.hpp"
+#include "io/guard/claims.hpp"
 #include "io/text.hpp"
 
 namespace tokid::io {
