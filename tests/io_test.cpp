@@ -936,7 +936,7 @@ TEST_F(Csv, TimeGrids) {
   for (int n = 0; n < 3; ++n)
     for (int k = n; k < 100; k += n + 1)
       text += std::to_string(n) + "," + std::to_string(1000.0 + k * 0.05) + ",1," + std::to_string(k) + "\n";
-  expect_words(error_of([&] { load(text); }), {"steps of 0.15 in experiment '2'", "'# dt = 0.05'"});
+  expect_words(error_of([&] { load(text); }), {"steps of 0.1 in experiment '1'", "'# dt = 0.05'"});
   const Ensemble e = load("# dt = 0.05\n" + text);
   EXPECT_EQ(e.steps(), 100);
   EXPECT_NEAR(e.dt, 0.05, 1e-12);
@@ -985,7 +985,7 @@ TEST_F(Csv, TimesThatWereRoundedWhenTheyWereWritten) {
   // What no rounding explains.
   std::string uneven = table({0.0}, 0.1, fixed(3));
   uneven.replace(uneven.find("2.000"), 5, "2.004");
-  expect_error(uneven, {"line 22", "2.004", "0.0039", "even steps of 0.1"});
+  expect_error(uneven, {"line 22", "2.004 found, 0.004 off the even steps of 0.1", "resample", "'k'"});
   expect_error("# dt = 0.1\n" + uneven, {"line 23", "2.004", "even steps of 0.1"});
 }
 
@@ -1006,7 +1006,7 @@ TEST_F(Csv, GapsBetweenTimesThatWereRounded) {
       EXPECT_EQ(e.y(0, k, 0), double(k)) << text;
     }
   };
-  // Those that can be counted, and those of times that are even as they stand.
+  // Gaps that can be counted, also between times that are even as they are written.
   expect_steps(with_gap(1.0 / 30.0, 2, 60, 30), 60, 30);
   expect_steps(with_gap(1.0 / 60.0, 3, 12, 60), 12, 60);
   expect_steps(with_gap(0.04, 2, 12, 500), 12, 500);
@@ -1017,21 +1017,48 @@ TEST_F(Csv, GapsBetweenTimesThatWereRounded) {
                                                 {60.0, 3, 60, 10000},
                                                 {3.0, 1, 12, 200}}) {
     const std::string text = with_gap(1.0 / rate, digits, rows, gap);
-    expect_error(text, {fmt::format("line {}", rows + 2), "gap of about", "'# dt = …'", "'k'"});
+    expect_error(text, {fmt::format("line {}", rows + 2), "gap of about", "too long", "'# dt = …'", "'k'"});
     expect_steps(fmt::format("# dt = {}\n", 1.0 / rate) + text, rows, gap);
   }
-  // Gaps that hide one another: the longest run counts the next, and both together the one behind.
+  // Too few rows before a gap of very rough times tell how long it is.
   std::string text = "time,u,y\n";
   for (const Index k : {0, 1, 2, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 26, 27, 40})
     text += fmt::format("{:.2f},1,{}\n", double(k) / 30.0, k);
-  EXPECT_EQ(load(text).y(0, 40, 0), 40.0);
+  expect_error(text, {"line 4, column 'time': 0.07 found", "even steps of 0.03", "'# dt = …'"});
+  EXPECT_EQ(load(fmt::format("# dt = {}\n{}", 1.0 / 30.0, text)).y(0, 40, 0), 40.0);
+}
+
+TEST_F(Csv, RowsThatAreMissingAnywhere) {
+  const auto is_missing = [](Index n, Index k) { return (k * k + 3 * k * n + n) % 7 < 2; };
+  for (const auto& [dt, digits] : {std::pair{1.0 / 60.0, 3}, {1.0 / 30.0, 2}, {0.01, 2}, {0.0123456, 4}, {0.125, 2}}) {
+    std::string text = "experiment,time,u,y\n";
+    for (Index n = 0; n < 3; ++n)
+      for (Index k = 0; k < 300; ++k)
+        if (!is_missing(n, k)) text += fmt::format("{},{:.{}f},1,{}\n", n, double(k + 50) * dt, digits, k);
+    const Ensemble e = load(text);
+    EXPECT_EQ(e.dt, dt);
+    Index first = 0;
+    while (is_missing(0, first) && is_missing(1, first) && is_missing(2, first)) ++first;
+    for (Index n = 0; n < 3; ++n)
+      for (Index k = first; k < first + e.steps(); ++k)
+        EXPECT_TRUE(is_missing(n, k) ? std::isnan(e.y(n, k - first, 0)) : e.y(n, k - first, 0) == double(k)) << text;
+  }
+}
+
+TEST_F(Csv, TimesThatWereAddedUp) {
+  std::string text = "time,u,y\n";
+  double time = 0.0;
+  for (Index k = 0; k < 2000; ++k, time += 0.1) text += fmt::format("{},1,{}\n", time, k);
+  const Ensemble e = load(text);
+  EXPECT_EQ(e.steps(), 2000);
+  EXPECT_EQ(e.dt, 0.1);
 }
 
 TEST_F(Csv, OneWildTimeIsTold) {
   const auto text = [](double t) { return fmt::format("{:.10g}", t); };
   const std::string ten = table({0.0}, 0.1, text, 10), two = table({0.0, 0.0}, 0.1, text, 10);
   expect_error(ten + "a,77.77,1,2\n", {"line 12", "77.77 found", "steps of 0.1"});
-  expect_error(ten + "a,-30.03,1,2\n", {"line 12", "-30.03 found", "steps of 0.1"});
+  expect_error(ten + "a,-30.03,1,2\n", {"line 2", "0 found", "0.03 off", "steps of 0.1 from -30.03 on"});
   expect_error(ten + "a,1e9,1,2\n", {"line 12", "1000000000 found"});
   expect_error(two + "b,77.77000001,1,2\n", {"line 22", "77.77000001 found", "0.03", "even steps of 0.1"});
   expect_error("# dt = 0.1\n" + ten + "a,77.77,1,2\n", {"line 13", "77.77 found"});
@@ -1046,7 +1073,7 @@ TEST_F(Csv, TimesOfSinglePrecisionOfAnyLength) {
 TEST_F(Csv, FewTimesThatWereRounded) {
   const std::string five = table(
       {0.0}, 1.0 / 3.0, [](double t) { return fmt::format("{:.3f}", t); }, 5);
-  expect_error(five, {"line 3", "0.333", "'# dt = …'", "fewer than 8 times"});
+  expect_error(five, {"line 4", "0.667", "even steps of 0.333", "'# dt = …'"});
   EXPECT_EQ(load("# dt = 0.3333333\n" + five).steps(), 5);
   expect_error("# dt = 0.3\n" + five, {"line 4", "0.333"});
   // Zero may be written with any power.
@@ -1056,23 +1083,23 @@ TEST_F(Csv, FewTimesThatWereRounded) {
 
 TEST_F(Csv, ExperimentsThatShareNoSteps) {
   const auto exactly = [](double t) { return fmt::format("{:.10g}", t); };
-  expect_error(table({0.0, 0.05}, 0.1, exactly), {"experiment 'b' begins 0.05", "a step of experiment 'a'", "0.1"});
-  expect_error(table({0.0, 0.001}, 0.1, exactly), {"experiment 'b' begins 0.001 after"});
-  expect_error(table({0.0, 0.27}, 0.1, exactly), {"experiment 'b' begins 0.03 before"});
+  expect_error(table({0.0, 0.05}, 0.1, exactly), {"line 62", "0.05 off the even steps of 0.1", "'# dt = …'"});
+  expect_error(table({0.0, 0.003}, 0.1, exactly), {"line 62", "0.003 found, 0.003 off"});
+  expect_error(table({0.0, 0.27}, 0.1, exactly), {"line 62", "0.27 found, 0.03 off"});
   EXPECT_EQ(load("# dt = 0.05\n" + table({0.0, 0.05}, 0.1, exactly)).dt, 0.05);
   EXPECT_EQ(load(table({0.0, 0.3}, 0.1, exactly)).steps(), 63);
   // A clock that goes wrong by half a percent
   std::string drifting = table({0.0}, 0.1, exactly);
   for (Index k = 0; k < 60; ++k) drifting += fmt::format("b,{:.10g},1,2\n", 0.1005 * double(k));
-  expect_error(drifting, {"steps of 0.1005 in experiment 'b'", "of 0.1 in experiment 'a'"});
+  expect_error(drifting, {"line 63", "0.1005 found, 0.0005 off the even steps of 0.1"});
   // One that goes wrong by little, in either order
   std::string little = table({0.0}, 0.1, exactly), swapped = table({0.0}, 0.100005, exactly);
   for (Index k = 0; k < 60; ++k) {
     little += fmt::format("b,{:.10g},1,2\n", 0.100005 * double(k));
     swapped += fmt::format("b,{:.10g},1,2\n", 0.1 * double(k));
   }
-  expect_error(little, {"steps of 0.100005 in experiment 'b'", "of 0.1 in experiment 'a'", "'k'"});
-  expect_error(swapped, {"steps of 0.100005 in experiment 'a'", "of 0.1 in experiment 'b'", "'k'"});
+  expect_error(little, {"line 63", "0.100005 found, 5e-06 off the even steps of 0.1", "'k'"});
+  expect_error(swapped, {"line 3", "0.100005 found, 5e-06 off the even steps of 0.1", "'k'"});
   // The advice holds for spacings of many digits.
   for (const double dt : {1.0 / 3.0, 1.0 / 30.0, 1.0 / 44100.0}) {
     const auto shortest = [](double t) { return fmt::format("{}", t); };
@@ -1084,7 +1111,7 @@ TEST_F(Csv, ExperimentsThatShareNoSteps) {
   }
   // Few rows too
   expect_error("experiment,time,u,y\na,0,1,2\na,1,1,2\nb,5,1,2\nb,6,1,2\n",
-               {"'b' begins at 5", "'a' has ended at 1", "'# dt = 1'"});
+               {"'b' begins at 5", "'a' has ended at 1", "'# dt = …'"});
 }
 
 TEST_F(Csv, ByteOrderMarkAndBlanks) {

@@ -529,8 +529,8 @@ BAD = {
     "uneven": (
         {"time": [0, 1, 2.2], "u1": [1.0, 2.0, 3.0]},
         {"dt": 1.0},
-        "row 2, column 'time': 2.2 found, 0.2 off the even steps of 1 from 0 on, which are needed (or step "
-        "numbers in a column 'k')",
+        "row 2, column 'time': 2.2 found, 0.2 off the even steps of 1 from 0 on; resample to even times, or number "
+        "the steps in a column 'k'",
     ),
     "wild": (
         {"k": [0, 10**9], "u1": [1.0, 2.0]},

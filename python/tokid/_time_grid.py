@@ -114,7 +114,8 @@ class Grid:
             off = abs(times[row] - self.begin - step[row] * spacing)
             raise ValueError(
                 f"row {row}, column 'time': {text_of(times[row])} found, {off:.4g} off the even steps of "
-                f"{text_of(spacing)} from {text_of(self.begin)} on, which are needed (or step numbers in a column 'k')"
+                f"{text_of(spacing)} from {text_of(self.begin)} on; resample to even times, or number the steps in a "
+                f"column 'k'"
             )
         steps = float(step.max()) + 1
         # A single wrong time or step number must not require a huge grid.

@@ -40,10 +40,11 @@ struct Grid {
   double step(double time) const { return std::round((time - begin) / dt); }
 };
 
-// Finds the grid of the times. The times must be even to 1e-6 of a step, or to their rounding if that is at most a
-// sixth of a step. `dt` [s] > 0: the stated sample time; without it the times determine the grid.
-// \throws IoError for experiments that share no steps, and for a stated dt of which all times are multiples. It also
-// throws, and names the line, for a time off the grid, or after a gap whose steps cannot be counted.
+// Finds the grid begin + k dt on which all times lie, to 1e-6 of a step or to the rounding of their printed digits.
+// Rounded times count if their unit is at most a third of a step and there are eight of them. `dt` [s] > 0: the stated
+// sample time; otherwise it follows from the differences. Gaps of whole steps are missing samples.
+// \throws IoError that names the line for a time off the grid, and for a gap too long to be counted; for experiments
+// that share no steps or have other sample times, and for a stated dt of which all times are multiples
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
 
 // Experiments that share no step cannot show how one step differs from another. \throws IoError that names two of them
