@@ -3,13 +3,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
-#include <bit>
 #include <cmath>
-#include <cstring>
-#include <limits>
 
-#include "linalg/canonical.hpp"
-#include "linalg/column_range.hpp"
 #include "linalg/orthonormal.hpp"
 #include "linalg/tall_product.hpp"
 #include "linalg/transposition.hpp"
@@ -114,42 +109,6 @@ TEST_P(Kernels, BasesOfDependentColumnsAreOrthonormalOrZero) {
     if (a.col(c).norm() == 0) expected(c, c) = 0.0;
   EXPECT_LE((a.transpose() * a - expected).norm(), 1e3 * epsilon);
   EXPECT_LE((a * (a.transpose() * before) - before).norm(), 1e3 * epsilon * before.norm());
-}
-
-TEST_P(Kernels, RangesAreThoseOfEigen) {
-  Random random(3);
-  for (const Index count : {1, 2, 8, 15, 16, 17, 50, 200}) {
-    Vector values = random.matrix(count, 1);
-    const linalg::ColumnRange range = linalg::column_range(values.data(), count);
-    EXPECT_TRUE(range.finite);
-    EXPECT_EQ(range.min, values.minCoeff());
-    EXPECT_EQ(range.max, values.maxCoeff());
-    for (const Index at : {Index{0}, count / 2, count - 1})
-      for (const double odd : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
-                               -std::numeric_limits<double>::infinity()}) {
-        Vector other = values;
-        other(at) = odd;
-        EXPECT_FALSE(linalg::column_range(other.data(), count).finite);
-      }
-  }
-}
-
-TEST_P(Kernels, EqualNumbersGetEqualBits) {
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
-  const double other_nan = std::bit_cast<double>(std::bit_cast<std::uint64_t>(nan) | 0x8000000000000123u);
-  Random random(7);
-  for (const Index count : {1, 7, 8, 19}) {
-    const Matrix values = random.matrix(count, 1);
-    for (Index at = 0; at < count; ++at)
-      for (const auto& [found, wanted] :
-           {std::pair{-0.0, 0.0}, {0.0, 0.0}, {other_nan, nan}, {-infinity, -infinity}, {5e-324, 5e-324}}) {
-        Matrix from = values, expected = values, to(count, 1);
-        from(at) = found;
-        expected(at) = wanted;
-        linalg::copy_canonical(from.data(), count, to.data());
-        EXPECT_EQ(std::memcmp(to.data(), expected.data(), size_t(count) * sizeof(double)), 0) << count << ' ' << at;
-      }
-  }
 }
 
 TEST_P(Kernels, RowsBecomeColumns) {

@@ -5,7 +5,7 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-#include "linalg/canonical.hpp"
+#include "data/canonical.hpp"
 #include "tokid/ensemble.hpp"
 
 namespace tokid {
@@ -23,7 +23,7 @@ std::vector<Digest> experiment_digests(const Ensemble& e) {
     for (Index first = 0; first < total; first += most_columns) {
       const Index columns = std::min(most_columns, total - first);
       for (Index c = 0; c < columns; ++c)
-        linalg::copy_canonical(e.samples().col(first + c).data() + begin, rows, tile.col(c).data());
+        copy_canonical(e.samples().col(first + c).data() + begin, rows, tile.col(c).data());
       turned = tile.transpose();
       for (Index n = 0; n < rows; ++n)
         XXH3_128bits_update(&states[size_t(n)], turned.col(n).data(), size_t(columns) * sizeof(double));

@@ -13,9 +13,8 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
+#include "data/canonical.hpp"
 #include "data/subjects.hpp"
-#include "linalg/canonical.hpp"
-#include "linalg/column_range.hpp"
 
 namespace tokid {
 
@@ -56,9 +55,12 @@ Survey survey(const Ensemble& e, Index begin, Index end, Index origin) {
     for (Index c = 0; c < d; ++c) {
       const auto column = e.samples().col(k * d + c);
       ChannelRange& range = result.channel[size_t(c)];
-      auto [finite, least, most] = linalg::column_range(column.data(), column.size());
       Index present = column.size();
-      if (!finite) {
+      double least = 0.0, most = 0.0;
+      if ((0.0 * column.array()).sum() == 0.0) {  // neither NaN nor infinite
+        least = column.minCoeff();
+        most = column.maxCoeff();
+      } else {
         for (Index n = 0; n < column.size(); ++n)
           if (std::isinf(column(n)))
             throw std::invalid_argument(
@@ -180,7 +182,7 @@ std::uint64_t digest(const Ensemble& e, Index k) {
   std::array<double, 512> piece = {};
   for (Index begin = 0; begin < samples.size(); begin += Index(piece.size())) {
     const Index count = std::min(Index(piece.size()), samples.size() - begin);
-    linalg::copy_canonical(samples.data() + begin, count, piece.data());
+    copy_canonical(samples.data() + begin, count, piece.data());
     XXH3_64bits_update(&state, piece.data(), size_t(count) * sizeof(double));
   }
   return XXH3_64bits_digest(&state);
