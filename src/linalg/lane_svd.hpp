@@ -10,6 +10,10 @@ namespace tokid::linalg {
 // A = U Σ Vᵀ of matrices of one shape: Aᵀ = Q Lᵀ by Householder reflections, then L J = U Σ by rotations of pairs of
 // columns (one-sided Jacobi). Every singular value has full relative accuracy, however small it is. The result of a
 // lane does not depend on the other lanes.
+//
+// With Eigen's JacobiSVD of each matrix instead, `tokid identify` takes 20 % more processor time on exact data of the
+// paper's example with N = 50 and T = 3200: 67 instead of 56 ms with AVX-512. With N = 1000 there is no
+// difference.
 class LaneSvd {
  public:
   LaneSvd(Index rows, Index cols);
