@@ -103,7 +103,7 @@ class Report {
                   {"notes", "Notes"}};
     page.body = verdict_section() + setup_section() + fit_section() + outputs_section() + order_section() +
                 regression_section() + pole_section() + matrix_section() + whiteness_section() + notes_section();
-    page.scripts = script_json("report-data", plots_.json) + script(assets::report_js());
+    page.scripts = script_json("report-data", plots_.json) + script(assets::plots_js()) + script(assets::report_js());
     return document(page);
   }
 

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The report page: drawn, quiet, readable on every screen and on paper, and what its controls do."""
 
-import base64
 import json
 import re
 import zlib
 
 import numpy as np
 import pytest
+from drawn import READABLE, coloured, of_colour, picture, positions, rgb, undrawn, variable, within
 from playwright.sync_api import expect
 
 TIME_PLOTS = {"outputs", "errors", "inputs", "order", "condition", "rank", "step", "radius", "gain", "a"}
@@ -52,17 +52,6 @@ def ranges(page):
     return {p["name"]: (p["from"], p["to"]) for p in page.evaluate("tokid.plots()") if p["shared"]}
 
 
-# A copy of a canvas that is read, not shown.
-READABLE = """canvas => {
-  const copy = document.createElement("canvas");
-  copy.width = canvas.width;
-  copy.height = canvas.height;
-  const context = copy.getContext("2d", {willReadFrequently: true});
-  context.drawImage(canvas, 0, 0);
-  return context;
-}"""
-
-
 def colours(page):
     """Numbers of different colours of each canvas in a plot that is on the page."""
     return page.evaluate("() => { const readable = " + READABLE + """;
@@ -74,79 +63,8 @@ def colours(page):
     })); }""")
 
 
-# The picture of a plot, as rows of red, green, blue.
-PIXELS = "place => { const readable = " + READABLE + """;
-  const canvas = document.querySelector(`#${place} canvas`);
-  const bytes = readable(canvas).getImageData(0, 0, canvas.width, canvas.height).data;
-  let text = "";
-  for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
-  return [canvas.width, canvas.height, btoa(text)];
-}"""
-
-
-def picture(page, place):
-    width, height, text = page.evaluate(PIXELS, place)
-    return np.frombuffer(base64.b64decode(text), np.uint8).reshape(height, width, 4)[..., :3].astype(int)
-
-
-def rgb(colour):
-    """Red, green, blue of #rrggbb."""
-    return np.array([int(colour[i:i + 2], 16) for i in (1, 3, 5)])
-
-
-def of_colour(pixels, colour):
-    """Which pixels have it, but for rounding."""
-    return np.abs(pixels - rgb(colour)).max(axis=-1) <= 2
-
-
-def within(plot, pixels):
-    """The part of the picture between the axes."""
-    left, top, width, height = (round(plot["area"][key]) for key in ("left", "top", "width", "height"))
-    return pixels[top:top + height, left:left + width]
-
-
-def undrawn(page):
-    """Curves with values of which nothing is seen: fewer pixels of their colour than a tenth of the plot's width."""
-    # Counted in the page: the pictures would take seconds on their way out of it.
-    missing = page.evaluate("() => { const readable = " + READABLE + """;
-    return tokid.plots().flatMap(plot => {
-      const [left, top, width, height] = ["left", "top", "width", "height"].map(key => Math.round(plot.area[key]));
-      const pixels = readable(document.querySelector(`#${plot.place} canvas`)).getImageData(left, top, width, height).data;
-      const seen = colour => {
-        const [red, green, blue] = [1, 3, 5].map(i => parseInt(colour.slice(i, i + 2), 16));
-        const near = (a, b) => Math.abs(a - b) <= 2;  // but for rounding
-        let count = 0;
-        for (let i = 0; i < pixels.length; i += 4)
-          count += near(pixels[i], red) && near(pixels[i + 1], green) && near(pixels[i + 2], blue);
-        return count;
-      };
-      return plot.curves.filter(curve => curve.values.some(v => v != null) && seen(curve.colour) < 0.1 * width)
-                        .map(curve => [plot.name, curve.label]);
-    }); }""")
-    return [tuple(names) for names in missing]
-
-
-def variable(page, name):
-    return page.evaluate("name => getComputedStyle(document.documentElement).getPropertyValue(name).trim()", name)
-
-
 def report_data(page):
     return json.loads(page.locator("#report-data").text_content())
-
-
-def coloured(pixels):
-    """Which pixels are of a colour: text, grid and ground are nearly grey."""
-    return pixels.max(axis=-1) - pixels.min(axis=-1) > 32
-
-
-def positions(page, x, y, plot=None):
-    """Columns and rows of the pixels at values of a plot, or at complex numbers in the plane of the eigenvalues."""
-    where = page.evaluate("""([name, x, y]) => x.map((_, i) => {
-      if (!name) return tokid.pole_at(x[i], y[i]).map(p => p * devicePixelRatio);
-      const u = tokid.plot(name);
-      return [u.valToPos(x[i], "x", true), u.valToPos(y[i], "y", true)];
-    })""", [plot, [float(v) for v in x], [float(v) for v in y]])
-    return np.floor(where).astype(int).T
 
 
 def clipped(page):
@@ -183,12 +101,12 @@ def test_eigenvalues_are_drawn_where_they_lie(visit, typical, scheme):
     with visit(typical, color_scheme=scheme, device_scale_factor=2) as page:
         poles, pixels = report_data(page)["poles"], picture(page, "plot-poles")
         for kind, name in (("open", "--c-orange"), ("closed", "--c-blue")):
-            x, y = positions(page, *np.array(poles[kind]).reshape(-1, 2).T)
+            x, y = positions(page, *np.array(poles[kind]).reshape(-1, 2).T, "poles")
             inside = (x > 0) & (y > 0) & (x < pixels.shape[1]) & (y < pixels.shape[0])
             assert inside.mean() > 0.9
             assert coloured(pixels[y[inside], x[inside]]).mean() > 0.9, kind
             # The chosen step has rings, 6.5 to each side, in the colour itself.
-            for x, y in zip(*positions(page, *np.array(page.evaluate("tokid.poles()")[kind]).reshape(-1, 2).T)):
+            for x, y in zip(*positions(page, *np.array(page.evaluate("tokid.poles()")[kind]).reshape(-1, 2).T, "poles")):
                 assert of_colour(pixels[y - 16:y + 17, x - 16:x + 17], variable(page, name)).sum() > 20, kind
         # The labels are whole: there is nothing but ground at the edges.
         for edge in (pixels[:, :2], pixels[:, -2:], pixels[:2], pixels[-2:]):
@@ -420,7 +338,7 @@ def test_plots_with_the_keyboard(visit, typical):
         expect(page.locator("#legend-order")).not_to_contain_text("step")
         page.keyboard.press("ArrowRight")
         page.keyboard.press("+")  # lags are not steps
-        expect(page.locator("#legend-whiteness")).to_contain_text("lag 1")
+        expect(page.locator("#legend-whiteness")).to_contain_text("Lag: 1")
         assert ranges(page) == whole
 
 
