@@ -24,7 +24,7 @@ void make_directory(const fs::path& path) {
   if (error) throw WriteError(fmt::format("{}: can't be made: {}", path.string(), error.message()), error.value());
 }
 
-std::string text(const Paper& paper, const KalmanStudy& study, const Call& call, size_t figures, double seconds) {
+std::string text(const Paper& paper, const KalmanStudy& study, const Call& call, double seconds) {
   Page page;
   page.row("Appendix B", "eigenvalues of A + G C in the reference frame");
   std::vector<std::vector<std::string>> rows{{"equation", "printed", "computed", "difference"}};
@@ -45,8 +45,7 @@ std::string text(const Paper& paper, const KalmanStudy& study, const Call& call,
     if (cell.lags == 10 && cell.experiments == 2000)
       page.row("Noise",
                fmt::format("N = 2000, p = 10: one-step error {:.3f} times that of the Kalman filter", cell.error));
-  page.row("Written", fmt::format("{}: paper.html, paper.json, {} figures (.svg) in {:.1f} s", call.directory.string(),
-                                  figures, seconds));
+  page.row("Written", fmt::format("{}: paper.html, paper.json in {:.1f} s", call.directory.string(), seconds));
   return page.text();
 }
 
@@ -55,14 +54,12 @@ void run(const Call& call) {
   make_directory(call.directory);
   const Paper paper = paper_example({.seed = call.seed, .execution = {call.threads, {}}});
   const KalmanStudy study = kalman_study({.seed = call.seed, .execution = {call.threads, {}}});
-  const std::vector<PaperFile> figures = paper_figure_files(paper, study);
   FilesTogether files;
   save_text(paper_page(paper, study), call.directory / "paper.html");
   save_text(paper_json(paper, study), call.directory / "paper.json");
-  for (const PaperFile& figure : figures) save_text(figure.text, call.directory / figure.name);
   files.commit();
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  print(text(paper, study, call, figures.size(), seconds));
+  print(text(paper, study, call, seconds));
 
   std::vector<std::string> warnings;
   for (const PrintedNumber& n : paper.printed)
@@ -80,7 +77,7 @@ void run(const Call& call) {
 void add_paper(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
   Command command(tool, "paper", "The paper's figures and printed numbers, recomputed", "tokid paper -o paper");
-  command.output(call->directory, "Directory for paper.html, paper.json and the figures", "DIR");
+  command.output(call->directory, "Directory for paper.html and paper.json", "DIR");
   command.number<std::uint64_t>("--seed", call->seed, "S", "Seed of the experiments (default 1)", 0);
   command.threads(call->threads);
   command.runs([call] { run(*call); });

@@ -98,8 +98,7 @@ TEST(RandomWalk, a_coefficient_without_data_is_zero) {
 // Steps that do not show a coefficient have that of their neighbours, however weak the coupling: squares of 1e-160 are
 // zero.
 TEST(RandomWalk, weak_coupling_is_no_less_exact) {
-  const Matrix blind = (Matrix(2, 3) << 0, 0, 0, 0, 1, 1).finished();
-  const Matrix seeing = (Matrix(2, 3) << 1, 0, 1, 0, 1, 1).finished();
+  const Matrix blind{{0.0, 0.0, 0.0}, {0.0, 1.0, 1.0}}, seeing{{1.0, 0.0, 1.0}, {0.0, 1.0, 1.0}};
   for (const double stiffness : {1.0, 1e-100, 1e-150, 1e-155, 1e-160, 1e-200, 1e-300})
     for (const Matrix& x : random_walk_regression({blind, blind, seeing}, 2, Vector::Constant(2, stiffness)))
       EXPECT_LT((x - Matrix::Ones(2, 1)).norm(), 100 * epsilon) << stiffness;

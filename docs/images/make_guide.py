@@ -9,7 +9,6 @@ TOOL is the tool (build/bin/tokid unless given), CHROMIUM the browser (/usr/bin/
 # SPDX-License-Identifier: BSD-3-Clause
 
 import io
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,14 +25,13 @@ SECTIONS = {"verdict": "report-verdict", "outputs": "report-outputs", "order": "
 
 
 def pages(tool, folder):
-    """The pages that the commands of the guide write, and the figures that docs/math.md shows."""
+    """The pages that the commands of the guide write."""
     def call(*arguments):
         subprocess.run([tool, *map(str, arguments)], cwd=folder, check=True, stdout=subprocess.DEVNULL)
 
     noise = ["--steps", 80, "--process-noise", 0.02, "--measurement-noise", 0.05]
     call("example", "oscillator", "-o", "data.npz", "--experiments", 200, *noise)
     call("identify", "data.npz", "-o", "model.npz", "--hold-out", 0.2, "--report", "report.html")
-    call("paper", "-o", "paper")
 
 
 def save(shot, name):
@@ -57,8 +55,6 @@ def main():
         for section, picture in SECTIONS.items():
             save(page.locator(f"#{section}").screenshot(), picture)
         browser.close()
-        for figure in ("figure-1", "figure-6", "kalman-error"):
-            shutil.copy(folder / "paper" / f"{figure}.svg", HERE / f"paper-{figure}.svg")
 
 
 if __name__ == "__main__":

@@ -146,6 +146,15 @@ def compact(svg):
     return re.sub(r"\n +", "\n", svg)
 
 
+def save(figure, out):
+    if out.suffix == ".svg":
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+        out.write_text(compact(text.getvalue()))
+    else:
+        figure.savefig(out, dpi=160)
+
+
 def main():
     here = Path(__file__).resolve().parent
     tool = sys.argv[1] if len(sys.argv) > 1 else here.parents[1] / "build/bin/tokid"
@@ -174,13 +183,7 @@ def main():
     for axes in (top, bottom):
         axes.set_xticks(range(0, 81, 20))
         axes.set_xlim(-1, 80)
-
-    if out.suffix == ".svg":
-        text = io.StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-        out.write_text(compact(text.getvalue()))
-    else:
-        figure.savefig(out, dpi=160)
+    save(figure, out)
 
 
 if __name__ == "__main__":

@@ -61,15 +61,10 @@ ReportPage report_page(const Model& model, const Ensemble& data, const ReportOpt
 ReportPage identification_page(const Identification& result, const Ensemble& data, const IdentifyOptions& identified,
                                ReportOptions options = {});
 
-// One page with the paper's figures and captions, Appendix B and the Kalman study. It loads nothing and needs no
-// JavaScript.
+// One page with the paper's figures and captions, Appendix B and the Kalman study. It loads nothing: tables for every
+// reader, figures if JavaScript runs.
 std::string paper_page(const Paper& paper, const KalmanStudy& study);
-// The data of all figures, as JSON text.
+// The figures, their data and all numbers, as JSON text. docs/formats.md lists the keys.
 std::string paper_json(const Paper& paper, const KalmanStudy& study);
-// Each figure as a separate SVG file.
-struct PaperFile {
-  std::string name, text;
-};
-std::vector<PaperFile> paper_figure_files(const Paper& paper, const KalmanStudy& study);
 
 }  // namespace tokid

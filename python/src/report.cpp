@@ -21,7 +21,7 @@ nb::any reported(const Model& model, const Ensemble& data, const std::optional<P
   return object_of(verdict);
 }
 
-// The page, the figures and their data as files of a directory, and what was found.
+// The page and its data as files of a directory, and what was found.
 nb::tuple paper(const std::optional<Path>& directory, std::uint64_t seed, int threads, nb::object listener) {
   Call call(std::move(listener));
   const auto [numbers, data] = call.run([&] {
@@ -37,8 +37,6 @@ nb::tuple paper(const std::optional<Path>& directory, std::uint64_t seed, int th
       std::filesystem::create_directories(*directory);
       save_text(paper_page(example, study), *directory / "paper.html");
       save_text(json, *directory / "paper.json");
-      for (const PaperFile& figure : paper_figure_files(example, study))
-        save_text(figure.text, *directory / figure.name);
     }
     return std::pair(example.printed, std::move(json));
   });

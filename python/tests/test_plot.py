@@ -383,8 +383,8 @@ def test_images_hold_the_curves(model, data):
 
 
 def test_colours_are_those_of_the_page(model):
-    css = (ROOT / "src" / "report" / "assets" / "chart_colours.css").read_text()
-    light, dark = css.split("@media")
+    css = (ROOT / "src" / "report" / "assets" / "page.css").read_text()
+    light, dark = re.findall(r"^:root[^{]*{(.*?)}", css, re.DOTALL | re.MULTILINE)
     for colours, block in ((plot.COLOURS, light), (plot.DARK_COLOURS, dark)):
         named = {name.removeprefix("c-"): value for name, value in re.findall(r"--([\w-]+): (#\w{6})", block)}
         for name, value in colours.items():

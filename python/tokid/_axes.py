@@ -14,7 +14,7 @@ from ._typing import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes  # type: ignore[import-not-found, unused-ignore]
 
-# The colours of src/report/assets/chart_colours.css
+# The colours of src/report/assets/page.css
 COLOURS = {
     "surface": "#ffffff",
     "measured": "#333d49",

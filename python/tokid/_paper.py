@@ -21,7 +21,7 @@ def paper(
     Parameters
     ----------
     directory : path, optional
-        Folder for paper.html, paper.json and the figures (.svg). Without it, no file is written.
+        Folder for paper.html and paper.json. Without it, no file is written.
     seed : int, default 1
         Seed of the experiments.
     threads, progress

@@ -6,10 +6,9 @@
 
 namespace tokid::report::assets {
 
-std::string_view chart_colours_css();
-std::string_view chart_css();
 std::string_view page_css();
 std::string_view page_js();
+std::string_view paper_js();
 std::string_view plots_js();
 std::string_view report_js();
 std::string_view uplot_css();

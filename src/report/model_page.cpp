@@ -69,9 +69,6 @@ std::string controls(std::string_view inner) { return fmt::format("<div class=\"
 std::string choice(std::string_view id, std::string_view label) {
   return fmt::format("<label>{}<select id=\"{}\"></select></label>", escape(label), id);
 }
-std::string legend(std::string_view id) {
-  return fmt::format("<div class=\"legend\" id=\"{}\" aria-live=\"off\"></div>\n", id);
-}
 
 // Makes the sections of the page from the findings.
 class Report {
@@ -103,7 +100,8 @@ class Report {
                   {"notes", "Notes"}};
     page.body = verdict_section() + setup_section() + fit_section() + outputs_section() + order_section() +
                 regression_section() + pole_section() + matrix_section() + whiteness_section() + notes_section();
-    page.scripts = script_json("report-data", plots_.json) + script(assets::plots_js()) + script(assets::report_js());
+    page.data = plots_.json;
+    page.script = assets::report_js();
     return document(page);
   }
 
@@ -328,12 +326,9 @@ class Report {
             choice("output", "Output") + choice("input", "Input") +
             (model_.y_nominal.rows() > 0 ? choice("motion", "Shown") : "") +
             "<button type=\"button\" id=\"reset\" disabled>Show all steps</button>") +
-        legend("legend-outputs") +
-        plot_place("plot-outputs", "Measured, simulated and predicted output over the steps") +
-        "<h3 class=\"scripted-only\">Errors</h3>\n" + legend("legend-errors") +
-        plot_place("plot-errors", "Errors of simulation and prediction over the steps") +
-        "<h3 class=\"scripted-only\">Input</h3>\n" + legend("legend-inputs") +
-        plot_place("plot-inputs", "Input over the steps");
+        plot_place("outputs", "Measured, simulated and predicted output over the steps") +
+        plot_place("errors", "Errors of simulation and prediction over the steps", "Errors") +
+        plot_place("inputs", "Input over the steps", "Input");
     return section("outputs", "Outputs and inputs", body + experiment_table());
   }
 
@@ -354,9 +349,8 @@ class Report {
         "order", "Singular values and order",
         paragraph("Singular values of the Hankel matrix of each step: what the past can do to the future. The line "
                   "is the number of states in use; a fall of brightness across it says that the order is clear.") +
-            legend("legend-order") +
             plot_place(
-                "plot-order",
+                "order",
                 "Heat map of the singular values of the Hankel matrix over the steps, with the number of states") +
             order_table());
   }
@@ -404,12 +398,10 @@ class Report {
         paragraph(
             "Every step has a regression of its own. Its condition number says how much noise and rounding errors "
             "may be magnified; full rank says that all of its unknowns could be told apart.") +
-            "<h3 class=\"scripted-only\">Condition number</h3>\n" + legend("legend-condition") +
-            plot_place("plot-condition", "Condition number of the regression of each step") +
-            "<h3 class=\"scripted-only\">Rank, unknowns, lag order</h3>\n" + legend("legend-rank") +
-            plot_place("plot-rank", "Rank, number of unknowns and lag order of each step") +
-            "<h3 class=\"scripted-only\">One-step error</h3>\n" + legend("legend-step") +
-            plot_place("plot-step", "Relative one-step error of each step over the experiments") + worst_steps());
+            plot_place("condition", "Condition number of the regression of each step", "Condition number") +
+            plot_place("rank", "Rank, number of unknowns and lag order of each step", "Rank, unknowns, lag order") +
+            plot_place("step", "Relative one-step error of each step over the experiments", "One-step error") +
+            worst_steps());
   }
 
   // The steps that need attention, without a plot.
@@ -474,11 +466,9 @@ class Report {
         "<label class=\"grow\"><span id=\"pole-label\">Step</span><input type=\"range\" id=\"pole-step\" min=\"0\" "
         "max=\"0\" value=\"0\" aria-label=\"Step of the eigenvalues\"></label>"
         "<button type=\"button\" id=\"pole-play\">Play</button>");
-    body += "<div class=\"two\"><div>" + legend("legend-poles") +
-            "<div class=\"plot square\" id=\"plot-poles\" role=\"img\" aria-label=\"Eigenvalues in the complex plane "
-            "with the "
-            "unit circle\"></div></div>\n<div><h3 class=\"scripted-only\">Largest magnitude</h3>\n" +
-            legend("legend-radius") + plot_place("plot-radius", "Largest magnitude of the eigenvalues over the steps") +
+    body += "<div class=\"two\"><div>" + plot_place("poles", "Eigenvalues in the complex plane with the unit circle") +
+            "</div>\n<div>" +
+            plot_place("radius", "Largest magnitude of the eigenvalues over the steps", "Largest magnitude") +
             pole_table() + "</div></div>\n";
     return section("poles", "Eigenvalues", body);
   }
@@ -508,10 +498,8 @@ class Report {
                               "should show smooth curves: what scatters is noise.",
                               frame_text())) +
             controls(choice("gain-row", "Rows of G") + choice("a-row", "Rows of A")) +
-            "<h3 class=\"scripted-only\">Observer gain G</h3>\n" + legend("legend-gain") +
-            plot_place("plot-gain", "Entries of the observer gain over the steps") +
-            "<h3 class=\"scripted-only\">A, smooth frame</h3>\n" + legend("legend-a") +
-            plot_place("plot-a", "Entries of A over the steps in the smooth frame") +
+            plot_place("gain", "Entries of the observer gain over the steps", "Observer gain G") +
+            plot_place("a", "Entries of A over the steps in the smooth frame", "A, smooth frame") +
             "<p class=\"note unscripted\">The matrices themselves are in the model's file.</p>\n");
   }
 
@@ -554,8 +542,7 @@ class Report {
                   fmt::format("Effects of the inputs: {}.", c.gains.text),
                   fmt::format("Later inputs: {}.", c.feedback.text)},
                  "plain") +
-            legend("legend-whiteness") +
-            plot_place("plot-whiteness", "Correlation of the innovations over the lag, with its bounds") +
+            plot_place("whiteness", "Correlation of the innovations over the lag, with its bounds") +
             fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
   }
 

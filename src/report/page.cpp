@@ -118,9 +118,12 @@ std::string section(std::string_view id, std::string_view heading, std::string_v
       escape(id), escape(heading), body);
 }
 
-std::string plot_place(std::string_view id, std::string_view label) {
-  return fmt::format("<div class=\"plot\" id=\"{}\" role=\"img\" aria-label=\"{}\"></div>\n", escape(id),
-                     escape(label));
+std::string plot_place(std::string_view name, std::string_view label, std::string_view heading) {
+  return (heading.empty() ? "" : element("h3", heading, "scripted-only")) +
+         fmt::format(
+             "<div class=\"legend\" id=\"legend-{0}\" aria-live=\"off\"></div>\n"
+             "<div class=\"plot\" id=\"plot-{0}\" role=\"img\" aria-label=\"{1}\"></div>\n",
+             escape(name), escape(label));
 }
 
 std::string script_json(std::string_view id, std::string_view json) {
@@ -182,9 +185,8 @@ std::string document(const Document& parts) {
       "style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'\">\n"
       "<link rel=\"icon\" href=\"data:,\">\n<title>{}</title>\n<style>\n",
       escape(version), title);
-  if (parts.plots) page += assets::uplot_css();
+  page += assets::uplot_css();
   page += assets::page_css();
-  page += parts.style;
   page += "</style>\n</head>\n<body>\n";
   page += script("document.documentElement.classList.add('scripted');");
   page += fmt::format(
@@ -193,25 +195,19 @@ std::string document(const Document& parts) {
       "hidden>Dark</button></header>\n",
       escape(parts.kind), title);
   page += navigation(parts.links);
-  if (parts.plots)
-    page +=
-        "<p class=\"note unscripted\">JavaScript is off: the tables are all here, the plots are not "
-        "drawn.</p>\n";
-  page += "<main>\n";
+  page +=
+      "<p class=\"note unscripted\">JavaScript is off: the tables are all here, the plots are not drawn.</p>\n"
+      "<main>\n";
   page += parts.body;
   page += "</main>\n<footer>\n";
   page += fmt::format("<p>Made by tokid {}. This file is complete in itself and loads nothing.</p>\n", escape(version));
-  if (parts.plots)
-    page += fmt::format(
-        "<details><summary>Plots by uPlot 1.6.32, MIT licence</summary><pre>https://github.com/leeoniya/uPlot\n\n"
-        "{}</pre></details>\n",
-        escape_lines(assets::uplot_license()));
-  page += "</footer>\n";
-  if (parts.plots) page += script(assets::uplot_js());
-  page += script(assets::page_js());
-  page += parts.scripts;
-  page += "</body>\n</html>\n";
-  return page;
+  page += fmt::format(
+      "<details><summary>Plots by uPlot 1.6.32, MIT licence</summary><pre>https://github.com/leeoniya/uPlot\n\n"
+      "{}</pre></details>\n</footer>\n",
+      escape_lines(assets::uplot_license()));
+  page += script(assets::uplot_js()) + script(assets::page_js()) + script_json("report-data", parts.data) +
+          script(assets::plots_js()) + script(parts.script);
+  return page + "</body>\n</html>\n";
 }
 
 }  // namespace tokid::report

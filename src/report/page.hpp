@@ -48,8 +48,9 @@ class Facts {
 // <section> with a heading that links can reach. The heading is escaped, the body is HTML.
 std::string section(std::string_view id, std::string_view heading, std::string_view body);
 
-// The place of a plot, which a script fills. Without scripts it stays empty, and says that the plot is missing.
-std::string plot_place(std::string_view id, std::string_view label);
+// The place of the plot `name` below its heading, if any, and its legend. A script fills both; without scripts they
+// take no room. The label tells screen readers what the plot shows.
+std::string plot_place(std::string_view name, std::string_view label, std::string_view heading = {});
 
 // <script type="application/json" id="…"> with JSON text that cannot end the element or begin a comment.
 std::string script_json(std::string_view id, std::string_view json);
@@ -60,15 +61,14 @@ struct Link {
   std::string id, text;
 };
 
-// The parts of a page. `body` and `scripts` are HTML, the other texts are escaped.
+// The parts of a page. `body` is HTML, the texts before it are escaped.
 struct Document {
   std::string title;        // of the window and the first heading
   std::string kind;         // small words above the heading, as "identification report"
   std::vector<Link> links;  // sections, for the navigation
   std::string body;
-  bool plots = true;    // with the plotting library, its style and its licence
-  std::string style;    // CSS of this page's own
-  std::string scripts;  // after the body
+  std::string data;         // JSON, in the element `report-data`
+  std::string_view script;  // draws the plots from the data
 };
 
 // Makes the whole page. It has the shared style, is light or dark by the reader's system or a button, and loads

@@ -38,7 +38,7 @@ Index first_deadbeat(const Paper& paper) {
 
 Figure poles(const Paper& paper) {
   const Index begin = first_deadbeat(paper);
-  Series open{"open loop A′", {}, {}, Mark::dot, 0}, closed{"closed loop A′ + G′C′", {}, {}, Mark::cross, 1};
+  Series open{"open loop A′", {}, {}, Mark::dot, 1}, closed{"closed loop A′ + G′C′", {}, {}, Mark::ring, 0};
   double least_open = std::numeric_limits<double>::infinity(), most_open = 0, most_closed = 0, most_zero = 0;
   const auto add = [](const std::vector<std::complex<double>>& values, Series& series) {
     for (const auto value : values) {
@@ -68,10 +68,12 @@ Figure poles(const Paper& paper) {
 
 Figure markov_error(const Paper& paper, const PaperCase& one, int number) {
   const double dt = paper.system.dt;
-  Axis error{"error", true};
+  // Both cases have the same axis.
+  double least = std::numeric_limits<double>::infinity(), most = 0;
   for (const PaperCase* either : {&paper.minimum, &paper.more})
-    for (const Vector* history : {&either->direct_error, &either->recursive_error})
-      error.cover.insert(error.cover.end(), history->begin(), history->end());
+    for (const Vector* errors : {&either->direct_error, &either->recursive_error})
+      for (const double value : *errors)
+        if (value > 0) least = std::min(least, value), most = std::max(most, value);
   return {
       fmt::format("figure-{}", number),
       fmt::format("Case {}: error of the system Markov parameters, N = {}", number - 1, one.experiments),
@@ -83,13 +85,13 @@ Figure markov_error(const Paper& paper, const PaperCase& one, int number) {
                   number == 2 ? "as many experiments as unknowns just suffice"
                               : "more experiments than the minimum are better conditioned, and more exact"),
       {{time_axis,
-        std::move(error),
+        {"error", true, {{least, most}}},
         {history(fmt::format("direct, γ ≤ {}", paper.lags), one.direct_error, 0, dt, 0),
          history(fmt::format("by recursion, γ > {}", paper.lags), one.recursive_error, 0, dt, 1)}}}};
 }
 
 Figure output_error(const Paper& paper, const PaperCase& one, int number) {
-  Panel panel{time_axis, {"simulated less true output"}, {}};
+  Panel panel{time_axis, {"output error"}, {}};
   for (Index j = 0; j < one.output_error.cols(); ++j)
     panel.series.push_back(
         history(fmt::format("output {}", j + 1), one.output_error.col(j), 0, paper.system.dt, int(j)));
@@ -149,50 +151,61 @@ Figure gains(const Paper& paper) {
           {std::move(panel)}};
 }
 
+// One curve for each number of experiments, over the lag orders.
+Panel over_lags(const KalmanStudy& study, const char* label, double KalmanStudyCell::*field, double less) {
+  Panel panel{{"lag order p"}, {label, true}, {}};
+  for (const Index count : study.options.experiments) {
+    Series s{experiments_name(count), {}, {}, count > 0 ? Mark::line : Mark::dashed, int(panel.series.size())};
+    for (const KalmanStudyCell& cell : study.cells)
+      if (cell.experiments == count) {
+        s.x.push_back(double(cell.lags));
+        s.y.push_back(cell.*field - less);
+      }
+    panel.series.push_back(std::move(s));
+  }
+  return panel;
+}
+
+Figure kalman_error(const KalmanStudy& study) {
+  return {"kalman-error",
+          "Prediction error in excess of the Kalman filter's",
+          "Root mean square one-step error of the identified observer on fresh experiments, over that of the Kalman "
+          "filter of the true system, less one. A short window misses what older samples tell; a long one has more "
+          "unknowns, which few experiments pay for with noise. With enough experiments every further lag helps.",
+          {over_lags(study, "excess error", &KalmanStudyCell::error, 1.0)}};
+}
+
+Figure kalman_gain(const KalmanStudy& study) {
+  return {"kalman-gain",
+          "The gain tends to that of the Kalman filter",
+          "Root mean square over the steps of ‖G + A K‖ over that of ‖A K‖, with the identified gain G in the "
+          "coordinates of the true system and the Kalman gain K of the true system. The deadbeat gain of p = 2 is far "
+          "from it. The difference falls with p, at a rate that the memory of the Kalman filter sets; with few "
+          "experiments, noise stops it.",
+          {over_lags(study, "difference of the gains", &KalmanStudyCell::gain, 0.0)}};
+}
+
 }  // namespace
 
-std::vector<Figure> paper_figures(const Paper& paper) {
-  return {poles(paper),
-          markov_error(paper, paper.minimum, 2),
-          markov_error(paper, paper.more, 3),
-          output_error(paper, paper.minimum, 4),
-          output_error(paper, paper.more, 5),
-          state_error(paper),
-          gains(paper)};
+const char* to_string(Mark mark) {
+  static constexpr const char* names[] = {"line", "dashed", "dot", "ring"};
+  return names[static_cast<size_t>(mark)];
 }
 
 std::string experiments_name(Index experiments) {
   return experiments > 0 ? fmt::format("N = {}", experiments) : "N → ∞";
 }
 
-std::vector<Figure> kalman_figures(const KalmanStudy& study) {
-  // One curve for each number of experiments, over the lag orders.
-  const auto panel = [&](double KalmanStudyCell::*field, const char* label, double less) {
-    Panel result{{"lag order p"}, {label, true}, {}};
-    for (const Index count : study.options.experiments) {
-      Series s{experiments_name(count), {}, {}, count > 0 ? Mark::line : Mark::dashed, int(result.series.size())};
-      for (const KalmanStudyCell& cell : study.cells)
-        if (cell.experiments == count) {
-          s.x.push_back(double(cell.lags));
-          s.y.push_back(cell.*field - less);
-        }
-      result.series.push_back(std::move(s));
-    }
-    return result;
-  };
-  return {{"kalman-error",
-           "Prediction error in excess of the Kalman filter's",
-           "Root mean square one-step error of the identified observer on fresh experiments, over that of the Kalman "
-           "filter of the true system, less one. A short window misses what older samples tell; a long one has more "
-           "unknowns, which few experiments pay for with noise. With enough experiments every further lag helps.",
-           {panel(&KalmanStudyCell::error, "excess error", 1.0)}},
-          {"kalman-gain",
-           "The gain tends to that of the Kalman filter",
-           "Root mean square over the steps of ‖G + A K‖ over that of ‖A K‖, with the identified gain G in the "
-           "coordinates of the true system and the Kalman gain K of the true system. The deadbeat gain of p = 2 is far "
-           "from it. The difference falls with p, at a rate that the memory of the Kalman filter sets; with few "
-           "experiments, noise stops it.",
-           {panel(&KalmanStudyCell::gain, "relative difference of the gains", 0.0)}}};
+std::vector<Figure> paper_figures(const Paper& paper, const KalmanStudy& study) {
+  return {poles(paper),
+          markov_error(paper, paper.minimum, 2),
+          markov_error(paper, paper.more, 3),
+          output_error(paper, paper.minimum, 4),
+          output_error(paper, paper.more, 5),
+          state_error(paper),
+          gains(paper),
+          kalman_error(study),
+          kalman_gain(study)};
 }
 
 }  // namespace tokid::report

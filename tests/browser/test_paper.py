@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The page of the paper and its figures: drawn, quiet, readable on every screen and without scripts."""
+"""The page of the paper and its figures: drawn, quiet, readable on every screen, on paper and without scripts."""
 
-import base64
+import json
 
+import numpy as np
 import pytest
+from drawn import coloured, picture, positions, undrawn
+from playwright.sync_api import expect
 
-FIGURES = [f"figure-{i}" for i in range(1, 8)] + ["kalman-error", "kalman-gain"]
+PLOTS = {f"figure-{i}-1" for i in range(1, 8)} | {"figure-6-2", "kalman-error-1", "kalman-gain-1"}
 
 
 @pytest.fixture(scope="session")
@@ -15,59 +18,91 @@ def paper(tokid, tmp_path_factory):
     return folder
 
 
-def colours(page, shot):
-    """Number of different colours of a picture, and the share of the commonest one."""
-    return page.evaluate("""async source => {
-      const image = new Image();
-      image.src = source;
-      await image.decode();
-      const canvas = document.createElement("canvas");
-      canvas.width = image.width;
-      canvas.height = image.height;
-      const context = canvas.getContext("2d");
-      context.drawImage(image, 0, 0);
-      const count = new Map();
-      for (const pixel of new Uint32Array(context.getImageData(0, 0, canvas.width, canvas.height).data.buffer))
-        count.set(pixel, (count.get(pixel) || 0) + 1);
-      return [count.size, Math.max(...count.values()) / (canvas.width * canvas.height)];
-    }""", "data:image/png;base64," + base64.b64encode(shot).decode())
+@pytest.fixture(scope="session")
+def panels(paper):
+    """Name of the plot → panel of paper.json."""
+    figures = json.loads((paper / "paper.json").read_text())["figures"]
+    return {f"{figure['id']}-{i + 1}": panel for figure in figures for i, panel in enumerate(figure["panels"])}
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [375, 1400])
-def test_every_figure_is_drawn(visit, browser, paper, screenshots, width, scheme):
-    with visit(paper / "paper.html", width, color_scheme=scheme) as page:
+def test_every_figure_is_drawn(visit, paper, panels, screenshots, width, scheme):
+    # Twice as many pixels, so that thin lines have some of their own colour, not only of their edges.
+    with visit(paper / "paper.html", width, color_scheme=scheme, device_scale_factor=2) as page:
         assert page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
-        shots = {name: page.locator(f"#{name} svg").screenshot() for name in FIGURES}
+        assert {plot["name"] for plot in page.evaluate("tokid.plots()")} == set(panels) == PLOTS
+        assert undrawn(page) == []
+        boxes = [page.locator(f"#plot-{name}").bounding_box() for name in PLOTS]
+        assert all(250 < box["width"] <= width for box in boxes)
         page.screenshot(path=screenshots / f"paper-{width}-{scheme}.png", full_page=True)
-        # In the page each figure fills its column and is no wider than it.
-        assert all(box["width"] <= width and box["width"] > 250 for box in
-                   (page.locator(f"#{name} svg").bounding_box() for name in FIGURES))
-    blank = browser.new_page()  # the page itself allows no pictures but its own
-    for name, shot in shots.items():
-        number, ground = colours(blank, shot)
-        assert number > 30, name   # curves and text with smooth edges
-        assert 0.5 < ground < 0.995, name
-    blank.close()
 
 
-def test_figures_stand_alone(browser, visit, paper):
-    blank = browser.new_page()
-    for scheme, ground in [("light", "rgb(255, 255, 255)"), ("dark", "rgb(25, 31, 39)")]:
-        for name in FIGURES:
-            with visit(paper / f"{name}.svg", color_scheme=scheme) as page:
-                assert page.evaluate("getComputedStyle(document.querySelector('.ground')).fill") == ground
-                assert colours(blank, page.locator("svg").screenshot())[0] > 30, name
-    blank.close()
+def test_values_are_drawn_where_they_lie(visit, paper, panels):
+    with visit(paper / "paper.html", device_scale_factor=2) as page:
+        for name, panel in panels.items():
+            pixels = picture(page, f"plot-{name}")
+            for series in panel["series"]:
+                points = np.array([(x, y) for x, y in zip(series["x"], series["y"])
+                                   if y is not None and not (panel["y_log"] and y <= 0)])
+                x, y = positions(page, *points.T, name)
+                assert ((x > 0) & (y > 0) & (x < pixels.shape[1]) & (y < pixels.shape[0])).all(), name
+                if series["colour"] == 7:  # nearly grey
+                    continue
+                # A line is three pixels wide and ends at its last point; a dashed one has gaps.
+                seen = np.max([coloured(pixels[y + up, x + right]) for up in (-1, 0, 1) for right in (-1, 0, 1)], axis=0)
+                assert seen.mean() > (0.5 if series["mark"] == "dashed" else 0.9), (name, series["name"])
 
 
-def test_everything_is_there_without_scripts_and_on_paper(visit, paper, screenshots):
+def test_scales(visit, paper, panels):
+    with visit(paper / "paper.html") as page:
+        for width in (1400, 375, 800):
+            page.set_viewport_size({"width": width, "height": 900})
+            page.evaluate("new Promise(done => requestAnimationFrame(() => setTimeout(done, 50)))")
+            # The unit circle is round, and every pole is inside the axes.
+            x, y = positions(page, [0, 1, 0], [0, 0, 1], "figure-1-1")
+            assert abs((x[1] - x[0]) - (y[0] - y[2])) <= 1 and x[1] > x[0] + 50
+        # Equal ratios are equal lengths.
+        rows = positions(page, [1] * 4, [1e-14, 1e-13, 1e-12, 1e-11], "figure-2-1")[1]
+        assert np.ptp(np.diff(rows)) <= 1 and rows[0] > rows[1] + 10
+        # Figures to be compared share their scale, others do not.
+        scale = lambda name: page.evaluate("name => [tokid.plot(name).scales.y.min, tokid.plot(name).scales.y.max]", name)
+        assert scale("figure-2-1") == scale("figure-3-1")
+        assert scale("figure-4-1") != scale("figure-5-1")
+
+
+def test_values_by_the_keyboard(visit, paper, panels):
+    with visit(paper / "paper.html") as page:
+        page.focus("#plot-kalman-error-1")
+        page.keyboard.press("End")
+        page.keyboard.press("ArrowLeft")
+        legend = page.locator("#legend-kalman-error-1")
+        expect(legend).to_contain_text("lag order p: 15")
+        shown = [text.replace("−", "-") for text in legend.locator("b").all_inner_texts()]
+        assert shown[0] == "–"  # 50 experiments are too few
+        for text, series in zip(shown[1:], panels["kalman-error-1"]["series"][1:]):
+            assert float(text) == pytest.approx(series["y"][series["x"].index(15)], rel=1e-3)
+
+
+def test_everything_but_the_plots_is_there_without_scripts(visit, paper):
     with visit(paper / "paper.html", java_script_enabled=False) as page:
-        assert page.locator("svg").count() >= len(FIGURES)
+        assert page.get_by_text("JavaScript is off").is_visible()
+        assert not any(place.is_visible() for place in page.locator(".plot, .legend, #theme").all())
+        assert page.locator("figcaption").count() == 9 and page.locator("figcaption").first.is_visible()
         assert page.locator("#appendix-b tbody tr").count() == 98
         assert page.locator("#kalman tbody tr").count() == 7
-        assert page.locator("noscript").count() == 0
-        (screenshots / "paper.pdf").write_bytes(page.pdf(format="A4"))
+
+
+def test_on_paper(visit, paper, screenshots):
+    with visit(paper / "paper.html", color_scheme="dark") as page:
+        assert page.pdf(path=screenshots / "paper.pdf", format="A4").startswith(b"%PDF")
+    with visit(paper / "paper.html", 700, color_scheme="dark", device_scale_factor=2) as page:  # as wide as A4
+        page.emulate_media(media="print")
+        expect(page.locator("html")).to_have_attribute("data-theme", "light")
+        assert undrawn(page) == []
+        widths = page.evaluate("[...document.querySelectorAll('.plot canvas')].map(c => c.getBoundingClientRect().width)")
+        assert len(widths) == len(PLOTS) and max(widths) <= 660
+        page.screenshot(path=screenshots / "paper-print.png", full_page=True)
 
 
 def test_appendix_b_says_what_was_printed(visit, paper):
@@ -79,8 +114,9 @@ def test_appendix_b_says_what_was_printed(visit, paper):
 
 
 def test_light_and_dark_by_the_button(visit, paper):
-    with visit(paper / "paper.html", color_scheme="light") as page:
-        before = page.locator("#figure-1 svg").screenshot()
+    with visit(paper / "paper.html", color_scheme="light", device_scale_factor=2) as page:
+        before = picture(page, "plot-figure-1-1")
         page.click("#theme")
         assert page.evaluate("document.documentElement.dataset.theme") == "dark"
-        assert page.locator("#figure-1 svg").screenshot() != before
+        assert (picture(page, "plot-figure-1-1") != before).any()
+        assert undrawn(page) == []  # in the colours that the theme has now
