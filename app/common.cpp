@@ -197,57 +197,8 @@ void warn(const std::vector<std::string>& warnings) {
 
 void warn(const Findings& findings) { warn(in_words(findings)); }
 
-namespace {
-
-Json json(const Finding::Channel& channel) {
-  return {{"side", channel.output ? "output" : "input"}, {"index", channel.index}, {"name", channel.name}};
-}
-
-Json json(const Finding::Experiment& experiment) {
-  return {{"row", experiment.row}, {"name", experiment.name.empty() ? Json() : Json(experiment.name)}};
-}
-
-Json json(const Finding::Term& term);
-Json json(const Finding& finding);
-
-template <class T>
-Json list(const std::vector<T>& values) {
-  Json result = Json::array();
-  for (const T& value : values) result.push_back(json(value));
-  return result;
-}
-
-Json json(const Finding::Term& term) {
-  return {{"channel", json(term.channel)}, {"lag", term.lag}, {"factor", term.factor}};
-}
-
-Json json(const Finding& finding) {
-  Json j = {{"kind", to_string(finding.kind)},
-            {"severity", to_string(severity(finding.kind))},
-            {"scope", to_string(finding.scope)},
-            {"channels", list(finding.channels)},
-            {"experiments", list(finding.experiments)},
-            {"steps", finding.steps},
-            {"numbers", Json::object()},
-            {"text", in_words(finding)}};
-  for (const auto& [name, value] : finding.numbers) j["numbers"][name] = value;
-  if (!finding.terms.empty()) j["terms"] = list(finding.terms);
-  if (!finding.names.empty()) j["names"] = finding.names;
-  if (!finding.groups.empty()) {
-    j["groups"] = Json::array();
-    for (const auto& group : finding.groups) j["groups"].push_back(list(group));
-  }
-  if (!finding.detail.empty()) j["detail"] = finding.detail;
-  if (!finding.file.empty()) j["file"] = finding.file;
-  return j;
-}
-
-}  // namespace
-
-Json findings_json(const Findings& findings) { return list(findings); }
-
 void add_findings(Json& j, const Findings& findings) {
-  j["findings"] = findings_json(findings);
+  j["findings"] = json_of(findings);
   j["warnings"] = in_words(findings);
 }
 

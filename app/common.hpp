@@ -11,7 +11,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "base/json.hpp"
+#include "base/finding_json.hpp"
 #include "tokid/tokid.hpp"
 
 namespace tokid::app {
@@ -84,7 +84,6 @@ void print(const std::string& text);  // on stdout. \throws std::system_error, b
 void print(const Json& json);
 void warn(const std::vector<std::string>& warnings);  // on stderr
 void warn(const Findings& findings);
-Json findings_json(const Findings& findings);
 // "findings" and, in words, "warnings".
 void add_findings(Json& json, const Findings& findings);
 

@@ -347,7 +347,7 @@ Json json(const Call& call, const Data& data, const Identification& result) {
     j["outliers"].push_back({{"experiment", o.experiment},
                              {"name", o.name.empty() ? Json() : Json(o.name)},
                              {"ratio", o.ratio},
-                             {"explanation", o.explanation}});
+                             {"explanation", json_of(o.explanation)}});
   j["copies"] = result.copies.groups;
   j["dependent"] = Json::array();
   for (const DependentExperiment& c : result.dependent.combinations)

@@ -101,7 +101,7 @@ Json json(const Fold& fold) {
           {"simulation_fit", numbers(fold.simulation.fit)},
           {"one_step_fit", numbers(fold.one_step.fit)},
           {"horizon_fit", numbers(fold.horizon.fit)},
-          {"findings", findings_json(fold.findings)},
+          {"findings", json_of(fold.findings)},
           {"warnings", in_words(fold.findings)}};
 }
 

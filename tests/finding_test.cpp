@@ -60,6 +60,37 @@ TEST(Finding, SentencesAreComplete) {
   }
 }
 
+// Each explanation has a name of its own, and its sentence needs only the fields of its kind.
+TEST(Finding, ExplanationsHaveNamesAndSentences) {
+  const std::pair<Explanation, const char*> all[] = {
+      {{.kind = Explanation::Kind::swapped, .channels = {u1, u2}},
+       "with inputs u1 and valve swapped they would be as usual"},
+      {{.kind = Explanation::Kind::at_zero, .channels = {u2}}, "with input valve at zero they would be as usual"},
+      {{.kind = Explanation::Kind::sign_changed, .channels = {y1}},
+       "with the sign of output y1 changed they would be as usual"},
+      {{.kind = Explanation::Kind::scaled, .channels = {y1}, .numbers = {{"factor", 1000.0}}},
+       "with output y1 multiplied by 1e+03 they would be as usual"},
+      {{.kind = Explanation::Kind::outputs_scaled, .numbers = {{"factor", 0.5}}},
+       "with all outputs multiplied by 0.5 they would be as usual"},
+      {{.kind = Explanation::Kind::offset, .channels = {y1}, .numbers = {{"offset", -2.0}}},
+       "with 2 subtracted from output y1 they would be as usual"},
+      {{.kind = Explanation::Kind::shifted, .channels = {u1}, .numbers = {{"earlier", -1.0}}},
+       "with input u1 1 step later they would be as usual"},
+      {{.kind = Explanation::Kind::outputs_shifted, .numbers = {{"earlier", 2.0}}},
+       "with the outputs 2 steps earlier they would be as usual"},
+      {{.kind = Explanation::Kind::all_shifted, .numbers = {{"earlier", 1.0}}},
+       "with everything 1 step earlier they would be as usual"},
+      {{.kind = Explanation::Kind::stuck, .channels = {y1}, .steps = {3, 9}, .numbers = {{"value", 0.5}}},
+       "its output y1 stays at 0.5 at steps 3–9"},
+      {{.kind = Explanation::Kind::one_output, .channels = {y1}}, "nearly all of it in output y1"}};
+  ASSERT_EQ(std::size(all), size_t(Explanation::Kind::last) + 1);
+  std::set<std::string> names;
+  for (const auto& [explanation, sentence] : all) {
+    EXPECT_EQ(in_words(explanation), sentence);
+    EXPECT_TRUE(names.insert(to_string(explanation.kind)).second) << sentence;
+  }
+}
+
 TEST(Finding, SumsAreWrittenWithTheFirstChannelAlone) {
   Finding found{.kind = Kind::outputs_dependent, .channels = {u1, y1}, .numbers = {{"constant", 0.0}}};
   found.terms = {{u1, 0, 2.0}, {y1, 0, -4.0}};

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,13 +17,40 @@ enum class Severity {
 };
 const char* to_string(Severity severity);
 
-struct Finding {
-  struct Channel {
-    bool output = false;  // else an input
-    Index index = 0;      // among the inputs, or the outputs
-    std::string name;
-    bool operator==(const Channel&) const = default;
+struct FindingChannel {
+  bool output = false;  // else an input
+  Index index = 0;      // among the inputs, or the outputs
+  std::string name;
+  bool operator==(const FindingChannel&) const = default;
+};
+
+// The possible cause of an outlier: a change of its samples that makes its residuals usual, or a place where it
+// differs from the others.
+struct Explanation {
+  // Each kind is followed by the fields that it fills.
+  enum class Kind {
+    swapped,          // channels: two inputs, or two outputs
+    at_zero,          // channels: an input that is set to zero
+    sign_changed,     // channels
+    scaled,           // channels; numbers: factor
+    outputs_scaled,   // all outputs; numbers: factor
+    offset,           // channels; numbers: offset, which is added
+    shifted,          // channels; numbers: earlier [steps], negative for later
+    outputs_shifted,  // all outputs; numbers: the same
+    all_shifted,      // all channels; numbers: the same
+    stuck,            // channels, steps: first and last; numbers: value
+    one_output,       // channels: the output that has nearly all of the residual
+    last = one_output
   };
+  Kind kind = Kind::swapped;
+  std::vector<FindingChannel> channels = {};
+  std::vector<Index> steps = {};
+  std::map<std::string, double> numbers = {};
+  bool operator==(const Explanation&) const = default;
+};
+
+struct Finding {
+  using Channel = FindingChannel;
   struct Experiment {
     Index row = 0;
     std::string name = {};  // empty where the data give none
@@ -65,7 +93,7 @@ struct Finding {
     experiments_copied,            // experiments, groups: the original of each copy; numbers: experiments
     experiments_dependent,         // experiments, groups: the terms of each sum; numbers: experiments
     inputs_repeated,               // numbers: experiments, courses, needed, lags
-    experiment_outlying,           // experiments; numbers: ratio; detail: a possible explanation
+    experiment_outlying,           // experiments; numbers: ratio; explanation
     more_outlying_experiments,     // numbers: count
     samples_outlying,              // channels, experiments, steps; numbers: error, usual
     more_outlying_samples,         // numbers: count
@@ -160,6 +188,7 @@ struct Finding {
   std::vector<Term> terms = {};
   std::vector<std::vector<Experiment>> groups = {};  // for each experiment: the ones that it is a copy or sum of
   std::vector<std::string> names = {};               // channel names of the model, where they differ from the data
+  std::optional<Explanation> explanation = {};       // of an outlier, if one was found
   std::string detail = {};                           // text from elsewhere: from a file reader or an error
   std::string file = {};                             // the file that the finding is about, if there are several
 
@@ -170,9 +199,11 @@ using Findings = std::vector<Finding>;
 
 const char* to_string(Finding::Scope scope);
 const char* to_string(Finding::Kind kind);  // "input_zero": the stable name in JSON and Python
+const char* to_string(Explanation::Kind kind);
 Severity severity(Finding::Kind kind);
 
 std::string in_words(const Finding& finding);
+std::string in_words(const Explanation& explanation);
 std::vector<std::string> in_words(const Findings& findings);
 // Do they say the same? Numbers that differ in their last digits do.
 bool same_words(const Finding& a, const Finding& b);

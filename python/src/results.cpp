@@ -121,13 +121,6 @@ nb::any object_of(const RefinementChoice& c) {
                                    {"one_step", c.one_step}});
 }
 
-nb::any object_of(const Outlier& o) {
-  return make("Outlier", {{"experiment", o.experiment},
-                          {"name", o.name.empty() ? nb::object(nb::none()) : results::cast(o.name)},
-                          {"ratio", o.ratio},
-                          {"explanation", o.explanation}});
-}
-
 nb::any object_of(const DependentExperiment& c) {
   return make("DependentExperiment", {{"experiment", c.experiment}, {"of", c.of}, {"weights", c.weights}});
 }
@@ -154,9 +147,29 @@ nb::list objects_of(const std::vector<T>& values) {
   return list;
 }
 
+nb::dict dict_of(const std::map<std::string, double>& numbers) {
+  nb::dict dict;
+  for (const auto& [name, value] : numbers) dict[results::cast(name)] = results::cast(value);
+  return dict;
+}
+
+nb::object object_of(const std::optional<Explanation>& e) {
+  if (!e) return nb::none();
+  return make("Explanation", {{"kind", to_string(e->kind)},
+                              {"channels", objects_of(e->channels)},
+                              {"steps", e->steps},
+                              {"numbers", dict_of(e->numbers)},
+                              {"text", in_words(*e)}});
+}
+
+nb::any object_of(const Outlier& o) {
+  return make("Outlier", {{"experiment", o.experiment},
+                          {"name", o.name.empty() ? nb::object(nb::none()) : results::cast(o.name)},
+                          {"ratio", o.ratio},
+                          {"explanation", object_of(o.explanation)}});
+}
+
 nb::any object_of(const Finding& f) {
-  nb::dict numbers;
-  for (const auto& [name, value] : f.numbers) numbers[results::cast(name)] = results::cast(value);
   nb::list groups;
   for (const auto& group : f.groups) groups.append(objects_of(group));
   return make("Finding", {{"kind", to_string(f.kind)},
@@ -165,11 +178,12 @@ nb::any object_of(const Finding& f) {
                           {"channels", objects_of(f.channels)},
                           {"experiments", objects_of(f.experiments)},
                           {"steps", f.steps},
-                          {"numbers", nb::object(numbers)},
+                          {"numbers", dict_of(f.numbers)},
                           {"text", in_words(f)},
                           {"terms", objects_of(f.terms)},
                           {"groups", nb::object(groups)},
                           {"names", texts(f.names)},
+                          {"explanation", object_of(f.explanation)},
                           {"detail", f.detail},
                           {"file", f.file}});
 }

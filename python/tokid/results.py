@@ -64,6 +64,30 @@ class FindingTerm:
 
 
 @dataclass(frozen=True, repr=False)
+class Explanation(_Result):
+    """The possible cause of an outlier: a change that makes its residuals usual, or a place where it differs.
+
+    Attributes
+    ----------
+    kind : str
+        "swapped", "scaled", …; the guide to files and the command line lists the kinds.
+    channels : list of FindingChannel
+    steps : list of int
+        The first and the last step at which a channel is stuck.
+    numbers : dict of str to float
+        The size of the change, with the names of the kind.
+    text : str
+        The sentence.
+    """
+
+    kind: str
+    channels: list[FindingChannel]
+    steps: list[int]
+    numbers: dict[str, float]
+    text: str
+
+
+@dataclass(frozen=True, repr=False)
 class Finding(_Result):
     """A fact about data, a model or an identification that the user should know.
 
@@ -94,6 +118,8 @@ class Finding(_Result):
         For each of `experiments`: the experiments that it is a copy or a weighted sum of.
     names : list of str
         Names in the model, if those in the data differ.
+    explanation : Explanation or None
+        Possible cause of an outlier.
     detail : str
         A text from elsewhere, such as the message of an error or the name of an option.
     file : str
@@ -111,6 +137,7 @@ class Finding(_Result):
     terms: list[FindingTerm] = field(default_factory=list)
     groups: list[list[FindingExperiment]] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
+    explanation: Optional[Explanation] = None
     detail: str = ""
     file: str = ""
 
@@ -564,14 +591,14 @@ class Outlier(_Result):
         Name of the experiment, if the data give one.
     ratio : float
         Size of its leave-one-out residuals over the usual size.
-    explanation : str
-        Possible cause: a change that makes it fit. Empty if none was found.
+    explanation : Explanation or None
+        Possible cause. None if none was found.
     """
 
     experiment: int
     name: Optional[str]
     ratio: float
-    explanation: str
+    explanation: Optional[Explanation]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

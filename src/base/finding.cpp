@@ -350,9 +350,9 @@ constexpr Entry table[] = {
     {Kind::experiment_outlying, "experiment_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {} does not fit the others: its leave-one-out residuals are {} times as large as "
-           "theirs{}{}",
-           experiment(f.experiments[0]), times(number(f, "ratio")), f.detail.empty() ? "" : "; ", f.detail);
+           "experiment {} does not fit the others: its leave-one-out residuals are {} times as large as theirs{}",
+           experiment(f.experiments[0]), times(number(f, "ratio")),
+           f.explanation ? "; " + in_words(*f.explanation) : "");
      }},
     {Kind::more_outlying_experiments, "more_outlying_experiments", warning,
      [](const Finding& f) {
@@ -797,6 +797,72 @@ std::vector<std::string> in_words(const Findings& findings) {
   std::vector<std::string> result;
   for (const Finding& finding : findings) result.push_back(in_words(finding));
   return result;
+}
+
+namespace {
+
+struct ExplanationEntry {
+  Explanation::Kind kind;
+  const char* name;
+  std::string (*words)(const Explanation& e);
+};
+
+std::string as_usual(const std::string& change) { return fmt::format("with {} they would be as usual", change); }
+
+std::string name_of(const Explanation& e) { return sides_and_names(e.channels); }
+
+// "2 steps earlier"
+std::string shift(const Explanation& e) {
+  const Index by = Index(std::llround(e.numbers.at("earlier")));
+  return fmt::format("{} {}", words::plural(std::abs(by), "step"), by > 0 ? "earlier" : "later");
+}
+
+using Cause = Explanation::Kind;
+
+constexpr ExplanationEntry explanations[] = {
+    {Cause::swapped, "swapped",
+     [](const Explanation& e) {
+       return as_usual(
+           fmt::format("{}s {} swapped", e.channels.front().output ? "output" : "input", names_of(e.channels)));
+     }},
+    {Cause::at_zero, "at_zero", [](const Explanation& e) { return as_usual(name_of(e) + " at zero"); }},
+    {Cause::sign_changed, "sign_changed",
+     [](const Explanation& e) { return as_usual(fmt::format("the sign of {} changed", name_of(e))); }},
+    {Cause::scaled, "scaled",
+     [](const Explanation& e) {
+       return as_usual(fmt::format("{} multiplied by {:.3g}", name_of(e), e.numbers.at("factor")));
+     }},
+    {Cause::outputs_scaled, "outputs_scaled",
+     [](const Explanation& e) {
+       return as_usual(fmt::format("all outputs multiplied by {:.3g}", e.numbers.at("factor")));
+     }},
+    {Cause::offset, "offset",
+     [](const Explanation& e) {
+       const double offset = e.numbers.at("offset");
+       return as_usual(
+           fmt::format("{:.3g} {} {}", std::abs(offset), offset < 0 ? "subtracted from" : "added to", name_of(e)));
+     }},
+    {Cause::shifted, "shifted",
+     [](const Explanation& e) { return as_usual(fmt::format("{} {}", name_of(e), shift(e))); }},
+    {Cause::outputs_shifted, "outputs_shifted",
+     [](const Explanation& e) { return as_usual("the outputs " + shift(e)); }},
+    {Cause::all_shifted, "all_shifted", [](const Explanation& e) { return as_usual("everything " + shift(e)); }},
+    {Cause::stuck, "stuck",
+     [](const Explanation& e) {
+       return fmt::format("its {} stays at {:.3g} at steps {}–{}", name_of(e), e.numbers.at("value"), e.steps.front(),
+                          e.steps.back());
+     }},
+    {Cause::one_output, "one_output", [](const Explanation& e) { return "nearly all of it in " + name_of(e); }},
+};
+
+}  // namespace
+
+static_assert(std::size(explanations) == size_t(Cause::last) + 1);
+
+const char* to_string(Explanation::Kind kind) { return explanations[size_t(kind)].name; }
+
+std::string in_words(const Explanation& explanation) {
+  return explanations[size_t(explanation.kind)].words(explanation);
 }
 
 bool same_words(const Finding& a, const Finding& b) { return in_words(a) == in_words(b); }

@@ -18,9 +18,14 @@
 
 namespace tokid {
 
+namespace {
+
+// "input u1", "output y2" of channel c, inputs first.
 std::string channel_name(const Channels& names, Index inputs, Index c) {
   return c < inputs ? "input " + names.input(c) : "output " + names.output(c - inputs);
 }
+
+}  // namespace
 
 void Survey::append(const Survey& later, Index begin) {
   if (channel.empty()) {

@@ -29,9 +29,6 @@ struct Survey {
   void append(const Survey& later, Index begin);
 };
 
-// "input u1", "output y2" of channel c, inputs first.
-std::string channel_name(const Channels& names, Index inputs, Index c);
-
 // Surveys the steps begin … end-1 and counts them from zero. \throws std::invalid_argument for an infinite value. It
 // names the channel, the experiment and the step, counted from `origin` on.
 Survey survey(const Ensemble& ensemble, Index begin, Index end, Index origin = 0);

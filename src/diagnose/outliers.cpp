@@ -19,7 +19,7 @@ Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& to
     result.push_back({.kind = Finding::Kind::experiment_outlying,
                       .experiments = {{o.experiment, o.name}},
                       .numbers = {{"ratio", o.ratio}},
-                      .detail = o.explanation});
+                      .explanation = o.explanation});
   }
   if (outliers.size() > most_reported)
     result.push_back({.kind = Finding::Kind::more_outlying_experiments,

@@ -475,7 +475,10 @@ def test_outliers_are_numbered_as_in_the_data(tokid, tmp_path):
     for more in ([], ["--hold-out", 0.25]):
         outlier, = tokid.json(*arguments, *more)["outliers"]
         assert outlier["experiment"] == 12 and outlier["ratio"] > 10
-        assert outlier["explanation"] == "with outputs y1 and y2 swapped they would be as usual"
+        cause = outlier["explanation"]
+        assert (cause["kind"], cause["steps"], cause["numbers"]) == ("swapped", [], {})
+        assert [channel["name"] for channel in cause["channels"]] == ["y1", "y2"]
+        assert cause["text"] == "with outputs y1 and y2 swapped they would be as usual"
 
 
 def test_a_stuck_sensor_is_told_once(tokid, tmp_path):

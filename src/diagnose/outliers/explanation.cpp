@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnose/outliers/explanation.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
 #include "base/nan.hpp"
-#include "base/words.hpp"
-#include "data/survey.hpp"
+#include "data/subjects.hpp"
 #include "diagnose/standstill.hpp"
 
 namespace tokid {
 
 namespace {
+
+using Kind = Explanation::Kind;
 
 // The residual ratio of an explained experiment is at most this.
 constexpr double usual = 2.0;
@@ -21,49 +20,49 @@ constexpr double usual = 2.0;
 constexpr double least_factor = 1.5;
 
 // Searches for a change of an experiment's samples that makes its residuals usual.
-class Explanation {
+class Search {
  public:
-  Explanation(const Ensemble& e, const Sketch& sketch, Index n)
-      : e_(e), sketch_(sketch), n_(n), x_(e.samples().row(n)) {}
+  Search(const Ensemble& e, const Sketch& sketch, Index n) : e_(e), sketch_(sketch), n_(n), x_(e.samples().row(n)) {}
 
-  std::string text() {
+  std::optional<Explanation> result() {
     const double before = sketch_.ratio_of(x_);
-    if (std::isnan(before)) return "";
+    if (std::isnan(before)) return std::nullopt;
     accepted_ = std::min(usual, before / 2);
     exchanges();
     scales();
-    if (best_text_.empty()) offsets();
-    if (best_text_.empty()) shifts();
-    if (best_text_.empty())
-      if (std::string stuck = standstill(); !stuck.empty()) return stuck;
-    if (!best_text_.empty()) return best_text_ + " they would be as usual";
-    if (const auto j = sketch_.output(n_)) return fmt::format("nearly all of it in output {}", e_.names.output(*j));
-    return "";
+    if (!best_) offsets();
+    if (!best_) shifts();
+    if (!best_) best_ = stuck();
+    if (!best_)
+      if (const auto j = sketch_.output(n_))
+        best_ = {.kind = Kind::one_output, .channels = {output_channel(e_.names, *j)}};
+    return best_;
   }
 
  private:
   Index d() const { return e_.channels(); }
-  std::string name(Index c) const { return channel_name(e_.names, e_.inputs(), c); }
+  Finding::Channel channel(Index c) const { return tokid::channel(e_.names, e_.inputs(), c); }
 
   // One of many attempts may succeed by chance, but hardly at two separate sets of places.
-  void try_one_of_many(const Eigen::RowVectorXd& x, std::string text) {
+  void try_one_of_many(const Eigen::RowVectorXd& x, Explanation change) {
     if (sketch_.ratio_of(x, Sketch::Places::even) <= accepted_ && sketch_.ratio_of(x, Sketch::Places::odd) <= accepted_)
-      try_with(x, std::move(text));
+      try_with(x, std::move(change));
   }
 
   // Small samples have small residuals anyway, so the residuals relative to the outputs must be usual too. A factor
   // close to one explains nothing. Of the negative factors only -1 is tried, elsewhere.
-  void try_factor(const Eigen::RowVectorXd& x, double factor, std::string text) {
-    if (factor > 1e-9 && std::abs(std::log(factor)) > std::log(least_factor) && sketch_.share_of(x) <= usual)
-      try_with(x, std::move(text));
+  void try_factor(const Eigen::RowVectorXd& x, double factor, Explanation change) {
+    if (!(factor > 1e-9 && std::abs(std::log(factor)) > std::log(least_factor) && sketch_.share_of(x) <= usual)) return;
+    change.numbers = {{"factor", factor}};
+    try_with(x, std::move(change));
   }
 
-  void try_with(const Eigen::RowVectorXd& x, std::string text) {
+  void try_with(const Eigen::RowVectorXd& x, Explanation change) {
     const double ratio = sketch_.ratio_of(x);
     // Simpler changes come first. A later change replaces them only if it is clearly better.
-    if (ratio <= accepted_ && (best_text_.empty() || ratio < 0.8 * best_)) {
-      best_ = ratio;
-      best_text_ = std::move(text);
+    if (ratio <= accepted_ && (!best_ || ratio < 0.8 * best_ratio_)) {
+      best_ratio_ = ratio;
+      best_ = std::move(change);
     }
   }
 
@@ -73,8 +72,7 @@ class Explanation {
       for (Index b = a + 1; b < (a < r ? r : d()); ++b) {
         Eigen::RowVectorXd x = x_;
         for (Index k = 0; k < e_.steps(); ++k) std::swap(x(k * d() + a), x(k * d() + b));
-        const auto plain = [&](Index c) { return c < r ? e_.names.input(c) : e_.names.output(c - r); };
-        try_with(x, fmt::format("with {} {} and {} swapped", a < r ? "inputs" : "outputs", plain(a), plain(b)));
+        try_with(x, {.kind = Kind::swapped, .channels = {channel(a), channel(b)}});
       }
   }
 
@@ -89,17 +87,18 @@ class Explanation {
       const Eigen::RowVectorXd own = only(c);
       const double factor = 1 + sketch_.best_share(x_, own);
       if (std::isnan(factor)) continue;
-      if (c < e_.inputs() && std::abs(factor) < 0.05) try_with(x_ - own, fmt::format("with {} at zero", name(c)));
+      if (c < e_.inputs() && std::abs(factor) < 0.05)
+        try_with(x_ - own, {.kind = Kind::at_zero, .channels = {channel(c)}});
       if (std::abs(factor + 1) < 0.2)
-        try_with(x_ - 2 * own, fmt::format("with the sign of {} changed", name(c)));
+        try_with(x_ - 2 * own, {.kind = Kind::sign_changed, .channels = {channel(c)}});
       else
-        try_factor(x_ + (factor - 1) * own, factor, fmt::format("with {} multiplied by {:.3g}", name(c), factor));
+        try_factor(x_ + (factor - 1) * own, factor, {.kind = Kind::scaled, .channels = {channel(c)}});
     }
     if (e_.outputs() < 2) return;
     Eigen::RowVectorXd outputs = Eigen::RowVectorXd::Zero(x_.size());
     for (Index j = 0; j < e_.outputs(); ++j) outputs += only(e_.inputs() + j);
     const double factor = 1 + sketch_.best_share(x_, outputs);
-    try_factor(x_ + (factor - 1) * outputs, factor, fmt::format("with all outputs multiplied by {:.3g}", factor));
+    try_factor(x_ + (factor - 1) * outputs, factor, {.kind = Kind::outputs_scaled});
   }
 
   void offsets() {
@@ -108,55 +107,54 @@ class Explanation {
       for (Index k = 0; k < e_.steps(); ++k) one(k * d() + c) = 1.0;
       const double offset = sketch_.best_share(x_, one);
       if (std::isnan(offset)) continue;
-      try_with(x_ + offset * one, fmt::format("with {:.3g} {} {}", std::abs(offset),
-                                              offset < 0 ? "subtracted from" : "added to", name(c)));
+      try_with(x_ + offset * one, {.kind = Kind::offset, .channels = {channel(c)}, .numbers = {{"offset", offset}}});
     }
   }
 
   void shifts() {
     constexpr Index furthest = 8;
-    const auto shifted = [&](Index from, Index count, Index by) {
+    const auto try_shift = [&](Kind kind, Index from, Index count, Index by) {
       Eigen::RowVectorXd x = x_;
       for (Index k = 0; k < e_.steps(); ++k)
         for (Index c = from; c < from + count; ++c)
           x(k * d() + c) = k + by >= 0 && k + by < e_.steps() ? x_((k + by) * d() + c) : nan;
-      return x;
+      Explanation change{.kind = kind, .numbers = {{"earlier", double(by)}}};
+      if (kind == Kind::shifted) change.channels = {channel(from)};
+      try_one_of_many(x, std::move(change));
     };
-    const auto when = [](Index by) {
-      return fmt::format("{} {}", words::plural(std::abs(by), "step"), by > 0 ? "earlier" : "later");
-    };
+    const Index r = e_.inputs();
     for (Index size = 1; size <= furthest; ++size)
       for (const Index by : {size, -size}) {
-        try_one_of_many(shifted(0, d(), by), fmt::format("with everything {}", when(by)));
-        try_one_of_many(shifted(e_.inputs(), e_.outputs(), by), fmt::format("with the outputs {}", when(by)));
-        if (e_.outputs() > 1)
-          for (Index j = 0; j < e_.outputs(); ++j)
-            try_one_of_many(shifted(e_.inputs() + j, 1, by),
-                            fmt::format("with output {} {}", e_.names.output(j), when(by)));
-        if (e_.inputs() > 1)
-          for (Index i = 0; i < e_.inputs(); ++i)
-            try_one_of_many(shifted(i, 1, by), fmt::format("with input {} {}", e_.names.input(i), when(by)));
+        try_shift(Kind::all_shifted, 0, d(), by);
+        try_shift(Kind::outputs_shifted, r, e_.outputs(), by);
+        for (Index c = r; e_.outputs() > 1 && c < d(); ++c) try_shift(Kind::shifted, c, 1, by);
+        for (Index c = 0; r > 1 && c < r; ++c) try_shift(Kind::shifted, c, 1, by);
       }
   }
 
-  std::string standstill() const {
+  std::optional<Explanation> stuck() const {
     for (Index c = d() - 1; c >= 0; --c)
       for (const Standstill& s : standstills(e_, c))
         if (s.experiment == n_)
-          return fmt::format("its {} stays at {:.3g} at steps {}–{}", name(c), s.value, s.begin, s.end - 1);
-    return "";
+          return Explanation{.kind = Kind::stuck,
+                             .channels = {channel(c)},
+                             .steps = {s.begin, s.end - 1},
+                             .numbers = {{"value", s.value}}};
+    return std::nullopt;
   }
 
   const Ensemble& e_;
   const Sketch& sketch_;
   Index n_;
   Eigen::RowVectorXd x_;
-  double accepted_ = usual, best_ = 0.0;
-  std::string best_text_;
+  double accepted_ = usual, best_ratio_ = 0.0;
+  std::optional<Explanation> best_;
 };
 
 }  // namespace
 
-std::string explanation(const Ensemble& e, const Sketch& sketch, Index n) { return Explanation(e, sketch, n).text(); }
+std::optional<Explanation> explanation(const Ensemble& e, const Sketch& sketch, Index n) {
+  return Search(e, sketch, n).result();
+}
 
 }  // namespace tokid

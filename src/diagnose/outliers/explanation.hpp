@@ -1,15 +1,16 @@
-// Finds a change of an outlier's samples that would make it fit, and describes it in words.
+// Finds the possible cause of an outlier: a change of its samples that would make it fit.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
+#include <optional>
 
 #include "diagnose/outliers/sketch.hpp"
+#include "tokid/finding.hpp"
 
 namespace tokid {
 
 // Tries to swap channels, to change signs, to scale, offset or shift channels in time, and looks for a stuck channel.
-// Otherwise names the output that has nearly all of the residual. Empty if there is none.
-std::string explanation(const Ensemble& ensemble, const Sketch& sketch, Index experiment);
+// Otherwise returns the output that has nearly all of the residual; nothing if there is none.
+std::optional<Explanation> explanation(const Ensemble& ensemble, const Sketch& sketch, Index experiment);
 
 }  // namespace tokid

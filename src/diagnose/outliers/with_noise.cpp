@@ -73,7 +73,8 @@ std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   std::vector<Outlier> result;
   for (size_t i = 0; i < found.size(); ++i)
     result.push_back({found[i], std::max(sketch.ratio(found[i]), sketch.plain_ratio(found[i])),
-                      i < most_explained ? explanation(e, sketch, found[i]) : "", e.experiment_name(found[i])});
+                      i < most_explained ? explanation(e, sketch, found[i]) : std::nullopt,
+                      e.experiment_name(found[i])});
   return result;
 }
 
@@ -136,7 +137,7 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
                                      [&](const Outlier& x) { return x.experiment == other.experiment; });
       if (same == result.end())
         alone.push_back(std::move(other));
-      else if (same->explanation.empty() || same->ratio < other.ratio)
+      else if (!same->explanation || same->ratio < other.ratio)
         *same = std::move(other);
     }
     // But a model with one lag is wrong, and it extrapolates to inputs of another kind. The model of all experiments

@@ -70,7 +70,9 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p
     Index worst = 0;
     const double without = all - alone.maxCoeff(&worst);
     if (without < all / (beyond_doubt * beyond_doubt))
-      return Outlier{rows[size_t(worst)], without > 0 ? std::min(most_ratio, std::sqrt(all / without)) : most_ratio, "",
+      return Outlier{rows[size_t(worst)],
+                     without > 0 ? std::min(most_ratio, std::sqrt(all / without)) : most_ratio,
+                     {},
                      e.experiment_name(rows[size_t(worst)])};
   }
   return std::nullopt;
@@ -129,7 +131,7 @@ std::vector<Outlier> outliers_without_noise(const Ensemble& e, const OutlierOpti
   std::optional<Outlier> found = misfit(e, options);
   if (!found || excites_more(e, found->experiment, options.lags, options.nominal)) return {};
   OutlierOptions o = options;
-  for (o.model = nullptr; o.lags > 0 && found->explanation.empty(); --o.lags)
+  for (o.model = nullptr; o.lags > 0 && !found->explanation; --o.lags)
     for (const Outlier& other : outliers(e, o))
       if (other.experiment == found->experiment) found->explanation = other.explanation;
   return {*std::move(found)};
