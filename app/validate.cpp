@@ -80,11 +80,11 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   page.row("RMS error", "");
   add_table(call, model, v, &Fit::rmse, number, page);
   const Conclusions found = conclusions(v, model.names);
-  page.row("Innovations", found.squares.text);
-  page.row("Whiteness", found.whiteness.text);
-  page.row("Inputs", found.inputs.text);
-  page.row("Gains", found.gains.text);
-  page.row("Feedback", found.feedback.text);
+  page.row("Innovations", in_words(found.nis));
+  page.row("Whiteness", in_words(found.whiteness));
+  page.row("Inputs", in_words(found.independence));
+  page.row("Gains", in_words(found.gains));
+  page.row("Feedback", in_words(found.feedback));
   if (cross) add_cross_validation(call, model, *cross, page);
   return page.text();
 }
@@ -159,12 +159,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
                                      {"steps", o.steps},
                                      {"error", o.error},
                                      {"usual", o.usual}});
-  const Conclusions found = conclusions(v, model.names);
-  j["conclusions"] = {{"nis", to_string(found.squares.result)},
-                      {"whiteness", to_string(found.whiteness.result)},
-                      {"independence", to_string(found.inputs.result)},
-                      {"gains", to_string(found.gains.result)},
-                      {"feedback", to_string(found.feedback.result)}};
+  j["conclusions"] = json_of(conclusions(v, model.names));
   j["cross_validation"] = cross ? json(*cross) : Json();
   add_findings(j, v.findings);
   return j;

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "testing.hpp"
+#include "tokid/conclusion.hpp"
 
 namespace tokid {
 namespace {
@@ -89,6 +90,31 @@ TEST(Finding, ExplanationsHaveNamesAndSentences) {
     EXPECT_EQ(in_words(explanation), sentence);
     EXPECT_TRUE(names.insert(to_string(explanation.kind)).second) << sentence;
   }
+}
+
+// With every field that a reason may have, its sentence lacks none.
+TEST(Conclusion, SentencesAreComplete) {
+  Conclusion all{
+      .result = TestResult::negligible,
+      .numbers = {{"correlation", 0.1}, {"interval", 0.2}, {"lag", 1}, {"limit", 0.2}, {"p", 0.003}, {"ratio", 1.5}},
+      .channels = {u1, u2},
+      .errors = {-0.5, 0.25},
+      .intervals = {0.1, 0.2},
+      .pooled = true};
+  std::set<std::string> names, sentences;
+  for (int reason = 0; reason <= int(Conclusion::Reason::last); ++reason) {
+    all.reason = Conclusion::Reason(reason);
+    EXPECT_TRUE(names.insert(to_string(all.reason)).second) << to_string(all.reason);
+    EXPECT_TRUE(sentences.insert(in_words(all)).second) << in_words(all);
+  }
+  all.reason = Conclusion::Reason::correlated;
+  EXPECT_EQ(in_words(all),
+            "p = 0.003: the innovations are correlated in time, up to 0.100 at lag 1, too little to count (less than "
+            "0.2); over all steps together, because the experiments are few");
+  all.reason = Conclusion::Reason::gains_wrong;
+  EXPECT_EQ(in_words(all),
+            "the outputs respond to u1 50 % less than the model says (± 10 %), to valve 25 % more than the model says "
+            "(± 20 %); too little to count");
 }
 
 TEST(Finding, SumsAreWrittenWithTheFirstChannelAlone) {

@@ -186,9 +186,10 @@ TEST(ExpectedErrors, AreThoseOfTrueModels) {
 TEST(Conclusions, SayWhatWasNotTested) {
   const Model system = oscillator(40);
   const Conclusions exact = conclusions(validate(system, experiments(system)), system.names);
-  for (const Conclusion* c : {&exact.squares, &exact.whiteness, &exact.inputs, &exact.gains, &exact.feedback}) {
-    EXPECT_EQ(c->result, TestResult::untested);
-    EXPECT_EQ(c->text, "not tested, the innovations are at rounding level");
+  for (const Conclusion& c : exact.all()) {
+    EXPECT_EQ(c.result, TestResult::untested);
+    EXPECT_EQ(c.reason, Conclusion::Reason::rounding_level);
+    EXPECT_EQ(in_words(c), "not tested (the innovations are at rounding level)");
   }
 }
 
@@ -199,13 +200,16 @@ TEST(Conclusions, NameInputsWhoseEffectIsLostInTheNoise) {
   Channels names;
   names.input_names = {"torque", "brake"};
   v.gains = {Vector::Zero(2), (Vector(2) << 0.01, 0.8).finished(), (Vector(2) << 0.9, 0.01).finished()};
-  EXPECT_EQ(
-      conclusions(v, names).gains.text,
-      "the outputs answer to the other inputs as strongly as the model says (± 2.6 %); what the outputs answer to "
-      "brake is lost in the noise");
-  EXPECT_EQ(conclusions(v, names).gains.result, TestResult::nothing);
+  const Conclusion found = conclusions(v, names).gains;
+  EXPECT_EQ(found.result, TestResult::nothing);
+  EXPECT_EQ(found.reason, Conclusion::Reason::gains_confirmed);
+  EXPECT_EQ(found.channels, (std::vector<Finding::Channel>{{false, 1, "brake"}}));
+  EXPECT_EQ(in_words(found),
+            "the outputs respond to the other inputs as strongly as the model says (± 2.6 %); the response to brake is "
+            "lost in the noise");
   v.gains.deviation(0) = 0.8, v.gains.share(0) = 0.01;
-  EXPECT_EQ(conclusions(v, names).gains.text, "what the outputs answer to torque, brake is lost in the noise");
+  EXPECT_EQ(conclusions(v, names).gains.reason, Conclusion::Reason::gains_lost_in_noise);
+  EXPECT_EQ(in_words(conclusions(v, names).gains), "the response to torque, brake is lost in the noise");
 }
 
 }  // namespace

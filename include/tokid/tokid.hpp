@@ -3,6 +3,7 @@
 #pragma once
 
 #include "tokid/choices.hpp"
+#include "tokid/conclusion.hpp"
 #include "tokid/copies.hpp"
 #include "tokid/cross_validate.hpp"
 #include "tokid/dependence.hpp"

@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "tokid/conclusion.hpp"
 #include "tokid/innovations.hpp"
 #include "tokid/model.hpp"
 
@@ -56,19 +57,7 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
 // Validates with each experiment once: without copies and dependent experiments, which the warnings name.
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
 
-// The result of a test of the innovations: nothing against the model; a significant effect that is too small to matter;
-// or a significant effect that matters.
-enum class TestResult { untested, nothing, negligible, against };
-const char* to_string(TestResult result);  // "untested", "nothing", "negligible", "against"
-
-// The result of a test with its sentence, the same for every output.
-struct Conclusion {
-  TestResult result = TestResult::untested;
-  std::string text;  // the probability and its meaning
-};
-struct Conclusions {
-  Conclusion squares, whiteness, inputs, gains, feedback;
-};
+// Concludes what each test of the innovations shows. The tool, the page and Python take their results from here.
 Conclusions conclusions(const Validation& validation, const Channels& names);
 
 }  // namespace tokid

@@ -169,6 +169,23 @@ nb::any object_of(const Outlier& o) {
                           {"explanation", object_of(o.explanation)}});
 }
 
+nb::any object_of(const Conclusion& c) {
+  return make("Conclusion", {{"result", to_string(c.result)},
+                             {"reason", to_string(c.reason)},
+                             {"channels", objects_of(c.channels)},
+                             {"numbers", dict_of(c.numbers)},
+                             {"errors", c.errors},
+                             {"intervals", c.intervals},
+                             {"pooled", c.pooled},
+                             {"text", in_words(c)}});
+}
+
+nb::dict object_of(const Conclusions& conclusions) {
+  nb::dict dict;
+  for (const Conclusion& c : conclusions.all()) dict[to_string(c.test)] = object_of(c);
+  return dict;
+}
+
 nb::any object_of(const Finding& f) {
   nb::list groups;
   for (const auto& group : f.groups) groups.append(objects_of(group));
@@ -201,7 +218,7 @@ nb::any object_of(const OutlyingSamples& o) {
                                   {"usual", o.usual}});
 }
 
-nb::any object_of(const Validation& v) {
+nb::any object_of(const Validation& v, const Channels& names) {
   nb::list outlying;
   for (const OutlyingSamples& o : v.outlying) outlying.append(object_of(o));
   return make("Validation",
@@ -216,6 +233,7 @@ nb::any object_of(const Validation& v) {
                {"squares", object_of(v.squares)},
                {"gains", make("InputGains",
                               {{"error", v.gains.error}, {"deviation", v.gains.deviation}, {"share", v.gains.share}})},
+               {"conclusions", object_of(conclusions(v, names))},
                {"outlying", outlying},
                {"first_predicted", v.first_predicted},
                {"first_simulated", v.first_simulated},
@@ -265,7 +283,7 @@ nb::any object_of(const Identification& i) {
                                  {"nominal", i.plan.nominal},
                                  {"singular_value_gap", i.singular_value_gap},
                                  {"held_out", i.held_out},
-                                 {"validation", object_of(i.validation)},
+                                 {"validation", object_of(i.validation, i.model.names)},
                                  {"outliers", outliers},
                                  {"copies", i.copies.groups},
                                  {"dependent", dependent},

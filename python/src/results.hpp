@@ -42,7 +42,7 @@ struct Field {
 nb::any make(const char* type, std::initializer_list<Field> fields);
 
 nb::any object_of(const Fit& fit);
-nb::any object_of(const Validation& validation);
+nb::any object_of(const Validation& validation, const Channels& names);
 nb::any object_of(const NoisyChoices& choices);
 nb::any object_of(const LikelihoodChoice& choice);
 nb::any object_of(const Verdict& verdict);

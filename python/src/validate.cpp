@@ -15,7 +15,7 @@ void bind_validate(nb::module_& module) {
           return validate_distinct(model, data, {horizon, whiteness_lags, initial_state});
         });
         append(result.findings, differences(model, data));
-        return object_of(result);
+        return object_of(result, model.names);
       },
       nb::arg("model"), nb::arg("data"), nb::arg("horizon"), nb::arg("whiteness_lags"),
       nb::arg("initial_state").none());

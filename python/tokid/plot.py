@@ -595,8 +595,7 @@ def whiteness(
         )
     white = validation.whiteness
     if math.isnan(white.p) or not len(white.correlation):
-        why = "there are too few samples" if validation.noisy else "the innovations are rounding errors"
-        raise ValueError(f"whiteness: not tested, because {why}")
+        raise ValueError(f"whiteness: {validation.conclusions['whiteness'].text}")
     ax = _axes.axes(ax, height=3.0)
     colours = _axes.colours(ax)
     correlation, x = white.correlation, np.arange(1, len(white.bound) + 1)

@@ -266,6 +266,38 @@ class InputGains(_Result):
     share: Array
 
 
+@dataclass(frozen=True, repr=False)
+class Conclusion(_Result):
+    """What a test of the innovations shows.
+
+    Attributes
+    ----------
+    result : {"untested", "nothing", "negligible", "against"}
+        "nothing": no sign against the model; "negligible": significant, but too small to matter; "against": significant
+        and large enough to matter.
+    reason : str
+        "size_as_stated", "correlated", …; the guide to files and the command line lists the reasons.
+    channels : list of FindingChannel
+        The inputs that the reason is about.
+    numbers : dict of str to float
+    errors, intervals : ndarray, shape (channels,)
+        For each of these inputs: the error of its effect in the model, and half of the 99 % interval of this error.
+    pooled : bool
+        The test took all steps together, because the experiments are few.
+    text : str
+        The sentence.
+    """
+
+    result: str
+    reason: str
+    channels: list[FindingChannel]
+    numbers: dict[str, float]
+    errors: Array
+    intervals: Array
+    pooled: bool
+    text: str
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class OutlyingSamples(_Result):
     """Samples of one output of one experiment with much larger prediction errors than in the other experiments.
@@ -313,6 +345,8 @@ class Validation(_Found):
         Test of the covariance of the innovations.
     gains : InputGains
         Test of the effect of each input.
+    conclusions : dict of str to Conclusion
+        Conclusions of the tests "nis" (the squares), "whiteness", "independence", "gains" and "feedback".
     outlying : list of OutlyingSamples
         Outlying samples; only for noisy data.
     first_predicted, first_simulated : int
@@ -330,6 +364,7 @@ class Validation(_Found):
     feedback: Independence
     squares: NormalisedSquares
     gains: InputGains
+    conclusions: dict[str, Conclusion]
     outlying: list[OutlyingSamples]
     first_predicted: int
     first_simulated: int

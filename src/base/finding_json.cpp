@@ -30,6 +30,20 @@ Json object(const std::map<std::string, double>& numbers) {
   return result;
 }
 
+Json json_of(const Conclusion& conclusion) {
+  Json j = {{"result", to_string(conclusion.result)},
+            {"reason", to_string(conclusion.reason)},
+            {"channels", list(conclusion.channels)},
+            {"numbers", object(conclusion.numbers)},
+            {"pooled", conclusion.pooled},
+            {"text", in_words(conclusion)}};
+  if (!conclusion.channels.empty()) {
+    j["errors"] = conclusion.errors;
+    j["intervals"] = conclusion.intervals;
+  }
+  return j;
+}
+
 }  // namespace
 
 Json json_of(const std::optional<Explanation>& explanation) {
@@ -59,5 +73,11 @@ Json json_of(const Finding& finding) {
 }
 
 Json json_of(const Findings& findings) { return list(findings); }
+
+Json json_of(const Conclusions& conclusions) {
+  Json j = Json::object();
+  for (const Conclusion& conclusion : conclusions.all()) j[to_string(conclusion.test)] = json_of(conclusion);
+  return j;
+}
 
 }  // namespace tokid

@@ -185,6 +185,14 @@ Index identified_from(const Model& model, const ReportOptions& options) {
   return json["experiments"].get<Index>();
 }
 
+// The findings of `first`, and those of `second` that say something else.
+Findings merged(Findings first, const Findings& second) {
+  for (const Finding& finding : second)
+    if (std::none_of(first.begin(), first.end(), [&](const Finding& other) { return same_words(other, finding); }))
+      first.push_back(finding);
+  return first;
+}
+
 }  // namespace
 
 Evidence evidence(const Model& model, const Tested& tested) {
@@ -233,6 +241,7 @@ Evidence evidence(const Model& model, const Tested& tested) {
   for (Index j = 0; j < data.outputs(); ++j)
     if (std::find(found.at_rest.begin(), found.at_rest.end(), j) == found.at_rest.end()) moving.push_back(j);
   found.judged = judged_horizon(model, data, judged, options.initial_state, spread, moving, found.conclusions);
+  found.findings = merged(options.findings, judged.validation.findings);
   found.validation = std::move(judged.validation);
   found.prediction = std::move(judged.prediction);
   found.simulated = std::move(judged.simulated);

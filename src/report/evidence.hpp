@@ -51,7 +51,8 @@ struct Evidence {
   std::vector<Index> untested;      // steps of the model without a comparison
   std::vector<double> step_error;   // (T) RMS one-step error over outputs, relative to their spread; NaN where none
   std::vector<double> experiment_error;  // (N) the same at the chosen horizon, or one step ahead without a simulation
-  Findings differences;                  // between the data's and the model's sample time and names
+  Findings findings;     // those of the options and of the validation, each once
+  Findings differences;  // between the data's and the model's sample time and names
 
   // Tested experiment n, in the form of words::experiment().
   std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }

@@ -117,7 +117,7 @@ JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Jud
     });
   };
   const bool inputs_wrong =
-      conclusions.inputs.result == TestResult::against || conclusions.gains.result == TestResult::against;
+      conclusions.independence.result == TestResult::against || conclusions.gains.result == TestResult::against;
   if (simulates || inputs_wrong || well(simulated)) return result;
   result.steps = 1;
   while (result.steps < horizons && well(ahead.row(result.steps).transpose())) ++result.steps;

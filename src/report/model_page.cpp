@@ -152,8 +152,8 @@ class Report {
     const Conclusions& c = found_.conclusions;
     std::vector<std::string> small;
     for (const auto& [test, conclusion] :
-         {std::pair{"their correlation in time", &c.whiteness}, std::pair{"that with the inputs", &c.inputs},
-          std::pair{"the effects of the inputs", &c.gains}, std::pair{"their size", &c.squares}})
+         {std::pair{"their correlation in time", &c.whiteness}, std::pair{"that with the inputs", &c.independence},
+          std::pair{"the effects of the inputs", &c.gains}, std::pair{"their size", &c.nis}})
       if (conclusion->result == TestResult::negligible) small.emplace_back(test);
     if (small.empty()) return "None of the checks of this page speaks against the model.";
     return fmt::format(
@@ -506,7 +506,7 @@ class Report {
   // The test of 20 experiments or more assumes only that they are independent.
   std::string squares_text() const {
     const NormalisedSquares& s = found_.validation.squares;
-    const std::string text = found_.conclusions.squares.text + ".";
+    const std::string text = in_words(found_.conclusions.nis) + ".";
     if (std::isnan(s.p)) return text;
     return text +
            (s.normal ? " The test presumes normal noise." : " The test presumes nothing but independent experiments.");
@@ -520,9 +520,7 @@ class Report {
         "output's innovations with those some steps before, over the experiments, averaged over the steps.";
     if (std::isnan(v.whiteness_p))
       return section("whiteness", "Whiteness of the innovations",
-                     paragraph(about) + paragraph(found_.noisy ? "Not tested: too few samples."
-                                                               : "Not tested: the innovations are at rounding level.",
-                                                  "lead"));
+                     paragraph(about) + paragraph(in_words(c.whiteness) + ".", "lead"));
     std::vector<Table::Column> columns{{"Lag"}, {"99 % bound"}};
     constexpr Index most = 12;
     for (Index j = 0; j < std::min(most, model_.outputs); ++j) columns.push_back({found_.names.output(j)});
@@ -537,10 +535,10 @@ class Report {
     }
     return section(
         "whiteness", "Whiteness of the innovations",
-        paragraph(about) + paragraph(c.whiteness.text + ".", "lead") +
-            list({fmt::format("Size: {}", squares_text()), fmt::format("Past and present inputs: {}.", c.inputs.text),
-                  fmt::format("Effects of the inputs: {}.", c.gains.text),
-                  fmt::format("Later inputs: {}.", c.feedback.text)},
+        paragraph(about) + paragraph(in_words(c.whiteness) + ".", "lead") +
+            list({fmt::format("Size: {}", squares_text()), fmt::format("Past and present inputs: {}.", in_words(c.independence)),
+                  fmt::format("Effects of the inputs: {}.", in_words(c.gains)),
+                  fmt::format("Later inputs: {}.", in_words(c.feedback))},
                  "plain") +
             plot_place("whiteness", "Correlation of the innovations over the lag, with its bounds") +
             fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
@@ -548,12 +546,7 @@ class Report {
 
   std::string notes_section() const {
     std::string body = "<h3>Warnings</h3>\n";
-    Findings findings = options_.findings;
-    for (const Finding& finding : found_.validation.findings)
-      if (std::none_of(findings.begin(), findings.end(),
-                       [&](const Finding& other) { return same_words(other, finding); }))
-        findings.push_back(finding);
-    body += findings.empty() ? paragraph("None.") : list(in_words(findings), "plain");
+    body += found_.findings.empty() ? paragraph("None.") : list(in_words(found_.findings), "plain");
     body += "<h3>What the plots leave out</h3>\n";
     body += plots_.omitted.empty() ? paragraph("Nothing: every sample of every experiment is on this page.")
                                    : list(plots_.omitted, "plain");

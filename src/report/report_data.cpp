@@ -12,7 +12,7 @@
 #include <set>
 #include <stdexcept>
 
-#include "base/json.hpp"
+#include "base/finding_json.hpp"
 #include "base/nan.hpp"
 #include "base/words.hpp"
 
@@ -26,6 +26,7 @@ constexpr Index most_entry_numbers = 60'000;  // of A_k and G_k each
 constexpr Index most_poles = 50'000;
 constexpr Index most_heat_columns = 1200, most_heat_rows = 32;
 constexpr Index most_states_shown = 12;
+constexpr size_t most_finding_steps = 10'000;
 constexpr Index fewest_points = 120;  // of a curve, for any number of curves
 
 // Six digits are more than any screen shows. A value that is not finite becomes null.
@@ -177,6 +178,7 @@ class Collector {
     poles();
     entries();
     whiteness();
+    findings();
     plots_.json = text_of(json_);
     return std::move(plots_);
   }
@@ -427,6 +429,19 @@ class Collector {
     }
     json_["whiteness"] = {{"correlation", correlation},
                           {"bound", rounded(std::vector<double>(white.bound.begin(), white.bound.end()))}};
+  }
+
+  void findings() {
+    json_["conclusions"] = json_of(found_.conclusions);
+    json_["findings"] = Json::array();
+    for (Finding finding : found_.findings) {
+      if (finding.steps.size() > most_finding_steps) {
+        omit("Of the {} steps of a finding the first {} are in the data of the page.", finding.steps.size(),
+             most_finding_steps);
+        finding.steps.resize(most_finding_steps);
+      }
+      json_["findings"].push_back(json_of(finding));
+    }
   }
 
   const Model& model_;

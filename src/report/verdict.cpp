@@ -369,12 +369,12 @@ class Judge {
     const Conclusions& c = found_.conclusions;
     const auto add = [&](const char* test, const Conclusion& conclusion) {
       if (conclusion.result == TestResult::against)
-        against(Trust::look_closer, fmt::format("{}: {}.", test, conclusion.text));
+        against(Trust::look_closer, fmt::format("{}: {}.", test, in_words(conclusion)));
     };
     add("Whiteness of the innovations", c.whiteness);
-    add("Inputs and innovations", c.inputs);
+    add("Inputs and innovations", c.independence);
     add("Effects of the inputs", c.gains);
-    add("Squared innovations", c.squares);
+    add("Squared innovations", c.nis);
   }
 
   const Model& model_;

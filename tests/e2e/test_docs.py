@@ -96,7 +96,8 @@ def test_files_and_functions_that_documents_name():
 
 @pytest.mark.parametrize("table, header, start, least", [
     ("explanations", "finding.hpp", "enum class Kind {", 11),
-    ("findings", "finding.hpp", "enum class Kind {\n    // data", 90)])
+    ("findings", "finding.hpp", "enum class Kind {\n    // data", 90),
+    ("conclusions", "conclusion.hpp", "enum class Reason {", 20)])
 def test_kinds_that_documents_name(table, header, start, least):
     enumerators = (ROOT / "include/tokid" / header).read_text().split(start)[1].split("last =")[0]
     names = re.findall(r"^ +([a-z_]+),", enumerators, re.MULTILINE)

@@ -45,6 +45,7 @@ def test_page_and_validate_tell_one_number_of_each_test(tokid, tmp_path, seed):
     told = tokid("validate", tmp_path / "model.npz", tmp_path / "fresh.npz").stdout
     found = tokid.json("validate", tmp_path / "model.npz", tmp_path / "fresh.npz")
     conclusions = found["conclusions"]
+    assert data_of(tmp_path / "page.html")["conclusions"] == conclusions
     for row, key, p in (("Innovations", "nis", "nis_p"), ("Whiteness", "whiteness", "whiteness_p"),
                         ("Inputs", "independence", "independence_p"), ("Gains", "gains", None),
                         ("Feedback", "feedback", "feedback_p")):
@@ -53,10 +54,10 @@ def test_page_and_validate_tell_one_number_of_each_test(tokid, tmp_path, seed):
         if p is not None:
             shown = re.search(r"p = ([\d.e-]+)|p < 0.0001", text)
             assert float(shown.group(1)) == pytest.approx(found[p], rel=6e-3) if shown.group(1) else found[p] < 1e-4
-        assert (text in verdict) == (conclusions[key] == "against")
+        assert (text in verdict) == (conclusions[key]["result"] == "against")
     reasons = re.findall(r"^ +- ", verdict, re.M)
     silent = "None of the checks of this page speaks against the model" in page
-    assert silent == (not reasons and not {"against", "negligible"} & set(conclusions.values()))
+    assert silent == (not reasons and not {"against", "negligible"} & {c["result"] for c in conclusions.values()})
 
 
 def test_identify_reports_on_what_it_held_out(tokid, oscillator, tmp_path):
