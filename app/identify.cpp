@@ -365,7 +365,7 @@ void save_page(const Call& call, const Ensemble& data, const Identification& res
   save_text(identification_page(result, data, call.options, options).html, call.page);
 }
 
-void tell(const Call& call, const Data& data, const Identification& result) {
+void print_result(const Call& call, const Data& data, const Identification& result) {
   if (call.json)
     print(json(call, data, result));
   else if (!call.quiet)
@@ -415,7 +415,7 @@ void run_in_blocks(const Call& call) {
     options.resume = call.resume;
     return identify_stream(file, call.model, options);
   });
-  if (team().rank == 0) tell(call, about_data(file, streamed), streamed.identification);
+  if (team().rank == 0) print_result(call, about_data(file, streamed), streamed.identification);
 }
 
 void run_at_once(const Call& call) {
@@ -436,7 +436,7 @@ void run_at_once(const Call& call) {
   if (state) save_update_state(*state, *held);
   save_model(result.model, call.model);  // the last file to appear: if it exists, all do
   files.commit();
-  tell(call, about_data(data), result);
+  print_result(call, about_data(data), result);
 }
 
 void run(const Call& call) {

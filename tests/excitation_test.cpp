@@ -175,7 +175,7 @@ TEST(Excitation, HeldInputsAreOneWarning) {
     if (k % 4 > 0) e.input(k) = Matrix(e.input(k - 1));
   std::vector<Index> suspects;
   for (Index k = 6; k < 60; ++k) suspects.push_back(k);  // six lags hold steps that are held
-  const Excitation found = excitation(e, {.lags = 6, .suspects = suspects});
+  const Excitation found = excitation(e, {.lags = 6, .dependent_steps = suspects});
   EXPECT_EQ(found.findings.size(), 2u);  // one for each input
   for (const Index k : suspects) EXPECT_TRUE(std::binary_search(found.named.begin(), found.named.end(), k)) << k;
 }

@@ -160,8 +160,9 @@ TEST(Outliers, FewOfManyRegressorsAreHealthyWithoutNoise) {
   for (Index count = 5; count <= 24; ++count)
     for (const std::uint64_t seed : {1, 2, 3}) {
       const Ensemble e = random_experiments(random_system({8, 1, 2}, 30, 1.0, seed), count, seed);
-      for (const bool at_rest : {false, true})
-        EXPECT_TRUE(outliers_without_noise(e, {.lags = 8, .at_rest = at_rest}).empty()) << count << " experiments";
+      for (const bool zero_start : {false, true})
+        EXPECT_TRUE(outliers_without_noise(e, {.lags = 8, .zero_start = zero_start}).empty())
+            << count << " experiments";
     }
 }
 

@@ -104,9 +104,9 @@ struct Finding {
     no_freedom,              // numbers: experiments, lags, sufficient
     few_experiments,         // numbers: experiments, unknowns, lags, sufficient, largest_lags
     lags_at_limit,           // numbers: lags, experiments
-    lags_unjudged,           // numbers: lags, experiments
+    lags_untested,           // numbers: lags, experiments
     lags_below_states,       // numbers: lags, outputs, most, states
-    smoothing_unjudged,      // numbers: smoothing
+    smoothing_untested,      // numbers: smoothing
     smoothing_by_gaps,       // numbers: smoothing
     no_variation,            // one model serves all steps
     few_windows,             // numbers: windows, length, gaps, unknowns, lags
@@ -120,7 +120,7 @@ struct Finding {
     states_hidden,            // steps; numbers: states
     late_begin,               // numbers: step
     frame_limits,             // numbers: step, begin, end
-    em_suspect,               // EM predicts all experiments worse than it predicted the held-out ones
+    em_unreliable,            // EM predicts all experiments worse than it predicted the held-out ones
     em_worse_one_step,        // the result of EM was dropped
     em_worse_simulation,      // the result of EM was dropped
     em_no_noise,              // Q and R are at their floors
@@ -164,7 +164,7 @@ struct Finding {
     option_without_effect,  // detail: the option that bounds from the factors ignore
     // plans of experiments
     plan_of_departures,
-    plan_windows_sampled,  // numbers: inputs, judged, windows
+    plan_windows_sampled,  // numbers: inputs, sampled, windows
     plan_late_forecasts,   // numbers: step, first
     plan_unknown_states,
     plan_model_uncertain,       // numbers: share [%], bound [%]

@@ -414,7 +414,7 @@ constexpr Entry table[] = {
            "order that is stated, may do better",
            count(f, "lags"), count(f, "experiments"));
      }},
-    {Kind::lags_unjudged, "lags_unjudged", warning,
+    {Kind::lags_untested, "lags_untested", warning,
      [](const Finding& f) {
        return fmt::format(
            "{} experiments leave no degree of freedom to judge lag order {} by: it fits any data exactly",
@@ -425,7 +425,7 @@ constexpr Entry table[] = {
        return fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", count(f, "lags"),
                           count(f, "outputs"), count(f, "most"), count(f, "states"));
      }},
-    {Kind::smoothing_unjudged, "smoothing_unjudged", warning,
+    {Kind::smoothing_untested, "smoothing_untested", warning,
      [](const Finding& f) {
        return fmt::format("the record is too short to choose lambda by: {} was taken", number(f, "smoothing"));
      }},
@@ -497,7 +497,7 @@ constexpr Entry table[] = {
        return fmt::format("reference frame of step {}: steps {} to {} are in it, the others keep their own coordinates",
                           count(f, "step"), count(f, "begin"), count(f, "end") - 1);
      }},
-    {Kind::em_suspect, "em_suspect", warning,
+    {Kind::em_unreliable, "em_unreliable", warning,
      [](const Finding&) {
        return std::string(
            "EM predicts all experiments worse than it predicted those left out: it may have gone astray");
@@ -686,7 +686,7 @@ constexpr Entry table[] = {
     {Kind::plan_windows_sampled, "plan_windows_sampled", note,
      [](const Finding& f) {
        return fmt::format("a window has {} inputs: their condition is told of {} of {} windows only",
-                          count(f, "inputs"), count(f, "judged"), count(f, "windows"));
+                          count(f, "inputs"), count(f, "sampled"), count(f, "windows"));
      }},
     {Kind::plan_late_forecasts, "plan_late_forecasts", note,
      [](const Finding& f) {

@@ -108,13 +108,13 @@ Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) 
           std::min(score(&Computed::simulation), 0.0)};
 }
 
-Index first_judged(InitialState initial, Index lags, Index period) {
+Index first_scored(InitialState initial, Index lags, Index period) {
   return initial == InitialState::zero ? 0 : period > 0 ? lags : 2 * lags;
 }
 
 Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(options) {
   const Index count = fold_count(ensemble.experiments());
-  first_ = first_judged(options.initial_state, options.lags, options.variation.period);
+  first_ = first_scored(options.initial_state, options.lags, options.variation.period);
   SmoothArxOptions arx_options;
   arx_options.lags = options.lags;
   arx_options.initial_state = options.initial_state;
@@ -218,7 +218,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
                                           std::optional<double> smoothing_given) const {
   const size_t count = std::min(folds_.size(), most_refined);
   std::vector<Computed> like;
-  const auto judge = [&](const std::vector<Model>& models) {
+  const auto evaluate = [&](const std::vector<Model>& models) {
     const auto found = errors_of_folds(
         count, states, [&](size_t f) { return models[f]; }, like);
     constexpr double none = std::numeric_limits<double>::infinity();
@@ -234,7 +234,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
   choice.states = states;
   std::vector<Model> models(count);
   for_each_fold([&](size_t f) { models[f] = start(f, states, scores.weighting, scores.smoothing); });
-  choice.error = judge(models).mean();
+  choice.error = evaluate(models).mean();
   // EM predicts across missing samples. Samples that the subspace models cannot predict are no part of the comparison.
   like.resize(count);
   for_each_fold(
@@ -260,12 +260,12 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
         }
       });
       done += stage;
-      const Errors judged = judge(models);
-      const double error = judged.mean();
+      const Errors errors = evaluate(models);
+      const double error = errors.mean();
       choice.trials.push_back({states, smoothing, done, error});
       if (error < choice.error - (choice.iterations > 0 ? 0.0 : std::log(worth_it))) {
         choice.error = error;
-        choice.one_step = judged.one_step;
+        choice.one_step = errors.one_step;
         choice.smoothing = smoothing;
         choice.iterations = done;
       }

@@ -22,14 +22,14 @@ struct Errors {
   double mean() const { return (3 * one_step + ahead + simulation) / 5; }
 };
 // Outputs that a model of departures computes. They are NaN before step `first`. With unknown initial states, `first`
-// is first_judged(). From there on all models can predict, and no output was used to estimate an initial state.
+// is first_scored(). From there on all models can predict, and no output was used to estimate an initial state.
 struct Computed {
   Ensemble one_step, ahead, simulation;
 };
 Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first);
 // `like`: where it is given, the errors cover only the samples that it has computed too.
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like = nullptr);
-Index first_judged(InitialState initial, Index lags, Index period);
+Index first_scored(InitialState initial, Index lags, Index period);
 
 // Runs this many iterations of EM with this λ, in the same stages as cross-validation does.
 Model refined(Model model, const Ensemble& data, double smoothing, Index iterations, RefineOptions options);

@@ -18,9 +18,9 @@ namespace tokid {
 namespace {
 
 // Largest order that is tried for noisy data, and most experiments that TVERA's order is chosen by.
-constexpr Index most_states = 16, most_judged = 64;
+constexpr Index most_states = 16, most_scored = 64;
 // A refined model may not increase an error by more than this factor.
-constexpr double spoilt = 1.1;
+constexpr double tolerated = 1.1;
 
 // Takes the choices of the options about the realisation. The data decide the rest later.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
@@ -42,21 +42,21 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
                          const HankelFactors& factors, TveraOptions o, const Plan& plan) {
   OrderScores scores;
   std::optional<Ensemble> fewer;
-  if (data.experiments() > most_judged) {
+  if (data.experiments() > most_scored) {
     std::vector<Index> rows;
-    for (Index n = 0; n < most_judged; ++n) rows.push_back(n * data.experiments() / most_judged);
+    for (Index n = 0; n < most_scored; ++n) rows.push_back(n * data.experiments() / most_scored);
     fewer = data.subset(rows);
   }
-  const Ensemble& judged = fewer ? *fewer : data;
+  const Ensemble& scored = fewer ? *fewer : data;
   // The training error of an order is too small by about the ratio of its coefficients to the samples.
   scores.price = 2.0 / 3 * double(data.channels()) / double(data.outputs() * data.experiments());
   const Index most = std::min({plan.lags * data.outputs(), o.cols * data.inputs(), most_states});
-  const Index first = first_judged(plan.initial_state, plan.lags, 0);
+  const Index first = first_scored(plan.initial_state, plan.lags, 0);
   for (Index n = 1; n <= most; ++n) {
     o.states = n;
     Model model = completed(realise(parameters, factors, o), data, arx, plan);
     if (model.steps() == 0 || model.states() < n) break;
-    const Errors e = errors_of(computed_by(std::move(model), judged, plan.initial_state, first), judged);
+    const Errors e = errors_of(computed_by(std::move(model), scored, plan.initial_state, first), scored);
     scores.add(n, e.one_step, e.ahead, e.simulation);
   }
   scores.choose();
@@ -91,14 +91,14 @@ Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Exec
 }
 
 // The weightings to choose from. Projection needs more windows of 2p steps than one such window has samples.
-std::vector<Weighting> weightings(const Ensemble& judged, const Plan& plan, const IdentifyOptions& options) {
+std::vector<Weighting> weightings(const Ensemble& selection, const Plan& plan, const IdentifyOptions& options) {
   if (options.weighting) return {*options.weighting};
   std::vector<Weighting> result = {Weighting::one_step};
   const Index period = plan.choices.variation.period, p = plan.lags;
   if (period == 0) return result;
   result.push_back(Weighting::many_steps);
-  const Index windows = judged.steps() - 2 * p - period + 1;
-  if (windows > 0 && judged.experiments() * windows / period > 2 * p * judged.channels())
+  const Index windows = selection.steps() - 2 * p - period + 1;
+  if (windows > 0 && selection.experiments() * windows / period > 2 * p * selection.channels())
     result.push_back(Weighting::projection);
   return result;
 }
@@ -110,8 +110,8 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
                       const Execution& execution, Realised& result) {
   const Plan plain = result.plan;
   const Index period = plain.choices.variation.period;
-  const Index first = first_judged(plain.initial_state, plain.lags, period);
-  const double allowed = std::log(spoilt);
+  const Index first = first_scored(plain.initial_state, plain.lags, period);
+  const double allowed = std::log(tolerated);
   const Computed start = computed_by(result.model, data, plain.initial_state, first);
   const Errors before = errors_of(start, data);
   result.refinement = choice;
@@ -149,7 +149,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     }
   }
   if (fallback) {
-    result.findings.push_back({.kind = Finding::Kind::em_suspect});
+    result.findings.push_back({.kind = Finding::Kind::em_unreliable});
     std::tie(result.model, result.plan) = std::move(*fallback);
     return;
   }
@@ -161,15 +161,15 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
 }
 
 // Subspace realisation. Cross-validation error chooses n, the weighting, λ and EM.
-void realise_by_folds(const Ensemble& data, const Ensemble& judged, const GtvArx& arx, const IdentifyOptions& options,
-                      Realised& result) {
+void realise_by_folds(const Ensemble& data, const Ensemble& selection, const GtvArx& arx,
+                      const IdentifyOptions& options, Realised& result) {
   Plan& plan = result.plan;
-  const Folds folds(judged, {.lags = plan.lags,
-                             .initial_state = &judged == &data ? plan.initial_state : InitialState::unknown,
-                             .variation = plan.choices.variation,
-                             .weightings = weightings(judged, plan, options),
-                             .centred = is_centred(plan),
-                             .threads = options.execution.threads});
+  const Folds folds(selection, {.lags = plan.lags,
+                                .initial_state = &selection == &data ? plan.initial_state : InitialState::unknown,
+                                .variation = plan.choices.variation,
+                                .weightings = weightings(selection, plan, options),
+                                .centred = is_centred(plan),
+                                .threads = options.execution.threads});
   const Index most = std::min(plan.lags * data.outputs(), most_states);
   const OrderScores& scores = result.order_scores = folds.choose_states(options.states, most);
   plan.choices.state_smoothing = scores.smoothing;
@@ -184,7 +184,7 @@ void realise_by_folds(const Ensemble& data, const Ensemble& judged, const GtvArx
     // Windows without a gap may be too few to show all states. EM uses every sample.
     if (options.states == 0)
       choice = folds.reconsider_states(std::move(choice), scores,
-                                       windows_are_scarce(judged, plan.lags) ? most : plan.states, stated);
+                                       windows_are_scarce(selection, plan.lags) ? most : plan.states, stated);
     refine_if_better(data, arx, choice, options.execution, result);
   } else {
     plan.choices.refinement_smoothing = choice.smoothing;
@@ -200,7 +200,7 @@ Method method_of(const Plan& plan, Method asked) {
   return exact ? Method::tvera : Method::subspace;
 }
 
-Realised realised(const Ensemble& data, const Ensemble& judged, const Plan& plan, GtvArx arx,
+Realised realised(const Ensemble& data, const Ensemble& selection, const Plan& plan, GtvArx arx,
                   const IdentifyOptions& options) {
   Realised result;
   result.plan = as_asked(data, plan, options);
@@ -217,8 +217,8 @@ Realised realised(const Ensemble& data, const Ensemble& judged, const Plan& plan
     result.refinement.smoothing = result.plan.choices.refinement_smoothing;
     result.refinement.iterations = result.plan.choices.refinement_iterations;
     result.model = realised_as(data, std::move(arx), result.plan, execution);
-  } else if (plan.noisy && plan.coupled && judged.experiments() > 1) {
-    realise_by_folds(data, judged, arx, options, result);
+  } else if (plan.noisy && plan.coupled && selection.experiments() > 1) {
+    realise_by_folds(data, selection, arx, options, result);
   } else {
     result.model = realise(data, std::move(arx), {}, result.plan, execution);
   }

@@ -17,8 +17,8 @@ struct Realised {
   Findings findings;
 };
 
-// `judged`: see judging_samples(). \throws as realise() and refine()
-Realised realised(const Ensemble& departures, const Ensemble& judged, const Plan& plan, GtvArx arx,
+// `selection`: see selection_samples(). \throws as realise() and refine()
+Realised realised(const Ensemble& departures, const Ensemble& selection, const Plan& plan, GtvArx arx,
                   const IdentifyOptions& options);
 
 // Returns the model of a decided plan, with the EM iterations of the plan. \throws as above

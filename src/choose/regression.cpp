@@ -24,7 +24,7 @@ constexpr Index most_lags = 16;
 // Most coefficients per output and step that a choice for noisy data tries: the time grows with their cube.
 constexpr Index most_regressors = 160;
 // Most steps that the choices for noisy data use.
-constexpr Index most_judged_steps = 256;
+constexpr Index most_selection_steps = 256;
 // λ where missing samples leave too few windows to choose it, and where a periodic record is too short to choose it.
 constexpr double stiff = 1e3, moderate = 1.0;
 
@@ -59,18 +59,18 @@ void choose_lags(const Ensemble& data, bool nominal, const IdentifyOptions& opti
   LagOrderOptions o;
   o.p_min = needed;
   // Residuals choose the order, so each step needs at least one degree of freedom.
-  const Index judged = largest_lag_order(effective_experiments(data, nominal) - 1, r, m);
-  o.p_max = std::min({most_lags, judged, (data.steps() - 1) / 2});
+  const Index testable = largest_lag_order(effective_experiments(data, nominal) - 1, r, m);
+  o.p_max = std::min({most_lags, testable, (data.steps() - 1) / 2});
   o.execution = share(options.execution, 0.0, 0.1);
   result.plan.lags = needed;
   if (o.p_max >= needed && o.p_max >= 1) {
     result.lag_order_errors = lag_order_errors(data, o);
     result.plan.lags = result.lag_order_errors.best;
-    if (result.plan.lags == o.p_max && o.p_max == judged && judged < most_lags)
+    if (result.plan.lags == o.p_max && o.p_max == testable && testable < most_lags)
       result.findings.push_back({.kind = Finding::Kind::lags_at_limit,
-                                 .numbers = {{"lags", double(judged)}, {"experiments", double(data.experiments())}}});
-  } else if (judged < needed && data.experiments() >= experiments_for(data, needed, nominal)) {
-    result.findings.push_back({.kind = Finding::Kind::lags_unjudged,
+                                 .numbers = {{"lags", double(testable)}, {"experiments", double(data.experiments())}}});
+  } else if (testable < needed && data.experiments() >= experiments_for(data, needed, nominal)) {
+    result.findings.push_back({.kind = Finding::Kind::lags_untested,
                                .numbers = {{"lags", double(needed)}, {"experiments", double(data.experiments())}}});
   }
 }
@@ -106,16 +106,16 @@ Index checked_windows(const Ensemble& data, Index lags) {
 
 // More than half of the steps must remain for the evaluation. The windows without a gap must be at least twice as many
 // as the unknowns. Uncoupled steps need at least one degree of freedom each.
-std::vector<Index> lag_candidates(const Ensemble& judged, const Ensemble& data, bool nominal, InitialState initial,
+std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& data, bool nominal, InitialState initial,
                                   Index period, const IdentifyOptions& options) {
   if (options.lags > 0) return {options.lags};
-  const Index needed = least_lags(data, options), first = first_judged(initial, 1, period);
+  const Index needed = least_lags(data, options), first = first_scored(initial, 1, period);
   const bool coupled = period > 0 || options.smoothing != 0;
   std::vector<Index> candidates;
   for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
     if (const Index unknowns = unknowns_of(data, p);
-        p >= needed && 2 * std::max<Index>(1, first) * p < judged.steps() && p + period <= judged.steps() &&
-        (candidates.empty() || unknowns <= most_regressors) && whole_windows(judged, p) >= 2 * unknowns &&
+        p >= needed && 2 * std::max<Index>(1, first) * p < selection.steps() && p + period <= selection.steps() &&
+        (candidates.empty() || unknowns <= most_regressors) && whole_windows(selection, p) >= 2 * unknowns &&
         (coupled || unknowns < effective_experiments(data, nominal)))
       candidates.push_back(p);
   if (candidates.empty()) candidates.push_back(needed);
@@ -144,25 +144,25 @@ Regressed each_step_alone(const Ensemble& data, bool nominal, const IdentifyOpti
 }
 
 // Chooses λ and p by cross-validation error, or takes the values asked for.
-void choose_variation(const Ensemble& data, const Ensemble& judged, const IdentifyOptions& options, SmoothingOptions o,
-                      Regressed& result) {
+void choose_variation(const Ensemble& data, const Ensemble& selection, const IdentifyOptions& options,
+                      SmoothingOptions o, Regressed& result) {
   Plan& plan = result.plan;
   TimeVariation& variation = plan.choices.variation;
   plan.lags = o.lags.front();
   if (options.choices) {
     variation = options.choices->variation;
-  } else if (judged.experiments() > 1) {
-    result.smoothing_choice = choose_smoothing(judged, o);
+  } else if (selection.experiments() > 1) {
+    result.smoothing_choice = choose_smoothing(selection, o);
     plan.lags = result.smoothing_choice.lags;
     variation.smoothing = result.smoothing_choice.smoothing;
   } else {
     variation.smoothing = options.smoothing >= 0 ? options.smoothing : options.period > 1 ? moderate : 0.0;
     if (options.smoothing < 0 && options.period > 1)
-      result.findings.push_back({.kind = Finding::Kind::smoothing_unjudged, .numbers = {{"smoothing", moderate}}});
+      result.findings.push_back({.kind = Finding::Kind::smoothing_untested, .numbers = {{"smoothing", moderate}}});
   }
   // Few windows without a gap cannot show variation over time. EM uses every sample and chooses its own λ.
   if (options.smoothing < 0 && !options.choices && std::isinf(variation.smoothing) &&
-      windows_are_scarce(judged, plan.lags)) {
+      windows_are_scarce(selection, plan.lags)) {
     variation.smoothing = stiff;
     result.findings.push_back({.kind = Finding::Kind::smoothing_by_gaps, .numbers = {{"smoothing", stiff}}});
   }
@@ -171,10 +171,10 @@ void choose_variation(const Ensemble& data, const Ensemble& judged, const Identi
   if (options.period == 0 && options.smoothing < 0) result.findings.push_back({.kind = Finding::Kind::no_variation});
   variation = {0.0, 1};
   // One regression of all steps supports more lags than the regression of one step.
-  if (options.period > 0 || judged.experiments() < 2) return;
+  if (options.period > 0 || selection.experiments() < 2) return;
   o.period = 1;
-  o.lags = lag_candidates(judged, data, plan.nominal, o.initial_state, o.period, options);
-  SmoothingChoice constant = choose_smoothing(judged, o);
+  o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, o.period, options);
+  SmoothingChoice constant = choose_smoothing(selection, o);
   plan.lags = constant.lags;
   for (SmoothingTrial& trial : constant.trials) {
     trial.smoothing = std::numeric_limits<double>::infinity();
@@ -183,7 +183,7 @@ void choose_variation(const Ensemble& data, const Ensemble& judged, const Identi
 }
 
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.
-Regressed coupled(const Ensemble& data, const Ensemble& judged, bool nominal, const IdentifyOptions& options,
+Regressed coupled(const Ensemble& data, const Ensemble& selection, bool nominal, const IdentifyOptions& options,
                   const std::optional<InitialStateTest>& known) {
   Regressed result;
   Plan& plan = result.plan;
@@ -192,18 +192,18 @@ Regressed coupled(const Ensemble& data, const Ensemble& judged, bool nominal, co
   plan.nominal_period = nominal ? options.period : 0;
   SmoothingOptions o;
   o.period = options.period;
-  o.initial_state = known && &judged == &data ? known->decision : InitialState::unknown;
-  o.lags = lag_candidates(judged, data, nominal, o.initial_state, o.period, options);
+  o.initial_state = known && &selection == &data ? known->decision : InitialState::unknown;
+  o.lags = lag_candidates(selection, data, nominal, o.initial_state, o.period, options);
   o.smoothing = options.smoothing;
   o.centred = is_centred(plan);
   o.execution = share(options.execution, 0.4, 0.6);
   const Index regressors = unknowns_of(data, o.lags.back());
-  o.folds = regressors > 100 ? 3 : fold_count(judged.experiments());
+  o.folds = regressors > 100 ? 3 : fold_count(selection.experiments());
   o.steps = std::clamp<Index>(Index{256} * 60 * 60 / (regressors * regressors), 64, 256);
-  if (o.lags.back() >= judged.steps())
-    throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", judged.steps(),
+  if (o.lags.back() >= selection.steps())
+    throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", selection.steps(),
                                             o.lags.back(), o.lags.back() + 1));
-  choose_variation(data, judged, options, o, result);
+  choose_variation(data, selection, options, o, result);
 
   const Index whole = checked_windows(data, plan.lags), unknowns = unknowns_of(data, plan.lags);
   if (whole < 2 * unknowns)
@@ -246,11 +246,11 @@ Regressed coupled(const Ensemble& data, const Ensemble& judged, bool nominal, co
 
 }  // namespace
 
-Regressed regressed(const Ensemble& data, const Ensemble& judged, bool nominal, const IdentifyOptions& options) {
+Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nominal, const IdentifyOptions& options) {
   const Index needed = options.lags > 0 ? options.lags : least_lags(data, options);
   const bool asked = options.method == Method::tvera, together = options.period > 0 || options.smoothing > 0;
   if (!asked && (together || data.experiments() < experiments_for(data, needed, nominal)))
-    return coupled(data, judged, nominal, options, stated_initial_state(data, options));
+    return coupled(data, selection, nominal, options, stated_initial_state(data, options));
   Regressed alone = each_step_alone(data, nominal, options);
   const std::vector<Index> freedoms = freedom_of(alone.arx, &GtvArxStep::freedom);
   const Index freedom = std::accumulate(freedoms.begin(), freedoms.end(), Index{0});
@@ -259,7 +259,7 @@ Regressed regressed(const Ensemble& data, const Ensemble& judged, bool nominal, 
   const bool tells = freedom > 0 || (data.missing() == 0 && (options.lags > 0 || options.states > 0));
   if (asked || (!alone.plan.noisy && tells)) return alone;
   // With noise, coupled steps give better models. Regressions without degrees of freedom cannot test initial states.
-  return coupled(data, judged, nominal, options,
+  return coupled(data, selection, nominal, options,
                  freedom > 0 ? alone.initial_state_test : stated_initial_state(data, options));
 }
 
@@ -271,10 +271,11 @@ GtvArx regressed_as(const Ensemble& data, const Plan& plan, const Execution& exe
   return regressions(data, plan, execution);
 }
 
-std::shared_ptr<const Ensemble> judging_samples(const Ensemble& data, const IdentifyOptions& options) {
+std::shared_ptr<const Ensemble> selection_samples(const Ensemble& data, const IdentifyOptions& options) {
   const Index period = options.period, pieces = ceil_div(5, data.experiments()), steps = data.steps();
-  if (period == 0 && steps > 2 * most_judged_steps)
-    return std::make_shared<Ensemble>(stretch(data, (steps - most_judged_steps) / 2, (steps + most_judged_steps) / 2));
+  if (period == 0 && steps > 2 * most_selection_steps)
+    return std::make_shared<Ensemble>(
+        stretch(data, (steps - most_selection_steps) / 2, (steps + most_selection_steps) / 2));
   if (period > 0 && pieces > 1 && steps / pieces >= 2 * std::max(period, options.lags))
     return std::make_shared<Ensemble>(cut(data, steps / pieces / period * period));
   return {std::shared_ptr<const Ensemble>(), &data};

@@ -20,9 +20,10 @@ struct Regressed {
   Findings findings;
 };
 
-// `judged`: the samples for cross-validation, see judging_samples(). `nominal`: a mean motion was removed.
+// `selection`: the samples for cross-validation, see selection_samples(). `nominal`: a mean motion was removed.
 // \throws std::invalid_argument for too few experiments, steps or windows without a gap
-Regressed regressed(const Ensemble& departures, const Ensemble& judged, bool nominal, const IdentifyOptions& options);
+Regressed regressed(const Ensemble& departures, const Ensemble& selection, bool nominal,
+                    const IdentifyOptions& options);
 
 // Fits the regression of a decided plan. \throws std::invalid_argument as above
 GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Execution& execution);
@@ -30,7 +31,7 @@ GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Executio
 // Returns the samples for cross-validation: all experiments, or a stretch in the middle of long ones. Where few
 // experiments have steps that share a model, the experiments are cut into pieces. The result refers to `data` where it
 // is all of it.
-std::shared_ptr<const Ensemble> judging_samples(const Ensemble& data, const IdentifyOptions& options);
+std::shared_ptr<const Ensemble> selection_samples(const Ensemble& data, const IdentifyOptions& options);
 
 // Are fewer than half of all windows of p+1 steps free of missing samples?
 bool windows_are_scarce(const Ensemble& data, Index lags);

@@ -132,11 +132,11 @@ Findings findings_of_inputs(const Survey& survey, const Channels& names, Index p
            .channels = {input}});
       continue;
     }
-    std::vector<Index> at_rest(size_t(period), 0), phases;
+    std::vector<Index> zero_steps(size_t(period), 0), phases;
     for (const auto* nothing : {&survey.zero[i], &survey.absent[i]})
-      for (const Index k : *nothing) ++at_rest[size_t(k % period)];
+      for (const Index k : *nothing) ++zero_steps[size_t(k % period)];
     for (Index phase = 0; phase < std::min(period, steps); ++phase)
-      if (at_rest[size_t(phase)] == (steps - phase + period - 1) / period) phases.push_back(phase);
+      if (zero_steps[size_t(phase)] == (steps - phase + period - 1) / period) phases.push_back(phase);
     if (!phases.empty())
       result.push_back({.kind = Finding::Kind::input_zero_at_phases, .channels = {input}, .steps = phases});
   }

@@ -63,7 +63,7 @@ class Planner {
     draw();
     forecast_inputs();
     if (model_ != nullptr) forecast_windows();
-    judge();
+    check_plan();
     return std::move(plan_);
   }
 
@@ -359,15 +359,15 @@ class Planner {
 
     // Evaluates all windows. If that takes too long, it evaluates some evenly spread windows, including the last one.
     const Index windows = steps - first_;
-    const Index judged = std::clamp<Index>(static_cast<Index>(window_work / window_effort(double(N))), 1, windows);
-    if (judged < windows)
+    const Index sampled = std::clamp<Index>(static_cast<Index>(window_work / window_effort(double(N))), 1, windows);
+    if (sampled < windows)
       report(Finding::Kind::plan_windows_sampled,
-             {{"inputs", double(window_inputs())}, {"judged", double(judged)}, {"windows", double(windows)}});
+             {{"inputs", double(window_inputs())}, {"sampled", double(sampled)}, {"windows", double(windows)}});
     plan_.input_condition.assign(size_t(steps), nan);
     const double ready = plan_.kind == InputKind::optimised ? optimised : 0.0;
-    parallel_for(0, judged, {o.execution.threads, part(ready, 1.0)}, [&](Index begin, Index end) {
+    parallel_for(0, sampled, {o.execution.threads, part(ready, 1.0)}, [&](Index begin, Index end) {
       for (Index j = begin; j < end; ++j) {
-        const Index k = first_ + (j + 1) * windows / judged - 1, p = std::min(o.lags, k);
+        const Index k = first_ + (j + 1) * windows / sampled - 1, p = std::min(o.lags, k);
         Matrix w = inputs_.middleCols((k - p) * r, (p + 1) * r);
         if (o.nominal) w.rowwise() -= w.colwise().mean().eval();
         for (auto column : w.colwise())
@@ -397,7 +397,7 @@ class Planner {
       report(Finding::Kind::plan_late_forecasts, {{"step", double(model_->k_begin)}, {"first", double(forecast_)}});
     else if (unknown_)
       report(Finding::Kind::plan_unknown_states);
-    judge_model(known);
+    check_model(known);
     if (!noisy()) return;
     const design::NoisyRegression noise = design::noisy_regression(*model_, known, o.lags, full_, *o.noise);
     const Index freedom = inputs_.rows() - plan_.minimum;
@@ -406,7 +406,7 @@ class Planner {
   }
 
   // Is the model accurate enough to optimise with? The bound comes from experience, see docs/math.md.
-  void judge_model(const Ensemble& known) {
+  void check_model(const Ensemble& known) {
     constexpr double noise = 0.025;
     if (plan_.kind != InputKind::optimised || !model_->has(&Step::has_innovation_cov)) return;
     double innovations = 0.0, outputs = 0.0;
@@ -418,7 +418,7 @@ class Planner {
       report(Finding::Kind::plan_model_uncertain, {{"share", double(100 * share)}, {"bound", double(100 * noise)}});
   }
 
-  void judge() {
+  void check_plan() {
     const PlanOptions& o = options_;
     const Index N = inputs_.rows(), p = o.lags;
     if (unknown_)

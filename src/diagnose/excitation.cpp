@@ -314,7 +314,7 @@ bool looks_equal(const Matrix& samples, Index a, Index b) {
 }
 
 // Steps at which an output is the same in every experiment after it has moved, unless chance explains it.
-std::vector<Index> resting(const Ensemble& e, Index j) {
+std::vector<Index> constant_steps(const Ensemble& e, Index j) {
   const Index d = e.channels(), c = e.inputs() + j;
   std::vector<Index> still;
   Index fewest = e.experiments();
@@ -338,14 +338,14 @@ std::vector<Index> resting(const Ensemble& e, Index j) {
       if (std::isnan(value)) value = y(n);
       same = y(n) == value;
     }
-    const bool rests = same && moved && present > 1;
-    if (rests) {
+    const bool constant = same && moved && present > 1;
+    if (constant) {
       still.push_back(k);
       fewest = std::min(fewest, present);
     }
     if (!same && moved && before == k - 1) look_beside(k);
-    if (rests && before != k - 1) look_beside(k - 1);
-    if (rests) before = k;
+    if (constant && before != k - 1) look_beside(k - 1);
+    if (constant) before = k;
     moved = moved || !same;
   }
   if (still.empty()) return {};
@@ -368,7 +368,7 @@ Findings moving_together(const Ensemble& e) {
   std::vector<Index> others{0};
   const bool single = e.experiments() < 8;
   for (Index j = 1; j < m; ++j) {
-    std::vector<Finding::Term> told;
+    std::vector<Finding::Term> reported;
     Index held = 0;
     bool always = true, constant = false;
     for (const Index k : spread(0, e.steps(), single ? 1 : sampled_outputs)) {
@@ -394,16 +394,16 @@ Findings moving_together(const Ensemble& e) {
         terms.push_back({output_channel(e.names, others[size_t(t.column)]), 0, -t.factor});
       terms.push_back({output_channel(e.names, j), 0, 1.0});
       constant = constant || c->constant;
-      always = told.empty() || same_sum(terms, told);
+      always = reported.empty() || same_sum(terms, reported);
       if (!always) break;
-      if (told.empty()) told = std::move(terms);
+      if (reported.empty()) reported = std::move(terms);
       ++held;
     }
     if (always && (single ? held > 0 : held > 2))
       result.push_back({.kind = Finding::Kind::outputs_dependent,
-                        .channels = channels_of(told),
+                        .channels = channels_of(reported),
                         .numbers = {{"constant", constant}},
-                        .terms = told});
+                        .terms = reported});
     else
       others.push_back(j);
   }
@@ -441,11 +441,11 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
         for (auto& found : inspect.of(group, false))
           together.add(std::move(found), group.front(), repeats(group.front()));
 
-  // Dependence on earlier samples is checked at the suspects, where a few values suggest it, and at some other steps.
-  // If any is found, it is checked at all steps.
+  // Dependence on earlier samples is checked at the dependent steps, where a few values suggest it, and at some other
+  // steps. If any is found, it is checked at all steps.
   std::vector<Index> few = each ? spread(1, steps, sampled_steps) : spread(0, Index(groups.size()), sampled_steps);
   if (each) {
-    few.insert(few.end(), o.suspects.begin(), o.suspects.end());
+    few.insert(few.end(), o.dependent_steps.begin(), o.dependent_steps.end());
     for (Index k = 1; k < steps; ++k)
       for (Index i = 0; i < r; ++i)
         if (looks_equal(e.samples(), k * e.channels() + i, (k - 1) * e.channels() + i)) few.push_back(k);
@@ -500,7 +500,7 @@ Findings findings_of_dependent_outputs(const Ensemble& e, Index origin) {
   Findings result = moving_together(e);
   if (e.experiments() < 2) return result;
   for (Index j = 0; j < e.outputs(); ++j) {
-    std::vector<Index> still = resting(e, j);
+    std::vector<Index> still = constant_steps(e, j);
     for (Index& k : still) k += origin;
     if (!still.empty())
       result.push_back(

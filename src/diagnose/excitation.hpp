@@ -11,13 +11,13 @@
 namespace tokid {
 
 struct ExcitationOptions {
-  Index lags = 1;                    // p, the number of steps before that a regression uses
-  Index period = 0;                  // P: the steps k, k+P, … share one model; 0: every step has its own
-  bool centred = true;               // a mean motion is, or may be, removed
-  bool noisy = false;                // true: an input that follows exactly from outputs shows feedback
-  bool shared = false;               // the steps are coupled: a few dependent ones do no harm
-  Index origin = 0;                  // number of the first step
-  std::vector<Index> suspects = {};  // steps whose inputs a regression has found dependent
+  Index lags = 1;                           // p, the number of steps before that a regression uses
+  Index period = 0;                         // P: the steps k, k+P, … share one model; 0: every step has its own
+  bool centred = true;                      // a mean motion is, or may be, removed
+  bool noisy = false;                       // true: an input that follows exactly from outputs shows feedback
+  bool shared = false;                      // the steps are coupled: a few dependent ones do no harm
+  Index origin = 0;                         // number of the first step
+  std::vector<Index> dependent_steps = {};  // steps whose inputs a regression has found dependent
 };
 
 struct Excitation {
@@ -26,8 +26,8 @@ struct Excitation {
 };
 
 // Reports inputs of one step that move together, at any step. It also looks for inputs that follow from earlier
-// samples. It does so at the suspects, at steps that look like the step before, and at two dozen others. If it finds
-// any, it looks at all steps. It reports nothing that chance produces with few experiments or with inputs of few
+// samples. It does so at the dependent steps, at steps that look like the step before, and at two dozen others. If it
+// finds any, it looks at all steps. It reports nothing that chance produces with few experiments or with inputs of few
 // values.
 Excitation excitation(const Ensemble& ensemble, const ExcitationOptions& options);
 

@@ -11,8 +11,9 @@ constexpr size_t most_reported = 5;
 
 }  // namespace
 
-Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& told) {
-  std::erase_if(outliers, [&](const Outlier& o) { return std::count(told.begin(), told.end(), o.experiment) > 0; });
+Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& reported) {
+  std::erase_if(outliers,
+                [&](const Outlier& o) { return std::count(reported.begin(), reported.end(), o.experiment) > 0; });
   Findings result;
   for (size_t i = 0; i < std::min(most_reported, outliers.size()); ++i) {
     const Outlier& o = outliers[i];

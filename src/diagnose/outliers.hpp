@@ -13,9 +13,9 @@
 namespace tokid {
 
 struct OutlierOptions {
-  Index lags = 1;        // p
-  bool nominal = false;  // a mean motion is removed: the regressions have a constant
-  bool at_rest = false;  // at the first step
+  Index lags = 1;           // p
+  bool nominal = false;     // a mean motion is removed: the regressions have a constant
+  bool zero_start = false;  // the states at the first step are zero
   int threads = 1;
   Index period = 0;              // P: 1 where one model serves all steps
   const Model* model = nullptr;  // of all experiments; it can overrule flags of regressions with one lag
@@ -30,7 +30,7 @@ std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& op
 // experiments begin at rest, windows from the first step are examined too. If several are wrong, none is found.
 std::vector<Outlier> outliers_without_noise(const Ensemble& ensemble, const OutlierOptions& options);
 
-// `told`: experiments that are already reported; they are left out.
-Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& told = {});
+// `reported`: experiments that are already reported; they are left out.
+Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& reported = {});
 
 }  // namespace tokid

@@ -22,7 +22,7 @@ namespace {
 std::vector<std::vector<Index>> fold_members(Index experiments, const CrossValidateOptions& options) {
   if (experiments < 2)
     throw std::invalid_argument(
-        fmt::format("experiments: {} found, at least 2 needed to judge by those left out", experiments));
+        fmt::format("experiments: {} found, at least 2 needed for cross-validation", experiments));
   if (options.folds < 2 || options.folds > experiments)
     throw std::invalid_argument(
         fmt::format("folds: {} found, 2 to {} (one for each experiment) needed", options.folds, experiments));
@@ -104,8 +104,8 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
       for (Index& n : fold.experiments) n = used.rows()[size_t(n)];
       fold.experiment_names = names_of(ensemble, fold.experiments);
     }
-    const Findings told = findings_of(used, ensemble);
-    result.findings.insert(result.findings.begin(), told.begin(), told.end());
+    const Findings dropped = findings_of(used, ensemble);
+    result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
     return result;
   }
   const auto members = fold_members(ensemble.experiments(), options);
@@ -129,15 +129,15 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
 
     Fold fold{members[i], names_of(ensemble, members[i]), model.states(), found.plan.lags, {}, {},
               {},         std::move(found.findings)};
-    const auto judge = [&](const Ensemble& computed, Pooled& pooled) {
+    const auto evaluate = [&](const Ensemble& computed, Pooled& pooled) {
       pooled.add(members[i], computed);
       return fit(kept, computed, model.y_nominal);
     };
     const Ensemble next = predict(model, kept, {1, model.initial_state}).y;
-    fold.simulation = judge(simulate_data(model, kept, model.initial_state), simulation);
-    fold.one_step = judge(next, one_step);
+    fold.simulation = evaluate(simulate_data(model, kept, model.initial_state), simulation);
+    fold.one_step = evaluate(next, one_step);
     fold.horizon =
-        judge(options.horizon == 1 ? next : predict(model, kept, {options.horizon, model.initial_state}).y, horizon);
+        evaluate(options.horizon == 1 ? next : predict(model, kept, {options.horizon, model.initial_state}).y, horizon);
     result.folds.push_back(std::move(fold));
   }
   Nominal mean = nominal ? nominal_trajectory(ensemble) : Nominal{};

@@ -21,7 +21,7 @@
 #include "diagnose/regressions.hpp"
 #include "diagnose/repeats.hpp"
 #include "identify/identify.hpp"
-#include "model/judged.hpp"
+#include "model/comparison.hpp"
 #include "model/outlying_samples.hpp"
 #include "tokid/provenance.hpp"
 #include "tokid/remarks.hpp"
@@ -86,7 +86,7 @@ NominalDecision decide_nominal(const Ensemble& measured, const IdentifyOptions& 
   NominalDecision result;
   if (options.nominal == NominalChoice::none) return result;
   if (options.nominal == NominalChoice::automatic) {
-    result.test = test_nominal(options.period > 0 ? *judging_samples(measured, options) : measured);
+    result.test = test_nominal(options.period > 0 ? *selection_samples(measured, options) : measured);
     if (options.period > 0) count_in_phases(result.test, options.period);
     if (!result.test.significant) return result;
   }
@@ -137,7 +137,7 @@ Findings findings_of_regressions(const Ensemble& data, const Survey& samples, co
     return result;
   }
   survey.unexcited = unexcited_steps(data, regressed.arx, plan.nominal, plan.lags, regressed.arx.steps());
-  o.suspects = survey.unexcited;
+  o.dependent_steps = survey.unexcited;
   Excitation found = excitation(data, o);
   std::erase_if(survey.unexcited,
                 [&](Index k) { return std::binary_search(found.named.begin(), found.named.end(), k); });
@@ -154,15 +154,15 @@ Findings findings_of_free_responses(const FreeResponse& free, const Plan& plan) 
 }
 
 // Findings about single experiments: repeated inputs, stuck sensors and outliers.
-struct Suspects {
+struct ExperimentFindings {
   Findings findings;
   std::vector<Outlier> outliers;
   std::vector<std::string> labels;  // of the experiments that are stuck or outliers
 };
 
 // `used`: the experiments of `measured` with these rows.
-Suspects suspects(const Ensemble& used, const Ensemble& measured, const std::vector<Index>& rows, const Model& model,
-                  const Plan& plan, const IdentifyOptions& options) {
+ExperimentFindings experiment_findings(const Ensemble& used, const Ensemble& measured, const std::vector<Index>& rows,
+                                       const Model& model, const Plan& plan, const IdentifyOptions& options) {
   const bool exact = !plan.noisy && plan.initial_state == InitialState::zero;
   const Index r = used.inputs(), p = plan.lags;
   // With unknown initial states, or with noise, states vary without the inputs.
@@ -170,13 +170,13 @@ Suspects suspects(const Ensemble& used, const Ensemble& measured, const std::vec
                        : plan.coupled     ? r + model.states()
                        : exact            ? experiments_for(used, p, plan.nominal)
                                           : r * (p + 1);
-  Suspects result;
+  ExperimentFindings result;
   result.findings = findings_of_repeats(used, needed, p);
   StuckOutputs stuck = stuck_outputs(measured);
   append(result.findings, std::move(stuck.findings));
   const OutlierOptions o{.lags = p,
                          .nominal = plan.nominal,
-                         .at_rest = plan.initial_state == InitialState::zero,
+                         .zero_start = plan.initial_state == InitialState::zero,
                          .threads = options.execution.threads,
                          .period = plan.choices.variation.period,
                          .model = &model};
@@ -231,18 +231,18 @@ void note_provenance(const Ensemble& training, const IdentifyOptions& options, I
 // their names. `misfits` of the options: labels of experiments that are known to be wrong.
 Validation validated(const Model& model, const Ensemble& training, const Ensemble* held_out, const Ensemble* measured,
                      ValidateOptions o) {
-  const Ensemble& judged = held_out ? *held_out : training;
-  Validation result = validate_in_numbers(model, judged, o);
+  const Ensemble& tested = held_out ? *held_out : training;
+  Validation result = validate_in_numbers(model, tested, o);
   if (measured) {
     // The held-out part of a single record is its end.
     const Index first = held_out ? measured->steps() - held_out->steps() : 0;
-    result.outlying = outlying_in(*measured, judged, first, std::move(result.outlying));
+    result.outlying = outlying_in(*measured, tested, first, std::move(result.outlying));
     if (held_out && result.noisy) {
       auto more = outlying_in(*measured, training, 0, outlying_samples(model, training, o));
       std::move(more.begin(), more.end(), std::back_inserter(result.outlying));
     }
   }
-  append(result.findings, findings_of(result.outlying, judged.names));
+  append(result.findings, findings_of(result.outlying, tested.names));
   return result;
 }
 
@@ -313,14 +313,14 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   check_method(data, options);
   append(findings, findings_of_lags(data, options));
 
-  const std::shared_ptr<const Ensemble> judged = judging_samples(data, options);
-  Regressed regression = regressed(data, *judged, nominal, options);
+  const std::shared_ptr<const Ensemble> selection = selection_samples(data, options);
+  Regressed regression = regressed(data, *selection, nominal, options);
   append(findings, std::move(regression.findings));
   const RegressionSurvey survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
   append(findings, findings_of_regressions(data, samples, regression, survey, options));
 
   const Index regressed_from = regression.arx.k_begin;
-  Realised realisation = realised(data, *judged, regression.plan, std::move(regression.arx), options);
+  Realised realisation = realised(data, *selection, regression.plan, std::move(regression.arx), options);
   append(findings, std::move(realisation.findings));
   result.plan = std::move(realisation.plan);
   result.model = std::move(realisation.model);
@@ -333,7 +333,8 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   ValidateOptions validation;
   validation.initial_state = result.plan.initial_state;
   if (measured) {
-    Suspects found = suspects(used, measured->all, measured->rows, result.model, result.plan, options);
+    ExperimentFindings found =
+        experiment_findings(used, measured->all, measured->rows, result.model, result.plan, options);
     append(findings, std::move(found.findings));
     result.outliers = std::move(found.outliers);
     validation.misfits = std::move(found.labels);
@@ -370,8 +371,8 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& options
     ensemble.check();  // reports errors with the rows of the caller
     Identification result = identified(ensemble.subset(measured.rows), &measured, true, options);
     note_data(result.model, fingerprint(ensemble));
-    const Findings told = findings_of(used, ensemble);
-    result.findings.insert(result.findings.begin(), told.begin(), told.end());
+    const Findings dropped = findings_of(used, ensemble);
+    result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
     result.copies = std::move(used.copies);
     result.dependent = std::move(used.dependent);
     return result;

@@ -67,8 +67,8 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   if (const UsedExperiments used = used_experiments(data); !used.all(data)) {  // copies would count twice
     result = refine_model(model, data.subset(used.rows()), options);
     note_data(result.refinement.model, fingerprint(data));
-    const Findings told = findings_of(used, data);
-    result.findings.insert(result.findings.begin(), told.begin(), told.end());
+    const Findings dropped = findings_of(used, data);
+    result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
     return result;
   }
   RefineModelOptions part = options;

@@ -89,7 +89,7 @@ Model model_of(const Ensemble& departures, const Plan& plan, Index begin, Index 
 
 Block BlockLayout::block(Index i) const {
   const Index begin = steps * i / count, end = steps * (i + 1) / count;
-  return {std::max<Index>(0, begin - before), begin, end, std::min(steps, end + behind)};
+  return {std::max<Index>(0, begin - before), begin, end, std::min(steps, end + after)};
 }
 
 BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i) {

@@ -21,10 +21,10 @@ struct Block {
 struct BlockLayout {
   Plan plan;
   double hold_out = 0.0;
-  Index steps = 0;               // T
-  Index count = 0;               // of blocks
-  Index before = 0, behind = 0;  // steps read beyond those kept
-  Index rows = 0;                // block rows of the observability matrices that join neighbours
+  Index steps = 0;              // T
+  Index count = 0;              // of blocks
+  Index before = 0, after = 0;  // steps read beyond those kept
+  Index rows = 0;               // block rows of the observability matrices that join neighbours
   Index longest() const { return (steps + count - 1) / count; }
   Block block(Index i) const;
 };

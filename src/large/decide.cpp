@@ -118,7 +118,7 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
     const Ensemble& whole = parts[i].whole;
     const OutlierOptions o{.lags = result.plan.lags,
                            .nominal = result.plan.nominal,
-                           .at_rest = found[i] && found[i]->model.initial_state == InitialState::zero,
+                           .zero_start = found[i] && found[i]->model.initial_state == InitialState::zero,
                            .period = result.plan.choices.variation.period,
                            .model = found[i] ? &found[i]->model : nullptr};
     for (Outlier& own : result.plan.noisy ? outliers(whole, o) : outliers_without_noise(whole, o)) {

@@ -52,15 +52,15 @@ BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Pl
   const Index rows = hankel.rows, cols = hankel.cols;
   layout.rows = rows;
   layout.before = p + cols + rows;
-  layout.behind = 2 * rows + 2;
+  layout.after = 2 * rows + 2;
   if (plan.coupled) {
     layout.before = std::max(layout.before, fading);
-    layout.behind = std::max(layout.behind, fading);
+    layout.after = std::max(layout.after, fading);
   }
   layout.plan = std::move(plan);
   layout.hold_out = options.identify.hold_out;
   layout.steps = file.steps();
-  const Index overlap = layout.before + layout.behind;
+  const Index overlap = layout.before + layout.after;
   Index length = options.block;
   if (length == 0) {
     // Coupled steps each need a triangular factor, more than once.
@@ -272,7 +272,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   result.identification = std::move(decision.evidence);
   result.block = layout.longest();
   result.blocks = layout.count;
-  result.overlap = layout.before + layout.behind;
+  result.overlap = layout.before + layout.after;
   result.resumed = resumed;
   if (record) record->finish(options, *model, result);
   if (model)  // a journal that is no longer needed may come from an earlier call

@@ -72,10 +72,10 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   const bool all = Index(rows.size()) == data.experiments();
   const Ensemble own = all ? Ensemble() : data.subset(rows);
   const Ensemble& used = all ? data : own;
-  Model told = with_options(result.model.options);
-  note_update(told, used.experiments());
-  if (plan.coupled) note_choices(told, choices);
-  state.options = told.options;
+  Model record = with_options(result.model.options);
+  note_update(record, used.experiments());
+  if (plan.coupled) note_choices(record, choices);
+  state.options = record.options;
   state.factors = window_factors(used, plan.lags, plan.initial_state, options.execution);
   remember(state.digests, experiment_digests(data));
   return state;
@@ -208,11 +208,11 @@ Portion portion(const UpdateState& state, const Joining& more, const Execution& 
 }
 
 void add(UpdateState& state, const Portion& more, const Execution& execution) {
-  Model told = with_options(state.options);
+  Model record = with_options(state.options);
   if (more.factors.experiments > 0) merge(state.factors, more.factors, execution);
-  note_data(told, more.fingerprint);
-  note_update(told, state.factors.experiments);
-  state.options = told.options;
+  note_data(record, more.fingerprint);
+  note_update(record, state.factors.experiments);
+  state.options = record.options;
 }
 
 Findings findings_of_unknown(const UpdateState& state, Index added) {
@@ -307,7 +307,7 @@ Given given_by(const std::filesystem::path& file, const Needs& needs, const Upda
   });
 }
 
-Portion judged_portion(const Needs& needs, Given given, const Execution& execution) {
+Portion evaluated_portion(const Needs& needs, Given given, const Execution& execution) {
   Joining more = joining(needs.state, std::move(given));
   Portion result = portion(needs.state, more, execution);
   if (more.data.experiments() == 0) return result;
@@ -363,7 +363,7 @@ Additions update_from(UpdateState& state, const Model& before, const Source& sou
         team.broadcast(archive::packed(team.gather(archive::packed(own ? own->digests : std::vector<Digest>())))));
     std::optional<Portion> portion;
     for (Index i = begin; i < end; ++i) {
-      if (i == mine) portion = judged_portion(needs, *std::exchange(own, {}), execution);
+      if (i == mine) portion = evaluated_portion(needs, *std::exchange(own, {}), execution);
       remember(needs.state.digests, archive::unpacked<std::vector<Digest>>(digests[size_t(i - begin)]));
     }
     for (Index i = begin; i < end; ++i) {

@@ -384,10 +384,10 @@ Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact)
   const std::vector<Index> rows = ensemble.complete_rows(k, p_max);
   const Index count = static_cast<Index>(rows.size());
   Vector error = Vector::Constant(p_max, inf);
-  const Index p_judged = std::min(p_max, largest_lag_order(count - 1, r, m));  // at least one degree of freedom
-  if (p_judged < 1) return error;
+  const Index p_tested = std::min(p_max, largest_lag_order(count - 1, r, m));  // at least one degree of freedom
+  if (p_tested < 1) return error;
 
-  Matrix w(count, r + p_judged * d);  // newest lag first
+  Matrix w(count, r + p_tested * d);  // newest lag first
   const bool all = count == ensemble.experiments();
   const auto put = [&](const auto& samples, Index at) {
     if (all)
@@ -396,7 +396,7 @@ Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact)
       w.middleCols(at, samples.cols()) = samples(rows, Eigen::all);
   };
   put(ensemble.input(k), 0);
-  for (Index j = 1; j <= p_judged; ++j) put(ensemble.samples().middleCols((k - j) * d, d), r + (j - 1) * d);
+  for (Index j = 1; j <= p_tested; ++j) put(ensemble.samples().middleCols((k - j) * d, d), r + (j - 1) * d);
   w *= column_scales(w).asDiagonal();
   const Matrix y = ensemble.output(k)(rows, Eigen::all);
   linalg::orthonormalise(w);
@@ -411,7 +411,7 @@ Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact)
     used += columns;
   };
   use(r);
-  for (Index p = 1; p <= p_judged; ++p) {
+  for (Index p = 1; p <= p_tested; ++p) {
     use(d);
     double sum = 0.0;
     for (Index j = 0; j < m; ++j) {
@@ -445,15 +445,15 @@ LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions&
   });
   // Missing samples may leave too few experiments at some steps. Orders are compared at the steps that can test all of
   // them. The largest order must be testable at half of the steps or more.
-  const auto judging = [&](Index p) { return (result.error.col(p - 1).array() < inf).count(); };
-  Index judged = p_max;
-  while (judged > 1 && 2 * judging(judged) < count) --judged;
+  const auto testing_steps = [&](Index p) { return (result.error.col(p - 1).array() < inf).count(); };
+  Index largest = p_max;
+  while (largest > 1 && 2 * testing_steps(largest) < count) --largest;
   std::vector<Index> rows;
   for (Index s = 0; s < count; ++s)
-    if (result.error(s, judged - 1) < inf) rows.push_back(s);
+    if (result.error(s, largest - 1) < inf) rows.push_back(s);
   const Matrix error = result.error(rows, Eigen::all);
   result.mean.setConstant(p_max, inf);
-  if (!rows.empty()) result.mean.head(judged) = error.leftCols(judged).colwise().mean().transpose();
+  if (!rows.empty()) result.mean.head(largest) = error.leftCols(largest).colwise().mean().transpose();
 
   // A smaller order wins if its mean is within one standard error, that of the paired difference over the steps.
   const Index first = std::clamp<Index>(options.p_min, 1, p_max);

@@ -173,14 +173,14 @@ class GainRegression {
     const Matrix lower = gram_(moving, moving), full = lower.selfadjointView<Eigen::Lower>();
     const Vector scale = full.diagonal().cwiseSqrt().cwiseInverse();
     const linalg::Svd d = linalg::svd(scale.asDiagonal() * full * scale.asDiagonal());
-    const auto told = (d.s.array() > 1e-10 * d.s(0)).cast<double>().eval();
-    const Matrix inverse = d.v * (told / d.s.array().max(1e-300)).matrix().asDiagonal() * d.u.transpose();
+    const auto determined = (d.s.array() > 1e-10 * d.s(0)).cast<double>().eval();
+    const Matrix inverse = d.v * (determined / d.s.array().max(1e-300)).matrix().asDiagonal() * d.u.transpose();
     const Vector cross = cross_(moving), scaled = scale.asDiagonal() * cross, solution = inverse * scaled;
     const double variance = std::max(0.0, squares_ - scaled.dot(solution)) / freedom;
     for (size_t a = 0; a < moving.size(); ++a) {
       const Index i = Index(a);
-      const double untold = (d.u.row(i).array().square() * (1 - told.transpose())).sum();
-      if (untold > 1e-8) continue;
+      const double undetermined = (d.u.row(i).array().square() * (1 - determined.transpose())).sum();
+      if (undetermined > 1e-8) continue;
       gains.error(moving[a]) = scale(i) * solution(i);
       gains.deviation(moving[a]) = scale(i) * std::sqrt(variance * inverse(i, i));
     }

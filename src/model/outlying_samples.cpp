@@ -92,7 +92,7 @@ void OutlyingSampleCollector::add(Index k, const Matrix& innovation) {
     if (is_misfit_[size_t(n)]) block_.back().row(n).setConstant(nan);
   }
   if (Index(block_.size()) < together_) return;
-  judge_block(0);
+  test_block(0);
   previous_ = std::move(block_);
   block_.clear();
   restarts_.clear();
@@ -104,7 +104,7 @@ bool OutlyingSampleCollector::is_far(Index k, Index j, double error) const {
 
 // Tests the steps of the block from `from` on. The steps before it are tested already, and contribute to the usual
 // error.
-void OutlyingSampleCollector::judge_block(size_t from) {
+void OutlyingSampleCollector::test_block(size_t from) {
   const Index N = data_.experiments(), m = data_.outputs();
   Vector own(N * Index(block_.size()));
   for (Index j = 0; j < m; ++j) {
@@ -167,10 +167,10 @@ std::vector<OutlyingSampleCollector::Flag> OutlyingSampleCollector::predicted_ag
 std::vector<OutlyingSamples> OutlyingSampleCollector::found() {
   if (!block_.empty()) {
     // The few last steps are tested together with those before them.
-    const size_t judged = previous_.size();
-    begin_ -= Index(judged);
+    const size_t tested = previous_.size();
+    begin_ -= Index(tested);
     block_.insert(block_.begin(), previous_.begin(), previous_.end());
-    judge_block(judged);
+    test_block(tested);
     block_.clear();
   }
   std::vector<Index> rows;

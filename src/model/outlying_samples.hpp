@@ -31,7 +31,7 @@ class OutlyingSampleCollector {
     double error;
   };
   bool is_far(Index k, Index j, double error) const;
-  void judge_block(size_t from);
+  void test_block(size_t from);
   // The first flags of each experiment, and later flags that these can't have caused.
   std::vector<Flag> first_of(std::vector<Flag> flags) const;
   std::vector<Flag> predicted_again(const Ensemble& part, const std::vector<Index>& rows) const;

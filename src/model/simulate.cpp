@@ -192,7 +192,7 @@ class Observer {
     for (size_t n = 0; n < since_.size(); ++n) {
       if (since_[n] == sees || k_ - since_[n] < window_) continue;
       const Index from = std::max(since_[n], k_ - 2 * window_);
-      if (may_tell(Index(n), from)) windows[from].push_back(Index(n));
+      if (may_determine(Index(n), from)) windows[from].push_back(Index(n));
     }
     for (const auto& [from, rows] : windows) {
       const Ensemble part = data_.subset(rows);
@@ -210,7 +210,7 @@ class Observer {
     all_see_ = std::all_of(since_.begin(), since_.end(), [](Index k) { return k == sees; });
   }
 
-  bool may_tell(Index n, Index from) const {
+  bool may_determine(Index n, Index from) const {
     Index samples = 0;
     for (Index k = from; k < k_; ++k) {
       if (!data_.input(k).row(n).allFinite()) return false;

@@ -73,9 +73,9 @@ Index Step::begin_besides(Part part) const {
 double* Step::room_for(Part part, Index size) {
   const Index first = begin(part), found = has(part) ? rows(part) * cols(part) : 0;
   if (found != size) {
-    const Index behind = numbers_.size() - first - found;
-    Vector numbers(first + size + behind);
-    numbers << numbers_.head(first), Vector::Zero(size), numbers_.tail(behind);
+    const Index after = numbers_.size() - first - found;
+    Vector numbers(first + size + after);
+    numbers << numbers_.head(first), Vector::Zero(size), numbers_.tail(after);
     numbers_ = std::move(numbers);
   }
   parts_ |= bit(part);

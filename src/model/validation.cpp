@@ -8,8 +8,8 @@
 
 #include "base/nan.hpp"
 #include "data/subjects.hpp"
+#include "model/comparison.hpp"
 #include "model/error_sums.hpp"
-#include "model/judged.hpp"
 #include "model/outlying_samples.hpp"
 #include "model/step_by_step.hpp"
 #include "tokid/dependence.hpp"
@@ -94,23 +94,23 @@ void name_outlying(Validation& validation, const Channels& channels) {
 
 }  // namespace
 
-Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& options) {
-  if (ends_early(model, data.steps())) return judge(continued(model, data.steps()), data, options);
+Comparison compare(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  if (ends_early(model, data.steps())) return compare(continued(model, data.steps()), data, options);
   check_steps(model, data);
-  Judged judged;
-  judged.prediction = predict(model, data, {1, options.initial_state});
-  judged.simulated = simulate_data(model, data, options.initial_state);
+  Comparison compared;
+  compared.prediction = predict(model, data, {1, options.initial_state});
+  compared.simulated = simulate_data(model, data, options.initial_state);
   ErrorCollector errors(data, model.y_nominal);
   OutlyingSampleCollector outlying(model, data, options);
   for (Index k = 0; k < data.steps(); ++k) {
-    outlying.add(k, judged.prediction.innovations[size_t(k)]);
-    errors.predicted(k, judged.prediction.innovations[size_t(k)]);
-    errors.simulated(k, data.output(k) - judged.simulated.output(k));
+    outlying.add(k, compared.prediction.innovations[size_t(k)]);
+    errors.predicted(k, compared.prediction.innovations[size_t(k)]);
+    errors.simulated(k, data.output(k) - compared.simulated.output(k));
   }
-  judged.validation = validation(model, data, options, errors, outlying,
-                                 [&judged]() -> const Innovations& { return judged.prediction.innovations; });
-  name_outlying(judged.validation, data.names);
-  return judged;
+  compared.validation = validation(model, data, options, errors, outlying,
+                                   [&compared]() -> const Innovations& { return compared.prediction.innovations; });
+  name_outlying(compared.validation, data.names);
+  return compared;
 }
 
 Validation validate_in_numbers(const Model& model, const Ensemble& data, const ValidateOptions& options) {
@@ -147,8 +147,8 @@ Validation validate_distinct(const Model& model, const Ensemble& data, const Val
   Validation result = validate_in_numbers(model, part, options);
   result.outlying = outlying_in(data, part, 0, std::move(result.outlying));
   name_outlying(result, data.names);
-  const Findings told = findings_of(used, data);
-  result.findings.insert(result.findings.begin(), told.begin(), told.end());
+  const Findings dropped = findings_of(used, data);
+  result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
   return result;
 }
 

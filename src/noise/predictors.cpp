@@ -271,7 +271,7 @@ struct Fitted {
 };
 
 // Rank and condition number of regressors. The columns are scaled to norm 1, so that both do not depend on units.
-void judge(const ConstMatrixRef& regressors, Fitted& fitted) {
+void examine(const ConstMatrixRef& regressors, Fitted& fitted) {
   if (regressors.rows() == 0) return;
   Vector norm = regressors.colwise().norm().transpose();
   norm = (norm.array() > 0).select(norm, 1.0);
@@ -316,7 +316,7 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
       const auto right = block.rightCols(block.cols() - l);
       Matrix left = right - block.leftCols(l) * x[g - begin];
       result[g].squares = right.colwise().squaredNorm();
-      judge(block.leftCols(l), result[g]);
+      examine(block.leftCols(l), result[g]);
       result[g].coefficients = (rms.cwiseInverse().asDiagonal() * x[g - begin]).transpose();
       result[g].residual = linalg::triangular_factor(left);
     }

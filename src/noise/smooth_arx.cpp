@@ -126,9 +126,10 @@ Split fold(const Ensemble& ensemble, Index f, Index folds, bool centred) {
 namespace {
 
 // Cross-validation errors of (p, λ). The factors of each p are kept for all λ.
-class Judge {
+class CandidateErrors {
  public:
-  Judge(const Ensemble& e, const SmoothingOptions& o) : options_(o), folds_(std::min(o.folds, e.experiments())) {
+  CandidateErrors(const Ensemble& e, const SmoothingOptions& o)
+      : options_(o), folds_(std::min(o.folds, e.experiments())) {
     for (Index f = 0; f < folds_; ++f) parts_.push_back(fold(e, f, folds_, o.centred));
     stretches_ = {{0, e.steps()}};
     if (o.period == 0 && e.steps() > o.steps) {
@@ -153,22 +154,22 @@ class Judge {
         const auto x = random_walk_regression(piece.training.factor, piece.training.regressors,
                                               stiffness(piece.training, smoothing));
         for (size_t g = 0; g < x.size(); ++g) {
-          const Matrix& judged = piece.held_out.factor[g];
-          sums[size_t(i)].col(0) += residual_square(judged, x[g]).diagonal();
-          sums[size_t(i)].col(1) += judged.rightCols(m).colwise().squaredNorm().transpose();
+          const Matrix& factor = piece.held_out.factor[g];
+          sums[size_t(i)].col(0) += residual_square(factor, x[g]).diagonal();
+          sums[size_t(i)].col(1) += factor.rightCols(m).colwise().squaredNorm().transpose();
         }
       }
     });
     Matrix sum = Matrix::Zero(m, 2);
     for (const Matrix& s : sums) sum += s;
     double log_error = 0.0;
-    double trained = 0.0, judged = 0.0;
+    double trained = 0.0, tested = 0.0;
     for (const Piece& piece : pieces) {
       for (const Index rows : piece.training.rows) trained += double(rows) / double(pieces.size());
-      for (const Index rows : piece.held_out.rows) judged += double(rows);
+      for (const Index rows : piece.held_out.rows) tested += double(rows);
     }
     // With missing samples, there may be too few windows of this length for a result.
-    if (judged == 0 || trained < 2 * double(pieces.front().training.regressors)) log_error = inf;
+    if (tested == 0 || trained < 2 * double(pieces.front().training.regressors)) log_error = inf;
     for (Index j = 0; j < m; ++j)
       log_error += sum(j, 1) > 0 ? 0.5 * std::log(std::max(sum(j, 0) / sum(j, 1), 1e-300)) : 0.0;
     const double error = std::isfinite(log_error) ? std::exp(log_error / double(m)) : inf;
@@ -246,8 +247,8 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
   }
   if (options.period == 1) weights = {0.0}, weight = 0;
 
-  Judge judge(ensemble, options);
-  const auto error = [&](Index p, Index w) { return judge.error(options.lags[size_t(p)], weights[size_t(w)]); };
+  CandidateErrors candidates(ensemble, options);
+  const auto error = [&](Index p, Index w) { return candidates.error(options.lags[size_t(p)], weights[size_t(w)]); };
   Index lag = Index(options.lags.size()) / 2;
   for (bool moved = true; moved;) {
     const Index weight_before = weight, lag_before = lag;
@@ -255,7 +256,7 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
     lag = descend(lag, Index(options.lags.size()), [&](Index p) { return error(p, weight); });
     moved = weight != weight_before || lag != lag_before;
   }
-  SmoothingChoice choice{std::move(judge.trials), options.lags[size_t(lag)], weights[size_t(weight)], 0.0};
+  SmoothingChoice choice{std::move(candidates.trials), options.lags[size_t(lag)], weights[size_t(weight)], 0.0};
   for (const SmoothingTrial& t : choice.trials)
     if (t.lags == choice.lags && t.smoothing == choice.smoothing) choice.error = t.error;
   return choice;

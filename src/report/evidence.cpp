@@ -10,7 +10,7 @@
 #include "base/nan.hpp"
 #include "base/rounding.hpp"
 #include "base/statistics.hpp"
-#include "model/judged.hpp"
+#include "model/comparison.hpp"
 #include "model/outlying_samples.hpp"
 #include "model/step_fields.hpp"
 #include "tokid/gtv_arx.hpp"
@@ -111,7 +111,7 @@ std::vector<WeakInput> weak_inputs(const Model& model, const Ensemble& data) {
   return result;
 }
 
-std::vector<Index> outputs_at_rest(const Ensemble& data) {
+std::vector<Index> constant_outputs(const Ensemble& data) {
   std::vector<Index> result;
   for (Index j = 0; j < data.outputs(); ++j) {
     const ChannelSummary s = channel_summary(data, data.inputs() + j);
@@ -128,7 +128,7 @@ double stated_error(const Model& model, const Vector& spread, Index k) {
 }
 
 // Finds the steps and experiments that stand out, which a pooled figure hides, and the steps without a comparison.
-void judge_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
+void assess_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
   const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
   for (Index k = model.k_begin; k < model.k_end(); ++k) {
@@ -160,7 +160,7 @@ void judge_errors(const Model& model, const Ensemble& data, const Vector& spread
       found.outliers.push_back(Index(n));
 }
 
-void judge_regressions(const Model& model, Evidence& found) {
+void assess_regressions(const Model& model, Evidence& found) {
   const std::vector<double> condition = known_values(model, &Step::has_condition, &Step::condition);
   found.condition_median = finite_median(condition);
   found.condition_max = nan;
@@ -205,7 +205,7 @@ Evidence evidence(const Model& model, const Tested& tested) {
   ValidateOptions validate_options;
   validate_options.horizon = found.horizon;
   validate_options.initial_state = options.initial_state;
-  Judged judged = judge(model, data, validate_options);
+  Comparison compared = compare(model, data, validate_options);
   found.names = model.names;
   const auto complete = [](std::vector<std::string>& names, const std::vector<std::string>& others) {
     if (names.empty()) names = others;
@@ -223,33 +223,34 @@ Evidence evidence(const Model& model, const Tested& tested) {
   Index expected = data.samples().size();
   for (const Index length : data.length) expected -= (data.steps() - length) * data.channels();
   found.missing_share = expected > 0 ? double(found.missing) / double(expected) : 0.0;
-  found.noisy = judged.validation.noisy;
+  found.noisy = compared.validation.noisy;
   if (model.has(&Step::has_lags)) {
     found.lags = model.max_lags();
     for (Index k = model.k_begin; k < model.k_end(); ++k) found.unknowns = std::max(found.unknowns, unknowns(model, k));
   }
   found.identified_from = identified_from(model, options);
   found.samples = found.identified_from * (model.period > 0 ? std::max<Index>(1, data.steps() / model.period) : 1);
-  judge_regressions(model, found);
+  assess_regressions(model, found);
   found.weak_inputs = weak_inputs(model, data);
   found.differences = differences(model, data);
-  found.conclusions = conclusions(judged.validation, found.names);
+  found.conclusions = conclusions(compared.validation, found.names);
 
   const Vector spread = output_spread(model, data);
-  found.at_rest = outputs_at_rest(data);
+  found.constant_outputs = constant_outputs(data);
   std::vector<Index> moving;
   for (Index j = 0; j < data.outputs(); ++j)
-    if (std::find(found.at_rest.begin(), found.at_rest.end(), j) == found.at_rest.end()) moving.push_back(j);
-  found.judged = judged_horizon(model, data, judged, options.initial_state, spread, moving, found.conclusions);
-  found.findings = merged(options.findings, judged.validation.findings);
-  found.validation = std::move(judged.validation);
-  found.prediction = std::move(judged.prediction);
-  found.simulated = std::move(judged.simulated);
+    if (std::find(found.constant_outputs.begin(), found.constant_outputs.end(), j) == found.constant_outputs.end())
+      moving.push_back(j);
+  found.deciding = deciding_horizon(model, data, compared, options.initial_state, spread, moving, found.conclusions);
+  found.findings = merged(options.findings, compared.validation.findings);
+  found.validation = std::move(compared.validation);
+  found.prediction = std::move(compared.prediction);
+  found.simulated = std::move(compared.simulated);
   found.step_error = relative_errors(data, found.prediction.y, spread).step;
-  found.experiment_error = relative_errors(data, found.judged.computed, spread).experiment;
+  found.experiment_error = relative_errors(data, found.deciding.computed, spread).experiment;
   if (!std::isfinite(finite_median(found.experiment_error)))
     found.experiment_error = relative_errors(data, found.prediction.y, spread).experiment;
-  judge_errors(model, data, spread, found);
+  assess_errors(model, data, spread, found);
   return found;
 }
 

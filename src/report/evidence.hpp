@@ -28,7 +28,7 @@ struct WeakInput {
 struct Evidence {
   Validation validation;
   Conclusions conclusions;
-  JudgedHorizon judged;
+  DecidingHorizon deciding;
   Prediction prediction;  // one step
   Ensemble simulated;
   Channels names;  // of the model, or of the data where the model has none
@@ -44,15 +44,15 @@ struct Evidence {
   double condition_median = 0.0, condition_max = 0.0;
   std::vector<Index> ill, deficient;  // steps k: ill-conditioned; rank below the number of unknowns
   std::vector<WeakInput> weak_inputs;
-  std::vector<Index> error_peaks;   // steps whose one-step error stands out from the others
-  std::vector<Index> beyond_noise;  // steps whose one-step error stands out from the model's own innovations there
-  std::vector<Index> outliers;      // experiments whose error stands out
-  std::vector<Index> at_rest;       // outputs that do not move in the data, so that their fits mean nothing
-  std::vector<Index> untested;      // steps of the model without a comparison
-  std::vector<double> step_error;   // (T) RMS one-step error over outputs, relative to their spread; NaN where none
+  std::vector<Index> error_peaks;       // steps whose one-step error stands out from the others
+  std::vector<Index> beyond_noise;      // steps whose one-step error stands out from the model's own innovations there
+  std::vector<Index> outliers;          // experiments whose error stands out
+  std::vector<Index> constant_outputs;  // outputs that do not move in the data, so that their fits mean nothing
+  std::vector<Index> untested;          // steps of the model without a comparison
+  std::vector<double> step_error;       // (T) RMS one-step error over outputs, relative to their spread; NaN where none
   std::vector<double> experiment_error;  // (N) the same at the chosen horizon, or one step ahead without a simulation
-  Findings findings;     // those of the options and of the validation, each once
-  Findings differences;  // between the data's and the model's sample time and names
+  Findings findings;                     // those of the options and of the validation, each once
+  Findings differences;                  // between the data's and the model's sample time and names
 
   // Tested experiment n, in the form of words::experiment().
   std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }

@@ -75,27 +75,27 @@ Vector forced_response(const Model& model, const Ensemble& data, Index begin, In
 
 }  // namespace
 
-JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Judged& judged,
-                             std::optional<InitialState> initial_state, const Vector& spread,
-                             const std::vector<Index>& judged_outputs, const Conclusions& conclusions) {
+DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const Comparison& compared,
+                                 std::optional<InitialState> initial_state, const Vector& spread,
+                                 const std::vector<Index>& moving_outputs, const Conclusions& conclusions) {
   if (ends_early(model, data.steps()))
-    return judged_horizon(continued(model, data.steps()), data, judged, initial_state, spread, judged_outputs,
-                          conclusions);
+    return deciding_horizon(continued(model, data.steps()), data, compared, initial_state, spread, moving_outputs,
+                            conclusions);
   constexpr Index most_steps = 100;
-  const Validation& v = judged.validation;
-  JudgedHorizon result;
+  const Validation& v = compared.validation;
+  DecidingHorizon result;
   result.fit = v.simulation;
-  result.computed = judged.simulated;
+  result.computed = compared.simulated;
   result.stated = model.has(&Step::has_innovation_cov);
   const Index end = std::min(model.k_end(), data.steps());
-  if (v.one_step.samples == 0 || model.states() == 0 || judged_outputs.empty()) return result;
+  if (v.one_step.samples == 0 || model.states() == 0 || moving_outputs.empty()) return result;
   const auto good = [&](const Fit& fit) {
-    return std::all_of(judged_outputs.begin(), judged_outputs.end(),
+    return std::all_of(moving_outputs.begin(), moving_outputs.end(),
                        [&](Index j) { return fit.fit(j) >= bounds::good_fit; });
   };
   const bool simulates = good(v.simulation);
   if (simulates && good(v.one_step)) return result;
-  const std::vector<Matrix> covariances = innovation_covariances(model, judged.prediction.innovations);
+  const std::vector<Matrix> covariances = innovation_covariances(model, compared.prediction.innovations);
   const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
   // An observer that does not know the initial state estimates it from the first samples.
   Index begin = std::max(v.first_predicted, model.k_begin);
@@ -104,14 +104,14 @@ JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Jud
   const Index horizons = std::max<Index>(1, std::min({most_steps, end - begin, data.steps() - 1}));
   const Matrix ahead = expected_prediction_errors(model, covariances, begin, end, horizons);
   const Vector simulated =
-      mean_variance(expected_simulation_errors(model, covariances, initial, data.steps()), data, judged.simulated);
+      mean_variance(expected_simulation_errors(model, covariances, initial, data.steps()), data, compared.simulated);
   result.expected_one_step = fits(ahead.row(0).transpose(), spread);
   result.expected_simulation = result.expected = fits(simulated, spread);
 
   // An exact model predicts well if its errors are small relative to the outputs, or hardly larger than those of one
   // step.
   const auto well = [&](const Vector& variance) {
-    return std::all_of(judged_outputs.begin(), judged_outputs.end(), [&](Index j) {
+    return std::all_of(moving_outputs.begin(), moving_outputs.end(), [&](Index j) {
       const double small = (1 - bounds::expected_fit / 100) * spread(j);
       return !(variance(j) > std::max(small * small, bounds::like_one_step * bounds::like_one_step * ahead(0, j)));
     });
@@ -122,12 +122,12 @@ JudgedHorizon judged_horizon(const Model& model, const Ensemble& data, const Jud
   result.steps = 1;
   while (result.steps < horizons && well(ahead.row(result.steps).transpose())) ++result.steps;
   result.expected = fits(ahead.row(result.steps - 1).transpose(), spread);
-  result.computed = result.steps == 1 ? judged.prediction.y : predict(model, data, {result.steps, initial_state}).y;
+  result.computed = result.steps == 1 ? compared.prediction.y : predict(model, data, {result.steps, initial_state}).y;
   for (Index k = 0; k < std::min(data.steps(), begin + result.steps - 1); ++k)
     result.computed.output(k).setConstant(nan);
   result.fit = fit(data, result.computed, model.y_nominal);
   const Vector forced = forced_response(model, data, begin, end, result.steps);
-  for (const Index j : judged_outputs)
+  for (const Index j : moving_outputs)
     if (result.fit.rmse(j) > 0) result.inputs = std::max(result.inputs, forced(j) / result.fit.rmse(j));
   return result;
 }

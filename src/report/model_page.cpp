@@ -124,7 +124,7 @@ class Report {
     std::string tiles = tile(percent_range(v.simulation.fit), "simulation fit") +
                         tile(percent_range(v.one_step.fit), "one-step prediction fit");
     if (verdict_.horizon > 0)
-      tiles += tile(percent_range(found_.judged.fit.fit),
+      tiles += tile(percent_range(found_.deciding.fit.fit),
                     fmt::format("fit {} ahead, by which it is judged", plural(verdict_.horizon, "step")));
     static constexpr const char* whiteness[] = {"", "innovations without correlation",
                                                 "innovations correlated in time, but little",
@@ -267,7 +267,7 @@ class Report {
 
   std::string fit_section() const {
     const Validation& v = found_.validation;
-    const JudgedHorizon& judged = found_.judged;
+    const DecidingHorizon& deciding = found_.deciding;
     std::vector<Table::Column> columns{{"Output", Align::text},
                                        {"Simulation"},
                                        {"One step"},
@@ -295,9 +295,9 @@ class Report {
                                      unit(v.simulation.rmse(j)),
                                      unit(v.one_step.rmse(j))};
       if (verdict_.horizon > 0)
-        for (const double fit : {judged.fit.fit(j), judged.expected(j), judged.expected_simulation(j)})
+        for (const double fit : {deciding.fit.fit(j), deciding.expected(j), deciding.expected_simulation(j)})
           cells.push_back(percent(fit, 1));
-      table.row(cells, judged.fit.fit(j) < bounds::good_fit ? "mark" : "");
+      table.row(cells, deciding.fit.fit(j) < bounds::good_fit ? "mark" : "");
     }
     std::string text =
         "Simulation uses the inputs alone; predictions use the measured outputs up to the given number of "

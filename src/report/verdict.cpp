@@ -50,22 +50,22 @@ std::string capital(std::string text) {
 }
 
 // Collects reasons in the order of their gravity. Each reason lowers the status as far as necessary.
-class Judge {
+class Assessment {
  public:
-  Judge(const Model& model, const Evidence& found, const ReportOptions& options)
+  Assessment(const Model& model, const Evidence& found, const ReportOptions& options)
       : model_(model),
         found_(found),
         options_(options),
         simulation_(found.validation.simulation.fit),
         one_step_(found.validation.one_step.fit),
-        judged_(found.judged.fit.fit) {
-    for (const Index j : found.at_rest)
-      simulation_(j) = one_step_(j) = judged_(j) = std::numeric_limits<double>::quiet_NaN();
+        deciding_(found.deciding.fit.fit) {
+    for (const Index j : found.constant_outputs)
+      simulation_(j) = one_step_(j) = deciding_(j) = std::numeric_limits<double>::quiet_NaN();
   }
 
-  Verdict judge() {
+  Verdict verdict() {
     verdict_.trust = Trust::good;
-    verdict_.horizon = found_.judged.steps;
+    verdict_.horizon = found_.deciding.steps;
     if (!fits()) return std::move(verdict_);
     test_data();
     regressions();
@@ -110,9 +110,9 @@ class Judge {
   }
 
   std::string why_not_simulation() const {
-    const JudgedHorizon& h = found_.judged;
+    const DecidingHorizon& h = found_.deciding;
     std::string text =
-        fmt::format("Judged by predictions {} ahead, fit {}: ", plural(h.steps, "step"), percent_range(judged_));
+        fmt::format("Judged by predictions {} ahead, fit {}: ", plural(h.steps, "step"), percent_range(deciding_));
     const char* noise = h.stated ? "the noise that the model states" : "noise as large as its innovations";
     const double exact = least(of_moving(h.expected_simulation));
     return text + fmt::format("{} would spoil the simulation of an exact model too ({}).", noise,
@@ -121,7 +121,7 @@ class Judge {
 
   // Fits of outputs at rest become NaN.
   Vector of_moving(Vector fits) const {
-    for (const Index j : found_.at_rest)
+    for (const Index j : found_.constant_outputs)
       if (j < fits.size()) fits(j) = std::numeric_limits<double>::quiet_NaN();
     return fits;
   }
@@ -129,7 +129,7 @@ class Judge {
   // For outputs below a good fit: would the model's own noise give an exact model the same errors? Noise that explains
   // everything explains nothing. A model that states too much noise has no excuse.
   bool noise_explains(const Vector& found, const Vector& expected) const {
-    if (!found_.judged.stated || expected.size() == 0 || found_.validation.squares.ratio < 1 / counts::overconfident)
+    if (!found_.deciding.stated || expected.size() == 0 || found_.validation.squares.ratio < 1 / counts::overconfident)
       return false;
     for (Index j = 0; j < found.size(); ++j)
       if (found(j) < bounds::good_fit &&
@@ -152,7 +152,7 @@ class Judge {
     return found_.names.output(worst);
   }
 
-  void judge_simulation() {
+  void assess_simulation() {
     const Validation& v = found_.validation;
     const double simulation = least(simulation_), ahead = least(of_moving(v.horizon.fit));
     if (v.simulation.samples == 0) {
@@ -165,12 +165,12 @@ class Judge {
     }
     if (simulation >= bounds::good_fit || std::isinf(simulation)) return;
     const std::string output = name_of_worst(simulation_);
-    const double exact = least(of_moving(found_.judged.expected_simulation));
+    const double exact = least(of_moving(found_.deciding.expected_simulation));
     const std::string promise =
-        found_.judged.stated && std::isfinite(exact) && exact >= bounds::good_fit
+        found_.deciding.stated && std::isfinite(exact) && exact >= bounds::good_fit
             ? fmt::format("; with the noise that the model states, an exact model would reach {}", percent(exact))
             : "";
-    if (noise_explains(simulation_, found_.judged.expected_simulation))
+    if (noise_explains(simulation_, found_.deciding.expected_simulation))
       against(Trust::look_closer,
               fmt::format("The simulation fits output {} to {}, and the noise that the model states allows no more.",
                           output, percent(simulation)));
@@ -191,15 +191,15 @@ class Judge {
                                               output, percent(simulation), bounds::good_fit, promise));
   }
 
-  void judge_predictions() {
-    const JudgedHorizon& h = found_.judged;
-    const double fit = least(judged_);
+  void assess_predictions() {
+    const DecidingHorizon& h = found_.deciding;
+    const double fit = least(deciding_);
     const std::string found = fmt::format("Predictions {} ahead fit output {} to {}", plural(h.steps, "step"),
-                                          name_of_worst(judged_), percent(fit));
+                                          name_of_worst(deciding_), percent(fit));
     const std::string exact = fmt::format("those of an exact model would fit {}", percent_range(of_moving(h.expected)));
     if (!h.fit.rmse.allFinite())
       against(Trust::distrust, fmt::format("The predictions {} ahead overflow.", plural(h.steps, "step")));
-    else if (fit < bounds::good_fit && noise_explains(judged_, h.expected))
+    else if (fit < bounds::good_fit && noise_explains(deciding_, h.expected))
       against(Trust::look_closer, fmt::format("{}, and the noise that the model states allows no more.", found));
     else if (fit < bounds::poor_fit)
       against(Trust::distrust, fmt::format("{} only; {}.", found, exact));
@@ -221,13 +221,13 @@ class Judge {
       verdict_.reasons = {"No output sample has both a measured and a computed value."};
       return false;
     }
-    if (Index(found_.at_rest.size()) == model_.outputs) {
+    if (Index(found_.constant_outputs.size()) == model_.outputs) {
       verdict_.trust = Trust::distrust;
       verdict_.summary = fmt::format("Nothing was tested: no output moves in {}.", tested());
       verdict_.reasons = {"Outputs that rest say nothing about the model, however well it reproduces them."};
       return false;
     }
-    for (const Index j : found_.at_rest)
+    for (const Index j : found_.constant_outputs)
       against(
           Trust::look_closer,
           fmt::format(
@@ -239,15 +239,15 @@ class Judge {
     if (v.one_step.samples > 0 && !v.one_step.rmse.allFinite())
       against(Trust::distrust, "The predictions overflow: the observer does not follow these data.");
     else if (v.one_step.samples > 0 && one_step < bounds::poor_fit) {
-      const bool noise = noise_explains(one_step_, found_.judged.expected_one_step);
+      const bool noise = noise_explains(one_step_, found_.deciding.expected_one_step);
       against(noise ? Trust::look_closer : Trust::distrust,
               fmt::format("One-step predictions fit output {} to {} only{}.", name_of_worst(one_step_),
                           percent(one_step), noise ? ", and the noise that the model states allows no more" : ""));
     }
-    if (found_.judged.steps > 0)
-      judge_predictions();
+    if (found_.deciding.steps > 0)
+      assess_predictions();
     else
-      judge_simulation();
+      assess_simulation();
     if (!found_.error_peaks.empty())
       against(Trust::look_closer, fmt::format("One-step errors at {} are more than {:.0f} times the median.",
                                               step_list(found_.error_peaks), bounds::error_peak));
@@ -298,7 +298,7 @@ class Judge {
     return weak.always || (first != weak.steps.end() && *first <= k);
   }
 
-  std::string rests(const WeakInput& weak) const {
+  std::string constancy(const WeakInput& weak) const {
     if (weak.always) return fmt::format("input {} is the same in all experiments", found_.names.input(weak.input));
     return fmt::format("input {} is nearly the same in all experiments at {}", found_.names.input(weak.input),
                        step_list(weak.steps));
@@ -333,8 +333,8 @@ class Judge {
     if (!explained.empty()) {
       std::vector<std::string> briefly, fully;
       for (const WeakInput* weak : causes) {
-        briefly.push_back(rests(*weak));
-        fully.push_back(weak->always ? rests(*weak) : fmt::format("{} ({})", rests(*weak), spread(*weak)));
+        briefly.push_back(constancy(*weak));
+        fully.push_back(weak->always ? constancy(*weak) : fmt::format("{} ({})", constancy(*weak), spread(*weak)));
       }
       remark_ = fmt::format("{}: {}.", ill(explained), fmt::join(briefly, ", "));
       against_steps(explained, fmt::format("{}", fmt::join(fully, "; ")));
@@ -349,12 +349,12 @@ class Judge {
     }
     for (const WeakInput& weak : found_.weak_inputs) {
       if (std::find(causes.begin(), causes.end(), &weak) != causes.end()) continue;
-      const std::string text = capital(rests(weak));
+      const std::string text = capital(constancy(weak));
       if (remark_.empty()) remark_ = text + ".";
       const char* effect = options_.evaluation == Evaluation::training ? "its effect there can hardly be identified"
                                                                        : "its effect there is hardly tested";
       if (weak.always)
-        against(inputs_unknown() && !(least(judged_) >= bounds::good_fit) ? Trust::distrust : Trust::look_closer,
+        against(inputs_unknown() && !(least(deciding_) >= bounds::good_fit) ? Trust::distrust : Trust::look_closer,
                 fmt::format("{}: nothing is known of its effect.", text));
       else
         against(Trust::look_closer, fmt::format("{} ({}): {}.", text, spread(weak), effect));
@@ -380,7 +380,7 @@ class Judge {
   const Model& model_;
   const Evidence& found_;
   const ReportOptions& options_;
-  Vector simulation_, one_step_, judged_;  // fits of the outputs that move
+  Vector simulation_, one_step_, deciding_;  // fits of the outputs that move
   Verdict verdict_;
   std::vector<std::pair<Trust, std::string>> reasons_;
   std::string remark_;  // on single steps, for the summary
@@ -389,7 +389,7 @@ class Judge {
 }  // namespace
 
 Verdict verdict_of(const Model& model, const Evidence& found, const ReportOptions& options) {
-  return Judge(model, found, options).judge();
+  return Assessment(model, found, options).verdict();
 }
 
 }  // namespace report

@@ -281,7 +281,7 @@ SpectrumBounds closed_loop_bounds(const GtvArx& arx, const Model& model, const T
             .variances(real, imaginary, step.covariance(e), e);
       step.real = uncertainty::interval(d.values.real(), real, t);
       step.imaginary = uncertainty::interval(d.values.imag(), imaginary, t);
-      uncertainty::judge(step, closed.norm());
+      uncertainty::find_simple(step, closed.norm());
     }
   });
   return result;

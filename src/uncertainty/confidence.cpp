@@ -292,7 +292,7 @@ class Bounds {
       at += 2 * n - 1;
       step.eigenvalues = step.real.estimate.cast<std::complex<double>>() +
                          std::complex<double>(0, 1) * step.imaginary.estimate.cast<std::complex<double>>();
-      uncertainty::judge(step, model_.at(spectrum->begin + Index(i)).closed_loop().norm());
+      uncertainty::find_simple(step, model_.at(spectrum->begin + Index(i)).closed_loop().norm());
       result_.spectrum.step.push_back(std::move(step));
     }
   }

@@ -63,7 +63,7 @@ Interval interval(Matrix estimate, const Variance& variance, const StudentT& t) 
   return result;
 }
 
-void judge(SpectrumBounds::Step& step, double norm) {
+void find_simple(SpectrumBounds::Step& step, double norm) {
   const Index n = step.eigenvalues.size();
   Vector deviation(n);
   for (Index i = 0; i < n; ++i) deviation(i) = std::hypot(step.real.deviation(i), step.imaginary.deviation(i));

@@ -35,6 +35,6 @@ Interval interval(Matrix estimate, const Variance& variance, const StudentT& t);
 // An eigenvalue is not simple if a neighbour is within half the sum of both standard errors. A stricter rule would
 // accept few eigenvalues except those whose standard errors are too small. The zeros of a deadbeat observer do not move
 // and are no such neighbours. The interval of every real part is widened by rounding errors.
-void judge(SpectrumBounds::Step& step, double norm);
+void find_simple(SpectrumBounds::Step& step, double norm);
 
 }  // namespace tokid::uncertainty

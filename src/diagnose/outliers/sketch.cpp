@@ -48,7 +48,7 @@ Sketch::Sketch(const Ensemble& e, const OutlierOptions& o, const Layout& layout)
   }
 }
 
-void Sketch::judge(const std::vector<char>& out) {
+void Sketch::evaluate(const std::vector<char>& out) {
   parallel_for(0, Index(places_.size()), {o_.threads, {}}, [&](Index from, Index to) {
     for (Index i = from; i < to; ++i) regress(places_[size_t(i)], out);
   });
@@ -122,7 +122,7 @@ Vector Sketch::usual_residual() const {
   return result;
 }
 
-bool Sketch::judged(Index n) const { return !std::isnan(score_[size_t(n)]); }
+bool Sketch::is_evaluated(Index n) const { return !std::isnan(score_[size_t(n)]); }
 
 double Sketch::threshold(Index n) const {
   // Fewer residuals scatter more: the mean size of n residuals scatters by 0.76 of itself over √n.

@@ -35,14 +35,14 @@ class Sketch {
   bool usable() const { return Index(places_.size()) >= fewest_places; }
 
   // Fits the models to all experiments but `out`, (N) of 0 and 1. Computes the residuals of all experiments.
-  void judge(const std::vector<char>& out);
+  void evaluate(const std::vector<char>& out);
 
   // Geometric mean, over places and outputs, of the usual residual divided by the size of the output.
   double error() const;
   // (m) usual size of the residuals.
   Vector usual_residual() const;
 
-  bool judged(Index n) const;
+  bool is_evaluated(Index n) const;
   // The size of the residuals of experiment n over the usual one: relative to their expected scatter, or plain.
   double ratio(Index n) const { return score_[size_t(n)] / typical_; }
   double plain_ratio(Index n) const { return plain_[size_t(n)] / typical_plain_; }

@@ -16,7 +16,7 @@ namespace tokid {
 namespace {
 
 // The model of all experiments is not used if it predicts the others worse than their regressions by this factor.
-constexpr double spoilt = 2.0;
+constexpr double distorted = 2.0;
 constexpr size_t most_explained = 5;
 
 // Layouts with the most lags for one step at a time, and for more steps together where this allows more lags.
@@ -54,13 +54,13 @@ std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   const auto sort = [&] {
     order.clear();
     for (Index n = 0; n < count; ++n)
-      if (sketch.judged(n)) order.push_back(n);
+      if (sketch.is_evaluated(n)) order.push_back(n);
     std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return sketch.ratio(a) > sketch.ratio(b); });
   };
   sort();
   std::vector<Index> out(order.begin(), order.begin() + std::min<Index>(Index(order.size()), (count + 9) / 10)), found;
   for (int round = 0; round < 4; ++round) {
-    sketch.judge(members(count, out));
+    sketch.evaluate(members(count, out));
     sort();
     found.clear();
     for (const Index n : order)
@@ -80,7 +80,7 @@ std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
 
 // Removes flagged experiments that the model of all experiments predicts as well as the others. This model must predict
 // the others about as well as their own regressions do, because an outlier may have distorted it.
-std::vector<Outlier> convicted(std::vector<Outlier> accused, const Ensemble& e, const Model& model,
+std::vector<Outlier> confirmed(std::vector<Outlier> flagged, const Ensemble& e, const Model& model,
                                const Vector& usual_residual) {
   const Prediction prediction = predict(model, e);
   const Index count = e.experiments(), m = e.outputs();
@@ -92,38 +92,38 @@ std::vector<Outlier> convicted(std::vector<Outlier> accused, const Ensemble& e, 
         if (!std::isnan(innovation(n, j))) own.push_back(std::abs(innovation(n, j)));
       size(n, j) = trimmed_mean(std::move(own));
     }
-  const auto is_accused = [&](Index n) {
-    return std::any_of(accused.begin(), accused.end(), [n](const Outlier& o) { return o.experiment == n; });
+  const auto is_flagged = [&](Index n) {
+    return std::any_of(flagged.begin(), flagged.end(), [n](const Outlier& o) { return o.experiment == n; });
   };
   Vector typical(m);
   for (Index j = 0; j < m; ++j) {
     std::vector<double> others;
     for (Index n = 0; n < count; ++n)
-      if (!is_accused(n) && !std::isnan(size(n, j))) others.push_back(size(n, j));
+      if (!is_flagged(n) && !std::isnan(size(n, j))) others.push_back(size(n, j));
     typical(j) = statistics::median(std::move(others));
-    if (!(typical(j) <= spoilt * usual_residual(j))) return accused;
+    if (!(typical(j) <= distorted * usual_residual(j))) return flagged;
   }
-  std::erase_if(accused, [&](const Outlier& o) {
+  std::erase_if(flagged, [&](const Outlier& o) {
     return (size.row(o.experiment).transpose().array() <= of_consequence * typical.array()).all();
   });
-  return accused;
+  return flagged;
 }
 
 }  // namespace
 
 std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
   if (e.experiments() < fewest_experiments(o)) return {};
-  const auto judged = [&](const Sketch::Layout& layout) {
+  const auto evaluated = [&](const Sketch::Layout& layout) {
     auto sketch = std::make_unique<Sketch>(e, o, layout);
-    if (sketch->usable()) sketch->judge(members(e.experiments(), {}));
+    if (sketch->usable()) sketch->evaluate(members(e.experiments(), {}));
     return sketch->usable() ? std::move(sketch) : nullptr;
   };
   std::unique_ptr<Sketch> best, first;
   Index lags = 0;
   for (const Sketch::Layout& layout : layouts(e, o)) {
-    auto own = judged(layout);
+    auto own = evaluated(layout);
     if (!own) continue;
-    if (!first) first = judged({1, layout.together});
+    if (!first) first = evaluated({1, layout.together});
     if (!best || own->error() < best->error()) best = std::move(own), lags = layout.lags;
   }
   std::vector<Outlier> result;
@@ -143,7 +143,7 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
     // But a model with one lag is wrong, and it extrapolates to inputs of another kind. The model of all experiments
     // can therefore overrule flags from one lag alone. It cannot overrule flags that more lags confirm: such an outlier
     // may have distorted it.
-    if (o.model && !alone.empty()) alone = convicted(std::move(alone), e, *o.model, best->usual_residual());
+    if (o.model && !alone.empty()) alone = confirmed(std::move(alone), e, *o.model, best->usual_residual());
     std::move(alone.begin(), alone.end(), std::back_inserter(result));
   }
   std::stable_sort(result.begin(), result.end(), [](const Outlier& a, const Outlier& b) { return a.ratio > b.ratio; });

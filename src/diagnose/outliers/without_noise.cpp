@@ -116,10 +116,10 @@ std::optional<Outlier> misfit(const Ensemble& e, const OutlierOptions& o) {
   const Index last = e.steps() - 1;
   const Index most = std::min({o.lags, last, std::max<Index>(1, (most_regressors - e.inputs()) / e.channels())});
   std::optional<Outlier> found;
-  if (o.at_rest)
+  if (o.zero_start)
     for (Index k = 0; k <= most && !found; ++k) found = misfit(e, k, k, k, o.nominal);
   // Early, an initial state that the others do not have looks wrong. Later, the inputs have reached it too.
-  const Index first = o.at_rest ? most : std::max(most, last / 2);
+  const Index first = o.zero_start ? most : std::max(most, last / 2);
   for (Index i = 1; i < fewest_places && !found; ++i)
     found = misfit(e, first + i * (last - first) / (fewest_places - 1), 1, most, o.nominal);
   return found;

@@ -6,13 +6,13 @@
 
 namespace tokid {
 
-struct Judged {
+struct Comparison {
   Validation validation;
   Prediction prediction;  // one step ahead
   Ensemble simulated;     // simulate_data()
 };
 // \throws as validate(), which returns only the first field
-Judged judge(const Model& model, const Ensemble& data, const ValidateOptions& options);
+Comparison compare(const Model& model, const Ensemble& data, const ValidateOptions& options);
 
 // validate() without findings on outlying samples, for callers that have the complete data.
 Validation validate_in_numbers(const Model& model, const Ensemble& data, const ValidateOptions& options);
