@@ -151,7 +151,7 @@ std::string smoothing_text(const Call& call, const Identification& result) {
   if (period == 1)
     return call.options.period == 1 ? "one model for all steps, as asked"
                                     : "one model for all steps: the experiments show no variation in time";
-  const char* why = call.options.smoothing >= 0 ? "as asked" : "by errors on experiments left out";
+  const char* why = call.options.smoothing ? "as asked" : "by errors on experiments left out";
   return fmt::format("{}lambda = {} over time, {}",
                      period > 1 ? fmt::format("steps k and k + {} share a model; ", period) : std::string(),
                      penalty(result.plan.choices.variation.smoothing), why);
@@ -176,11 +176,11 @@ void add_smoothing_trials(const SmoothingChoice& choice, Page& page) {
 
 void add_lag_order(const Call& call, const Data& data, const Identification& result, Page& page) {
   const bool tried = result.lag_order_errors.mean.size() > 0;
-  const char* why = call.options.lags > 0 ? "as asked" : tried ? "by leave-one-out error" : "the smallest possible";
+  const char* why = call.options.lags ? "as asked" : tried ? "by leave-one-out error" : "the smallest possible";
   const SmoothingChoice& together = result.smoothing_choice;
   if (!together.trials.empty()) {
     page.row("Lag order", fmt::format("p = {}, {}", result.plan.lags,
-                                      call.options.lags > 0 ? "as asked" : "by errors on experiments left out"));
+                                      call.options.lags ? "as asked" : "by errors on experiments left out"));
     page.row("Smoothing", smoothing_text(call, result));
     add_smoothing_trials(together, page);
     return;
@@ -211,7 +211,7 @@ void add_states(const Call& call, const Identification& result, Page& page) {
   const Model& model = result.model;
   const bool tried = !result.order_scores.states.empty();
   const bool after_em = decided_after_em(result);
-  const char* why = call.options.states > 0 && model.states() == call.options.states ? "as asked"
+  const char* why = call.options.states == model.states()          ? "as asked"
                     : after_em                                     ? "by errors on experiments left out, after EM"
                     : tried && result.order_scores.cross_validated ? "by errors on experiments left out"
                     : tried                                        ? "by prediction and simulation errors"
@@ -327,8 +327,7 @@ Json json(const Call& call, const Data& data, const Identification& result) {
                              {"reason", initial.reason}};
   j["nominal"] = result.plan.nominal;
   j["nominal_test"] = nullptr;
-  if (call.options.nominal == NominalChoice::automatic)
-    j["nominal_test"] = json(result.nominal_test, model, data.inputs);
+  if (!call.options.nominal) j["nominal_test"] = json(result.nominal_test, model, data.inputs);
   j["k_begin"] = model.k_begin;
   j["k_end"] = model.k_end();
   j["full_begin"] = model.full_begin();
@@ -385,7 +384,7 @@ bool in_blocks(const Call& call) {
   if (call.block != automatic) return call.block > 0;
   const IdentifyOptions& o = call.options;
   const bool possible = is_hdf5(call.model) && call.page.empty() && call.state.empty() && o.period == 0 &&
-                        !std::isinf(o.smoothing) && o.frame != Frame::reference;
+                        o.smoothing != std::numeric_limits<double>::infinity() && o.frame != Frame::reference;
   const std::optional<double> bytes = possible ? bytes_in_blocks(call.data) : std::nullopt;
   return bytes && (*bytes > much || team().size > 1);
 }
@@ -443,7 +442,7 @@ void run(const Call& call) {
   check_output(call.model, Content::model, {call.data});
   if (!call.page.empty()) check_output(call.page, Content::page);
   if (!call.state.empty()) check_output(call.state, Content::state, {call.data, call.model});
-  if (call.options.reference_step >= 0 && call.options.frame != Frame::reference)
+  if (call.options.reference_step && call.options.frame != Frame::reference)
     throw std::invalid_argument("--reference-step: needs --frame reference");
   const bool blocks = in_blocks(call);
   if (call.resume && !blocks)

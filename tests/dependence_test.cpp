@@ -14,6 +14,7 @@
 #include "testing.hpp"
 #include "tokid/cross_validate.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/provenance.hpp"
 #include "tokid/refine_model.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/update.hpp"

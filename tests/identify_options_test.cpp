@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "testing.hpp"
@@ -149,6 +150,29 @@ TEST(IdentifyOptions, WhatIsNotNamedHasItsDefault) {
   EXPECT_EQ(read.lags, 3);
   EXPECT_EQ(read.states, IdentifyOptions{}.states);
   EXPECT_EQ(read.initial_state, std::nullopt);
+}
+
+TEST(IdentifyOptions, ValuesOutOfTheirRangeAreRefused) {
+  const Ensemble data = experiments(oscillator(10), {.experiments = 12});
+  const auto refused = [&](const IdentifyOptions& options) {
+    try {
+      identify(data, options);
+    } catch (const std::invalid_argument& error) {
+      return std::string(error.what());
+    }
+    return std::string("no exception");
+  };
+  const std::string count = "0 found, a whole number from 1 to 1000000 or auto needed";
+  EXPECT_EQ(refused({.states = 0}), "states: " + count);
+  EXPECT_EQ(refused({.lags = 0}), "lags: " + count);
+  EXPECT_EQ(refused({.rows = 0}), "rows: " + count);
+  EXPECT_EQ(refused({.cols = 0}), "cols: " + count);
+  EXPECT_EQ(refused({.smoothing = -1}), "smoothing: -1.0 found, a number from 0 on, infinity or auto needed");
+  EXPECT_EQ(refused({.smoothing = std::nan("")}), "smoothing: nan found, a number from 0 on, infinity or auto needed");
+  EXPECT_EQ(refused({.period = -1}), "period: -1 found, a whole number from 0 to 1000000 or invariant needed");
+  EXPECT_EQ(refused({.reference_step = -1}),
+            "reference_step: -1 found, a whole number from 0 to 1000000000 or auto needed");
+  EXPECT_EQ(refused({.hold_out = 1}), "hold_out: 1.0 found, a number from 0 to below 1 needed");
 }
 
 TEST(IdentifyOptions, OthersThanTheKnownAreRefused) {

@@ -298,8 +298,8 @@ TEST(Identify, NoiseIsSurvivedByEveryOrderChosenAutomatically) {
   ExperimentOptions options{.experiments = 100, .seed = 77, .process_noise = 0.01, .measurement_noise = 0.03};
   const Ensemble fresh = experiments(system, options);
   options.seed = 1;
-  for (const auto& [method, count] :
-       {std::pair{Method::tvera, 30}, {Method::tvera, 100}, {Method::tvera, 400}, {Method::automatic, 30}}) {
+  for (const auto& [method, count] : std::vector<std::pair<std::optional<Method>, Index>>{
+           {Method::tvera, 30}, {Method::tvera, 100}, {Method::tvera, 400}, {std::nullopt, 30}}) {
     options.experiments = count;
     const Identification result = identify(experiments(system, options), {.method = method});
     const Validation v = validate(result.model, fresh);

@@ -98,11 +98,11 @@ TEST(Folds, ChooseTheSimulatedOrder) {
     Folds::Options o;
     o.lags = 4;
     o.variation = {0.0, 1};
-    const OrderScores one = Folds(e, o).choose_states(0, 8);
+    const OrderScores one = Folds(e, o).choose_states({}, 8);
     EXPECT_EQ(one.best, 3) << seed;
     EXPECT_TRUE(one.cross_validated);
     o.threads = 3;
-    const OrderScores several = Folds(e, o).choose_states(0, 8);
+    const OrderScores several = Folds(e, o).choose_states({}, 8);
     EXPECT_EQ(several.one_step, one.one_step);
     EXPECT_EQ(several.simulation, one.simulation);
     const OrderScores given = Folds(e, o).choose_states(2, 8);

@@ -243,7 +243,7 @@ TEST(SmoothArx, MistakesAreNamed) {
   EXPECT_EQ(message(with(5, 1.0)), "no exception");
 }
 
-SmoothingChoice choose(const Ensemble& e, std::vector<Index> lags, double smoothing = -1.0) {
+SmoothingChoice choose(const Ensemble& e, std::vector<Index> lags, std::optional<double> smoothing = {}) {
   SmoothingOptions o;
   o.lags = std::move(lags);
   o.smoothing = smoothing;

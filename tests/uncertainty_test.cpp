@@ -381,7 +381,7 @@ struct Case {
   Ensemble data;
   Identification found;
 };
-Case noisy_oscillator(double hold_out = 0.0, NominalChoice nominal = NominalChoice::automatic) {
+Case noisy_oscillator(double hold_out = 0.0, std::optional<NominalChoice> nominal = {}) {
   ExperimentOptions o;
   o.experiments = 60;
   o.process_noise = 0.01;

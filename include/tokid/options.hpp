@@ -9,30 +9,33 @@
 
 namespace tokid {
 
-enum class NominalChoice { automatic, none, mean };
+enum class NominalChoice { none, mean };
 
+// An empty option is chosen by the identification.
 struct IdentifyOptions {
-  // n; 0: the rank of each H_k if the data are free of noise, else the order with the smallest prediction and
-  // simulation errors
-  Index states = 0;
-  // p; 0: the order with the smallest cross-validation error, chosen together with λ if the data are noisy
-  Index lags = 0;
-  Method method = Method::automatic;
-  // λ of the penalty on variation over time. Negative: by cross-validation if the data are noisy or too few for a
-  // regression at each step. Infinity: one model for all steps. TVERA has no λ.
-  double smoothing = -1.0;
+  // n. Empty: the rank of each H_k if the data are free of noise, else the order with the smallest prediction and
+  // simulation errors.
+  std::optional<Index> states = {};
+  // p. Empty: the order with the smallest cross-validation error, chosen together with λ if the data are noisy.
+  std::optional<Index> lags = {};
+  // Empty: TVERA for data without noise from zero initial states, else the subspace realisation.
+  std::optional<Method> method = {};
+  // λ of the penalty on variation over time. Infinity: one model for all steps. TVERA has no λ. Empty: by
+  // cross-validation if the data are noisy or too few for a regression at each step.
+  std::optional<double> smoothing = {};
   Index period = 0;  // P: the steps k, k+P, … share one model; 1: time-invariant; 0: each step has its own
-  // Weighting of the subspace realisation; empty: by cross-validation if steps share a model, else one_step.
+  // Weighting of the subspace realisation. Empty: by cross-validation if steps share a model, else one_step.
   std::optional<Weighting> weighting = {};
   // Maximum likelihood by EM, as far as it lowers the cross-validation error. Empty: true if the data are noisy and the
   // realisation is the subspace one.
   std::optional<bool> refine = {};
   std::optional<InitialState> initial_state = {};  // empty: as the data state it, else by a test of the first residuals
-  NominalChoice nominal = NominalChoice::automatic;
+  std::optional<NominalChoice> nominal = {};       // empty: mean if the mean motion is significant, else none
   Frame frame = Frame::raw;
-  Index reference_step = -1;  // s of the reference frame; -1: the first step of full dimension
-  double hold_out = 0.0;      // held-out share of the experiments, for validation, 0 ≤ share < 1
-  Index rows = 0, cols = 0;   // blocks of H_k; 0: max(p, ⌈n/m⌉)+1 and max(p, n), or with noise max(p, 48)
+  std::optional<Index> reference_step = {};  // s of the reference frame; empty: the first step of full dimension
+  double hold_out = 0.0;                     // held-out share of the experiments, for validation, 0 ≤ share < 1
+  // Blocks of H_k. Empty: max(p, ⌈n/m⌉)+1 and max(p, n), or with noise max(p, 48).
+  std::optional<Index> rows = {}, cols = {};
   // Choices of an earlier identification of the same kind, to use again with its `lags` and `states`; empty: choose
   // anew.
   std::optional<NoisyChoices> choices = {};

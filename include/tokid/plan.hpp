@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
+
 #include "tokid/choices.hpp"
 #include "tokid/finding.hpp"
 #include "tokid/gtv_arx.hpp"
@@ -13,11 +15,10 @@
 namespace tokid {
 
 enum class Frame { raw, reference, smooth };
-// automatic: TVERA for data without noise from zero initial states, else the subspace realisation
-enum class Method { automatic, tvera, subspace };
+enum class Method { tvera, subspace };
 
 struct Plan {
-  Method method = Method::subspace;                 // tvera or subspace
+  Method method = Method::subspace;
   Index lags = 0;                                   // p
   Index states = 0;                                 // n; 0: the rank of each H_k
   InitialState initial_state = InitialState::zero;  // initial states of the experiments
@@ -29,10 +30,10 @@ struct Plan {
   bool noisy = false;        // residuals beyond rounding errors
   bool coupled = false;      // one regression of all steps with `choices`; else one for each step
   NoisyChoices choices = {};
-  Index rows = 0, cols = 0;        // blocks of H_k; 0: the number that p lags and n states need
-  Vector output_size, input_size;  // (m), (r): units in which TVERA forms H_k
-  Frame frame = Frame::raw;        // coordinates of the model
-  Index reference_step = -1;       // s of the reference frame; -1: the first step of full dimension
+  std::optional<Index> rows = {}, cols = {};  // blocks of H_k; empty: the number that p lags and n states need
+  Vector output_size, input_size;             // (m), (r): units in which TVERA forms H_k
+  Frame frame = Frame::raw;                   // coordinates of the model
+  std::optional<Index> reference_step = {};   // s of the reference frame; empty: the first step of full dimension
 };
 
 // The regressions (16)-(19), of each step alone or of all steps coupled. \throws std::invalid_argument as gtv_arx() and

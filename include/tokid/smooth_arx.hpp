@@ -3,6 +3,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
+#include <vector>
+
 #include "tokid/gtv_arx.hpp"
 
 namespace tokid {
@@ -45,9 +48,9 @@ struct SmoothingChoice {
   double error = 0.0;
 };
 struct SmoothingOptions {
-  Index folds = 5;          // F; more than N counts as N
-  std::vector<Index> lags;  // the orders to choose from, ascending
-  double smoothing = -1.0;  // λ if it is given; negative: chosen between 0 and infinity
+  Index folds = 5;                       // F; more than N counts as N
+  std::vector<Index> lags;               // the orders to choose from, ascending
+  std::optional<double> smoothing = {};  // λ; empty: chosen between 0 and infinity
   InitialState initial_state = InitialState::zero;
   Index period = 0;
   bool centred = false;  // departures from a mean motion; see fold()

@@ -185,9 +185,9 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
   return result;
 }
 
-OrderScores Folds::choose_states(Index states, Index most) const {
+OrderScores Folds::choose_states(std::optional<Index> states, Index most) const {
   const auto among = [&](Weighting weighting, double smoothing, Index least, Index largest) {
-    return states > 0 ? scores(weighting, smoothing, states, states) : scores(weighting, smoothing, least, largest);
+    return scores(weighting, smoothing, states.value_or(least), states.value_or(largest));
   };
   OrderScores all =
       among(options_.weightings.front(), SubspaceOptions::state_share * options_.variation.smoothing, 1, most);

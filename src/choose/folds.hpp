@@ -47,8 +47,8 @@ class Folds {
   // Fits an ARX model and predictors to the experiments outside each fold.
   Folds(const Ensemble& ensemble, const Options& options);
 
-  // Chooses n, the weighting and the λ of the regressions on states. `states`: the given n, or 0 to choose it.
-  OrderScores choose_states(Index states, Index most) const;
+  // Chooses n, the weighting and the λ of the regressions on states. `states`: n, if it is given.
+  OrderScores choose_states(std::optional<Index> states, Index most) const;
   // Chooses the number of EM iterations and, unless it is given, their λ. EM starts from subspace models with this many
   // states, the weighting of the scores, and the λ of EM. It competes with the subspace models that have the λ of the
   // scores.

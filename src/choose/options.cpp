@@ -16,151 +16,146 @@ namespace {
 
 constexpr Index largest_count = 1'000'000, last_step = 1'000'000'000;
 
-// A whole number, or a word that stands for a value of its own.
-Option whole(const char* key, const char* value, Index IdentifyOptions::*field, Index least, Index largest,
-             std::vector<std::pair<std::string, Index>> words, const char* help) {
-  Option o{.key = key,
-           .value = value,
-           .range = fmt::format("a whole number from {} to {}", least, largest),
-           .words = {},
-           .help = help,
-           .opposite = {}};
-  for (const auto& [word, meaning] : words) o.words.push_back(word);
-  const auto in_range = [=](Index n) { return n >= least && n <= largest; };
-  o.write = [=](const IdentifyOptions& options) {
-    if (!in_range(options.*field))
-      for (const auto& [word, meaning] : words)
-        if (options.*field == meaning) return Json(word);
-    return Json(options.*field);
-  };
-  o.read = [=](IdentifyOptions& options, const Json& json) {
-    for (const auto& [word, meaning] : words)
-      if (json == word) return options.*field = meaning, true;
-    if (!json.is_number_integer() || !in_range(json.get<Index>())) return false;
-    options.*field = json.get<Index>();
-    return true;
-  };
-  o.is_valid = [=](const IdentifyOptions& options) {
-    return in_range(options.*field) ||
-           std::any_of(words.begin(), words.end(), [&](const auto& word) { return word.second == options.*field; });
-  };
-  return o;
-}
-
-// One of several words.
+// The values of an option, and their JSON.
 template <class T>
-Option word(const char* key, T IdentifyOptions::*field, std::vector<std::pair<std::string, T>> words,
-            const char* help) {
-  Option o{.key = key, .value = {}, .range = {}, .words = {}, .help = help, .opposite = {}};
-  for (const auto& [word, meaning] : words) o.words.push_back(word);
-  o.value = fmt::format("{}", fmt::join(o.words, "|"));
-  o.write = [=](const IdentifyOptions& options) {
-    const auto found =
-        std::find_if(words.begin(), words.end(), [&](const auto& w) { return w.second == options.*field; });
-    return found == words.end() ? Json() : Json(found->first);
+struct Values {
+  std::string placeholder = {};  // empty: one of the words
+  std::string range = {};        // empty: no numbers
+  std::vector<std::string> words = {};
+  std::function<Json(const T&)> write = {};
+  std::function<std::optional<T>(const Json&)> read = {};  // empty: not one of the values
+};
+
+template <class T>
+Values<T> one_of(const std::vector<std::pair<std::string, T>>& all) {
+  Values<T> v;
+  for (const auto& [word, meaning] : all) v.words.push_back(word);
+  v.write = [all](const T& value) {
+    const auto found = std::find_if(all.begin(), all.end(), [&](const auto& entry) { return entry.second == value; });
+    return found == all.end() ? Json() : Json(found->first);
   };
-  o.read = [=](IdentifyOptions& options, const Json& json) {
-    for (const auto& [word, meaning] : words)
-      if (json == word) return options.*field = meaning, true;
-    return false;
+  v.read = [all](const Json& json) {
+    const auto found = std::find_if(all.begin(), all.end(), [&](const auto& entry) { return json == entry.first; });
+    return found == all.end() ? std::nullopt : std::optional(found->second);
   };
-  o.is_valid = [](const IdentifyOptions&) { return true; };
-  return o;
+  return v;
 }
 
-// On, off, or as the data ask for.
-Option on_or_off(const char* key, std::optional<bool> IdentifyOptions::*field, const char* help, const char* opposite) {
-  Option o = word<std::optional<bool>>(key, field, {{"auto", std::nullopt}, {"yes", true}, {"no", false}}, help);
-  o.opposite = opposite;
-  o.read = [read = o.read, field](IdentifyOptions& options, const Json& json) {
-    if (json.is_boolean()) return options.*field = json.get<bool>(), true;
-    return read(options, json);
-  };
-  return o;
+Values<bool> yes_or_no() {
+  Values<bool> v = one_of<bool>({{"yes", true}, {"no", false}});
+  v.read = [word = v.read](const Json& json) { return json.is_boolean() ? json.get<bool>() : word(json); };
+  return v;
 }
 
-// λ, where a negative one stands for "auto".
-Option smoothing() {
-  Option o{.key = "smoothing",
-           .value = "L|auto",
-           .range = "a number from 0 on",
-           .words = {"infinity", "auto"},
-           .help = "Penalty lambda on variation in time: 0 none, infinity one model (auto: by cross-validation)",
-           .opposite = {}};
-  o.write = [](const IdentifyOptions& options) {
-    if (std::isnan(options.smoothing)) return Json("nan");
-    return options.smoothing < 0 ? Json("auto") : provenance::penalty(options.smoothing);
-  };
-  o.read = [](IdentifyOptions& options, const Json& json) {
-    const std::optional<double> given = provenance::penalty(json == "inf" ? Json("infinity") : json);
-    if (!given && json != "auto") return false;
-    options.smoothing = given.value_or(-1.0);
-    return true;
-  };
-  o.is_valid = [](const IdentifyOptions& options) { return !std::isnan(options.smoothing); };
-  return o;
+Values<Index> whole(const char* placeholder, Index least, Index largest) {
+  return {.placeholder = placeholder,
+          .range = fmt::format("a whole number from {} to {}", least, largest),
+          .write = [](Index value) { return Json(value); },
+          .read = [=](const Json& json) -> std::optional<Index> {
+            if (!json.is_number_integer() || json < least || json > largest) return std::nullopt;
+            return json.get<Index>();
+          }};
 }
 
-Option hold_out() {
-  Option o{.key = "hold_out",
-           .value = "FRACTION",
-           .range = "a number from 0 to below 1",
-           .words = {},
-           .help = "Share of the experiments kept for validation (default 0)",
-           .opposite = {}};
-  o.write = [](const IdentifyOptions& options) { return Json(options.hold_out); };
-  o.is_valid = [](const IdentifyOptions& options) { return options.hold_out >= 0 && options.hold_out < 1; };
-  o.read = [is_valid = o.is_valid](IdentifyOptions& options, const Json& json) {
-    IdentifyOptions given;
-    if (!json.is_number()) return false;
-    given.hold_out = json.get<double>();
-    if (!is_valid(given)) return false;
-    options.hold_out = given.hold_out;
-    return true;
+Values<Index> period_of_steps() {
+  Values<Index> v = whole("P", 0, largest_count);
+  v.words = {"invariant"};
+  v.read = [number = v.read](const Json& json) { return json == "invariant" ? 1 : number(json); };
+  return v;
+}
+
+Values<double> penalty() {
+  return {.placeholder = "L",
+          .range = "a number from 0 on",
+          .words = {"infinity"},
+          .write = [](double value) { return provenance::penalty(value); },
+          .read = [](const Json& json) { return provenance::penalty(json == "inf" ? Json("infinity") : json); }};
+}
+
+Values<double> fraction() {
+  return {.placeholder = "FRACTION",
+          .range = "a number from 0 to below 1",
+          .write = [](double value) { return Json(value); },
+          .read = [](const Json& json) -> std::optional<double> {
+            if (!json.is_number() || !(json >= 0 && json < 1)) return std::nullopt;
+            return json.get<double>();
+          }};
+}
+
+// Also "auto", for an option that the identification chooses.
+template <class T>
+Values<std::optional<T>> or_auto(const Values<T>& given) {
+  Values<std::optional<T>> v{given.placeholder, given.range, given.words};
+  if (!v.placeholder.empty()) v.placeholder += "|auto";
+  v.words.insert(v.range.empty() ? v.words.begin() : v.words.end(), "auto");
+  v.write = [write = given.write](const std::optional<T>& value) { return value ? write(*value) : Json("auto"); };
+  v.read = [read = given.read](const Json& json) -> std::optional<std::optional<T>> {
+    if (json == "auto") return std::optional<T>();
+    if (const std::optional<T> value = read(json)) return value;
+    return std::nullopt;
   };
-  return o;
+  return v;
+}
+
+template <class T>
+Option option(const char* key, T IdentifyOptions::*field, const Values<T>& values, const char* help,
+              const char* opposite = "") {
+  return {.key = key,
+          .value = values.placeholder.empty() ? fmt::format("{}", fmt::join(values.words, "|")) : values.placeholder,
+          .range = values.range,
+          .words = values.words,
+          .help = help,
+          .opposite = opposite,
+          .write = [=](const IdentifyOptions& options) { return values.write(options.*field); },
+          .read =
+              [=](IdentifyOptions& options, const Json& json) {
+                const std::optional<T> value = values.read(json);
+                if (value) options.*field = *value;
+                return value.has_value();
+              }};
+}
+
+Values<Weighting> weightings() {
+  return one_of<Weighting>({{"one-step", Weighting::one_step},
+                            {"many-steps", Weighting::many_steps},
+                            {"projection", Weighting::projection}});
 }
 
 // In the order of the text in models.
 std::vector<Option> table() {
   using O = IdentifyOptions;
+  const Values<std::optional<Index>> count = or_auto(whole("N", 1, largest_count));
   return {
-      whole("states", "N|auto", &O::states, 1, largest_count, {{"auto", 0}},
-            "State dimension n (auto: the rank of the Hankel matrices, or by cross-validation where the data are "
-            "noisy)"),
-      whole("lags", "N|auto", &O::lags, 1, largest_count, {{"auto", 0}},
-            "Lag order p (auto: the smallest leave-one-out error)"),
-      word<Method>("method", &O::method,
-                   {{"auto", Method::automatic}, {"tvera", Method::tvera}, {"subspace", Method::subspace}},
-                   "Realisation (auto: tvera without noise from zero initial states, else subspace)"),
-      smoothing(),
-      whole("period", "P", &O::period, 0, largest_count, {{"invariant", 1}}, "Steps k, k+P, ... share one model"),
-      word<std::optional<Weighting>>("weighting", &O::weighting,
-                                     {{"auto", std::nullopt},
-                                      {"one-step", Weighting::one_step},
-                                      {"many-steps", Weighting::many_steps},
-                                      {"projection", Weighting::projection}},
-                                     "What the states must explain (auto: by cross-validation); projection: PO-MOESP"),
-      on_or_off("refine", &O::refine,
-                "Maximum likelihood by EM, as far as it lowers the cross-validation error (default for noisy data)",
-                "No EM"),
-      word<std::optional<InitialState>>(
-          "initial_state", &O::initial_state,
-          {{"auto", std::nullopt}, {"zero", InitialState::zero}, {"unknown", InitialState::unknown}},
-          "States at step 0 (auto: as the data say, else by test)"),
-      word<NominalChoice>(
-          "nominal", &O::nominal,
-          {{"auto", NominalChoice::automatic}, {"none", NominalChoice::none}, {"mean", NominalChoice::mean}},
-          "Mean motion to remove (auto: where it is significant)"),
-      word<Frame>("frame", &O::frame, {{"raw", Frame::raw}, {"reference", Frame::reference}, {"smooth", Frame::smooth}},
-                  "Coordinates of the states (default raw)"),
-      whole("reference_step", "S|auto", &O::reference_step, 0, last_step, {{"auto", -1}},
-            "Step of the reference frame (auto: first of full dimension)"),
-      hold_out(),
-      whole("rows", "N|auto", &O::rows, 1, largest_count, {{"auto", 0}},
-            "Block rows of the Hankel matrices of tvera (auto: as many as lags and states need)"),
-      whole("cols", "N|auto", &O::cols, 1, largest_count, {{"auto", 0}},
-            "Block columns of the Hankel matrices of tvera (auto: the same, and more with noise)"),
+      option("states", &O::states, count,
+             "State dimension n (auto: the rank of the Hankel matrices, or by cross-validation where the data are "
+             "noisy)"),
+      option("lags", &O::lags, count, "Lag order p (auto: the smallest leave-one-out error)"),
+      option("method", &O::method, or_auto(one_of<Method>({{"tvera", Method::tvera}, {"subspace", Method::subspace}})),
+             "Realisation (auto: tvera without noise from zero initial states, else subspace)"),
+      option("smoothing", &O::smoothing, or_auto(penalty()),
+             "Penalty lambda on variation in time: 0 none, infinity one model (auto: by cross-validation)"),
+      option("period", &O::period, period_of_steps(), "Steps k, k+P, ... share one model"),
+      option("weighting", &O::weighting, or_auto(weightings()),
+             "What the states must explain (auto: by cross-validation); projection: PO-MOESP"),
+      option("refine", &O::refine, or_auto(yes_or_no()),
+             "Maximum likelihood by EM, as far as it lowers the cross-validation error (default for noisy data)",
+             "No EM"),
+      option("initial_state", &O::initial_state,
+             or_auto(one_of<InitialState>({{"zero", InitialState::zero}, {"unknown", InitialState::unknown}})),
+             "States at step 0 (auto: as the data say, else by test)"),
+      option("nominal", &O::nominal,
+             or_auto(one_of<NominalChoice>({{"none", NominalChoice::none}, {"mean", NominalChoice::mean}})),
+             "Mean motion to remove (auto: where it is significant)"),
+      option("frame", &O::frame,
+             one_of<Frame>({{"raw", Frame::raw}, {"reference", Frame::reference}, {"smooth", Frame::smooth}}),
+             "Coordinates of the states (default raw)"),
+      option("reference_step", &O::reference_step, or_auto(whole("S", 0, last_step)),
+             "Step of the reference frame (auto: first of full dimension)"),
+      option("hold_out", &O::hold_out, fraction(), "Share of the experiments kept for validation (default 0)"),
+      option("rows", &O::rows, count,
+             "Block rows of the Hankel matrices of tvera (auto: as many as lags and states need)"),
+      option("cols", &O::cols, count,
+             "Block columns of the Hankel matrices of tvera (auto: the same, and more with noise)"),
   };
 }
 
@@ -191,30 +186,14 @@ const Option* find_option(std::string_view key) {
 
 void check_options(const IdentifyOptions& options) {
   for (const Option& option : option_table()) {
-    if (option.is_valid(options)) continue;
     const Json found = option.write(options);
+    IdentifyOptions read;
+    if (option.read(read, found)) continue;
     throw std::invalid_argument(fmt::format("{}: {} found, {} needed", option.key,
                                             found.is_string() ? found.get<std::string>() : text_of(found),
                                             option.needed()));
   }
 }
-
-namespace {
-
-// A weighting by its word in the table.
-Json written(Weighting weighting) {
-  IdentifyOptions options;
-  options.weighting = weighting;
-  return find_option("weighting")->write(options);
-}
-
-std::optional<Weighting> read_weighting(const Json& json) {
-  IdentifyOptions options;
-  find_option("weighting")->read(options, json);
-  return options.weighting;
-}
-
-}  // namespace
 
 std::string to_json(const IdentifyOptions& options, Index experiments) {
   Json json;
@@ -249,7 +228,7 @@ void note_choices(Model& model, const NoisyChoices& choices) {
   json[provenance::choices_key] = {{"smoothing", provenance::penalty(choices.variation.smoothing)},
                                    {"period", choices.variation.period},
                                    {"state_smoothing", provenance::penalty(choices.state_smoothing)},
-                                   {"weighting", written(choices.weighting)},
+                                   {"weighting", weightings().write(choices.weighting)},
                                    {"refinement_smoothing", provenance::penalty(choices.refinement_smoothing)},
                                    {"refinement_iterations", choices.refinement_iterations}};
   model.options = text_of(json);
@@ -266,7 +245,7 @@ std::optional<NoisyChoices> noted_choices(const Model& model) {
   };
   const auto smoothing = number("smoothing"), states = number("state_smoothing"), em = number("refinement_smoothing");
   const auto period = count("period"), iterations = count("refinement_iterations");
-  const std::optional<Weighting> weighting = read_weighting(noted->value("weighting", Json()));
+  const std::optional<Weighting> weighting = weightings().read(noted->value("weighting", Json()));
   if (!smoothing || !states || !em || !period || !iterations || !weighting) return std::nullopt;
   return NoisyChoices{{*smoothing, *period}, *states, *weighting, *em, *iterations};
 }

@@ -23,7 +23,6 @@ struct Option {
 
   std::function<Json(const IdentifyOptions&)> write = {};
   std::function<bool(IdentifyOptions&, const Json&)> read = {};  // false: the value is none that it takes
-  std::function<bool(const IdentifyOptions&)> is_valid = {};     // is the field in its range?
 
   bool is_switch() const { return !opposite.empty(); }
   // "a whole number from 1 to 1000000 or 'auto'", with these marks around words.

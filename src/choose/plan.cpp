@@ -66,11 +66,11 @@ TveraOptions tvera_options(const Plan& plan, Index outputs) {
   const Index p = plan.lags, n = plan.states;
   TveraOptions o;
   o.states = n;
-  o.rows = plan.rows > 0 ? plan.rows : std::max(p + 1, ceil_div(n, outputs) + 1);
+  o.rows = plan.rows.value_or(std::max(p + 1, ceil_div(n, outputs) + 1));
   // One input, or one direction of the inputs, may have to reach every state by itself. n columns suffice, because n
   // input steps do. With noise, more columns show the states better, above all slow and unstable ones.
   const Index most = plan.noisy ? noisy_columns : n > 0 ? n : p * outputs;
-  o.cols = plan.cols > 0 ? plan.cols : std::max(p, most);
+  o.cols = plan.cols.value_or(std::max(p, most));
   o.output_size = plan.output_size;
   o.input_size = plan.input_size;
   return o;
@@ -97,9 +97,7 @@ Model from_known_state(Model model, InitialState initial) {
   return model;
 }
 
-Index frame_step(const Model& model, const Plan& plan) {
-  return plan.reference_step >= 0 ? plan.reference_step : model.full_begin();
-}
+Index frame_step(const Model& model, const Plan& plan) { return plan.reference_step.value_or(model.full_begin()); }
 
 FramedModel in_frame(Model model, const Plan& plan) {
   const Index rows = std::max<Index>(plan.lags, ceil_div(std::max<Index>(1, model.states()), model.outputs));

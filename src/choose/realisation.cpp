@@ -24,8 +24,8 @@ constexpr double tolerated = 1.1;
 
 // Takes the choices of the options about the realisation. The data decide the rest later.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
-  plan.method = method_of(plan, o.method);
-  plan.states = o.states;
+  plan.method = o.method.value_or(automatic_method(plan));
+  plan.states = o.states.value_or(0);
   plan.rows = o.rows, plan.cols = o.cols;
   plan.frame = o.frame, plan.reference_step = o.reference_step;
   plan.choices.weighting = o.weighting.value_or(Weighting::one_step);
@@ -174,15 +174,15 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
   const OrderScores& scores = result.order_scores = folds.choose_states(options.states, most);
   plan.choices.state_smoothing = scores.smoothing;
   plan.choices.weighting = scores.weighting;
-  if (options.states == 0) plan.states = scores.best;
+  if (!options.states) plan.states = scores.best;
   result.model = realise(data, arx, {}, plan, share(options.execution, 0.7, 0.8));
   if (!options.refine.value_or(true) || result.model.states() == 0 || result.model.states() < plan.states) return;
   // The λ of the ARX model is not the λ of EM. But a λ of 0 applies to both.
-  const std::optional<double> stated = options.smoothing == 0 ? std::optional(0.0) : std::nullopt;
+  const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   RefinementChoice choice = folds.choose_refinement(plan.states, scores, stated);
   if (choice.iterations > 0) {
     // Windows without a gap may be too few to show all states. EM uses every sample.
-    if (options.states == 0)
+    if (!options.states)
       choice = folds.reconsider_states(std::move(choice), scores,
                                        windows_are_scarce(selection, plan.lags) ? most : plan.states, stated);
     refine_if_better(data, arx, choice, options.execution, result);
@@ -194,8 +194,7 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
 
 }  // namespace
 
-Method method_of(const Plan& plan, Method asked) {
-  if (asked != Method::automatic) return asked;
+Method automatic_method(const Plan& plan) {
   const bool exact = !plan.noisy && plan.initial_state == InitialState::zero && !plan.coupled;
   return exact ? Method::tvera : Method::subspace;
 }
@@ -206,7 +205,7 @@ Realised realised(const Ensemble& data, const Ensemble& selection, const Plan& p
   result.plan = as_asked(data, plan, options);
   const Execution execution = share(options.execution, 0.6, 0.8);
   if (result.plan.method == Method::tvera) {
-    if (plan.noisy && options.states == 0)
+    if (plan.noisy && !options.states)
       realise_in_scored_order(data, std::move(arx), execution, result);
     else
       result.model = realise(data, std::move(arx), data.free, result.plan, execution);

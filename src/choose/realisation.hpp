@@ -6,8 +6,8 @@
 
 namespace tokid {
 
-// TVERA or the subspace realisation: as asked, or by noise, initial state and coupling of the plan.
-Method method_of(const Plan& plan, Method asked);
+// TVERA for uncoupled steps of data without noise from zero initial states, else the subspace realisation.
+Method automatic_method(const Plan& plan);
 
 struct Realised {
   Model model;  // in the coordinates of its realisation

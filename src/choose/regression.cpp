@@ -36,7 +36,7 @@ Index unknowns_of(const Ensemble& data, Index lags) { return minimum_experiments
 
 // The smallest p for the states asked for: p·m ≥ n.
 Index least_lags(const Ensemble& data, const IdentifyOptions& options) {
-  return options.states > 0 ? ceil_div(options.states, data.outputs()) : 1;
+  return options.states ? ceil_div(*options.states, data.outputs()) : 1;
 }
 
 // Number of windows of p+1 steps without a gap.
@@ -108,9 +108,9 @@ Index checked_windows(const Ensemble& data, Index lags) {
 // as the unknowns. Uncoupled steps need at least one degree of freedom each.
 std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& data, bool nominal, InitialState initial,
                                   Index period, const IdentifyOptions& options) {
-  if (options.lags > 0) return {options.lags};
+  if (options.lags) return {*options.lags};
   const Index needed = least_lags(data, options), first = first_scored(initial, 1, period);
-  const bool coupled = period > 0 || options.smoothing != 0;
+  const bool coupled = period > 0 || options.smoothing != 0.0;
   std::vector<Index> candidates;
   for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
     if (const Index unknowns = unknowns_of(data, p);
@@ -126,8 +126,10 @@ std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& dat
 Regressed each_step_alone(const Ensemble& data, bool nominal, const IdentifyOptions& options) {
   Regressed result;
   result.plan.nominal = nominal;
-  result.plan.lags = options.lags;
-  if (options.lags == 0) choose_lags(data, nominal, options, result);
+  if (options.lags)
+    result.plan.lags = *options.lags;
+  else
+    choose_lags(data, nominal, options, result);
   check_size(data, result.plan, options.method == Method::tvera);
   // Initial states are taken as zero unless the residuals contradict this.
   result.arx = regressions(data, result.plan, share(options.execution, 0.1, 0.4));
@@ -156,19 +158,19 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
     plan.lags = result.smoothing_choice.lags;
     variation.smoothing = result.smoothing_choice.smoothing;
   } else {
-    variation.smoothing = options.smoothing >= 0 ? options.smoothing : options.period > 1 ? moderate : 0.0;
-    if (options.smoothing < 0 && options.period > 1)
+    variation.smoothing = options.smoothing.value_or(options.period > 1 ? moderate : 0.0);
+    if (!options.smoothing && options.period > 1)
       result.findings.push_back({.kind = Finding::Kind::smoothing_untested, .numbers = {{"smoothing", moderate}}});
   }
   // Few windows without a gap cannot show variation over time. EM uses every sample and chooses its own λ.
-  if (options.smoothing < 0 && !options.choices && std::isinf(variation.smoothing) &&
+  if (!options.smoothing && !options.choices && std::isinf(variation.smoothing) &&
       windows_are_scarce(selection, plan.lags)) {
     variation.smoothing = stiff;
     result.findings.push_back({.kind = Finding::Kind::smoothing_by_gaps, .numbers = {{"smoothing", stiff}}});
   }
   if (!options.choices) variation.period = options.period;
   if (!std::isinf(variation.smoothing) && options.period != 1) return;
-  if (options.period == 0 && options.smoothing < 0) result.findings.push_back({.kind = Finding::Kind::no_variation});
+  if (options.period == 0 && !options.smoothing) result.findings.push_back({.kind = Finding::Kind::no_variation});
   variation = {0.0, 1};
   // One regression of all steps supports more lags than the regression of one step.
   if (options.period > 0 || selection.experiments() < 2) return;
@@ -247,8 +249,8 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, bool nominal,
 }  // namespace
 
 Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nominal, const IdentifyOptions& options) {
-  const Index needed = options.lags > 0 ? options.lags : least_lags(data, options);
-  const bool asked = options.method == Method::tvera, together = options.period > 0 || options.smoothing > 0;
+  const Index needed = options.lags.value_or(least_lags(data, options));
+  const bool asked = options.method == Method::tvera, together = options.period > 0 || options.smoothing > 0.0;
   if (!asked && (together || data.experiments() < experiments_for(data, needed, nominal)))
     return coupled(data, selection, nominal, options, stated_initial_state(data, options));
   Regressed alone = each_step_alone(data, nominal, options);
@@ -256,7 +258,7 @@ Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nomina
   const Index freedom = std::accumulate(freedoms.begin(), freedoms.end(), Index{0});
   // Regressions without degrees of freedom fit any data exactly. This shows data without noise only if the user chose
   // their order.
-  const bool tells = freedom > 0 || (data.missing() == 0 && (options.lags > 0 || options.states > 0));
+  const bool tells = freedom > 0 || (data.missing() == 0 && (options.lags || options.states));
   if (asked || (!alone.plan.noisy && tells)) return alone;
   // With noise, coupled steps give better models. Regressions without degrees of freedom cannot test initial states.
   return coupled(data, selection, nominal, options,
@@ -276,7 +278,7 @@ std::shared_ptr<const Ensemble> selection_samples(const Ensemble& data, const Id
   if (period == 0 && steps > 2 * most_selection_steps)
     return std::make_shared<Ensemble>(
         stretch(data, (steps - most_selection_steps) / 2, (steps + most_selection_steps) / 2));
-  if (period > 0 && pieces > 1 && steps / pieces >= 2 * std::max(period, options.lags))
+  if (period > 0 && pieces > 1 && steps / pieces >= 2 * std::max(period, options.lags.value_or(0)))
     return std::make_shared<Ensemble>(cut(data, steps / pieces / period * period));
   return {std::shared_ptr<const Ensemble>(), &data};
 }

@@ -46,25 +46,25 @@ void check_method(const Ensemble& data, const IdentifyOptions& options) {
   const bool tvera = options.method == Method::tvera;
   if (tvera && options.period > 0)
     throw std::invalid_argument("method: tvera found, subspace needed to pool the steps of a period");
-  if (tvera && options.smoothing > 0)
+  if (tvera && options.smoothing > 0.0)
     throw std::invalid_argument("method: tvera found, subspace needed for regularisation over time");
   if (tvera && options.weighting) throw std::invalid_argument("method: tvera found, subspace needed for a weighting");
   if (tvera && options.refine.value_or(false))
     throw std::invalid_argument(
         "method: tvera found, subspace needed for a refinement as far as it helps; refine() goes on from any model");
-  if (options.period == 1 && options.smoothing >= 0 && !std::isinf(options.smoothing))
+  if (options.period == 1 && options.smoothing && !std::isinf(*options.smoothing))
     throw std::invalid_argument(
-        fmt::format("smoothing: {} found, none needed where one model serves all steps", options.smoothing));
+        fmt::format("smoothing: {} found, none needed where one model serves all steps", *options.smoothing));
   if (options.period > 1 && options.period >= data.steps())
     throw std::invalid_argument(
         fmt::format("period: {} found, less than the {} steps of the data needed", options.period, data.steps()));
   const Index most = std::max<Index>(1, data.steps() - 1) * data.outputs();
   if (options.states > most)
-    throw std::invalid_argument(fmt::format("states: {} found, {} steps of {} show at most {}", options.states,
+    throw std::invalid_argument(fmt::format("states: {} found, {} steps of {} show at most {}", *options.states,
                                             data.steps(), words::plural(data.outputs(), "output"), most));
   if (options.weighting == Weighting::projection && options.period == 0)
     throw std::invalid_argument("weighting: projection found, needs --time-invariant or --period P to pool steps");
-  if (!tvera && options.period == 0 && options.smoothing < 0 && data.experiments() < 2)
+  if (!tvera && options.period == 0 && !options.smoothing && data.experiments() < 2)
     throw std::invalid_argument(
         "experiments: 1 found, at least 2 needed to see how a system varies in time (one record is enough where it is "
         "time-invariant or periodic, if that is stated)");
@@ -85,7 +85,7 @@ struct NominalDecision {
 NominalDecision decide_nominal(const Ensemble& measured, const IdentifyOptions& options) {
   NominalDecision result;
   if (options.nominal == NominalChoice::none) return result;
-  if (options.nominal == NominalChoice::automatic) {
+  if (!options.nominal) {
     result.test = test_nominal(options.period > 0 ? *selection_samples(measured, options) : measured);
     if (options.period > 0) count_in_phases(result.test, options.period);
     if (!result.test.significant) return result;
@@ -110,12 +110,12 @@ Findings findings_of_samples(const Ensemble& training, const Survey& samples, co
 }
 
 Findings findings_of_lags(const Ensemble& data, const IdentifyOptions& o) {
-  if (o.lags == 0 || o.lags * data.outputs() >= o.states) return {};
+  if (!o.lags || *o.lags * data.outputs() >= o.states.value_or(0)) return {};
   return {{.kind = Finding::Kind::lags_below_states,
-           .numbers = {{"lags", double(o.lags)},
+           .numbers = {{"lags", double(*o.lags)},
                        {"outputs", double(data.outputs())},
-                       {"most", double(o.lags * data.outputs())},
-                       {"states", double(o.states)}}}};
+                       {"most", double(*o.lags * data.outputs())},
+                       {"states", double(*o.states)}}}};
 }
 
 ExcitationOptions excitation_options(const Plan& plan, const IdentifyOptions& options) {
@@ -200,10 +200,10 @@ Findings findings_of_states(const Model& model, const Ensemble& data, const Plan
   if (plan.coupled && variation.period == 0 && variation.smoothing > 0 && data.experiments() < unknowns)
     result.push_back({.kind = Finding::Kind::few_for_states,
                       .numbers = {{"experiments", double(data.experiments())}, {"unknowns", double(unknowns)}}});
-  if (options.states > 0 && model.states() < options.states)
+  if (options.states && model.states() < *options.states)
     result.push_back({.kind = Finding::Kind::states_below_asked,
-                      .numbers = {{"asked", double(options.states)}, {"found", double(model.states())}}});
-  if (options.states > 0) append(result, findings_of_hidden_states(model));
+                      .numbers = {{"asked", double(*options.states)}, {"found", double(model.states())}}});
+  if (options.states) append(result, findings_of_hidden_states(model));
   if (data.free.experiments > 0 && model.states() > 0 && model.full_begin() > regressed_from)
     result.push_back({.kind = Finding::Kind::free_responses_partial,
                       .numbers = {{"count", double(data.free.experiments)},

@@ -33,7 +33,7 @@ void check(const IdentifyOptions& o) {
     throw std::invalid_argument(fmt::format("{}: {} found, {} needed to identify in blocks", what, found, needed));
   };
   if (o.period > 0) refuse("period", std::to_string(o.period), "no period");
-  if (std::isinf(o.smoothing)) refuse("smoothing", "infinity", "a finite penalty");
+  if (o.smoothing && std::isinf(*o.smoothing)) refuse("smoothing", "infinity", "a finite penalty");
   if (o.frame == Frame::reference) refuse("frame", "reference", "raw or smooth");
 }
 
@@ -45,8 +45,9 @@ struct Part {
 std::vector<Part> stretches(const EnsembleFile& file, const IdentifyOptions& o) {
   const double step = double(file.experiments() * file.channels()) * sizeof(double);
   const Index total = file.steps();
-  const Index length = std::min(
-      total, std::max(Index(std::clamp(stretch_bytes / step, double(fewest_steps), double(most_steps))), 8 * o.lags));
+  const Index length =
+      std::min(total, std::max(Index(std::clamp(stretch_bytes / step, double(fewest_steps), double(most_steps))),
+                               8 * o.lags.value_or(0)));
   std::vector<Index> begins(1, 0);
   for (const Index begin : {(total - length) / 2, total - length})
     if (begin >= length / 2 + begins.back()) begins.push_back(begin);
@@ -156,7 +157,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   o.execution.progress = {};
 
   NominalTest nominal;
-  if (options.nominal == NominalChoice::automatic) {
+  if (!options.nominal) {
     nominal = test_nominal(parts, data);
     o.nominal = nominal.significant ? NominalChoice::mean : NominalChoice::none;
   }
@@ -168,12 +169,12 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     later.initial_state = InitialState::unknown;
     // An order that is exact in one stretch is likely to be exact in others.
     const Identification& first = *identified.front();
-    const bool exact = !first.plan.noisy && !first.plan.coupled && options.lags == 0;
+    const bool exact = !first.plan.noisy && !first.plan.coupled && !options.lags;
     if (exact) later.lags = first.plan.lags;
     try {
       Identification own = identify_part(data[i], later, false);
       if (exact && own.plan.noisy) {
-        later.lags = 0;
+        later.lags.reset();
         own = identify_part(data[i], later, false);
       }
       identified[i] = std::move(own);
@@ -198,11 +199,11 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     plan.coupled = plan.coupled || own->plan.coupled;
   }
   plan.initial_state = begin.model.initial_state;
-  plan.method = method_of(plan, options.method);
+  plan.method = options.method.value_or(automatic_method(plan));
   plan.frame = options.frame;
   if (!plan.noisy)
     for (const Identification* own : found) plan.lags = std::max(plan.lags, own->plan.lags);
-  plan.states = options.states > 0 ? options.states : plan.noisy ? chosen->model.states() : 0;
+  plan.states = options.states.value_or(plan.noisy ? chosen->model.states() : 0);
   plan.output_size = Vector::Zero(file.outputs());
   plan.input_size = Vector::Zero(file.inputs());
   for (Ensemble& e : data) {
@@ -222,7 +223,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   const bool constant = plan.coupled && plan.choices.variation.period > 0;
   if (constant)
     result.evidence.findings.push_back({.kind = Finding::Kind::constant_stretches, .numbers = {{"smoothing", stiff}}});
-  examine(parts, identified, options.states > 0, result.evidence);
+  examine(parts, identified, options.states.has_value(), result.evidence);
   if (constant) plan.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
   result.evidence.plan = plan;
   return result;

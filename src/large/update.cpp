@@ -57,11 +57,11 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   Plan& plan = state.plan = result.plan;
   NoisyChoices& choices = plan.choices;
   // Without noise the rank continues to determine n. With noise n stays as it was chosen.
-  plan.states = options.states > 0 ? options.states : plan.noisy ? result.model.states() : 0;
+  plan.states = options.states.value_or(plan.noisy ? result.model.states() : 0);
   // The choices that EM started from are not the best ones without EM.
   if (choices.refinement_iterations > 0 && !options.choices) {
     choices.state_smoothing = result.order_scores.smoothing;
-    if (options.states == 0) plan.states = result.order_scores.best;
+    if (!options.states) plan.states = result.order_scores.best;
   }
   choices.refinement_smoothing = 0.0;
   choices.refinement_iterations = 0;

@@ -21,7 +21,10 @@ Json of(const Model& model) {
   return json.is_object() ? json : Json::object();
 }
 
-Json penalty(double smoothing) { return std::isinf(smoothing) ? Json("infinity") : Json(smoothing); }
+Json penalty(double smoothing) {
+  if (std::isnan(smoothing)) return "nan";
+  return smoothing == std::numeric_limits<double>::infinity() ? Json("infinity") : Json(smoothing);
+}
 
 std::optional<double> penalty(const Json& value) {
   if (value == "infinity") return std::numeric_limits<double>::infinity();

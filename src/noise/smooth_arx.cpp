@@ -235,12 +235,11 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
     throw std::invalid_argument(
         fmt::format("experiments: {} found, at least 2 needed to choose the smoothing", ensemble.experiments()));
   if (options.lags.empty()) throw std::invalid_argument("lags: no lag order to choose from");
-  for (const Index p : options.lags) check(ensemble, p, {std::max(0.0, options.smoothing), options.period});
+  for (const Index p : options.lags) check(ensemble, p, {options.smoothing.value_or(0.0), options.period});
 
-  std::vector<double> weights{options.smoothing};
+  std::vector<double> weights{options.smoothing.value_or(0.0)};
   Index weight = 0;
-  if (options.smoothing < 0) {
-    weights = {0.0};
+  if (!options.smoothing) {
     for (int half = -5; half <= 6; ++half) weights.push_back(std::pow(10.0, 0.5 * half));
     weights.push_back(inf);
     weight = 6;  // λ = 1
