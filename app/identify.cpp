@@ -143,7 +143,7 @@ std::string nominal_text(const Call& call, const Data& data, const Identificatio
 // The largest lag order that the experiments permit. The mean motion costs one experiment.
 Index largest_lags(const Data& data, const Identification& result) {
   const Index spent = result.plan.nominal ? 1 : 0;
-  return largest_lag_order(result.experiments - spent, data.inputs, data.outputs);
+  return largest_lag_order(result.experiments - spent, data.inputs, data.outputs, result.plan.feedthrough);
 }
 
 std::string smoothing_text(const Call& call, const Identification& result) {

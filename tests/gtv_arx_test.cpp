@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/gtv_arx.hpp"
+#include "tokid/lag_orders.hpp"
 
 #include <gtest/gtest.h>
 

@@ -25,6 +25,7 @@ struct RefineOptions {
   Index iterations = 60;    // at most
   double tolerance = 1e-6;  // converged: two successive gains of log-likelihood per output sample below this
   std::optional<InitialState> initial_state = {};  // empty: as the data state it, else as the model was identified
+  bool feedthrough = true;                         // false: D_k = 0 is known, also where the model has another
   bool accelerate = true;                          // Anderson acceleration, where it raises the likelihood
   bool warm_up = true;  // a strong penalty is reached through weaker ones, with a third of the iterations each
   Execution execution = {};

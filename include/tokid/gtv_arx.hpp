@@ -25,12 +25,13 @@ class GtvArx {
   using VectorView = Eigen::Map<const Vector>;
 
   Index inputs = 0, outputs = 0;
+  bool feedthrough = true;       // false: D_k = 0 is known, and u_k is no regressor of step k
   Index k_begin = 0;             // first step with a regression: 0, or p where initial states are unknown
   std::vector<GtvArxStep> step;  // (T), default-constructed before k_begin
 
-  // Allocates T steps with r inputs, m outputs and at most `lags_max` lags. Coefficients and noise shapes are
-  // uninitialised, the rest is zero. Noise shapes are stored if `noise_shape` is true. Leverages are stored if
-  // `experiments`, the largest N_k, is positive.
+  // Allocates T steps with r inputs, m outputs and at most `lags_max` lags, after `feedthrough` is set. Coefficients
+  // and noise shapes are uninitialised, the rest is zero, also D without feedthrough. Noise shapes are stored if
+  // `noise_shape` is true. Leverages are stored if `experiments`, the largest N_k, is positive.
   void resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments = 0);
   // Removes the regressions of the steps before k.
   void begin_at(Index k);
@@ -39,10 +40,10 @@ class GtvArx {
 
   Index steps() const { return static_cast<Index>(step.size()); }
   Index regressors(Index k) const {  // L_k; 0 without a regression
-    return k < k_begin ? 0 : step[size_t(k)].lags * (inputs + outputs) + inputs;
+    return k < k_begin ? 0 : step[size_t(k)].lags * (inputs + outputs) + (feedthrough ? inputs : 0);
   }
 
-  // M_k (m × L_k), columns as in W_k = [v_{k-p} … v_{k-1} u_k]                                       (18)
+  // M_k (m × L_k), columns as in W_k = [v_{k-p} … v_{k-1} u_k], without u_k where there is no feedthrough          (18)
   View coefficients(Index k) const { return columns(k, 0, regressors(k)); }
   Eigen::Map<Matrix> coefficients(Index k) {
     return {coefficients_.data() + k * slot_ * outputs, outputs, regressors(k)};
@@ -103,6 +104,7 @@ struct GtvArxOptions {
   std::vector<Index> lags = {1};
   Index lags_of(Index k) const { return lags[lags.size() == 1 ? 0 : size_t(k)]; }
   InitialState initial_state = InitialState::zero;
+  bool feedthrough = true;  // false: D_k = 0 is known
   // Pivots of the scaled W_k below tolerance·√L_k count as zero. The solution then has the smallest norm in the scaled
   // coordinates.
   double tolerance = 1.5e-14;
@@ -124,27 +126,9 @@ GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options = {});
 // The same from windows, each step alone.
 GtvArx gtv_arx(const Windows& windows, const GtvArxOptions& options = {});
 
-// N_min = r + p·(r+m): the number of experiments that a full-rank step needs
-Index minimum_experiments(Index inputs, Index outputs, Index lags);
+// N_min = r + p·(r+m): the number of experiments that a full-rank step needs; without feedthrough p·(r+m)
+Index minimum_experiments(Index inputs, Index outputs, Index lags, bool feedthrough = true);
 // The largest p with N_min(p) ≤ N; zero if there is none
-Index largest_lag_order(Index experiments, Index inputs, Index outputs);
-
-// Exact leave-one-out one-step errors for the lag orders 1 … p_max. With the newest lag first, the leading columns of
-// one QR factorisation serve all orders.
-struct LagOrderErrors {
-  std::vector<Index> steps;  // the examined steps: at most `LagOrderOptions::steps`, evenly spaced
-  Matrix error;    // (steps × p_max): mean over outputs of log( leave-one-out mean square / mean square of y )
-  Vector mean;     // (p_max): column means of `error`
-  Index best = 1;  // the smallest p within a standard error of the smallest mean
-};
-struct LagOrderOptions {
-  Index p_max = 8;
-  Index p_min = 1;
-  Index steps = 64;
-  // Relative errors below this count as exact: noise-free data give the smallest exact order.
-  double exact = 1e-10;
-  Execution execution = {};
-};
-LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions& options = {});
+Index largest_lag_order(Index experiments, Index inputs, Index outputs, bool feedthrough = true);
 
 }  // namespace tokid

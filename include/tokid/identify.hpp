@@ -9,6 +9,7 @@
 
 #include "tokid/copies.hpp"
 #include "tokid/dependence.hpp"
+#include "tokid/lag_orders.hpp"
 #include "tokid/options.hpp"
 #include "tokid/outlier.hpp"
 #include "tokid/validate.hpp"

@@ -25,6 +25,11 @@ Matrix triangular_factor(Matrix& a);
 
 // [above; below] of matrices with equally many columns; either may have no rows.
 Matrix stacked(const ConstMatrixRef& above, const ConstMatrixRef& below);
+// [left right] of matrices with equally many rows; either may have no columns.
+Matrix beside(const ConstMatrixRef& left, const ConstMatrixRef& right);
+
+// (cols of a): inverse norms of the columns; 1 for zero columns, which then stay zero.
+Vector inverse_norms(const ConstMatrixRef& a);
 
 // The triangular factor of rows that arrive in blocks. The memory does not grow with their number.
 class RowStack {

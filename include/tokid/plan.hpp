@@ -25,6 +25,7 @@ struct Plan {
   // true: with unknown initial states, the model begins at the first step of full dimension. false: it begins with its
   // regressions. This is for blocks in the middle of a record, whose earlier steps are in the neighbouring block.
   bool from_full_dimension = true;
+  bool feedthrough = true;   // false: D_k = 0 is known
   bool nominal = false;      // a mean motion was removed, which uses one degree of freedom
   Index nominal_period = 0;  // P: the steps k, k+P, … share this mean motion; 0: each step has its own
   bool noisy = false;        // residuals beyond rounding errors

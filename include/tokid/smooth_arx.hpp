@@ -25,6 +25,7 @@ struct TimeVariation {
 struct SmoothArxOptions {
   Index lags = 1;                                   // p
   InitialState initial_state = InitialState::zero;  // zero: lags before k = 0 are zero; unknown: only steps k ≥ p
+  bool feedthrough = true;                          // false: D_k = 0 is known
   TimeVariation variation = {};
   Execution execution = {};
 };
@@ -52,6 +53,7 @@ struct SmoothingOptions {
   std::vector<Index> lags;               // the orders to choose from, ascending
   std::optional<double> smoothing = {};  // λ; empty: chosen between 0 and infinity
   InitialState initial_state = InitialState::zero;
+  bool feedthrough = true;  // as in SmoothArxOptions
   Index period = 0;
   bool centred = false;  // departures from a mean motion; see fold()
   // Ensembles without a period and with more steps are tested on four stretches. Each stretch has a quarter of this

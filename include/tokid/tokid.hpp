@@ -18,6 +18,7 @@
 #include "tokid/identify.hpp"
 #include "tokid/innovations.hpp"
 #include "tokid/io.hpp"
+#include "tokid/lag_orders.hpp"
 #include "tokid/linalg.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/model.hpp"

@@ -118,6 +118,7 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
   SmoothArxOptions arx_options;
   arx_options.lags = options.lags;
   arx_options.initial_state = options.initial_state;
+  arx_options.feedthrough = options.feedthrough;
   arx_options.variation = options.variation;
   folds_.resize(size_t(count));
   parallel_for(0, count, {options.threads, {}}, [&](Index begin, Index end) {
@@ -252,6 +253,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderScores& score
       o.period = options_.variation.period;
       o.iterations = stage;
       o.initial_state = options_.initial_state;
+      o.feedthrough = options_.feedthrough;
       for_each_fold([&](size_t f) {
         try {
           if (models[f].steps() > 0) models[f] = refine(models[f], folds_[f].data.training, o).model;

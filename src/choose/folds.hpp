@@ -39,6 +39,7 @@ class Folds {
   struct Options {
     Index lags = 1;
     InitialState initial_state = InitialState::zero;
+    bool feedthrough = true;  // as in Plan
     TimeVariation variation = {};
     std::vector<Weighting> weightings = {Weighting::one_step};  // to choose from
     bool centred = false;                                       // departures from a mean motion: see fold()

@@ -134,6 +134,8 @@ std::vector<Option> table() {
              "Realisation (auto: tvera without noise from zero initial states, else subspace)"),
       option("smoothing", &O::smoothing, or_auto(penalty()),
              "Penalty lambda on variation in time: 0 none, infinity one model (auto: by cross-validation)"),
+      option("feedthrough", &O::feedthrough, yes_or_no(), "Outputs may answer to the inputs of the same step (default)",
+             "D = 0 at all steps"),
       option("period", &O::period, period_of_steps(), "Steps k, k+P, ... share one model"),
       option("weighting", &O::weighting, or_auto(weightings()),
              "What the states must explain (auto: by cross-validation); projection: PO-MOESP"),

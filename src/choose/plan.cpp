@@ -18,6 +18,7 @@ GtvArx regressions_of_each_step(const Windows& windows, const Plan& plan, const 
   GtvArxOptions o;
   o.lags = {plan.lags};
   o.initial_state = plan.initial_state;
+  o.feedthrough = plan.feedthrough;
   o.spent = plan.nominal ? 1 : 0;
   o.execution = execution;
   return windows.ensemble() ? gtv_arx(*windows.ensemble(), o) : gtv_arx(windows, o);
@@ -53,7 +54,7 @@ Model from_where_it_is_followed(Model model, const Plan& plan) {
 
 GtvArx regressions(const Windows& windows, const Plan& plan, const Execution& execution) {
   if (!plan.coupled) return regressions_of_each_step(windows, plan, execution);
-  return smooth_arx(windows, {plan.lags, plan.initial_state, plan.choices.variation, execution});
+  return smooth_arx(windows, {plan.lags, plan.initial_state, plan.feedthrough, plan.choices.variation, execution});
 }
 
 Model realise(const Windows& windows, GtvArx arx, const FreeResponse& free, const Plan& plan,

@@ -81,6 +81,7 @@ RefineOptions refine_options(const Plan& plan, const Execution& execution) {
   RefineOptions o;
   o.period = plan.choices.variation.period;
   o.initial_state = plan.initial_state;
+  o.feedthrough = plan.feedthrough;
   o.execution.threads = execution.threads;
   return o;
 }
@@ -166,6 +167,7 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
   Plan& plan = result.plan;
   const Folds folds(selection, {.lags = plan.lags,
                                 .initial_state = &selection == &data ? plan.initial_state : InitialState::unknown,
+                                .feedthrough = plan.feedthrough,
                                 .variation = plan.choices.variation,
                                 .weightings = weightings(selection, plan, options),
                                 .centred = is_centred(plan),

@@ -31,8 +31,10 @@ constexpr double stiff = 1e3, moderate = 1.0;
 // Experiments less the one that the mean motion costs.
 Index effective_experiments(const Ensemble& data, bool nominal) { return data.experiments() - (nominal ? 1 : 0); }
 
-// L = r + p·(r+m)
-Index unknowns_of(const Ensemble& data, Index lags) { return minimum_experiments(data.inputs(), data.outputs(), lags); }
+// L = r + p·(r+m), or p·(r+m) without feedthrough
+Index unknowns_of(const Ensemble& data, Index lags, bool feedthrough) {
+  return minimum_experiments(data.inputs(), data.outputs(), lags, feedthrough);
+}
 
 // The smallest p for the states asked for: p·m ≥ n.
 Index least_lags(const Ensemble& data, const IdentifyOptions& options) {
@@ -54,12 +56,14 @@ std::vector<Index> freedom_of(const GtvArx& arx, Index GtvArxStep::*count) {
 }
 
 // Chooses p by the leave-one-out error of one-step predictions.
-void choose_lags(const Ensemble& data, bool nominal, const IdentifyOptions& options, Regressed& result) {
-  const Index r = data.inputs(), m = data.outputs(), needed = least_lags(data, options);
+void choose_lags(const Ensemble& data, const IdentifyOptions& options, Regressed& result) {
+  const Index needed = least_lags(data, options);
   LagOrderOptions o;
   o.p_min = needed;
+  o.feedthrough = result.plan.feedthrough;
   // Residuals choose the order, so each step needs at least one degree of freedom.
-  const Index testable = largest_lag_order(effective_experiments(data, nominal) - 1, r, m);
+  const Index testable = largest_lag_order(effective_experiments(data, result.plan.nominal) - 1, data.inputs(),
+                                           data.outputs(), o.feedthrough);
   o.p_max = std::min({most_lags, testable, (data.steps() - 1) / 2});
   o.execution = share(options.execution, 0.0, 0.1);
   result.plan.lags = needed;
@@ -69,7 +73,7 @@ void choose_lags(const Ensemble& data, bool nominal, const IdentifyOptions& opti
     if (result.plan.lags == o.p_max && o.p_max == testable && testable < most_lags)
       result.findings.push_back({.kind = Finding::Kind::lags_at_limit,
                                  .numbers = {{"lags", double(testable)}, {"experiments", double(data.experiments())}}});
-  } else if (testable < needed && data.experiments() >= experiments_for(data, needed, nominal)) {
+  } else if (testable < needed && data.experiments() >= experiments_for(data, needed, result.plan)) {
     result.findings.push_back({.kind = Finding::Kind::lags_untested,
                                .numbers = {{"lags", double(needed)}, {"experiments", double(data.experiments())}}});
   }
@@ -77,15 +81,15 @@ void choose_lags(const Ensemble& data, bool nominal, const IdentifyOptions& opti
 
 void check_size(const Ensemble& data, const Plan& plan, bool tvera_asked) {
   const Index r = data.inputs(), m = data.outputs(), p = plan.lags, found = data.experiments();
-  const Index needed = experiments_for(data, p, plan.nominal);
+  const Index needed = experiments_for(data, p, plan);
   if (found < needed) {
-    const Index would_do = largest_lag_order(effective_experiments(data, plan.nominal), r, m);
+    const Index would_do = largest_lag_order(effective_experiments(data, plan.nominal), r, m, plan.feedthrough);
     throw std::invalid_argument(fmt::format(
-        "experiments: {} found, lag order {} with {} inputs and {} outputs needs at least {} (r + p(r+m){}); {}{}",
-        found, p, r, m, needed, plan.nominal ? " + 1 for the mean motion" : "",
-        would_do > 0 ? fmt::format("{} would do for lag orders up to {}", found, would_do)
-                     : fmt::format("no lag order will do, {} are needed for lag order 1",
-                                   experiments_for(data, 1, plan.nominal)),
+        "experiments: {} found, lag order {} with {} inputs and {} outputs needs at least {} ({}{}); {}{}", found, p, r,
+        m, needed, plan.feedthrough ? "r + p(r+m)" : "p(r+m)", plan.nominal ? " + 1 for the mean motion" : "",
+        would_do > 0
+            ? fmt::format("{} would do for lag orders up to {}", found, would_do)
+            : fmt::format("no lag order will do, {} are needed for lag order 1", experiments_for(data, 1, plan)),
         tvera_asked ? "; steps that share what they know need fewer (not --method tvera)" : ""));
   }
   if (data.steps() < p + 1)
@@ -93,8 +97,8 @@ void check_size(const Ensemble& data, const Plan& plan, bool tvera_asked) {
 }
 
 // Throws for fewer windows than unknowns, because then any model fits. Returns the number of windows.
-Index checked_windows(const Ensemble& data, Index lags) {
-  const Index needed = unknowns_of(data, lags), whole = whole_windows(data, lags);
+Index checked_windows(const Ensemble& data, const Plan& plan) {
+  const Index lags = plan.lags, needed = unknowns_of(data, lags, plan.feedthrough), whole = whole_windows(data, lags);
   const bool gaps = data.missing() > 0;
   if (whole < needed)
     throw std::invalid_argument(fmt::format(
@@ -113,7 +117,7 @@ std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& dat
   const bool coupled = period > 0 || options.smoothing != 0.0;
   std::vector<Index> candidates;
   for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
-    if (const Index unknowns = unknowns_of(data, p);
+    if (const Index unknowns = unknowns_of(data, p, options.feedthrough);
         p >= needed && 2 * std::max<Index>(1, first) * p < selection.steps() && p + period <= selection.steps() &&
         (candidates.empty() || unknowns <= most_regressors) && whole_windows(selection, p) >= 2 * unknowns &&
         (coupled || unknowns < effective_experiments(data, nominal)))
@@ -123,25 +127,25 @@ std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& dat
 }
 
 // Each step has its own regression. This is the method of the paper, and it suffices for data without noise.
-Regressed each_step_alone(const Ensemble& data, bool nominal, const IdentifyOptions& options) {
+Regressed each_step_alone(const Ensemble& data, const Plan& stated, const IdentifyOptions& options) {
   Regressed result;
-  result.plan.nominal = nominal;
+  result.plan = stated;
   if (options.lags)
     result.plan.lags = *options.lags;
   else
-    choose_lags(data, nominal, options, result);
+    choose_lags(data, options, result);
   check_size(data, result.plan, options.method == Method::tvera);
   // Initial states are taken as zero unless the residuals contradict this.
   result.arx = regressions(data, result.plan, share(options.execution, 0.1, 0.4));
   GtvArx& arx = result.arx;
-  if (const auto stated = stated_initial_state(data, options))
-    result.initial_state_test = *stated;
+  if (const auto known = stated_initial_state(data, options))
+    result.initial_state_test = *known;
   else
     result.initial_state_test = test_initial_state(arx, result.plan.lags, freedom_of(arx, &GtvArxStep::freedom));
   result.plan.initial_state = result.initial_state_test.decision;
   // The regressions of the steps k ≥ p hold for any initial state. The earlier ones are of no use.
   if (result.plan.initial_state == InitialState::unknown) arx.begin_at(result.plan.lags);
-  result.plan.noisy = survey_of(arx, nominal, 0, arx.steps()).noisy();
+  result.plan.noisy = survey_of(arx, stated.nominal, 0, arx.steps()).noisy();
   return result;
 }
 
@@ -185,21 +189,22 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
 }
 
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.
-Regressed coupled(const Ensemble& data, const Ensemble& selection, bool nominal, const IdentifyOptions& options,
+Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& stated, const IdentifyOptions& options,
                   const std::optional<InitialStateTest>& known) {
+  const bool nominal = stated.nominal;
   Regressed result;
-  Plan& plan = result.plan;
+  Plan& plan = result.plan = stated;
   plan.coupled = true;
-  plan.nominal = nominal;
   plan.nominal_period = nominal ? options.period : 0;
   SmoothingOptions o;
   o.period = options.period;
+  o.feedthrough = plan.feedthrough;
   o.initial_state = known && &selection == &data ? known->decision : InitialState::unknown;
   o.lags = lag_candidates(selection, data, nominal, o.initial_state, o.period, options);
   o.smoothing = options.smoothing;
   o.centred = is_centred(plan);
   o.execution = share(options.execution, 0.4, 0.6);
-  const Index regressors = unknowns_of(data, o.lags.back());
+  const Index regressors = unknowns_of(data, o.lags.back(), plan.feedthrough);
   o.folds = regressors > 100 ? 3 : fold_count(selection.experiments());
   o.steps = std::clamp<Index>(Index{256} * 60 * 60 / (regressors * regressors), 64, 256);
   if (o.lags.back() >= selection.steps())
@@ -207,7 +212,7 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, bool nominal,
                                             o.lags.back(), o.lags.back() + 1));
   choose_variation(data, selection, options, o, result);
 
-  const Index whole = checked_windows(data, plan.lags), unknowns = unknowns_of(data, plan.lags);
+  const Index whole = checked_windows(data, plan), unknowns = unknowns_of(data, plan.lags, plan.feedthrough);
   if (whole < 2 * unknowns)
     result.findings.push_back({.kind = Finding::Kind::few_windows,
                                .numbers = {{"windows", double(whole)},
@@ -217,8 +222,9 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, bool nominal,
                                            {"lags", double(plan.lags)}}});
   const TimeVariation& variation = plan.choices.variation;
   if (variation.period == 0 && variation.smoothing == 0) {
-    const RegressionSizes sizes{data.experiments(), effective_experiments(data, nominal), data.inputs(), data.outputs(),
-                                plan.lags};
+    const RegressionSizes sizes{data.experiments(), effective_experiments(data, nominal),
+                                data.inputs(),      data.outputs(),
+                                plan.lags,          plan.feedthrough};
     RegressionSurvey survey;
     survey.freedom = std::max<Index>(0, sizes.effective_experiments - unknowns);
     append(result.findings, findings_of(survey, sizes, true));
@@ -250,10 +256,13 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, bool nominal,
 
 Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nominal, const IdentifyOptions& options) {
   const Index needed = options.lags.value_or(least_lags(data, options));
+  Plan stated;
+  stated.nominal = nominal;
+  stated.feedthrough = options.feedthrough;
   const bool asked = options.method == Method::tvera, together = options.period > 0 || options.smoothing > 0.0;
-  if (!asked && (together || data.experiments() < experiments_for(data, needed, nominal)))
-    return coupled(data, selection, nominal, options, stated_initial_state(data, options));
-  Regressed alone = each_step_alone(data, nominal, options);
+  if (!asked && (together || data.experiments() < experiments_for(data, needed, stated)))
+    return coupled(data, selection, stated, options, stated_initial_state(data, options));
+  Regressed alone = each_step_alone(data, stated, options);
   const std::vector<Index> freedoms = freedom_of(alone.arx, &GtvArxStep::freedom);
   const Index freedom = std::accumulate(freedoms.begin(), freedoms.end(), Index{0});
   // Regressions without degrees of freedom fit any data exactly. This shows data without noise only if the user chose
@@ -261,13 +270,13 @@ Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nomina
   const bool tells = freedom > 0 || (data.missing() == 0 && (options.lags || options.states));
   if (asked || (!alone.plan.noisy && tells)) return alone;
   // With noise, coupled steps give better models. Regressions without degrees of freedom cannot test initial states.
-  return coupled(data, selection, nominal, options,
+  return coupled(data, selection, stated, options,
                  freedom > 0 ? alone.initial_state_test : stated_initial_state(data, options));
 }
 
 GtvArx regressed_as(const Ensemble& data, const Plan& plan, const Execution& execution) {
   if (plan.coupled)
-    checked_windows(data, plan.lags);
+    checked_windows(data, plan);
   else
     check_size(data, plan, plan.method == Method::tvera);
   return regressions(data, plan, execution);
@@ -291,8 +300,8 @@ bool windows_are_scarce(const Ensemble& data, Index lags) {
 
 bool is_centred(const Plan& plan) { return plan.nominal && plan.nominal_period == 0; }
 
-Index experiments_for(const Ensemble& data, Index lags, bool nominal) {
-  return unknowns_of(data, lags) + (nominal ? 1 : 0);
+Index experiments_for(const Ensemble& data, Index lags, const Plan& plan) {
+  return unknowns_of(data, lags, plan.feedthrough) + (plan.nominal ? 1 : 0);
 }
 
 }  // namespace tokid

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tokid/finding.hpp"
+#include "tokid/lag_orders.hpp"
 #include "tokid/options.hpp"
 
 namespace tokid {
@@ -39,7 +40,7 @@ bool windows_are_scarce(const Ensemble& data, Index lags);
 // Was a mean motion removed that was estimated from all experiments at each step?
 bool is_centred(const Plan& plan);
 
-// N_min at this p; `nominal`: one more, because the mean motion costs one experiment
-Index experiments_for(const Ensemble& data, Index lags, bool nominal);
+// N_min at this p, and one more if the plan has a mean motion, which costs one experiment
+Index experiments_for(const Ensemble& data, Index lags, const Plan& plan);
 
 }  // namespace tokid

@@ -70,7 +70,7 @@ void RegressionSurvey::append(const RegressionSurvey& later, Index begin) {
 }
 
 Findings findings_of(const RegressionSurvey& survey, const RegressionSizes& sizes, bool noisy) {
-  const Index unknowns = minimum_experiments(sizes.inputs, sizes.outputs, sizes.lags);
+  const Index unknowns = minimum_experiments(sizes.inputs, sizes.outputs, sizes.lags, sizes.feedthrough);
   const double L = double(unknowns), experiments = double(sizes.experiments), lags = double(sizes.lags);
   Findings result;
   if (!survey.ill.empty())
@@ -89,7 +89,7 @@ Findings findings_of(const RegressionSurvey& survey, const RegressionSizes& size
                                   {"lags", lags},
                                   {"sufficient", 3 * L},
                                   {"largest_lags", double(largest_lag_order(sizes.effective_experiments, sizes.inputs,
-                                                                            sizes.outputs))}}});
+                                                                            sizes.outputs, sizes.feedthrough))}}});
   return result;
 }
 

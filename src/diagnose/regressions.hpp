@@ -32,6 +32,7 @@ std::vector<Index> unexcited_steps(const Ensemble& data, const GtvArx& arx, bool
 // Sizes for the findings: N, N less the experiments that a mean motion costs, r, m, p.
 struct RegressionSizes {
   Index experiments = 0, effective_experiments = 0, inputs = 0, outputs = 0, lags = 0;
+  bool feedthrough = true;
 };
 Findings findings_of(const RegressionSurvey& survey, const RegressionSizes& sizes, bool noisy);
 

@@ -142,9 +142,10 @@ Findings findings_of_regressions(const Ensemble& data, const Survey& samples, co
   std::erase_if(survey.unexcited,
                 [&](Index k) { return std::binary_search(found.named.begin(), found.named.end(), k); });
   const Index spent = plan.nominal ? 1 : 0;
-  append(found.findings,
-         findings_of(survey, {data.experiments(), data.experiments() - spent, data.inputs(), data.outputs(), plan.lags},
-                     plan.noisy));
+  append(found.findings, findings_of(survey,
+                                     {data.experiments(), data.experiments() - spent, data.inputs(), data.outputs(),
+                                      plan.lags, plan.feedthrough},
+                                     plan.noisy));
   return std::move(found.findings);
 }
 
@@ -168,7 +169,7 @@ ExperimentFindings experiment_findings(const Ensemble& used, const Ensemble& mea
   // With unknown initial states, or with noise, states vary without the inputs.
   const Index needed = options.period > 0 ? 0
                        : plan.coupled     ? r + model.states()
-                       : exact            ? experiments_for(used, p, plan.nominal)
+                       : exact            ? experiments_for(used, p, plan)
                                           : r * (p + 1);
   ExperimentFindings result;
   result.findings = findings_of_repeats(used, needed, p);
@@ -345,7 +346,7 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
 
   result.experiments = training.experiments();
   result.steps = training.steps();
-  result.min_experiments = experiments_for(training, result.plan.lags, nominal);
+  result.min_experiments = experiments_for(training, result.plan.lags, result.plan);
   take_evidence(std::move(decision.test), std::move(regression), survey, std::move(realisation), result);
   result.held_out = holding_out;
   note_provenance(training, options, result);

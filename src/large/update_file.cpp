@@ -121,6 +121,7 @@ Plan plan_of(const Fields& fields, const std::string& options, const WindowFacto
   record.options = options;
   const IdentifyOptions asked = identify_options(record);
   plan.nominal_period = plan.nominal ? asked.period : 0;
+  plan.feedthrough = asked.feedthrough;
   plan.rows = asked.rows, plan.cols = asked.cols;
   plan.frame = asked.frame, plan.reference_step = asked.reference_step;
   plan.choices.weighting = asked.weighting.value_or(Weighting::one_step);

@@ -56,6 +56,18 @@ Matrix stacked(const ConstMatrixRef& above, const ConstMatrixRef& below) {
   return both;
 }
 
+Matrix beside(const ConstMatrixRef& left, const ConstMatrixRef& right) {
+  Matrix both(left.rows(), left.cols() + right.cols());
+  both << left, right;
+  return both;
+}
+
+Vector inverse_norms(const ConstMatrixRef& a) {
+  Vector scales = a.colwise().norm();
+  for (double& s : scales) s = s > 0 ? 1 / s : 1.0;
+  return scales;
+}
+
 void RowStack::add(const ConstMatrixRef& block) {
   const Index cols = rows_.cols(), room = 4 * cols;
   if (used_ > 0 && used_ + block.rows() > room) factor();

@@ -27,6 +27,7 @@ void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape,
   noise_shape_.resize(shape_rows_, T * shape_rows_);
   for (const Matrix* a : {&coefficients_, &noise_shape_})
     prefer_large_pages(a->data(), size_t(a->size()) * sizeof(double));
+  if (!feedthrough) coefficients_.setZero();
   residual_cov_.setZero(m, T * m);
   output_rms_.setZero(m, T);
   leverages_.setZero(experiments, T);
@@ -52,13 +53,6 @@ void GtvArx::require_noise_shape() const {
 
 namespace {
 
-// Inverse norms of the columns; 1 for zero columns, which stay zero.
-Vector column_scales(const ConstMatrixRef& a) {
-  Vector scales = a.colwise().norm();
-  for (double& s : scales) s = s > 0 ? 1 / s : 1.0;
-  return scales;
-}
-
 // Diagonal of W W⁺ for W with scaled columns.
 Vector leverages(const Matrix& w, Index rank) {
   if (rank >= w.rows()) return Vector::Ones(w.rows());
@@ -76,20 +70,20 @@ class StepRegression {
   // `rows` nonzero rows, the number of experiments; further rows are rounding errors.
   template <class Factor>
   void run(Index k, Index lags, Index rows, Factor&& factor) {
-    const Index left = lags * (inputs_ + outputs_) + inputs_;
+    const Index first_y = lags * (inputs_ + outputs_) + inputs_, left = first_y - (options_.feedthrough ? 0 : inputs_);
     GtvArxStep& step = arx_.step[size_t(k)];
     step.lags = lags;
     step.rows = rows;
-    // r = [R_WW R_Wy; 0 R_yy]
+    // r = [R_WW R_Wy; 0 R_yy]. Without feedthrough, the rows of u_k are part of the residual.
     r_.setZero(left, linalg::whole_vectors(left));
     r_y_.setZero(left, linalg::whole_vectors(outputs_));
-    r_yy_.setZero(outputs_, outputs_);
-    for (Index i = 0, used = 0; i < left + outputs_ && used < rows; ++i) {
+    r_yy_.setZero(first_y + outputs_ - left, outputs_);
+    for (Index i = 0, used = 0; i < first_y + outputs_ && used < rows; ++i) {
       if (factor(i, i) == 0) continue;
       ++used;
       for (Index j = i; j < left; ++j) r_(i, j) = factor(i, j);
-      for (Index j = std::max(i, left); j < left + outputs_; ++j)
-        (i < left ? r_y_(i, j - left) : r_yy_(i - left, j - left)) = factor(i, j);
+      for (Index j = std::max(i, first_y); j < first_y + outputs_; ++j)
+        (i < left ? r_y_(i, j - first_y) : r_yy_(i - left, j - first_y)) = factor(i, j);
     }
     arx_.output_rms(k) = ((r_y_.leftCols(outputs_).colwise().squaredNorm() + r_yy_.colwise().squaredNorm()) /
                           double(std::max<Index>(1, rows)))
@@ -163,7 +157,7 @@ class AloneRoute {
     step_.run(k, lags, count, factor_);
     if (!options_.leverages) return;
     Matrix scaled = rows_.leftCols(arx_.regressors(k));
-    scaled *= column_scales(scaled).asDiagonal();
+    scaled *= linalg::inverse_norms(scaled).asDiagonal();
     arx_.leverages(k) = leverages(scaled, arx_.step[size_t(k)].rank);
   }
 
@@ -219,8 +213,9 @@ class LaneRoute {
         options_(options),
         arx_(arx),
         lags_(lags),
-        left_(lags * ensemble_.channels() + ensemble_.inputs()),
-        batch_(ensemble_.experiments(), left_, ensemble_.outputs()),
+        first_y_(lags * ensemble_.channels() + ensemble_.inputs()),
+        left_(first_y_ - (options.feedthrough ? 0 : ensemble_.inputs())),
+        batch_(ensemble_.experiments(), left_, first_y_ + ensemble_.outputs() - left_),
         alone_(windows, options, arx) {}
 
   // Regresses the steps k … k+lanes-1 and keeps those from `first` on.
@@ -233,14 +228,14 @@ class LaneRoute {
  private:
   void take(Index k, Index l) {
     const auto factor = [&](Index i, Index j) { return batch_.factor(l, i, j); };
-    const Index rows = ensemble_.experiments(), m = ensemble_.outputs();
+    const Index rows = ensemble_.experiments(), m = ensemble_.outputs(), before = first_y_ - left_;
     GtvArxStep& step = arx_.step[size_t(k)];
     step.condition = batch_.condition(l);
     auto rms = arx_.output_rms(k);
     bool sound = step.condition < linalg::certain_rank;
     for (Index j = 0; j < m; ++j) {  // NaN after a gap; the squares of very large or small numbers are inaccurate
       double square = 0.0;
-      for (Index i = 0; i <= left_ + j; ++i) square += factor(i, left_ + j) * factor(i, left_ + j);
+      for (Index i = 0; i <= first_y_ + j; ++i) square += factor(i, first_y_ + j) * factor(i, first_y_ + j);
       rms(j) = std::sqrt(square / double(rows));
       sound = sound && (square == 0 || (square > 1e-200 && square < 1e200));
     }
@@ -252,11 +247,11 @@ class LaneRoute {
     auto coefficients = arx_.coefficients(k);
     auto covariance = arx_.residual_cov(k);
     for (Index j = 0; j < left_; ++j)
-      for (Index i = 0; i < m; ++i) coefficients(i, j) = batch_.x(l, j, i);
+      for (Index i = 0; i < m; ++i) coefficients(i, j) = batch_.x(l, j, before + i);
     for (Index j = 0; j < m; ++j)
       for (Index i = 0; i <= j && step.freedom > 0; ++i) {
         double product = 0.0;
-        for (Index h = 0; h <= i; ++h) product += factor(left_ + h, left_ + i) * factor(left_ + h, left_ + j);
+        for (Index h = left_; h <= first_y_ + i; ++h) product += factor(h, first_y_ + i) * factor(h, first_y_ + j);
         covariance(i, j) = covariance(j, i) = product / double(step.freedom);
       }
     if (!options_.noise_shape) return;
@@ -270,7 +265,7 @@ class LaneRoute {
   const Ensemble& ensemble_;
   const GtvArxOptions& options_;
   GtvArx& arx_;
-  const Index lags_, left_;
+  const Index lags_, first_y_, left_;  // p, the column of y_k, and L
   linalg::LaneRegression batch_;
   AloneRoute alone_;
 };
@@ -311,6 +306,7 @@ GtvArx prepared(const Windows& windows, const GtvArxOptions& options) {
     throw std::invalid_argument(fmt::format("block: {} found, 0 (automatic) or more needed", options.block));
 
   GtvArx arx;
+  arx.feedthrough = options.feedthrough;
   Index lags_max = 0;
   for (Index k = 0; k < steps; ++k) lags_max = std::max(lags_max, std::min(options.lags_of(k), k));
   arx.resize(steps, windows.inputs(), windows.outputs(), lags_max, options.noise_shape,
@@ -348,7 +344,7 @@ GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
   const Index steps = arx.steps(), p = options.lags.front(), first = std::max(p, arx.k_begin);
   const Index lanes = linalg::LaneRegression::lanes();
   if (options.block == 0 && (p + 1) * ensemble.channels() <= linalg::LaneRegression::most_columns() &&
-      ensemble.experiments() > minimum_experiments(ensemble.inputs(), ensemble.outputs(), p) &&
+      ensemble.experiments() > minimum_experiments(ensemble.inputs(), ensemble.outputs(), p, options.feedthrough) &&
       steps - first >= lanes) {
     regress_alone(windows, arx.k_begin, first, {options.execution.threads, {}}, options, arx);
     parallel_for(0, (steps - first + lanes - 1) / lanes, options.execution, [&](Index begin, Index end) {
@@ -368,110 +364,12 @@ GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options) {
   return arx;
 }
 
-Index minimum_experiments(Index inputs, Index outputs, Index lags) { return inputs + lags * (inputs + outputs); }
-
-Index largest_lag_order(Index experiments, Index inputs, Index outputs) {
-  return std::max<Index>(0, (experiments - inputs) / (inputs + outputs));
+Index minimum_experiments(Index inputs, Index outputs, Index lags, bool feedthrough) {
+  return (feedthrough ? inputs : 0) + lags * (inputs + outputs);
 }
 
-namespace {
-
-constexpr double inf = std::numeric_limits<double>::infinity();
-
-// Leave-one-out errors of one step for the lag orders 1 … p_max, as logs of the share of the mean square of y.
-Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, double exact) {
-  const Index d = ensemble.channels(), r = ensemble.inputs(), m = ensemble.outputs();
-  const std::vector<Index> rows = ensemble.complete_rows(k, p_max);
-  const Index count = static_cast<Index>(rows.size());
-  Vector error = Vector::Constant(p_max, inf);
-  const Index p_tested = std::min(p_max, largest_lag_order(count - 1, r, m));  // at least one degree of freedom
-  if (p_tested < 1) return error;
-
-  Matrix w(count, r + p_tested * d);  // newest lag first
-  const bool all = count == ensemble.experiments();
-  const auto put = [&](const auto& samples, Index at) {
-    if (all)
-      w.middleCols(at, samples.cols()) = samples;
-    else
-      w.middleCols(at, samples.cols()) = samples(rows, Eigen::all);
-  };
-  put(ensemble.input(k), 0);
-  for (Index j = 1; j <= p_tested; ++j) put(ensemble.samples().middleCols((k - j) * d, d), r + (j - 1) * d);
-  w *= column_scales(w).asDiagonal();
-  const Matrix y = ensemble.output(k)(rows, Eigen::all);
-  linalg::orthonormalise(w);
-
-  Matrix residual = y;
-  Vector left = Vector::Ones(count);  // 1 - leverage
-  Index used = 0;
-  const auto use = [&](Index columns) {
-    const auto part = w.middleCols(used, columns);
-    residual -= part * (part.transpose() * residual);
-    left -= part.rowwise().squaredNorm();
-    used += columns;
-  };
-  use(r);
-  for (Index p = 1; p <= p_tested; ++p) {
-    use(d);
-    double sum = 0.0;
-    for (Index j = 0; j < m; ++j) {
-      const double scale = y.col(j).squaredNorm();
-      // An experiment that alone determines a coefficient (leverage 1) can't be predicted from the others.
-      const double loo = (residual.col(j).array() / left.array().max(1e-12)).square().sum();
-      sum += scale > 0 ? std::log(std::max(loo / scale, exact * exact)) : 0.0;
-    }
-    error(p - 1) = sum / double(m);
-  }
-  return error;
-}
-
-}  // namespace
-
-LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions& options) {
-  check(ensemble);
-  const Index p_max = std::min(options.p_max, ensemble.steps() - 1);
-  LagOrderErrors result;
-  result.best = std::max<Index>(1, options.p_min);
-  if (p_max < 1) return result;
-
-  const Index available = ensemble.steps() - p_max;
-  const Index count = std::min(available, std::max<Index>(1, options.steps));
-  for (Index s = 0; s < count; ++s) result.steps.push_back(p_max + (2 * s + 1) * available / (2 * count));
-  result.error.resize(count, p_max);
-  parallel_for(0, count, options.execution, [&](Index begin, Index end) {
-    for (Index s = begin; s < end; ++s)
-      result.error.row(s) =
-          step_errors(ensemble, result.steps[static_cast<size_t>(s)], p_max, options.exact).transpose();
-  });
-  // Missing samples may leave too few experiments at some steps. Orders are compared at the steps that can test all of
-  // them. The largest order must be testable at half of the steps or more.
-  const auto testing_steps = [&](Index p) { return (result.error.col(p - 1).array() < inf).count(); };
-  Index largest = p_max;
-  while (largest > 1 && 2 * testing_steps(largest) < count) --largest;
-  std::vector<Index> rows;
-  for (Index s = 0; s < count; ++s)
-    if (result.error(s, largest - 1) < inf) rows.push_back(s);
-  const Matrix error = result.error(rows, Eigen::all);
-  result.mean.setConstant(p_max, inf);
-  if (!rows.empty()) result.mean.head(largest) = error.leftCols(largest).colwise().mean().transpose();
-
-  // A smaller order wins if its mean is within one standard error, that of the paired difference over the steps.
-  const Index first = std::clamp<Index>(options.p_min, 1, p_max);
-  Index smallest = first;
-  for (Index p = first; p <= p_max; ++p)
-    if (result.mean(p - 1) < result.mean(smallest - 1)) smallest = p;
-  result.best = std::max(options.p_min, smallest);
-  if (!std::isfinite(result.mean(smallest - 1))) return result;
-  for (Index p = first; p < smallest; ++p) {
-    const Vector difference = error.col(p - 1) - error.col(smallest - 1);
-    const double mean = difference.mean(), steps = double(difference.size());
-    const double variance = (difference.array() - mean).square().sum() / std::max(1.0, steps - 1);
-    if (mean <= std::sqrt(variance / steps)) {
-      result.best = p;
-      break;
-    }
-  }
-  return result;
+Index largest_lag_order(Index experiments, Index inputs, Index outputs, bool feedthrough) {
+  return std::max<Index>(0, (experiments - (feedthrough ? inputs : 0)) / (inputs + outputs));
 }
 
 }  // namespace tokid

@@ -23,9 +23,10 @@ class Recursions {
   Recursions(const GtvArx& arx, Markov& markov) : arx_(arx), markov_(markov) {
     const Index steps = arx.steps(), r = arx.inputs, m = arx.outputs;
     variance_.resize(m, steps);
-    feedthrough_variance_.resize(m, steps * r);
+    feedthrough_variance_.setZero(m, steps * r);
     for (Index k = arx.k_begin; k < steps; ++k) {
       variance_.col(k) = arx.residual_cov(k).diagonal().cwiseMax((rounding * arx.output_rms(k)).cwiseAbs2());
+      if (!arx.feedthrough) continue;
       const auto shape = arx.noise_shape(k);
       for (Index i = 0; i < r; ++i)
         feedthrough_variance_.col(k * r + i) = variance_.col(k) * shape.row(shape.rows() - r + i).squaredNorm();
@@ -52,8 +53,8 @@ class Recursions {
   }
 
   // Adds the variance from the regression of step k itself. h_{k,i} = M_k ω, where ω is the window of the pulse
-  // response. To first order, the variance is Σ_e ωᵀ(W_kᵀW_k)⁺ω. propagate_variances() adds the variances of the earlier
-  // parameters.
+  // response. To first order, the variance is Σ_e ωᵀ(W_kᵀW_k)⁺ω. propagate_variances() adds the variances of the
+  // earlier parameters.
   class Own {
    public:
     explicit Own(const Recursions& of) : of_(of) {}
@@ -64,7 +65,7 @@ class Recursions {
       const Index lags = arx.step[size_t(k)].lags, r = arx.inputs, m = arx.outputs, d = r + m;
       const Index gaps = std::min(markov.band, k - markov.i_begin);
       if (gaps == 0) return;
-      windows_.setZero(lags * d + r, gaps * r);
+      windows_.setZero(arx.regressors(k), gaps * r);
       for (Index gap = 1; gap <= gaps; ++gap)
         for (Index j = 1; j <= std::min(gap, lags); ++j) {
           auto v = windows_.block((lags - j) * d, (gap - 1) * r, d, r);

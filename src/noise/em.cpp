@@ -178,6 +178,8 @@ Matrix innovation_covariance(const Model& model, const Ensemble& data, InitialSt
 
 Model starting_model(const Model& model, const Ensemble& data, const RefineOptions& o, InitialState initial) {
   Model start = with_constant_states(model, data.steps());
+  if (!o.feedthrough)
+    for (Step& step : start.step) step.D().setZero();
   const Index period = period_of(model, o);
   if (period > 0 && period < start.steps() && start.states() > 0) start = in_phase(start, period);
   if (!start.has(&Step::has_innovation_cov))
@@ -247,7 +249,7 @@ struct Point {
 // scaling, a second refinement does not change a refined model.
 em::EstimatorOptions estimator_options(const Model& start, const RefineOptions& o, InitialState initial) {
   const bool constant = o.smoothing == infinity;
-  return {constant ? 1.0 : o.smoothing, period_of(start, o), initial == InitialState::unknown,
+  return {constant ? 1.0 : o.smoothing, period_of(start, o), initial == InitialState::unknown, o.feedthrough,
           mean_innovation_cov(start)};
 }
 

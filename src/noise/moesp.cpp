@@ -27,6 +27,7 @@ class Moesp {
         groups_(o.variation.groups(e.steps())),
         r_(e.inputs()),
         m_(e.outputs()),
+        through_(arx.feedthrough ? e.inputs() : 0),
         lags_(factors.lags),
         from_rest_(arx.k_begin == 0),
         noisy_(o.noisy),
@@ -79,7 +80,7 @@ class Moesp {
   // Computes B and D. The outputs are linear in B, D and the state at the start of each stretch of known inputs:
   //   y_k = C Φ x_0 + Σ_j C Φ_{k,j+1} B u_j + D u_k
   void simulate_inputs() {
-    const Index b = groups_ * n_ * r_, d = groups_ * m_ * r_, unknowns = b + d;
+    const Index b = groups_ * n_ * r_, d = groups_ * m_ * through_, unknowns = b + d;
     linalg::RowStack rows(unknowns + 1);
     for (Index n = 0; n < e_.experiments(); ++n)
       for (Index begin = 0, end = 0; begin < e_.steps(); begin = std::max(end, begin + 1)) {
@@ -96,7 +97,8 @@ class Moesp {
     for (Index g = 0; g < groups_; ++g) {
       Step& step = model_.step[size_t(g)];
       step.B() = theta.segment(g * n_ * r_, n_ * r_).reshaped(n_, r_);
-      step.D() = sizes_.asDiagonal() * theta.segment(b + g * m_ * r_, m_ * r_).reshaped(m_, r_);
+      step.D().leftCols(through_) =
+          sizes_.asDiagonal() * theta.segment(b + g * m_ * through_, m_ * through_).reshaped(m_, through_);
     }
   }
 
@@ -116,7 +118,7 @@ class Moesp {
   // effect of the state at the start of the stretch.
   Matrix stretch_rows(Index n, Index begin, Index end, Index b) const {
     const bool known = begin == 0 && from_rest_;
-    const Index start = known ? 0 : n_, unknowns = b + groups_ * m_ * r_;
+    const Index start = known ? 0 : n_, unknowns = b + groups_ * m_ * through_;
     Matrix rows = Matrix::Zero((end - begin) * m_, start + unknowns + 1);
     Matrix x = Matrix::Zero(n_, start + b);  // ∂x_k / ∂(x_0, B)
     x.leftCols(start) = Matrix::Identity(n_, start);
@@ -127,7 +129,7 @@ class Moesp {
       for (Index j = 0; j < m_; ++j) {
         if (std::isnan(e_.y(n, k, j))) continue;
         rows.row(used).head(start + b) = response.row(j);
-        for (Index i = 0; i < r_; ++i) rows(used, start + b + (g * r_ + i) * m_ + j) = e_.u(n, k, i);
+        for (Index i = 0; i < through_; ++i) rows(used, start + b + (g * through_ + i) * m_ + j) = e_.u(n, k, i);
         rows(used++, start + unknowns) = e_.y(n, k, j) / sizes_(j);
       }
       x = model_.step[size_t(g)].A() * x;
@@ -186,7 +188,7 @@ class Moesp {
   const Ensemble& e_;
   const PredictorFactors& factors_;
   TimeVariation variation_;
-  Index groups_, r_, m_, lags_, n_ = 0;
+  Index groups_, r_, m_, through_, lags_, n_ = 0;  // through_: inputs with feedthrough
   bool from_rest_, noisy_;
   Vector sizes_;
   Model model_;

@@ -346,25 +346,34 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
   const auto n_of = [&](Index g) { return maps.of[size_t(g)].rows(); };
   const auto states = [&](const Matrix& z, Index g) { return Matrix(z * maps.of[size_t(g)].transpose()); };
 
-  // y on [x; u]
+  // y on [x; u], or on x alone without feedthrough
+  const Index through = arx.feedthrough ? r : 0;
   std::vector<Index> regressors;
-  for (Index g = 0; g < steps.groups(); ++g) regressors.push_back(n_of(g) + r);
-  const auto outputs_on_states = [&](const Matrix& window, Index k) {
+  for (Index g = 0; g < steps.groups(); ++g) regressors.push_back(n_of(g) + through);
+  const auto samples_of = [&](const Matrix& window, Index k) {  // [x u y]
     const Matrix x = states(window.leftCols(steps.width()), steps.group(k));
     Matrix block(x.rows(), x.cols() + d);
     block << x, window.rightCols(d);
     return block;
   };
-  const std::vector<Fitted> outputs =
-      regress(steps, o, regressors, [&](Index k) { return outputs_on_states(steps.window(k), k); });
+  std::vector<Fitted> outputs = regress(steps, o, regressors, [&](Index k) {
+    const Matrix all = samples_of(steps.window(k), k);
+    if (arx.feedthrough) return all;
+    Matrix block(all.rows(), all.cols() - r);
+    block << all.leftCols(all.cols() - d), all.rightCols(m);
+    return block;
+  });
+  if (!arx.feedthrough)
+    for (Fitted& y : outputs)
+      if (y.coefficients.size() > 0) y.coefficients = linalg::beside(y.coefficients, Matrix::Zero(m, r));
 
   // x⁺ on [x; u; ε]. Without noise there is no ε, and the observer comes from the map of the next state.
   const Index errors = o.noisy ? m : 0;
-  for (Index& l : regressors) l += errors;
+  for (Index& l : regressors) l += r - through + errors;
   const auto next_on_states = [&](Index k) {
     if (k + 1 >= e.steps() && !steps.smooth()) return Matrix();
     const Index g = steps.group(k), known = n_of(g) + r;
-    const Matrix window = steps.window(k), block = outputs_on_states(window, k);
+    const Matrix window = steps.window(k), block = samples_of(window, k);
     const Matrix next = states(window.rightCols(steps.width()), steps.next(g));
     Matrix both(block.rows(), known + errors + next.cols());
     both.leftCols(known) = block.leftCols(known);
@@ -425,7 +434,8 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
       if (residual.cols() != size) return Matrix::Zero(0, size);
       return residual / std::sqrt(std::max(1.0, rows - double(spent)));
     };
-    noise.innovation.push_back(pooled ? root(shared_outputs, rows_outputs, 0, m) : root(y.residual, y.rows, n + r, m));
+    noise.innovation.push_back(pooled ? root(shared_outputs, rows_outputs, 0, m)
+                                      : root(y.residual, y.rows, n + through, m));
     noise.state.push_back(pooled && full(Index(g)) ? root(shared_states, rows_states, 0, next)
                                                    : root(x.residual, x.rows, n + r + errors, next));
     step.set_innovation_cov(kalman::covariance_of(noise.innovation.back()));

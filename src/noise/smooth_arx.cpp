@@ -17,13 +17,13 @@ namespace {
 
 constexpr double inf = std::numeric_limits<double>::infinity();
 
-// 1 / RMS of each channel over the ensemble, as the scales of [W_k Y_k] (1 for the outputs of step k).
-Vector window_scales(const Windows& e, Index lags) {
-  const Index d = e.channels(), r = e.inputs();
+// 1 / RMS of each channel over the ensemble, as the scales of the regressors W_k.
+Vector window_scales(const Windows& e, Index lags, bool feedthrough) {
+  const Index d = e.channels(), r = feedthrough ? e.inputs() : 0;
   const Vector channel = e.channel_sizes().cwiseInverse();
-  Vector scales = Vector::Ones((lags + 1) * d);
+  Vector scales(lags * d + r);
   for (Index j = 0; j < lags; ++j) scales.segment(j * d, d) = channel;
-  scales.segment(lags * d, r) = channel.head(r);
+  scales.tail(r) = channel.head(r);
   return scales;
 }
 
@@ -36,20 +36,21 @@ struct GroupFactors {
 };
 
 GroupFactors group_factors(const Windows& e, const SmoothArxOptions& o, const Vector& scales, Index begin, Index end) {
-  const Index p = o.lags, d = e.channels(), width = (p + 1) * d, groups = o.variation.groups(end - begin);
+  const Index p = o.lags, m = e.outputs(), groups = o.variation.groups(end - begin);
   GroupFactors w;
-  w.regressors = width - e.outputs();
+  w.regressors = scales.size();
   w.factor.resize(size_t(groups));
   w.rows.assign(size_t(e.steps()), 0);
   const Index first = o.initial_state == InitialState::zero ? begin : std::max(begin, p);
   parallel_for(0, groups, {o.execution.threads, {}}, [&](Index from, Index to) {
-    Matrix rows;
+    Matrix window;
     for (Index g = from; g < to; ++g) {
-      linalg::RowStack stack(width);
+      linalg::RowStack stack(w.regressors + m);
       for (Index k = begin; k < end; ++k) {
         if (k < first || o.variation.group(k - begin) != g) continue;
-        w.rows[size_t(k)] = e.rows(k, p, rows);
-        rows *= scales.asDiagonal();
+        w.rows[size_t(k)] = e.rows(k, p, window);
+        Matrix rows(window.rows(), w.regressors + m);
+        rows << window.leftCols(w.regressors) * scales.asDiagonal(), window.rightCols(m);
         stack.add(rows);
       }
       w.factor[size_t(g)] = stack.factor();
@@ -84,11 +85,12 @@ void check(const Windows& e, Index lags, const TimeVariation& v) {
 GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
   check(e, options.lags, options.variation);
   const Index p = options.lags, m = e.outputs(), steps = e.steps();
-  const Vector scales = window_scales(e, p);
+  const Vector scales = window_scales(e, p, options.feedthrough);
   const GroupFactors w = group_factors(e, options, scales, 0, steps);
   const std::vector<Matrix> x =
       random_walk_regression(w.factor, w.regressors, stiffness(w, options.variation.smoothing));
   GtvArx arx;
+  arx.feedthrough = options.feedthrough;
   arx.resize(steps, e.inputs(), m, p, false);
   arx.begin_at(options.initial_state == InitialState::zero ? 0 : p);
 
@@ -101,7 +103,7 @@ GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
     step.lags = std::min(p, k);
     step.rows = w.rows[size_t(k)];
     const Index own = arx.regressors(k);  // number of own regressors: the last rows of x
-    arx.coefficients(k) = (scales.segment(w.regressors - own, own).asDiagonal() * x[g].bottomRows(own)).transpose();
+    arx.coefficients(k) = (scales.tail(own).asDiagonal() * x[g].bottomRows(own)).transpose();
     const double count = double(std::max<Index>(1, rows[g]));
     arx.residual_cov(k) = residual_square(w.factor[g], x[g]) / count;
     arx.output_rms(k) = (w.factor[g].rightCols(m).colwise().squaredNorm() / count).cwiseSqrt().transpose();
@@ -191,10 +193,11 @@ class CandidateErrors {
     SmoothArxOptions o;
     o.lags = lags;
     o.initial_state = options_.initial_state;
+    o.feedthrough = options_.feedthrough;
     o.variation.period = options_.period;
     o.execution.threads = options_.execution.threads;
     for (const Split& part : parts_) {
-      const Vector scales = window_scales(part.training, lags);
+      const Vector scales = window_scales(part.training, lags, o.feedthrough);
       for (const auto& [begin, end] : stretches_)
         pieces.push_back(
             {group_factors(part.training, o, scales, begin, end), group_factors(part.held_out, o, scales, begin, end)});

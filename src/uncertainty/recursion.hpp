@@ -24,7 +24,7 @@ struct Rows {
 // The window of step k (rows × L_k), and u_k, y_k within the samples.
 inline auto window(const GtvArx& arx, const Rows& rows, Index k) {
   const Index d = arx.inputs + arx.outputs, lags = arx.step[size_t(k)].lags;
-  return rows.samples.middleCols((k - lags - rows.origin) * d, lags * d + arx.inputs);
+  return rows.samples.middleCols((k - lags - rows.origin) * d, lags * d + (arx.feedthrough ? arx.inputs : 0));
 }
 inline auto input(const GtvArx& arx, Rows& rows, Index k) {
   return rows.samples.middleCols((k - rows.origin) * (arx.inputs + arx.outputs), arx.inputs);

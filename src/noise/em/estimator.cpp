@@ -26,12 +26,6 @@ Noise separate(std::vector<Matrix> of_phase) {
   return {std::move(of_phase), Vector::Ones(1), std::vector<Index>(phases, 0)};
 }
 
-Matrix beside(const ConstMatrixRef& a, const ConstMatrixRef& b) {
-  Matrix both(a.rows(), a.cols() + b.cols());
-  both << a, b;
-  return both;
-}
-
 // Degrees of freedom per phase that a random-walk coefficient uses up: the mean of 1 / (1 + λ μ) over the eigenvalues μ
 // of the second difference.
 double freedom_per_phase(Index phases, double smoothing) {
@@ -74,8 +68,8 @@ Estimator::Estimator(const Model& start, const kalman::Samples& samples, const E
     const size_t s = size_t(t), g = size_t(t % phases_);
     const Index times = (steps_ - 1 - t % phases_) / phases_ + 1;
     const double share = 1.0 / double(times);
-    start_.ab[g] += share * beside(start.step[s].A(), start.step[s].B());
-    start_.cd[g] += share * beside(start.step[s].C(), start.step[s].D());
+    start_.ab[g] += share * linalg::beside(start.step[s].A(), start.step[s].B());
+    start_.cd[g] += share * linalg::beside(start.step[s].C(), start.step[s].D());
     q[g] += share * start.step[s].Q();
     r[g] += share * start.step[s].R();
   }
@@ -161,8 +155,8 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   // The number of free coefficients (without the choice of coordinates) relative to the number of output samples, at
   // most 0.5. Both noises get an equal part, so that a change of the size of Q or R never gains more here than it loses
   // in likelihood.
-  const double used =
-      double(phases_ * ((n_ + m_) * (n_ + r_) - n_ * n_)) * freedom_per_phase(phases_, options_.smoothing);
+  const Index free = n_ * r_ + m_ * (n_ + (options_.feedthrough ? r_ : 0));
+  const double used = double(phases_ * free) * freedom_per_phase(phases_, options_.smoothing);
   const double share = std::min(0.5, used / std::max(1.0, samples.outputs));
   measurement_spent_ = share / 2;
   process_spent_ = n_ > 0 ? share / 2 * std::min(1.0, double(m_) / double(n_)) : 0.0;
@@ -226,22 +220,24 @@ std::vector<Matrix> Estimator::phase_roots(const std::vector<Matrix>& moments, c
   return sums;
 }
 
-// With T V̄ Tᵀ = diag(w) for the noise and T V Tᵀ = I for the penalty, the rows of T Θ are independent problems.
+// With T V̄ Tᵀ = diag(w) for the noise and T V Tᵀ = I for the penalty, the rows of T Θ are independent problems. Only
+// the first `l` of the n + r coefficients are estimated. The others keep their values.
 std::vector<Matrix> Estimator::regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before,
-                                       const Noise& noise, const Matrix& reference, const Vector& weight,
+                                       const Noise& noise, Index l, const Matrix& reference, const Vector& weight,
                                        const Execution& execution) const {
-  const Index l = n_ + r_, q = reference.rows();
+  const Index q = reference.rows();
   std::vector<Matrix> result(before);
   if (q == 0 || l == 0) return result;
   const auto has_data = [&](size_t g) { return !roots[g].topLeftCorner(l, l).isZero(0.0); };
   if (!pooled_ || phases_ == 1) {
     const std::vector<Matrix> theta = [&] {
       std::vector<Matrix> rows;
-      for (const Matrix& root : roots) rows.emplace_back(root.topRows(l));
+      for (const Matrix& root : roots)
+        rows.push_back(linalg::beside(root.topLeftCorner(l, l), root.topRightCorner(l, q)));
       return random_walk_regression(rows, l, Vector::Zero(l));
     }();
     for (size_t g = 0; g < theta.size(); ++g)
-      if (has_data(g)) result[g] = theta[g].transpose();
+      if (has_data(g)) result[g].leftCols(l) = theta[g].transpose();
     return result;
   }
   const Matrix whitener = whitener_of(reference);
@@ -260,12 +256,12 @@ std::vector<Matrix> Estimator::regress(const std::vector<Matrix>& roots, const s
         block /= std::sqrt(noise.scale(noise.segment[size_t(g)]));
       }
       const std::vector<Matrix> x =
-          random_walk_regression(rows, l, (options_.smoothing * eigen.s(i) * weight).cwiseSqrt());
+          random_walk_regression(rows, l, (options_.smoothing * eigen.s(i) * weight.head(l)).cwiseSqrt());
       for (size_t g = 0; g < x.size(); ++g) rotated[g].row(i) = x[g].transpose();
     }
   });
   const Matrix back = linalg::pseudo_inverse(t);
-  for (size_t g = 0; g < result.size(); ++g) result[g] = back * rotated[g];
+  for (size_t g = 0; g < result.size(); ++g) result[g].leftCols(l) = back * rotated[g];
   return result;
 }
 
@@ -308,8 +304,9 @@ Parameters Estimator::maximise(const kalman::Moments& moments, const Parameters&
   Vector moved, measured;
   const std::vector<Matrix> process = phase_roots(moments.moved, moments.moved_count, moved);
   const std::vector<Matrix> output = phase_roots(moments.measured, moments.measured_count, measured);
-  next.ab = regress(process, p.ab, p.process, process_reference_, process_weight_, execution);
-  next.cd = regress(output, p.cd, p.measurement, measurement_reference_, measurement_weight_, execution);
+  const Index all = n_ + r_, of_outputs = options_.feedthrough ? all : n_;
+  next.ab = regress(process, p.ab, p.process, all, process_reference_, process_weight_, execution);
+  next.cd = regress(output, p.cd, p.measurement, of_outputs, measurement_reference_, measurement_weight_, execution);
   update_noise(process, moved, next.ab, process_floor_, process_spent_, next.process);
   update_noise(output, measured, next.cd, measurement_floor_, measurement_spent_, next.measurement);
   if (options_.estimate_x0 && moments.x0_count > 0) {

@@ -29,7 +29,8 @@ struct EstimatorOptions {
   double smoothing = 0.0;  // λ
   Index period = 0;
   bool estimate_x0 = false;
-  Matrix innovation_cov;  // (m × m)
+  bool feedthrough = true;  // false: D = 0 is known, also of the start
+  Matrix innovation_cov;    // (m × m)
 };
 
 // A phase is a set of steps that share their matrices. With 0 < λ < ∞ the matrices of neighbouring phases are coupled
@@ -64,7 +65,8 @@ class Estimator {
  private:
   std::vector<Matrix> phase_roots(const std::vector<Matrix>& moments, const Vector& counts, Vector& totals) const;
   std::vector<Matrix> regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before, const Noise& noise,
-                              const Matrix& reference, const Vector& weight, const Execution& execution) const;
+                              Index regressors, const Matrix& reference, const Vector& weight,
+                              const Execution& execution) const;
   void update_noise(const std::vector<Matrix>& roots, const Vector& counts, const std::vector<Matrix>& coefficients,
                     const Vector& floor, double spent, Noise& noise) const;
 

@@ -1,0 +1,31 @@
+// Ensemble → the lag order p of noise-free data, by leave-one-out errors.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "tokid/ensemble.hpp"
+#include "tokid/parallel.hpp"
+
+namespace tokid {
+
+// Exact leave-one-out one-step errors for the lag orders 1 … p_max. With the newest lag first, the leading columns of
+// one QR factorisation serve all orders.
+struct LagOrderErrors {
+  std::vector<Index> steps;  // the examined steps: at most `LagOrderOptions::steps`, evenly spaced
+  Matrix error;    // (steps × p_max): mean over outputs of log( leave-one-out mean square / mean square of y )
+  Vector mean;     // (p_max): column means of `error`
+  Index best = 1;  // the smallest p within a standard error of the smallest mean
+};
+struct LagOrderOptions {
+  Index p_max = 8;
+  Index p_min = 1;
+  Index steps = 64;
+  bool feedthrough = true;  // as in GtvArxOptions
+  // Relative errors below this count as exact: noise-free data give the smallest exact order.
+  double exact = 1e-10;
+  Execution execution = {};
+};
+LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions& options = {});
+
+}  // namespace tokid
