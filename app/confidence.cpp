@@ -216,11 +216,11 @@ void add_confidence(CLI::App& tool) {
       "--method", o.method,
       Choices<std::optional<BoundsMethod>>{
           {"auto", std::nullopt}, {"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
-      "From the factors of the regressions, or by identifying anew (auto: where steps share a model)");
+      "From the factors of the regressions, or by repeated identification (auto: where steps share a model)");
   command.number<Index>("--replicates", call->replicates, "B", "Replicates of the bootstrap (default 200)", 2,
                         1'000'000);
   command.count_or_auto("--band", o.band,
-                        "Markov parameters up to so many steps apart (auto: twice as many as tell a state)");
+                        "Markov parameters up to so many steps apart (auto: twice as many as determine a state)");
   command.number<Index>("--reference-step", o.reference_step, "s",
                         "Step of the frame of the eigenvalues (default: the first with all states)", 0, 1'000'000);
   command.number<std::uint64_t>("--seed", call->seed, "S", "Seed of the bootstrap (default 1)", 1);

@@ -150,8 +150,8 @@ std::string smoothing_text(const Call& call, const Identification& result) {
   const Index period = result.plan.choices.variation.period;
   if (period == 1)
     return call.options.period == 1 ? "one model for all steps, as asked"
-                                    : "one model for all steps: the experiments show no variation in time";
-  const char* why = call.options.smoothing ? "as asked" : "by errors on experiments left out";
+                                    : "one model for all steps: no variation over time found";
+  const char* why = call.options.smoothing ? "as asked" : "by cross-validation error";
   return fmt::format("{}lambda = {} over time, {}",
                      period > 1 ? fmt::format("steps k and k + {} share a model; ", period) : std::string(),
                      penalty(result.plan.choices.variation.smoothing), why);
@@ -180,13 +180,13 @@ void add_lag_order(const Call& call, const Data& data, const Identification& res
   const SmoothingChoice& together = result.smoothing_choice;
   if (!together.trials.empty()) {
     page.row("Lag order", fmt::format("p = {}, {}", result.plan.lags,
-                                      call.options.lags ? "as asked" : "by errors on experiments left out"));
+                                      call.options.lags ? "as asked" : "by cross-validation error"));
     page.row("Smoothing", smoothing_text(call, result));
     add_smoothing_trials(together, page);
     return;
   }
   page.row("Lag order",
-           fmt::format("p = {}, {}; {} carry lag orders up to p = {}, this one needs {}", result.plan.lags, why,
+           fmt::format("p = {}, {}; {} permit lag orders up to p = {}, this one needs {}", result.plan.lags, why,
                        plural(result.experiments, "experiment"), largest_lags(data, result), result.min_experiments));
   add_trial(lag_trial(result), page);
 }
@@ -198,13 +198,13 @@ void add_refinement(const Identification& result, Page& page) {
   const bool lowered = std::any_of(choice.trials.begin(), choice.trials.end(), [&](const RefinementTrial& t) {
     return t.error < choice.trials.front().error - std::log(RefinementChoice::worth_it);
   });
-  page.row(
-      "Refinement",
-      choice.iterations > 0
-          ? fmt::format("{} of EM with lambda = {}: mean error on experiments left out {} instead of {}",
-                        plural(choice.iterations, "iteration"), penalty(choice.smoothing), share(after), share(before))
-      : lowered ? "none: EM lowered the errors on experiments left out, but not with all of them"
-                : "none: EM did not lower the errors on experiments left out");
+  page.row("Refinement", choice.iterations > 0
+                             ? fmt::format("{} of EM with lambda = {}: mean cross-validation error {} instead of {}",
+                                           plural(choice.iterations, "iteration"), penalty(choice.smoothing),
+                                           share(after), share(before))
+                         : lowered
+                             ? "none: EM helped in cross-validation but not on the full data; its result was dropped"
+                             : "none: EM did not lower the cross-validation error");
 }
 
 void add_states(const Call& call, const Identification& result, Page& page) {
@@ -212,14 +212,14 @@ void add_states(const Call& call, const Identification& result, Page& page) {
   const bool tried = !result.order_scores.states.empty();
   const bool after_em = decided_after_em(result);
   const char* why = call.options.states == model.states()          ? "as asked"
-                    : after_em                                     ? "by errors on experiments left out, after EM"
-                    : tried && result.order_scores.cross_validated ? "by errors on experiments left out"
+                    : after_em                                     ? "by cross-validation error, after EM"
+                    : tried && result.order_scores.cross_validated ? "by cross-validation error"
                     : tried                                        ? "by prediction and simulation errors"
                                                                    : "the rank of the Hankel matrices";
   const double gap = result.singular_value_gap;
   page.row("States",
            fmt::format("n = {}, {}{}", model.states(), why,
-                       std::isfinite(gap) ? fmt::format("; singular values fall by {:.3g} behind it", gap) : ""));
+                       std::isfinite(gap) ? fmt::format("; singular values fall by {:.3g} after it", gap) : ""));
   Trial trial = state_trial(result);
   if (decided_after_em(result)) trial.best = result.refinement.states;
   add_trial(trial, page);
@@ -232,7 +232,7 @@ void add_states(const Call& call, const Identification& result, Page& page) {
 void add_fit(const Data& data, const Identification& result, Page& page) {
   const Model& model = result.model;
   const Index held_out = data.experiments - result.experiments;
-  page.row("Fit", !result.held_out ? "on the training data; --hold-out gives an honest figure"
+  page.row("Fit", !result.held_out ? "on the training data; --hold-out tests it on other data"
                   : held_out > 0   ? fmt::format("on {} held out", plural(held_out, "experiment"))
                                  : fmt::format("on the last {}, held out", plural(data.steps - result.steps, "step")));
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
@@ -241,7 +241,7 @@ void add_fit(const Data& data, const Identification& result, Page& page) {
                     percent(result.validation.one_step.fit(j))});
   page.table(rows);
   if (data.blocks > 0)
-    page.row("", "simulations start anew in every block, from the state that the samples before tell");
+    page.row("", "simulations start again in every block, from the state that the samples before it determine");
 }
 
 std::string report(const Call& call, const Data& data, const Identification& result) {
@@ -447,8 +447,7 @@ void run(const Call& call) {
   const bool blocks = in_blocks(call);
   if (call.resume && !blocks)
     throw std::invalid_argument(
-        "--resume: goes on from finished blocks, but all steps are identified from at once here; --block STEPS makes "
-        "blocks of them");
+        "--resume: continues from finished blocks, but here all steps are identified at once; use --block STEPS");
   if (blocks)
     run_in_blocks(call);
   else if (team().rank == 0)
@@ -504,9 +503,10 @@ void add_identify(CLI::App& tool) {
   command.value("--block", call->block, "STEPS|auto|all",
                 "Steps of an .h5 in memory at a time, or all (auto: all, in blocks beyond 512 MB of samples)",
                 block_steps, "a whole number from 1 on, auto or all needed");
-  command.flag("--resume", call->resume,
-               "Keep finished blocks in FILE.resume until the model is there, and go on from those of a call with "
-               "--resume that was stopped");
+  command.flag(
+      "--resume", call->resume,
+      "Keep finished blocks in FILE.resume until the model is written, and continue from the blocks of a stopped "
+      "call with --resume");
   command.file("--report", call->page, "Page to write that shows whether the model can be trusted: .html");
   const auto file_name = [](const std::string& text) {
     return parse_number<double>(text, 0, 1e300) ? std::nullopt : std::optional<fs::path>(text);

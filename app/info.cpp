@@ -93,7 +93,7 @@ std::string report(const Call& call, const Ensemble& e) {
     page.row("Free", fmt::format("{} of {}", plural(e.free.experiments, "response"), plural(e.free.steps, "step")));
   const Index p = largest_lag_order(e.experiments(), e.inputs(), e.outputs());
   page.row("Lag orders",
-           p > 0 ? fmt::format("{} carry p up to {}", plural(e.experiments(), "experiment"), p)
+           p > 0 ? fmt::format("{} permit p up to {}", plural(e.experiments(), "experiment"), p)
                  : fmt::format("none; p = 1 needs {} experiments", minimum_experiments(e.inputs(), e.outputs(), 1)));
   page.row("Channels", "");
   std::vector<std::vector<std::string>> rows{{"channel", "kind", "missing", "mean", "std", "min", "max"}};
@@ -210,7 +210,7 @@ std::string report(const Call& call, const Model& model) {
   Page page;
   page.row("Model", call.file.string());
   page.row("", describe(model));
-  if (!states_dt(model)) page.row("", "dt is a guess: the data of the identification stated no sample time");
+  if (!states_dt(model)) page.row("", "dt is assumed: the data of the identification stated no sample time");
   page.row("", fmt::format("method {}, {} frame, tokid {}", model.method, model.frame,
                            model.version.empty() ? "unknown" : model.version));
   page.row("Inputs", labels(model.inputs, [&](Index i) { return input_label(model.names, i); }));

@@ -64,9 +64,7 @@ std::string report(const Call& call, const PlanOptions& sizes, const ExperimentP
   page.table(rows);
   page.row("Condition", fmt::format("of the inputs in a window: {}", describe(extreme(plan.input_condition))));
   if (plan.condition.empty()) {
-    page.row("",
-             "of the whole windows: depends on the system, of which nothing but the sizes is assumed; a preliminary "
-             "model tells");
+    page.row("", "of the whole windows: not known without a model of the system; see --model");
   } else {
     page.row("", fmt::format("of the windows W_k on the model: {}", describe(extreme(plan.condition))));
     if (!std::isnan(plan.start_condition))
@@ -134,7 +132,7 @@ void run(const Call& call) {
   if (call.model.empty()) {
     for (const auto& [name, value] : {std::pair{"--states", options.states}, std::pair{"--inputs", options.inputs},
                                       std::pair{"--outputs", options.outputs}, std::pair{"--steps", options.steps}})
-      if (value == 0) throw std::invalid_argument(fmt::format("{}: needed unless --model tells it", name));
+      if (value == 0) throw std::invalid_argument(fmt::format("{}: not stated, needed without --model", name));
   } else {
     model = load_model(call.model);
   }

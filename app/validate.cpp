@@ -51,7 +51,7 @@ std::string with_spread(double fit, double spread) {
 
 void add_cross_validation(const Call& call, const Model& model, const CrossValidation& cross, Page& page) {
   page.row("Folds",
-           fmt::format("K = {}, each judged by a model of the other experiments, identified with the same options",
+           fmt::format("K = {}, each tested with a model of the other experiments, identified with the same options",
                        cross.folds.size()));
   page.row("", fmt::format("n = {}; p = {}", counts(cross, &Fold::states), counts(cross, &Fold::lags)));
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
@@ -207,8 +207,8 @@ void add_validate(CLI::App& tool) {
   command.horizon(call->options.horizon);
   command.number<Index>(
       "--cross-validate", call->folds, "K",
-      "Also identify anew, with the options of the model, from all but one of K parts of DATA at a time, "
-      "and judge by the part left out",
+      "Also cross-validate with the options of the model: identify from all but one of K parts of DATA at a time, "
+      "and test on the held-out part",
       2, 1'000'000);
   command.flag("--json", call->json, "Print one JSON object");
   command.runs([call] { run(*call); });

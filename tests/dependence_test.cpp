@@ -312,7 +312,8 @@ TEST(Dependence, IsFoundBesideInputsOfFewValues) {
       const Dependence found = find_dependence(with(e, weights));
       ASSERT_EQ(found.combinations.size(), 1u) << seed << ' ' << levels;
       EXPECT_EQ(found.combinations.front().of, (Rows{3, 5}));
-      EXPECT_NE(in_words(findings_of(found, with(e, weights))).front().find("It tells nothing new"), std::string::npos);
+      EXPECT_NE(in_words(findings_of(found, with(e, weights))).front().find("It adds no information"),
+                std::string::npos);
     }
 }
 
@@ -326,8 +327,8 @@ TEST(Dependence, IsToldByTheRowsAndNames) {
   EXPECT_EQ(
       in_words(findings_of(found, all)),
       (std::vector<std::string>{"3 of 15 experiments are sums or multiples of others, within rounding: 12 of 2 and "
-                                "5; 13 of 11; 14 of 0, 1, 2, 3 and 8 more. They tell nothing new; the model is "
-                                "made without them"}));
+                                "5; 13 of 11; 14 of 0, 1, 2, 3 and 8 more. They add no information and were "
+                                "not used"}));
   std::vector<std::string> names;
   for (Index n = 0; n < 15; ++n) names.push_back("run " + std::to_string(n + 1));
   set_experiment_names(all, names);

@@ -483,7 +483,7 @@ TEST(Design, UnknownInitialStatesOfTheModelAreThoseOfThePlan) {
   EXPECT_EQ(result.inputs.initial_state, InitialState::unknown);
   EXPECT_EQ(result.first_step, 2);
   EXPECT_EQ(result.first_forecast, 2);
-  EXPECT_TRUE(mentions(result.findings, "unknown initial states: the forecasts leave aside what they contribute"));
+  EXPECT_TRUE(mentions(result.findings, "unknown initial states: the forecasts assume that they are zero"));
 }
 
 TEST(Design, NumbersBeyondReachAreToldButNotDrawn) {
@@ -512,7 +512,7 @@ TEST(Design, LargeWindowsAreSampledAndTooLargePlansRefused) {
                                     [](double c) { return !std::isnan(c); });
   EXPECT_GT(judged, 10);
   EXPECT_LT(judged, 350);
-  EXPECT_TRUE(mentions(sampled.findings, fmt::format("told of {} of 700 windows only", judged)));
+  EXPECT_TRUE(mentions(sampled.findings, fmt::format("computed for {} of 700 windows only", judged)));
   EXPECT_NEAR(sampled.input_condition.back(), 1, 1e-12);  // orthogonal
 
   EXPECT_NE(complaint(options_for({4, 2, 1000}, 80)).find("sizes: 3004 experiments of 80 steps with 1000 inputs"),

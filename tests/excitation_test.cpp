@@ -45,7 +45,7 @@ TEST(Excitation, InputsThatMoveTogetherAreNamedWithTheirSteps) {
   const Excitation found = excitation(e, {.lags = 2});
   EXPECT_EQ(in_words(found.findings),
             (Texts{"inputs left, right and both move together (left + 0.5 right - both is zero) in every "
-                   "experiment at steps 5–11: their effects there can't be told apart"}));
+                   "experiment at steps 5–11: their effects there can't be separated"}));
   EXPECT_EQ(found.named, (std::vector<Index>{5, 6, 7, 8, 9, 10, 11, 12, 13}));  // windows of two lags more
 }
 
@@ -55,7 +55,7 @@ TEST(Excitation, CombinationsThatChangeAreOneWarning) {
   EXPECT_EQ(
       in_words(excitation(e, {.lags = 2}).findings),
       (Texts{"inputs u1 and u2 move together (a combination of u1 and u2 that changes from step to step is zero) in "
-             "every experiment at steps 0–19: their effects there can't be told apart"}));
+             "every experiment at steps 0–19: their effects there can't be separated"}));
 }
 
 TEST(Excitation, InputsThatFollowFromWhatWasBefore) {
@@ -64,13 +64,14 @@ TEST(Excitation, InputsThatFollowFromWhatWasBefore) {
     if (k % 4 > 0) held.input(k) = Matrix(held.input(k - 1));
   EXPECT_EQ(in_words(excitation(held, {.lags = 2}).findings),
             (Texts{"input u1 follows from inputs before it (u1(k) - u1(k-1) is zero) in every experiment at steps 1–3, "
-                   "5–7, 9–11, 13–15 and 17–19: its effect there can't be told from theirs"}));
+                   "5–7, 9–11, 13–15 and 17–19: its effect there can't be separated from theirs"}));
   Ensemble fed = inputs(1);
   for (Index k = 3; k < 20; ++k) fed.input(k) = 0.5 * fed.output(k - 1).col(1);
   EXPECT_EQ(
       in_words(excitation(fed, {.lags = 2}).findings),
-      (Texts{"input u1 follows from the samples before it (u1(k) - 0.5 y2(k-1) is zero) in every experiment at "
-             "steps 3–19: a feedback without a variation of its own, whose effect there can't be told from theirs"}));
+      (Texts{
+          "input u1 follows from the samples before it (u1(k) - 0.5 y2(k-1) is zero) in every experiment at "
+          "steps 3–19: a feedback without a variation of its own, whose effect there can't be separated from theirs"}));
 }
 
 TEST(Excitation, OfOneRecord) {
@@ -84,7 +85,7 @@ TEST(Excitation, OfOneRecord) {
       in_words(excitation(e, {.lags = 4, .period = 1, .centred = false}).findings),
       (Texts{
           "input u1 follows from inputs before it (u1(k) - 1.76 u1(k-1) + u1(k-2) is zero, as of one frequency where 5 "
-          "are needed at lag order 4) all along: its effect there can't be told from theirs"}));
+          "are needed at lag order 4) at every step: its effect there can't be separated from theirs"}));
   for (Index k = 0; k < 300; ++k) e.u(0, k, 0) = random.normal();
   EXPECT_EQ(in_words(excitation(e, {.lags = 4, .period = 1, .centred = false}).findings), Texts{});
 }
@@ -93,15 +94,15 @@ TEST(Excitation, OutputsThatMoveTogetherOrRest) {
   Ensemble e = inputs(2);
   for (Index k = 0; k < 20; ++k) e.output(k).col(1) = 3.0 - 2 * e.output(k).col(0).array();
   EXPECT_EQ(in_words(findings_of_dependent_outputs(e)),
-            (Texts{"outputs y1 and y2 move together (y1 + 0.5 y2 is constant) at all steps: y2 says nothing that the "
-                   "others don't"}));
+            (Texts{"outputs y1 and y2 move together (y1 + 0.5 y2 is constant) at all steps: y2 adds no information to "
+                   "the others"}));
   e = inputs(2);
   for (Index k = 0; k < 20; ++k) {
     if (k < 3 || k == 7) e.output(k).col(0).setConstant(1.0);  // the first steps may well be at rest
     if (k > 10) e.y(4, k, 1) = e.y(4, 10, 1) = 2.5;
   }
   EXPECT_EQ(in_words(findings_of_dependent_outputs(e)),
-            (Texts{"output y1 is the same in every experiment at step 7: nothing can be identified of it there"}));
+            (Texts{"output y1 is the same in every experiment at step 7: nothing can be identified about it there"}));
   EXPECT_EQ(
       in_words(stuck_outputs(e, 100).findings),
       (Texts{
@@ -190,8 +191,9 @@ TEST(Excitation, ASumOfSinesIsCounted) {
   }
   EXPECT_EQ(
       in_words(excitation(e, {.lags = 8, .period = 1, .centred = false}).findings),
-      (Texts{"input u1 follows from inputs before it (a combination of u1(k) and u1(k-1…6) is zero, as of 3 "
-             "frequencies where 9 are needed at lag order 8) all along: its effect there can't be told from theirs"}));
+      (Texts{
+          "input u1 follows from inputs before it (a combination of u1(k) and u1(k-1…6) is zero, as of 3 "
+          "frequencies where 9 are needed at lag order 8) at every step: its effect there can't be separated from theirs"}));
 }
 
 TEST(Excitation, OutputsThatRestWithTheirInputsAreNotStuck) {

@@ -141,12 +141,12 @@ TEST(Finding, SamplesOfLongSumsAreNamedByTheirLags) {
 TEST(Finding, ScopesAndFiles) {
   Finding found{.kind = Kind::output_constant, .channels = {y1}};
   const std::string plain = in_words(found);
-  EXPECT_EQ(plain, "output y1 never moves: nothing can be identified of it");
+  EXPECT_EQ(plain, "output y1 is constant: nothing can be identified about it");
   found.file = "run.csv";
   EXPECT_EQ(in_words(found), "run.csv: " + plain);
   found.file.clear();
   found.scope = Finding::Scope::deciding_stretches;
-  EXPECT_EQ(in_words(found), "in the stretches that decide, " + plain);
+  EXPECT_EQ(in_words(found), "in the deciding stretches, " + plain);
   found.scope = Finding::Scope::folds;
   found.numbers = {{"folds", 5.0}, {"folds_with", 2.0}};
   EXPECT_EQ(in_words(found), "cross-validation, 2 of 5 folds: " + plain);

@@ -336,9 +336,9 @@ TEST(Identify, FewExperimentsForManyUnknownsAreSaid) {
   EXPECT_TRUE(mentions(identify(e, {.lags = 3, .method = Method::tvera}).findings,
                        "15 experiments are few for the 14 unknowns"));
   EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10}), {.states = 4}).findings,
-                       "leave no degree of freedom to judge lag order 2"));
+                       "leave no degree of freedom to test lag order 2"));
   EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10}), {.method = Method::tvera}).findings,
-                       "lag order 1 is the largest that 10 experiments can judge"));
+                       "lag order 1 is the largest that 10 experiments can test"));
 }
 
 TEST(Identify, AskingForMoreStatesThanThereAreIsAnswered) {
@@ -347,7 +347,7 @@ TEST(Identify, AskingForMoreStatesThanThereAreIsAnswered) {
   EXPECT_EQ(result.model.states(), 4);
   EXPECT_TRUE(mentions(result.findings, "6 states asked for, but the Hankel matrices have at most rank 4"));
   EXPECT_TRUE(mentions(identify(e, {.states = 4, .lags = 1, .method = Method::tvera}).findings,
-                       "lag order 1 with 2 outputs carries at most 2"));
+                       "lag order 1 with 2 outputs allows at most 2"));
 }
 
 TEST(Identify, MissingSamplesAndUnequalLengthsCostOnlyTheRowsTheyTouch) {

@@ -25,7 +25,7 @@ def told(call):
     return result, [str(entry.message) for entry in record]
 
 
-NO_DT = "the data state no sample time: dt = 1 s was taken; state dt where it is another"
+NO_DT = "the data state no sample time. dt = 1 s is assumed; state dt if it is different"
 
 
 def test_arrays_without_a_sample_time(data):
@@ -117,7 +117,7 @@ def test_axes_in_another_order(data):
     with pytest.raises(ValueError, match=r"not \(N, channels, T\)"):
         tokid.identify(data.u.swapaxes(1, 2), data.y.swapaxes(1, 2), dt=0.1)
     found = told(lambda: tokid.Ensemble(data.u[..., 0].T[:12], data.y[..., 0].T[:12], dt=0.1))[1]
-    assert len(found) == 1 and "u (12, 40) was taken for one experiment of 12 steps with 40 inputs" in found[0]
+    assert len(found) == 1 and "u (12, 40) was read as one experiment of 12 steps with 40 inputs" in found[0]
 
 
 def test_axes_in_another_order_beside_a_model(data):

@@ -125,7 +125,7 @@ std::string combination(const Finding& f, bool timed) {
 // The steps of a combination: all steps, the steps of every experiment, or phases of a period.
 std::string where(const Finding& f) {
   const Index period = count(f, "period");
-  if (period == 1) return "all along";
+  if (period == 1) return "at every step";
   return fmt::format("{} {}", period == 0 ? "in every experiment at" : "at the phases of", words::step_list(f.steps));
 }
 
@@ -157,11 +157,10 @@ std::string made_of(const Finding& f, const char* one, const char* several) {
 // Their consequence for the identification.
 std::string consequence(const Finding& f) {
   if (f.scope == Finding::Scope::deciding_stretches)
-    return "Blocks use them all, so errors on experiments left out look too small; delete them, or call with --block "
-           "all";
+    return "Blocks use them all, so cross-validation errors look too small. Delete them, or call with --block all";
   if (f.kind == Kind::experiments_copied) return "Each experiment was used once";
-  return f.experiments.size() == 1 ? "It tells nothing new; the model is made without it"
-                                   : "They tell nothing new; the model is made without them";
+  return f.experiments.size() == 1 ? "It adds no information and was not used"
+                                   : "They add no information and were not used";
 }
 
 // Two digits are enough.
@@ -219,17 +218,17 @@ constexpr Entry table[] = {
     {Kind::reader_remark, "reader_remark", note, [](const Finding& f) { return f.detail; }},
     {Kind::sample_time_missing, "sample_time_missing", note,
      [](const Finding& f) {
-       return fmt::format("the data state no sample time: dt = {} s was taken; state dt where it is another",
+       return fmt::format("the data state no sample time. dt = {} s is assumed; state dt if it is different",
                           number(f, "dt"));
      }},
     {Kind::sample_time_of_model, "sample_time_of_model", note,
      [](const Finding& f) {
-       return fmt::format("the data state no sample time: the model's dt = {} s was taken", number(f, "dt"));
+       return fmt::format("the data state no sample time. The model's dt = {} s is assumed", number(f, "dt"));
      }},
     {Kind::axes_of_one_experiment, "axes_of_one_experiment", warning,
      [](const Finding& f) {
        return fmt::format(
-           "u ({}, {}) was taken for one experiment of {} with {}; (N, T, 1) for N experiments with one input, (T, r) for one experiment, not (r, T)",
+           "u ({}, {}) was read as one experiment of {} with {}; use (N, T, 1) for N experiments with one input, (T, r) for one experiment, not (r, T)",
            count(f, "steps"), count(f, "inputs"), words::plural(count(f, "steps"), "step"),
            words::plural(count(f, "inputs"), "input"));
      }},
@@ -257,11 +256,11 @@ constexpr Entry table[] = {
      }},
     {Kind::input_zero_throughout, "input_zero_throughout", warning,
      [](const Finding& f) {
-       return fmt::format("input {} is zero all along: its effect can't be identified", channel(f));
+       return fmt::format("input {} is zero at every step: its effect can't be identified", channel(f));
      }},
     {Kind::input_constant_throughout, "input_constant_throughout", warning,
      [](const Finding& f) {
-       return fmt::format("input {} is constant all along: it shows a step response at most", channel(f));
+       return fmt::format("input {} is constant at every step: it shows a step response at most", channel(f));
      }},
     {Kind::input_zero_at_phases, "input_zero_at_phases", warning,
      [](const Finding& f) {
@@ -270,36 +269,35 @@ constexpr Entry table[] = {
      }},
     {Kind::output_constant, "output_constant", warning,
      [](const Finding& f) {
-       return fmt::format("output {} never moves: nothing can be identified of it", channel(f));
+       return fmt::format("output {} is constant: nothing can be identified about it", channel(f));
      }},
     {Kind::samples_missing, "samples_missing", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} {} missing in every experiment at {}: what the model says there is a guess from the steps around",
+           "{} {} missing in every experiment at {}: there the model is interpolated from the steps around",
            sides_and_names(f.channels), f.channels.size() == 1 ? "is" : "are", words::step_list(f.steps));
      }},
     {Kind::experiments_without_overlap, "experiments_without_overlap", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {} begins at step {}, when experiment {} has ended at step {}: where experiments share no step, "
-           "they don't tell one from another; steps or times from the begin of each experiment on make them share",
+           "experiment {} begins at step {}, when experiment {} has ended at step {}: experiments without a common step can't be compared. Count the steps or times from the begin of each experiment",
            experiment(f.experiments[0]), f.steps[0], experiment(f.experiments[1]), f.steps[1]);
      }},
     {Kind::inputs_dependent, "inputs_dependent", warning,
      [](const Finding& f) {
-       return fmt::format("inputs {} move together ({}) {}: their effects there can't be told apart",
+       return fmt::format("inputs {} move together ({}) {}: their effects there can't be separated",
                           names_of(f.channels), combination(f, false), where(f));
      }},
     {Kind::input_predictable, "input_predictable", warning,
      [](const Finding& f) {
-       return fmt::format("input {} follows from inputs before it ({}) {}: its effect there can't be told from theirs",
-                          channel(f), combination(f, true), where(f));
+       return fmt::format(
+           "input {} follows from inputs before it ({}) {}: its effect there can't be separated from theirs",
+           channel(f), combination(f, true), where(f));
      }},
     {Kind::input_feedback, "input_feedback", warning,
      [](const Finding& f) {
        return fmt::format(
-           "input {} follows from the samples before it ({}) {}: a feedback without a variation of its "
-           "own, whose effect there can't be told from theirs",
+           "input {} follows from the samples before it ({}) {}: a feedback without a variation of its own, whose effect there can't be separated from theirs",
            channel(f), combination(f, true), where(f));
      }},
     {Kind::more_dependent_inputs, "more_dependent_inputs", warning,
@@ -309,26 +307,24 @@ constexpr Entry table[] = {
      }},
     {Kind::outputs_dependent, "outputs_dependent", warning,
      [](const Finding& f) {
-       return fmt::format("outputs {} move together ({} is {}) at all steps: {} says nothing that the others don't",
+       return fmt::format("outputs {} move together ({} is {}) at all steps: {} adds no information to the others",
                           names_of(f.channels), sum(f.terms, false), is(f, "constant") ? "constant" : "zero",
                           f.channels.back().name);
      }},
     {Kind::output_same, "output_same", warning,
      [](const Finding& f) {
-       return fmt::format("output {} is the same in every experiment at {}: nothing can be identified of it there",
+       return fmt::format("output {} is the same in every experiment at {}: nothing can be identified about it there",
                           channel(f), words::step_list(f.steps));
      }},
     {Kind::output_stuck, "output_stuck", warning,
      [](const Finding& f) {
        return fmt::format(
-           "output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its "
-           "sensor stuck there?",
+           "output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its sensor stuck there?",
            channel(f), number(f, "value"), experiment(f.experiments[0]), f.steps.front(), f.steps.back());
      }},
     {Kind::more_stuck_outputs, "more_stuck_outputs", warning,
      [](const Finding& f) {
-       return fmt::format("output {} stays where it is in {} more", channel(f),
-                          words::plural(count(f, "count"), "experiment"));
+       return fmt::format("output {} is stuck in {} more", channel(f), words::plural(count(f, "count"), "experiment"));
      }},
     {Kind::experiments_copied, "experiments_copied", warning,
      [](const Finding& f) {
@@ -342,8 +338,7 @@ constexpr Entry table[] = {
     {Kind::inputs_repeated, "inputs_repeated", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} repeat {} of the inputs: repetitions tell the noise, but excite no more than the first "
-           "run does; {} needed at lag order {}",
+           "{} repeat {} of the inputs: repetitions show the noise, but excite no more than the first run. {} different ones are needed at lag order {}",
            words::plural(count(f, "experiments"), "experiment"), words::plural(count(f, "courses"), "course"),
            count(f, "needed"), count(f, "lags"));
      }},
@@ -362,8 +357,7 @@ constexpr Entry table[] = {
     {Kind::samples_outlying, "samples_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {}, output {}: {} up to {:.3g} off {} (usual: {:.2g}), at {}. Mark faulty samples "
-           "as missing: they make the model worse",
+           "experiment {}, output {}: {} up to {:.3g} off {} (usual: {:.2g}), at {}. Mark faulty samples as missing: they make the model worse",
            experiment(f.experiments[0]), channel(f), words::plural(Index(f.steps.size()), "sample"), number(f, "error"),
            f.steps.size() == 1 ? "its prediction" : "their predictions", number(f, "usual"), words::step_list(f.steps));
      }},
@@ -374,93 +368,79 @@ constexpr Entry table[] = {
      }},
     {Kind::ill_conditioned, "ill_conditioned", warning,
      [](const Finding& f) {
-       return fmt::format("ill-conditioned windows (condition above {:.0e}) at {}: expect few digits there",
+       return fmt::format("ill-conditioned windows (condition above {:.0e}) at {}: expect few correct digits there",
                           number(f, "condition"), words::step_list(f.steps));
      }},
     {Kind::too_few_complete, "too_few_complete", warning,
      [](const Finding& f) {
        return fmt::format(
-           "missing samples leave fewer experiments than the {} unknowns at {}: the solution of smallest "
-           "norm stands in there",
+           "missing samples leave fewer experiments than the {} unknowns at {}: the solution of smallest norm is used there",
            count(f, "unknowns"), words::step_list(f.steps));
      }},
     {Kind::inputs_unexcited, "inputs_unexcited", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the inputs of neighbouring steps and channels are linearly dependent over the experiments at "
-           "{}: their effects there can't be told apart",
+           "the inputs of neighbouring steps and channels are linearly dependent over the experiments at {}: their effects there can't be separated",
            words::step_list(f.steps));
      }},
     {Kind::no_freedom, "no_freedom", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments leave no degree of freedom at lag order {}: the regressions fit any data "
-           "exactly, and nothing shows how noisy they are; {} or more would tell",
+           "{} experiments leave no degree of freedom at lag order {}: the regressions fit any data exactly, and the noise can't be estimated. Use {} or more",
            count(f, "experiments"), count(f, "lags"), count(f, "sufficient"));
      }},
     {Kind::few_experiments, "few_experiments", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments are few for the {} unknowns per output and step at lag order {}: noise enters "
-           "the coefficients almost undamped; {} or more would be better, and {} carry lag orders up to "
-           "{} at all",
+           "{} experiments are few for the {} unknowns per output and step at lag order {}: noise is hardly averaged out of the coefficients. Use {} or more; {} permit lag orders up to {}",
            count(f, "experiments"), count(f, "unknowns"), count(f, "lags"), count(f, "sufficient"),
            count(f, "experiments"), count(f, "largest_lags"));
      }},
     {Kind::lags_at_limit, "lags_at_limit", warning,
      [](const Finding& f) {
        return fmt::format(
-           "lag order {} is the largest that {} experiments can judge: more experiments, or a larger "
-           "order that is stated, may do better",
+           "lag order {} is the largest that {} experiments can test. More experiments, or a larger stated order, may be better",
            count(f, "lags"), count(f, "experiments"));
      }},
     {Kind::lags_untested, "lags_untested", warning,
      [](const Finding& f) {
-       return fmt::format(
-           "{} experiments leave no degree of freedom to judge lag order {} by: it fits any data exactly",
-           count(f, "experiments"), count(f, "lags"));
+       return fmt::format("{} experiments leave no degree of freedom to test lag order {}: it fits any data exactly",
+                          count(f, "experiments"), count(f, "lags"));
      }},
     {Kind::lags_below_states, "lags_below_states", warning,
      [](const Finding& f) {
-       return fmt::format("lag order {} with {} outputs carries at most {} states, {} asked for", count(f, "lags"),
-                          count(f, "outputs"), count(f, "most"), count(f, "states"));
+       return fmt::format("lag order {} with {} outputs allows at most {} states, but {} were asked for",
+                          count(f, "lags"), count(f, "outputs"), count(f, "most"), count(f, "states"));
      }},
     {Kind::smoothing_untested, "smoothing_untested", warning,
      [](const Finding& f) {
-       return fmt::format("the record is too short to choose lambda by: {} was taken", number(f, "smoothing"));
+       return fmt::format("the record is too short to choose lambda. lambda = {} is used", number(f, "smoothing"));
      }},
     {Kind::smoothing_by_gaps, "smoothing_by_gaps", warning,
      [](const Finding& f) {
        return fmt::format(
-           "missing samples leave few windows to see variation in time by: lambda = {} was taken, and is "
-           "chosen anew for EM",
+           "missing samples leave too few windows to find variation over time. lambda = {} is used, and EM chooses its own",
            number(f, "smoothing"));
      }},
     {Kind::no_variation, "no_variation", note,
-     [](const Finding&) {
-       return std::string("the experiments show no variation in time: one model serves all steps");
-     }},
+     [](const Finding&) { return std::string("no variation over time found: one model is used for all steps"); }},
     {Kind::few_windows, "few_windows", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{}, which are few for the {} unknowns per output at lag order {}: judge the model by other "
-           "data",
+           "{}, which are few for the {} unknowns per output at lag order {}. Validate the model on other data",
            windows(f), count(f, "unknowns"), count(f, "lags"));
      }},
     {Kind::few_for_states, "few_for_states", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} are fewer than the {} unknowns of a row of A and B, or C and D, at every step: the penalty "
-           "on variation stands in for what they don't show; judge the model by other data",
+           "{} are fewer than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on variation replaces the missing information. Validate the model on other data",
            words::plural(count(f, "experiments"), "experiment"), count(f, "unknowns"));
      }},
     {Kind::free_response_single, "free_response_single", warning,
-     [](const Finding&) {
-       return std::string("a single free response has no mean motion to depart from: it was not used");
-     }},
+     [](const Finding&) { return std::string("a single free response has no mean motion: it was not used"); }},
     {Kind::free_responses_unused, "free_responses_unused", warning,
      [](const Finding& f) {
-       return fmt::format("{} left aside: the subspace realisation needs none; --method tvera takes them",
+       return fmt::format("{} not used: the subspace realisation needs none. --method tvera uses them",
                           count(f, "count") == 1 ? "the free response was"
                                                  : fmt::format("the {} free responses were", count(f, "count")));
      }},
@@ -471,7 +451,7 @@ constexpr Entry table[] = {
      }},
     {Kind::no_states, "no_states", warning,
      [](const Finding&) {
-       return std::string("no state was found: the outputs answer to the inputs of the same step alone, or not at all");
+       return std::string("no state was found: the outputs respond to the inputs of the same step only, or not at all");
      }},
     {Kind::states_below_asked, "states_below_asked", warning,
      [](const Finding& f) {
@@ -481,15 +461,13 @@ constexpr Entry table[] = {
     {Kind::states_hidden, "states_hidden", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the "
-           "inputs don't reach them, and the model has fewer there",
+           "the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the inputs don't reach them, and the model has fewer there",
            count(f, "states"), words::step_list(f.steps));
      }},
     {Kind::late_begin, "late_begin", note,
      [](const Finding& f) {
        return fmt::format(
-           "initial states are unknown: the model begins at step {}, the first with the full state "
-           "dimension",
+           "initial states are unknown: the model begins at step {}, the first with the full state dimension",
            count(f, "step"));
      }},
     {Kind::frame_limits, "frame_limits", note,
@@ -500,30 +478,32 @@ constexpr Entry table[] = {
     {Kind::em_unreliable, "em_unreliable", warning,
      [](const Finding&) {
        return std::string(
-           "EM predicts all experiments worse than it predicted those left out: it may have gone astray");
+           "EM predicts all experiments worse than it predicted the held-out folds. Its result may be wrong");
      }},
     {Kind::em_worse_one_step, "em_worse_one_step", note,
      [](const Finding&) {
-       return std::string("the refinement by EM was left out: with all experiments it made the predictions worse");
+       return std::string(
+           "EM helped in cross-validation, but made the predictions of all experiments worse. Its result was dropped");
      }},
     {Kind::em_worse_simulation, "em_worse_simulation", note,
      [](const Finding&) {
-       return std::string("the refinement by EM was left out: with all experiments it made the simulations worse");
+       return std::string(
+           "EM helped in cross-validation, but made the simulations of all experiments worse. Its result was dropped");
      }},
     {Kind::em_no_noise, "em_no_noise", note,
      [](const Finding&) {
        return std::string(
-           "the data show no noise in some directions: maximum likelihood gains nothing there, and Q and R stand at 1e-12 of the signals");
+           "the data show no noise in some directions: maximum likelihood gains nothing there, and Q and R are set to 1e-12 of the signals");
      }},
     {Kind::em_no_measurement_noise, "em_no_measurement_noise", note,
      [](const Finding&) {
        return std::string(
-           "no measurement noise is left in some direction of the outputs: R stands at 1e-12 of the signals there");
+           "no measurement noise is left in some direction of the outputs: R is set to 1e-12 of the signals there");
      }},
     {Kind::em_no_process_noise, "em_no_process_noise", note,
      [](const Finding&) {
        return std::string(
-           "no process noise is left in some direction of the states: Q stands at 1e-12 of the signals there");
+           "no process noise is left in some direction of the states: Q is set to 1e-12 of the signals there");
      }},
     {Kind::em_not_converged, "em_not_converged", warning,
      [](const Finding& f) {
@@ -533,25 +513,26 @@ constexpr Entry table[] = {
     {Kind::em_few_experiments, "em_few_experiments", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} are few for the {} unknowns of a row of A and B, or C and D, at every step: smoothing above zero would hold them together",
+           "{} are few for the {} unknowns of a row of A and B, or C and D, at every step. Use smoothing above zero",
            words::plural(count(f, "experiments"), "experiment"), count(f, "unknowns"));
      }},
     {Kind::em_fewer_than_unknowns, "em_fewer_than_unknowns", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} less than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on variation stands in for what the data don't show, and the fit on them says little",
+           "{} less than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on variation replaces the missing information, and the fit on these data says little",
            count(f, "experiments") == 1 ? "1 experiment is"
                                         : fmt::format("{} experiments are", count(f, "experiments")),
            count(f, "unknowns"));
      }},
     {Kind::em_extended, "em_extended", note,
      [](const Finding& f) {
-       return fmt::format("the data have {}, the model ends with step {}: those beyond began as its last",
-                          words::plural(count(f, "steps"), "step"), count(f, "last"));
+       return fmt::format(
+           "the data have {}, but the model ended with step {}. EM started the later steps from its last one",
+           words::plural(count(f, "steps"), "step"), count(f, "last"));
      }},
     {Kind::em_shortened, "em_shortened", note,
      [](const Finding& f) {
-       return fmt::format("the data have {}, the model reached to step {}: it ends with the data now",
+       return fmt::format("the data have {}, but the model ended with step {}. It now ends with the data",
                           words::plural(count(f, "steps"), "step"), count(f, "last"));
      }},
     {Kind::output_unpredicted, "output_unpredicted", warning,
@@ -564,7 +545,7 @@ constexpr Entry table[] = {
        return fmt::format("output {} is simulated worse than by its mean: {:.3g} % fit", channel(f), number(f, "fit"));
      }},
     {Kind::output_still, "output_still", warning,
-     [](const Finding& f) { return fmt::format("output {} never moves in them", channel(f)); }},
+     [](const Finding& f) { return fmt::format("output {} is constant in them", channel(f)); }},
     {Kind::sample_time_differs, "sample_time_differs", warning,
      [](const Finding& f) {
        return fmt::format("the data's dt = {} s differs from the model's dt = {} s{}", number(f, "data"),
@@ -582,14 +563,13 @@ constexpr Entry table[] = {
      }},
     {Kind::model_ends_early, "model_ends_early", warning,
      [](const Finding& f) {
-       return fmt::format("the model ends with step {}: it says nothing of the last {} of the data", count(f, "last"),
+       return fmt::format("the model ends with step {}: it does not cover the last {} of the data", count(f, "last"),
                           words::plural(count(f, "steps"), "step"));
      }},
     {Kind::nothing_predicted, "nothing_predicted", warning,
      [](const Finding& f) {
        return fmt::format(
-           "no step could be predicted: the model covers steps {} to {}, and {} steps are needed to find "
-           "an unknown initial state",
+           "no step could be predicted: the model covers steps {} to {}, and {} steps are needed to find an unknown initial state",
            count(f, "begin"), count(f, "end"), count(f, "needed"));
      }},
     {Kind::nothing_predicted_ahead, "nothing_predicted_ahead", warning,
@@ -608,31 +588,28 @@ constexpr Entry table[] = {
     {Kind::exact_stretches, "exact_stretches", warning,
      [](const Finding&) {
        return std::string(
-           "the stretches that decide are free of noise, but others are not: --method subspace, or "
-           "--lags, may suit them better");
+           "the deciding stretches are free of noise, but others are not. Try --method subspace or --lags");
      }},
     {Kind::constant_stretches, "constant_stretches", note,
      [](const Finding& f) {
-       return fmt::format(
-           "the stretches that decide show no variation in time, but the record may: lambda = {} was "
-           "taken",
-           number(f, "smoothing"));
+       return fmt::format("the deciding stretches show no variation over time, but the record may. lambda = {} is used",
+                          number(f, "smoothing"));
      }},
     {Kind::experiments_known, "experiments_known", note, [](const Finding& f) { return known(f); }},
     {Kind::state_without_digests, "state_without_digests", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the state was begun by an earlier version of tokid, and has no digests of {}: new ones that repeat one of them are not recognised, and count twice; begin it anew with identify --state to be sure",
+           "the state was begun by an earlier version of tokid, and has no digests of {}: new ones that repeat one of them are not recognised and count twice. Make a new state with identify --state to be sure",
            words::plural(count(f, "count"), "experiment"));
      }},
     {Kind::update_noisy, "update_noisy", warning,
      [](const Finding&) {
        return std::string(
-           "the experiments are noisy, and what was chosen from the first ones supposes that they are not: begin anew with identify");
+           "the experiments are noisy, but the choices from the first ones assume that they are not. Identify again");
      }},
     {Kind::update_few_experiments, "update_few_experiments", warning,
      [](const Finding& f) {
-       return fmt::format("fewer experiments than unknowns at {}: the solution of smallest norm stands in there",
+       return fmt::format("fewer experiments than unknowns at {}: the solution of smallest norm is used there",
                           words::step_list(f.steps));
      }},
     {Kind::update_states_below, "update_states_below", warning,
@@ -659,7 +636,7 @@ constexpr Entry table[] = {
      [](const Finding& f) { return fmt::format("no bounds of eigenvalues: {}", f.detail); }},
     {Kind::infinite_bounds, "infinite_bounds", warning,
      [](const Finding& f) {
-       return fmt::format("no degree of freedom is left at {}: what depends on these steps has infinite bounds",
+       return fmt::format("no degree of freedom is left at {}: bounds that depend on these steps are infinite",
                           words::step_list(f.steps));
      }},
     {Kind::replicates_failed, "replicates_failed", warning,
@@ -669,12 +646,12 @@ constexpr Entry table[] = {
     {Kind::bounds_of_other_model, "bounds_of_other_model", warning,
      [](const Finding&) {
        return std::string(
-           "its options don't lead from these data to the model itself: the bounds are those of the model that they lead to");
+           "the options and these data do not reproduce the model. The bounds are those of the model that they give");
      }},
     {Kind::bounds_without_bias, "bounds_without_bias", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments are no more than the {} regressors: the model stands by its regularisation, whose bias the bounds leave out",
+           "{} experiments are not more than the {} regressors: the model depends on its regularisation. The bounds do not include the bias of the regularisation",
            count(f, "experiments"), count(f, "regressors"));
      }},
     {Kind::option_without_effect, "option_without_effect", note,
@@ -685,29 +662,27 @@ constexpr Entry table[] = {
      }},
     {Kind::plan_windows_sampled, "plan_windows_sampled", note,
      [](const Finding& f) {
-       return fmt::format("a window has {} inputs: their condition is told of {} of {} windows only",
+       return fmt::format("a window has {} inputs: their condition was computed for {} of {} windows only",
                           count(f, "inputs"), count(f, "sampled"), count(f, "windows"));
      }},
     {Kind::plan_late_forecasts, "plan_late_forecasts", note,
      [](const Finding& f) {
        return fmt::format(
-           "the model begins at step {}: the windows before step {} are neither forecast nor optimised, the others are as if every experiment came to step {} at rest",
+           "the model begins at step {}: the windows before step {} are neither forecast nor optimised. The others assume a zero state at step {}",
            count(f, "step"), count(f, "first"), count(f, "step"));
      }},
     {Kind::plan_unknown_states, "plan_unknown_states", note,
-     [](const Finding&) {
-       return std::string("unknown initial states: the forecasts leave aside what they contribute, and begin at rest");
-     }},
+     [](const Finding&) { return std::string("unknown initial states: the forecasts assume that they are zero"); }},
     {Kind::plan_model_uncertain, "plan_model_uncertain", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the innovations of the preliminary model are {:.3g} % of the outputs that it forecasts: above {:.3g} % inputs optimised on it may well be worse than those of the kind orthogonal",
+           "the innovations of the preliminary model are {:.3g} % of the outputs that it forecasts. Above {:.3g} %, inputs optimised with it can be worse than orthogonal ones",
            number(f, "share"), number(f, "bound"));
      }},
     {Kind::plan_no_freedom, "plan_no_freedom", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments leave no degree of freedom: the regressions will fit any data exactly, and errors can't be judged; noise needs more",
+           "{} experiments leave no degree of freedom: the regressions will fit any data exactly, and the noise can't be estimated. With noise, use more",
            count(f, "experiments"));
      }},
     {Kind::plan_below_recommendation, "plan_below_recommendation", warning,
@@ -724,13 +699,13 @@ constexpr Entry table[] = {
     {Kind::plan_noisy_input, "plan_noisy_input", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the noise on {} is {:.3g} % of its RMS: if it is the record of the input that is noisy, the coefficients come out too small by {:.3g} %",
+           "the noise on {} is {:.3g} % of its RMS: if the recorded input is noisy, the coefficients are too small by {:.3g} %",
            channel(f), number(f, "share"), number(f, "bias"));
      }},
     {Kind::plan_inputs_dependent, "plan_inputs_dependent", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the inputs of {} windows are nearly dependent (condition above {:.0e}): another kind, another seed or more experiments",
+           "the inputs of {} windows are nearly dependent (condition above {:.0e}). Use another kind, another seed or more experiments",
            count(f, "windows"), number(f, "condition"));
      }},
     {Kind::plan_ill_conditioned, "plan_ill_conditioned", warning,
@@ -778,10 +753,10 @@ std::string in_words(const Finding& finding) {
                                                 : finding.file + ": " + entry(finding.kind).words(finding);
   switch (finding.scope) {
     case Finding::Scope::deciding_stretches:
-      return "in the stretches that decide, " + text;
+      return "in the deciding stretches, " + text;
     case Finding::Scope::new_experiments:
       return fmt::format(
-          "new experiments, by the model before: {}; are they of the same system, with the same channels?", text);
+          "new experiments with the old model: {}. Are they from the same system, with the same channels?", text);
     case Finding::Scope::cross_validation:
       return "cross-validation: " + text;
     case Finding::Scope::folds:

@@ -69,8 +69,9 @@ InitialStateTest test_initial_state(const GtvArx& arx, Index p, const std::vecto
           ? fmt::format(
                 "residual variance of the steps before {} is {:.3g} times that of the later ones, threshold {:.3g}", p,
                 test.statistic, test.threshold)
-      : reached ? "the first steps leave residuals, and no degree of freedom tells noise from initial states"
-                : "the first steps leave no residual";
+      : reached
+          ? "the first steps leave residuals, and without a degree of freedom noise can't be separated from initial states"
+          : "the first steps leave no residual";
   return test;
 }
 

@@ -35,7 +35,7 @@ void choose(const Model& model, const Ensemble& data, const RefineModelOptions& 
     trial.iterations = std::min(trial.iterations, iterations);
     result.choice = choose_smoothing(std::vector<Model>(size_t(folds), model), data, trial);
     result.smoothing = result.choice.best;
-    result.reason = fmt::format("by the likelihood of experiments left out, {} folds", folds);
+    result.reason = fmt::format("by the likelihood in cross-validation, {} folds", folds);
   }
 }
 

@@ -104,7 +104,7 @@ void Journal::begin(const std::string& about) {
     if (!kept_) return restart(about);  // nothing is lost
     const Json found = parse_json(*about_), needed = parse_json(about);
     if (found != needed)
-      fail("the journal of another identification found ({}); delete it to begin anew, or call as then to go on",
+      fail("the journal of another identification found ({}); delete it to begin again, or repeat that call to go on",
            differences(found, needed));
   });
 }

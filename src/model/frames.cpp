@@ -83,7 +83,7 @@ FramedModel framed(const Model& model, Index s, Coordinates&& coordinates) {
 FramedModel reference_frame(const Model& model, Index s, Index rows) {
   if (s < model.k_begin || rows < 1 || s >= model.k_end() || rows > model.k_end() - s || model.n(s) == 0)
     throw std::invalid_argument(fmt::format(
-        "reference frame: step {} with {} block rows asked for; a step with states and so many steps behind it is "
+        "reference frame: step {} with {} block rows asked for; a step with states and so many steps after it is "
         "needed, states are there at steps {} to {}, the model ends with step {}",
         s, rows, model.full_begin(), model.full_end() - 1, model.k_end() - 1));
   const Matrix projection = linalg::pseudo_inverse(observability(model, s, rows));
@@ -92,7 +92,7 @@ FramedModel reference_frame(const Model& model, Index s, Index rows) {
   });
   if (result.begin == result.end)
     throw std::invalid_argument(fmt::format(
-        "reference frame: {} block rows of step {} don't tell its {} states apart; more rows or another step needed",
+        "reference frame: {} block rows of step {} don't determine its {} states; more rows or another step needed",
         rows, s, model.n(s)));
   result.model.frame = "reference";
   return result;
@@ -114,7 +114,7 @@ FramedModel align(const Model& model, const Model& reference, Index rows) {
   });
   if (result.begin == result.end)
     throw std::invalid_argument(fmt::format(
-        "align: {} block rows of step {} don't tell its {} states apart; more rows needed", rows, s, model.n(s)));
+        "align: {} block rows of step {} don't determine its {} states; more rows needed", rows, s, model.n(s)));
   result.model.frame = reference.frame;
   return result;
 }

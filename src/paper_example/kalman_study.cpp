@@ -16,7 +16,7 @@ namespace {
 void check(const KalmanStudyOptions& o) {
   if (!(0 <= o.begin && o.begin < o.end && o.end <= o.steps))
     throw std::invalid_argument(
-        fmt::format("steps judged: {} to {} found, 0 <= begin < end <= {} needed", o.begin, o.end, o.steps));
+        fmt::format("compared steps: {} to {} found, 0 <= begin < end <= {} needed", o.begin, o.end, o.steps));
   if (!(o.process_noise > 0 && o.measurement_noise > 0))
     throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, positive ones needed",
                                             o.process_noise, o.measurement_noise));

@@ -125,7 +125,7 @@ class Report {
                         tile(percent_range(v.one_step.fit), "one-step prediction fit");
     if (verdict_.horizon > 0)
       tiles += tile(percent_range(found_.deciding.fit.fit),
-                    fmt::format("fit {} ahead, by which it is judged", plural(verdict_.horizon, "step")));
+                    fmt::format("fit {} ahead, which decides", plural(verdict_.horizon, "step")));
     static constexpr const char* whiteness[] = {"", "innovations without correlation",
                                                 "innovations correlated in time, but little",
                                                 "innovations correlated in time"};
@@ -164,23 +164,23 @@ class Report {
   std::string thresholds() const {
     const std::vector<std::string> rules = {
         fmt::format(
-            "Judged is the simulation. Where the noise that the model states would spoil the simulation of an exact "
+            "The simulation decides. Where the noise that the model states would spoil the simulation of an exact "
             "model too (fit below {:.0f} %, and errors above {:.2f} times those of one step), it says nothing of the model: "
-            "then predictions are judged, over as many steps as an exact model would predict well, up to 100.",
+            "then predictions decide, over as many steps as an exact model would predict well, up to 100.",
             bounds::expected_fit, bounds::like_one_step),
         fmt::format(
-            "Good: the judged fit of every output is {:.0f} % or more, on experiments that the identification did "
+            "Good: the deciding fit of every output is {:.0f} % or more, on experiments that the identification did "
             "not use, or on at least three times as many of its own as there are unknowns per output and step; "
             "and none of the following.",
             bounds::good_fit),
         fmt::format(
-            "Look closer: a judged fit from {:.0f} to {:.0f} %; a lower one from {:.0f} % on, where the errors are at most "
+            "Look closer: a deciding fit from {:.0f} to {:.0f} %; a lower one from {:.0f} % on, where the errors are at most "
             "{:.2f} times those of an exact model with the noise that the model states; a simulation from 0 % on beside "
-            "predictions over several steps of {:.0f} % or more; inputs that move the judged predictions by less than {:.1f} "
+            "predictions over several steps of {:.0f} % or more; inputs that move the deciding predictions by less than {:.1f} "
             "times their errors; one-step errors of a step above {:.0f} times the median, {:.0f} % of the "
             "spread of the outputs and {:.0f} times what the model states, or above {:.0f} times those of the "
             "identification there; errors of an "
-            "experiment above {:.0f} times the median; outputs that rest; fewer than {:.0f} % of the model's steps "
+            "experiment above {:.0f} times the median; constant outputs; fewer than {:.0f} % of the model's steps "
             "tested; nothing simulated; training data whose number is not known; regressions of noisy data "
             "without full rank; noise, and fewer than two experiments per unknown; fewer than {} "
             "experiments tested; more than {:.0f} % of the samples missing; condition numbers above {}, or "
@@ -196,7 +196,7 @@ class Report {
             bounds::worse_than_usual, 100 * bounds::weak_input, counts::correlation, counts::overconfident,
             100 * counts::gain, 100 * counts::gain_unknown),
         fmt::format(
-            "Don’t trust: predictions or a judged fit below {:.0f} % that no noise explains, inputs that never vary "
+            "Don’t trust: predictions or a deciding fit below {:.0f} % that no noise explains, inputs that never vary "
             "beside such a fit, an overflow, or nothing tested.",
             bounds::poor_fit)};
     return "<details class=\"note\"><summary>How the status is decided</summary>" + list(rules, "plain") +
@@ -275,8 +275,8 @@ class Report {
                                        {"RMS error, simulation"},
                                        {"RMS error, one step"}};
     if (verdict_.horizon > 0) {
-      columns.push_back({fmt::format("Judged: {} ahead", plural(verdict_.horizon, "step"))});
-      columns.push_back({"Exact model: judged"});
+      columns.push_back({fmt::format("Deciding: {} ahead", plural(verdict_.horizon, "step"))});
+      columns.push_back({"Exact model: deciding"});
       columns.push_back({"Exact model: simulation"});
     }
     Table table(columns, "Fit and error of each output", false);
@@ -305,7 +305,7 @@ class Report {
     text += model_.y_nominal.rows() > 0 ? "the nominal trajectory." : "the mean.";
     if (verdict_.horizon > 0)
       text += fmt::format(
-          " The model is judged by predictions {} ahead: with the noise that it states, the simulation of an exact model "
+          " The model is evaluated by predictions {} ahead: with the noise that it states, the simulation of an exact model "
           "would leave the outputs too, and over more steps its predictions would no longer be good.",
           plural(verdict_.horizon, "step"));
     return section("fit", "Fit per output", paragraph(text) + table.html());
@@ -343,8 +343,7 @@ class Report {
 
   std::string order_section() const {
     if (!model_.has(&Step::has_singular_values))
-      return section("order", "Order",
-                     paragraph("The model carries no singular values: it was not identified by tokid."));
+      return section("order", "Order", paragraph("The model has no singular values: it was not identified by tokid."));
     return section(
         "order", "Singular values and order",
         paragraph("Singular values of the Hankel matrix of each step: what the past can do to the future. The line "
@@ -373,7 +372,7 @@ class Report {
     if (size.size() >= size_t(n) && n > 0)
       facts.row("Last one kept", figure(finite_median(size[size_t(n - 1)]), 3) + " of the largest, median over steps");
     if (size.size() > size_t(n) && n > 0)
-      facts.row("First left out", figure(finite_median(size[size_t(n)]), 3) + " of the largest");
+      facts.row("First one dropped", figure(finite_median(size[size_t(n)]), 3) + " of the largest");
     std::vector<double> falls;
     falls.reserve(fall.size());
     for (const auto& values : fall) falls.push_back(values.empty() ? 0.0 : finite_median(values));
@@ -384,20 +383,18 @@ class Report {
     for (size_t i = 0; i < falls.size(); ++i)
       if (informative(i) && (!informative(clearest) || falls[i] > falls[clearest])) clearest = i;
     if (found_.noisy && clearest < falls.size() && informative(clearest))
-      facts.row("Largest fall",
-                fmt::format("by {} behind singular value {}", figure(falls[clearest], 3), clearest + 1));
+      facts.row("Largest fall", fmt::format("by {} after singular value {}", figure(falls[clearest], 3), clearest + 1));
     return facts.html();
   }
 
   std::string regression_section() const {
     if (!model_.has(&Step::has_condition) && !model_.has(&Step::has_rank))
-      return section("regressions", "Regressions",
-                     paragraph("The model carries no diagnostics of its identification."));
+      return section("regressions", "Regressions", paragraph("The model has no diagnostics of its identification."));
     return section(
         "regressions", "Regressions",
         paragraph(
             "Every step has a regression of its own. Its condition number says how much noise and rounding errors "
-            "may be magnified; full rank says that all of its unknowns could be told apart.") +
+            "may be magnified; full rank says that the data determine all of its unknowns.") +
             plot_place("condition", "Condition number of the regression of each step", "Condition number") +
             plot_place("rank", "Rank, number of unknowns and lag order of each step", "Rank, unknowns, lag order") +
             plot_place("step", "Relative one-step error of each step over the experiments", "One-step error") +

@@ -112,7 +112,7 @@ class Assessment {
   std::string why_not_simulation() const {
     const DecidingHorizon& h = found_.deciding;
     std::string text =
-        fmt::format("Judged by predictions {} ahead, fit {}: ", plural(h.steps, "step"), percent_range(deciding_));
+        fmt::format("Evaluated by predictions {} ahead, fit {}: ", plural(h.steps, "step"), percent_range(deciding_));
     const char* noise = h.stated ? "the noise that the model states" : "noise as large as its innovations";
     const double exact = least(of_moving(h.expected_simulation));
     return text + fmt::format("{} would spoil the simulation of an exact model too ({}).", noise,
@@ -224,14 +224,14 @@ class Assessment {
     if (Index(found_.constant_outputs.size()) == model_.outputs) {
       verdict_.trust = Trust::distrust;
       verdict_.summary = fmt::format("Nothing was tested: no output moves in {}.", tested());
-      verdict_.reasons = {"Outputs that rest say nothing about the model, however well it reproduces them."};
+      verdict_.reasons = {"Constant outputs say nothing about the model, however well it reproduces them."};
       return false;
     }
     for (const Index j : found_.constant_outputs)
       against(
           Trust::look_closer,
           fmt::format(
-              "Output {} rests in these data, and its fit says nothing: RMS error {} in the one-step "
+              "Output {} is constant in these data, and its fit says nothing: RMS error {} in the one-step "
               "predictions{}.",
               found_.names.output(j), figure(v.one_step.rmse(j), 3),
               v.simulation.samples > 0 ? fmt::format(", {} in the simulation", figure(v.simulation.rmse(j), 3)) : ""));
@@ -258,7 +258,7 @@ class Assessment {
     if (!found_.outliers.empty())
       against(Trust::look_closer,
               fmt::format("Errors of {} are more than {:.0f} times the median of all experiments: other conditions, a "
-                          "failed sensor, or a model that does not carry that far.",
+                          "failed sensor, or a model that does not reach that far.",
                           experiment_list(found_, found_.outliers), bounds::outlier));
     const double share = 1 - double(found_.untested.size()) / double(std::max<Index>(1, model_.steps()));
     if (share < bounds::coverage)
@@ -281,8 +281,8 @@ class Assessment {
     } else {
       if (found_.noisy && from > 0 && from < 2 * unknowns)
         against(Trust::look_closer,
-                fmt::format("Identified from {} for {} unknowns per output and step: noise enters the model almost "
-                            "undamped; {} or more would be better.",
+                fmt::format("Identified from {} for {} unknowns per output and step: noise is hardly averaged out of "
+                            "the model. Use {} or more.",
                             plural(found_.identified_from, "experiment"), unknowns, 3 * unknowns));
     }
     if (found_.missing_share > bounds::many_missing)
@@ -360,8 +360,8 @@ class Assessment {
         against(Trust::look_closer, fmt::format("{} ({}): {}.", text, spread(weak), effect));
     }
     if (found_.noisy && !found_.deficient.empty() && Index(found_.deficient.size()) > found_.lags)
-      against(Trust::look_closer, fmt::format("The regressions of {} lack rank: part of their effects can't be told "
-                                              "apart, and the smallest solution stands in.",
+      against(Trust::look_closer, fmt::format("The regressions of {} lack rank: some effects can't be "
+                                              "separated, and the solution of smallest norm is used.",
                                               step_list(found_.deficient)));
   }
 

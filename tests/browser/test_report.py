@@ -573,4 +573,4 @@ def test_unusual_models(visit, tokid, folder, case):
                 "[...document.querySelectorAll('#experiment option')].find(o => /^Experiment 3( |$)/.test(o.textContent)).textContent"))
             assert values(page, "outputs", "Measured")[4:9] == [None] * 5
         if case == "known system":
-            assert page.get_by_text("carries no singular values").is_visible()
+            assert page.get_by_text("has no singular values").is_visible()

@@ -552,10 +552,10 @@ def test_streams_tell_what_every_stretch_shows(tokid, tmp_path):
         file["u"], file["y"], file["initial_state"] = u, y, "zero"
     said = messages(tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400,
                             "--lags", 2, "--states", 2, "--no-refine"])
-    assert any(line.startswith("in the stretches that decide, input u1 follows from inputs before it") and
+    assert any(line.startswith("in the deciding stretches, input u1 follows from inputs before it") and
                "601–609" in line for line in said), said
     text, = (line for line in said if "experiment 12" in line)
-    assert text.startswith("in the stretches that decide, output y1 stays at ") and "steps 700–799" in text
+    assert text.startswith("in the deciding stretches, output y1 stays at ") and "steps 700–799" in text
 
 
 def test_streams_look_at_the_stretches_that_decide(tokid, tmp_path):
@@ -564,6 +564,6 @@ def test_streams_look_at_the_stretches_that_decide(tokid, tmp_path):
     u[7], y[7] = u[3], y[3]
     with h5py.File(tmp_path / "data.h5", "w") as file:
         file["u"], file["y"], file["initial_state"] = u, y, "zero"
-    assert ("in the stretches that decide, 1 of 40 experiments is a copy of another, within rounding: 7 of 3. Blocks use "
-            "them all, so errors on experiments left out look too small; delete them, or call with --block all") in messages(
+    assert ("in the deciding stretches, 1 of 40 experiments is a copy of another, within rounding: 7 of 3. Blocks use "
+            "them all, so cross-validation errors look too small. Delete them, or call with --block all") in messages(
                 tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400])

@@ -37,7 +37,7 @@ def test_the_model_is_that_of_the_independent_experiments(tokid, tmp_path):
     assert np.allclose(found["dependent"][10]["weights"], [2], rtol=1e-12)
     said = ('20 of 40 experiments are sums or multiples of others, within rounding: "run 21" (row 20) of "run 1" (row 0) '
             'and "run 11" (row 10); ')
-    assert found["warnings"][0].startswith(said) and "; and 16 more. They tell nothing new" in found["warnings"][0]
+    assert found["warnings"][0].startswith(said) and "; and 16 more. They add no information" in found["warnings"][0]
     assert found["experiments"] == 20 and found["states"] == plain["states"]
     model, expected = load(tmp_path / "found.npz"), load(tmp_path / "plain.npz")
     for name in "ABCDG":

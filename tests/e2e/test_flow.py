@@ -246,7 +246,7 @@ def test_steps_beyond_the_model_are_told(tokid, tmp_path, oscillator):
     for name in "u", "y":
         values[name] = np.concatenate([values[name]] * 2, axis=1)
     np.savez(tmp_path / "long.npz", **values)
-    told = "the model ends with step 39: it says nothing of the last 40 steps of the data"
+    told = "the model ends with step 39: it does not cover the last 40 steps of the data"
     assert tokid.json("validate", oscillator / "model.npz", tmp_path / "long.npz")["warnings"] == [told]
     for call in "simulate", "predict":
         computed = tokid(call, oscillator / "model.npz", tmp_path / "long.npz", "-o", tmp_path / "computed.npz")

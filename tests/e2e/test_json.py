@@ -135,7 +135,7 @@ def test_given_orders_are_not_tested(tokid, tmp_path, oscillator):
     assert found["nominal_test"] is None
 
 
-@pytest.mark.parametrize("options,why", [([], "by errors on experiments left out"),
+@pytest.mark.parametrize("options,why", [([], "by cross-validation error"),
                                          (["--method", "tvera"], "by prediction and simulation errors")])
 def test_states_of_noisy_data_are_tried(tokid, tmp_path, options, why):
     tokid("example", "oscillator", "-o", tmp_path / "data.npz", "--steps", 30, "--measurement-noise", 0.2,

@@ -52,8 +52,8 @@ def test_what_was_chosen_is_told(noisy, default):
 
 def test_the_report_says_the_same(tokid, noisy, default, tmp_path):
     text = tokid("identify", noisy / "data.npz", "-o", tmp_path / "model.npz").stdout
-    assert f"p = {default['lags']}, by errors on experiments left out" in text
-    assert "over time, by errors on experiments left out" in text
+    assert f"p = {default['lags']}, by cross-validation error" in text
+    assert "over time, by cross-validation error" in text
     assert f"{default['refinement']['iterations']} iteration" in text
     assert (tmp_path / "model.npz").read_bytes() == (noisy / "model.npz").read_bytes()
 

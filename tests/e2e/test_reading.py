@@ -330,10 +330,10 @@ def test_no_sample_time(tokid, tmp_path, extension):
     file, model = write(tmp_path / f"data{extension}", u=u, y=y), tmp_path / "model.npz"
     for arguments in (["info", file], ["identify", file, "-o", model]):
         text, = told_of(warnings(tokid, *arguments), "sample time")
-        assert "dt = 1 s was taken" in text
+        assert "dt = 1 s is assumed" in text
     assert tokid.json("info", file)["dt_stated"] is False
     # The model knows, and so does what it makes of such data.
-    assert tokid.json("info", model)["dt_stated"] is False and "dt is a guess" in tokid("info", model).stdout
+    assert tokid.json("info", model)["dt_stated"] is False and "dt is assumed" in tokid("info", model).stdout
     tokid("predict", model, file, "-o", tmp_path / "out.npz")
     assert "dt" not in load(tmp_path / "out.npz")
     stated = write(tmp_path / f"stated{extension}", u=u, y=y, dt=1.0)
@@ -348,11 +348,11 @@ def test_the_sample_time_of_the_model_stands_in(tokid, tmp_path):
     tokid("identify", write(tmp_path / "stated.npz", u=u, y=y, dt=0.05), "-o", model, "--state", tmp_path / "state.npz")
     file = write(tmp_path / "data.npz", u=u[::2], y=y[::2])
     text, = warnings(tokid, "validate", model, file)
-    assert "the model's dt = 0.05 s was taken" in text
+    assert "The model's dt = 0.05 s is assumed" in text
     tokid("predict", model, file, "-o", tmp_path / "out.npz")
     assert load(tmp_path / "out.npz")["dt"] == 0.05
     new = tokid.json("update", tmp_path / "state.npz", file)
-    assert told_of(new["warnings"], "data.npz: ", "the model's dt = 0.05 s was taken")
+    assert told_of(new["warnings"], "data.npz: ", "The model's dt = 0.05 s is assumed")
 
 
 def test_step_numbers_state_no_sample_time(tokid, tmp_path):
@@ -498,7 +498,7 @@ def test_channels_before_time_in_two_axes(tokid, tmp_path, extension):
     assert "shape (199, 1) found, (200, channels) like 'u' needed" in tokid("info", file, status=2).stderr
     # With as many inputs as outputs they go together.
     write_one(file, u=u[:, :1].T, y=y.T)
-    words = "u (1, 200) was taken for one experiment of 1 step with 200 inputs", "(T, r) for one experiment, not (r, T)"
+    words = "u (1, 200) was read as one experiment of 1 step with 200 inputs", "(T, r) for one experiment, not (r, T)"
     assert told_of(tokid.json("info", file)["warnings"], *words)
     error = tokid("identify", file, "-o", tmp_path / "model.npz", "--time-invariant", status=2).stderr
     assert all(text in error for text in words)
@@ -511,7 +511,7 @@ def test_channels_before_time_in_two_axes(tokid, tmp_path, extension):
     for command in ("validate", "predict", "simulate", "refine"):
         output = [] if command == "validate" else ["-o", tmp_path / "out.npz"]
         error = tokid(command, tmp_path / "model.npz", file, *output, status=2).stderr
-        assert "inputs: 200 found, the model has 2; u (2, 200) was taken for one experiment of 2 steps" in error
+        assert "inputs: 200 found, the model has 2; u (2, 200) was read as one experiment of 2 steps" in error
         assert "not (r, T)" in error
 
 
@@ -527,7 +527,7 @@ def test_two_axes_in_another_order(tokid, tmp_path):
     u, y = samples(experiments=30, steps=40)
     rows = write(tmp_path / "rows.npz", u=u[..., 0], y=y[..., 0], dt=0.1)  # (N, T)
     text, = tokid.json("info", rows)["warnings"]
-    assert "u (30, 40) was taken for one experiment of 30 steps with 40 inputs; (N, T, 1)" in text
+    assert "u (30, 40) was read as one experiment of 30 steps with 40 inputs; use (N, T, 1)" in text
     assert "(N, T, 1)" in tokid("identify", rows, "-o", tmp_path / "model.npz", status=2).stderr
     columns = write(tmp_path / "columns.npz", u=u[0].T, y=y[0].T, dt=0.1)  # (channels, T)
     assert "(T, r) for one experiment, not (r, T)" in tokid.json("info", columns)["warnings"][0]

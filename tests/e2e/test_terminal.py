@@ -80,7 +80,7 @@ def test_every_option_of_the_contract_is_in_the_help(tokid):
 def test_report_for_people(tokid, tmp_path, oscillator):
     shown = tokid("identify", oscillator / "data.npz", "-o", tmp_path / "model.npz", "--hold-out", 0.2).stdout
     for text in ("N = 60 experiments, T = 40 steps, r = 2 inputs, m = 2 outputs, dt = 0.05 s", "no missing samples",
-                 "48 experiments carry lag orders up to p = 11", "on 12 experiments held out", "as the data say",
+                 "48 experiments permit lag orders up to p = 11", "on 12 experiments held out", "as the data say",
                  str(tmp_path / "model.npz")):
         assert text in shown
     assert re.search(r"^ +2 .*chosen$", shown, re.MULTILINE)

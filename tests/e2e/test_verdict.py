@@ -35,7 +35,7 @@ class Bench:
             np.savez(path, **plants.model(model, *self.noise))
             model = path
         text = self.tokid("report", model, data or self.fresh, "-o", page or self.folder / "page.html").stdout
-        horizon = re.search(r"Judged by predictions (\d+) step", text)
+        horizon = re.search(r"Evaluated by predictions (\d+) step", text)
         return re.search(r"Verdict +(.*)", text).group(1), text, int(horizon.group(1)) if horizon else 0
 
     def identified(self, *options, seed=11, count=120, **more):
@@ -102,5 +102,5 @@ def test_page_and_text_say_by_what_a_model_is_judged(tokid, tmp_path):
     _, text, horizon = bench.of(bench.plant)
     assert "would spoil the simulation of an exact model too" in text
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert f"Judged: {horizon} steps ahead" in page
-    assert f"The model is judged by predictions {horizon} steps ahead" in page
+    assert f"Deciding: {horizon} steps ahead" in page
+    assert f"The model is evaluated by predictions {horizon} steps ahead" in page
