@@ -32,6 +32,7 @@ def identify(
     lags: Union[int, str] = "auto",
     method: str = "auto",
     smoothing: Union[float, str] = "auto",
+    feedthrough: Union[bool, str] = True,
     period: Union[int, str] = 0,
     weighting: str = "auto",
     refine: Union[bool, str, None] = None,
@@ -76,6 +77,9 @@ def identify(
     smoothing : float or "auto"
         λ of the penalty on variation over time. 0: no penalty. "infinity": one model for all steps. "auto": by
         cross-validation if the data are noisy or too few for a regression at each step.
+    feedthrough : bool, default True
+        False: the outputs are known not to answer to the inputs of the same step, D = 0. State this where the inputs
+        answer to the outputs of the same step: the data cannot tell such feedback from feedthrough.
     period : int or "invariant", default 0
         P: the steps k, k + P, … share one model. "invariant" or 1: all steps do, and one record is enough. 0: each step
         has its own model.
@@ -132,25 +136,7 @@ def identify(
     >>> model
     <tokid.Model: n = 4 states, r = 2 inputs, m = 2 outputs, steps 0 to 39, dt = 0.05 s>
     """
-    options = _identify_options.checked(
-        {
-            "states": states,
-            "lags": lags,
-            "method": method,
-            "smoothing": smoothing,
-            "period": period,
-            "weighting": weighting,
-            "refine": refine,
-            "initial_state": initial_state,
-            "nominal": nominal,
-            "frame": frame,
-            "reference_step": reference_step,
-            "hold_out": hold_out,
-            "rows": rows,
-            "cols": cols,
-            "choices": choices,
-        }
-    )
+    options = _identify_options.checked(_identify_options.among(locals()))
     described = {
         "length": length,
         "free_y": free_y,

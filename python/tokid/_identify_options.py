@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Optional, TypedDict, Union
+from typing import Any, Optional, TypedDict, Union, cast
 
 from . import _tokid
 from .results import NoisyChoices
@@ -16,6 +16,7 @@ class IdentifyOptions(TypedDict, total=False):
     lags: Union[int, str]
     method: str
     smoothing: Union[float, str]
+    feedthrough: Union[bool, str]
     period: Union[int, str]
     weighting: str
     refine: Union[bool, str, None]
@@ -27,6 +28,11 @@ class IdentifyOptions(TypedDict, total=False):
     rows: Union[int, str]
     cols: Union[int, str]
     choices: Optional[NoisyChoices]
+
+
+def among(arguments: dict[str, Any]) -> IdentifyOptions:
+    """Select the options of an identification among the arguments of a call."""
+    return cast(IdentifyOptions, {key: arguments[key] for key in IdentifyOptions.__annotations__})
 
 
 def checked(options: IdentifyOptions) -> _tokid.IdentifyOptions:

@@ -34,7 +34,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
     ----------
     dt : float, default 1.0
         Sample time [s].
-    states, lags, method, smoothing, period, weighting, refine, initial_state, nominal
+    states, lags, method, smoothing, feedthrough, period, weighting, refine, initial_state, nominal
         As in `tokid.identify`.
     frame, reference_step, rows, cols, threads
         As in `tokid.identify`.
@@ -84,6 +84,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         lags: Union[int, str] = "auto",
         method: str = "auto",
         smoothing: Union[float, str] = "auto",
+        feedthrough: bool = True,
         period: Union[int, str] = 0,
         weighting: str = "auto",
         refine: Optional[bool] = None,
@@ -101,6 +102,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         self.lags = lags
         self.method = method
         self.smoothing = smoothing
+        self.feedthrough = feedthrough
         self.period = period
         self.weighting = weighting
         self.refine = refine
