@@ -3,53 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include "campaigns.hpp"
+#include "studies/campaigns.hpp"
 #include "testing.hpp"
 #include "tokid/identify.hpp"
 
 namespace tokid::testing {
 namespace {
-
-const Campaign campaigns[] = {
-    {5, 40, {2, 1, 1}, 0.05, 2},  {8, 40, {2, 2, 2}, 0.05, 2},  {12, 40, {4, 2, 2}, 0.1, 2},
-    {20, 60, {4, 2, 2}, 0.05, 4}, {40, 80, {4, 2, 2}, 0.2, 8},  {60, 30, {1, 1, 1}, 0.1, 4},
-    {30, 12, {2, 1, 1}, 0.1, 2},  {10, 200, {2, 1, 1}, 0.3, 4}, {100, 40, {3, 3, 1}, 0.01, 6}};
-
-// The threshold lets one in a thousand through, of campaigns that differ in everything but what is wrong with them;
-// docs/math.md has the figures. Of these 108, none does.
-TEST(Outliers, NoneAmongExperimentsThatAreAsTheyAre) {
-  for (const Campaign& c : campaigns)
-    for (std::uint64_t seed = 1; seed <= 2; ++seed) {
-      SCOPED_TRACE(std::to_string(c.experiments) + " experiments, seed " + std::to_string(seed));
-      const OutlierOptions options{.lags = c.lags};
-      EXPECT_TRUE(outliers(campaign(c, seed), options).empty());
-      EXPECT_TRUE(outliers(campaign(c, seed, 3.0), options).empty()) << "unknown initial states";
-      EXPECT_TRUE(outliers(campaign(c, seed, 0.0, 0.3), options).empty()) << "noise of different sizes";
-      EXPECT_TRUE(outliers(campaign({c.experiments, c.steps, c.size, 0.0, c.lags}, seed), options).empty())
-          << "no noise";
-      Ensemble gaps = campaign(c, seed);
-      Random random(seed);
-      for (Index k = 0; k < c.steps; ++k)
-        for (Index n = 0; n < c.experiments; ++n)
-          if (random.uniform(0, 1) < 0.06) gaps.y(n, k, 0) = nan;
-      EXPECT_TRUE(outliers(gaps, options).empty()) << "missing samples";
-      Ensemble uneven = campaign(c, seed);
-      std::vector<Index> length;
-      for (Index n = 0; n < c.experiments; ++n)
-        length.push_back(n == 0 ? c.steps : Index(random.uniform(0.1, 1) * double(c.steps)));
-      set_length(uneven, length);
-      EXPECT_TRUE(outliers(uneven, options).empty()) << "lengths";
-    }
-}
-
-std::string sentence(const Outlier& outlier) { return outlier.explanation ? in_words(*outlier.explanation) : ""; }
-
-// No change of the samples explains it.
-bool is_no_change(const Outlier& outlier) {
-  using Kind = Explanation::Kind;
-  return !outlier.explanation || outlier.explanation->kind == Kind::stuck ||
-         outlier.explanation->kind == Kind::one_output;
-}
 
 class Fault : public ::testing::Test {
  protected:
@@ -114,7 +73,7 @@ TEST_F(Fault, OfSeveralDoesNotHideThem) {
 
 // Without noise a wrong experiment fits, by states of its own.
 TEST(Outliers, OfIdentifyWithoutNoise) {
-  for (const Campaign& c : campaigns)
+  for (const Campaign& c : various_campaigns())
     for (const double initial : {0.0, 3.0}) {
       SCOPED_TRACE(std::to_string(c.experiments) + " experiments, initial states " + std::to_string(initial));
       Ensemble e = campaign({c.experiments, c.steps, c.size, 0.0, c.lags}, 1, initial);
@@ -193,24 +152,6 @@ TEST(Outliers, FourExperimentsDoNotTellWhoIsRight) {
   EXPECT_TRUE(outliers(e, {.lags = 2}).empty());
 }
 
-// As identify() looks for them.
-std::vector<Outlier> identified(const Ensemble& e, const Campaign& c) {
-  if (outliers(e, {.lags = c.lags}).empty()) return {};
-  return identify(
-             e,
-             {.states = c.size.n, .lags = c.lags, .smoothing = 100.0, .refine = false, .nominal = NominalChoice::none})
-      .outliers;
-}
-
-// Inputs of different kinds, spikes, coarse outputs: bench/outliers.cpp counts them over a larger grid.
-TEST(Outliers, NoneInHealthyCampaignsOfAnyKind) {
-  for (const CampaignKind& kind : healthy_campaigns())
-    for (const Campaign& c : {Campaign{12, 80, {2, 1, 1}, 0.05, 2}, {20, 80, {3, 2, 2}, 0.05, 4}})
-      for (std::uint64_t seed = 1; seed <= 3; ++seed)
-        for (const Outlier& o : identified(kind.make(c, seed), c))
-          ADD_FAILURE() << kind.name << ", seed " << seed << ": " << in_words(findings_of({o})).front();
-}
-
 // Where all others have ended, nothing is left to judge those by that go on.
 TEST(Outliers, AreJudgedWhereThereAreOthers) {
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
@@ -242,7 +183,7 @@ TEST(Outliers, OneWildSampleIsNoWildExperiment) {
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     Ensemble e = campaign(c, seed);
     e.y(7, 41, 0) += 50 * c.noise * output_sizes(e)(0);
-    EXPECT_TRUE(identified(e, c).empty()) << "seed " << seed;
+    EXPECT_TRUE(identified_outliers(e, c).empty()) << "seed " << seed;
   }
 }
 

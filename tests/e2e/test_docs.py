@@ -84,7 +84,7 @@ def test_files_and_functions_that_documents_name():
     named = 0
     for document in [*(ROOT / "docs").glob("*.md"), ROOT / "CONTRIBUTING.md"]:
         text = " ".join(document.read_text().split())
-        for path, list_of_names in re.findall(r"`((?:src|include|app|bench)/[\w./-]+)`((?:[:,;]? (?:class )?`[\w:]+`)*)", text):
+        for path, list_of_names in re.findall(r"`((?:src|include|app|bench|tests)/[\w./-]+)`((?:[:,;]? (?:class )?`[\w:]+`)*)", text):
             assert (ROOT / path).exists(), f"{document.name}: {path}"
             if list_of_names.startswith(":"):
                 source = (ROOT / path).read_text()

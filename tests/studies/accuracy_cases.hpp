@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "accuracy.hpp"
+#include "studies/accuracy.hpp"
 #include "testing.hpp"
 #include "tokid/gtv_arx.hpp"
 

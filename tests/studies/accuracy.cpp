@@ -1,6 +1,6 @@
 // How many digits of the results of every stage hold, over random cases: writes the tables of docs/accuracy.md anew.
 // SPDX-License-Identifier: BSD-3-Clause
-#include "accuracy.hpp"
+#include "studies/accuracy.hpp"
 
 #include <fmt/format.h>
 
@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "accuracy_tables.hpp"
+#include "studies/accuracy_tables.hpp"
 
 namespace {
 

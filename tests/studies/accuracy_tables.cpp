@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "accuracy_tables.hpp"
+#include "studies/accuracy_tables.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

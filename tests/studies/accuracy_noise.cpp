@@ -4,10 +4,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 
-#include "accuracy_cases.hpp"
 #include "linalg/symmetric.hpp"
 #include "noise/em/estimator.hpp"
 #include "oracle.hpp"
+#include "studies/accuracy_cases.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/observer.hpp"
 #include "tokid/subspace.hpp"

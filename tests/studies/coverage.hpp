@@ -95,6 +95,18 @@ inline Matrix pulse_row(const Model& model, Index k, Index band) {
   return row;
 }
 
+// The entries of a band of Markov parameters and of the outputs for given inputs.
+inline Vector entries(const Model& model, const Ensemble& given, Index band) {
+  std::vector<double> all;
+  const Ensemble outputs = simulate(model, given);
+  for (Index k = 0; k < given.steps(); ++k) {
+    const Matrix row = pulse_row(model, k, band), y = outputs.output(k);
+    all.insert(all.end(), row.data(), row.data() + row.size());
+    all.insert(all.end(), y.data(), y.data() + y.size());
+  }
+  return Eigen::Map<const Vector>(all.data(), Index(all.size()));
+}
+
 inline void add_spectrum(const Spectrum& truth, const SpectrumBounds& bounds, Coverage& coverage) {
   for (size_t i = 0; i < bounds.step.size(); ++i) {
     const Index at = bounds.begin + Index(i) - truth.begin;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "accuracy.hpp"
+#include "studies/accuracy.hpp"
 
 #include <unistd.h>
 
@@ -11,11 +11,11 @@
 #include <numeric>
 #include <optional>
 
-#include "accuracy_cases.hpp"
 #include "linalg/lane_regression.hpp"
 #include "linalg/simd.hpp"
 #include "members.hpp"
 #include "oracle.hpp"
+#include "studies/accuracy_cases.hpp"
 #include "testing.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/io.hpp"

@@ -8,7 +8,9 @@
 #include <numbers>
 #include <vector>
 
+#include "diagnose/outliers.hpp"
 #include "testing.hpp"
+#include "tokid/identify.hpp"
 
 namespace tokid::testing {
 
@@ -193,6 +195,22 @@ inline std::vector<CampaignKind> healthy_campaigns() {
       {"outputs rounded to a tenth", [](const Campaign& c, std::uint64_t s) { return quantised(campaign(c, s), 0.1); }},
       {"single precision", [](const Campaign& c, std::uint64_t s) { return in_single_precision(noiseless(c, s)); }},
   };
+}
+
+// Campaigns that differ in everything but what is wrong with them.
+inline std::vector<Campaign> various_campaigns() {
+  return {{5, 40, {2, 1, 1}, 0.05, 2},  {8, 40, {2, 2, 2}, 0.05, 2},  {12, 40, {4, 2, 2}, 0.1, 2},
+          {20, 60, {4, 2, 2}, 0.05, 4}, {40, 80, {4, 2, 2}, 0.2, 8},  {60, 30, {1, 1, 1}, 0.1, 4},
+          {30, 12, {2, 1, 1}, 0.1, 2},  {10, 200, {2, 1, 1}, 0.3, 4}, {100, 40, {3, 3, 1}, 0.01, 6}};
+}
+
+// The outliers that identify() finds with stated orders. A model clears experiments, and never flags others, so that
+// most campaigns need none.
+inline std::vector<Outlier> identified_outliers(const Ensemble& e, const Campaign& c) {
+  if (outliers(e, {.lags = c.lags}).empty()) return {};
+  IdentifyOptions options{.states = c.size.n, .lags = c.lags, .smoothing = 100.0, .refine = false};
+  options.nominal = NominalChoice::none;
+  return identify(e, options).outliers;
 }
 
 // What may be wrong with one experiment.

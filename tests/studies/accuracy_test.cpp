@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "accuracy.hpp"
+#include "studies/accuracy.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,8 +11,8 @@
 #include <ostream>
 #include <set>
 
-#include "accuracy_tables.hpp"
 #include "oracle.hpp"
+#include "studies/accuracy_tables.hpp"
 #include "testing.hpp"
 
 namespace tokid::testing {

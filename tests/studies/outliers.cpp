@@ -1,14 +1,12 @@
 // How often experiments are said not to fit, of campaigns that nothing is wrong with and of those that one experiment
 // is wrong in: the rates of docs/math.md.
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnose/outliers.hpp"
+#include "studies/campaigns.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cstdlib>
-
-#include "campaigns.hpp"
 
 namespace {
 
@@ -25,26 +23,18 @@ std::vector<Campaign> grid(bool quick) {
   return result;
 }
 
-// As identify() looks for them, where orders are stated.
-std::vector<Outlier> found(const Ensemble& e, const Campaign& c) {
-  if (outliers(e, {.lags = c.lags}).empty()) return {};  // a model acquits, and never accuses
-  IdentifyOptions o{.states = c.size.n, .lags = c.lags, .smoothing = 100.0, .nominal = NominalChoice::none};
-  o.refine = false;
-  o.execution.threads = 1;
-  return identify(e, o).outliers;
-}
-
 }  // namespace
 
 // tokid_outliers [SEEDS]; 0: a few of everything
 int main(int argc, char** argv) {
-  const int asked = argc > 1 ? std::atoi(argv[1]) : 10, seeds = std::max(1, asked);
+  const int asked = argc > 1 ? std::atoi(argv[1]) : 4, seeds = std::max(1, asked);
   const std::vector<Campaign> campaigns = grid(asked <= 0);
   fmt::print("{:>32} {:>10} {:>8}\n", "nothing wrong", "ensembles", "accused");
   for (const CampaignKind& kind : healthy_campaigns()) {
     int all = 0, accused = 0;
     for (const Campaign& c : campaigns)
-      for (int seed = 1; seed <= seeds; ++seed, ++all) accused += !found(kind.make(c, std::uint64_t(seed)), c).empty();
+      for (int seed = 1; seed <= seeds; ++seed, ++all)
+        accused += !identified_outliers(kind.make(c, std::uint64_t(seed)), c).empty();
     fmt::print("{:>32} {:>10} {:>8}\n", kind.name, all, accused);
     std::fflush(stdout);
   }
@@ -58,7 +48,7 @@ int main(int argc, char** argv) {
         const Ensemble before = e;
         const Index n = c.experiments / 3;
         fault.change(e, before, n);
-        const std::vector<Outlier> list = found(e, c);
+        const std::vector<Outlier> list = identified_outliers(e, c);
         right += std::any_of(list.begin(), list.end(), [n](const Outlier& o) { return o.experiment == n; });
         wrong += std::any_of(list.begin(), list.end(), [n](const Outlier& o) { return o.experiment != n; });
       }

@@ -1,6 +1,6 @@
 // How often 95 % intervals hold the truth, with the number of experiments: the tables of docs/math.md.
 // SPDX-License-Identifier: BSD-3-Clause
-#include "coverage.hpp"
+#include "studies/coverage.hpp"
 
 #include <fmt/format.h>
 
@@ -205,7 +205,7 @@ void pooled_study(const SystemSize& size, Index states, Index experiments_count,
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int runs = argc > 1 ? std::atoi(argv[1]) : 200;
+  const int runs = argc > 1 ? std::atoi(argv[1]) : 100;
   const Index replicates = argc > 2 ? std::atoi(argv[2]) : 100;
   const double spread = argc > 3 ? std::atof(argv[3]) : 0.3;
   for (const SystemSize& size : {SystemSize{2, 1, 1}, SystemSize{3, 2, 2}})

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "accuracy.hpp"
+#include "studies/accuracy.hpp"
 
 namespace tokid::testing {
 
