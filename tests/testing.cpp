@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numeric>
 
 namespace tokid::testing {
 
@@ -81,6 +82,12 @@ double output_error(const Ensemble& truth, const Ensemble& computed, Index from)
       worst = std::max(worst, e.cwiseAbs().maxCoeff() / y.cwiseAbs().maxCoeff());
     }
   return compared > 0 ? worst : std::numeric_limits<double>::infinity();
+}
+
+std::vector<Index> range(Index begin, Index end) {
+  std::vector<Index> list(size_t(std::max<Index>(0, end - begin)));
+  std::iota(list.begin(), list.end(), begin);
+  return list;
 }
 
 std::string name(const SystemSize& s) { return fmt::format("n{}m{}r{}", s.n, s.m, s.r); }

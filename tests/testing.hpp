@@ -79,6 +79,8 @@ inline Index smallest_lag_order(const SystemSize& size) { return (size.n + size.
 
 std::string name(const SystemSize& s);
 
+std::vector<Index> range(Index begin, Index end);  // begin … end-1
+
 // How many of the texts, or of the findings in words, contain this one.
 Index mentions(const std::vector<std::string>& texts, const std::string& part);
 Index mentions(const Findings& findings, const std::string& part);

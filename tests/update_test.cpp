@@ -30,58 +30,9 @@ using testing::message;
 using testing::Random;
 using testing::random_experiments;
 using testing::random_system;
+using testing::range;
 using testing::Threads;
 using testing::with_noise;
-
-std::vector<Index> range(Index begin, Index end) {
-  std::vector<Index> list;
-  for (Index n = begin; n < end; ++n) list.push_back(n);
-  return list;
-}
-
-// Of windows from an ensemble: the same products as the samples have.
-TEST(WindowFactors, HaveTheProductsOfTheWindows) {
-  for (const bool gaps : {false, true})
-    for (const InitialState initial : {InitialState::zero, InitialState::unknown})
-      for (const Index lags : {1, 3, 7}) {
-        Ensemble e = with_noise(random_experiments(random_system({3, 2, 1}, 20, 1.0, 1), 30, 2, 1.0), 0.1, 3);
-        if (gaps) e.y(4, 9, 1) = e.u(6, 15, 0) = std::numeric_limits<double>::quiet_NaN();
-        const WindowFactors f = window_factors(e, lags, initial);
-        const Windows samples(e), factors(f);
-        EXPECT_EQ(f.begin(), initial == InitialState::zero ? 0 : lags);
-        for (Index k = f.begin(); k < 20; ++k) {
-          const Matrix a = samples.rows(k, lags), r = factors.rows(k, lags);
-          EXPECT_EQ(samples.count(k, lags), a.rows());
-          EXPECT_EQ(f.rows[size_t(k)], a.rows());
-          EXPECT_LE((r.transpose() * r - a.transpose() * a).norm(), 1e2 * epsilon * a.squaredNorm()) << k;
-          EXPECT_TRUE(Matrix(f.of(k)).isUpperTriangular(0.0));
-        }
-        // Of departures from the mean motion, too.
-        const Nominal mean = nominal_trajectory(e), own = f.nominal();
-        EXPECT_LE((mean.u - own.u).norm() + (mean.y - own.y).norm(), 1e2 * epsilon * (mean.y.norm() + mean.u.norm()));
-        const Ensemble left = departures(e, mean);
-        const Windows centred(f, &own), departed(left);
-        for (Index k = f.begin(); k < 20; ++k) {
-          const Matrix a = departed.rows(k, lags), r = centred.rows(k, lags);
-          EXPECT_LE((r.transpose() * r - a.transpose() * a).norm(),
-                    1e3 * epsilon * samples.rows(k, lags).squaredNorm());
-        }
-      }
-}
-
-TEST(WindowFactors, MergeToThoseOfAllExperiments) {
-  const Ensemble e = with_noise(random_experiments(random_system({3, 2, 2}, 15, 1.0, 4), 40, 5), 0.1, 6);
-  WindowFactors all = window_factors(e.subset(range(0, 7)), 2, InitialState::zero);
-  merge(all, window_factors(e.subset(range(7, 8)), 2, InitialState::zero));
-  merge(all, window_factors(e.subset(range(8, 40)), 2, InitialState::zero), {3, {}});
-  EXPECT_EQ(all.experiments, 40);
-  const WindowFactors once = window_factors(e, 2, InitialState::zero);
-  EXPECT_EQ(all.rows, once.rows);
-  for (Index k = 0; k < 15; ++k) {
-    const Matrix a = all.of(k).transpose() * all.of(k), b = once.of(k).transpose() * once.of(k);
-    EXPECT_LE((a - b).norm(), 1e2 * epsilon * b.norm());
-  }
-}
 
 struct UpdateCase {
   const char* name = nullptr;

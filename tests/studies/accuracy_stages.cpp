@@ -8,7 +8,6 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
-#include <numeric>
 #include <optional>
 
 #include "linalg/lane_regression.hpp"
@@ -68,12 +67,6 @@ class OnlyUpTo {
   OnlyUpTo& operator=(const OnlyUpTo&) = delete;
   ~OnlyUpTo() { simd::limit_target(simd::Target::avx512); }
 };
-
-std::vector<Index> range(Index begin, Index end) {
-  std::vector<Index> list(size_t(end - begin));
-  std::iota(list.begin(), list.end(), begin);
-  return list;
-}
 
 // Inputs that differ by 1 / condition from those of the first channel, or, where it is the only one, of the step
 // before.
