@@ -7,13 +7,11 @@
 #include <algorithm>
 
 #include "model/kalman_step.hpp"
-#include "oracle.hpp"
 #include "testing.hpp"
+#include "textbook.hpp"
 
 namespace tokid::testing {
 namespace {
-
-using Exact = oracle::Exact;
 
 constexpr SystemSize gain_sizes[] = {{1, 1, 1}, {2, 1, 2}, {4, 2, 1}, {3, 4, 1}, {6, 3, 2}};
 
@@ -35,18 +33,6 @@ NoiseRoots random_noise_roots(const Model& model, double process, std::uint64_t 
   return noise;
 }
 
-// S = C P Cᵀ + Σ,  G⁺ = (G Σ - A P Cᵀ) S⁻¹,  P⁺ = A P Aᵀ + G Σ Gᵀ + Q' - G⁺ S G⁺ᵀ, by 50 digits.
-struct Textbook {
-  Exact P, gain, S;
-  void advance(const Step& step, const Matrix& innovation, const Matrix& state) {
-    const Exact A = oracle::exact(step.A()), C = oracle::exact(step.C()), G = oracle::exact(step.G()),
-                V = oracle::exact(innovation), W = oracle::exact(state), sigma = V.transpose() * V;
-    S = C * P * C.transpose() + sigma;
-    gain = (G * sigma - A * P * C.transpose()) * S.inverse();
-    P = (A * P * A.transpose() + G * sigma * G.transpose() + W.transpose() * W - gain * S * gain.transpose()).eval();
-  }
-};
-
 // Errors of a step by least squares with a well-conditioned root, as shares of the results; steps contract them.
 double gain_tolerance(const SystemSize& size) { return 1000 * double(size.n + size.m) * epsilon; }
 
@@ -56,13 +42,12 @@ TEST(FilterGains, AreThoseOfTheTextbook) {
     const NoiseRoots noise = random_noise_roots(before, 0.5, 3);
     Model model = before;
     filter_gains(model, noise);
-    Textbook exact{Exact::Zero(size.n, size.n), {}, {}};
+    textbook::FilterGains exact(size.n);
     for (size_t s = 0; s < model.step.size(); ++s) {
       exact.advance(before.step[s], noise.innovation[s], noise.state[s]);
       const Step& step = model.step[s];
-      EXPECT_LE(oracle::distance(step.G(), exact.gain), gain_tolerance(size) * (1 + step.G().norm()))
-          << name(size) << s;
-      EXPECT_LE(oracle::distance(step.innovation_cov(), exact.S), gain_tolerance(size) * step.innovation_cov().norm());
+      EXPECT_LE((step.G() - exact.gain).norm(), gain_tolerance(size) * (1 + step.G().norm())) << name(size) << s;
+      EXPECT_LE((step.innovation_cov() - exact.S).norm(), gain_tolerance(size) * step.innovation_cov().norm());
       EXPECT_EQ(Matrix(step.innovation_cov()), Matrix(step.innovation_cov().transpose()));
     }
   }
@@ -98,7 +83,7 @@ TEST(FilterGains, OfAPeriodicModelAreSteadyAllAround) {
       Model model = before;
       filter_gains(model, noise);
       // The solution of the periodic Riccati equation: the textbook's recursion until nothing changes.
-      Textbook exact{Exact::Zero(size.n, size.n), {}, {}};
+      textbook::FilterGains exact(size.n);
       const auto around = [&](auto&& use) {
         for (size_t s = 0; s < size_t(period); ++s) {
           exact.advance(before.step[s], noise.innovation[s], noise.state[s]);
@@ -110,9 +95,9 @@ TEST(FilterGains, OfAPeriodicModelAreSteadyAllAround) {
         // Settled to 1e-13 of P from one round to the next, which errors of up to ten times as much may be.
         for (size_t at = s; at < model.step.size(); at += size_t(period)) {
           const Step& step = model.step[at];
-          EXPECT_LE(oracle::distance(step.G(), exact.gain), 1e-12 * (1 + step.G().norm()) + gain_tolerance(size))
+          EXPECT_LE((step.G() - exact.gain).norm(), 1e-12 * (1 + step.G().norm()) + gain_tolerance(size))
               << name(size) << " " << at;
-          EXPECT_LE(oracle::distance(step.innovation_cov(), exact.S),
+          EXPECT_LE((step.innovation_cov() - exact.S).norm(),
                     (1e-12 + gain_tolerance(size)) * step.innovation_cov().norm());
         }
       });
@@ -126,11 +111,10 @@ TEST(FilterGains, FollowVaryingStateDimensions) {
   const NoiseRoots noise = random_noise_roots(before, 0.5, 12);
   Model model = before;
   filter_gains(model, noise);
-  Textbook exact{Exact(0, 0), {}, {}};
+  textbook::FilterGains exact(0);
   for (size_t s = 0; s < 8; ++s) {
     exact.advance(before.step[s], noise.innovation[s], noise.state[s]);
-    EXPECT_LE(oracle::distance(model.step[s].G(), exact.gain),
-              gain_tolerance({3, 2, 1}) * (1 + model.step[s].G().norm()));
+    EXPECT_LE((model.step[s].G() - exact.gain).norm(), gain_tolerance({3, 2, 1}) * (1 + model.step[s].G().norm()));
   }
 }
 
