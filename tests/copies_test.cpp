@@ -238,12 +238,13 @@ TEST(Copies, AreUsedOnce) {
     EXPECT_EQ(found.findings.size(), plain.findings.size() + 1);
     EXPECT_TRUE(has_seen(found.model, all));
     EXPECT_TRUE(has_seen(found.model, once));
-    IdentifyOptions half;
+    const IdentifyOptions stated{.states = 3, .lags = 2, .refine = false};
+    IdentifyOptions half = stated;
     half.hold_out = 0.5;
     EXPECT_EQ(testing::all(identify(all, half).model, &Step::A), testing::all(identify(once, half).model, &Step::A));
 
-    const CrossValidation folds = cross_validate(all, {}, {.folds = 4});
-    EXPECT_EQ(folds.simulation.fit, cross_validate(once, {}, {.folds = 4}).simulation.fit);
+    const CrossValidation folds = cross_validate(all, stated, {.folds = 4});
+    EXPECT_EQ(folds.simulation.fit, cross_validate(once, stated, {.folds = 4}).simulation.fit);
     std::set<Index> judged;
     for (const Fold& fold : folds.folds) judged.insert(fold.experiments.begin(), fold.experiments.end());
     EXPECT_EQ(judged.size(), 24);

@@ -17,6 +17,7 @@
 #include "tokid/provenance.hpp"
 #include "tokid/refine_model.hpp"
 #include "tokid/uncertainty.hpp"
+#include "tokid/provenance.hpp"
 #include "tokid/update.hpp"
 
 namespace tokid::testing {
@@ -348,7 +349,8 @@ TEST(Dependence, IsLeftAside) {
   for (Index i = 0; i < 10; ++i)  // sums and multiples
     i % 2 == 0 ? (weights(i, i) = weights(i, i + 5) = 1.0) : (weights(i, i) = 2.0);
   const Ensemble all = with(own, weights);
-  const Identification plain = identify(own), found = identify(all);
+  const IdentifyOptions stated{.states = 3, .lags = 2, .refine = false};
+  const Identification plain = identify(own, stated), found = identify(all, stated);
   EXPECT_EQ(testing::all(found.model, &Step::A), testing::all(plain.model, &Step::A));
   EXPECT_EQ(testing::all(found.model, &Step::G), testing::all(plain.model, &Step::G));
   EXPECT_EQ(found.experiments, 24);
@@ -356,12 +358,12 @@ TEST(Dependence, IsLeftAside) {
   EXPECT_EQ(found.dependent.combinations.size(), 10);
   EXPECT_EQ(found.findings.size(), plain.findings.size() + 1);
   EXPECT_TRUE(has_seen(found.model, all));
-  IdentifyOptions half;
+  IdentifyOptions half = stated;
   half.hold_out = 0.5;
   EXPECT_EQ(testing::all(identify(all, half).model, &Step::A), testing::all(identify(own, half).model, &Step::A));
 
-  const CrossValidation folds = cross_validate(all, {}, {.folds = 4});
-  EXPECT_EQ(folds.simulation.fit, cross_validate(own, {}, {.folds = 4}).simulation.fit);
+  const CrossValidation folds = cross_validate(all, stated, {.folds = 4});
+  EXPECT_EQ(folds.simulation.fit, cross_validate(own, stated, {.folds = 4}).simulation.fit);
   std::set<Index> judged;
   for (const Fold& fold : folds.folds) judged.insert(fold.experiments.begin(), fold.experiments.end());
   EXPECT_EQ(judged.size(), 24);
@@ -372,7 +374,7 @@ TEST(Dependence, IsLeftAside) {
   EXPECT_EQ(validation.simulation.fit, validate(plain.model, own).simulation.fit);
   EXPECT_EQ(in_words(validation.findings).front().rfind("10 of 34 experiments are sums or multiples of others", 0), 0);
 
-  UpdateState state = update_state(all, found, {}), plain_state = update_state(own, plain, {});
+  UpdateState state = update_state(all, found, stated), plain_state = update_state(own, plain, stated);
   EXPECT_EQ(state.factors.factor, plain_state.factors.factor);
   const Ensemble more = campaign({3, 2, 1}, 12, 40, 7, 0.07);
   EXPECT_EQ(update(state, with(more, some_of_each(12, 1))).size(), 1);

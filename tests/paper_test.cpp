@@ -86,32 +86,30 @@ TEST(Paper, OptionsOutOfRangeAreRefused) {
 }
 
 TEST(KalmanStudy, TheIdentifiedObserverTendsToTheKalmanFilter) {
-  for (const std::uint64_t seed : {1, 2, 3}) {
-    const KalmanStudy study = kalman_study({.seed = seed});
-    // 7 lag orders for 4 numbers of experiments, but N = 50 carries p = 15 and 20 not.
-    ASSERT_EQ(study.cells.size(), 26u);
-    const auto cell = [&](Index p, Index experiments) {
-      for (const KalmanStudyCell& c : study.cells)
-        if (c.lags == p && c.experiments == experiments) return c;
-      return KalmanStudyCell{};
-    };
-    EXPECT_LE(cell(10, 2000).error, 1.04);
-    for (const Index p : {2, 3, 5, 8, 10}) {
-      // More experiments never hurt, and nothing beats the Kalman filter but by chance: 500·40·2 samples.
-      EXPECT_GT(cell(p, 50).error, cell(p, 200).error) << p;
-      EXPECT_GT(cell(p, 200).error, cell(p, 2000).error) << p;
-      EXPECT_GT(cell(p, 2000).error, cell(p, 0).error - 0.01) << p;
-      EXPECT_GT(cell(p, 0).error, 0.999) << p;
-    }
-    // In the limit of many experiments, both errors fall with every further lag.
-    for (const auto& [p, next] : {std::pair{2, 3}, {3, 5}, {5, 8}, {8, 10}, {10, 15}, {15, 20}}) {
-      EXPECT_GT(cell(p, 0).error, cell(next, 0).error) << p;
-      EXPECT_GT(cell(p, 0).gain, 1.1 * cell(next, 0).gain) << p;
-    }
-    // They fall to zero: G_k → -A_k K_k.
-    EXPECT_LE(cell(20, 0).error, 1.01);
-    EXPECT_LE(cell(20, 0).gain, 0.15);
+  const KalmanStudy study = kalman_study({.seed = 1});
+  // 7 lag orders for 4 numbers of experiments, but N = 50 carries p = 15 and 20 not.
+  ASSERT_EQ(study.cells.size(), 26u);
+  const auto cell = [&](Index p, Index experiments) {
+    for (const KalmanStudyCell& c : study.cells)
+      if (c.lags == p && c.experiments == experiments) return c;
+    return KalmanStudyCell{};
+  };
+  EXPECT_LE(cell(10, 2000).error, 1.04);
+  for (const Index p : {2, 3, 5, 8, 10}) {
+    // More experiments never hurt, and nothing beats the Kalman filter but by chance: 500·40·2 samples.
+    EXPECT_GT(cell(p, 50).error, cell(p, 200).error) << p;
+    EXPECT_GT(cell(p, 200).error, cell(p, 2000).error) << p;
+    EXPECT_GT(cell(p, 2000).error, cell(p, 0).error - 0.01) << p;
+    EXPECT_GT(cell(p, 0).error, 0.999) << p;
   }
+  // In the limit of many experiments, both errors fall with every further lag.
+  for (const auto& [p, next] : {std::pair{2, 3}, {3, 5}, {5, 8}, {8, 10}, {10, 15}, {15, 20}}) {
+    EXPECT_GT(cell(p, 0).error, cell(next, 0).error) << p;
+    EXPECT_GT(cell(p, 0).gain, 1.1 * cell(next, 0).gain) << p;
+  }
+  // They fall to zero: G_k → -A_k K_k.
+  EXPECT_LE(cell(20, 0).error, 1.01);
+  EXPECT_LE(cell(20, 0).gain, 0.15);
 }
 
 TEST(KalmanStudy, RangesOutsideTheStepsAreRefused) {
