@@ -6,10 +6,13 @@
 #include "testing.hpp"
 #include "tokid/em.hpp"
 #include "tokid/gtv_arx.hpp"
+#include "tokid/identify.hpp"
 #include "tokid/lag_orders.hpp"
 #include "tokid/markov.hpp"
+#include "tokid/refine_model.hpp"
 #include "tokid/smooth_arx.hpp"
 #include "tokid/subspace.hpp"
+#include "tokid/update.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -129,6 +132,64 @@ TEST(Feedthrough, EmKeepsItAtZeroAndRaisesTheLikelihood) {
       EXPECT_GE(found.penalised[i], found.penalised[i - 1]) << smoothing << ' ' << i;
     EXPECT_GT(found.penalised.back(), found.penalised.front()) << smoothing;
   }
+}
+
+// Experiments under feedback in the same step, u_k = w_k - gain·y_k, with noise on states and sensors.
+Ensemble under_feedback(const Model& plant, Index experiments, double gain, std::uint64_t seed) {
+  Random random(seed);
+  Ensemble e(experiments, plant.steps(), plant.inputs, plant.outputs);
+  for (Index n = 0; n < experiments; ++n) {
+    Vector x = Vector::Zero(plant.states());
+    for (Index k = 0; k < plant.steps(); ++k) {
+      const Step& step = plant.step[size_t(k)];
+      const Vector y = step.C() * x + 0.1 * random.matrix(plant.outputs, 1);
+      const Vector u = random.matrix(plant.inputs, 1) - gain * y;
+      x = step.A() * x + step.B() * u + 0.05 * random.matrix(plant.states(), 1);
+      for (Index i = 0; i < plant.inputs; ++i) e.u(n, k, i) = u(i);
+      for (Index j = 0; j < plant.outputs; ++j) e.y(n, k, j) = y(j);
+    }
+  }
+  return e;
+}
+
+// Median over the steps of |h - h°| / |h°| for h = h_{k,k-1}, the effect of an input on the next output.
+double error_of_first_response(const Model& plant, const Model& found) {
+  std::vector<double> errors;
+  for (Index k = found.k_begin + 5; k < plant.steps(); ++k) {
+    const Matrix truth = pulse_response(plant, k, k - 1);
+    errors.push_back((pulse_response(found, k, k - 1) - truth).norm() / truth.norm());
+  }
+  std::nth_element(errors.begin(), errors.begin() + std::ptrdiff_t(errors.size() / 2), errors.end());
+  return errors[errors.size() / 2];
+}
+
+TEST(Feedthrough, FeedbackInTheSameStepIsNotTakenForFeedthroughIfItIsStated) {
+  for (const std::uint64_t seed : {51, 52, 53}) {
+    Model plant = without_feedthrough(constant_system({2, 1, 1}, 50, 0.95, seed));
+    for (Index k = 0; k < 50; ++k) plant.step[size_t(k)].B() *= 1 + 0.3 * std::sin(0.1 * double(k));
+    const Ensemble e = under_feedback(plant, 100, 0.8, seed + 100);
+    const Model stated = identify(e, {.states = 2, .feedthrough = false, .initial_state = InitialState::zero}).model;
+    const Model free = identify(e, {.states = 2, .initial_state = InitialState::zero}).model;
+    for (const Step& step : stated.step) EXPECT_TRUE(step.D().isZero(0.0));
+    EXPECT_LE(error_of_first_response(plant, stated), 0.05) << seed;
+    // Without the statement, D takes up the noise of the sensor: the data cannot tell.
+    EXPECT_GE(error_of_first_response(plant, free), 0.2) << seed;
+  }
+}
+
+TEST(Feedthrough, UpdatesAndRefinementsKeepTheStatement) {
+  const Model plant = without_feedthrough(constant_system({2, 1, 1}, 40, 0.95, 61));
+  const Ensemble first = under_feedback(plant, 40, 0.0, 62), second = under_feedback(plant, 40, 0.0, 63);
+  const IdentifyOptions options{.states = 2, .feedthrough = false, .initial_state = InitialState::zero};
+  const Identification found = identify(first, options);
+  EXPECT_FALSE(found.plan.feedthrough);
+  EXPECT_FALSE(identify_options(found.model.provenance).feedthrough);
+  UpdateState state = update_state(first, found, options);
+  update(state, second);
+  for (const Step& step : identify(state).model.step) EXPECT_TRUE(step.D().isZero(0.0));
+  // EM goes on without feedthrough from a model that was identified without it.
+  for (const Step& step : refine_model(found.model, first, {}).refinement.model.step)
+    EXPECT_TRUE(step.D().isZero(0.0));
 }
 
 }  // namespace

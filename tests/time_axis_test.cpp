@@ -1,6 +1,6 @@
 // Times as a table writes them → the steps of one grid.
 // SPDX-License-Identifier: BSD-3-Clause
-#include "io/time_axis.hpp"
+#include "io/formats/time_axis.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

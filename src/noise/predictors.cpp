@@ -336,76 +336,124 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
   return result;
 }
 
+// The two regressions on the states: of the outputs and of the next states.
+class StateRegressions {
+ public:
+  StateRegressions(const Steps& steps, const StateMaps& maps, bool feedthrough, const SubspaceOptions& options)
+      : steps_(steps),
+        maps_(maps),
+        options_(options),
+        r_(steps.data.inputs()),
+        m_(steps.data.outputs()),
+        through_(feedthrough ? r_ : 0),
+        errors_(options.noisy ? m_ : 0) {}
+
+  Index states(Index g) const { return maps_.of[size_t(g)].rows(); }
+  Index output_regressors(Index g) const { return states(g) + through_; }
+  Index state_regressors(Index g) const { return states(g) + r_ + errors_; }
+
+  // y on [x; u], or on x alone without feedthrough. The coefficients are [C D] with D = 0 there.
+  std::vector<Fitted> outputs() const {
+    std::vector<Fitted> result = fitted(&StateRegressions::output_regressors, [&](Index k) {
+      const Index n = states(steps_.group(k));
+      const Matrix samples = samples_of(steps_.window(k), k);
+      return linalg::beside(samples.leftCols(n + through_), samples.rightCols(m_));
+    });
+    for (Fitted& y : result)
+      if (y.coefficients.size() > 0) y.coefficients = linalg::beside(y.coefficients, Matrix::Zero(m_, r_ - through_));
+    return result;
+  }
+
+  // x⁺ on [x; u; ε], with ε from the regression of the outputs. Without noise there is no ε, and the observer comes
+  // from the map of the next state.
+  std::vector<Fitted> next_states(const std::vector<Fitted>& outputs) const {
+    return fitted(&StateRegressions::state_regressors, [&](Index k) {
+      if (k + 1 >= steps_.data.steps() && !steps_.smooth()) return Matrix();
+      const Index g = steps_.group(k), known = states(g) + r_;
+      const Matrix window = steps_.window(k), samples = samples_of(window, k);
+      const Matrix next = window.rightCols(steps_.width()) * maps_.of[size_t(steps_.next(g))].transpose();
+      Matrix both(samples.rows(), known + errors_ + next.cols());
+      both.leftCols(known) = samples.leftCols(known);
+      if (options_.noisy) {
+        Matrix innovations =
+            samples.rightCols(m_) - samples.leftCols(known) * outputs[size_t(g)].coefficients.transpose();
+        drop_rounding(innovations, samples.rightCols(m_).colwise().norm());
+        both.middleCols(known, m_) = innovations;
+      }
+      both.rightCols(next.cols()) = next;
+      return both;
+    });
+  }
+
+ private:
+  template <class Rows>
+  std::vector<Fitted> fitted(Index (StateRegressions::*regressors_of)(Index) const, Rows&& rows_of) const {
+    std::vector<Index> regressors;
+    for (Index g = 0; g < steps_.groups(); ++g) regressors.push_back((this->*regressors_of)(g));
+    return regress(steps_, options_, regressors, rows_of);
+  }
+
+  Matrix samples_of(const Matrix& window, Index k) const {  // [x u y]
+    const Matrix x = window.leftCols(steps_.width()) * maps_.of[size_t(steps_.group(k))].transpose();
+    return linalg::beside(x, window.rightCols(r_ + m_));
+  }
+
+  const Steps& steps_;
+  const StateMaps& maps_;
+  const SubspaceOptions& options_;
+  Index r_, m_, through_, errors_;  // inputs, outputs, inputs with feedthrough, innovations
+};
+
+// The residuals of the regressions as roots of the covariances of each step. With few experiments, one covariance
+// serves all steps of full dimension. With many, each step has its own.
+NoiseRoots noise_roots(const Steps& steps, const StateRegressions& sizes, const std::vector<Fitted>& outputs,
+                       const std::vector<Fitted>& next_states, Index k_begin, const SubspaceOptions& o) {
+  const Index m = steps.data.outputs();
+  const bool pooled = o.variation.smoothing > 0 && steps.varying();
+  Index most = 0;
+  for (Index g = 0; g < steps.groups(); ++g) most = std::max(most, sizes.states(g));
+  const auto full = [&](Index g) { return sizes.states(g) == most && sizes.states(steps.next(g)) == most; };
+  linalg::RowStack all_outputs(m), all_states(most);
+  double rows_outputs = 0.0, rows_states = 0.0;
+  Vector squares = Vector::Zero(m);
+  for (Index g = 0; g < steps.groups(); ++g) {
+    const Fitted &y = outputs[size_t(g)], &x = next_states[size_t(g)];
+    if (y.rows > 0) {
+      squares += y.squares;
+      if (pooled) all_outputs.add(y.residual);
+    }
+    rows_outputs += y.rows;
+    if (!pooled || !full(g) || x.rows == 0) continue;
+    all_states.add(x.residual);
+    rows_states += x.rows;
+  }
+  const Matrix shared_outputs = all_outputs.factor(), shared_states = all_states.factor();
+  const auto root = [](const Matrix& residual, double rows, Index spent, Index size) -> Matrix {
+    if (residual.cols() != size) return Matrix::Zero(0, size);
+    return residual / std::sqrt(std::max(1.0, rows - double(spent)));
+  };
+  NoiseRoots noise;
+  noise.output_size = (squares / std::max(1.0, rows_outputs)).cwiseSqrt();
+  for (Index k = k_begin; k < steps.data.steps(); ++k) {
+    const Index g = steps.group(k), next = sizes.states(steps.next(g));
+    const Fitted &y = outputs[size_t(g)], &x = next_states[size_t(g)];
+    noise.innovation.push_back(pooled ? root(shared_outputs, rows_outputs, 0, m)
+                                      : root(y.residual, y.rows, sizes.output_regressors(g), m));
+    noise.state.push_back(pooled && full(g) ? root(shared_states, rows_states, 0, next)
+                                            : root(x.residual, x.rows, sizes.state_regressors(g), next));
+  }
+  return noise;
+}
+
 }  // namespace
 
 Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& factors, const SubspaceOptions& o) {
   if (o.weighting == Weighting::projection) return moesp(ensemble_of(e), arx, factors, o);
   const Steps steps(e, arx, o);
-  const Index r = e.inputs(), m = e.outputs(), d = e.channels();
+  const Index r = e.inputs(), m = e.outputs();
   const StateMaps maps = state_maps(steps, factors, o);
-  const auto n_of = [&](Index g) { return maps.of[size_t(g)].rows(); };
-  const auto states = [&](const Matrix& z, Index g) { return Matrix(z * maps.of[size_t(g)].transpose()); };
-
-  // y on [x; u], or on x alone without feedthrough
-  const Index through = arx.feedthrough ? r : 0;
-  std::vector<Index> regressors;
-  for (Index g = 0; g < steps.groups(); ++g) regressors.push_back(n_of(g) + through);
-  const auto samples_of = [&](const Matrix& window, Index k) {  // [x u y]
-    const Matrix x = states(window.leftCols(steps.width()), steps.group(k));
-    Matrix block(x.rows(), x.cols() + d);
-    block << x, window.rightCols(d);
-    return block;
-  };
-  std::vector<Fitted> outputs = regress(steps, o, regressors, [&](Index k) {
-    const Matrix all = samples_of(steps.window(k), k);
-    if (arx.feedthrough) return all;
-    Matrix block(all.rows(), all.cols() - r);
-    block << all.leftCols(all.cols() - d), all.rightCols(m);
-    return block;
-  });
-  if (!arx.feedthrough)
-    for (Fitted& y : outputs)
-      if (y.coefficients.size() > 0) y.coefficients = linalg::beside(y.coefficients, Matrix::Zero(m, r));
-
-  // x⁺ on [x; u; ε]. Without noise there is no ε, and the observer comes from the map of the next state.
-  const Index errors = o.noisy ? m : 0;
-  for (Index& l : regressors) l += r - through + errors;
-  const auto next_on_states = [&](Index k) {
-    if (k + 1 >= e.steps() && !steps.smooth()) return Matrix();
-    const Index g = steps.group(k), known = n_of(g) + r;
-    const Matrix window = steps.window(k), block = samples_of(window, k);
-    const Matrix next = states(window.rightCols(steps.width()), steps.next(g));
-    Matrix both(block.rows(), known + errors + next.cols());
-    both.leftCols(known) = block.leftCols(known);
-    if (o.noisy) {
-      Matrix innovations = block.rightCols(m) - block.leftCols(known) * outputs[size_t(g)].coefficients.transpose();
-      drop_rounding(innovations, block.rightCols(m).colwise().norm());
-      both.middleCols(known, m) = innovations;
-    }
-    both.rightCols(next.cols()) = next;
-    return both;
-  };
-  const std::vector<Fitted> next_states = regress(steps, o, regressors, next_on_states);
-
-  // With few experiments, one covariance serves all steps of full dimension. With many, each step has its own.
-  const bool pooled = o.variation.smoothing > 0 && steps.varying();
-  Index most = 0;
-  for (Index g = 0; g < steps.groups(); ++g) most = std::max(most, n_of(g));
-  const auto full = [&](Index g) { return n_of(g) == most && n_of(steps.next(g)) == most; };
-  linalg::RowStack all_outputs(m), all_states(most);
-  double rows_outputs = 0.0, rows_states = 0.0;
-  Vector squares = Vector::Zero(m);
-  for (Index g = 0; g < steps.groups(); ++g) {
-    if (outputs[size_t(g)].rows > 0) {
-      squares += outputs[size_t(g)].squares;
-      if (pooled) all_outputs.add(outputs[size_t(g)].residual);
-    }
-    rows_outputs += outputs[size_t(g)].rows;
-    if (!pooled || !full(g) || next_states[size_t(g)].rows == 0) continue;
-    all_states.add(next_states[size_t(g)].residual);
-    rows_states += next_states[size_t(g)].rows;
-  }
-  const Matrix shared_outputs = all_outputs.factor(), shared_states = all_states.factor();
+  const StateRegressions regressions(steps, maps, arx.feedthrough, o);
+  const std::vector<Fitted> outputs = regressions.outputs(), next_states = regressions.next_states(outputs);
 
   Model model;
   model.inputs = r;
@@ -416,29 +464,22 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
   model.period = o.variation.period;
   if (steps.smooth()) model.frame = "smooth";
   model.k_begin = steps.varying() ? steps.begin : 0;
-  NoiseRoots noise;
-  noise.output_size = (squares / std::max(1.0, rows_outputs)).cwiseSqrt();
+  const NoiseRoots noise = noise_roots(steps, regressions, outputs, next_states, model.k_begin, o);
   for (Index k = model.k_begin; k < e.steps(); ++k) {
-    const size_t g = size_t(steps.group(k));
-    const Index next_g = steps.next(Index(g)), n = n_of(Index(g)), next = n_of(next_g);
+    const Index group = steps.group(k), next_group = steps.next(group);
+    const Index n = regressions.states(group), next = regressions.states(next_group);
+    const size_t g = size_t(group);
     const Fitted &y = outputs[g], &x = next_states[g];
-    const Matrix ab = x.coefficients.size() > 0 ? x.coefficients : Matrix(Matrix::Zero(next, n + r + errors));
+    const Matrix ab =
+        x.coefficients.size() > 0 ? x.coefficients : Matrix(Matrix::Zero(next, regressions.state_regressors(group)));
     const Matrix cd = y.coefficients.size() > 0 ? y.coefficients : Matrix(Matrix::Zero(m, n + r));
     Step& step = model.step.emplace_back(n, next, r, m);
     step.A() = ab.leftCols(n);
     step.B() = ab.middleCols(n, r);
     step.C() = cd.leftCols(n);
     step.D() = cd.rightCols(r);
-    step.G() = o.noisy ? -ab.rightCols(m) : -maps.of[size_t(next_g)].rightCols(m);
-    const auto root = [](const Matrix& residual, double rows, Index spent, Index size) -> Matrix {
-      if (residual.cols() != size) return Matrix::Zero(0, size);
-      return residual / std::sqrt(std::max(1.0, rows - double(spent)));
-    };
-    noise.innovation.push_back(pooled ? root(shared_outputs, rows_outputs, 0, m)
-                                      : root(y.residual, y.rows, n + through, m));
-    noise.state.push_back(pooled && full(Index(g)) ? root(shared_states, rows_states, 0, next)
-                                                   : root(x.residual, x.rows, n + r + errors, next));
-    step.set_innovation_cov(kalman::covariance_of(noise.innovation.back()));
+    step.G() = o.noisy ? -ab.rightCols(m) : -maps.of[size_t(next_group)].rightCols(m);
+    step.set_innovation_cov(kalman::covariance_of(noise.innovation[size_t(k - model.k_begin)]));
     step.set_singular_values(factors.group[g].singular_values);
     step.set_condition(y.condition);
     step.set_rank(y.rank);
