@@ -6,9 +6,9 @@
 #include <map>
 #include <set>
 
-#include "choose/options.hpp"
 #include "command.hpp"
 #include "common.hpp"
+#include "model/options.hpp"
 #include "tool.hpp"
 
 namespace tokid::app {
@@ -179,8 +179,8 @@ void add_lag_order(const Call& call, const Data& data, const Identification& res
   const char* why = call.options.lags ? "as asked" : tried ? "by leave-one-out error" : "the smallest possible";
   const SmoothingChoice& together = result.smoothing_choice;
   if (!together.trials.empty()) {
-    page.row("Lag order", fmt::format("p = {}, {}", result.plan.lags,
-                                      call.options.lags ? "as asked" : "by cross-validation error"));
+    page.row("Lag order",
+             fmt::format("p = {}, {}", result.plan.lags, call.options.lags ? "as asked" : "by cross-validation error"));
     page.row("Smoothing", smoothing_text(call, result));
     add_smoothing_trials(together, page);
     return;

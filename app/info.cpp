@@ -6,7 +6,7 @@
 
 #include "command.hpp"
 #include "common.hpp"
-#include "tokid/provenance.hpp"
+#include "io/formats/provenance_text.hpp"
 
 namespace tokid::app {
 
@@ -179,7 +179,7 @@ Json json(const Call& call, const Model& model) {
   j["k_begin"] = model.k_begin;
   j["k_end"] = model.k_end();
   j["dt"] = model.dt;
-  j["dt_stated"] = states_dt(model);
+  j["dt_stated"] = model.provenance.dt_stated;
   j["initial_state"] = to_string(model.initial_state);
   j["nominal"] = model.u_nominal.size() > 0;
   j["state_dim"] = {{"min", dims.least}, {"max", dims.most}};
@@ -195,9 +195,10 @@ Json json(const Call& call, const Model& model) {
   for (Index i = 0; i < model.inputs; ++i) j["input_names"].push_back(model.names.input(i));
   j["output_names"] = Json::array();
   for (Index i = 0; i < model.outputs; ++i) j["output_names"].push_back(model.names.output(i));
-  const Json options = Json::parse(model.options, nullptr, false);
-  j["options"] = options.is_discarded() ? Json(model.options) : options;
-  j["version"] = model.version;
+  const std::string text = io::provenance_text(model.provenance);
+  const Json options = Json::parse(text, nullptr, false);
+  j["options"] = options.is_discarded() ? Json(text) : options;
+  j["version"] = model.provenance.version;
   return j;
 }
 
@@ -210,9 +211,9 @@ std::string report(const Call& call, const Model& model) {
   Page page;
   page.row("Model", call.file.string());
   page.row("", describe(model));
-  if (!states_dt(model)) page.row("", "dt is assumed: the data of the identification stated no sample time");
+  if (!model.provenance.dt_stated) page.row("", "dt is assumed: the data of the identification stated no sample time");
   page.row("", fmt::format("method {}, {} frame, tokid {}", model.method, model.frame,
-                           model.version.empty() ? "unknown" : model.version));
+                           model.provenance.version.empty() ? "unknown" : model.provenance.version));
   page.row("Inputs", labels(model.inputs, [&](Index i) { return input_label(model.names, i); }));
   page.row("Outputs", labels(model.outputs, [&](Index j) { return output_label(model.names, j); }));
   page.row("States", fmt::format("dimensions {}, full at steps {} to {}", text(state_dimensions(model)),
@@ -229,7 +230,7 @@ std::string report(const Call& call, const Model& model) {
   page.row("Observer", fmt::format("median norm of {} successive closed-loop matrices {}", model.max_lags(),
                                    number(deadbeat_norm(model))));
   if (!noise_fields(model).empty()) page.row("Noise", fmt::format("{}", fmt::join(noise_fields(model), ", ")));
-  if (!model.options.empty()) page.row("Options", model.options);
+  if (const std::string options = io::provenance_text(model.provenance); !options.empty()) page.row("Options", options);
   return page.text();
 }
 

@@ -166,7 +166,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
 }
 
 CrossValidation cross_validation(const Call& call, const Model& model, const Ensemble& data) {
-  IdentifyOptions identify = about(call.model, [&] { return identify_options(model); });
+  IdentifyOptions identify = about(call.model, [&] { return identify_options(model.provenance); });
   CrossValidateOptions options;
   options.folds = call.folds;
   options.horizon = call.options.horizon;

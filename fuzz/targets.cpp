@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "command.hpp"
+#include "io/formats/provenance_text.hpp"
 #include "io/guard/claims.hpp"
 #include "large/blocks.hpp"
 #include "tokid/tokid.hpp"
@@ -138,20 +139,21 @@ void journal(std::string_view bytes) {
 
 // What is understood is written so that it is understood in the same way.
 void options(std::string_view bytes) {
-  Model model;
-  model.options = bytes;
-  noted_choices(model);
-  refinement_smoothing(model);
-  try {
-    const std::string text = to_json(identify_options(model), 1);
-    Model again;
-    again.options = text;
-    if (to_json(identify_options(again), 1) != text) throw std::logic_error("other options read back: " + text);
-  } catch (const std::invalid_argument&) {
+  const std::string given(bytes);
+  Provenance provenance = io::provenance_of(given);
+  if (io::provenance_text(provenance) != given)
+    throw std::logic_error("another text written: " + io::provenance_text(provenance));
+  if (provenance.options) {
+    const std::string text = io::provenance_text({.options = provenance.options});
+    if (io::provenance_text({.options = identify_options(io::provenance_of(text))}) != text)
+      throw std::logic_error("other options read back: " + text);
   }
-  note_refinement(model, 1.0, 2);
-  if (refinement_smoothing(model) != 1.0) throw std::logic_error("a note that can't be read: " + model.options);
-  note_update(model, 3);
+  provenance.experiments = 3;
+  provenance.refinement = {1.0, 2};
+  const std::string changed = io::provenance_text(provenance);
+  const Provenance again = io::provenance_of(changed);
+  if (again.experiments != 3 || !again.refinement || again.refinement->smoothing != 1.0)
+    throw std::logic_error("a change that can't be read: " + changed);
 }
 
 // One argument a line. Everything is done but what the command is for.

@@ -15,7 +15,6 @@
 #include "testing.hpp"
 #include "tokid/cross_validate.hpp"
 #include "tokid/identify.hpp"
-#include "tokid/provenance.hpp"
 #include "tokid/refine_model.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/update.hpp"
@@ -236,8 +235,8 @@ TEST(Copies, AreUsedOnce) {
     EXPECT_EQ(found.experiments, 24);
     EXPECT_EQ(found.copies.groups, pairs(24));
     EXPECT_EQ(found.findings.size(), plain.findings.size() + 1);
-    EXPECT_TRUE(has_seen(found.model, all));
-    EXPECT_TRUE(has_seen(found.model, once));
+    EXPECT_TRUE(has_seen(found.model.provenance, all));
+    EXPECT_TRUE(has_seen(found.model.provenance, once));
     const IdentifyOptions stated{.states = 3, .lags = 2, .refine = false};
     IdentifyOptions half = stated;
     half.hold_out = 0.5;

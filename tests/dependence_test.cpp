@@ -17,7 +17,6 @@
 #include "tokid/provenance.hpp"
 #include "tokid/refine_model.hpp"
 #include "tokid/uncertainty.hpp"
-#include "tokid/provenance.hpp"
 #include "tokid/update.hpp"
 
 namespace tokid::testing {
@@ -357,7 +356,7 @@ TEST(Dependence, IsLeftAside) {
   EXPECT_EQ(found.dependent.used, rows(0, 24));
   EXPECT_EQ(found.dependent.combinations.size(), 10);
   EXPECT_EQ(found.findings.size(), plain.findings.size() + 1);
-  EXPECT_TRUE(has_seen(found.model, all));
+  EXPECT_TRUE(has_seen(found.model.provenance, all));
   IdentifyOptions half = stated;
   half.hold_out = 0.5;
   EXPECT_EQ(testing::all(identify(all, half).model, &Step::A), testing::all(identify(own, half).model, &Step::A));

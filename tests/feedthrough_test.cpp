@@ -188,8 +188,7 @@ TEST(Feedthrough, UpdatesAndRefinementsKeepTheStatement) {
   update(state, second);
   for (const Step& step : identify(state).model.step) EXPECT_TRUE(step.D().isZero(0.0));
   // EM goes on without feedthrough from a model that was identified without it.
-  for (const Step& step : refine_model(found.model, first, {}).refinement.model.step)
-    EXPECT_TRUE(step.D().isZero(0.0));
+  for (const Step& step : refine_model(found.model, first, {}).refinement.model.step) EXPECT_TRUE(step.D().isZero(0.0));
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ std::string content(const UpdateState& state) {
   archive::Writer all;
   const WindowFactors& f = state.factors;
   all(f.inputs, f.outputs, f.lags, f.initial_state, f.dt, f.names, f.experiments, f.rows, f.factor, f.count, f.sum,
-      f.spread, state.options, state.plan.method, state.plan.states, state.plan.coupled, state.plan.noisy,
+      f.spread, state.provenance, state.plan.method, state.plan.states, state.plan.coupled, state.plan.noisy,
       state.plan.nominal, state.digests, state.without_digest);
   return all.bytes();
 }

@@ -20,6 +20,7 @@
 #include <random>
 
 #include "io/formats/formats.hpp"
+#include "io/formats/provenance_text.hpp"
 #include "io/guard/claims.hpp"
 #include "io/guard/text_checksum.hpp"
 #include "model/step_fields.hpp"
@@ -161,8 +162,8 @@ void expect_same(const Model& a, const Model& b) {
   expect_same(a.names, b.names);
   EXPECT_TRUE(same(a.u_nominal, b.u_nominal) && same(a.y_nominal, b.y_nominal));
   EXPECT_TRUE(same(Matrix(a.x0_mean), Matrix(b.x0_mean)) && same(a.x0_cov, b.x0_cov));
-  EXPECT_EQ(a.options, b.options);
-  EXPECT_EQ(a.version, b.version);
+  EXPECT_EQ(io::provenance_text(a.provenance), io::provenance_text(b.provenance));
+  EXPECT_EQ(a.provenance.version, b.provenance.version);
 }
 
 // ---- random ensembles and models ----
@@ -266,8 +267,7 @@ Model random_model(Random& random, Index S, Index n, Index r, Index m, bool opti
   }
   model.u_nominal = gaussian(random, S + 3, r);
   model.y_nominal = gaussian(random, S + 3, m);
-  model.options = R"({"lags": "auto", "text": "a \"quoted\" word, ü"})";
-  model.version = "1.2.3";
+  model.provenance = io::provenance_of(R"({"lags": "auto", "text": "a \"quoted\" word, ü"})", "1.2.3");
   return model;
 }
 

@@ -10,6 +10,15 @@
 namespace tokid::testing {
 namespace {
 
+std::string sentence(const Outlier& outlier) { return outlier.explanation ? in_words(*outlier.explanation) : ""; }
+
+// No change of the samples explains it.
+bool is_no_change(const Outlier& outlier) {
+  using Kind = Explanation::Kind;
+  return !outlier.explanation || outlier.explanation->kind == Kind::stuck ||
+         outlier.explanation->kind == Kind::one_output;
+}
+
 class Fault : public ::testing::Test {
  protected:
   // One experiment of forty that something has happened to.

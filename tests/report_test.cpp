@@ -13,7 +13,6 @@
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
-#include "tokid/provenance.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -176,7 +175,7 @@ TEST(Verdict, KnowsTheDataOfTheIdentificationByAnyMethod) {
   const Ensemble data = noisy(60, 3);
   for (const bool refine : {false, true}) {
     const Model model = identify(data, {.states = 4, .lags = 4, .refine = refine}).model;
-    EXPECT_TRUE(has_seen(model, data));
+    EXPECT_TRUE(has_seen(model.provenance, data));
   }
 }
 
@@ -202,12 +201,12 @@ TEST(Verdict, KnowsTheDataOfTheIdentification) {
   exact.seed = 9;
   const Ensemble other = experiments(oscillator(40), exact);
   const Model model = identify(clean).model;
-  EXPECT_TRUE(has_seen(model, clean));
-  EXPECT_FALSE(has_seen(model, other));
+  EXPECT_TRUE(has_seen(model.provenance, clean));
+  EXPECT_FALSE(has_seen(model.provenance, other));
   for (Index k = 0; k < clean.steps(); ++k) clean.input(k).array() += 3.0;
   clean = simulate(oscillator(40), clean);
   const Model moved = identify(clean, {.nominal = NominalChoice::mean}).model;
-  EXPECT_TRUE(has_seen(moved, clean));
+  EXPECT_TRUE(has_seen(moved.provenance, clean));
 }
 
 TEST(Verdict, DoesNotTrustFewTrainingExperiments) {

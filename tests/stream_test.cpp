@@ -6,11 +6,11 @@
 
 #include <fstream>
 
+#include "io/formats/provenance_text.hpp"
 #include "large/reader.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/io.hpp"
-#include "tokid/provenance.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -92,7 +92,7 @@ TEST_F(Stream, TheReaderHandsOutEachBlockToWhoeverAsks) {
   layout.steps = 60;
   layout.count = 7;
   layout.before = 3;
-  layout.behind = 2;
+  layout.after = 2;
   const auto expect_block = [&](const Ensemble& found, Index i) {
     const stream::Block block = layout.block(i);
     EXPECT_EQ(fingerprint(found), fingerprint(stretch(e, block.first, block.last))) << i;
@@ -130,8 +130,8 @@ TEST_F(Stream, TheReaderPassesOnWhatWentWrong) {
 TEST_F(Stream, FingerprintsOfFilesAndEnsemblesAgree) {
   const Ensemble e = experiments(slow_system(200), {.experiments = 30});
   const Both both = stream(e, 60);
-  EXPECT_TRUE(has_seen(both.model, e));
-  EXPECT_FALSE(has_seen(both.model, stretch(e, 0, 199)));
+  EXPECT_TRUE(has_seen(both.model.provenance, e));
+  EXPECT_FALSE(has_seen(both.model.provenance, stretch(e, 0, 199)));
 }
 
 // Lengths that divide T, that don't, and one of everything.
@@ -143,7 +143,7 @@ TEST_P(BlockLength, WithoutNoiseFromZero) {
   const Both both = stream(e, GetParam());
   expect_same(both.model, whole.model);
   EXPECT_EQ(both.streamed.identification.plan.lags, whole.plan.lags);
-  EXPECT_EQ(both.model.options, whole.model.options);
+  EXPECT_EQ(io::provenance_text(both.model.provenance), io::provenance_text(whole.model.provenance));
   EXPECT_LE(output_error(e, simulate(both.model, e)), 1e-9);
   EXPECT_GE(both.streamed.identification.validation.one_step.fit.minCoeff(), 99.999999);
   EXPECT_GE(both.streamed.identification.validation.simulation.fit.minCoeff(), 99.999999);
@@ -224,7 +224,7 @@ TEST_F(Stream, HeldOutExperimentsJudge) {
   EXPECT_TRUE(both.streamed.identification.held_out);
   EXPECT_EQ(both.streamed.identification.experiments, 30);
   expect_same(both.model, identify(e, {.hold_out = 0.25}).model);
-  EXPECT_TRUE(has_seen(both.model, split(e, 0.25).training));
+  EXPECT_TRUE(has_seen(both.model.provenance, split(e, 0.25).training));
 }
 
 TEST_F(Stream, NoisyModelsDifferLittleFromThoseOfAllStepsAtOnce) {
@@ -285,7 +285,7 @@ TEST_F(Stream, ModelFilesHoldWhatSaveModelWrites) {
         EXPECT_THROW(file.append(other), std::invalid_argument);
       }
     }
-    file.commit(whole.options, whole.version);
+    file.commit(whole.provenance);
   }
   const Model read = load_model(folder_ / "blocks.h5");
   save_model(read, folder_ / "a.npz");

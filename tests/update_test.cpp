@@ -16,11 +16,11 @@
 #include <thread>
 
 #include "base/archive.hpp"
+#include "io/formats/provenance_text.hpp"
 #include "large/plan_archive.hpp"
 #include "members.hpp"
 #include "testing.hpp"
 #include "tokid/io.hpp"
-#include "tokid/provenance.hpp"
 
 namespace tokid {
 namespace {
@@ -139,7 +139,7 @@ TEST(Update, IsTheIdentificationOfAllExperiments) {
     for (size_t s = 0; s < whole.step.size() && c.noise > 0; ++s)
       EXPECT_LE((now.model.step[s].innovation_cov() - whole.step[s].innovation_cov()).norm(),
                 1e-9 * whole.step[s].innovation_cov().norm());
-    EXPECT_TRUE(has_seen(now.model, e.subset(range(45, 60))));
+    EXPECT_TRUE(has_seen(now.model.provenance, e.subset(range(45, 60))));
   }
 }
 
@@ -187,7 +187,7 @@ TEST(Update, StatesComeBackFromFiles) {
       EXPECT_EQ(back.factors.factor, state.factors.factor) << i << extension;
       EXPECT_EQ(back.factors.rows, state.factors.rows);
       EXPECT_EQ(back.factors.sum, state.factors.sum);
-      EXPECT_EQ(back.options, state.options);
+      EXPECT_EQ(io::provenance_text(back.provenance), io::provenance_text(state.provenance));
       EXPECT_EQ(back.digests, state.digests);
       EXPECT_EQ(back.without_digest, 0);
       EXPECT_EQ(kept(back.plan), kept(state.plan)) << i << extension;
@@ -205,9 +205,10 @@ TEST(Update, RefusesStatesWithoutTheirPlan) {
   const std::filesystem::path path = std::filesystem::path(::testing::TempDir()) / "tokid_state_without_plan.npz";
   const auto refusal = [&](const std::string& from, const std::string& to) {
     UpdateState other = state;
-    const size_t at = other.options.find(from);
-    EXPECT_NE(at, std::string::npos) << other.options;
-    other.options.replace(at, from.size(), to);
+    std::string text = io::provenance_text(state.provenance);
+    const size_t at = text.find(from);
+    EXPECT_NE(at, std::string::npos) << text;
+    other.provenance = io::provenance_of(text.replace(at, from.size(), to));
     save_update_state(other, path);
     try {
       load_update_state(path);
@@ -295,7 +296,7 @@ TEST(Update, LeavesOutWhatTheStateHas) {
     EXPECT_EQ(in_words(update(twice, e.subset({first}))),
               std::vector<std::string>{"the experiment is in the state already. Nothing is added"});
     expect_same_state(twice, before);
-    EXPECT_TRUE(has_seen(identify(twice).model, e.subset(range(0, end))));
+    EXPECT_TRUE(has_seen(identify(twice).model.provenance, e.subset(range(0, end))));
   }
 }
 
@@ -443,7 +444,7 @@ TEST(UpdateFromFiles, IsTheSameForAnyNumberOfMembers) {
     EXPECT_EQ(state.factors.spread, one_by_one.factors.spread);
     EXPECT_EQ(state.factors.count, one_by_one.factors.count);
     EXPECT_EQ(state.factors.rows, one_by_one.factors.rows);
-    EXPECT_EQ(state.options, one_by_one.options);
+    EXPECT_EQ(io::provenance_text(state.provenance), io::provenance_text(one_by_one.provenance));
     EXPECT_EQ(state.digests, one_by_one.digests);
     EXPECT_EQ(added.experiments, std::vector<Index>(5, 6));
     EXPECT_EQ(added.known, known);
@@ -537,7 +538,7 @@ TEST(UpdateFromFiles, AFileThatAddsNothingIsTold) {
   state = first;
   const Additions none = update(state, before, {seen});
   expect_same_state(state, first);
-  EXPECT_EQ(state.options, first.options);
+  EXPECT_EQ(io::provenance_text(state.provenance), io::provenance_text(first.provenance));
   EXPECT_EQ(none.findings.size(), 1);
   EXPECT_TRUE(none.one_step.fit.size() == 2 && none.one_step.fit.array().isNaN().all());
 }

@@ -1,4 +1,4 @@
-// The choices that an identification makes from noisy data, and the errors that decide them.
+// The tests and errors that decide the choices of an identification from noisy data.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,19 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "tokid/subspace.hpp"
-#include "tokid/types.hpp"
+#include "tokid/options.hpp"
 
 namespace tokid {
-
-// The choices of an identification from noisy data, apart from p and n.
-struct NoisyChoices {
-  TimeVariation variation;
-  double state_smoothing = 0.0;  // λ of the regressions on states
-  Weighting weighting = Weighting::one_step;
-  double refinement_smoothing = 0.0;  // λ of EM
-  Index refinement_iterations = 0;    // 0: no refinement
-};
 
 // The test of the initial state. It compares the residuals of the steps k < p with those of later steps, which the
 // initial state does not affect.

@@ -7,11 +7,14 @@
 #include <string>
 #include <vector>
 
+#include "tokid/choices.hpp"
 #include "tokid/copies.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/lag_orders.hpp"
 #include "tokid/options.hpp"
 #include "tokid/outlier.hpp"
+#include "tokid/plan.hpp"
+#include "tokid/smooth_arx.hpp"
 #include "tokid/validate.hpp"
 
 namespace tokid {

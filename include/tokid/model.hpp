@@ -8,6 +8,7 @@
 
 #include "tokid/ensemble.hpp"
 #include "tokid/finding.hpp"
+#include "tokid/provenance.hpp"
 #include "tokid/step.hpp"
 
 namespace tokid {
@@ -34,8 +35,7 @@ struct Model {
   Vector x0_mean;  // (n_0)
   Matrix x0_cov;   // (n_0 × n_0)
 
-  std::string options;  // the options of the identification, as JSON text
-  std::string version;  // version of the program that made the model
+  Provenance provenance;
 
   Index steps() const { return static_cast<Index>(step.size()); }  // S
   Index k_end() const { return k_begin + steps(); }

@@ -4,7 +4,6 @@
 
 #include <filesystem>
 #include <memory>
-#include <string>
 
 #include "tokid/model.hpp"
 
@@ -27,7 +26,7 @@ class ModelFile {
   // The model so far without its matrices: only dimensions, condition, rank and lags of each step.
   const Model& outline() const;
   // \throws IoError
-  void commit(const std::string& options, const std::string& program_version);
+  void commit(Provenance provenance);
 
  private:
   struct Content;

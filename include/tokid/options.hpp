@@ -1,15 +1,47 @@
-// The options of an identification, and their text in a model.
+// The options of an identification, and its choices from noisy data.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <optional>
-#include <string>
 
-#include "tokid/plan.hpp"
+#include "tokid/ensemble.hpp"
+#include "tokid/parallel.hpp"
 
 namespace tokid {
 
+enum class Frame { raw, reference, smooth };
+enum class Method { tvera, subspace };
 enum class NominalChoice { none, mean };
+
+// The weighting decides which outputs the states must explain when noise shows more states than the model is to have.
+enum class Weighting {
+  one_step,    // each output from the samples up to the step before: best for the observer (canonical variates)
+  many_steps,  // all outputs from the past alone: best for the simulation
+  // All outputs from the past alone. The projections use the data instead of the ARX model, and need a period. The
+  // matrices are those of PO-MOESP: the poles do not depend on noise models, and B and D give the best simulation.
+  projection,
+};
+
+// The allowed variation of a model over time: free, slow, periodic or none.
+struct TimeVariation {
+  // λ of the penalty  λ N Σ_k ‖(M_{k+1} - M_k) diag(rms of the regressors)‖²  on the residual sum of squares. N is the
+  // mean number of experiments of a step; with a period, of rows of a phase. 0: each step uses its own data only.
+  // Infinity: all steps have the same coefficients.
+  double smoothing = 0.0;
+  Index period = 0;  // P: the steps k and k+P share one model; 1: all steps; 0: no period
+
+  Index groups(Index steps) const { return period > 0 && period < steps ? period : steps; }
+  Index group(Index k) const { return period > 0 ? k % period : k; }  // group of step k: the steps that share its model
+};
+
+// The choices of an identification from noisy data, apart from p and n.
+struct NoisyChoices {
+  TimeVariation variation;
+  double state_smoothing = 0.0;  // λ of the regressions on states
+  Weighting weighting = Weighting::one_step;
+  double refinement_smoothing = 0.0;  // λ of EM
+  Index refinement_iterations = 0;    // 0: no refinement
+};
 
 // An empty option is chosen by the identification.
 struct IdentifyOptions {
@@ -42,18 +74,5 @@ struct IdentifyOptions {
   std::optional<NoisyChoices> choices = {};
   Execution execution = {};
 };
-
-// The text of Model::options: every option but the execution, and the number of experiments used. An option has the
-// value "auto" if the identification made the choice.
-std::string to_json(const IdentifyOptions& options, Index experiments);
-
-// The options that a model was identified with. Options that its text does not contain have their defaults.
-// \throws std::invalid_argument where the model has no options, or an option is unknown or has a value of the wrong
-// type
-IdentifyOptions identify_options(const Model& model);
-
-// Model::options also stores the choices.
-void note_choices(Model& model, const NoisyChoices& choices);
-std::optional<NoisyChoices> noted_choices(const Model& model);
 
 }  // namespace tokid

@@ -5,17 +5,14 @@
 
 #include <optional>
 
-#include "tokid/choices.hpp"
 #include "tokid/finding.hpp"
 #include "tokid/gtv_arx.hpp"
 #include "tokid/model.hpp"
+#include "tokid/options.hpp"
 #include "tokid/tvera.hpp"
 #include "tokid/windows.hpp"
 
 namespace tokid {
-
-enum class Frame { raw, reference, smooth };
-enum class Method { tvera, subspace };
 
 struct Plan {
   Method method = Method::subspace;

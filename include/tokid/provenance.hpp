@@ -1,24 +1,44 @@
-// The origin of a model, as Model::options stores it next to the options.
+// The provenance of a model: how it was identified, and from which data.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "tokid/model.hpp"
+#include "tokid/options.hpp"
 
 namespace tokid {
 
-// Stores the fingerprint of the data; has_seen() tells whether the model stores that of these data.
-void note_data(Model& model, const std::string& fingerprint);
-bool has_seen(const Model& model, const Ensemble& data);
-// Stores λ and the iterations of the last refinement.
-void note_refinement(Model& model, double smoothing, Index iterations);
-std::optional<double> refinement_smoothing(const Model& model);
-// Stores the present number of experiments, and removes the note of a refinement.
-void note_update(Model& model, Index experiments);
-// Stores that the data stated no sample time.
-void note_missing_dt(Model& model);
-bool states_dt(const Model& model);
+// A refinement by EM.
+struct EmRun {
+  double smoothing = 0.0;  // λ
+  Index iterations = 0;
+};
+
+struct Provenance {
+  std::optional<IdentifyOptions> options = {};  // without execution and choices; empty: see identify_options()
+  Index experiments = 0;                        // used for the identification; 0: not known
+  std::vector<std::string> data = {};           // fingerprints of the data that the model has seen
+  bool dt_stated = true;                        // the data stated their sample time
+  std::optional<NoisyChoices> choices = {};     // from noisy data, where all steps are in one regression
+  std::optional<EmRun> refinement = {};         // the last refinement by EM
+  std::string version = {};                     // version of the program that made the model
+
+  // The text of a file, if the members above do not give the same text. It may contain options of a newer version.
+  std::string text = {};
+  std::string unread = {};  // reason why the text has no options that this version knows
+};
+
+// The options that a model was identified with. Options that its text does not contain have their defaults.
+// \throws std::invalid_argument where the model has no options, or an option is unknown or has a value of the wrong
+// type
+IdentifyOptions identify_options(const Provenance& provenance);
+
+// Adds the fingerprint of data; has_seen() tells whether that of these data is there.
+void note_data(Provenance& provenance, const std::string& fingerprint);
+bool has_seen(const Provenance& provenance, const Ensemble& data);
+// False: the model was identified with D = 0 as a known fact.
+bool has_feedthrough(const Provenance& provenance);
 
 }  // namespace tokid

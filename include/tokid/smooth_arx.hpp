@@ -7,20 +7,9 @@
 #include <vector>
 
 #include "tokid/gtv_arx.hpp"
+#include "tokid/options.hpp"
 
 namespace tokid {
-
-// The allowed variation of a model over time: free, slow, periodic or none.
-struct TimeVariation {
-  // λ of the penalty  λ N Σ_k ‖(M_{k+1} - M_k) diag(rms of the regressors)‖²  on the residual sum of squares. N is the
-  // mean number of experiments of a step; with a period, of rows of a phase. 0: each step uses its own data only.
-  // Infinity: all steps have the same coefficients.
-  double smoothing = 0.0;
-  Index period = 0;  // P: the steps k and k+P share one model; 1: all steps; 0: no period
-
-  Index groups(Index steps) const { return period > 0 && period < steps ? period : steps; }
-  Index group(Index k) const { return period > 0 ? k % period : k; }  // group of step k: the steps that share its model
-};
 
 struct SmoothArxOptions {
   Index lags = 1;                                   // p

@@ -8,15 +8,6 @@
 
 namespace tokid {
 
-// The weighting decides which outputs the states must explain when noise shows more states than the model is to have.
-enum class Weighting {
-  one_step,    // each output from the samples up to the step before: best for the observer (canonical variates)
-  many_steps,  // all outputs from the past alone: best for the simulation
-  // All outputs from the past alone. The projections use the data instead of the ARX model, and need a period. The
-  // matrices are those of PO-MOESP: the poles do not depend on noise models, and B and D give the best simulation.
-  projection,
-};
-
 struct SubspaceOptions {
   Index states = 0;  // largest number of states per step; 0: the numerical rank, which noise hides
   // f: block rows of the predictor. 0: p, but with Weighting::one_step at most the number that gives 24 singular

@@ -20,8 +20,8 @@ namespace tokid {
 // EM, which needs samples.
 struct UpdateState {
   WindowFactors factors;
-  Plan plan;            // without the units of TVERA, which come from all experiments
-  std::string options;  // as in Model::options, with the fingerprints of all data
+  Plan plan;              // without the units of TVERA, which come from all experiments
+  Provenance provenance;  // of the model, with the fingerprints of all data
   // Digests of all experiments so far, including copies and repetitions, ascending. An experiment with one of these
   // digests is not added again.
   std::vector<Digest> digests;

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "call.hpp"
-#include "choose/options.hpp"
+#include "model/options.hpp"
 #include "results.hpp"
 #include "tokid/report.hpp"
 #include "tokid/update.hpp"

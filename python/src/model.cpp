@@ -5,6 +5,7 @@
 
 #include "arrays.hpp"
 #include "call.hpp"
+#include "io/formats/provenance_text.hpp"
 #include "model/step_fields.hpp"
 
 namespace tokid::python {
@@ -194,8 +195,14 @@ void bind_model(nb::module_& module) {
       .def_prop_rw(
           "lags", [](const Model& m) { return known_values(m, &Step::has_lags, &Step::lags); },
           [](Model& m, const std::vector<Index>& values) { set_all(m, "lags", &Step::set_lags, values); })
-      .def_rw("options", &Model::options)
-      .def_rw("version", &Model::version)
+      .def_prop_rw(
+          "options", [](const Model& m) { return io::provenance_text(m.provenance); },
+          [](Model& m, const std::string& text) { m.provenance = io::provenance_of(text, m.provenance.version); })
+      .def_prop_rw(
+          "version", [](const Model& m) { return m.provenance.version; },
+          [](Model& m, const std::string& by) {
+            m.provenance = io::provenance_of(io::provenance_text(m.provenance), by);
+          })
       .def_prop_rw(
           "input_names", [](const Model& m) { return m.names.input_names; },
           [](Model& m, std::vector<std::string> names) { m.names.input_names = std::move(names); })
@@ -315,7 +322,7 @@ void bind_model(nb::module_& module) {
            [](const Model& model, const Model& other, Index band) {
              return without_gil([&] { return kinematically_similar(model, other, 0.0, band).max_difference; });
            })
-      .def("identify_options", &identify_options);
+      .def("identify_options", [](const Model& model) { return identify_options(model.provenance); });
 }
 
 }  // namespace tokid::python

@@ -31,7 +31,7 @@ JsonMeasure measure_json(std::string_view text);
 // many keys would take very long.
 bool is_modest(std::string_view options);
 
-// Parses Model::options; discarded if the text is not JSON or not modest.
+// Parses the text of a provenance; discarded if the text is not JSON or not modest.
 Json options_json(const std::string& options);
 
 }  // namespace tokid

@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
+#include "tokid/choices.hpp"
 #include "tokid/gtv_arx.hpp"
-#include "tokid/options.hpp"
 
 namespace tokid {
 

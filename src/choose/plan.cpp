@@ -5,6 +5,7 @@
 
 #include "base/integers.hpp"
 #include "tokid/markov.hpp"
+#include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
 
 namespace tokid {

@@ -6,9 +6,10 @@
 #include <memory>
 #include <vector>
 
-#include "tokid/finding.hpp"
+#include "tokid/choices.hpp"
 #include "tokid/lag_orders.hpp"
-#include "tokid/options.hpp"
+#include "tokid/plan.hpp"
+#include "tokid/smooth_arx.hpp"
 
 namespace tokid {
 

@@ -16,7 +16,6 @@
 #include "design/inputs.hpp"
 #include "design/optimise.hpp"
 #include "tokid/identify.hpp"
-#include "tokid/provenance.hpp"
 
 namespace tokid {
 
@@ -129,7 +128,7 @@ class Planner {
       throw std::invalid_argument(
           fmt::format("excess, markov_error, white_condition: {}, {}, {} found, above 0, 0 and 1 needed", o.excess,
                       o.markov_error, o.white_condition));
-    dt_stated_ = o.dt != 0 && (model_ == nullptr || states_dt(*model_));
+    dt_stated_ = o.dt != 0 && (model_ == nullptr || model_->provenance.dt_stated);
     if (o.dt == 0) o.dt = 1.0;
     if (!(o.dt > 0 && std::isfinite(o.dt)))
       throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", o.dt));

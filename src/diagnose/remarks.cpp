@@ -9,7 +9,6 @@
 
 #include "base/words.hpp"
 #include "data/axes.hpp"
-#include "tokid/provenance.hpp"
 
 namespace tokid {
 
@@ -53,7 +52,7 @@ Findings remarks(const Ensemble& data) {
 Findings remarks(const Model& model, const Ensemble& data) {
   Findings result = of_reader(data);
   // If the model has no sample time either, this was reported when it was identified.
-  if (!data.dt_stated && states_dt(model))
+  if (!data.dt_stated && model.provenance.dt_stated)
     result.push_back({.kind = Finding::Kind::sample_time_of_model, .numbers = {{"dt", model.dt}}});
   remark_on_axes(data, result);
   return result;

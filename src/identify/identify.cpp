@@ -11,7 +11,6 @@
 
 #include "base/statistics.hpp"
 #include "base/words.hpp"
-#include "choose/options.hpp"
 #include "choose/realisation.hpp"
 #include "data/axes.hpp"
 #include "data/check.hpp"
@@ -22,8 +21,8 @@
 #include "diagnose/repeats.hpp"
 #include "identify/identify.hpp"
 #include "model/comparison.hpp"
+#include "model/options.hpp"
 #include "model/outlying_samples.hpp"
-#include "tokid/provenance.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/version.hpp"
 
@@ -215,19 +214,6 @@ Findings findings_of_states(const Model& model, const Ensemble& data, const Plan
   return result;
 }
 
-// Records in the model how it was identified.
-void note_provenance(const Ensemble& training, const IdentifyOptions& options, Identification& result) {
-  Model& model = result.model;
-  const Plan& plan = result.plan;
-  model.version = version;
-  model.options = to_json(options, training.experiments());
-  note_data(model, fingerprint(training));
-  if (!training.dt_stated) note_missing_dt(model);
-  if (plan.coupled && (plan.noisy || options.choices)) note_choices(model, plan.choices);
-  if (result.refinement.iterations > 0)
-    note_refinement(model, result.refinement.smoothing, result.refinement.iterations);
-}
-
 // Validates with the held-out experiments or, without any, with the training data. `measured`: all experiments, with
 // their names. `misfits` of the options: labels of experiments that are known to be wrong.
 Validation validated(const Model& model, const Ensemble& training, const Ensemble* held_out, const Ensemble* measured,
@@ -349,7 +335,10 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   result.min_experiments = experiments_for(training, result.plan.lags, result.plan);
   take_evidence(std::move(decision.test), std::move(regression), survey, std::move(realisation), result);
   result.held_out = holding_out;
-  note_provenance(training, options, result);
+  const bool chosen = result.plan.noisy || options.choices;
+  result.model.provenance = origin_of(options, chosen, result);
+  result.model.provenance.data = {fingerprint(training)};
+  result.model.provenance.dt_stated = training.dt_stated;
   if (validating) {
     decision.departures.reset();  // frees memory for the validation
     result.validation = validated(result.model, training, holding_out ? &parts.held_out : nullptr,
@@ -371,13 +360,25 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& options
     if (used.all(ensemble)) return identified(ensemble, &measured, true, options);
     ensemble.check();  // reports errors with the rows of the caller
     Identification result = identified(ensemble.subset(measured.rows), &measured, true, options);
-    note_data(result.model, fingerprint(ensemble));
+    note_data(result.model.provenance, fingerprint(ensemble));
     const Findings dropped = findings_of(used, ensemble);
     result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
     result.copies = std::move(used.copies);
     result.dependent = std::move(used.dependent);
     return result;
   });
+}
+
+Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identification& result) {
+  Provenance origin;
+  origin.options = options;
+  origin.options->choices.reset();
+  origin.options->execution = {};
+  origin.experiments = result.experiments;
+  if (result.plan.coupled && chosen) origin.choices = result.plan.choices;
+  if (result.refinement.iterations > 0) origin.refinement = {result.refinement.smoothing, result.refinement.iterations};
+  origin.version = version;
+  return origin;
 }
 
 Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated) {

@@ -10,4 +10,8 @@ namespace tokid {
 // there. `validated`: false where only the choices are wanted.
 Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated);
 
+// The provenance of the model of a result, apart from its data. `chosen`: the choices of the plan are those of this
+// identification.
+Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identification& result);
+
 }  // namespace tokid

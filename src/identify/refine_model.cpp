@@ -8,7 +8,6 @@
 #include "base/nan.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
-#include "tokid/provenance.hpp"
 
 namespace tokid {
 
@@ -24,8 +23,8 @@ void choose(const Model& model, const Ensemble& data, const RefineModelOptions& 
   } else if (options.smoothing) {
     result.smoothing = *options.smoothing;
     result.reason = "as asked";
-  } else if (const std::optional<double> known = refinement_smoothing(model)) {
-    result.smoothing = *known;
+  } else if (model.provenance.refinement) {
+    result.smoothing = model.provenance.refinement->smoothing;
     result.reason = "as the model was identified";
   } else if (data.experiments() < 2 * folds) {
     result.smoothing = 1.0;
@@ -66,21 +65,22 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   RefinedModel result;
   if (const UsedExperiments used = used_experiments(data); !used.all(data)) {  // copies would count twice
     result = refine_model(model, data.subset(used.rows()), options);
-    note_data(result.refinement.model, fingerprint(data));
+    note_data(result.refinement.model.provenance, fingerprint(data));
     const Findings dropped = findings_of(used, data);
     result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
     return result;
   }
   RefineModelOptions part = options;
+  part.refine.feedthrough = options.refine.feedthrough && has_feedthrough(model.provenance);
   part.refine.execution = share(options.refine.execution, 0.0, 0.5);
   choose(model, data, part, result);
   part.refine.execution = share(options.refine.execution, 0.5, 1.0);
   part.refine.smoothing = result.smoothing;
   result.refinement = refine(model, data, part.refine);
-  Model& refined = result.refinement.model;
-  note_data(refined, fingerprint(data));
-  note_refinement(refined, result.smoothing, result.refinement.iterations);
-  refined.version = version;
+  Provenance& provenance = result.refinement.model.provenance;
+  note_data(provenance, fingerprint(data));
+  provenance.refinement = {result.smoothing, result.refinement.iterations};
+  provenance.version = version;
   compare(model, data, options.refine.initial_state, result);
   result.findings = differences(model, data);
   append(result.findings, result.refinement.findings);

@@ -17,6 +17,7 @@
 #include "identify/identify.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/remarks.hpp"
+#include "tokid/subspace.hpp"
 
 namespace tokid::stream {
 

@@ -18,6 +18,8 @@
 #include "base/json.hpp"
 #include "base/statistics.hpp"
 #include "diagnose/model_states.hpp"
+#include "identify/identify.hpp"
+#include "io/formats/provenance_text.hpp"
 #include "io/guard/atomic_file.hpp"
 #include "io/naming.hpp"
 #include "large/blocks.hpp"
@@ -26,7 +28,6 @@
 #include "large/reader.hpp"
 #include "linalg/simd.hpp"
 #include "model/archived.hpp"
-#include "tokid/provenance.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid {
@@ -123,14 +124,10 @@ class Record {
     result.validation.whiteness_p = whiteness_p_;
     report(result, file.outline());
 
-    Model notes;  // holds the text in which models record their identification
-    notes.options = to_json(options.identify, result.experiments);
-    note_data(notes, fingerprint(result.experiments, file_.inputs(), file_.outputs(), digests_));
-    if (!file_.dt_stated()) note_missing_dt(notes);
-    if (plan.coupled) note_choices(notes, plan.choices);
-    if (result.refinement.iterations > 0)
-      note_refinement(notes, result.refinement.smoothing, result.refinement.iterations);
-    file.commit(notes.options, version);
+    Provenance origin = origin_of(options.identify, true, result);
+    origin.data = {fingerprint(result.experiments, file_.inputs(), file_.outputs(), digests_)};
+    origin.dt_stated = file_.dt_stated();
+    file.commit(std::move(origin));
     result.model = file.outline();
   }
 
@@ -193,7 +190,7 @@ std::string about_blocks(const EnsembleFile& file, const BlockLayout& layout, co
   json["bytes of the data"] = data.bytes;
   json["time of the data"] = data.modified;
   json["change of the file"] = data.changed;
-  json.update(parse_json(to_json(options.identify, file.experiments())));
+  json.update(parse_json(io::provenance_text({.options = options.identify, .experiments = file.experiments()})));
   json["steps"] = layout.steps;
   json["blocks"] = layout.count;
   json["choices"] = fmt::format("{:016x}", XXH3_64bits(plan.data(), plan.size()));

@@ -5,15 +5,10 @@
 #include <type_traits>
 
 #include "diagnose/regressions.hpp"
+#include "model/archived.hpp"
 #include "tokid/plan.hpp"
 
 namespace tokid {
-
-template <class Archive, class C>
-requires std::is_same_v<std::remove_const_t<C>, NoisyChoices>
-void fields(Archive& archive, C& c) {
-  archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_iterations);
-}
 
 template <class Archive, class P>
 requires std::is_same_v<std::remove_const_t<P>, Plan>

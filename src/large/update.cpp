@@ -21,20 +21,12 @@
 #include "large/plan_archive.hpp"
 #include "model/archived.hpp"
 #include "tokid/dependence.hpp"
-#include "tokid/provenance.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/version.hpp"
 
 namespace tokid {
 
 namespace {
-
-// A model that holds only this text of options and choices.
-Model with_options(const std::string& options) {
-  Model model;
-  model.options = options;
-  return model;
-}
 
 // Adds the given digests to the known ones, in ascending order. The order of the files therefore has no effect.
 void remember(std::vector<Digest>& known, std::vector<Digest> given) {
@@ -72,10 +64,10 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   const bool all = Index(rows.size()) == data.experiments();
   const Ensemble own = all ? Ensemble() : data.subset(rows);
   const Ensemble& used = all ? data : own;
-  Model record = with_options(result.model.options);
-  note_update(record, used.experiments());
-  if (plan.coupled) note_choices(record, choices);
-  state.options = record.options;
+  state.provenance = result.model.provenance;
+  state.provenance.experiments = used.experiments();
+  state.provenance.refinement.reset();
+  if (plan.coupled) state.provenance.choices = choices;
   state.factors = window_factors(used, plan.lags, plan.initial_state, options.execution);
   remember(state.digests, experiment_digests(data));
   return state;
@@ -105,8 +97,8 @@ Updated identify(const UpdateState& state, const Execution& execution) {
   result.experiments = factors.experiments;
   result.findings = findings_of_frame(framed, step, plan);
   result.model = std::move(framed.model);
-  result.model.version = version;
-  result.model.options = state.options;
+  result.model.provenance = state.provenance;
+  result.model.provenance.version = version;
   check_finite(result.model);
   if (!plan.noisy && survey.noisy()) result.findings.push_back({.kind = Finding::Kind::update_noisy});
   if (!plan.coupled) {
@@ -151,7 +143,7 @@ Given given(Ensemble data) {
 std::vector<Index> known_rows(const UpdateState& state, const Given& given) {
   std::vector<bool> known(given.digests.size());
   // A state without digests recognises whole ensembles only.
-  const bool all = state.without_digest > 0 && has_seen(with_options(state.options), given.data);
+  const bool all = state.without_digest > 0 && has_seen(state.provenance, given.data);
   for (size_t n = 0; n < known.size(); ++n)
     known[n] = all || std::binary_search(state.digests.begin(), state.digests.end(), given.digests[n]);
   for (const std::vector<Index>& group : given.copies.groups)
@@ -208,11 +200,10 @@ Portion portion(const UpdateState& state, const Joining& more, const Execution& 
 }
 
 void add(UpdateState& state, const Portion& more, const Execution& execution) {
-  Model record = with_options(state.options);
   if (more.factors.experiments > 0) merge(state.factors, more.factors, execution);
-  note_data(record, more.fingerprint);
-  note_update(record, state.factors.experiments);
-  state.options = record.options;
+  note_data(state.provenance, more.fingerprint);
+  state.provenance.experiments = state.factors.experiments;
+  state.provenance.refinement.reset();
 }
 
 Findings findings_of_unknown(const UpdateState& state, Index added) {
@@ -243,7 +234,7 @@ void fields(Archive& archive, F& f) {
 
 template <class Archive, class S>
 requires std::is_same_v<std::remove_const_t<S>, UpdateState>
-void fields(Archive& archive, S& s) { archive(s.factors, s.plan, s.options, s.digests, s.without_digest); }
+void fields(Archive& archive, S& s) { archive(s.factors, s.plan, s.provenance, s.digests, s.without_digest); }
 
 namespace {
 
@@ -271,7 +262,7 @@ Needs needs_of(const UpdateState& state, const Model& before) {
   kind.dt = f.dt;
   kind.names = f.names;
   kind.rows.assign(f.rows.size(), 0);
-  result.state.options = state.options;
+  result.state.provenance = state.provenance;
   result.state.digests = state.digests;
   result.state.without_digest = state.without_digest;
   result.model = continued(before, f.steps());

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "io/formats/files.hpp"
+#include "io/formats/provenance_text.hpp"
 #include "io/formats/schema.hpp"
 #include "io/guard/atomic_file.hpp"
 #include "tokid/update.hpp"
@@ -73,7 +74,7 @@ const Names& update_names() {
 Arrays arrays_of(const UpdateState& state, Layout layout) {
   const WindowFactors& f = state.factors;
   Arrays arrays;
-  arrays.emplace_back("options", scalar(state.options));
+  arrays.emplace_back("options", scalar(provenance_text(state.provenance)));
   arrays.emplace_back("method", scalar(std::string(state.plan.method == Method::tvera ? "tvera" : "subspace")));
   arrays.emplace_back("initial_state", scalar(std::string(to_string(f.initial_state))));
   arrays.emplace_back("inputs", scalar(f.inputs));
@@ -104,7 +105,7 @@ Arrays arrays_of(const UpdateState& state, Layout layout) {
   return arrays;
 }
 
-Plan plan_of(const Fields& fields, const std::string& options, const WindowFactors& factors) {
+Plan plan_of(const Fields& fields, const Provenance& provenance, const WindowFactors& factors) {
   Plan plan;
   const std::string method = fields.text("method");
   if (method != "tvera" && method != "subspace")
@@ -117,18 +118,15 @@ Plan plan_of(const Fields& fields, const std::string& options, const WindowFacto
   plan.coupled = fields.integer("together") != 0;
   plan.noisy = fields.integer("noisy") != 0;
   plan.nominal = fields.integer("nominal") != 0;
-  Model record;
-  record.options = options;
-  const IdentifyOptions asked = identify_options(record);
+  const IdentifyOptions asked = identify_options(provenance);
   plan.nominal_period = plan.nominal ? asked.period : 0;
   plan.feedthrough = asked.feedthrough;
   plan.rows = asked.rows, plan.cols = asked.cols;
   plan.frame = asked.frame, plan.reference_step = asked.reference_step;
   plan.choices.weighting = asked.weighting.value_or(Weighting::one_step);
   if (!plan.coupled) return plan;
-  const std::optional<NoisyChoices> noted = noted_choices(record);
-  if (!noted) fail("data set 'options': no choices found, those of an identification needed");
-  plan.choices = *noted;
+  if (!provenance.choices) fail("data set 'options': no choices found, those of an identification needed");
+  plan.choices = *provenance.choices;
   return plan;
 }
 
@@ -165,9 +163,8 @@ UpdateState update_state_of(const Fields& fields) {
     for (Index i = 0; i < w; ++i)
       for (Index j = 0; j < w; ++j) f.factor(i, k * w + j) = values[size((k * w + i) * w + j)];
   if (!f.factor.allFinite()) fail("data set 'window_factors': infinite or missing values found");
-  state.options = fields.text("options");
-  check_options(state.options);
-  state.plan = plan_of(fields, state.options, f);
+  state.provenance = checked_provenance(fields.text("options"));
+  state.plan = plan_of(fields, state.provenance, f);
   state.without_digest = f.experiments;  // for a state of an earlier version
   if (!fields.has("experiment_digests")) return state;
   state.digests = digests_of(fields, "experiment_digests");

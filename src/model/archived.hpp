@@ -27,11 +27,31 @@ void fields(Archive& archive, S& step) {
     if (!step.whole()) throw std::runtime_error("a damaged record found");
 }
 
+template <class Archive, class C>
+requires std::is_same_v<std::remove_const_t<C>, NoisyChoices>
+void fields(Archive& archive, C& c) {
+  archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_iterations);
+}
+
+// The options that a provenance contains.
+template <class Archive, class O>
+requires std::is_same_v<std::remove_const_t<O>, IdentifyOptions>
+void fields(Archive& archive, O& o) {
+  archive(o.states, o.lags, o.method, o.smoothing, o.period, o.weighting, o.refine, o.initial_state, o.nominal, o.frame,
+          o.reference_step, o.hold_out, o.rows, o.cols);
+}
+
+template <class Archive, class P>
+requires std::is_same_v<std::remove_const_t<P>, Provenance>
+void fields(Archive& archive, P& p) {
+  archive(p.options, p.experiments, p.data, p.dt_stated, p.choices, p.refinement, p.version, p.text, p.unread);
+}
+
 template <class Archive, class M>
 requires std::is_same_v<std::remove_const_t<M>, Model>
 void fields(Archive& archive, M& m) {
   archive(m.inputs, m.outputs, m.k_begin, m.dt, m.step, m.period, m.frame, m.method, m.initial_state, m.names,
-          m.u_nominal, m.y_nominal, m.x0_mean, m.x0_cov, m.options, m.version);
+          m.u_nominal, m.y_nominal, m.x0_mean, m.x0_cov, m.provenance);
 }
 
 }  // namespace tokid

@@ -6,7 +6,6 @@
 #include <stdexcept>
 
 #include "data/subjects.hpp"
-#include "tokid/provenance.hpp"
 
 namespace tokid {
 
@@ -21,7 +20,7 @@ Findings differences(const Model& model, const Ensemble& data) {
   // Sample times that were rounded to single precision or decimal text count as equal.
   if (data.dt_stated && std::abs(model.dt - data.dt) > 1e-6 * model.dt)
     result.push_back({.kind = Finding::Kind::sample_time_differs,
-                      .numbers = {{"data", data.dt}, {"model", model.dt}, {"stated", states_dt(model)}}});
+                      .numbers = {{"data", data.dt}, {"model", model.dt}, {"stated", model.provenance.dt_stated}}});
   const bool with_outputs = data.outputs() > 0;
   const auto compare = [&result](Finding::Kind kind, const std::vector<std::string>& found,
                                  const std::vector<std::string>& known, auto&& channel_of) {

@@ -1,81 +1,27 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "model/provenance.hpp"
+#include "tokid/provenance.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <iterator>
-#include <limits>
-#include <utility>
+#include <stdexcept>
 
 namespace tokid {
 
-namespace provenance {
-
-bool is_key(std::string_view key) {
-  constexpr std::string_view keys[] = {experiments_key, data_key, choices_key, refined_key, dt_key};
-  return std::find(std::begin(keys), std::end(keys), key) != std::end(keys);
+IdentifyOptions identify_options(const Provenance& provenance) {
+  if (provenance.options) return *provenance.options;
+  if (!provenance.unread.empty()) throw std::invalid_argument(provenance.unread);
+  if (provenance.refinement) return {};  // a known model after EM: no option was stated
+  throw std::invalid_argument("options of the model: none found, those of an identified model needed");
 }
 
-Json of(const Model& model) {
-  Json json = options_json(model.options);
-  return json.is_object() ? json : Json::object();
+void note_data(Provenance& provenance, const std::string& fingerprint) {
+  std::vector<std::string>& known = provenance.data;
+  if (std::find(known.begin(), known.end(), fingerprint) == known.end()) known.push_back(fingerprint);
 }
 
-Json penalty(double smoothing) {
-  if (std::isnan(smoothing)) return "nan";
-  return smoothing == std::numeric_limits<double>::infinity() ? Json("infinity") : Json(smoothing);
+bool has_seen(const Provenance& provenance, const Ensemble& data) {
+  return std::find(provenance.data.begin(), provenance.data.end(), fingerprint(data)) != provenance.data.end();
 }
 
-std::optional<double> penalty(const Json& value) {
-  if (value == "infinity") return std::numeric_limits<double>::infinity();
-  if (!value.is_number() || !(value.get<double>() >= 0)) return std::nullopt;
-  return value.get<double>();
-}
-
-}  // namespace provenance
-
-void note_data(Model& model, const std::string& fingerprint) {
-  Json json = provenance::of(model);
-  Json& list = json[provenance::data_key];
-  if (!list.is_array()) list = Json::array();
-  if (std::find(list.begin(), list.end(), fingerprint) == list.end()) list.push_back(fingerprint);
-  model.options = text_of(json);
-}
-
-bool has_seen(const Model& model, const Ensemble& data) {
-  const Json json = provenance::of(model);
-  const auto list = json.find(provenance::data_key);
-  return list != json.end() && std::find(list->begin(), list->end(), fingerprint(data)) != list->end();
-}
-
-void note_update(Model& model, Index experiments) {
-  Json json = provenance::of(model);
-  json[provenance::experiments_key] = experiments;
-  json.erase(provenance::refined_key);
-  model.options = text_of(json);
-}
-
-void note_refinement(Model& model, double smoothing, Index iterations) {
-  Json json = provenance::of(model);
-  json[provenance::refined_key] = {{"smoothing", provenance::penalty(smoothing)}, {"iterations", iterations}};
-  model.options = text_of(json);
-}
-
-void note_missing_dt(Model& model) {
-  Json json = provenance::of(model);
-  json[provenance::dt_key] = false;
-  model.options = text_of(json);
-}
-
-bool states_dt(const Model& model) {
-  return provenance::of(model).value(provenance::dt_key, Json(true)) != Json(false);
-}
-
-std::optional<double> refinement_smoothing(const Model& model) {
-  const Json json = provenance::of(model);
-  const auto refined = json.find(provenance::refined_key);
-  return refined != json.end() && refined->is_object() ? provenance::penalty(refined->value("smoothing", Json()))
-                                                       : std::nullopt;
-}
+bool has_feedthrough(const Provenance& provenance) { return !provenance.options || provenance.options->feedthrough; }
 
 }  // namespace tokid

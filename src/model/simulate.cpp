@@ -14,7 +14,6 @@
 #include "model/smoother.hpp"
 #include "model/step_by_step.hpp"
 #include "tokid/parallel.hpp"
-#include "tokid/provenance.hpp"
 
 namespace tokid {
 
@@ -42,7 +41,7 @@ Ensemble outputs_for(const Model& model, const Ensemble& inputs) {
   // Inputs without a sample time get that of the model.
   Ensemble result(inputs.experiments(), inputs.steps(), model.inputs, model.outputs,
                   inputs.dt_stated ? inputs.dt : model.dt);
-  result.dt_stated = inputs.dt_stated || states_dt(model);
+  result.dt_stated = inputs.dt_stated || model.provenance.dt_stated;
   for (Index k = 0; k < inputs.steps(); ++k) result.input(k) = inputs.input(k);
   result.names = model.names;
   result.length = inputs.length;

@@ -29,7 +29,7 @@ Model known(Index steps, double dt, const std::function<System(double)>& at) {
   Model model;
   model.dt = dt;
   model.method = "known";
-  model.version = version;
+  model.provenance.version = version;
   for (Index k = 0; k < steps; ++k) {
     const System system = at(double(k) * dt);
     model.step.emplace_back(system.a, system.b, system.c, system.d, Matrix::Zero(system.a.rows(), system.c.rows()));

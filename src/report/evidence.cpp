@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/json.hpp"
 #include "base/nan.hpp"
 #include "base/rounding.hpp"
 #include "base/statistics.hpp"
@@ -180,9 +179,7 @@ void assess_regressions(const Model& model, Evidence& found) {
 // Number of experiments of the identification, if the model has it.
 Index identified_from(const Model& model, const ReportOptions& options) {
   if (options.identified_from > 0) return options.identified_from;
-  const auto json = options_json(model.options);
-  if (!json.is_object() || !json.contains("experiments") || !json["experiments"].is_number_integer()) return 0;
-  return json["experiments"].get<Index>();
+  return model.provenance.experiments;
 }
 
 // The findings of `first`, and those of `second` that say something else.

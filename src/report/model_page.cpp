@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "base/json.hpp"
+#include "io/formats/provenance_text.hpp"
 #include "report/assets.hpp"
 #include "report/evidence.hpp"
 #include "report/origin.hpp"
@@ -228,7 +229,7 @@ class Report {
     model.row("Initial states", to_string(model_.initial_state));
     model.row("Nominal trajectory", model_.y_nominal.rows() > 0 ? "removed before, added back after" : "none");
     if (const std::string text = option_text(); !text.empty()) model.row("Options", text);
-    if (!model_.version.empty()) model.row("Made by", "tokid " + model_.version);
+    if (const std::string& by = model_.provenance.version; !by.empty()) model.row("Made by", "tokid " + by);
     return section("setup", "Data and options",
                    fmt::format("<div class=\"two\"><div><h3>Data</h3>\n{}</div><div><h3>Model</h3>\n{}</div></div>\n",
                                data.html(), model.html()));
@@ -246,8 +247,9 @@ class Report {
 
   // The options that the user chose, and those that the program chose.
   std::string option_text() const {
-    const auto json = options_json(model_.options);
-    if (!json.is_object()) return model_.options;
+    const std::string whole = io::provenance_text(model_.provenance);
+    const auto json = options_json(whole);
+    if (!json.is_object()) return whole;
     std::vector<std::string> asked, automatic;
     for (const auto& [key, value] : json.items()) {
       if (key == "experiments") continue;  // a row of its own
@@ -530,15 +532,15 @@ class Report {
                             : fmt::format("{:.3f}", v.whiteness.correlation(lag - 1, j)));
       table.row(cells);
     }
-    return section(
-        "whiteness", "Whiteness of the innovations",
-        paragraph(about) + paragraph(in_words(c.whiteness) + ".", "lead") +
-            list({fmt::format("Size: {}", squares_text()), fmt::format("Past and present inputs: {}.", in_words(c.independence)),
-                  fmt::format("Effects of the inputs: {}.", in_words(c.gains)),
-                  fmt::format("Later inputs: {}.", in_words(c.feedback))},
-                 "plain") +
-            plot_place("whiteness", "Correlation of the innovations over the lag, with its bounds") +
-            fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
+    return section("whiteness", "Whiteness of the innovations",
+                   paragraph(about) + paragraph(in_words(c.whiteness) + ".", "lead") +
+                       list({fmt::format("Size: {}", squares_text()),
+                             fmt::format("Past and present inputs: {}.", in_words(c.independence)),
+                             fmt::format("Effects of the inputs: {}.", in_words(c.gains)),
+                             fmt::format("Later inputs: {}.", in_words(c.feedback))},
+                            "plain") +
+                       plot_place("whiteness", "Correlation of the innovations over the lag, with its bounds") +
+                       fmt::format("<details><summary>As a table</summary>\n{}</details>\n", table.html()));
   }
 
   std::string notes_section() const {

@@ -6,7 +6,6 @@
 
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
-#include "tokid/provenance.hpp"
 
 namespace tokid::report {
 
@@ -21,11 +20,11 @@ Tested tested(const Model& model, const Ensemble& data, const ReportOptions& opt
   Tested result = tested_part(data, used.all(data) ? data : data.subset(used.rows()), used.rows(), options);
   append(result.options.findings, findings_of(used, data));
   if (options.evaluation != Evaluation::automatic) return result;
-  result.options.evaluation = has_seen(model, data) ? Evaluation::training : Evaluation::given;
+  result.options.evaluation = has_seen(model.provenance, data) ? Evaluation::training : Evaluation::given;
   try {
-    const IdentifyOptions identification = identify_options(model);
+    const IdentifyOptions identification = identify_options(model.provenance);
     Split parts = split(result.data, identification.hold_out, identification.period);
-    if (result.options.evaluation == Evaluation::given && has_seen(model, parts.training)) {
+    if (result.options.evaluation == Evaluation::given && has_seen(model.provenance, parts.training)) {
       for (Index& n : parts.held_out_rows) n = used.rows()[size_t(n)];
       result = tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(result.options));
       result.options.evaluation = Evaluation::held_out;

@@ -73,7 +73,7 @@ Model identified(const Ensemble& data, const Vector& weights, const Identifier& 
 
 Index median_unknowns(const Model& model) {
   if (!model.has(&Step::has_rank) || model.method != "tvera")
-    return minimum_experiments(model.inputs, model.outputs, model.max_lags());
+    return minimum_experiments(model.inputs, model.outputs, model.max_lags(), has_feedthrough(model.provenance));
   std::vector<Index> rank;
   for (const Step& step : model.step) rank.push_back(step.rank());
   const auto middle = rank.begin() + static_cast<std::ptrdiff_t>(rank.size() / 2);

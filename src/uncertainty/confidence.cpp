@@ -6,13 +6,11 @@
 #include <optional>
 #include <stdexcept>
 
-#include "base/json.hpp"
 #include "base/nan.hpp"
 #include "data/channel_sizes.hpp"
 #include "identify/identify.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
-#include "tokid/provenance.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
 #include "uncertainty/interval.hpp"
@@ -26,13 +24,6 @@ namespace {
 // Models that differ by less are the same, up to rounding and its effect on noisy Hankel matrices.
 constexpr double same = 1e-6;
 
-Index recorded_experiments(const Model& model) {
-  const auto json = options_json(model.options);
-  return json.is_object() && json.contains("experiments") && json["experiments"].is_number_integer()
-             ? json["experiments"].get<Index>()
-             : 0;
-}
-
 // The experiments of the identification, as they were measured.
 Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyOptions& identification) {
   if (model.inputs != data.inputs() || model.outputs != data.outputs())
@@ -41,7 +32,7 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
   const UsedExperiments used = used_experiments(data);
   Ensemble training = used.all(data) ? data : data.subset(used.rows());
   if (identification.hold_out > 0) training = split(training, identification.hold_out, identification.period).training;
-  const Index recorded = recorded_experiments(model);
+  const Index recorded = model.provenance.experiments;
   if (recorded > 0 && recorded != training.experiments())
     throw std::invalid_argument(
         fmt::format("experiments: {} found{}, the model was identified from {}: bounds need the ensemble of the "
@@ -62,7 +53,7 @@ IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
   options.nominal = NominalChoice::none;
   options.frame = Frame::raw;
   options.hold_out = 0.0;
-  options.choices = noted_choices(model);
+  options.choices = model.provenance.choices;
   options.execution = {};
   return options;
 }
@@ -99,7 +90,7 @@ void add_nominal(const Model& model, OutputBounds& bounds) {
 class Bounds {
  public:
   Bounds(const Model& model, const Ensemble& data, const ConfidenceOptions& options)
-      : model_(model), options_(options), identification_(identify_options(model)) {
+      : model_(model), options_(options), identification_(identify_options(model.provenance)) {
     uncertainty::check_level(options.level);
     data_ = training_part(model, data, identification_);
     if (options.band < 0 || options.band >= data_.steps())
@@ -119,7 +110,7 @@ class Bounds {
   }
 
   Confidence run() {
-    if (!has_seen(model_, data_)) report({.kind = Finding::Kind::bounds_of_other_data});
+    if (!has_seen(model_.provenance, data_)) report({.kind = Finding::Kind::bounds_of_other_data});
     if (result_.method == BoundsMethod::factors)
       from_factors();
     else
@@ -140,6 +131,7 @@ class Bounds {
       if (model_.step[s].has_lags() && model_.step[s].lags() > 0)
         o.lags[size_t(model_.k_begin) + s] = model_.step[s].lags();
     o.initial_state = model_.initial_state;
+    o.feedthrough = has_feedthrough(model_.provenance);
     o.spent = with_nominal() ? 1 : 0;
     o.execution = share(0.0, 0.1);
     const GtvArx arx = gtv_arx(departing_, o);
@@ -205,7 +197,8 @@ class Bounds {
                           {"replicates", double(options_.replicates)}}});
     if (differ(functional(model_), found.interval.estimate.col(0)))
       report({.kind = Finding::Kind::bounds_of_other_model});
-    const Index regressors = minimum_experiments(model_.inputs, model_.outputs, model_.max_lags());
+    const Index regressors =
+        minimum_experiments(model_.inputs, model_.outputs, model_.max_lags(), has_feedthrough(model_.provenance));
     if (data_.experiments() <= regressors)
       report({.kind = Finding::Kind::bounds_without_bias,
               .numbers = {{"experiments", double(data_.experiments())}, {"regressors", double(regressors)}}});

@@ -284,7 +284,8 @@ AccuracyFindings likelihoods(int cases) {
     see(density, of_experiment, truth.log_likelihood,
         each(moved, [](const oracle::Expectation& e) { return e.log_likelihood; }));
 
-    em::Estimator estimator(model, samples, {0.0, 0, true, Matrix::Identity(m, m)});
+    em::Estimator estimator(model, samples,
+                            {.estimate_x0 = true, .innovation_cov = Matrix::Identity(m, m)});
     estimator.set_scales(found.moments, samples);
     const em::Parameters next = estimator.maximise(found.moments, estimator.start(), {});
     Accuracy matrices = stage_of("EM: maximising A, B, C, D", "Cholesky roots");

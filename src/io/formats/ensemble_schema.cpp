@@ -5,6 +5,7 @@
 #include "base/json.hpp"
 #include "base/words.hpp"
 #include "data/experiment_names.hpp"
+#include "io/formats/provenance_text.hpp"
 #include "io/formats/schema.hpp"
 #include "linalg/transposition.hpp"
 
@@ -150,8 +151,8 @@ FreeResponse free_response_of(const Fields& fields, Index outputs) {
 
 }  // namespace
 
-void check_options(const std::string& options) {
-  if (is_modest(options)) return;
+Provenance checked_provenance(const std::string& options, const std::string& program_version) {
+  if (is_modest(options)) return provenance_of(options, program_version);
   const JsonMeasure found = measure_json(options);
   fail("data set 'options': {} bytes, {} brackets deep, with {} keys found; at most {}, {} and {} needed",
        options.size(), found.depth, found.keys, longest_options, deepest_options, most_options);

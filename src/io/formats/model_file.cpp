@@ -155,9 +155,8 @@ void ModelFile::append(const Model& steps) {
 
 const Model& ModelFile::outline() const { return content_->outline; }
 
-void ModelFile::commit(const std::string& options, const std::string& program) {
-  content_->outline.options = options;
-  content_->outline.version = program;
+void ModelFile::commit(Provenance provenance) {
+  content_->outline.provenance = std::move(provenance);
   io::naming_write(content_->path, [&] { content_->commit(); });
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "io/formats/provenance_text.hpp"
 #include "io/formats/schema.hpp"
 #include "model/step_fields.hpp"
 
@@ -84,8 +85,8 @@ struct TextField {
   const char* name;
   std::string Model::*text;
 };
-constexpr TextField text_fields[] = {
-    {"frame", &Model::frame}, {"method", &Model::method}, {"options", &Model::options}, {"version", &Model::version}};
+constexpr TextField text_fields[] = {{"frame", &Model::frame}, {"method", &Model::method}};
+constexpr const char *provenance_name = "options", *version_name = "version";
 
 struct CountField {
   const char* name;
@@ -165,6 +166,7 @@ const Names& model_names() {
               "x0_mean",   "x0_cov",  "input_names", "output_names", "input_units",   "output_units"};
     for (const StepField& field : step_fields::all) all.emplace_back(field.name);
     for (const auto& field : text_fields) all.emplace_back(field.name);
+    all.insert(all.end(), {provenance_name, version_name});
     for (const auto& field : count_fields) all.emplace_back(field.name);
     for (const auto& field : nominal_fields) all.emplace_back(field.name);
     return all;
@@ -184,8 +186,12 @@ Index singular_value_count(const Model& model) {
 
 Arrays small_arrays_of(const Model& model) {
   Arrays arrays;
-  for (const auto& [name, field] : text_fields)
-    if (!(model.*field).empty()) arrays.emplace_back(name, scalar(model.*field));
+  const auto add_text = [&](const char* name, const std::string& text) {
+    if (!text.empty()) arrays.emplace_back(name, scalar(text));
+  };
+  for (const auto& [name, field] : text_fields) add_text(name, model.*field);
+  add_text(provenance_name, provenance_text(model.provenance));
+  add_text(version_name, model.provenance.version);
   arrays.emplace_back("initial_state", scalar(std::string(to_string(model.initial_state))));
   arrays.emplace_back("k_begin", scalar(model.k_begin));
   arrays.emplace_back("dt", scalar(model.dt));
@@ -236,7 +242,8 @@ Model model_of(const Fields& fields) {
   if (fields.has("initial_state")) model.initial_state = initial_state_from(fields.text("initial_state"));
   for (const auto& [name, field] : text_fields)
     if (fields.has(name)) model.*field = fields.text(name);
-  check_options(model.options);
+  const auto text_in = [&](const char* name) { return fields.has(name) ? fields.text(name) : std::string(); };
+  model.provenance = checked_provenance(text_in(provenance_name), text_in(version_name));
   model.names = channels_of(fields);
   for (const StepField& field : step_fields::all)
     if (!field.optional || fields.has(field.name)) read_stack(fields, field, states, model);

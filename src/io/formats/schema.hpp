@@ -48,8 +48,8 @@ Model model_of(const Fields& fields);
 void add_channels(const Channels& channels, Arrays& arrays);
 Channels channels_of(const Fields& fields);
 
-// Checks the text of a model's options. It may be any text that is not too deep or too long to use. \throws IoError
-void check_options(const std::string& options);
+// Reads the text of a model's provenance. It may be any text that is not too deep or too long to use. \throws IoError
+Provenance checked_provenance(const std::string& text, const std::string& program_version = {});
 
 inline size_t size(Index n) { return static_cast<size_t>(n); }  // in a shape
 Array scalar(double value);

@@ -1,9 +1,10 @@
-// The options of an identification in one table. The library's checks, the text in models, the tool and Python all read
+// The options of an identification in one table. The library's checks, the text in files, the tool and Python all read
 // and write options by it.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -32,6 +33,10 @@ struct Option {
 const std::vector<Option>& option_table();
 // Null where there is none of that key.
 const Option* find_option(std::string_view key);
+
+// Conversion of a penalty λ. It may be infinite, and JSON has no infinity.
+Json penalty(double smoothing);
+std::optional<double> penalty(const Json& value);  // empty: the value is not a penalty
 
 // \throws std::invalid_argument that names the first option whose value is out of its range
 void check_options(const IdentifyOptions& options);

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "choose/options.hpp"
+#include "model/options.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
-
-#include "model/provenance.hpp"
 
 namespace tokid {
 
@@ -64,12 +63,12 @@ Values<Index> period_of_steps() {
   return v;
 }
 
-Values<double> penalty() {
+Values<double> penalties() {
   return {.placeholder = "L",
           .range = "a number from 0 on",
           .words = {"infinity"},
-          .write = [](double value) { return provenance::penalty(value); },
-          .read = [](const Json& json) { return provenance::penalty(json == "inf" ? Json("infinity") : json); }};
+          .write = [](double value) { return penalty(value); },
+          .read = [](const Json& json) { return penalty(json == "inf" ? Json("infinity") : json); }};
 }
 
 Values<double> fraction() {
@@ -115,12 +114,6 @@ Option option(const char* key, T IdentifyOptions::*field, const Values<T>& value
               }};
 }
 
-Values<Weighting> weightings() {
-  return one_of<Weighting>({{"one-step", Weighting::one_step},
-                            {"many-steps", Weighting::many_steps},
-                            {"projection", Weighting::projection}});
-}
-
 // In the order of the text in models.
 std::vector<Option> table() {
   using O = IdentifyOptions;
@@ -132,12 +125,15 @@ std::vector<Option> table() {
       option("lags", &O::lags, count, "Lag order p (auto: the smallest leave-one-out error)"),
       option("method", &O::method, or_auto(one_of<Method>({{"tvera", Method::tvera}, {"subspace", Method::subspace}})),
              "Realisation (auto: tvera without noise from zero initial states, else subspace)"),
-      option("smoothing", &O::smoothing, or_auto(penalty()),
+      option("smoothing", &O::smoothing, or_auto(penalties()),
              "Penalty lambda on variation in time: 0 none, infinity one model (auto: by cross-validation)"),
       option("feedthrough", &O::feedthrough, yes_or_no(), "Outputs may answer to the inputs of the same step (default)",
              "D = 0 at all steps"),
       option("period", &O::period, period_of_steps(), "Steps k, k+P, ... share one model"),
-      option("weighting", &O::weighting, or_auto(weightings()),
+      option("weighting", &O::weighting,
+             or_auto(one_of<Weighting>({{"one-step", Weighting::one_step},
+                                        {"many-steps", Weighting::many_steps},
+                                        {"projection", Weighting::projection}})),
              "What the states must explain (auto: by cross-validation); projection: PO-MOESP"),
       option("refine", &O::refine, or_auto(yes_or_no()),
              "Maximum likelihood by EM, as far as it lowers the cross-validation error (default for noisy data)",
@@ -162,6 +158,17 @@ std::vector<Option> table() {
 }
 
 }  // namespace
+
+Json penalty(double smoothing) {
+  if (std::isnan(smoothing)) return "nan";
+  return smoothing == std::numeric_limits<double>::infinity() ? Json("infinity") : Json(smoothing);
+}
+
+std::optional<double> penalty(const Json& value) {
+  if (value == "infinity") return std::numeric_limits<double>::infinity();
+  if (!value.is_number() || !(value.get<double>() >= 0)) return std::nullopt;
+  return value.get<double>();
+}
 
 std::string Option::needed(std::string_view quote) const {
   std::vector<std::string> marked;
@@ -195,61 +202,6 @@ void check_options(const IdentifyOptions& options) {
                                             found.is_string() ? found.get<std::string>() : text_of(found),
                                             option.needed()));
   }
-}
-
-std::string to_json(const IdentifyOptions& options, Index experiments) {
-  Json json;
-  for (const Option& option : option_table()) json[option.key] = option.write(options);
-  json[provenance::experiments_key] = experiments;
-  return text_of(json);
-}
-
-IdentifyOptions identify_options(const Model& model) {
-  const Json json = options_json(model.options);
-  if (!json.is_object())
-    throw std::invalid_argument(model.options.empty()
-                                    ? "options of the model: none found, those of an identified model needed"
-                                    : "options of the model: not the text of a JSON object, as identify() writes it");
-  IdentifyOptions options;
-  for (const auto& [key, value] : json.items()) {
-    if (provenance::is_key(key)) continue;
-    const Option* option = find_option(key);
-    if (!option)
-      throw std::invalid_argument(
-          fmt::format("options of the model: \"{}\" is not known; the model was made by version {}, this is {}", key,
-                      model.version.empty() ? "(unknown)" : model.version, version));
-    if (!option->read(options, value))
-      throw std::invalid_argument(
-          fmt::format("options of the model, \"{}\": {} found, {} needed", key, text_of(value), option->needed("\"")));
-  }
-  return options;
-}
-
-void note_choices(Model& model, const NoisyChoices& choices) {
-  Json json = provenance::of(model);
-  json[provenance::choices_key] = {{"smoothing", provenance::penalty(choices.variation.smoothing)},
-                                   {"period", choices.variation.period},
-                                   {"state_smoothing", provenance::penalty(choices.state_smoothing)},
-                                   {"weighting", weightings().write(choices.weighting)},
-                                   {"refinement_smoothing", provenance::penalty(choices.refinement_smoothing)},
-                                   {"refinement_iterations", choices.refinement_iterations}};
-  model.options = text_of(json);
-}
-
-std::optional<NoisyChoices> noted_choices(const Model& model) {
-  const Json json = provenance::of(model);
-  const auto noted = json.find(provenance::choices_key);
-  if (noted == json.end() || !noted->is_object()) return std::nullopt;
-  const auto number = [&](const char* key) { return provenance::penalty(noted->value(key, Json())); };
-  const auto count = [&](const char* key) -> std::optional<Index> {
-    const Json value = noted->value(key, Json());
-    return value.is_number_integer() && value >= 0 ? std::optional(value.get<Index>()) : std::nullopt;
-  };
-  const auto smoothing = number("smoothing"), states = number("state_smoothing"), em = number("refinement_smoothing");
-  const auto period = count("period"), iterations = count("refinement_iterations");
-  const std::optional<Weighting> weighting = weightings().read(noted->value("weighting", Json()));
-  if (!smoothing || !states || !em || !period || !iterations || !weighting) return std::nullopt;
-  return NoisyChoices{{*smoothing, *period}, *states, *weighting, *em, *iterations};
 }
 
 }  // namespace tokid

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/formats/provenance_text.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <optional>
+#include <string_view>
+
+#include "base/json.hpp"
+#include "model/options.hpp"
+#include "tokid/version.hpp"
+
+namespace tokid::io {
+
+namespace {
+
+constexpr const char *experiments_key = "experiments", *data_key = "data", *dt_key = "dt_stated",
+                     *choices_key = "choices", *refinement_key = "refined";
+
+bool is_option(std::string_view key) {
+  constexpr std::string_view others[] = {experiments_key, data_key, dt_key, choices_key, refinement_key};
+  return std::find(std::begin(others), std::end(others), key) == std::end(others);
+}
+
+const Option& weighting_option() { return *find_option("weighting"); }
+
+Json json_of(const NoisyChoices& choices) {
+  const IdentifyOptions with_weighting{.weighting = choices.weighting};
+  return {{"smoothing", penalty(choices.variation.smoothing)},
+          {"period", choices.variation.period},
+          {"state_smoothing", penalty(choices.state_smoothing)},
+          {"weighting", weighting_option().write(with_weighting)},
+          {"refinement_smoothing", penalty(choices.refinement_smoothing)},
+          {"refinement_iterations", choices.refinement_iterations}};
+}
+
+// The members, without the text that they were read from.
+Json json_of(const Provenance& provenance) {
+  Json json = Json::object();
+  if (provenance.options)
+    for (const Option& option : option_table()) json[option.key] = option.write(*provenance.options);
+  if (provenance.experiments != 0) json[experiments_key] = provenance.experiments;
+  if (!provenance.data.empty()) json[data_key] = provenance.data;
+  if (!provenance.dt_stated) json[dt_key] = false;
+  if (provenance.choices) json[choices_key] = json_of(*provenance.choices);
+  if (provenance.refinement)
+    json[refinement_key] = {{"smoothing", penalty(provenance.refinement->smoothing)},
+                            {"iterations", provenance.refinement->iterations}};
+  return json;
+}
+
+std::optional<Index> count_of(const Json& value) {
+  return value.is_number_integer() && value >= 0 ? std::optional(value.get<Index>()) : std::nullopt;
+}
+
+std::optional<NoisyChoices> choices_of(const Json& json) {
+  if (!json.is_object()) return std::nullopt;
+  const auto at = [&](const char* key) { return json.value(key, Json()); };
+  const auto smoothing = penalty(at("smoothing")), states = penalty(at("state_smoothing")),
+             em = penalty(at("refinement_smoothing"));
+  const auto period = count_of(at("period")), iterations = count_of(at("refinement_iterations"));
+  IdentifyOptions with_weighting;
+  weighting_option().read(with_weighting, at("weighting"));
+  if (!smoothing || !states || !em || !period || !iterations || !with_weighting.weighting) return std::nullopt;
+  return NoisyChoices{{*smoothing, *period}, *states, *with_weighting.weighting, *em, *iterations};
+}
+
+std::optional<EmRun> refinement_of(const Json& json) {
+  if (!json.is_object()) return std::nullopt;
+  const std::optional<double> smoothing = penalty(json.value("smoothing", Json()));
+  if (!smoothing) return std::nullopt;
+  return EmRun{*smoothing, count_of(json.value("iterations", Json())).value_or(0)};
+}
+
+std::vector<std::string> texts_of(const Json& list) {
+  std::vector<std::string> texts;
+  for (const Json& value : list.is_array() ? list : Json::array())
+    if (value.is_string()) texts.push_back(value.get<std::string>());
+  return texts;
+}
+
+// Reads the options, or the reason why there are none.
+void read_options(const Json& json, Provenance& provenance) {
+  IdentifyOptions options;
+  for (const auto& [key, value] : json.items()) {
+    if (!is_option(key)) continue;
+    const Option* option = find_option(key);
+    if (!option)
+      provenance.unread =
+          fmt::format("options of the model: \"{}\" is not known; the model was made by version {}, this is {}", key,
+                      provenance.version.empty() ? "(unknown)" : provenance.version, version);
+    else if (!option->read(options, value))
+      provenance.unread =
+          fmt::format("options of the model, \"{}\": {} found, {} needed", key, text_of(value), option->needed("\""));
+    if (!provenance.unread.empty()) return;
+  }
+  provenance.options = std::move(options);
+}
+
+}  // namespace
+
+std::string provenance_text(const Provenance& provenance) {
+  const Json now = json_of(provenance);
+  if (provenance.text.empty()) return now.empty() ? std::string() : text_of(now);
+  const Json before = json_of(provenance_of(provenance.text));
+  if (now == before) return provenance.text;
+  Json json = options_json(provenance.text);
+  if (!json.is_object()) json = Json::object();
+  for (const auto& [key, value] : before.items())
+    if (!now.contains(key)) json.erase(key);
+  for (const auto& [key, value] : now.items())
+    if (!before.contains(key) || before[key] != value) json[key] = value;
+  return text_of(json);
+}
+
+Provenance provenance_of(const std::string& text, const std::string& program_version) {
+  Provenance result;
+  result.version = program_version;
+  if (text.empty()) return result;
+  const Json json = options_json(text);
+  if (json.is_object()) {
+    read_options(json, result);
+    const auto at = [&](const char* key) { return json.value(key, Json()); };
+    result.experiments = count_of(at(experiments_key)).value_or(0);
+    result.data = texts_of(at(data_key));
+    result.dt_stated = at(dt_key) != Json(false);
+    result.choices = choices_of(at(choices_key));
+    result.refinement = refinement_of(at(refinement_key));
+  } else {
+    result.unread = "options of the model: not the text of a JSON object, as identify() writes it";
+  }
+  if (text_of(json_of(result)) != text) result.text = text;
+  return result;
+}
+
+}  // namespace tokid::io
