@@ -215,85 +215,112 @@ OrderScores Folds::choose_states(std::optional<Index> states, Index most) const 
   return all;
 }
 
-RefinementChoice Folds::choose_refinement(Index states, const OrderScores& scores,
-                                          std::optional<double> smoothing_given) const {
-  const size_t count = std::min(folds_.size(), most_refined);
-  std::vector<Computed> like;
-  const auto evaluate = [&](const std::vector<Model>& models) {
-    const auto found = errors_of_folds(
-        count, states, [&](size_t f) { return models[f]; }, like);
-    constexpr double none = std::numeric_limits<double>::infinity();
-    return found ? mean_of(*found) : Errors{none, none, none};
-  };
-  const auto for_each_fold = [&](auto&& change) {
-    parallel_for(0, Index(count), {options_.threads, {}}, [&](Index begin, Index end) {
-      for (Index f = begin; f < end; ++f) change(size_t(f));
+// The cross-validation of EM for one number of states: EM with several λ, from subspace models with the same λ.
+class Folds::RefinementSearch {
+ public:
+  RefinementSearch(const Folds& folds, Index states, const OrderScores& scores)
+      : folds_(folds), scores_(scores), count_(std::min(folds.folds_.size(), most_refined)), models_(count_) {
+    choice_.states = states;
+    start(scores.smoothing);
+    choice_.error = evaluate().mean();
+    // EM predicts across missing samples. Samples that the subspace models cannot predict are no part of the
+    // comparison.
+    like_.resize(count_);
+    for_each_fold([&](size_t f) {
+      like_[f] = computed_by(models_[f], folds_.folds_[f].data.held_out, folds_.options_.initial_state, folds_.first_);
     });
-  };
+    choice_.trials.push_back({states, 0.0, 0, choice_.error});
+  }
 
-  RefinementChoice choice;
-  choice.states = states;
-  std::vector<Model> models(count);
-  for_each_fold([&](size_t f) { models[f] = start(f, states, scores.weighting, scores.smoothing); });
-  choice.error = evaluate(models).mean();
-  // EM predicts across missing samples. Samples that the subspace models cannot predict are no part of the comparison.
-  like.resize(count);
-  for_each_fold(
-      [&](size_t f) { like[f] = computed_by(models[f], folds_[f].data.held_out, options_.initial_state, first_); });
-  choice.trials.push_back({states, 0.0, 0, choice.error});
-
-  // Runs EM with one λ from subspace models with the same λ. Returns the smallest error on the way.
-  const auto climb = [&](double smoothing) {
-    for_each_fold([&](size_t f) { models[f] = start(f, states, scores.weighting, smoothing); });
+  // Runs EM with this λ. Returns the smallest error on the way.
+  double climb(double smoothing) {
+    start(smoothing);
     double least = std::numeric_limits<double>::infinity();
     Index done = 0;
-    for (const Index stage : refinement_stages(options_.variation.period)) {
-      RefineOptions o;
-      o.smoothing = smoothing;
-      o.period = options_.variation.period;
-      o.iterations = stage;
-      o.initial_state = options_.initial_state;
-      o.feedthrough = options_.feedthrough;
-      for_each_fold([&](size_t f) {
-        try {
-          if (models[f].steps() > 0) models[f] = refine(models[f], folds_[f].data.training, o).model;
-        } catch (const std::runtime_error&) {
-          models[f] = {};  // EM failed: this λ is ruled out
-        }
-      });
+    for (const Index stage : refinement_stages(folds_.options_.variation.period)) {
+      refine_all(smoothing, stage);
       done += stage;
-      const Errors errors = evaluate(models);
+      const Errors errors = evaluate();
       const double error = errors.mean();
-      choice.trials.push_back({states, smoothing, done, error});
-      if (error < choice.error - (choice.iterations > 0 ? 0.0 : std::log(worth_it))) {
-        choice.error = error;
-        choice.one_step = errors.one_step;
-        choice.smoothing = smoothing;
-        choice.iterations = done;
+      choice_.trials.push_back({choice_.states, smoothing, done, error});
+      if (error < choice_.error - (choice_.iterations > 0 ? 0.0 : std::log(worth_it))) {
+        choice_.error = error;
+        choice_.one_step = errors.one_step;
+        choice_.smoothing = smoothing;
+        choice_.iterations = done;
       }
       if (!(error < least)) break;
       least = error;
     }
     return least;
-  };
+  }
+
+  RefinementChoice choice() && { return std::move(choice_); }
+
+ private:
+  template <class Change>
+  void for_each_fold(Change&& change) {
+    parallel_for(0, Index(count_), {folds_.options_.threads, {}}, [&](Index begin, Index end) {
+      for (Index f = begin; f < end; ++f) change(size_t(f));
+    });
+  }
+
+  void start(double smoothing) {
+    for_each_fold([&](size_t f) { models_[f] = folds_.start(f, choice_.states, scores_.weighting, smoothing); });
+  }
+
+  void refine_all(double smoothing, Index iterations) {
+    RefineOptions o;
+    o.smoothing = smoothing;
+    o.period = folds_.options_.variation.period;
+    o.iterations = iterations;
+    o.initial_state = folds_.options_.initial_state;
+    o.feedthrough = folds_.options_.feedthrough;
+    for_each_fold([&](size_t f) {
+      try {
+        if (models_[f].steps() > 0) models_[f] = refine(models_[f], folds_.folds_[f].data.training, o).model;
+      } catch (const std::runtime_error&) {
+        models_[f] = {};  // EM failed: this λ is ruled out
+      }
+    });
+  }
+
+  Errors evaluate() {
+    const auto found = folds_.errors_of_folds(
+        count_, choice_.states, [&](size_t f) { return models_[f]; }, like_);
+    constexpr double none = std::numeric_limits<double>::infinity();
+    return found ? mean_of(*found) : Errors{none, none, none};
+  }
+
+  const Folds& folds_;
+  const OrderScores& scores_;
+  size_t count_;
+  std::vector<Model> models_;
+  std::vector<Computed> like_;
+  RefinementChoice choice_;
+};
+
+RefinementChoice Folds::choose_refinement(Index states, const OrderScores& scores,
+                                          std::optional<double> smoothing_given) const {
+  RefinementSearch search(*this, states, scores);
   if (options_.variation.period == 1) smoothing_given = 0.0;
   if (smoothing_given) {
-    climb(*smoothing_given);
-    return choice;
+    search.climb(*smoothing_given);
+    return std::move(search).choice();
   }
   const double first = std::clamp(refined_share * options_.variation.smoothing, 1e-2, 1e2);
-  double least = climb(first);
+  double least = search.climb(first);
   for (const double factor : {std::sqrt(10.0), std::sqrt(0.1)}) {
     double smoothing = first;
     for (int step = 0; step < 6; ++step) {
       smoothing *= factor;
-      const double error = climb(smoothing);
+      const double error = search.climb(smoothing);
       if (!(error < least)) break;
       least = error;
     }
     if (smoothing != first * factor) break;
   }
-  return choice;
+  return std::move(search).choice();
 }
 
 RefinementChoice Folds::reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most,

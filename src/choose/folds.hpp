@@ -62,6 +62,7 @@ class Folds {
                                      std::optional<double> smoothing = std::nullopt) const;
 
  private:
+  class RefinementSearch;
   struct Fold {
     Split data;
     GtvArx arx;

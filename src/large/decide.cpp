@@ -144,6 +144,62 @@ bool demands_more(const Identification& a, const Identification& b) {
   return a.plan.lags > b.plan.lags;
 }
 
+// Identifies each stretch; empty where a stretch has too few samples for a decision. Only the first stretch begins at
+// step 0, so only its initial states may be known.
+std::vector<std::optional<Identification>> identified(const std::vector<Part>& parts, const std::vector<Ensemble>& data,
+                                                      const IdentifyOptions& options) {
+  std::vector<std::optional<Identification>> result(parts.size());
+  result.front() =
+      with_remark_on_axes(parts.front().whole, [&] { return identify_part(data.front(), options, false); });
+  // An order that is exact in one stretch is likely to be exact in others.
+  const Plan& first = result.front()->plan;
+  const bool exact = !first.noisy && !first.coupled && !options.lags;
+  for (size_t i = 1; i < data.size(); ++i) {
+    IdentifyOptions later = options;
+    later.initial_state = InitialState::unknown;
+    if (exact) later.lags = first.lags;
+    try {
+      Identification own = identify_part(data[i], later, false);
+      if (exact && own.plan.noisy) {
+        later.lags.reset();
+        own = identify_part(data[i], later, false);
+      }
+      result[i] = std::move(own);
+    } catch (const std::invalid_argument&) {
+      continue;  // too few samples here for a decision
+    }
+  }
+  return result;
+}
+
+// The plan for all blocks: that of the stretch that demands most, with the noise of any stretch. `data` become
+// departures where a mean motion is removed.
+Plan joint_plan(const std::vector<const Identification*>& found, const Identification& chosen,
+                const IdentifyOptions& options, std::vector<Ensemble> data) {
+  Plan plan = chosen.plan;
+  for (const Identification* own : found) {
+    plan.noisy = plan.noisy || own->plan.noisy;
+    plan.coupled = plan.coupled || own->plan.coupled;
+  }
+  plan.initial_state = found.front()->model.initial_state;
+  plan.method = options.method.value_or(automatic_method(plan));
+  plan.frame = options.frame;
+  if (!plan.noisy)
+    for (const Identification* own : found) plan.lags = std::max(plan.lags, own->plan.lags);
+  plan.states = options.states.value_or(plan.noisy ? chosen.model.states() : 0);
+  plan.output_size = Vector::Zero(data.front().outputs());
+  plan.input_size = Vector::Zero(data.front().inputs());
+  for (Ensemble& e : data) {
+    if (plan.nominal) {
+      const Nominal mean = nominal_trajectory(e);
+      e = departures(std::move(e), mean);
+    }
+    plan.output_size = plan.output_size.cwiseMax(channel_sizes(e, e.inputs(), e.outputs()));
+    plan.input_size = plan.input_size.cwiseMax(channel_sizes(e, 0, e.inputs()));
+  }
+  return plan;
+}
+
 }  // namespace
 
 Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
@@ -162,71 +218,27 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     nominal = test_nominal(parts, data);
     o.nominal = nominal.significant ? NominalChoice::mean : NominalChoice::none;
   }
-
-  std::vector<std::optional<Identification>> identified(parts.size());
-  identified.front() = with_remark_on_axes(parts.front().whole, [&] { return identify_part(data.front(), o, false); });
-  for (size_t i = 1; i < data.size(); ++i) {
-    IdentifyOptions later = o;
-    later.initial_state = InitialState::unknown;
-    // An order that is exact in one stretch is likely to be exact in others.
-    const Identification& first = *identified.front();
-    const bool exact = !first.plan.noisy && !first.plan.coupled && !options.lags;
-    if (exact) later.lags = first.plan.lags;
-    try {
-      Identification own = identify_part(data[i], later, false);
-      if (exact && own.plan.noisy) {
-        later.lags.reset();
-        own = identify_part(data[i], later, false);
-      }
-      identified[i] = std::move(own);
-    } catch (const std::invalid_argument&) {
-      continue;  // too few samples here for a decision
-    }
-  }
-
+  const std::vector<std::optional<Identification>> of_stretches = identified(parts, data, o);
   std::vector<const Identification*> found;
-  for (const auto& own : identified)
+  for (const auto& own : of_stretches)
     if (own) found.push_back(&*own);
-
-  const Identification& begin = *found.front();
   const Identification* chosen = found.front();
   for (const Identification* own : found)
     if (demands_more(*own, *chosen)) chosen = own;
 
   Decision result;
-  Plan& plan = result.plan = chosen->plan;
-  for (const Identification* own : found) {
-    plan.noisy = plan.noisy || own->plan.noisy;
-    plan.coupled = plan.coupled || own->plan.coupled;
-  }
-  plan.initial_state = begin.model.initial_state;
-  plan.method = options.method.value_or(automatic_method(plan));
-  plan.frame = options.frame;
-  if (!plan.noisy)
-    for (const Identification* own : found) plan.lags = std::max(plan.lags, own->plan.lags);
-  plan.states = options.states.value_or(plan.noisy ? chosen->model.states() : 0);
-  plan.output_size = Vector::Zero(file.outputs());
-  plan.input_size = Vector::Zero(file.inputs());
-  for (Ensemble& e : data) {
-    if (plan.nominal) {
-      const Nominal mean = nominal_trajectory(e);
-      e = departures(std::move(e), mean);
-    }
-    plan.output_size = plan.output_size.cwiseMax(channel_sizes(e, e.inputs(), e.outputs()));
-    plan.input_size = plan.input_size.cwiseMax(channel_sizes(e, 0, e.inputs()));
-  }
-
+  result.plan = joint_plan(found, *chosen, options, std::move(data));
   result.evidence = *chosen;
   result.evidence.nominal_test = nominal;
-  result.evidence.initial_state_test = begin.initial_state_test;
-  result.evidence.plan = plan;
+  result.evidence.initial_state_test = found.front()->initial_state_test;
+  result.evidence.plan = result.plan;
   result.evidence.findings = remarks(parts.front().whole);
-  const bool constant = plan.coupled && plan.choices.variation.period > 0;
+  const bool constant = result.plan.coupled && result.plan.choices.variation.period > 0;
   if (constant)
     result.evidence.findings.push_back({.kind = Finding::Kind::constant_stretches, .numbers = {{"smoothing", stiff}}});
-  examine(parts, identified, options.states.has_value(), result.evidence);
-  if (constant) plan.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
-  result.evidence.plan = plan;
+  examine(parts, of_stretches, options.states.has_value(), result.evidence);
+  if (constant) result.plan.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
+  result.evidence.plan = result.plan;
   return result;
 }
 
