@@ -24,13 +24,12 @@ from ._example import example, example_system
 from ._files import load
 from ._identify import cross_validate, identify, identify_file
 from ._lock import FileLock
-from ._model import Model
+from ._model import Model, UpdateState
 from ._paper import paper
 from ._plan import plan
 from ._state_space import MatrixSequence, Step
 from ._tokid import version as __version__
 from ._update import update
-from ._update_state import UpdateState
 from .results import (
     Confidence,
     CrossValidation,

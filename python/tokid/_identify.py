@@ -10,11 +10,10 @@ from . import _experiments, _identify_options, _options, _tokid
 from ._ensemble import Ensemble
 from ._errors import reading, warn, writing
 from ._identify_options import IdentifyOptions
-from ._model import Model, Origin
+from ._model import Model, Origin, UpdateState
 from ._progress import listener
 from ._samples import with_remark
 from ._typing import ArrayLike, PathLike, Progress
-from ._update_state import UpdateState
 from .results import CrossValidation, NoisyChoices, Streamed
 
 if TYPE_CHECKING:

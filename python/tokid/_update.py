@@ -12,10 +12,9 @@ from . import _experiments, _options, _tokid
 from ._ensemble import Ensemble
 from ._errors import reading
 from ._lock import FileLock
-from ._model import Model
+from ._model import Model, UpdateState, identified
 from ._progress import listener
 from ._typing import ArrayLike, PathLike, Progress
-from ._update_state import UpdateState, identified
 from .results import Additions
 
 
