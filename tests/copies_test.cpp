@@ -32,7 +32,7 @@ Ensemble campaign(Index experiments, Index steps, std::uint64_t seed, double noi
   return noise > 0 ? with_noise(e, noise, seed + 200) : e;
 }
 
-std::vector<Index> rows(Index begin, Index end, Index times = 1) {
+std::vector<Index> rows_from(Index begin, Index end, Index times = 1) {
   std::vector<Index> list;
   for (Index i = 0; i < times; ++i)
     for (Index n = begin; n < end; ++n) list.push_back(n);
@@ -41,7 +41,7 @@ std::vector<Index> rows(Index begin, Index end, Index times = 1) {
 
 // Every experiment twice: 0 … N-1 and N … 2N-1, the second ones changed.
 Ensemble twice(const Ensemble& e, const std::function<double(double)>& change) {
-  Ensemble result = e.subset(rows(0, e.experiments(), 2));
+  Ensemble result = e.subset(rows_from(0, e.experiments(), 2));
   for (Index c = 0; c < result.samples().cols(); ++c)
     for (Index n = e.experiments(); n < result.experiments(); ++n)
       result.samples()(n, c) = change(result.samples()(n, c));
@@ -77,7 +77,7 @@ TEST(Copies, AreRecognisedWithinRounding) {
       for (const auto& [name, change] : changes)
         EXPECT_EQ(find_copies(twice(e, change)).groups, pairs(12)) << name << ", noise " << noise << ", seed " << seed;
       EXPECT_EQ(find_copies(e).groups, Groups{}) << noise;
-      EXPECT_EQ(find_copies(e).used, rows(0, 12));
+      EXPECT_EQ(find_copies(e).used, rows_from(0, 12));
     }
 }
 
@@ -88,7 +88,7 @@ TEST(Copies, AreRecognisedFarFromZero) {
   EXPECT_EQ(find_copies(twice(e, [](double v) { return double(float(v)); })).groups, pairs(12));
   EXPECT_EQ(find_copies(twice(e, [](double v) { return v; })).groups, pairs(12));
   // The same inputs and noise of its own, below single precision of the outputs' size.
-  Ensemble again = e.subset(rows(0, 12, 2));
+  Ensemble again = e.subset(rows_from(0, 12, 2));
   Random random(1);
   for (Index k = 0; k < 60; ++k)
     for (Index n = 12; n < 24; ++n)
@@ -100,17 +100,17 @@ TEST(Copies, AreRecognisedFarFromZero) {
 TEST(Copies, RepetitionsWithNoiseAreNone) {
   for (const double noise : {0.1, 1e-2, 1e-3, 1e-4, 1e-5})
     for (const std::uint64_t seed : {1, 2, 3}) {
-      const Ensemble e = with_noise(campaign(5, 80, seed).subset(rows(0, 5, 10)), noise, seed);
+      const Ensemble e = with_noise(campaign(5, 80, seed).subset(rows_from(0, 5, 10)), noise, seed);
       EXPECT_EQ(find_copies(e).groups, Groups{}) << noise << ", seed " << seed;
       EXPECT_EQ(findings_of_repeats(e, 8, 2).size(), 1) << noise;
     }
   // Without noise the simulator has done the same work again.
-  EXPECT_EQ(find_copies(campaign(5, 80, 1).subset(rows(0, 5, 10))).used, rows(0, 5));
+  EXPECT_EQ(find_copies(campaign(5, 80, 1).subset(rows_from(0, 5, 10))).used, rows_from(0, 5));
 }
 
 TEST(Copies, OfCoarseConvertersAreTheEqualOnes) {
   for (const std::uint64_t seed : {1, 2, 3}) {
-    Ensemble e = with_noise(campaign(6, 80, seed).subset(rows(0, 6, 4)), 0.1, seed);
+    Ensemble e = with_noise(campaign(6, 80, seed).subset(rows_from(0, 6, 4)), 0.1, seed);
     e.samples() = ((e.samples() / 0.25).array().round() * 0.25).matrix().eval();
     EXPECT_EQ(find_copies(e).groups, Groups{}) << seed;
     e.samples().row(7) = Matrix(e.samples().row(3));
@@ -152,7 +152,7 @@ TEST(Copies, WithGapsOfTheirOwnAreRecognised) {
     Groups most = pairs(15);  // the one with more samples is used
     for (auto& pair : most) std::swap(pair[0], pair[1]);
     EXPECT_EQ(find_copies(e).groups, most) << seed;
-    EXPECT_EQ(find_copies(e).used, rows(15, 30)) << seed;
+    EXPECT_EQ(find_copies(e).used, rows_from(15, 30)) << seed;
   }
   // Halves that have no sample in common show nothing.
   Ensemble e = twice(campaign(15, 60, 1, 0.05), [](double v) { return v; });
@@ -190,7 +190,7 @@ TEST(Copies, OneFarOffExperimentHidesNone) {
   Groups expected = pairs(12);
   expected.erase(expected.begin() + 5);
   EXPECT_EQ(find_copies(e).groups, expected);
-  const Ensemble repeated = with_noise(campaign(5, 60, 4).subset(rows(0, 5, 4)), 1e-3, 1);
+  const Ensemble repeated = with_noise(campaign(5, 60, 4).subset(rows_from(0, 5, 4)), 1e-3, 1);
   Ensemble spike = repeated;
   spike.samples().row(2) *= 1e6;
   EXPECT_EQ(find_copies(spike).groups, Groups{});
@@ -251,7 +251,7 @@ TEST(Copies, AreUsedOnce) {
 
     UpdateState state = update_state(all, found, {}), plain_state = update_state(once, plain, {});
     EXPECT_EQ(state.factors.factor, plain_state.factors.factor);
-    const Ensemble more = campaign(10, 40, 7, noise).subset(rows(0, 10, 2));
+    const Ensemble more = campaign(10, 40, 7, noise).subset(rows_from(0, 10, 2));
     EXPECT_EQ(update(state, more).size(), 1);
     EXPECT_EQ(state.factors.experiments, 34);
   }
@@ -280,7 +280,7 @@ TEST(Copies, BoundsCountThemOnce) {
 // alike.
 TEST(Copies, TakeTimeThatIsLinear) {
   const auto time = [](Index experiments) {
-    Ensemble e = with_noise(campaign(5, 20, 1).subset(rows(0, 5, experiments / 5)), 1e-3, 1);
+    Ensemble e = with_noise(campaign(5, 20, 1).subset(rows_from(0, 5, experiments / 5)), 1e-3, 1);
     e.samples().row(experiments - 1) = Matrix(e.samples().row(3));
     const std::clock_t begin = std::clock();
     EXPECT_EQ(find_copies(e).groups, (Groups{{3, experiments - 1}}));
