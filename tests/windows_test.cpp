@@ -26,7 +26,8 @@ Ensemble moving_experiments(const SystemSize& size, Index experiments, bool gaps
   Ensemble e = random_experiments(random_system(size, steps, 1.0, seed), experiments, seed + 1, 1.0);
   e.samples().rowwise() += 5.0 * random.matrix(1, e.samples().cols()).row(0);
   if (!gaps) return e;
-  for (double& sample : e.samples().reshaped())
+  Eigen::Ref<Matrix> samples = e.samples();
+  for (double& sample : samples.reshaped())
     if (random.uniform(0, 1) < 0.02) sample = nan;
   e.output(steps / 2).col(0).setConstant(nan);
   return e;

@@ -106,8 +106,9 @@ class StepRegression {
     }
     r_.leftCols(left) *= scales_.asDiagonal();
     Matrix unexplained;  // residual beyond the numerical rank
-    const double size = r_.norm(), least = r_.diagonal().cwiseAbs().minCoeff();
-    bool is_clear = least * linalg::certain_rank > size;
+    const double size = r_.norm();
+    // Step 0 has no regressor without feedthrough.
+    bool is_clear = left == 0 || r_.diagonal().cwiseAbs().minCoeff() * linalg::certain_rank > size;
     if (is_clear) {
       inverse_.setIdentity(left, r_.cols());
       linalg::back_substitute(r_, inverse_, true);

@@ -272,7 +272,7 @@ struct Fitted {
 
 // Rank and condition number of regressors. The columns are scaled to norm 1, so that both do not depend on units.
 void examine(const ConstMatrixRef& regressors, Fitted& fitted) {
-  if (regressors.rows() == 0) return;
+  if (regressors.size() == 0) return;
   Vector norm = regressors.colwise().norm().transpose();
   norm = (norm.array() > 0).select(norm, 1.0);
   const Vector sigma = linalg::singular_values(regressors * norm.cwiseInverse().asDiagonal());
@@ -359,8 +359,11 @@ class StateRegressions {
       const Matrix samples = samples_of(steps_.window(k), k);
       return linalg::beside(samples.leftCols(n + through_), samples.rightCols(m_));
     });
-    for (Fitted& y : result)
-      if (y.coefficients.size() > 0) y.coefficients = linalg::beside(y.coefficients, Matrix::Zero(m_, r_ - through_));
+    for (Index g = 0; g < steps_.groups(); ++g)
+      if (Fitted& y = result[size_t(g)]; y.rows > 0 || y.coefficients.size() > 0) {
+        const Matrix known = y.coefficients.reshaped(m_, output_regressors(g));
+        y.coefficients = linalg::beside(known, Matrix::Zero(m_, r_ - through_));
+      }
     return result;
   }
 

@@ -29,6 +29,7 @@ void check(const std::vector<Matrix>& rows, Index regressors, const Vector& stif
 }
 
 Matrix solve(const ConstMatrixRef& rows, Index regressors) {
+  if (regressors == 0) return Matrix(0, rows.cols());
   return linalg::minimum_norm(rows.leftCols(regressors), rows.rightCols(rows.cols() - regressors),
                               unseen * std::sqrt(double(std::max<Index>(1, regressors))))
       .x;

@@ -84,7 +84,7 @@ def test_a_preliminary_model_is_made_use_of(tokid, tmp_path, oscillator):
 
 def test_numbers_for_people(tokid, tmp_path, oscillator):
     shown = tokid("plan", *SIZES, "--steps", 80, "--noise", "0:0.1", "-o", tmp_path / "inputs.npz").stdout
-    for text in ("minimum 10, recommended 111", "2 + 2·4 = 10", "coefficients add 10 % to the mean square", "nothing but the sizes is assumed",
+    for text in ("minimum 10, recommended 111", "2 + 2·4 = 10", "coefficients add 10 % to the mean square", "not known without a model of the system",
                  str(tmp_path / "inputs.npz")):
         assert text in shown
     shown = tokid("plan", "--model", oscillator / "model.npz", "--noise", "0.01:0.1", "--experiments", 60, "-o",
