@@ -60,11 +60,11 @@ void Command::threads(int& target) {
 }
 
 void Command::flag(const char* name, bool& target, const char* description) {
-  parser_->add_flag(name, target, description);
+  parser_->add_flag(name, target, description)->disable_flag_override();
 }
 
 void Command::flag(const char* name, std::function<void()> set, const char* description) {
-  parser_->add_flag_callback(name, std::move(set), description);
+  parser_->add_flag_callback(name, std::move(set), description)->disable_flag_override();
 }
 
 void Command::count_or_auto(const char* name, Index& target, const char* description) {

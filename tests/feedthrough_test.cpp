@@ -2,16 +2,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "oracle.hpp"
 #include "testing.hpp"
 #include "tokid/em.hpp"
+#include "tokid/ensemble_file.hpp"
 #include "tokid/gtv_arx.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/io.hpp"
 #include "tokid/lag_orders.hpp"
 #include "tokid/markov.hpp"
+#include "tokid/model_file.hpp"
 #include "tokid/refine_model.hpp"
 #include "tokid/smooth_arx.hpp"
+#include "tokid/stream.hpp"
 #include "tokid/subspace.hpp"
+#include "tokid/uncertainty.hpp"
 #include "tokid/update.hpp"
 
 namespace tokid::testing {
@@ -198,8 +205,52 @@ TEST(Feedthrough, UpdatesAndRefinementsKeepTheStatement) {
   UpdateState state = update_state(first, found, options);
   update(state, second);
   for (const Step& step : identify(state).model.step) EXPECT_TRUE(step.D().isZero(0.0));
+  const std::filesystem::path path = std::filesystem::path(::testing::TempDir()) / "tokid_without_feedthrough.h5";
+  save_update_state(state, path);
+  EXPECT_FALSE(load_update_state(path).plan.feedthrough);
+  for (const Step& step : identify(load_update_state(path)).model.step) EXPECT_TRUE(step.D().isZero(0.0));
   // EM goes on without feedthrough from a model that was identified without it.
   for (const Step& step : refine_model(found.model, first, {}).refinement.model.step) EXPECT_TRUE(step.D().isZero(0.0));
+}
+
+TEST(Feedthrough, BlocksKeepTheStatement) {
+  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "tokid_feedthrough_blocks";
+  std::filesystem::create_directories(folder);
+  save_ensemble(under_feedback(reacting_plant(300), 40, 0.0, 71), folder / "data.h5");
+  StreamOptions options;
+  options.block = 100;
+  options.identify.feedthrough = false;
+  const EnsembleFile file(folder / "data.h5");
+  identify_stream(file, folder / "model.h5", options);
+  const Model model = load_model(folder / "model.h5");
+  EXPECT_FALSE(has_feedthrough(model.provenance));
+  EXPECT_EQ(model.steps(), 300);
+  for (const Step& step : model.step) EXPECT_TRUE(step.D().isZero(0.0));
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Feedthrough, RegressionsOfFullRankLackNothing) {
+  const Model plant = without_feedthrough(random_system({4, 2, 2}, 20, 1.0, 81));
+  const Ensemble e = random_experiments(plant, 40, 82);
+  const Model model = identify(e, {.lags = 2, .feedthrough = false, .initial_state = InitialState::zero}).model;
+  ASSERT_EQ(model.method, "tvera");
+  for (Index k = 6; k < 20; ++k) {
+    EXPECT_EQ(unknowns(model, k), 8);
+    EXPECT_EQ(model.at(k).rank(), 8);
+  }
+  const Confidence bounds = confidence(model, e);
+  for (const Matrix& half : {bounds.markov.step[10].lower, bounds.markov.step[10].upper})
+    EXPECT_TRUE(half.leftCols(2).isZero(0.0));  // D is known exactly
+}
+
+// An input that responds to the output of its own step is no sign against a model without feedthrough.
+TEST(Feedthrough, FeedbackInTheSameStepIsNoSignAgainstTheModel) {
+  const Model plant = reacting_plant(60);
+  const Model model = identify(under_feedback(plant, 100, 0.8, 91), {.feedthrough = false}).model;
+  const Validation found = validate(model, under_feedback(plant, 100, 0.8, 92));
+  EXPECT_EQ(found.independence.first, 1);
+  EXPECT_GT(found.independence.p, 1e-4);
+  EXPECT_LT(found.feedback.p, 1e-10);  // the feedback is seen at lag 0
 }
 
 }  // namespace

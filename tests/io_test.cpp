@@ -1058,7 +1058,7 @@ TEST_F(Csv, OneWildTimeIsTold) {
   const auto text = [](double t) { return fmt::format("{:.10g}", t); };
   const std::string ten = table({0.0}, 0.1, text, 10), two = table({0.0, 0.0}, 0.1, text, 10);
   expect_error(ten + "a,77.77,1,2\n", {"line 12", "77.77 found", "steps of 0.1"});
-  expect_error(ten + "a,-30.03,1,2\n", {"line 2", "0 found", "0.03 off", "steps of 0.1 from -30.03 on"});
+  expect_error(ten + "a,-30.03,1,2\n", {"line 12", "-30.03 found", "0.03 off", "steps of 0.1 from 0 on"});
   expect_error(ten + "a,1e9,1,2\n", {"line 12", "1000000000 found"});
   expect_error(two + "b,77.77000001,1,2\n", {"line 22", "77.77000001 found", "0.03", "even steps of 0.1"});
   expect_error("# dt = 0.1\n" + ten + "a,77.77,1,2\n", {"line 13", "77.77 found"});

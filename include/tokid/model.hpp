@@ -72,8 +72,8 @@ Findings findings_of_end(const Model& model, const Ensemble& data);
 Findings differences(const Model& model, const Ensemble& data);
 
 // Number of unknowns per output in the regression of step k, to which the rank and condition of the model belong. With
-// TVERA these are the coefficients of the window, else those of states and inputs. 0 if the model does not come from
-// regressions.
+// TVERA these are the coefficients of the window, else those of states and inputs. The inputs of step k count only with
+// feedthrough. 0 if the model does not come from regressions.
 Index unknowns(const Model& model, Index k);
 
 // Is the state at the first step of the model known to be zero? It is not if the model begins after step 0.

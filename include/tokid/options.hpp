@@ -55,7 +55,7 @@ struct IdentifyOptions {
   // λ of the penalty on variation over time. Infinity: one model for all steps. TVERA has no λ. Empty: by
   // cross-validation if the data are noisy or too few for a regression at each step.
   std::optional<double> smoothing = {};
-  bool feedthrough = true;  // false: D_k = 0 is known, the outputs do not answer to the inputs of the same step
+  bool feedthrough = true;  // false: D_k = 0 is known, the outputs do not respond to the inputs of the same step
   Index period = 0;         // P: the steps k, k+P, … share one model; 1: time-invariant; 0: each step has its own
   // Weighting of the subspace realisation. Empty: by cross-validation if steps share a model, else one_step.
   std::optional<Weighting> weighting = {};

@@ -59,13 +59,18 @@ Json json_of(nb::handle value) {
   return nullptr;
 }
 
+// The values of an option that is on or off. Only an option that may be chosen automatically has "auto".
+std::string words_of_switch(const Option& option) {
+  const bool automatic = std::find(option.words.begin(), option.words.end(), "auto") != option.words.end();
+  return automatic ? "one of True, False, None, 'auto'" : "True or False";
+}
+
 void set_option(IdentifyOptions& options, const std::string& key, nb::handle value) {
   const Option* option = find_option(key);
   if (!option) throw std::invalid_argument(key + " is no option of an identification");
   if (!option->read(options, json_of(value)))
-    throw std::invalid_argument(
-        fmt::format("{}: {} found, {} needed", key, nb::cast<std::string>(nb::repr(value)),
-                    option->is_switch() ? "one of True, False, None, 'auto'" : option->needed("'")));
+    throw std::invalid_argument(fmt::format("{}: {} found, {} needed", key, nb::cast<std::string>(nb::repr(value)),
+                                            option->is_switch() ? words_of_switch(*option) : option->needed("'")));
 }
 
 // What an earlier identification has chosen, of its dataclass.

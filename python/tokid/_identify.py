@@ -77,8 +77,8 @@ def identify(
         λ of the penalty on variation over time. 0: no penalty. "infinity": one model for all steps. "auto": by
         cross-validation if the data are noisy or too few for a regression at each step.
     feedthrough : bool, default True
-        False: the outputs are known not to answer to the inputs of the same step, D = 0. State this where the inputs
-        answer to the outputs of the same step: the data cannot tell such feedback from feedthrough.
+        False: the outputs are known not to respond to the inputs of the same step, D = 0. State this where the inputs
+        respond to the outputs of the same step: the data cannot distinguish such feedback from feedthrough.
     period : int or "invariant", default 0
         P: the steps k, k + P, … share one model. "invariant" or 1: all steps do, and one record is enough. 0: each step
         has its own model.

@@ -266,7 +266,7 @@ class InputGains(_Result):
     share: Array
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Conclusion(_Result):
     """What a test of the innovations shows.
 

@@ -84,7 +84,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         lags: Union[int, str] = "auto",
         method: str = "auto",
         smoothing: Union[float, str] = "auto",
-        feedthrough: bool = True,
+        feedthrough: Union[bool, str] = True,
         period: Union[int, str] = 0,
         weighting: str = "auto",
         refine: Optional[bool] = None,

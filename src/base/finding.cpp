@@ -832,7 +832,11 @@ constexpr ExplanationEntry explanations[] = {
 
 }  // namespace
 
-static_assert(std::size(explanations) == size_t(Cause::last) + 1);
+static_assert(std::size(explanations) == size_t(Cause::last) + 1 && [] {
+  for (size_t i = 0; i < std::size(explanations); ++i)
+    if (explanations[i].kind != Cause(i)) return false;
+  return true;
+}());
 
 const char* to_string(Explanation::Kind kind) { return explanations[size_t(kind)].name; }
 

@@ -141,10 +141,14 @@ class Planner {
 
   bool noisy() const { return options_.noise && (options_.noise->input > 0 || options_.noise->output > 0); }
 
+  // A preliminary model with D = 0 as a known fact is identified again without feedthrough.
+  bool feedthrough() const { return !model_ || has_feedthrough(model_->provenance); }
+
   // Minimum and recommended number of experiments, each with its reason.
   void count() {
     const PlanOptions& o = options_;
-    const Index r = o.inputs, m = o.outputs, p = o.lags, L = minimum_experiments(r, m, p), mean = o.nominal ? 1 : 0;
+    const Index r = o.inputs, m = o.outputs, p = o.lags, L = minimum_experiments(r, m, p, feedthrough()),
+                mean = o.nominal ? 1 : 0;
     plan_.lags = p;
     plan_.unknowns = L;
     plan_.minimum = L + mean;
@@ -310,6 +314,7 @@ class Planner {
     GtvArxOptions options;
     options.lags = {options_.lags};
     options.initial_state = unknown_ ? InitialState::unknown : InitialState::zero;
+    options.feedthrough = feedthrough();
     options.noise_shape = false;
     options.execution = {options_.execution.threads, {}};
     Ensemble e = design::response(*model_, inputs);

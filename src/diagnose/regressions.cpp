@@ -15,12 +15,13 @@ bool is_starved(const GtvArx& arx, bool nominal, Index k) {
   return arx.step[size_t(k)].rows - (nominal ? 1 : 0) < arx.regressors(k);
 }
 
-// Are the inputs of the steps k-p … k linearly dependent over the experiments? Inputs that are zero do not count.
-bool inputs_dependent(const Ensemble& e, Index k, Index p) {
+// Are the inputs of the steps k-p … k, or without feedthrough k-p … k-1, linearly dependent over the experiments?
+// Inputs that are zero do not count.
+bool inputs_dependent(const Ensemble& e, Index k, Index p, bool feedthrough) {
   const std::vector<Index> rows = e.complete_rows(k, p);
   Matrix inputs(static_cast<Index>(rows.size()), (p + 1) * e.inputs());
   Index used = 0;
-  for (Index j = k - p; j <= k; ++j)
+  for (Index j = k - p; j < k + (feedthrough ? 1 : 0); ++j)
     for (Index i = 0; i < e.inputs(); ++i) {
       const Vector u = e.input(j).col(i)(rows);
       if (u.norm() > 0) inputs.col(used++) = u / u.norm();
@@ -51,7 +52,8 @@ std::vector<Index> unexcited_steps(const Ensemble& data, const GtvArx& arx, bool
   std::vector<Index> result;
   for (Index k = std::max(begin, arx.k_begin); k < end; ++k) {
     const GtvArxStep& step = arx.step[size_t(k)];
-    if (!is_starved(arx, nominal, k) && step.rank < arx.regressors(k) && inputs_dependent(data, k, step.lags))
+    if (!is_starved(arx, nominal, k) && step.rank < arx.regressors(k) &&
+        inputs_dependent(data, k, step.lags, arx.feedthrough))
       result.push_back(k);
   }
   return result;

@@ -37,8 +37,12 @@ void fields(Archive& archive, C& c) {
 template <class Archive, class O>
 requires std::is_same_v<std::remove_const_t<O>, IdentifyOptions>
 void fields(Archive& archive, O& o) {
-  archive(o.states, o.lags, o.method, o.smoothing, o.period, o.weighting, o.refine, o.initial_state, o.nominal, o.frame,
-          o.reference_step, o.hold_out, o.rows, o.cols);
+  // A field more does not compile here until it is archived.
+  auto& [states, lags, method, smoothing, feedthrough, period, weighting, refine, initial_state, nominal, frame,
+         reference_step, hold_out, rows, cols, choices, execution] = o;
+  archive(states, lags, method, smoothing, feedthrough, period, weighting, refine, initial_state, nominal, frame,
+          reference_step, hold_out, rows, cols);
+  static_cast<void>(choices), static_cast<void>(execution);  // not part of a provenance
 }
 
 template <class Archive, class P>

@@ -120,7 +120,8 @@ Index estimation_window(const Model& model) {
 
 Index unknowns(const Model& model, Index k) {
   if (!model.has(&Step::has_lags)) return 0;
-  return model.inputs + (model.method == "tvera" ? model.at(k).lags() * (model.inputs + model.outputs) : model.n(k));
+  const Index through = has_feedthrough(model.provenance) ? model.inputs : 0;
+  return through + (model.method == "tvera" ? model.at(k).lags() * (model.inputs + model.outputs) : model.n(k));
 }
 
 bool starts_from_zero(const Model& model, InitialState initial) {

@@ -68,8 +68,10 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
     const Innovations e = model_innovations(model, data, options.initial_state);
     const Innovations scaled = standardised(model, e);
     result.whiteness = whiteness(scaled, options.whiteness_lags);
-    result.independence = independence(scaled, data, 0, options.whiteness_lags);
-    result.feedback = independence(scaled, data, -options.whiteness_lags, -1);
+    // Without feedthrough, an input may respond to the output of its own step.
+    const Index first = has_feedthrough(model.provenance) ? 0 : 1;
+    result.independence = independence(scaled, data, first, options.whiteness_lags);
+    result.feedback = independence(scaled, data, -options.whiteness_lags, first - 1);
     result.squares = normalised_squares(model, e);
     result.gains = input_gains(model, data, innovations());
   }

@@ -37,7 +37,7 @@ def test_numbers(paper):
         for panel in figure["panels"]:
             for series in panel["series"]:
                 assert len(series["x"]) == len(series["y"]) > 0
-                assert series["mark"] in ("dot", "ring") if panel["complex_plane"] else ("line", "dashed")
+                assert series["mark"] in (("dot", "ring") if panel["complex_plane"] else ("line", "dashed"))
                 assert series["colour"] in range(8)
 
     entries = [n for n in data["appendix_b"] if re.fullmatch(r"Ā3[567]\[\d,\d\]", n["quantity"])]

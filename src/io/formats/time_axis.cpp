@@ -133,13 +133,21 @@ void fit_grid(double usual, bool stated, double apart, double meant, Fit& fit) {
       fit.wrong = i, fit.off = off;
 }
 
-[[noreturn]] void fail_uneven(const TimeColumn& rows, const Fit& fit, bool stated) {
-  const size_t row = fit.row[*fit.wrong];
-  const std::string what =
-      fit.uncounted > 0
-          ? fmt::format("after a gap of about {} steps of {:.6g}, which is too long to count", fit.uncounted,
-                        fit.grid.dt)
-          : fmt::format("{:.4g} off the even steps of {:.10g} from {} on", fit.off, fit.grid.dt, fit.time[0]);
+// Is the first time wrong, and not the second? The times from the second on are even then.
+bool first_is_wrong(const Fit& fit, double usual) {
+  if (fit.rows > 1 || *fit.wrong + 1 >= fit.time.size()) return false;
+  const double gap = fit.time[*fit.wrong + 1] - fit.time[*fit.wrong];
+  return gap > 0.5 * usual && gap < 1.5 * usual;
+}
+
+[[noreturn]] void fail_uneven(const TimeColumn& rows, const Fit& fit, double usual, bool stated) {
+  const bool first = first_is_wrong(fit, usual);
+  const size_t row = first ? fit.row[0] : fit.row[*fit.wrong];
+  const std::string what = fit.uncounted > 0
+                               ? fmt::format("after a gap of about {} steps of {:.6g}, which is too long to count",
+                                             fit.uncounted, fit.grid.dt)
+                               : fmt::format("{:.4g} off the even steps of {:.10g} from {} on", fit.off, fit.grid.dt,
+                                             first ? fit.time[*fit.wrong] : fit.time[0]);
   fail("line {}, column '{}': {} found, {}; {}resample to even times, or number the steps in a column 'k'",
        rows.line[row], rows.name, rows.time[row], what, stated ? "" : "state '# dt = …' above the header, ");
 }
@@ -257,7 +265,7 @@ Grid time_grid(const TimeColumn& rows, std::optional<double> stated) {
     fit_grid(usual, stated.has_value(), rounding, rounding, rounded);
     if (rounding <= roughest * rounded.grid.dt && (stated || rounded.rows >= enough)) fit = std::move(rounded);
   }
-  if (fit.wrong) fail_uneven(rows, fit, stated.has_value());
+  if (fit.wrong) fail_uneven(rows, fit, usual, stated.has_value());
   check_all_steps(rows, fit, stated);
   return fit.grid;
 }

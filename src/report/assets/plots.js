@@ -59,7 +59,8 @@ const tokid = (() => {
     view = range;
     const [min, max] = view || full();
     for (const plot of plots.values()) if (plot.shared) plot.u.setScale("x", {min, max});
-    at("reset").disabled = !view;
+    const reset = at("reset");  // the paper's page has none
+    if (reset) reset.disabled = !view;
   }
 
   const sync = uPlot.sync("steps");
