@@ -384,7 +384,8 @@ TEST(Model, CheckNamesWhatDisagrees) {
   EXPECT_EQ(message(broken), "model: A[2] has 2 columns, 3 needed: the rows of A[1]");
   broken = model;
   broken.step[3].set_Q(Matrix::Identity(2, 2));
-  EXPECT_EQ(message(broken), "model: Q is known of step 3 or of step 0, not of both");
+  EXPECT_EQ(message(broken),
+            "model: Q is known at step 3 or at step 0, but not at both. State it at every step or at none");
   broken = model;
   broken.step[2] = broken.step[2].outline();
   EXPECT_EQ(message(broken), "model: step 2 has no matrices");

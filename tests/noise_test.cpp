@@ -216,7 +216,7 @@ TEST(Noise, OptionsThatContradictEachOtherOrTheDataAreRefused) {
       message([&] { identify(many, {.method = Method::tvera, .weighting = Weighting::one_step}); }).find("subspace"),
       std::string::npos);
   EXPECT_EQ(message([&] { identify(many, {.smoothing = 1.0, .period = 1}); }),
-            "smoothing: 1 found, none needed where one model serves all steps");
+            "smoothing: 1 found, but one model serves all steps, so that nothing varies. Use 0 or infinity");
   EXPECT_EQ(message([&] { identify(many, {.period = 40}); }),
             "period: 40 found, less than the 40 steps of the data needed");
   EXPECT_EQ(message([&] { identify(many, {.states = 1000}); }),

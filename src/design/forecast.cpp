@@ -28,8 +28,8 @@ Ensemble response(const Model& model, const Matrix& inputs) {
 
 namespace {
 
-// Rows whose squares sum to the covariance of the output noise at the steps first … k. `state`: such rows for the state
-// at `first`.
+// Rows whose squares sum to the covariance of the output noise at the steps first … k. `state` has such rows for the
+// noise of the state at step `first`.
 Matrix output_noise(const Model& model, const Matrix& state, Index first, Index k, const NoiseLevel& noise) {
   const Index m = model.outputs, r = model.inputs, steps = k - first + 1;
   Matrix rows = Matrix::Zero(state.rows() + steps * (r + m), steps * m);
@@ -50,7 +50,7 @@ Matrix output_noise(const Model& model, const Matrix& state, Index first, Index 
   return rows;
 }
 
-// The window at step k after unit pulses at step i: the columns are inputs (L × r).
+// The window of step k after unit pulses at step i. The columns (L × r) belong to the inputs.
 Matrix pulse_window(const Model& model, Index i, Index k, Index lags) {
   const Index r = model.inputs, d = r + model.outputs;
   Matrix window = Matrix::Zero(lags * d + r, r);
@@ -77,7 +77,8 @@ NoisyRegression noisy_regression(const Model& model, const Ensemble& response, I
   Matrix state = Matrix::Zero(0, model.n(model.k_begin));  // noise of the state at k - lags
   for (Index k = model.k_begin; k < response.steps(); ++k) {
     if (k >= first && k - lags >= model.k_begin) {
-      // Rows of the samples above rows of the noise: their triangular factor has the second moments of both.
+      // The rows of the samples above the rows of the noise. Their triangular factor has the second moments of samples
+      // plus noise.
       const Matrix added = output_noise(model, state, k - lags, k, noise);
       Matrix rows = Matrix::Zero(response.experiments() + added.rows(), regressors + m);
       rows.topRows(response.experiments()) = share * response.window_and_output(k, lags);

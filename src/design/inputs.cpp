@@ -41,7 +41,8 @@ void flip_towards_orthogonal(const ConstMatrixRef& old, Eigen::Ref<Vector> v) {
 
 Matrix binary_inputs(const InputSizes& sizes, RandomNumbers& random) {
   const Index columns = sizes.steps * sizes.inputs;
-  // Each column is orthogonal to the inputs that affect the window and its state, as far as the experiments permit.
+  // As far as the number of experiments permits, each column is orthogonal to the earlier inputs that affect the window
+  // and its state.
   const Index reach = std::min(sizes.experiments - 1, 2 * (sizes.lags + 1) * sizes.inputs);
   Matrix u(sizes.experiments, columns);
   for (Index c = 0; c < columns; ++c) {
@@ -54,8 +55,8 @@ Matrix binary_inputs(const InputSizes& sizes, RandomNumbers& random) {
 
 namespace {
 
-// Lines of the spectrum: cycles per record, evenly spread up to 0.8 of the Nyquist frequency. More than a few hundred
-// lines do not change a window.
+// Lines of the spectrum: cycles per record, evenly spread up to 0.8 of the Nyquist frequency. A window does not change
+// with more than a few hundred lines.
 std::vector<double> spectral_lines(Index steps) {
   const Index highest = std::max<Index>(1, Index(0.4 * double(steps)));
   const Index count = std::min<Index>(highest, 256);
@@ -79,9 +80,9 @@ Matrix multisine_inputs(const InputSizes& sizes, RandomNumbers& random) {
       waves(count + f, k) = std::sin(angle);
     }
 
-  // Signal q shifts the phase of a line by q·s/Q turns. The shifts s are spread evenly over 0 … Q-1. Over the signals
-  // each line then turns a different number of times. This makes the signals as orthogonal as their number of lines
-  // allows. Of a few draws the one with the smallest peak is kept.
+  // Signal q shifts the phase of a line by q·s/Q turns. The shifts s of the lines are spread evenly over 0 … Q-1, so
+  // that the phase of each line turns a different number of times over the signals. The signals are therefore as
+  // orthogonal as the number of lines allows. The function makes a few draws and keeps the one with the smallest peak.
   const double work = double(signals) * double(2 * count) * double(steps);
   const Index draws = std::clamp<Index>(Index(1e9 / work), 1, 16);
   Matrix best;
@@ -114,7 +115,7 @@ Matrix multisine_inputs(const InputSizes& sizes, RandomNumbers& random) {
 namespace {
 
 // Orthogonal columns with entries between -√2 and √2: columns of the discrete Hartley transform, with their rows in
-// random order. More columns than a few windows hold are of no use.
+// random order. Only the columns for a few windows are made, because more are of no use.
 Matrix directions(const InputSizes& sizes, bool zero_mean, RandomNumbers& random) {
   const Index size = sizes.experiments, first = zero_mean ? 1 : 0;  // column 0 is constant
   const Index enough = std::max<Index>(256, 2 * minimum_experiments(sizes.inputs, sizes.outputs, sizes.lags));
@@ -129,8 +130,8 @@ Matrix directions(const InputSizes& sizes, bool zero_mean, RandomNumbers& random
     for (Index i = 0; i < size; ++i) basis(i, j) = values((rows[size_t(i)] * (j + first)) % size);
   if (zero_mean) return basis;
 
-  // The best of a few random signs of the rows keeps the means of all columns small. No column shall look like a mean
-  // motion.
+  // The rows get random signs. The best of a few draws keeps the means of all columns small, so that no column looks
+  // like a mean motion.
   Vector signs;
   double smallest = std::numeric_limits<double>::infinity();
   for (int draw = 0; draw < 32; ++draw) {
@@ -150,13 +151,13 @@ Matrix orthogonal_inputs(const InputSizes& sizes, bool zero_mean, Index hold, Ra
   const Matrix basis = directions(sizes, zero_mean, random);
   const Index count = basis.cols();
   if (hold == 0) {
-    // Without noise a window has at most this rank. With as many experiments, its condition number has the heaviest
-    // tail.
+    // Without noise, this is the largest rank of a window. If the number of experiments equals this rank, large
+    // condition numbers are most frequent.
     const Index rank = r * (p + 1) + sizes.states;
     hold = std::max<Index>(1, 6 / (1 + std::max<Index>(0, count - rank)));
   }
 
-  // Directions that the last p steps do not use. The direction with the longest rest is in front.
+  // The directions that the last p steps do not use. The direction that was not used for the longest time is first.
   std::deque<Index> resting;
   for (const Index j : random.permutation(count)) resting.push_back(j);
   std::deque<Index> used;

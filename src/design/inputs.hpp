@@ -1,4 +1,4 @@
-// Makes inputs without a model: their columns across the experiments, within ±1.
+// Makes inputs without a model, within ±1, column by column across the experiments.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -15,7 +15,7 @@ struct InputSizes {
 Matrix gaussian_inputs(const InputSizes& sizes, RandomNumbers& random);
 Matrix binary_inputs(const InputSizes& sizes, RandomNumbers& random);
 Matrix multisine_inputs(const InputSizes& sizes, RandomNumbers& random);
-// With `zero_mean` every column sums to zero over the experiments. hold = 0: a rule chooses it.
+// With `zero_mean`, every column sums to zero over the experiments. With hold = 0, a rule chooses `hold`.
 Matrix orthogonal_inputs(const InputSizes& sizes, bool zero_mean, Index hold, RandomNumbers& random);
 
 }  // namespace tokid::design

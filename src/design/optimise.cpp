@@ -12,14 +12,15 @@ namespace tokid::design {
 
 namespace {
 
-// Weight of the size of the inputs. With 1, the objective is the condition number alone, for which small inputs are as
-// good as large ones. With 0, it is the information alone. With 0.5, inputs have twice the RMS value of the former, and
-// half the condition number of the latter.
+// The weight of the size of the inputs. With 1, the objective is the condition number alone, which is the same for
+// small and large inputs. With 0, the objective is the information alone. With 0.5, inputs have twice the RMS value of
+// those with 1, and half the condition number of those with 0.
 constexpr double power = 0.5;
 
-// log-mean of κ_k² = ‖W_k B_k‖_F^{2·power} ‖(W_k B_k)⁺‖²_F to the power q: q up to 1 weights all steps, a large q the
-// worst ones. B_k (L × rank) scales the channels of W_k by the outputs at the last rescale(), and spans its row space.
-// The model fixes this space; it has no directions that inputs cannot excite.
+// 1/q times the logarithm of the mean of κ_k^{2q}, with κ_k² = ‖W_k B_k‖_F^{2·power} ‖(W_k B_k)⁺‖²_F. An exponent q up
+// to 1 weights all steps, and a large q weights the worst steps. B_k (L × rank) spans the row space of W_k, and scales
+// the channels of W_k by the outputs at the last rescale(). The model determines this space. The space contains no
+// direction that inputs cannot excite.
 class WindowConditions {
  public:
   WindowConditions(const Model& model, const Vector& amplitude, const Windows& windows, const Execution& execution)
@@ -77,7 +78,8 @@ class WindowConditions {
       if (basis.cols() == 0) continue;
       by_sample.middleCols((k - lags(k)) * (r + m), basis.rows()) += weight(k) * slope[size_t(k)] * basis.transpose();
     }
-    // Runs backwards through the model: the gradient of outputs adds to the gradient of the inputs before them.
+    // Runs backwards through the model. The gradient with respect to outputs adds to the gradient of the earlier
+    // inputs.
     gradient.resize(e.experiments(), steps * r);
     Matrix state = Matrix::Zero(e.experiments(), model_.n(steps));
     for (Index k = steps; k-- > 0;) {
@@ -93,8 +95,8 @@ class WindowConditions {
   }
 
  private:
-  // Scales of the columns of a window. Inputs count by their limits, so that small inputs cannot balance a window.
-  // Outputs count by their size in this window, the same for all lags of a channel.
+  // Scales of the columns of a window. Inputs are scaled by their limits, so that small inputs cannot balance a window.
+  // Outputs are scaled by their size in this window, with the same scale for all lags of a channel.
   Vector scales(const Matrix& window, const Ensemble& e) const {
     const Index d = e.channels(), r = e.inputs();
     Vector scales = Vector::Zero(window.cols());
@@ -165,7 +167,7 @@ Matrix descend(Matrix x, Index iterations, const Progress& progress, Function&& 
     if (!lower) break;
     Pair pair{moved - x, next_gradient - gradient, 0.0};
     pair.product = dot(pair.step, pair.change);
-    // Without positive curvature along the step, the pair would spoil the next directions.
+    // Without positive curvature along the step, the pair would make the next directions worse.
     if (pair.product > 1e-10 * pair.step.norm() * pair.change.norm()) {
       if (pairs.size() == memory) pairs.pop_front();
       pairs.push_back(std::move(pair));
@@ -203,7 +205,8 @@ Matrix optimise(const Model& model, const Matrix& start, const Vector& amplitude
     });
   }
   const Matrix u = inputs(angle);
-  // A common factor of all inputs does not change a condition number. The inputs are scaled to reach the nearest limit.
+  // A common factor of all inputs does not change a condition number. Therefore the inputs are scaled until one reaches
+  // its limit.
   return u / (u.array() / limit.array()).abs().maxCoeff();
 }
 

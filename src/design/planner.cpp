@@ -40,14 +40,14 @@ namespace {
 // Squares and ratios of amplitudes and noise must stay within the range of double precision.
 constexpr double smallest_size = 1e-60, largest_size = 1e60;
 
-// The effort of a plan: memory, and operations. A thread does about 1e10 operations in a second.
+// The effort of a plan: memory, and operations. A thread does about 1e10 operations per second.
 struct Effort {
   double bytes = 0.0, operations = 0.0;
   bool within(const Effort& limit) const { return bytes <= limit.bytes && operations <= limit.operations; }
   std::string text() const { return fmt::format("{:.3g} GB of memory and {:.3g} s", bytes / 1e9, operations / 1e10); }
 };
 constexpr Effort most{8e9, 1e12};     // of any plan
-constexpr Effort unasked{4e8, 1e11};  // of one whose number of experiments follows from the noise alone
+constexpr Effort unasked{4e8, 1e11};  // of a plan whose number of experiments follows from the noise alone
 constexpr double window_work = 1e11;  // operations that the condition numbers of the inputs may take
 constexpr double optimised = 0.8;     // progress when the descent has ended
 
@@ -79,8 +79,8 @@ class Planner {
     take("outputs", options_.outputs, model_->outputs);
     if (options_.steps == 0) options_.steps = model_->k_end();
     if (options_.steps > model_->k_end())
-      throw std::invalid_argument(
-          fmt::format("steps: {} found, the model ends after {}", options_.steps, model_->k_end()));
+      throw std::invalid_argument(fmt::format("steps: {} found, at most {} needed, because the model ends there",
+                                              options_.steps, model_->k_end()));
     if (options_.dt == 0) options_.dt = model_->dt;
     if (!(std::abs(options_.dt - model_->dt) <= 1e-9 * model_->dt))
       throw std::invalid_argument(fmt::format("dt: {} s found, the model has {} s", options_.dt, model_->dt));
@@ -98,8 +98,8 @@ class Planner {
     if (o.lags == 0) o.lags = smallest;
     if (o.lags < smallest)
       throw std::invalid_argument(
-          fmt::format("lags: {} found, at least {} needed: {} outputs times p must reach {} states", o.lags, smallest,
-                      o.outputs, o.states));
+          fmt::format("lags: {} found, at least {} needed: {} outputs times the lag order p must be at least {} states",
+                      o.lags, smallest, o.outputs, o.states));
     unknown_ = o.initial_state.value_or(InitialState::zero) == InitialState::unknown;
     first_ = forecast_ = unknown_ ? o.lags : 0;
     full_ = o.lags;
@@ -107,8 +107,9 @@ class Planner {
     if (o.steps <= full_)
       throw std::invalid_argument(
           fmt::format("steps: {} found, at least {} needed for lag order {}{}", o.steps, full_ + 1, o.lags,
-                      full_ > o.lags ? fmt::format(" of a model that begins at step {}", model_->k_begin) : ""));
-    if (o.experiments < 0) throw std::invalid_argument(fmt::format("experiments: {} found", o.experiments));
+                      full_ > o.lags ? fmt::format(" with a model that begins at step {}", model_->k_begin) : ""));
+    if (o.experiments < 0)
+      throw std::invalid_argument(fmt::format("experiments: {} found, 0 (automatic) or more needed", o.experiments));
     for (const double a : o.amplitude)
       if (!(a >= smallest_size && a <= largest_size))
         throw std::invalid_argument(
@@ -133,10 +134,12 @@ class Planner {
     if (!(o.dt > 0 && std::isfinite(o.dt)))
       throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", o.dt));
     if (o.hold < 0 || o.iterations < 0)
-      throw std::invalid_argument(fmt::format("hold, iterations: {}, {} found", o.hold, o.iterations));
+      throw std::invalid_argument(
+          fmt::format("hold, iterations: {}, {} found, 0 or more needed", o.hold, o.iterations));
     plan_.kind = o.kind.value_or(model_ != nullptr ? InputKind::optimised : InputKind::orthogonal);
     if (plan_.kind == InputKind::optimised && model_ == nullptr)
-      throw std::invalid_argument("kind: optimised found, which needs a preliminary model");
+      throw std::invalid_argument(
+          "kind: optimised found, but no preliminary model, which it needs. State a model or another kind");
   }
 
   bool noisy() const { return options_.noise && (options_.noise->input > 0 || options_.noise->output > 0); }
@@ -166,7 +169,7 @@ class Planner {
     if (const Effort needed = effort(least); !needed.within(most))
       throw std::invalid_argument(
           fmt::format("sizes: {} experiments of {} steps with {} inputs and {} unknowns for every output and step need "
-                      "about {}; plans end at {}",
+                      "about {}, but a plan may need at most {}. Use smaller sizes",
                       least, o.steps, r, L, needed.text(), most.text()));
 
     const double c = o.white_condition, ratio = (c + 1) / (c - 1);
@@ -174,8 +177,9 @@ class Planner {
                 accurate = with_freedom(1 + double(L) / o.excess);
     plan_.recommended = white;
     std::string reason = fmt::format(
-        "windows of N = {:.3g} L white rows have a condition number near (√N + √L) / (√N - √L) = {:.3g}, square ones "
-        "have no bound; the inputs of a window are about as good, what the states add depends on the system",
+        "windows of N = {:.3g} L white rows have a condition number near (√N + √L) / (√N - √L) = {:.3g}, and those "
+        "of N = L rows have no bound; planned inputs are about as good as white ones, the effect of the states depends "
+        "on the system",
         ratio * ratio, c);
     if (noisy()) {
       plan_.recommended = std::max(white, accurate);
@@ -193,10 +197,10 @@ class Planner {
             "the expected error of the first Markov parameters falls with 1/√(N - L - 1), here to {:.3g} % of them",
             100 * o.markov_error);
         if (const Effort needed = effort(exact); o.experiments == 0 && !needed.within(unasked))
-          throw std::invalid_argument(
-              fmt::format("experiments: {} recommended, which would take about {}: {}; state how many shall be drawn "
-                          "instead (--experiments), {} at least",
-                          exact, needed.text(), reason, plan_.minimum));
+          throw std::invalid_argument(fmt::format(
+              "experiments: {} recommended, but a plan of so many takes about {}. Reason: {}. State a smaller "
+              "number (--experiments), at least {}",
+              exact, needed.text(), reason, plan_.minimum));
       }
     }
     plan_.reasons.push_back(fmt::format("recommended {}: {}", plan_.recommended, reason));
@@ -210,7 +214,8 @@ class Planner {
         100 * options_.excess);
   }
 
-  // Number of experiments with so many degrees of freedom, limited to a number that is exact in double precision.
+  // The number of experiments that leaves `freedom` degrees of freedom, limited to a number that double represents
+  // exactly.
   Index with_freedom(double freedom) const {
     constexpr double countable = 1e15;
     const double number = double(plan_.minimum) + std::ceil(freedom - 1e-9);
@@ -228,7 +233,7 @@ class Planner {
   }
 
   Index descents(double N) const {
-    // The limit is about ten seconds of work, because large plans gain little.
+    // The limit is about ten seconds of work, because further iterations improve a large plan only little.
     const auto L = double(plan_.unknowns);
     return static_cast<Index>(
         std::min(double(options_.iterations), 1 + 5e9 / (20 * double(options_.steps) * N * L * L)));
@@ -298,7 +303,7 @@ class Planner {
     inputs_ = kind_inputs(plan_.kind, N);
     if (model_ != nullptr && !design::response(*model_, inputs_).samples().allFinite())
       throw std::invalid_argument(
-          fmt::format("steps: {} found, on which the outputs of the model grow beyond all numbers", o.steps));
+          fmt::format("steps: {} found, but within them the outputs of the model overflow. Use fewer steps", o.steps));
     if (plan_.kind == InputKind::optimised) {
       Matrix better = design::optimise(*model_, inputs_, amplitude_, {o.lags, forecast_, o.nominal},
                                        descents(double(N)), {o.execution.threads, part(0.0, optimised)});
@@ -338,7 +343,7 @@ class Planner {
         [progress = options_.execution.progress, begin, end](double share) { progress(begin + (end - begin) * share); };
   }
 
-  // Evaluates the inputs by themselves.
+  // Evaluates the inputs alone, without a model.
   void forecast_inputs() {
     const PlanOptions& o = options_;
     const Index N = inputs_.rows(), r = o.inputs, steps = o.steps;
@@ -361,7 +366,7 @@ class Planner {
     const Index freedom = N - plan_.minimum;
     plan_.excess = freedom > 1 ? double(plan_.unknowns) / double(freedom - 1) : std::numeric_limits<double>::infinity();
 
-    // Evaluates all windows. If that takes too long, it evaluates some evenly spread windows, including the last one.
+    // Evaluates all windows. If this takes too long, it evaluates some evenly spread windows, including the last one.
     const Index windows = steps - first_;
     const Index sampled = std::clamp<Index>(static_cast<Index>(window_work / window_effort(double(N))), 1, windows);
     if (sampled < windows)
@@ -409,7 +414,7 @@ class Planner {
     plan_.markov_error = freedom > 1 ? noise.markov_error / std::sqrt(double(freedom - 1)) : nan;
   }
 
-  // Is the model accurate enough to optimise with? The bound comes from experience, see docs/math.md.
+  // Is the model accurate enough for an optimisation? The bound comes from experience (docs/math.md).
   void check_model(const Ensemble& known) {
     constexpr double noise = 0.025;
     if (plan_.kind != InputKind::optimised || !model_->has(&Step::has_innovation_cov)) return;
@@ -426,13 +431,14 @@ class Planner {
     const PlanOptions& o = options_;
     const Index N = inputs_.rows(), p = o.lags;
     if (unknown_)
-      plan_.reasons.push_back(
-          fmt::format("unknown initial states: steps 0 to {} serve as lags only, a model of the data begins at step {}",
-                      first_ - 1, first_));
+      plan_.reasons.push_back(fmt::format(
+          "unknown initial states: steps 0 to {} have no regression and serve only as lags, so a model of the "
+          "data begins at step {}",
+          first_ - 1, first_));
     else
       plan_.reasons.push_back(
           fmt::format("zero initial states: {} can have moved {} from step {} on; windows before step {} have a lower "
-                      "rank, as they must",
+                      "rank, because the inputs have not yet moved all states",
                       words::plural(o.inputs, "input"), words::plural(o.states, "state"),
                       (o.states + o.inputs - 1) / o.inputs, p + (o.states + o.inputs - 1) / o.inputs));
     if (N == plan_.minimum)

@@ -16,10 +16,10 @@ namespace {
 void check_square(const ConstMatrixRef& a) {
   if (a.rows() != a.cols())
     throw std::invalid_argument(
-        fmt::format("a: {} rows and {} columns found, a square one needed", a.rows(), a.cols()));
+        fmt::format("a: {} rows and {} columns found, a square matrix needed", a.rows(), a.cols()));
 }
 
-// False if there is no solution. Eigen would then leave its results uninitialised.
+// False if `a` is not finite or the iteration does not converge. The results of the solver are then uninitialised.
 bool solves(Eigen::EigenSolver<Matrix>& solver, const ConstMatrixRef& a, bool with_vectors) {
   return a.allFinite() && solver.compute(a, with_vectors).info() == Eigen::Success;
 }

@@ -10,11 +10,11 @@
 
 namespace tokid::linalg {
 
-// Arrays of vectors of `lanes` numbers in one block of memory. Each array starts on a cache line if `lanes` numbers
-// fill one.
+// Arrays of vectors of `lanes` numbers in one block of memory. If a vector fills a cache line, each vector is one cache
+// line.
 class LaneMemory {
  public:
-  // The pointers to set, and the number of vectors of each array.
+  // `arrays`: for each array, the pointer that gets its address, and its number of vectors.
   LaneMemory(Index lanes, std::initializer_list<std::pair<double**, Index>> arrays) {
     constexpr std::uintptr_t cache_line = 64;
     Index total = 0;

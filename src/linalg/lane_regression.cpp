@@ -17,8 +17,8 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-// Gathers rows × cols entries of every lane. Columns are contiguous, with space for `room` rows; the rows after `rows`
-// become zero.
+// Copies rows × cols entries of every lane to x, one vector for each entry. A column of x has `room` rows. The rows
+// after `rows` become zero.
 void gather(const double* samples, size_t stride, size_t offset, size_t rows, size_t cols, size_t room, double* x) {
   const Tag tag;
   for (size_t j = 0; j < cols; ++j) {
@@ -42,7 +42,8 @@ void Regress(const double* samples, size_t stride, size_t offset, size_t rows, s
     gather(samples + begin, stride, offset, count, cols, even, x);
     absorb(x, even, cols, r);
   }
-  // Computes R_ll⁻¹ column by column, and the norms of both for columns of norm 1: R diag(1/c), diag(c) R⁻¹.
+  // Computes R_ll⁻¹ column by column, and the condition of R_ll with columns of norm 1. With the norms c of the columns
+  // of R_ll, this is ‖R_ll diag(1/c)‖_F ‖diag(c) R_ll⁻¹‖_F.
   Vec total = hn::Zero(tag), inverse_total = hn::Zero(tag);
   for (size_t j = 0; j < left; ++j) {
     Vec square = hn::Zero(tag);
@@ -83,11 +84,11 @@ HWY_AFTER_NAMESPACE();
 namespace tokid::linalg {
 
 namespace {
-// Entries of a lane's samples that are absorbed at once. Those of eight lanes take 32 KiB. The number is the same on
-// every machine, so that the sums have the same order everywhere.
+// The number of entries of one lane that are absorbed at once. The entries of eight lanes take 32 KiB. The number is
+// the same on every machine, so that the sums have the same order everywhere.
 constexpr Index piece_entries = 512;
 
-// Rows of a piece: an even number, the same for all pieces.
+// The number of rows of every piece. It is even, because absorb() takes rows in pairs.
 Index piece_of(Index rows, Index cols) {
   const Index most = std::max<Index>(8, piece_entries / cols), pieces = std::max<Index>(1, (rows + most - 1) / most);
   const Index piece = (rows + pieces - 1) / pieces;
@@ -97,7 +98,7 @@ Index piece_of(Index rows, Index cols) {
 
 Index LaneRegression::lanes() { return Index(TOKID_KERNEL(Lanes)()); }
 
-// With more columns, a piece has fewer rows than columns, and its reflections absorb little.
+// A piece of 32 columns has 16 rows. With more columns a piece has fewer rows, and a reflection absorbs too little.
 Index LaneRegression::most_columns() { return 32; }
 
 LaneRegression::LaneRegression(Index rows, Index left, Index right)

@@ -19,7 +19,8 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-// Rotates the columns p and q, of n entries, so that they are orthogonal. Returns the lanes in which they were not.
+// Rotates the columns p and q (n entries) so that they become orthogonal. Returns the lanes in which they were not
+// orthogonal before.
 HWY_INLINE hn::Mask<Tag> rotate(double* p, double* q, size_t n, Vec tolerance) {
   const Tag tag;
   const Vec one = hn::Set(tag, 1.0);
@@ -30,12 +31,14 @@ HWY_INLINE hn::Mask<Tag> rotate(double* p, double* q, size_t n, Vec tolerance) {
     square_q = hn::MulAdd(b, b, square_q);
     product = hn::MulAdd(a, b, product);
   }
-  // Smaller squares have lost digits; such columns count as not found.
+  // With norms below this product, the squares have lost digits. The columns are not rotated, and run() then marks the
+  // matrix as not found.
   constexpr double least = 1e-260;
   const Vec norms = hn::Mul(hn::Sqrt(square_p), hn::Sqrt(square_q));
   const auto turn = hn::And(hn::Gt(hn::Abs(product), hn::Mul(tolerance, norms)), hn::Gt(norms, hn::Set(tag, least)));
   if (hn::AllFalse(tag, turn)) return turn;
-  // tan 2φ = 2 product / (square_q - square_p), with the smaller of its two angles; other lanes do not change.
+  // The rotation angle φ: tan 2φ = 2 product / (square_q - square_p), the smaller of the two solutions. Lanes with
+  // orthogonal columns do not change.
   const Vec zeta = hn::Div(hn::Sub(square_q, square_p), hn::Mul(hn::Set(tag, 2.0), product));
   const Vec size = hn::Abs(zeta), root = hn::Sqrt(hn::MulAdd(zeta, zeta, one));
   const Vec tangent = hn::CopySign(hn::Div(one, hn::Add(size, root)), zeta);
@@ -48,18 +51,19 @@ HWY_INLINE hn::Mask<Tag> rotate(double* p, double* q, size_t n, Vec tolerance) {
   return turn;
 }
 
-// a: Aᵀ (even × rows); r: packed triangle with `count` valid rows; l: L (rows × count), with columns U Σ; norm: Σ, NaN
-// if it was not found
+// Decomposes A = U Σ Vᵀ of every lane. a: Aᵀ (even × rows); r: packed triangle with `count` valid rows; l: L (rows ×
+// count), which becomes U Σ; norm: Σ, or NaN if the rotations do not converge
 void Decompose(double* a, size_t even, size_t rows, size_t count, double* r, double* l, double* norm) {
   const Tag tag;
   for (size_t i = 0; i < rows * (rows + 1) / 2; ++i) store(hn::Zero(tag), r, i);
   absorb(a, even, rows, r);
   for (size_t j = 0; j < count; ++j)
     for (size_t i = 0; i < rows; ++i) store(i < j ? hn::Zero(tag) : load(r, packed(j, i)), l, j * rows + i);
-  // Rounding errors of the products, which no rotation can remove.
+  // The rounding error of the product of two columns of norm 1. No rotation can make the product smaller.
   const Vec tolerance = hn::Set(tag, double(std::max<size_t>(rows, 4)) * std::numeric_limits<double>::epsilon());
-  constexpr int most_sweeps = 40;  // five or six are usual
-  // Finished lanes do not change while others are rotated. No lane thus depends on another one.
+  constexpr int most_sweeps = 40;  // five or six are mostly enough
+  // A lane with orthogonal columns does not change while other lanes are rotated. Thus its result does not depend on
+  // them.
   const auto none = hn::Lt(tolerance, tolerance);
   auto turned = none;
   for (int sweep = 0; sweep < most_sweeps; ++sweep) {
@@ -108,7 +112,7 @@ void LaneSvd::run() {
     for (Index i = 0; i < rows_; ++i)
       for (Index l = 0; l < lanes_; ++l) entry(l, i, cols_) = 0.0;
   TOKID_KERNEL(Decompose)(a_, size_t(even_), size_t(rows_), size_t(count_), r_, l_, norm_);
-  // Between these bounds, the squares of rounding errors are normal numbers too.
+  // Between these bounds, squares of the singular values and squares of their rounding errors are normal numbers.
   constexpr double least = 1e-130, most = 1e150;
   for (Index l = 0; l < lanes_; ++l) {
     bool found = true;

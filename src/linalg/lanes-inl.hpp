@@ -1,5 +1,5 @@
-// Vectors that hold one entry of several matrices, one in each lane, and the kernel that reduces these matrices to
-// triangles. The file is included once for each instruction set; therefore its guard toggles.
+// Vectors that contain one entry of several matrices, one matrix in each lane, and the kernel that reduces these
+// matrices to triangles. Highway includes this file once for each instruction set. Therefore its include guard toggles.
 // SPDX-License-Identifier: BSD-3-Clause
 
 // NOLINTBEGIN(misc-definitions-in-headers)
@@ -27,7 +27,7 @@ HWY_INLINE Vec load(const double* list, size_t entry) { return hn::Load(Tag(), l
 HWY_INLINE void store(Vec v, double* list, size_t entry) { hn::Store(v, Tag(), list + entry * lanes); }
 HWY_INLINE size_t packed(size_t i, size_t j) { return j * (j + 1) / 2 + i; }
 
-// Turns the entries 0 … lanes-1 of `lanes` columns, `offset` apart, into vectors, one for each entry.
+// Reads the entries 0 … lanes-1 of `lanes` columns, which are `offset` numbers apart. Writes one vector for each entry.
 HWY_INLINE void transpose(const double* from, size_t offset, double* to) {
   const Tag tag;
   Vec a[lanes];
@@ -36,7 +36,7 @@ HWY_INLINE void transpose(const double* from, size_t offset, double* to) {
 #if HWY_TARGET == HWY_SCALAR
   store(a[0], to, 0);
 #else
-  Vec b[lanes];  // pairs of entries 2i, 2i+1 of lanes 2j, 2j+1
+  Vec b[lanes];  // b[l]: even entries of columns l and l+1; b[l+1]: their odd entries
 #pragma GCC unroll 8
   for (size_t l = 0; l < lanes; l += 2) {
     b[l] = hn::InterleaveLower(tag, a[l], a[l + 1]);
@@ -51,7 +51,7 @@ HWY_INLINE void transpose(const double* from, size_t offset, double* to) {
       store(hn::ConcatUpperUpper(tag, b[2 + h], b[h]), to, 2 + h);
     }
   } else {
-    for (size_t h = 0; h < 2; ++h) {  // blocks of 128 bits: entries h, 2+h, 4+h, 6+h of two lanes each
+    for (size_t h = 0; h < 2; ++h) {  // b has blocks of 128 bits: entries h, 2+h, 4+h, 6+h of two columns
       const Vec low0 = hn::ConcatLowerLower(tag, b[4 + h], b[h]), low1 = hn::ConcatLowerLower(tag, b[6 + h], b[2 + h]);
       const Vec up0 = hn::ConcatUpperUpper(tag, b[4 + h], b[h]), up1 = hn::ConcatUpperUpper(tag, b[6 + h], b[2 + h]);
       store(hn::OddEvenBlocks(hn::SwapAdjacentBlocks(low1), low0), to, h);
@@ -63,8 +63,8 @@ HWY_INLINE void transpose(const double* from, size_t offset, double* to) {
 #endif
 }
 
-// The reflection I - τ [1; s v] [1; s v]ᵀ. It zeroes a column v below `pivot`, and `pivot` becomes `beta`. For a zero
-// column it is I.
+// The reflection I - τ [1; s v] [1; s v]ᵀ with τ = `tau`, s = `scale`. It turns [pivot; v] into [beta; 0]. If v is
+// zero, the reflection is I.
 struct Reflection {
   Vec beta, tau, scale;
 
@@ -78,12 +78,13 @@ struct Reflection {
     tau = hn::IfThenElse(none, zero, hn::Sub(one, hn::Div(pivot, opposite)));
     scale = hn::IfThenElse(none, zero, hn::Div(one, hn::Sub(pivot, opposite)));
   }
-  // The amount that the reflection subtracts from a number `upper` above a column x with product = vᵀx. Times v, it is
-  // subtracted from x.
+  // The reflection of a column [upper; x] with product = vᵀx. It subtracts this amount from `upper`, and s v times this
+  // amount from x.
   Vec taken(Vec upper, Vec product) const { return hn::Mul(tau, hn::MulAdd(scale, product, upper)); }
 };
 
-// Applies the reflections of columns i and i+1, with v and w, to the columns j … j+columns-1 of x at once; cross = vᵀw.
+// Applies two reflections at once to the columns j … j+columns-1: `first` of column i with v, and `second` of column
+// i+1 with w. cross = vᵀw.
 template <size_t columns>
 HWY_INLINE void reflect(const double* v, const double* w, double* x, size_t rows, const Reflection& first,
                         const Reflection& second, Vec cross, double* r, size_t i, size_t j) {

@@ -21,7 +21,8 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 Svd svd(const ConstMatrixRef& a) {
   if (a.size() == 0) return {Matrix(a.rows(), 0), Vector(0), Matrix(a.cols(), 0)};
-  // BDCSVD is not used: that of Eigen 3.4 returns wrong vectors for some exactly rank-deficient matrices, such as H_k.
+  // Eigen's BDCSVD is not used. In Eigen 3.4, it returns wrong vectors for some exactly rank-deficient matrices, such
+  // as the Hankel matrices H_k.
   const Eigen::JacobiSVD<Matrix> decomposition(a, Eigen::ComputeThinU | Eigen::ComputeThinV);
   return {decomposition.matrixU(), decomposition.singularValues(), decomposition.matrixV()};
 }
@@ -34,7 +35,7 @@ Vector singular_values(const ConstMatrixRef& a) {
 Matrix triangular_factor(Matrix& a) {
   const Index size = std::min(a.rows(), a.cols());
   if (size == 0) return Matrix(0, a.cols());
-  constexpr Index cached = Index{1} << 15;  // entries in 256 KiB; larger matrices are factored in blocks of columns
+  constexpr Index cached = Index{1} << 15;  // entries in 256 KiB; Eigen factorises larger matrices in blocks of columns
   if (a.size() > cached) {
     const Eigen::HouseholderQR<Eigen::Ref<Matrix>> in_place(a);
   } else {
@@ -106,7 +107,7 @@ MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, doubl
   result.condition = rank > 0 ? Matrix(t).norm() * t_inverse.norm() : 0.0;
   Matrix padded = Matrix::Zero(a.cols(), rank);
   padded.topRows(rank) = t_inverse;
-  if (rank < a.cols()) padded = cod.matrixZ().adjoint() * padded;  // at full rank Z is not formed
+  if (rank < a.cols()) padded = cod.matrixZ().adjoint() * padded;  // at full rank, Eigen does not form Z
   result.inverse_t = cod.colsPermutation() * padded;
   return result;
 }
@@ -148,7 +149,8 @@ std::optional<Matrix> covariance_factor(const ConstMatrixRef& s) {
   if ((correlation - correlation.transpose()).cwiseAbs().maxCoeff() > rounding ||
       decomposition.values.minCoeff() < -rounding)
     return std::nullopt;
-  // A rounding error of zero must not become its root, 1e-8: a direction without variance stays without.
+  // An eigenvalue that is zero within rounding (1e-16) must not get the root 1e-8. It becomes zero: a direction without
+  // variance then stays without variance.
   const Vector& values = decomposition.values;
   const double zero = 4 * epsilon * double(s.rows()) * values(values.size() - 1);
   return size.asDiagonal() * decomposition.vectors *

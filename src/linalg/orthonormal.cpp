@@ -10,13 +10,13 @@ namespace tokid::linalg {
 
 namespace {
 
-// Columns that are computed together, and rows that stay in the cache.
+// The number of columns that are computed together, and the number of rows that stay in the cache.
 constexpr Index width = 8, height = 256;
 
-// q R⁻¹; a column with a zero on the diagonal becomes zero.
+// q = q R⁻¹. A column of q becomes zero if the diagonal entry of R is zero.
 void divide(Matrix& q, const RowAbsorption& r) {
   const Index cols = q.cols();
-  Matrix above(width, cols);  // R of the present columns, transposed
+  Matrix above(width, cols);  // R above the present diagonal block, transposed
   for (Index top = 0; top < q.rows(); top += height) {
     auto rows = q.middleRows(top, std::min(height, q.rows() - top));
     for (Index begin = 0; begin < cols; begin += width) {

@@ -11,13 +11,14 @@
 
 namespace tokid::linalg {
 
-// Computes I - τ [1; v] [1; v]ᵀ, which turns a column [pivot; tail] into [β; 0]. pivot becomes β and tail becomes v;
+// Computes the reflection I - τ [1; v] [1; v]ᵀ that turns a column [pivot; tail] into [β; 0]. pivot becomes β, and tail
+// becomes v.
 // \return τ, or 0 if the tail is zero.
 inline double make_reflection(double& pivot, double* tail, Index length) {
   Eigen::Map<Vector> v(tail, length);
   double scale = 1.0, squares = v.squaredNorm();
-  // Squares below `least` lose digits, and squares above `most` may overflow: the column is then scaled by a power of
-  // two.
+  // Squares below `least` lose digits, and squares above `most` may overflow. In both cases the column is scaled by a
+  // power of two.
   constexpr double least = std::numeric_limits<double>::min() / std::numeric_limits<double>::epsilon();
   constexpr double most = std::numeric_limits<double>::max() / 4;
   if (!(squares >= least && pivot * pivot + squares <= most) && !std::isnan(squares)) {
@@ -36,7 +37,7 @@ inline double make_reflection(double& pivot, double* tail, Index length) {
   return tau;
 }
 
-// Columns whose first entry is stored apart from the others.
+// Columns whose first entry is stored apart from the other entries.
 struct Columns {
   double* first;
   Index first_stride;
@@ -44,7 +45,7 @@ struct Columns {
   Index rest_stride;
 };
 
-// `count` neighbouring columns at once, so that v is read once for all of them.
+// Reflects `count` neighbouring columns at once, so that v is read once for all of them.
 template <size_t count>
 void reflect_together(const double* v, Index length, double tau, const Columns& columns) {
   using Pair = Eigen::Array2d;

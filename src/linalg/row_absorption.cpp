@@ -23,12 +23,12 @@ using Vec = hn::Vec<Tag>;
 
 constexpr size_t lanes = HWY_LANES(double);
 constexpr size_t width = RowAbsorption::width;
-// Squares outside this range, or products with other columns, may have lost digits.
+// Outside this range, the square of a column, or its products with other columns, may have lost digits.
 constexpr double smallest_square = 1e-120, largest_square = 1e120;
 // A tile of this many rows × vectors stays in registers.
 constexpr size_t tile_rows = HWY_TARGET == HWY_AVX3 ? 8 : 4, tile_vectors = 2;
 
-// c (tile_rows × vectors) = from ± a·b; a(i, k) = a[i·row + k·col], the others with contiguous rows.
+// c = from ± a·b for one tile. a(i, k) = a[i·row + k·col]; the rows of b, c and `from` are contiguous.
 template <size_t vectors, bool minus>
 HWY_INLINE void tile(const double* HWY_RESTRICT a, size_t row, size_t col, size_t depth, const double* HWY_RESTRICT b,
                      size_t b_stride, const double* from, double* c, size_t c_stride) {
@@ -56,7 +56,7 @@ HWY_INLINE void tile(const double* HWY_RESTRICT a, size_t row, size_t col, size_
     for (size_t v = 0; v < vectors; ++v) hn::StoreU(sum[i][v], tag, c + i * c_stride + v * lanes);
 }
 
-// The same for blocks of whole tiles, all with rows of `width` entries.
+// As tile(), for a block of whole tiles. The rows of b, c and `from` have `width` entries.
 template <bool minus>
 HWY_INLINE void multiply(size_t rows, const double* a, size_t row, size_t col, size_t depth, const double* b,
                          const double* from, double* c) {
@@ -66,7 +66,8 @@ HWY_INLINE void multiply(size_t rows, const double* a, size_t row, size_t col, s
                                 width);
 }
 
-// Applies the reflections to a block of columns to the right of a panel: w = R + Vᵀ x, R -= Tᵀ w, x -= V Tᵀ w.
+// Applies the reflections of a panel to a block of columns [R; x] on its right: w = R + Vᵀ x, R -= Tᵀ w, x -= V Tᵀ w. V
+// and T come from factor_panel().
 void reflect(const double* v, const double* t_transposed, size_t rows, double* r, double* x) {
   HWY_ALIGN double w[width * width];
   HWY_ALIGN double tw[width * width] = {};
@@ -78,10 +79,10 @@ void reflect(const double* v, const double* t_transposed, size_t rows, double* r
   multiply<true>(rows, v, width, 1, width, tw, x, x);
 }
 
-// The reflections that zero the columns begin … end-1 of a panel x (rows × width) below the block r on the diagonal of
-// R, one after the other:
-//   H_i = I - τ_i [e_i; v_i] [e_i; v_i]ᵀ,   H_0 H_1 … = I - [E; V] T [E; V]ᵀ
-// The v_i replace the columns of the panel, the others become zero; T is stored transposed.
+// Zeroes the columns begin … end-1 of a panel x (rows × width) below r, a block on the diagonal of R. Each column has
+// its own reflection:
+// H_i = I - τ_i [e_i; v_i] [e_i; v_i]ᵀ, H_0 H_1 … = I - [E; V] T [E; V]ᵀ
+// The vectors v_i replace these columns of the panel, and its other columns become zero. T is stored transposed.
 void factor_panel(double* HWY_RESTRICT x, size_t rows, size_t begin, size_t end, double* r, double* t_transposed) {
   constexpr size_t vectors = width / lanes;
   const Tag tag;
@@ -108,7 +109,7 @@ void factor_panel(double* HWY_RESTRICT x, size_t rows, size_t begin, size_t end,
     multiply_with(i);
     double unit = 1.0, pivot = row[i];
     if (!(products[i] > smallest_square && products[i] + pivot * pivot < largest_square)) {
-      // The square is out of range: the column is scaled, and the step repeated.
+      // The square is out of range: the column is scaled, and its products are computed again.
       double largest = 0.0;
       for (size_t k = 0; k < rows; ++k) largest = std::max(largest, std::abs(x[k * width + i]));
       if (!(largest > 0) && !std::isnan(products[i])) continue;  // nothing to absorb
@@ -153,7 +154,7 @@ void factor_panel(double* HWY_RESTRICT x, size_t rows, size_t begin, size_t end,
     }
 }
 
-// Absorbs the rows x, in blocks of `width` columns, into r from column `begin` to column `n`.
+// Absorbs the rows x, stored in blocks of `width` columns, into the columns begin … n-1 of r.
 void Absorb(double* r, size_t begin, size_t n, double* x, size_t rows) {
   HWY_ALIGN double t_transposed[width * width];
   const size_t blocks = (n + width - 1) / width;
@@ -166,8 +167,9 @@ void Absorb(double* r, size_t begin, size_t n, double* x, size_t rows) {
   }
 }
 
-// b (n × cols, padded to whole vectors) = r⁻¹ b, from the last row up: a tile of rows for all rows below at once, then
-// row by row. An upper triangular b stays upper triangular.
+// b = r⁻¹ b (n × cols, padded to whole vectors), from the last rows up. All rows below a tile of rows are subtracted
+// from the tile at once. Then the rows of the tile are solved one by one. With `triangular`, b is upper triangular and
+// stays so.
 void BackSubstitute(const double* r, size_t n, size_t r_stride, double* b, size_t cols, size_t stride,
                     bool triangular) {
   const Tag tag;
@@ -204,9 +206,9 @@ namespace tokid::linalg {
 
 namespace {
 
-// Rows are absorbed in multiples of `whole_rows` …
+// The number of absorbed rows is padded to a multiple of `whole_rows`.
 constexpr Index whole_rows = 8;
-// … and at most `rows_at_once` at once: they stay in the second-level cache together with R.
+// At most this many rows are absorbed at once. They stay in the second-level cache together with R.
 constexpr Index rows_at_once = 192;
 
 }  // namespace

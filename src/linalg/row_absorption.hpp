@@ -1,5 +1,5 @@
 // The kernel of all large factorisations, in vector instructions that are chosen at run time. Matrices are row-major
-// here: a vector holds neighbouring columns, so that no sum runs across its lanes.
+// here: a vector contains neighbouring columns, so that no sum runs across the lanes of a vector.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,18 +11,19 @@ namespace tokid::linalg {
 
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// An upper triangular matrix (n × n) that absorbs rows: R becomes the triangular factor of [R; rows] by blocked
-// Householder reflections, 2 n² operations for each row. A tall matrix is absorbed in pieces that stay in the cache.
+// An upper triangular matrix R (n × n) that absorbs rows: R becomes the triangular factor of [R; rows] by blocked
+// Householder reflections, with 2 n² operations for each row. A tall matrix is absorbed in pieces that stay in the
+// cache.
 class RowAbsorption {
  public:
-  // Sets the triangle to zero. It does not allocate if it had a larger size before.
+  // Sets the triangle to zero. This allocates no memory if an earlier size was as large.
   void reset(Index n);
   Index size() const { return n_; }
 
   // Absorbs the rows of a column-major matrix (any number × n), with columns multiplied by `scales` (n) if given.
   void absorb(const ConstMatrixRef& rows, const double* scales = nullptr);
-  // Drops the columns begin … begin+count-1 of a factor; the columns before `begin` must be dropped already. The rows
-  // of the dropped columns are absorbed by the following ones.
+  // Drops the columns begin … begin+count-1 of a factor. The columns before `begin` must be dropped already. The
+  // remaining columns absorb the rows of the dropped columns.
   void drop(Index begin, Index count);
 
   double operator()(Index i, Index j) const {  // i ≤ j
@@ -31,8 +32,8 @@ class RowAbsorption {
 
   Matrix factor() const;  // (n × n)
 
-  // Columns are stored in blocks of this width, each with contiguous rows down to the diagonal. Products of blocks then
-  // read memory in order for any n.
+  // Columns are stored in blocks of this width. A block has contiguous rows, down to the diagonal. Products of blocks
+  // thus read memory in order for any n.
   static constexpr Index width = 16;
   static constexpr size_t offset(Index block) { return size_t(width * width * block * (block + 1) / 2); }
 
@@ -43,7 +44,7 @@ class RowAbsorption {
   std::vector<double> r_, piece_;
 };
 
-// Number of columns of a matrix whose rows are whole vectors, for n used columns.
+// The number of stored columns for n used columns: every row consists of whole vectors.
 constexpr Index whole_vectors(Index n) { return (n + 7) / 8 * 8; }
 
 // b = r⁻¹ b for the upper triangle of r (n × whole_vectors(n)) without a zero on the diagonal, b (n × whole vectors).

@@ -14,8 +14,9 @@ namespace {
 
 Target of_this_machine() {
 #if defined(__x86_64__) && !defined(__SSE4_2__)
-  // The features with which Highway compiles these targets. The code asks the processor, because not every compiler has
-  // the library that __builtin_cpu_supports needs. XCR0 says which registers the operating system saves.
+  // Asks the processor for the features with which Highway compiles its targets. __builtin_cpu_supports is not used,
+  // because not every compiler has the library that it needs. The register XCR0 says which registers the operating
+  // system saves.
   const auto has = [](unsigned word, unsigned bits) { return (word & bits) == bits; };
   constexpr unsigned saves_avx = 0x06, saves_avx512 = 0xe6;
   unsigned a = 0, b = 0, c = 0, d = 0, saved = 0;

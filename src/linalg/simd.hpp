@@ -1,12 +1,13 @@
 // The instruction sets of the kernels, and their choice at run time. Kernels include this file before
-// <hwy/foreach_target.h>. Only the headers of Highway are used: its library would measure the clock for 4 ms at the
+// <hwy/foreach_target.h>. Only the headers of Highway are used, because its library measures the clock for 4 ms at the
 // start of every program.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-// AVX-512, AVX2, SSE4 and the baseline are enough. Vectors of a length that the compiler does not know can't be kept in
-// arrays of registers; the bits below HWY_AVX3 are newer variants of it. Processors other than x86_64 have only the
-// baseline, which is NEON on arm64.
+// The kernels are compiled for AVX-512, AVX2, SSE4 and the baseline. SVE and RVV are disabled: the compiler does not
+// know the length of their vectors, and cannot keep arrays of such vectors in registers. The bits below HWY_AVX3 are
+// newer variants of AVX-512, which are not needed. Processors other than x86_64 have only the baseline, which is NEON
+// on arm64.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | (HWY_AVX3 - 1) | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #if !defined(__x86_64__)
 #define HWY_COMPILE_ONLY_STATIC
@@ -17,7 +18,7 @@
 
 namespace tokid::simd {
 
-// From the oldest to the newest; the whole program is compiled for the baseline.
+// From the oldest to the newest. Code outside the kernels is compiled for the baseline.
 enum class Target { baseline, sse4, avx2, avx512 };
 
 // The best instruction set of this machine, unless a test has limited it.
@@ -31,7 +32,7 @@ std::string_view to_string(Target target);
 
 }  // namespace tokid::simd
 
-// The kernel of this name compiled for target(), for use where HWY_ONCE holds. Targets below the baseline are not
+// The kernel of this name, compiled for target(). Use it only within #if HWY_ONCE. Targets below the baseline are not
 // compiled.
 #if defined(__x86_64__) && !defined(__SSE4_2__)
 #define TOKID_KERNEL(name)                                                  \

@@ -8,10 +8,10 @@ namespace tokid::linalg {
 
 namespace {
 
-// Pivots below this share of their variance, times n, are rounding errors.
+// A pivot is a rounding error if it is below this factor, times n, times the variance of its row.
 constexpr double rounding = 4 * std::numeric_limits<double>::epsilon();
 
-// The lower Cholesky factor in place; a column is zero if nothing of its variance is left.
+// Replaces l by its lower Cholesky factor. A column becomes zero if its pivot is a rounding error.
 void cholesky(Matrix& l) {
   const Index n = l.rows();
   for (Index j = 0; j < n; ++j) {
@@ -38,7 +38,7 @@ double inverse_root(const Matrix& s, Matrix& w) {
   w = s;
   cholesky(w);
   double log_det = 0.0;
-  // Row by row from above: row i of the inverse needs the rows above it and row i of the factor.
+  // Computes the inverse from the first row down: its row i needs the rows above it and row i of the factor.
   for (Index i = 0; i < w.rows(); ++i) {
     if (w(i, i) == 0) {
       w.row(i).head(i).setZero();

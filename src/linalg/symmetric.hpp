@@ -10,17 +10,20 @@ namespace tokid::linalg {
 void symmetrise(Matrix& a);
 
 // W (n × n, lower triangular) with W·S·Wᵀ = I; returns log det S. A direction whose variance is zero, or a rounding
-// error, has a zero row in W and no part in the determinant. W·Wᵀ is then a generalised inverse of S.
+// error, has a zero row in W and does not count in the determinant. Wᵀ·W is then a generalised inverse of S.
 double inverse_root(const Matrix& s, Matrix& w);
 
-// U (n × n, upper triangular) with Uᵀ·U = S, for a positive semidefinite S; rows without variance are zero.
+// U (n × n, upper triangular) with Uᵀ·U = S, for a positive semidefinite S. The row of a direction without variance is
+// zero.
 Matrix upper_root(const Matrix& s);
 
-// The covariance closest to S in likelihood whose variances are at least those of F = diag(floor): the eigenvalues of
-// F^{-1/2} S F^{-1/2} below 1 are raised to 1. `raised` is set to true if any was raised.
+// The most likely covariance for the sample covariance S that has at least the variance of F = diag(floor) in every
+// direction. The eigenvalues of F^{-1/2} S F^{-1/2} below 1 are raised to 1. `raised` is set to true if any eigenvalue
+// was raised.
 Matrix bounded_below(const Matrix& s, const Vector& floor, bool* raised = nullptr);
 
-// log(W·S·Wᵀ) for an invertible W, and the S of a given logarithm: unbounded coordinates of covariances.
+// log(W·S·Wᵀ) for an invertible W, and the S that has a given logarithm. The logarithm may be any symmetric matrix, so
+// that an iteration can change it freely.
 Matrix logarithm(const Matrix& s, const Matrix& w);
 Matrix exponential(const Matrix& log, const Matrix& w_inverse);
 

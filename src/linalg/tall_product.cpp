@@ -30,7 +30,7 @@ struct Factors {
 struct Sum {
   Factors products[most_products];
   size_t count = 0;
-  const double* start;  // null: zero
+  const double* start;  // null: the sum starts from zero
   double* out;
   size_t rows, columns, start_stride, out_stride;
 };
@@ -44,7 +44,7 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-// The rows from `row` on of the columns from `column` on.
+// Adds the product f to the tile of `sum` that begins at `row` and `column`.
 template <bool minus, size_t vectors, size_t columns>
 HWY_INLINE void add(const Factors& f, size_t row, size_t column, Vec (&sum)[vectors][columns]) {
   const Tag tag;
@@ -92,7 +92,7 @@ HWY_INLINE void columns_of(const Sum& s, size_t row) {
 }
 
 void SumOfProducts(const Sum& s) {
-  const hn::CappedTag<double, 1> one;  // rounds like whole vectors: a row must not depend on its neighbours
+  const hn::CappedTag<double, 1> one;  // rounds like whole vectors, so that a row has the same result at any place
   size_t row = 0;
   for (; row + 2 * lanes <= s.rows; row += 2 * lanes) columns_of<2>(s, row);
   for (; row + lanes <= s.rows; row += lanes) columns_of<1>(s, row);
@@ -122,13 +122,15 @@ namespace {
 
 void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
   if (products.size() > most_products)
-    throw std::logic_error(fmt::format("tall_products: {} found, up to {} possible", products.size(), most_products));
+    throw std::logic_error(
+        fmt::format("tall_products: {} products found, up to {} possible", products.size(), most_products));
   const auto fits = [&](Index rows, Index columns) { return rows == out.rows() && columns == out.cols(); };
-  if (start && !fits(start->rows(), start->cols())) throw std::logic_error("tall_products: start has another shape");
+  if (start && !fits(start->rows(), start->cols()))
+    throw std::logic_error("tall_products: start does not have the shape of out");
   Sum sum{};
   for (const TallProduct& p : products) {
     if (!fits(p.x.rows(), p.w.rows()) || p.x.cols() != p.w.cols())
-      throw std::logic_error("tall_products: factors have another shape");
+      throw std::logic_error("tall_products: the factors do not fit each other or out");
     sum.products[sum.count++] = {
         p.x.data(), p.w.data(), size_t(p.x.cols()), size_t(p.x.outerStride()), size_t(p.w.outerStride()), p.minus};
   }

@@ -25,8 +25,8 @@ void Transpose(const double* from, Index count, Index cols, Index stride, double
   for (; j + side <= cols; j += side) {
     Index i = 0;
     for (; i + side <= count; i += side) {
-      // Columns are far from each other in memory. No processor predicts which one is written next, and without a
-      // prefetch each write would wait.
+      // The columns are far from each other in memory, so that no processor predicts which column is written next.
+      // Without a prefetch each write would wait for the memory.
       for (Index c = j + side; c < std::min(j + 2 * side, cols); ++c) hwy::Prefetch(to[c] + i);
       transpose(from + i * stride + j, size_t(stride), square);
       for (Index c = 0; c < side; ++c) hn::StoreU(load(square, size_t(c)), Tag(), to[j + c] + i);

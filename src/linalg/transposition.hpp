@@ -7,7 +7,7 @@
 
 namespace tokid::linalg {
 
-// Rows, `stride` numbers apart, have one entry for each column. Entry j of row i is copied to columns[j][i].
+// Copies entry j of row i to columns[j][i]. The rows are `stride` numbers apart, with one entry for each column.
 void transpose(const double* from, Index rows, Index stride, const std::vector<double*>& columns);
 
 }  // namespace tokid::linalg

@@ -48,12 +48,13 @@ void GtvArx::begin_at(Index k) {
 
 void GtvArx::require_noise_shape() const {
   if (!has_noise_shape())
-    throw std::invalid_argument("noise_shape: not stored with the regressions, needed for variances");
+    throw std::invalid_argument(
+        "noise_shape: not found, but variances need it. Use the option noise_shape of the regressions");
 }
 
 namespace {
 
-// Diagonal of W W⁺ for W with scaled columns.
+// The leverages: the diagonal of W W⁺. W has scaled columns.
 Vector leverages(const Matrix& w, Index rank) {
   if (rank >= w.rows()) return Vector::Ones(w.rows());
   if (rank == w.cols()) return linalg::orthonormal_factor(w).rowwise().squaredNorm();
@@ -66,8 +67,8 @@ class StepRegression {
   StepRegression(Index inputs, Index outputs, const GtvArxOptions& options, GtvArx& arx)
       : inputs_(inputs), outputs_(outputs), options_(options), arx_(arx) {}
 
-  // R (w × w, upper) of step k with these lags comes from factor(i, j), i ≤ j. Without its zero columns, R has at most
-  // `rows` nonzero rows, the number of experiments; further rows are rounding errors.
+  // R (w × w, upper) is the factor of step k with these lags; factor(i, j), i ≤ j, returns its entries. `rows` is the
+  // number of experiments. At most `rows` rows of R have a nonzero diagonal entry. Further rows are rounding errors.
   template <class Factor>
   void run(Index k, Index lags, Index rows, Factor&& factor) {
     const Index first_y = lags * (inputs_ + outputs_) + inputs_, left = first_y - (options_.feedthrough ? 0 : inputs_);
@@ -94,7 +95,7 @@ class StepRegression {
 
  private:
   // Solves the least-squares problem Y_k = W_k M_kᵀ (19). The columns are scaled to norm 1, so that the rank and the
-  // smallest norm do not depend on the units of the channels.
+  // solution of minimum norm do not depend on the units of the channels.
   void solve(Index k) {
     const Index left = r_.rows();
     GtvArxStep& step = arx_.step[size_t(k)];
@@ -105,9 +106,9 @@ class StepRegression {
       scales_(j) = norm > 0 ? 1 / norm : 1.0;
     }
     r_.leftCols(left) *= scales_.asDiagonal();
-    Matrix unexplained;  // residual beyond the numerical rank
+    Matrix unexplained;  // part of r_y_ that the solution of lower rank does not explain
     const double size = r_.norm();
-    // Step 0 has no regressor without feedthrough.
+    // Without feedthrough, step 0 has no regressor.
     bool is_clear = left == 0 || r_.diagonal().cwiseAbs().minCoeff() * linalg::certain_rank > size;
     if (is_clear) {
       inverse_.setIdentity(left, r_.cols());
@@ -145,7 +146,7 @@ class StepRegression {
   Vector scales_;
 };
 
-// Regresses steps one by one, over their experiments without a gap.
+// Regresses steps one by one. A step uses the experiments without a missing sample in its window.
 class AloneRoute {
  public:
   AloneRoute(const Windows& windows, const GtvArxOptions& options, GtvArx& arx)
@@ -172,8 +173,8 @@ class AloneRoute {
 };
 
 // Regresses the steps begin … end-1 from one factorisation of all their samples. The oldest samples of a step's window
-// must be the first columns of the factor. Samples of earlier steps are therefore dropped, and their rows of the
-// triangular factor are absorbed by the rest.
+// must be the first columns of the factor. Columns of older samples are therefore dropped, and the remaining columns
+// absorb the rows of the dropped ones.
 class SharedRoute {
  public:
   SharedRoute(const Windows& windows, const GtvArxOptions& options, GtvArx& arx)
@@ -184,7 +185,7 @@ class SharedRoute {
   void run(Index begin, Index end, Index lags) {
     const Index d = ensemble_.channels(), first = std::max<Index>(0, begin - lags);
     const auto window = ensemble_.samples().middleCols(first * d, (end - first) * d);
-    if (std::isnan(window.sum())) {  // NaN if there is a gap
+    if (std::isnan(window.sum())) {  // a missing sample makes the sum NaN
       for (Index k = begin; k < end; ++k) alone_.run(k, std::min(k, lags));
       return;
     }
@@ -205,8 +206,8 @@ class SharedRoute {
   linalg::RowAbsorption factor_;
 };
 
-// Regresses successive steps of full lag order together, one in each lane of a vector. Steps with a gap, or with an
-// uncertain rank, are regressed alone.
+// Regresses successive steps k ≥ p together, one step in each lane of a vector. A step with a missing sample, or with
+// an uncertain rank, is regressed alone.
 class LaneRoute {
  public:
   LaneRoute(const Windows& windows, Index lags, const GtvArxOptions& options, GtvArx& arx)
@@ -234,7 +235,7 @@ class LaneRoute {
     step.condition = batch_.condition(l);
     auto rms = arx_.output_rms(k);
     bool sound = step.condition < linalg::certain_rank;
-    for (Index j = 0; j < m; ++j) {  // NaN after a gap; the squares of very large or small numbers are inaccurate
+    for (Index j = 0; j < m; ++j) {  // squares are NaN if a sample is missing, and inaccurate if very large or small
       double square = 0.0;
       for (Index i = 0; i <= first_y_ + j; ++i) square += factor(i, first_y_ + j) * factor(i, first_y_ + j);
       rms(j) = std::sqrt(square / double(rows));
@@ -266,13 +267,13 @@ class LaneRoute {
   const Ensemble& ensemble_;
   const GtvArxOptions& options_;
   GtvArx& arx_;
-  const Index lags_, first_y_, left_;  // p, the column of y_k, and L
+  const Index lags_, first_y_, left_;  // p, the first column of y_k, number of regressors
   linalg::LaneRegression batch_;
   AloneRoute alone_;
 };
 
-// The b with the fewest operations per step. The factorisation of p+b steps is shared by b of them. To drop samples
-// takes operations that are slower by about the factor `slow`.
+// The number b of steps in a block that needs the fewest operations per step. The b steps share one factorisation of
+// the samples of p+b steps. Operations that drop samples are slower by about the factor `slow`.
 Index best_block(Index experiments, Index channels, Index lags) {
   constexpr double slow = 2.5, worth_it = 0.8;
   const auto cost = [&](Index b) {
@@ -294,7 +295,7 @@ void check(const Windows& w) {
                     w.experiments(), w.steps(), w.inputs(), w.outputs()));
 }
 
-// Allocates an ARX model for all regressions and sets their first step.
+// Allocates an ARX model for all regressions and sets the first step that is regressed.
 GtvArx prepared(const Windows& windows, const GtvArxOptions& options) {
   check(windows);
   const Index steps = windows.steps();
@@ -313,7 +314,8 @@ GtvArx prepared(const Windows& windows, const GtvArxOptions& options) {
   arx.resize(steps, windows.inputs(), windows.outputs(), lags_max, options.noise_shape,
              options.leverages ? windows.experiments() : 0);
   if (options.initial_state == InitialState::zero) return arx;
-  // The regressions begin at the first step from which every step has its lags within the data.
+  // With an unknown initial state, the regressions begin at the first step from which on all lagged samples are in the
+  // data.
   Index begin = steps;
   while (begin > 0 && options.lags_of(begin - 1) < begin) --begin;
   arx.begin_at(begin);

@@ -11,13 +11,12 @@ namespace tokid {
 
 namespace {
 
-// Rounding errors of simulated or stored outputs, relative to their size. The residuals of noise-free data are not
-// smaller.
+// Relative rounding errors of simulated or stored outputs. The residuals of noise-free data have at least this size.
 constexpr double rounding = 8 * std::numeric_limits<double>::epsilon();
 
-// Computes the Markov parameters and their variances in three passes, each of them parallel. The first computes the
-// pulse responses by columns. The second adds the error of each regression to the variances, by rows. The third
-// propagates these variances to later steps, by columns.
+// Computes the Markov parameters and their variances in three passes, each of which runs in parallel. The first pass
+// computes the pulse responses, by columns i. The second pass adds the error of each regression to the variances, by
+// rows k. The third pass propagates these variances to later steps, by columns.
 class Recursions {
  public:
   Recursions(const GtvArx& arx, Markov& markov) : arx_(arx), markov_(markov) {
@@ -52,9 +51,9 @@ class Recursions {
     }
   }
 
-  // Adds the variance from the regression of step k itself. h_{k,i} = M_k ω, where ω is the window of the pulse
-  // response. To first order, the variance is Σ_e ωᵀ(W_kᵀW_k)⁺ω. propagate_variances() adds the variances of the
-  // earlier parameters.
+  // Adds the variance from the regression of step k itself. h_{k,i} = M_k ω, where ω is the window of step k in the
+  // pulse response. To first order, this variance is Σ_e ωᵀ(W_kᵀW_k)⁺ω, with the residual covariance Σ_e.
+  // propagate_variances() adds the variances of the earlier Markov parameters.
   class Own {
    public:
     explicit Own(const Recursions& of) : of_(of) {}

@@ -17,12 +17,12 @@ namespace tokid {
 
 namespace {
 
-// Singular values below this share of the largest are rounding errors, whatever the estimated error is.
+// Singular values below this share of the largest one are rounding errors, whatever the estimated error is.
 constexpr double negligible = 8 * std::numeric_limits<double>::epsilon();
-// Singular values below this relative size may be arithmetic errors. Larger ones are not.
+// Singular values above this share of the largest one are not arithmetic errors, whatever the estimated error is.
 constexpr double arithmetic = 1e-9;
 
-// Channel sizes as given, or 1.
+// The sizes of the channels from the options, or 1.
 struct Units {
   Units(const Markov& markov, const TveraOptions& options)
       : output(options.output_size.size() > 0 ? options.output_size : Vector(Vector::Ones(markov.outputs))),
@@ -30,7 +30,8 @@ struct Units {
   Vector output, input;
 };
 
-// As parallel_for(), in pieces of complete groups. Then all lanes are used for any number of threads.
+// As parallel_for(), but every piece consists of complete groups of `size` steps. Thus all lanes are used for any
+// number of threads.
 void in_groups(Index begin, Index end, Index size, const Execution& execution,
                const std::function<void(Index, Index)>& body) {
   parallel_for(0, (end - begin + size - 1) / size, execution,
@@ -44,8 +45,8 @@ class Hankel {
       : markov_(markov), free_(free), options_(options), units_(units) {}
 
   // Factorises the steps begin … end-1. Up to `lanes` successive matrices are factorised together if they have the same
-  // shape, or get it by zero columns. Zero columns change neither the singular values nor the left vectors. Unused
-  // lanes repeat the last matrix.
+  // shape, or if zero columns can make their shapes equal. Zero columns change neither the singular values nor the left
+  // vectors. Unused lanes repeat the last matrix.
   void factorise(Index begin, Index end, HankelFactors& factors) {
     const auto result = [&](Index k) -> HankelFactor& { return factors.step[size_t(k - factors.k_begin)]; };
     const Index lanes = linalg::LaneSvd::lanes();
@@ -130,7 +131,8 @@ class Hankel {
       auto columns = h.rightCols(shape.free);
       columns = free_.y.middleCols(k * m, shape.rows).transpose();
       columns = units_.output.cwiseInverse().replicate(shape.rows / m, 1).asDiagonal() * columns;
-      // The states of free responses may have any size; both parts get the same weight.
+      // Free responses can be much larger or smaller than Markov parameters. Therefore both parts are scaled to the
+      // same norm.
       const double forced = h.leftCols(shape.cols).norm(), own = columns.norm();
       if (forced > 0 && own > 0) columns *= forced / own;
       factor.error = std::hypot(factor.error, negligible * columns.norm());
@@ -152,7 +154,7 @@ class Hankel {
 // n_k of step k: the number of singular values of H_k that are not errors.
 Index order_of(const HankelFactor& factor, const TveraOptions& options) {
   const Vector& sigma = factor.singular_values;
-  // The estimated error may be far too large where it accumulates over many steps. Singular values above the arithmetic
+  // The estimated error may be far too large if it accumulates over many steps. Singular values above the arithmetic
   // error count as nonzero, whatever the estimate is.
   const double threshold = std::min(options.noise_factor * factor.error, arithmetic * factor.scale);
   const Index n = (sigma.array() > threshold).count();
@@ -191,7 +193,8 @@ class Realisation {
   }
 
  private:
-  // Shape of (O_{k+1}↑)⁺ O_k↓: rows, columns of the left and of the right matrix.
+  // Shape of the equations O_{k+1}↑ A_k = O_k↓: rows, and columns of the left and of the right matrix. ↑ is without the
+  // last block row, ↓ without the first.
   struct Shape {
     Index rows, left, right;
     bool operator==(const Shape&) const = default;
@@ -276,19 +279,21 @@ class Realisation {
 
 void check(const Markov& markov, const FreeResponse& free, const TveraOptions& options) {
   if (options.rows < 1 || options.cols < 1 || options.states < 0)
-    throw std::invalid_argument(fmt::format("tvera: {} block rows, {} block columns, {} states asked for", options.rows,
-                                            options.cols, options.states));
+    throw std::invalid_argument(
+        fmt::format("tvera: {} block rows, {} block columns and {} states found, at least 1, 1 and 0 needed",
+                    options.rows, options.cols, options.states));
   const auto check_sizes = [](const char* name, const Vector& sizes, Index channels) {
     if (sizes.size() > 0 && (sizes.size() != channels || !(sizes.array() > 0).all()))
       throw std::invalid_argument(
-          fmt::format("{}: {} values found, {} positive ones needed", name, sizes.size(), channels));
+          fmt::format("{}: {} values found, {} positive values needed", name, sizes.size(), channels));
   };
   check_sizes("output_size", options.output_size, markov.outputs);
   check_sizes("input_size", options.input_size, markov.inputs);
   if (options.rows + options.cols - 1 > markov.band && markov.band < markov.steps() - 1)
     throw std::invalid_argument(
-        fmt::format("tvera: {} x {} blocks need Markov parameters up to {} steps apart, {} found", options.rows,
-                    options.cols, options.rows + options.cols - 1, markov.band));
+        fmt::format("tvera: {} x {} blocks need Markov parameters up to {} steps apart, but the band is {}. Use fewer "
+                    "blocks, or a wider band",
+                    options.rows, options.cols, options.rows + options.cols - 1, markov.band));
   if (free.experiments > 0 && free.y.cols() != free.steps * markov.outputs)
     throw std::invalid_argument(fmt::format("free_y: {} samples per experiment found, {} steps x {} outputs needed",
                                             free.y.cols(), free.steps, markov.outputs));
@@ -319,7 +324,7 @@ void write(const Markov& markov, const HankelFactors& factors, const TveraOption
            Index begin, Index end, Model& model) {
   std::vector<Index> states;
   for (const HankelFactor& factor : factors.step) states.push_back(order_of(factor, options));
-  if (factors.k_begin + Index(factors.step.size()) == markov.steps()) states.push_back(0);  // x_T has no output
+  if (factors.k_begin + Index(factors.step.size()) == markov.steps()) states.push_back(0);  // x_T affects no output
   in_groups(begin, end, linalg::LaneRegression::lanes(), options.execution,
             [&](Index from, Index to) { Realisation(markov, factors, states, units, model).run(from, to); });
 }
@@ -338,7 +343,8 @@ Model realise(const Markov& markov, const HankelFactors& factors, const TveraOpt
 }
 
 Model tvera(const Markov& markov, const FreeResponse& free, const TveraOptions& options) {
-  // Steps whose factors are in memory at once. The factors of all steps would take more memory than the model.
+  // The number of steps whose factors are in memory at once. The factors of all steps would take more memory than the
+  // model.
   constexpr Index batch = 4096;
   check(markov, free, options);
   const FreeResponse complete_free = complete(free);

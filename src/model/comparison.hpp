@@ -1,4 +1,5 @@
-// A validation together with the outputs that it compared. Computing them takes most of its time, and pages show them.
+// A validation together with the outputs that it compared. Pages show these outputs, and a validation takes most of its
+// time to compute them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -14,7 +15,8 @@ struct Comparison {
 // \throws as validate(), which returns only the first field
 Comparison compare(const Model& model, const Ensemble& data, const ValidateOptions& options);
 
-// validate() without findings on outlying samples, for callers that have the complete data.
+// validate() without findings on outlying samples. It is for callers that have the complete data and add these findings
+// themselves.
 Validation validate_in_numbers(const Model& model, const Ensemble& data, const ValidateOptions& options);
 
 }  // namespace tokid

@@ -17,7 +17,7 @@ Findings findings_of_end(const Model& model, const Ensemble& data) {
 
 Findings differences(const Model& model, const Ensemble& data) {
   Findings result;
-  // Sample times that were rounded to single precision or decimal text count as equal.
+  // Sample times count as equal if they differ only by rounding to single precision or to decimal text.
   if (data.dt_stated && std::abs(model.dt - data.dt) > 1e-6 * model.dt)
     result.push_back({.kind = Finding::Kind::sample_time_differs,
                       .numbers = {{"data", data.dt}, {"model", model.dt}, {"stated", model.provenance.dt_stated}}});

@@ -12,7 +12,7 @@ namespace tokid {
 
 namespace {
 
-// The sums of an output without its error; empty if a sample is missing.
+// The sums of an output, without those of its errors. They are empty if a sample is missing.
 ErrorSums sums_of_all(const Eigen::Ref<const Vector>& y) {
   ErrorSums s;
   const double sum = y.sum();
@@ -23,8 +23,8 @@ ErrorSums sums_of_all(const Eigen::Ref<const Vector>& y) {
   return s;
 }
 
-// The sums of one output at one step, over the experiments with both a sample and an error. If all have both, the sums
-// of y are reused.
+// The sums of one output at one step, over the experiments that have both a sample and an error. If all experiments
+// have both, the sums of y are reused.
 ErrorSums sums_of_both(const Eigen::Ref<const Vector>& y, const Eigen::Ref<const Vector>& error,
                        const ErrorSums& of_all) {
   ErrorSums s = of_all;

@@ -29,17 +29,18 @@ struct ErrorTotals {
   bool noisy() const;
 };
 
-// The fit. For departures from a nominal trajectory, the spread of the outputs is taken about zero.
+// The fit. If the outputs are departures from a nominal trajectory, their spread is about zero instead of their mean.
 Fit fit_of(const std::vector<ErrorSums>& sums, bool departures);
 
 // Collects the errors of prediction and simulation, step by step.
 class ErrorCollector {
  public:
-  // Compares the outputs of the data as departures from the nominal trajectory (T × m), if there is one.
+  // Compares the outputs of the data as departures from the nominal trajectory (T × m). Without one, y_nominal is
+  // empty.
   ErrorCollector(const Ensemble& data, const Matrix& y_nominal);
 
-  // Errors (N × m) of step k, NaN where there is none. The sums of the outputs are kept for one step only. It is
-  // therefore cheapest to add both errors of a step one after the other.
+  // Adds the errors (N × m) of step k; NaN without an error. The collector keeps the sums of the outputs for one step
+  // only. Therefore add both errors of a step before the next step.
   void predicted(Index k, const Matrix& error);
   void simulated(Index k, const Matrix& error);
 
@@ -53,7 +54,7 @@ class ErrorCollector {
   const Ensemble& data_;
   const Matrix& y_nominal_;
   Index step_ = -1;
-  std::vector<ErrorSums> outputs_;  // sums of the outputs at that step
+  std::vector<ErrorSums> outputs_;  // sums of the outputs at step_
   Vector y_;
 };
 

@@ -27,8 +27,9 @@ Vector output_variance(const Model& model, const std::vector<Matrix>& covariance
   return (model.step[s].C() * p * model.step[s].C().transpose() + covariances[s]).diagonal();
 }
 
-// δ of the step `start` as a linear function of the innovations in the window that starts there (n × window·m), because
-// the estimate has used them. The estimate is the Kalman smoother from x0_mean on, or least squares.
+// The error δ of the estimated state at step `start`, as a linear function of the innovations (n × window·m) in the
+// window that begins there. The estimate uses these innovations, and δ thus depends on them. The estimate is the Kalman
+// smoother from x0_mean on, or least squares.
 Matrix estimation_error(const Model& model, const std::vector<Matrix>& covariances, Index start, Index window,
                         bool from_estimate) {
   const Index n = model.n(start), m = model.outputs;

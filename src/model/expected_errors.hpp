@@ -6,13 +6,13 @@
 
 namespace tokid {
 
-// Variances (T × m) of y_k minus the simulation of simulate_data() without missing samples; NaN where it computes none.
-// `covariances` (S) are those of the innovations. `initial` says how the initial state is known.
+// Variances (T × m) of y_k minus its simulation by simulate_data() without missing samples; NaN at steps without a
+// simulation. `covariances` (S) are those of the innovations. `initial` says how the initial state is known.
 Matrix expected_simulation_errors(const Model& model, const std::vector<Matrix>& covariances, InitialState initial,
                                   Index steps);
 
 // Variances (H × m) of y_k minus its prediction h = 1 … H steps ahead, by an observer with all outputs. They are means
-// over the starting steps begin … end-h; long records use only some of them.
+// over the starting steps begin … end-h. For long records, the mean is over some of these steps.
 Matrix expected_prediction_errors(const Model& model, const std::vector<Matrix>& covariances, Index begin, Index end,
                                   Index horizons);
 

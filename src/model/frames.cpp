@@ -55,8 +55,8 @@ Model transform(const Model& model, const std::vector<Matrix>& S) {
 
 namespace {
 
-// The steps around s that can enter the frame. coordinates(k) is the candidate for S_k; it must determine all of the
-// state. Empty if it fails at step s.
+// Transforms the steps around s that can be transformed. coordinates(k) is the candidate for S_k. A step is transformed
+// if its candidate determines all of the state. The result is empty if the candidate of step s does not.
 template <class Coordinates>
 FramedModel framed(const Model& model, Index s, Coordinates&& coordinates) {
   std::vector<Matrix> S;
@@ -83,8 +83,8 @@ FramedModel framed(const Model& model, Index s, Coordinates&& coordinates) {
 FramedModel reference_frame(const Model& model, Index s, Index rows) {
   if (s < model.k_begin || rows < 1 || s >= model.k_end() || rows > model.k_end() - s || model.n(s) == 0)
     throw std::invalid_argument(fmt::format(
-        "reference frame: step {} with {} block rows asked for; a step with states and so many steps after it is "
-        "needed, states are there at steps {} to {}, the model ends with step {}",
+        "reference frame: step {} with {} block rows found. The step must have states, and the model must have as many "
+        "steps from it on. All states are there at steps {} to {}, and the model ends with step {}",
         s, rows, model.full_begin(), model.full_end() - 1, model.k_end() - 1));
   const Matrix projection = linalg::pseudo_inverse(observability(model, s, rows));
   FramedModel result = framed(model, s, [&](Index k) {
@@ -100,8 +100,9 @@ FramedModel reference_frame(const Model& model, Index s, Index rows) {
 
 FramedModel align(const Model& model, const Model& reference, Index rows) {
   if (model.inputs != reference.inputs || model.outputs != reference.outputs)
-    throw std::invalid_argument(fmt::format("align: models with {} and {} inputs, {} and {} outputs", model.inputs,
-                                            reference.inputs, model.outputs, reference.outputs));
+    throw std::invalid_argument(
+        fmt::format("align: models with {} and {} inputs, {} and {} outputs found, equal numbers needed", model.inputs,
+                    reference.inputs, model.outputs, reference.outputs));
   const Index last = std::min(model.k_end(), reference.k_end()) - rows;
   Index s = std::max(model.full_begin(), reference.k_begin);
   while (s < last && model.n(s) != reference.n(s)) ++s;
@@ -141,11 +142,12 @@ Model smooth_frame(const Model& model, Index rows) {
 
 Similarity kinematically_similar(const Model& a, const Model& b, double tolerance, Index band) {
   if (a.inputs != b.inputs || a.outputs != b.outputs)
-    throw std::invalid_argument(fmt::format("kinematically_similar: models with {} and {} inputs, {} and {} outputs",
-                                            a.inputs, b.inputs, a.outputs, b.outputs));
+    throw std::invalid_argument(fmt::format(
+        "kinematically_similar: models with {} and {} inputs, {} and {} outputs found, equal numbers needed", a.inputs,
+        b.inputs, a.outputs, b.outputs));
   const Index begin = std::max(a.k_begin, b.k_begin), end = std::min(a.k_end(), b.k_end());
   if (band <= 0) band = 2 * std::max(a.states(), b.states());
-  // Goes forward from each pulse with one product per parameter, and collects the scale of each step k.
+  // Goes forward from each pulse with one product per Markov parameter, and collects the scale of each step k.
   Vector difference = Vector::Zero(std::max<Index>(0, end - begin)), scale = difference;
   const auto compare = [&](Index k, const ConstMatrixRef& x, const ConstMatrixRef& y) {
     difference(k - begin) = std::max(difference(k - begin), (x - y).norm());

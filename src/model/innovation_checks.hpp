@@ -7,7 +7,7 @@
 
 namespace tokid {
 
-// \throws std::invalid_argument where numbers of experiments, steps or outputs disagree
+// \throws std::invalid_argument if innovations and data differ in their numbers of experiments, steps or outputs
 void check_innovations(const std::vector<Matrix>& innovations, const Ensemble& data);
 
 }  // namespace tokid

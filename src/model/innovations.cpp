@@ -33,7 +33,7 @@ Centred centred(Matrix samples) {
   for (auto column : samples.colwise()) {
     const double size = column.norm();
     column.array() -= column.mean();
-    // A constant column leaves only rounding errors, which are not a direction.
+    // A constant column leaves only rounding errors. Their direction has no meaning, so the column becomes zero.
     if (!(column.norm() > 1e-13 * size)) column.setZero();
     if (const double norm = column.norm(); norm > 0) column /= norm;
   }
@@ -49,11 +49,11 @@ std::vector<Index> finite_rows(const Matrix& a) {
   return rows;
 }
 
-// A test needs more samples than this: ν ≥ m + 2.
+// A test needs more samples than this: with ν degrees of freedom, ν ≥ m + 2.
 Index too_few(const Innovations& innovations) { return innovations.empty() ? 0 : innovations.front().cols() + 2; }
 
-// Tests over the experiments if at least one step has enough of them. Pooled samples depend on each other within an
-// experiment, so the distributions of a pooled test hold only for many of them.
+// Tests over the experiments if at least one step has enough of them. Otherwise all samples are pooled. Pooled samples
+// of one experiment depend on each other, so the distribution of the test is right only for many samples.
 Pooling pooling(const Innovations& innovations) {
   Index most = 0, all = 0;
   for (const Matrix& e : innovations) {
@@ -79,7 +79,7 @@ class WhitenessSums {
   WhitenessSums(Index steps, Index lags, Index outputs)
       : variance_(Matrix::Zero(steps, lags)), freedom_(variance_), lag_(size_t(lags), Lag{Vector::Zero(outputs)}) {}
 
-  // ε_k and ε_{k-j}
+  // Adds the trace of ε_k (`now`) and ε_{k-j} (`before`).
   void add(Index k, Index j, const Centred& now, const Centred& before) {
     if (now.basis.cols() == 0 || before.basis.cols() == 0) return;
     Lag& lag = lag_[size_t(j - 1)];
@@ -115,8 +115,8 @@ class WhitenessSums {
   }
 
  private:
-  // Any two traces are uncorrelated, but the three traces of three steps are not independent. Each triple adds six
-  // times the mean product of its centred traces.
+  // Any two traces are uncorrelated, but the three traces of three steps are not independent. Each triple of steps adds
+  // six times the mean product of its centred traces.
   double common_third() const {
     double sum = 0.0;
     for (Index k = 0; k < variance_.rows(); ++k)
@@ -219,7 +219,7 @@ double whiteness_p(const Innovations& innovations, Index lags) { return whitenes
 
 namespace {
 
-// An orthonormal basis of the inputs of the given rows; missing ones are replaced by the mean of the others.
+// An orthonormal basis of the inputs of the given rows. The mean of the available inputs replaces a missing one.
 Matrix input_basis(Matrix u) {
   for (auto column : u.colwise()) {
     double sum = 0.0;
@@ -238,8 +238,8 @@ class IndependenceSums {
   explicit IndependenceSums(Index lags)
       : lag_(size_t(lags)), trace_(size_t(lags), 0.0), correlations_(size_t(lags), 0.0) {}
 
-  // Adds the bases of all lags; a lag without inputs has an empty one. Inputs may be correlated in time, so the bases
-  // overlap. The traces of the sum of their projections account for this.
+  // Adds the bases of all lags; the basis of a lag without inputs is empty. Inputs may be correlated in time, so that
+  // the bases overlap. The traces of the sum of the projections account for the overlap.
   void add(const Centred& innovations, const std::vector<Matrix>& bases) {
     if (innovations.basis.cols() == 0) return;
     Index columns = 0;
@@ -335,7 +335,8 @@ Independence independence_over_time(const Innovations& innovations, const Ensemb
 
 Independence independence(const Innovations& innovations, const Ensemble& data, Index first, Index last) {
   if (first > last)
-    throw std::invalid_argument(fmt::format("lags: {} to {} found, a first and a last one needed", first, last));
+    throw std::invalid_argument(
+        fmt::format("lags: {} to {} found, a last lag that is not below the first needed", first, last));
   check_innovations(innovations, data);
   switch (pooling(innovations)) {
     case Pooling::experiments:
@@ -363,7 +364,8 @@ class Squares {
   }
 
   double ratio() const { return freedom() > 0 ? 1 + excess() / double(freedom()) : nan; }
-  // The χ² distribution assumes normal innovations. The spread over the experiments needs enough of them.
+  // The χ² distribution assumes normal innovations. It is used for fewer than 20 experiments, which are too few to
+  // estimate the spread over the experiments.
   bool normal() const { return count() < 20; }
   double p() const {
     if (freedom() == 0) return nan;
@@ -399,8 +401,8 @@ class Squares {
 
 namespace {
 
-// The number of directions with variance in a covariance with positive variances. It is smaller if outputs repeat each
-// other.
+// The rank of a covariance whose variances are all positive. The rank is below the number of outputs if outputs repeat
+// each other.
 Index stated_directions(const Matrix& covariance) {
   constexpr double negligible = 1e-8;  // EM leaves a variance of 1e-12 of the signals
   const Vector scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
@@ -429,7 +431,7 @@ NormalisedSquares normalised_squares(const Model& model, const Innovations& inno
     for (Index n = 0; n < N; ++n) {
       const Vector e = innovations[size_t(k)].row(n);
       seen.clear();
-      // An output is not tested if it has no variance, or one whose squares overflow.
+      // An output is not tested if its variance is zero, or so small that squares overflow.
       for (Index j = 0; j < e.size(); ++j)
         if (std::isfinite(e(j)) && covariance(j, j) > smallest_variance) seen.push_back(j);
       if (seen.empty()) continue;

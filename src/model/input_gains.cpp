@@ -19,8 +19,8 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-// Subtracts the mean of the entries that are not NaN. The first entry is subtracted before, so that a constant column
-// becomes exactly zero.
+// Subtracts the mean of the entries that are not NaN. Before the mean, it subtracts the first entry, so that a constant
+// column becomes exactly zero.
 template <class Column>
 void centre(Column&& column) {
   const auto first = std::find_if(column.begin(), column.end(), [](double v) { return !std::isnan(v); });
@@ -34,7 +34,7 @@ void centre(Column&& column) {
   column.array() -= sum / double(count);
 }
 
-// The regression of the innovations on the effect that an error of each input's gain would have on them.
+// The regression of the innovations on the effects that gain errors of the inputs would have on them.
 class GainRegression {
  public:
   GainRegression(const Model& model, const Ensemble& data, const Innovations& innovations)
@@ -74,7 +74,7 @@ class GainRegression {
     return count > 0 ? Matrix(sum / double(count)) : Matrix::Identity(m, m);
   }
 
-  // Departures of the inputs; missing ones are zero.
+  // Departures of the inputs; a missing input is zero.
   Matrix inputs(Index k) const {
     Matrix u = data_.input(k);
     if (k < model_.u_nominal.rows()) u.rowwise() -= model_.u_nominal.row(k);
@@ -96,13 +96,14 @@ class GainRegression {
       alone_squares_.row(i) += output_.colwise().squaredNorm();
       observer::next_state(step, alone, own_, next_);
       alone.swap(next_);
-      // The observer expects an effect that the outputs do not have. It corrects only by outputs that are not missing.
+      // An error of the gain makes the observer expect an effect that the outputs do not have. The observer corrects
+      // only by outputs that are available.
       observer::output(step, error, own_, part[size_t(i)]);
       output_ = e.array().isNaN().select(0.0, -part[size_t(i)]);
       observer::next_state(step, error, own_, output_, next_);
       error.swap(next_);
     }
-    // An unknown state is estimated from the following samples, so its error starts at zero.
+    // A state that is not known will be estimated from the samples that follow, so its error starts at zero.
     for (Index n = 0; n < e.rows(); ++n)
       if (blind(k, n))
         for (Matrix& error : error_) error.row(n).setZero();
@@ -155,7 +156,7 @@ class GainRegression {
     }
   }
 
-  // The data do not determine the gain of an input without an effect, or without an effect of its own.
+  // The data do not determine the gain of an input if the input has no effect, or if other inputs have the same effect.
   void solve(InputGains& gains) const {
     std::vector<Index> moving;
     for (Index i = 0; i < model_.inputs; ++i)

@@ -7,7 +7,7 @@ namespace tokid::kalman {
 
 namespace {
 
-// Directions of the innovations below this share of the largest are only rounding errors.
+// Directions of the innovations are only rounding errors below this share of the largest direction.
 constexpr double singular = 1e-12;
 
 }  // namespace
@@ -44,7 +44,7 @@ void leave_out_missing(const std::vector<Index>& there, Matrix& h, Matrix& r) {
   });
 }
 
-// Kᵀ = seen⁺ rest
+// The gain K of the best prediction of `rest` by `seen`: Kᵀ = seen⁺ rest
 Matrix prediction_gain(const Matrix& seen, Matrix& rest) {
   Vector scale = seen.colwise().norm();  // makes the result independent of the units of the outputs
   scale = (scale.array() > 0).select(scale.cwiseInverse(), 1.0);

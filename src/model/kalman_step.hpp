@@ -1,12 +1,13 @@
-// One step of the Kalman filter. l (q) is the state of a step, with everything else of that step that affects the next
-// state. That is missing inputs, or the innovations of the model. The step goes from the covariance P before the
-// outputs y = H l + v are known to that of the next state x⁺ = F l + w:
-//   S = H P Hᵀ + R,   K = P Hᵀ S⁻¹,   P' = (I - K H) P (I - K H)ᵀ + K R Kᵀ,   P⁺ = F P' Fᵀ + Q
-// There are two forms. With covariances a step takes 0.7 µs for n = 4 and m = 2, and 20 µs for n = 20 and m = 6; with
-// roots it takes 3.7 and 34 µs. EM uses covariances, because it repeats the step for every pattern of missing samples
-// in every iteration. It can do so because its floors keep the noise away from zero. With roots, rounding errors cost
-// half as many digits. Suppose that outputs determine an unknown state to 10⁻⁸ of its size: P is then accurate to 10⁻⁸
-// with roots, and wrong with covariances (tests/kalman_step_test.cpp).
+// One step of the Kalman filter. The vector l (q entries) contains the state of a step, and everything else of this
+// step that affects the next state: missing inputs, or the innovations of the model. P is the covariance of l before
+// the outputs y = H l + v are known. P⁺ is the covariance of the next state x⁺ = F l + w. R and Q are the covariances
+// of v and w.
+// S = H P Hᵀ + R, K = P Hᵀ S⁻¹, P' = (I - K H) P (I - K H)ᵀ + K R Kᵀ, P⁺ = F P' Fᵀ + Q
+// A step can use covariances, or their roots. With covariances it takes 0.7 µs for n = 4 and m = 2, and 20 µs for n =
+// 20 and m = 6. With roots it takes 3.7 and 34 µs. EM uses covariances, because it repeats the step for every pattern
+// of missing samples in every iteration. This is safe, because the floors of EM keep the noise away from zero. With
+// roots, rounding errors cost half as many digits. For example, let outputs determine an unknown state to 10⁻⁸ of its
+// size. With roots, P is then accurate to 10⁻⁸. With covariances, P is wrong (tests/kalman_step_test.cpp).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -16,12 +17,12 @@
 
 namespace tokid::kalman {
 
-// result = F P Fᵀ + Q (p × p), exactly symmetric, with fp = F P (p × q). It gives P⁺ from P', and S from P.
+// result = F P Fᵀ + Q (p × p), exactly symmetric, with fp = F P (p × q). This computes P⁺ from P', and S from P.
 void propagate(const Matrix& p, const Matrix& f, const ConstMatrixRef& q, Matrix& fp, Matrix& result);
 
 struct Correction {
   Matrix gain;           // K (q × m)
-  Matrix whitener;       // W (m × m) with W S Wᵀ = I; rows without variance are zero
+  Matrix whitener;       // W (m × m) with W S Wᵀ = I; zero rows for directions without variance
   double log_det = 0.0;  // of S
   Matrix filtered;       // P' (q × q)
 };
@@ -33,11 +34,11 @@ struct Workspace {
   Matrix whp, left, product;
 };
 
-// Computes a correction from P (q × q), H (m × q), R (m × m). P' has Joseph's form, above: a sum of squares stays
-// positive semidefinite.
+// Computes a correction from P (q × q), H (m × q), R (m × m). P' is computed in Joseph's form (above), a sum of
+// squares, so that it stays positive semidefinite.
 void correct(const Matrix& p, const Matrix& h, const Matrix& r, Workspace& work, Correction& c);
 
-// Calls body(j) for every output that is not in `there`.
+// Calls body(j) for every output that is not in `there`, the list of available outputs.
 template <class Body>
 void each_missing(const std::vector<Index>& there, Index outputs, Body&& body) {
   auto next = there.begin();
@@ -48,17 +49,18 @@ void each_missing(const std::vector<Index>& there, Index outputs, Body&& body) {
       body(j);
 }
 
-// Gives a missing output an independent innovation of zero with variance one. The sizes are then the same for all
-// patterns.
+// Gives a missing output an independent innovation of zero with variance one. The matrices thus have the same sizes for
+// all patterns of missing outputs.
 void leave_out_missing(const std::vector<Index>& there, Matrix& h, Matrix& r);
 
-// The same with roots, P = rootᵀ·root: rounding errors then cost half as many digits. Rows are independent sources of
-// variance 1. `seen` (rows × m) is their effect on the outputs, a root of S. `rest` (rows × p) is their effect on l, or
-// on F l. \return K (p × m) of the best prediction of l or F l by the outputs, min ‖seen·Kᵀ - rest‖, with the smallest
-// norm if outputs have no noise of their own. `rest` becomes the remaining part, a root of P', or of F P' Fᵀ.
+// The correction with roots, P = rootᵀ·root, in which rounding errors cost half as many digits. Rows are independent
+// sources of variance 1. `seen` (rows × m) is the effect of the sources on the outputs, a root of S. `rest` (rows × p)
+// is their effect on l, or on F l.
+// \return K (p × m) of the best prediction of l or F l by the outputs, min ‖seen·Kᵀ - rest‖. If outputs have no noise
+// of their own, K has the smallest norm. `rest` becomes the part that is not predicted, a root of P' or of F P' Fᵀ.
 Matrix prediction_gain(const Matrix& seen, Matrix& rest);
 
-// The root of P⁺ (up to n rows), from the remaining part of F l and a root of Q (any rows × n).
+// The root of P⁺ (up to n rows), from the part of F l that is not predicted and a root of Q (any rows × n).
 Matrix next_root(const Matrix& rest, const Matrix& noise);
 
 // rootᵀ·root, exactly symmetric.

@@ -14,7 +14,7 @@ namespace tokid {
 
 namespace {
 
-// Checks the number of names; no names are allowed too.
+// Checks the number of names. An empty list is allowed.
 void check_names(const char* name, const std::vector<std::string>& names, Index needed) {
   if (!names.empty() && Index(names.size()) != needed)
     throw std::invalid_argument(fmt::format("model: {} entries of {} found, {} needed", names.size(), name, needed));
@@ -40,7 +40,8 @@ void check_step(const Model& model, Index s) {
                                             step.states(), model.step[size_t(s) - 1].next_states(), s - 1));
   for (const auto& [name, has] : besides)
     if ((step.*has)() != model.has(has))
-      throw std::invalid_argument(fmt::format("model: {} is known of step {} or of step 0, not of both", name, s));
+      throw std::invalid_argument(fmt::format(
+          "model: {} is known at step {} or at step 0, but not at both. State it at every step or at none", name, s));
   const auto finite = [&](const char* name, const Step::View& a) {
     if (!a.allFinite())
       throw std::invalid_argument(fmt::format("model: {}[{}] has a value that is not finite", name, s));
@@ -92,7 +93,8 @@ Index Model::max_lags() const {
 
 void Model::check() const {
   if (inputs < 0 || outputs < 1 || k_begin < 0)
-    throw std::invalid_argument(fmt::format("model: {} inputs, {} outputs, first step {}", inputs, outputs, k_begin));
+    throw std::invalid_argument(fmt::format(
+        "model: {} inputs, {} outputs, first step {} found, at least 0, 1, 0 needed", inputs, outputs, k_begin));
   if (period < 0) throw std::invalid_argument(fmt::format("model: period {} found, 0 or more needed", period));
   if (!(dt > 0) || !std::isfinite(dt))
     throw std::invalid_argument(fmt::format("model: dt = {} found, a positive time in seconds needed", dt));
@@ -139,8 +141,8 @@ namespace {
 // C_k A_{k-1} … A_{i+1} X_i
 Matrix response(const Model& model, Index k, Index i, Step::View (Step::*entrance)() const) {
   if (i < model.k_begin || k <= i || k >= model.k_end())
-    throw std::invalid_argument(fmt::format("pulse response: steps k = {}, i = {} asked for, {} <= i < k < {} needed",
-                                            k, i, model.k_begin, model.k_end()));
+    throw std::invalid_argument(fmt::format("pulse response: steps k = {}, i = {} found, {} <= i < k < {} needed", k, i,
+                                            model.k_begin, model.k_end()));
   Matrix x = (model.at(i).*entrance)();
   for (Index j = i + 1; j < k; ++j) x = model.at(j).A() * x;
   return model.at(k).C() * x;
@@ -200,7 +202,7 @@ Model from_step(Model model, Index k) {
     throw std::invalid_argument(
         fmt::format("from_step: step {} found, {} to {} needed", k, model.k_begin, model.k_end()));
   model.step.erase(model.step.begin(), model.step.begin() + (k - model.k_begin));
-  if (k > model.k_begin) {  // the moments belong to the state at the old first step
+  if (k > model.k_begin) {  // x0_mean and x0_cov belong to the old first step
     model.x0_mean.resize(0);
     model.x0_cov.resize(0, 0);
   }

@@ -12,7 +12,7 @@ namespace tokid {
 
 namespace {
 
-// Rows of the nominal trajectory beyond its end are zero.
+// Row k of the nominal trajectory; zero beyond its end.
 Eigen::RowVectorXd nominal(const Matrix& trajectory, Index k, Index size) {
   if (k < trajectory.rows()) return trajectory.row(k);
   return Eigen::RowVectorXd::Zero(size);
@@ -25,8 +25,8 @@ std::vector<Index> finite_entries(const Eigen::Ref<const Eigen::RowVectorXd>& ro
   return entries;
 }
 
-// The covariance of a state that is estimated from the samples k … k+window-1, much enlarged. The filter will use the
-// same samples again, so the state must count as almost unknown at step k.
+// The covariance of a state that is estimated from the samples k … k+window-1, much enlarged. The filter uses these
+// samples a second time. Therefore the state must count as almost unknown at step k.
 Matrix vague(const Model& model, Index k, Index window) {
   constexpr double enlarged = 1e4;
   const Index n = model.n(k), m = model.outputs;
@@ -42,7 +42,7 @@ Matrix vague(const Model& model, Index k, Index window) {
   return enlarged * root * root.transpose();
 }
 
-// Knowledge about the state of one experiment, relative to that of the model's observer with all outputs.
+// What is known about the state of one experiment, compared with the state of the model's observer with all outputs.
 struct Knowledge {
   bool blind = false;
   Index from = 0;     // first step with a valid innovation
@@ -129,9 +129,10 @@ class Filter {
     return e;
   }
 
-  // Let δ_k be the difference of the states. Then the available innovations are E (ε_k + C δ_k), and δ_{k+1} = A δ_k -
-  // G ε_k. This is a step of the Kalman filter with l = [δ; ε]. The function scales e from the covariance Σ = E (S + C
-  // P Cᵀ) Eᵀ to E S Eᵀ. \return the correction of the next state
+  // δ_k is the state of the observer with all outputs minus the state of this experiment. E selects the available
+  // outputs. Their innovations are E (ε_k + C δ_k), and δ_{k+1} = A δ_k - G ε_k. This is a step of the Kalman filter
+  // with l = [δ; ε]. The function scales e from its covariance Σ = E (S + C P Cᵀ) Eᵀ to E S Eᵀ.
+  // \return the correction of the next state
   Eigen::RowVectorXd correction(Index k, Knowledge& known, Eigen::Ref<Eigen::RowVectorXd, 0, Eigen::InnerStride<>> e) {
     const Step& step = model_.at(k);
     const Step::View noise = step.innovation_cov();
@@ -160,8 +161,8 @@ class Filter {
     return correction;
   }
 
-  // Drops the difference of the states after it has not shown for more than `window_` steps, which is long enough for a
-  // state to show.
+  // Drops the difference of the states if the outputs have not shown it for more than `window_` steps. A state that
+  // affects the outputs would show within this time.
   void settle(Index k, Knowledge& known) const {
     if (k + 1 >= model_.k_end()) return;
     const size_t s = model_.index(k + 1);

@@ -24,15 +24,15 @@ std::vector<double> deadbeat_products(const Model& model, Index p) {
 
 namespace {
 
-// S_j(k): an orthonormal basis of the states that the last j outputs could not observe, and j. Stages of the same
-// dimension are the same subspace, and only the oldest one is kept. There are thus at most n stages.
+// S_j(k), an orthonormal basis of the state errors that the last j outputs did not observe, and j. Stages of the same
+// dimension are the same subspace, and only the oldest stage is kept. There are thus at most n stages.
 struct Stage {
   Matrix basis;   // (n × dim)
   Index age = 0;  // j
 };
 
-// The split of a basis by C. One part has new outputs, stored as the pair (outputs reached, states that reach them).
-// The other part is not observed by C.
+// The split of a basis by C. The first part reaches outputs that were not reached before: pairs of an output and a
+// state. The other part is not observed by C.
 struct Lift {
   Matrix outputs;  // (m × q) orthonormal
   Matrix states;   // (n × q) with C·states = outputs
@@ -45,7 +45,7 @@ Lift split_by_output(const Matrix& c, const Matrix& basis, const Matrix& lifted,
   {
     const linalg::Svd d = linalg::svd(seen.transpose());  // right null space of seen, from all of its directions
     const Index rank = (d.s.array() > threshold).count();
-    // S ∩ ker C: the orthogonal complement, within the basis, of the directions that C observes.
+    // S ∩ ker C: the complement, within the basis, of the directions that C observes.
     const Matrix visible = d.u.leftCols(rank);
     const Matrix rest = Matrix::Identity(basis.cols(), basis.cols()) - visible * visible.transpose();
     lift.unseen = basis * linalg::svd(rest).u.leftCols(basis.cols() - rank);
@@ -72,15 +72,16 @@ DeadbeatGain deadbeat_gain(const Model& model, double tolerance) {
     const Index n = model.step[s].states(), next = model.step[s].next_states();
     const double see = tolerance * c.norm(), move = tolerance * a.norm();
 
-    // Every direction of the next state may have a new error. An error that has survived j steps has now survived j +
-    // 1.
+    // Every direction of the next state may have a new error (j = 0). An error that has survived j steps becomes one
+    // that has survived j + 1 steps.
     std::vector<Stage> following{{Matrix::Identity(next, next), 0}};
-    // The lift goes from the smallest subspace outwards, so that states of S_j correct the outputs of S_j.
+    // The lift maps outputs to the states that correct them. It starts with the smallest subspace, so that states of
+    // S_j correct the outputs that S_j reaches.
     Matrix lift = Matrix::Zero(n, m), outputs(m, 0);
     std::vector<Stage> survivors;
     for (const Stage& stage : std::views::reverse(flag)) {
       const Lift part = split_by_output(c, stage.basis, outputs, see);
-      // States whose outputs are partly lifted already are corrected by those lifts.
+      // Earlier lifts already correct a part of the outputs of these states. This part is subtracted.
       const Matrix states = part.states - lift * (c * part.states - part.outputs);
       lift += states * part.outputs.transpose();
       Matrix joined(m, outputs.cols() + part.outputs.cols());

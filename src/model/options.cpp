@@ -81,7 +81,7 @@ Values<double> fraction() {
           }};
 }
 
-// Also "auto", for an option that the identification chooses.
+// The values of an option that also accepts "auto": the identification then chooses the value.
 template <class T>
 Values<std::optional<T>> or_auto(const Values<T>& given) {
   Values<std::optional<T>> v{given.placeholder, given.range, given.words};
@@ -114,7 +114,7 @@ Option option(const char* key, T IdentifyOptions::*field, const Values<T>& value
               }};
 }
 
-// In the order of the text in models.
+// The options are in the order of the text in models.
 std::vector<Option> table() {
   using O = IdentifyOptions;
   const Values<std::optional<Index>> count = or_auto(whole("N", 1, largest_count));

@@ -18,13 +18,15 @@ namespace tokid {
 
 namespace {
 
-// Samples that a median needs for an accuracy of about a fifth.
+// The number of samples that a median needs for an accuracy of about a fifth.
 constexpr Index enough = 40;
-// Limit as a multiple of the median size: 13 standard deviations of a normal distribution.
+// Samples with an error above this multiple of the median error are outlying. This is 13 standard deviations of a
+// normal distribution.
 constexpr double far = 20.0;
-// Errors below this share of the output's spread have no consequence.
+// Errors below this share of the output's spread are too small to matter.
 constexpr double of_consequence = 0.05;
-// Successive faults are found one after the other. After this number of rounds, all samples that are far off count.
+// A fault can hide the next one, so faults are found one after the other. After this number of rounds, all samples that
+// are far off count as outlying.
 constexpr int most_rounds = 20;
 
 double median_size(const Eigen::Ref<const Vector>& errors) {
@@ -84,7 +86,8 @@ void OutlyingSampleCollector::add(Index k, const Matrix& innovation) {
     if (innovation.row(n).array().isNaN().all()) {
       if (gap >= 0) ++gap;
     } else {
-      // Where samples before the first prediction are missing, the other ones may hardly show an unknown state.
+      // If samples before the first prediction are missing, the other samples may determine an unknown state only
+      // weakly.
       const bool begins = gap < 0 && data_.samples().row(n).head(k * data_.channels()).hasNaN();
       if (begins || gap > 1) restarts_.back().push_back(n);
       gap = 0;
@@ -102,17 +105,17 @@ bool OutlyingSampleCollector::is_far(Index k, Index j, double error) const {
   return error > far * usual_(k, j) && error > of_consequence * spread_(j);
 }
 
-// Tests the steps of the block from `from` on. The steps before it are tested already, and contribute to the usual
-// error.
+// Tests the steps of the block from `from` on. The steps before `from` are tested already. They are still part of the
+// medians.
 void OutlyingSampleCollector::test_block(size_t from) {
   const Index N = data_.experiments(), m = data_.outputs();
   Vector own(N * Index(block_.size()));
   for (Index j = 0; j < m; ++j) {
     for (size_t i = 0; i < block_.size(); ++i) own.segment(Index(i) * N, N) = block_[i].col(j);
-    // Most blocks of most data have no error that is large enough.
+    // Most data have no error that is large enough. Then the medians are not needed.
     if (!(own.array().isNaN().select(0.0, own.array().abs()).maxCoeff() > of_consequence * spread_(j))) continue;
     const double of_block = median_size(own);
-    // The median of two errors can't show which one is wrong.
+    // The median over two experiments can't show which of the two errors is wrong.
     for (size_t i = from; i < block_.size(); ++i)
       usual_(begin_ + Index(i), j) = std::fmax(of_block, N > 2 ? median_size(block_[i].col(j)) : nan);
   }
@@ -166,7 +169,7 @@ std::vector<OutlyingSampleCollector::Flag> OutlyingSampleCollector::predicted_ag
 
 std::vector<OutlyingSamples> OutlyingSampleCollector::found() {
   if (!block_.empty()) {
-    // The few last steps are tested together with those before them.
+    // The last steps are too few for a median, and are tested together with the steps before them.
     const size_t tested = previous_.size();
     begin_ -= Index(tested);
     block_.insert(block_.begin(), previous_.begin(), previous_.end());

@@ -1,5 +1,5 @@
-// Innovations of all experiments → outlying samples: samples that are far from their predictions at steps where those
-// of other experiments are not.
+// Innovations of all experiments → outlying samples. A sample is outlying if it is far from its prediction at a step at
+// which other experiments are close to their predictions.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,8 +11,8 @@
 
 namespace tokid {
 
-// Collects outlying samples step by step. The usual error is the larger of two medians: over the experiments at a step,
-// and over several steps together that give enough samples.
+// Collects outlying samples step by step. The usual error is the larger of two medians. The first median is over the
+// experiments at one step, the second over as many steps as give enough samples.
 class OutlyingSampleCollector {
  public:
   // Ignores the experiments in options.misfits. Model and data must outlive the collector.
@@ -21,8 +21,8 @@ class OutlyingSampleCollector {
   // Adds the innovations (N × m) of the next step k, NaN where there is none.
   void add(Index k, const Matrix& innovation);
   // Returns the outlying samples after the last step, in the order of experiments and outputs. A faulty sample also
-  // affects the following predictions. Experiments with outlying samples are therefore predicted again without these,
-  // until no other sample is far off.
+  // affects the predictions after it. Therefore experiments with outlying samples are predicted again without these
+  // samples, until no other sample is far off.
   std::vector<OutlyingSamples> found();
 
  private:
@@ -32,7 +32,7 @@ class OutlyingSampleCollector {
   };
   bool is_far(Index k, Index j, double error) const;
   void test_block(size_t from);
-  // The first flags of each experiment, and later flags that these can't have caused.
+  // The first flags of each experiment, and later flags that the first ones can't have caused.
   std::vector<Flag> first_of(std::vector<Flag> flags) const;
   std::vector<Flag> predicted_again(const Ensemble& part, const std::vector<Index>& rows) const;
 
@@ -40,12 +40,12 @@ class OutlyingSampleCollector {
   const Ensemble& data_;
   std::optional<InitialState> initial_state_;
   Vector spread_;  // (m) spread of the outputs
-  // number of steps that a fault affects, that show a state, that are tested together
+  // number of steps that a fault affects, that determine a state, that are tested together
   Index window_, shown_, together_;
   std::vector<bool> is_misfit_;  // (N)
   std::vector<Index> gap_;       // (N) length of the present gap [steps]; -1: no prediction yet
-  // After a gap, or a start with missing samples, the state is uncertain. It is certain after as many right predictions
-  // in a row as show all of the state.
+  // After a gap, or a start with missing samples, the state is uncertain. The state is certain again after enough right
+  // predictions in a row to determine all of it.
   std::vector<Index> until_certain_;            // (N) right predictions still needed
   std::vector<std::vector<Index>> unreliable_;  // (N) steps with large errors of an uncertain state
   std::vector<std::vector<Index>> restarts_;    // for each step of the block: experiments whose state becomes uncertain
@@ -55,7 +55,7 @@ class OutlyingSampleCollector {
   std::vector<Flag> flags_;
 };
 
-// The outlying samples as the collector finds them. \throws as predict()
+// The outlying samples that an OutlyingSampleCollector finds. \throws as predict()
 std::vector<OutlyingSamples> outlying_samples(const Model& model, const Ensemble& data, const ValidateOptions& options);
 
 // Converts outlying samples of a part of the data to the rows, names and steps of all data. The part has the names of
@@ -63,11 +63,11 @@ std::vector<OutlyingSamples> outlying_samples(const Model& model, const Ensemble
 std::vector<OutlyingSamples> outlying_in(const Ensemble& all, const Ensemble& part, Index first,
                                          std::vector<OutlyingSamples> outlying);
 
-// (m) spread of each output about the nominal trajectory if the model has one, else about its mean; 1 for a constant
-// output.
+// (m) spread of each output: about the nominal trajectory if the model has one, otherwise about the mean. The spread of
+// a constant output is 1.
 Vector output_spread(const Model& model, const Ensemble& data);
 
-// Findings on at most five outlying samples, and the number of the others.
+// Findings on at most five outlying samples, and the number of further ones.
 Findings findings_of(const std::vector<OutlyingSamples>& outlying, const Channels& names);
 
 }  // namespace tokid

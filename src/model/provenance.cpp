@@ -10,7 +10,8 @@ IdentifyOptions identify_options(const Provenance& provenance) {
   if (provenance.options) return *provenance.options;
   if (!provenance.unread.empty()) throw std::invalid_argument(provenance.unread);
   if (provenance.refinement) return {};  // a known model after EM: no option was stated
-  throw std::invalid_argument("options of the model: none found, those of an identified model needed");
+  throw std::invalid_argument(
+      "options of the model: none found, because tokid did not identify it. Use an identified model");
 }
 
 void note_data(Provenance& provenance, const std::string& fingerprint) {

@@ -24,7 +24,7 @@ class Riccati {
   struct Step {
     Matrix gain, innovation_cov;
   };
-  // A filter step with l = [x; ε]. The outputs have no noise other than ε: y = C x + ε and F = [A -G], w = w'.
+  // A filter step with l = [x; ε] and no other noise of the outputs: y = C x + ε. F = [A -G] and w = w'.
   Step advance(size_t s) {
     const Matrix& sigma = noise_.innovation[s];
     Matrix seen = linalg::stacked(sigma, root_ * model_.step[s].C().transpose());
@@ -38,7 +38,7 @@ class Riccati {
   }
 
  private:
-  // A root of the noise that the innovations lack in each direction, compared with least_noise.
+  // A root of the noise that must be added to the innovations, so that each direction has at least least_noise.
   Matrix missing_noise(const Matrix& seen) const {
     const Vector& size = noise_.output_size;
     const Vector unit = (size.array() > 0).select(size.cwiseInverse(), 0.0);

@@ -9,13 +9,13 @@
 
 namespace tokid {
 
-// Smallest noise of any combination of outputs, relative to their sizes and to the noisiest combination. A combination
-// with less noise counts as if it had this much. Otherwise its gain would only fit the errors of a model with too few
-// states.
+// The smallest noise of any combination of outputs, relative to the sizes of the outputs and to the noisiest
+// combination. A combination with less noise is treated as if it had this much noise. Otherwise its gain would only fit
+// the errors of a model with too few states.
 inline constexpr double least_noise = 1e-6;
 
-// Sets columns of residuals (rows × m) to zero if they are only rounding errors of the outputs, or if an output is
-// zero. The outputs have the norms `size` (m). Otherwise, the gains would depend on these errors.
+// Sets a column of residuals (rows × m) to zero if it contains only rounding errors of its output, or if the output is
+// zero. `size` (m) are the norms of the outputs. Without this, the gains would depend on rounding errors.
 void drop_rounding(Matrix& residuals, const Vector& size);
 
 // The residuals of the regressions for a model in innovations form, as roots of the covariances Σ and Q'.
@@ -25,10 +25,10 @@ struct NoiseRoots {
   Vector output_size;              // (m) RMS over all steps
 };
 
-// Treats the residuals of the regressions on states as process noise. Without process noise, the gain of the
-// innovations form is optimal. With it, the gain of the Kalman filter is, and it keeps the observer stable however
-// noisy the regression for the gain was.
-//   w = -G ε + w',  v = ε:   S = C P Cᵀ + Σ,  G⁺ = (G Σ - A P Cᵀ) S⁻¹,  P⁺ = A P Aᵀ + G Σ Gᵀ + Q' - G⁺ S G⁺ᵀ
+// Treats the residuals of the regressions on states as process noise w'. Without process noise, the gain G of the
+// innovations form is optimal. With process noise, the gain of the Kalman filter is optimal. It also keeps the observer
+// stable, even if the regression for G was noisy.
+// w = -G ε + w', v = ε: S = C P Cᵀ + Σ, G⁺ = (G Σ - A P Cᵀ) S⁻¹, P⁺ = A P Aᵀ + G Σ Gᵀ + Q' - G⁺ S G⁺ᵀ
 // Replaces G of every step by the gain for a noise of at least least_noise, and sets innovation_cov to S. A periodic
 // model gets the steady periodic gains of the filter.
 void filter_gains(Model& model, const NoiseRoots& noise);

@@ -36,9 +36,9 @@ Matrix output_departure(const Model& model, const Ensemble& data, Index k) {
   return y;
 }
 
-// An ensemble with the given inputs, and with the model's outputs still missing.
+// An ensemble with the given inputs, in which the outputs are missing.
 Ensemble outputs_for(const Model& model, const Ensemble& inputs) {
-  // Inputs without a sample time get that of the model.
+  // If the data state no sample time, the result gets that of the model.
   Ensemble result(inputs.experiments(), inputs.steps(), model.inputs, model.outputs,
                   inputs.dt_stated ? inputs.dt : model.dt);
   result.dt_stated = inputs.dt_stated || model.provenance.dt_stated;
@@ -93,8 +93,8 @@ void simulate_each(const Model& model, const Ensemble& inputs, Index k, Matrix x
 
 namespace {
 
-// The observer for all experiments, with one row each. An experiment is blind while its state is not known. Its
-// predictions are NaN until enough samples determine the state again.
+// The observer for all experiments, with one row for each. An experiment is blind while its state is not known. The
+// predictions of a blind experiment are NaN until enough samples determine its state again.
 class Observer {
  public:
   // Starts at step k. x is the state of all experiments, if it is known.
@@ -157,9 +157,9 @@ class Observer {
     x.swap(next_);
   }
 
-  // Replaces missing innovations by their estimates from those of the other outputs, E[ε_q | ε_o] = S_qo S_oo⁻¹ ε_o.
-  // This is necessary because the gain may use several outputs to cancel their common noise. Without an estimate they
-  // become zero.
+  // Estimates missing innovations from the available ones of the same step: E[ε_q | ε_o] = S_qo S_oo⁻¹ ε_o, with q
+  // missing and o available. This is necessary, because the gain may use several outputs to cancel their common noise.
+  // If the model has no covariance S, missing innovations become zero.
   void fill_in(const Step& step, Matrix& innovations) const {
     std::vector<Index> seen, missing, before;
     Matrix conditional;  // (missing × seen), the same for experiments with the same gaps
@@ -183,8 +183,8 @@ class Observer {
     }
   }
 
-  // Restores the state of blind experiments whose recent samples determine it. If a window fails, it grows, up to twice
-  // its size.
+  // Restores the state of a blind experiment if its recent samples determine the state. If the window is too short, it
+  // grows up to twice its size.
   void recover() {
     if (all_see_) return;
     std::map<Index, std::vector<Index>> windows;  // first step → experiments
@@ -233,7 +233,7 @@ class Observer {
 
 namespace {
 
-// The outputs at step k + ahead - 1, from the state x (N × n_k) at step k without correction.
+// The outputs at step k + ahead - 1, simulated from the state x (N × n_k) at step k.
 Matrix outputs_ahead(const Model& model, const Ensemble& data, Index k, Matrix x, Index ahead) {
   Matrix u, next, y;
   for (const Index last = k + ahead - 1; k < last; ++k) {
@@ -328,7 +328,7 @@ Prediction predict(const Model& model, const Ensemble& data, const PredictOption
 
   Prediction result{outputs_for(model, data), {}};
   result.innovations.assign(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
-  // In the first steps, within the horizon, a known initial state is the latest information.
+  // At the first steps, fewer than `horizon` steps after the start, a known initial state is the latest information.
   if (const std::optional<Vector> start = known_start(model, data, options)) {
     const Matrix x = start->transpose().replicate(data.experiments(), 1);
     for (Index ahead = 1; ahead < horizon && model.k_begin + ahead - 1 < end; ++ahead)
@@ -349,7 +349,7 @@ Prediction predict(const Model& model, const Ensemble& data, const PredictOption
 
 namespace {
 
-// The available samples of one experiment in a window: for each step, one flag per input and one per output.
+// The pattern of available samples of one experiment in a window: for each step, one flag per input and one per output.
 std::vector<bool> pattern(const Ensemble& data, Index n, Index k, Index window) {
   std::vector<bool> present;
   for (Index j = k; j < k + window; ++j) {
@@ -359,10 +359,12 @@ std::vector<bool> pattern(const Ensemble& data, Index n, Index k, Index window) 
   return present;
 }
 
-// Directions of the state whose effect on the samples is below this share of the largest count as not observed.
+// Directions of the state count as not observed if their effect on the samples is below this share of the largest
+// effect.
 constexpr double unseen = 1e-12;
 
-// The states of experiments with the same available samples; NaN if these do not determine all of the state.
+// The states of experiments with the same pattern of available samples. They are NaN if these samples do not determine
+// all of the state.
 Matrix estimate_alike(const Model& model, const Ensemble& data, Index k, Index window, const Matrix& whitener) {
   const Index m = model.outputs, experiments = data.experiments(), n = model.n(k);
   Matrix sensitivity(window * m, n), innovations(window * m, experiments);
@@ -393,9 +395,10 @@ Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index w
     return estimate_state(continued(model, data.steps()), data, k, window);
   check_channels(model, data, true);
   if (k < model.k_begin || window < 1 || k + window > std::min(model.k_end(), data.steps()))
-    throw std::invalid_argument(fmt::format("estimate_state: steps {} to {} asked for, {} to {} have model and data", k,
-                                            k + window - 1, model.k_begin, std::min(model.k_end(), data.steps()) - 1));
-  // One whitener for the window, because rounding errors may make the covariance of a single step singular.
+    throw std::invalid_argument(fmt::format(
+        "estimate_state: steps {} to {} found, steps within {} to {} needed, which model and data both have", k,
+        k + window - 1, model.k_begin, std::min(model.k_end(), data.steps()) - 1));
+  // One whitener for the whole window, because rounding errors may make the covariance of a single step singular.
   Matrix covariance = Matrix::Zero(model.outputs, model.outputs);
   if (model.has(&Step::has_innovation_cov))
     for (Index j = k; j < k + window; ++j) covariance += model.at(j).innovation_cov();

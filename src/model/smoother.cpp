@@ -16,7 +16,8 @@ namespace tokid::kalman {
 
 namespace {
 
-// Experiments in one piece of work. The pieces are the same for any number of threads.
+// Limits for the number of experiments in one piece of work, and for the number of pieces. The pieces are the same for
+// any number of threads.
 constexpr Index smallest_piece = 32, most_pieces = 16;
 
 // The available samples as flags, step by step, inputs before outputs.
@@ -51,7 +52,8 @@ Alike alike(const std::vector<bool>& present, Index inputs, Index outputs) {
   return group;
 }
 
-// The inputs or the outputs of one step, with experiments as columns. Their squares and their number are added up.
+// The inputs or the outputs of one step, with experiments as columns. The squares and the number of samples are added
+// to `square` and `count`.
 Matrix arranged(const Matrix& samples, const Matrix& nominal, Index k, const std::vector<Index>& experiments,
                 Vector& square, Vector& count) {
   Matrix result = samples(experiments, Eigen::all).transpose();
@@ -102,7 +104,8 @@ Samples samples_of(const Model& model, const Ensemble& data, Tail tail, Index st
 
 namespace {
 
-// The covariances of one step and one pattern. The latent vector l_k = [x_k; missing inputs] has q entries.
+// The covariances of one step and one pattern of missing samples. The latent vector l_k = [x_k; missing inputs] has q
+// entries.
 struct StepCovariance : Correction {
   Matrix predicted;  // (n × n) of x_{k+1} given the samples up to k
   Matrix smoother;   // J (q × n): the gain from an error of x_{k+1} to l_k
@@ -187,9 +190,9 @@ class Covariances {
 };
 
 // Filters the means of the columns first … first+count-1 of the samples, all of one group.
-// This is the observer (9) in a separate form, which also has the state after its correction by y_k. The kernels of
-// observer_step.hpp would be faster (EM of 60 experiments of 40 steps: 0.89 s instead of 1.02). But their rounding
-// errors depend on the instruction set. EM amplifies them to 6e-11, and 1e-12 is promised
+// This is the observer (9), split so that the state after its correction by y_k is also available. The kernels of
+// observer_step.hpp would be faster: EM of 60 experiments of 40 steps would take 0.89 s instead of 1.02 s. But their
+// rounding errors depend on the instruction set. EM amplifies these errors to 6e-11, and tokid promises 1e-12
 // (tests/reproducibility_test.cpp).
 class Means {
  public:
@@ -314,8 +317,8 @@ class Means {
     }
   }
 
-  // Fills in missing outputs from the available ones and z_k:  y = L y + (I - L) [C D] z + noise, where L = R_{·,there}
-  // R_{there,there}⁻¹ in the columns of the available outputs.
+  // Fills in missing outputs from the available outputs and z_k = [x_k; u_k]: y = L y + (I - L) [C D] z + noise. L =
+  // R_{·,there} R_{there,there}⁻¹ in the columns of the available outputs.
   void fill_outputs(size_t s, const std::vector<Index>& there, Index l, Index next) {
     const Index m = model_.outputs, y = l + next;
     const Step::View noise = model_.step[s].R();

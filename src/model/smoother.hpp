@@ -26,13 +26,13 @@ struct Samples {
   Vector u_square, y_square;      // (r), (m): mean squares of the available samples
   double outputs = 0;             // number of available output samples
 };
-// Steps after the last output of an experiment carry no information. They are dropped, unless they are to be predicted.
+// Steps after the last output of an experiment contain no information. They are dropped, unless they must be predicted.
 enum class Tail { drop, keep };
 // Arranges the samples, for the first `steps` steps of the model if `steps` is not negative.
 // \throws std::invalid_argument for wrong numbers of channels
 Samples samples_of(const Model& model, const Ensemble& data, Tail tail = Tail::drop, Index steps = -1);
 
-// Sums over the experiments of expected second moments, given all samples; z_k = [x_k; u_k].
+// Sums over the experiments of expected second moments, given all samples. z_k = [x_k; u_k].
 struct Moments {
   std::vector<Matrix> measured;  // (T) of [z_k; y_k], over the experiments with an output at step k
   std::vector<Matrix> moved;     // (T) of [z_k; x_{k+1}], over the experiments that continue at step k+1
@@ -48,14 +48,14 @@ struct Smoothed {
 };
 
 // Runs the smoother. The model must have Q, R, and either x0_mean and x0_cov or a zero state at its first step. A
-// missing input counts as random, with zero mean, the mean square of its channel and no correlation in time. The sums
-// have the same bits for any number of threads.
+// missing input counts as random: its mean is zero, its variance is the mean square of its channel, and it has no
+// correlation in time. The sums have the same bits for any number of threads.
 Smoothed smooth(const Model& model, const Samples& samples, const Execution& execution = {});
 
 // Runs only the filter. Returns the log-likelihoods (N).
 Vector log_likelihoods(const Model& model, const Samples& samples, const Execution& execution = {});
-// εᵀ S⁻¹ ε / m of every step and column (T × N), with mean 1. S is the covariance of the innovation ε, and m the number
-// of available outputs; NaN without an output.
+// εᵀ S⁻¹ ε / m of every step and column (T × N), which has the mean 1. S is the covariance of the innovation ε, and m
+// the number of available outputs. Without an output, the value is NaN.
 Matrix innovation_squares(const Model& model, const Samples& samples);
 // E[x_k | samples before k] (n_k × N each) for the steps 0 … T
 std::vector<Matrix> predicted_states(const Model& model, const Samples& samples);

@@ -69,7 +69,7 @@ Index Step::begin_besides(Part part) const {
   return result;
 }
 
-// Makes room for `size` numbers of a part, whatever size it had before. The numbers of the other parts are kept.
+// Makes room for `size` numbers of a part, whatever size the part had before. The numbers of the other parts are kept.
 double* Step::room_for(Part part, Index size) {
   const Index first = begin(part), found = has(part) ? rows(part) * cols(part) : 0;
   if (found != size) {

@@ -1,5 +1,5 @@
-// Simulation and prediction that pass each step to a function and store none, for callers that need one step at a time.
-// SPDX-License-Identifier: BSD-3-Clause
+// Simulation and prediction for callers that need one step at a time. The functions pass each step to `use` and store
+// no step.
 #pragma once
 
 #include <functional>
@@ -8,8 +8,8 @@
 
 namespace tokid {
 
-// Calls use(k, y_k) with the outputs (N × m) as departures from the nominal trajectory. It starts from the states x (N
-// × n_k) at step k, and ends at the last step of model and inputs. NaN after a missing input.
+// Calls use(k, y_k) with the outputs (N × m) as departures from the nominal trajectory. The simulation starts from the
+// states x (N × n_k) at step k, and ends at the last step of model and inputs. Outputs after a missing input are NaN.
 void simulate_each(const Model& model, const Ensemble& inputs, Index k, Matrix x,
                    const std::function<void(Index, const Matrix&)>& use);
 

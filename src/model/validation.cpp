@@ -19,9 +19,10 @@ namespace tokid {
 Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nominal) {
   if (measured.experiments() != computed.experiments() || measured.steps() != computed.steps() ||
       measured.outputs() != computed.outputs())
-    throw std::invalid_argument(fmt::format("fit: {} x {} x {} measured and {} x {} x {} computed outputs",
-                                            measured.experiments(), measured.steps(), measured.outputs(),
-                                            computed.experiments(), computed.steps(), computed.outputs()));
+    throw std::invalid_argument(
+        fmt::format("fit: {} x {} x {} measured and {} x {} x {} computed outputs found, equal sizes needed",
+                    measured.experiments(), measured.steps(), measured.outputs(), computed.experiments(),
+                    computed.steps(), computed.outputs()));
   ErrorCollector errors(measured, y_nominal);
   for (Index k = 0; k < measured.steps(); ++k) errors.simulated(k, measured.output(k) - computed.output(k));
   return fit_of(errors.totals.simulation, y_nominal.rows() > 0);
@@ -29,8 +30,8 @@ Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nomi
 
 namespace {
 
-// Divides the innovations by their standard deviations, so that those of different steps can be pooled. Tests over the
-// experiments do not depend on this scaling.
+// Divides the innovations by their standard deviations, so that innovations of different steps can be pooled. Tests
+// over the experiments give the same result with and without this scaling.
 Innovations standardised(const Model& model, Innovations innovations) {
   for (size_t s = 0; model.has(&Step::has_innovation_cov) && s < model.step.size(); ++s) {
     const size_t k = size_t(model.k_begin) + s;
@@ -61,7 +62,7 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
   result.first_simulated = errors.first_simulated.value_or(data.steps() - 1);
   const Vector untested = Vector::Constant(model.inputs, nan);
   result.gains = {untested, untested, untested};
-  // Tests of noise do not apply to rounding errors.
+  // Tests of noise do not apply if the innovations are only rounding errors.
   result.noisy = errors.totals.noisy();
   if (result.noisy) result.outlying = outlying.found();
   if (result.noisy && options.whiteness_lags > 0) {
@@ -144,7 +145,7 @@ Validation validate(const Model& model, const Ensemble& data, const ValidateOpti
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options) {
   const UsedExperiments used = used_experiments(data);
   if (used.all(data)) return validate(model, data, options);
-  data.check(false);  // so that errors are reported with the caller's rows
+  data.check(false);  // messages then name the caller's rows, not those of the part
   const Ensemble part = data.subset(used.rows());
   Validation result = validate_in_numbers(model, part, options);
   result.outlying = outlying_in(data, part, 0, std::move(result.outlying));

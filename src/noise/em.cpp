@@ -21,17 +21,17 @@ namespace tokid {
 
 namespace {
 
-// Pairs of iterates that the acceleration uses.
+// The number of pairs of iterates that the acceleration uses.
 constexpr size_t depth = 8;
-// Samples per entry of a covariance in a segment with its own noise size.
+// A segment with its own noise size has at least this many samples per entry of a covariance.
 constexpr double samples_per_entry = 20;
 
-// Noise sizes count as equal if their RMS difference over the segments is smaller than this. A model that has not
-// converged shows such differences.
+// Noise sizes count as equal if their RMS difference over the segments is smaller than this. Even constant noise seems
+// to differ this much if the model has not converged.
 constexpr double noise_spread = 0.1;
-// Remaining variance of outputs that a model predicts exactly, relative to their mean square.
+// The variance that outputs keep if a model predicts them exactly, relative to their mean square.
 constexpr double exact = 1e-12;
-// Shares of the penalty in the warm-up. Penalties below `weak` are skipped.
+// The warm-up uses these shares of the penalty. It skips penalties below `weak`.
 constexpr double warm_up[] = {1.0 / 9, 1.0 / 3}, weak = 0.1;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -45,8 +45,8 @@ Matrix mean_innovation_cov(const Model& model) {
 Index window_of(const Model& model) { return (model.states() + model.outputs - 1) / model.outputs + 1; }
 
 // The covariance of a state that is estimated from the next few outputs alone, with noise of covariance S; mean over
-// the steps. A thousandth of the mean information is added in each direction, for directions that the outputs hardly
-// show.
+// the steps. A thousandth of the mean information is added in each direction, because the outputs may hardly depend on
+// some directions.
 Matrix estimation_covariance(const Model& model, const Matrix& s, Index begin, Index end) {
   const Index n = model.states();
   Matrix w, mean = Matrix::Zero(n, n);
@@ -71,7 +71,8 @@ Matrix process_noise(const Matrix& s, const Model& model) {
     throw std::invalid_argument(
         "innovation_cov: no covariance found, symmetric matrices without negative eigenvalues are needed");
   Matrix q = 1e-3 * estimation_covariance(model, s, 0, model.steps());
-  // Computed from square roots: gains that cancel the common noise of outputs are far larger than their result.
+  // Computed from square roots. The gains may cancel the common noise of outputs, and are then far larger than their
+  // result.
   for (const Step& step : model.step)
     q += kalman::covariance_of((step.G() * *root).transpose()) / double(model.steps());
   q += 0.01 * Matrix(q.diagonal().asDiagonal());
@@ -99,7 +100,7 @@ Model with_constant_states(const Model& model, Index steps) {
   if (last <= begin)
     throw std::invalid_argument(
         fmt::format("model: no two successive steps with all {} states found, at least two needed", n));
-  // Near the end, too few outputs follow to determine the frame of a state.
+  // Near the end, too few outputs follow a step to determine the frame of its state.
   if (to_smooth) last = std::max(std::min(last, model.k_end() - (n + model.outputs - 1) / model.outputs), begin + 1);
   Model full = to_smooth ? smooth_frame(model, std::max(model.max_lags(), window_of(model) - 1)) : model;
 
@@ -141,8 +142,8 @@ void check(const RefineOptions& o, Index steps) {
         fmt::format("period: {} found, less than the {} steps of the data needed", *o.period, steps));
 }
 
-// Transforms the model to coordinates in which the steps k and k+P can share their matrices: those of a period in the
-// middle.
+// Transforms the model to coordinates in which the steps k and k+P can share their matrices. These are the coordinates
+// of a period in the middle.
 Model in_phase(const Model& model, Index period) {
   const Index rows = window_of(model), middle = std::max<Index>(0, (model.steps() - period) / 2);
   std::vector<Matrix> s;
@@ -163,7 +164,7 @@ Index period_of(const Model& model, const RefineOptions& o) {
   return o.smoothing == infinity ? 1 : o.period.value_or(model.period);
 }
 
-// The covariance of the innovations, for a model without one.
+// The covariance of the innovations, for a model that has none.
 Matrix innovation_covariance(const Model& model, const Ensemble& data, InitialState initial) {
   const Prediction prediction = predict(model, data, {1, initial});
   Matrix sum = Matrix::Zero(model.outputs, model.outputs);
@@ -192,7 +193,7 @@ Model starting_model(const Model& model, const Ensemble& data, const RefineOptio
     start.x0_mean = Vector::Zero(start.states());
     start.x0_cov = Matrix::Zero(start.states(), start.states());
   } else if (!knows_start) {
-    // A covariance that gives outputs of the size of the data.
+    // A covariance of the initial state that gives outputs of the size of the data.
     const kalman::Samples samples = kalman::samples_of(start, data);
     const Matrix size = samples.y_square.cwiseMax(std::numeric_limits<double>::min()).asDiagonal();
     start.x0_mean = Vector::Zero(start.states());
@@ -202,8 +203,8 @@ Model starting_model(const Model& model, const Ensemble& data, const RefineOptio
   return start;
 }
 
-// The length of the segments [phases] in each of which the noise size counts as constant; 0 if it is constant over all
-// phases. The test is an analysis of variance of the normalised squared innovations.
+// The length of the segments [phases] within which the noise size counts as constant. It is 0 if the noise size is
+// constant over all phases. The test is an analysis of variance of the normalised squared innovations.
 Index varying_noise(const Model& model, const kalman::Samples& samples) {
   const Matrix squares = kalman::innovation_squares(model, samples);
   const double n = double(model.states()), m = double(model.outputs);
@@ -238,15 +239,15 @@ Index varying_noise(const Model& model, const kalman::Samples& samples) {
   return significant && excess > noise_spread * noise_spread * mean * mean ? length : 0;
 }
 
-// One point of the iteration, with the input of the next M-step.
+// One point of the iteration, with the moments that the next M-step needs.
 struct Point {
   em::Parameters parameters;
   kalman::Moments moments;
   double log_likelihood = -infinity, penalised = -infinity;
 };
 
-// The penalty compares changes of the matrices with the covariance of the innovations and of the state. With this
-// scaling, a second refinement does not change a refined model.
+// The penalty measures changes of the matrices relative to the covariances of the innovations and of the state. With
+// this scaling, a second refinement does not change a refined model.
 em::EstimatorOptions estimator_options(const Model& start, const RefineOptions& o, InitialState initial) {
   const bool constant = o.smoothing == infinity;
   return {constant ? 1.0 : o.smoothing, period_of(start, o), initial == InitialState::unknown, o.feedthrough,
@@ -289,7 +290,7 @@ Point Climb::point(em::Parameters parameters) const {
   return result;
 }
 
-// Gives segments their own noise scales, all 1 at first. The iteration continues from the same point.
+// Gives each segment its own noise scale, at first 1. The iteration continues from the same point.
 bool Climb::split_noise(Point& now) {
   if (!estimator_.noise_is_pooled() || estimator_.phases() < samples_.steps) return false;
   const Index length = varying_noise(estimator_.model(now.parameters), samples_);
@@ -353,7 +354,7 @@ Refinement Climb::run() {
     }
     if (!(next.penalised >= now.penalised)) next = point(std::move(plain));
     const double gain = next.penalised - now.penalised;
-    if (gain >= 0) now = std::move(next);  // else only rounding errors remain
+    if (gain >= 0) now = std::move(next);  // otherwise only rounding errors remain
     record();
     small_gains = gain <= options_.tolerance * samples_.outputs ? small_gains + 1 : 0;
     result.converged = small_gains >= 2 || gain <= 0;
@@ -380,13 +381,14 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
   check(options, data.steps());
   if (period_of(model, options) == 1 && options.smoothing > 0 && std::isfinite(options.smoothing))
     throw std::invalid_argument(
-        fmt::format("smoothing: {} found, none needed where one model serves all steps", options.smoothing));
+        fmt::format("smoothing: {} found, but one model serves all steps, so that nothing varies. Use 0 or infinity",
+                    options.smoothing));
   const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
   kalman::samples_of(model, data, kalman::Tail::drop, 0);  // checks the channels
   Model start = starting_model(model, data, options, initial);
   const double likelihood = log_likelihoods(start, data, {options.execution.threads, {}}).sum();
-  // A strong penalty on a start without smooth coordinates makes all steps equal, and many iterations are needed to
-  // recover. Weaker penalties before it avoid this.
+  // A strong penalty makes all steps equal if the start has no smooth coordinates, and EM needs many iterations to
+  // recover. EM with weaker penalties first avoids this.
   for (const double share : warm_up) {
     if (!options.warm_up || !std::isfinite(options.smoothing) || options.smoothing * share < weak) continue;
     RefineOptions o = options;
@@ -406,7 +408,8 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
   result.model.method = "em";
   result.model.period = period_of(start, options);
   if (initial == InitialState::unknown && data.experiments() <= result.model.states()) {
-    // So few experiments do not show the distribution of initial states. Those of other data must be estimated.
+    // So few experiments do not determine the distribution of initial states. The initial states of other data must be
+    // estimated.
     result.model.x0_mean.resize(0);
     result.model.x0_cov.resize(0, 0);
   }
@@ -446,7 +449,7 @@ Fold fold_of(const Ensemble& data, Index f, Index folds) {
   return {data.subset(training), data.subset(held_out), held_out};
 }
 
-// Candidates, descending by decades. Later, the neighbours of the best one are added, half a decade away.
+// The first candidates, descending by decades. Later, candidates half a decade from the best one are added.
 constexpr double coarse[] = {infinity, 3, 0.3, 0.03, 0.003, 0.0003};
 
 class CrossValidation {
@@ -458,7 +461,7 @@ class CrossValidation {
     for (Index k = 0; k < data.steps(); ++k) samples_ += double(data.output(k).array().isFinite().count());
   }
 
-  // The pairs of fold and candidate are independent of each other, so threads may share them in any order.
+  // The pairs of fold and candidate are independent of each other, so that threads may share them in any order.
   void run(const std::vector<double>& smoothing, double from, double to) {
     const Index count = Index(smoothing.size()), folds = Index(folds_.size());
     Matrix found(experiments_, count);
@@ -514,7 +517,8 @@ LikelihoodChoice choose_smoothing(const std::vector<Model>& starts, const Ensemb
   const Index folds = Index(starts.size()), experiments = data.experiments();
   if (folds < 2) throw std::invalid_argument(fmt::format("starts: {} found, at least 2 folds needed", folds));
   if (experiments < folds)
-    throw std::invalid_argument(fmt::format("experiments: {} found, {} folds need as many", experiments, folds));
+    throw std::invalid_argument(
+        fmt::format("experiments: {} found, at least as many as the {} folds needed", experiments, folds));
   CrossValidation trials(starts, data, options);
   std::vector<double> candidates(std::begin(coarse), std::end(coarse));
   const Index unknowns = starts[0].states() + starts[0].inputs;

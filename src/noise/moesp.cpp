@@ -15,7 +15,7 @@ namespace tokid {
 
 namespace {
 
-// Largest growth of a simulated state before the simulation starts anew.
+// The largest growth of a simulated state. Beyond it, the simulation starts anew.
 constexpr double most_growth = 100.0;
 
 class Moesp {
@@ -102,7 +102,7 @@ class Moesp {
     }
   }
 
-  // The end of a stretch: all its inputs are known, and the state has not grown by more than most_growth.
+  // The end of a stretch. Within a stretch, all inputs are known, and the state grows by at most most_growth.
   Index stretch_end(Index n, Index begin) const {
     Matrix growth = Matrix::Identity(n_, n_);
     Index end = begin;
@@ -115,7 +115,7 @@ class Moesp {
   }
 
   // [∂y/∂B ∂y/∂D y] of the steps begin … end-1, with outputs relative to their sizes. The rows are orthogonal to the
-  // effect of the state at the start of the stretch.
+  // effect of an unknown state at the start of the stretch.
   Matrix stretch_rows(Index n, Index begin, Index end, Index b) const {
     const bool known = begin == 0 && from_rest_;
     const Index start = known ? 0 : n_, unknowns = b + groups_ * m_ * through_;
@@ -176,7 +176,7 @@ class Moesp {
     }
     for (Index k = 0; k < e_.steps(); ++k) {
       const Index g = variation_.group(k);
-      // Without noise there is no ε, and the observer comes from the map of the next state.
+      // Without noise there is no ε. The gain then comes from the map of the next state.
       model_.step[size_t(k)].G() = noisy_ ? gain[size_t(g)] : Matrix(-state(next(g)).rightCols(m_));
       noise.innovation.push_back(of_group.innovation[size_t(g)]);
       noise.state.push_back(of_group.state[size_t(g)]);
@@ -188,7 +188,7 @@ class Moesp {
   const Ensemble& e_;
   const PredictorFactors& factors_;
   TimeVariation variation_;
-  Index groups_, r_, m_, through_, lags_, n_ = 0;  // through_: inputs with feedthrough
+  Index groups_, r_, m_, through_, lags_, n_ = 0;  // through_: number of inputs with feedthrough
   bool from_rest_, noisy_;
   Vector sizes_;
   Model model_;

@@ -19,9 +19,9 @@ namespace tokid {
 
 namespace {
 
-// Number of singular values that the choice of the order may need.
+// The number of singular values that the choice of the order may need.
 constexpr Index most_shown = 24;
-// With this many rows per column, a sample covariance is used without its neighbours.
+// With this many rows per column, the sample covariance of a step is used without those of its neighbours.
 constexpr double enough_rows = 5.0;
 
 // The steps of the data in groups that share a model, and their samples.
@@ -42,16 +42,16 @@ class Steps {
   Index group(Index k) const { return variation.group(k); }
   Index next(Index g) const { return variation.period > 0 ? (g + 1) % groups() : g + 1; }
   bool varying() const { return variation.period == 0; }
-  // Slowly varying coefficients continue beyond both ends of the experiments, so all steps can have all states.
+  // If coefficients vary slowly, they continue beyond both ends of the experiments. Then all steps can have all states.
   bool smooth() const { return varying() && variation.smoothing > 0; }
-  // Steps of group g for a regression.
+  // The steps of group g that a regression uses.
   std::vector<Index> of(Index g) const {
     std::vector<Index> steps;
     for (Index k = g; k < data.steps(); k += varying() ? data.steps() : groups())
       if (k >= begin) steps.push_back(k);
     return steps;
   }
-  // A step with the ARX model of a steps after group g, and with all p lags.
+  // A step with the ARX model of `a` steps after group g, and with all p lags.
   Index shown(Index g, Index a) const {
     if (varying()) return std::min(g + a, data.steps() - 1);
     Index k = g + a;
@@ -59,12 +59,12 @@ class Steps {
     while (k >= data.steps()) k -= groups();
     return k;
   }
-  // Block rows of the predictor at group g.
+  // The number of block rows of the predictor at group g.
   Index future(Index g, Index f) const { return varying() && !smooth() ? std::min(f, data.steps() - g) : f; }
 
   Index width() const { return lags * data.channels(); }  // number of columns of the past samples
 
-  // [z_k u_k y_k], and the number of experiments that its rows represent.
+  // [z_k u_k y_k], and the number of experiments that the rows represent.
   Matrix window(Index k) const { return data.rows(k, lags); }
   double count(Index k) const { return double(data.count(k, lags)); }
 
@@ -80,8 +80,8 @@ class Steps {
   }
 };
 
-// Smallest noise of an output relative to its size, compared with the largest such ratio. Outputs with less noise are
-// treated as if they had this much. Otherwise they would determine all states.
+// The smallest noise of an output relative to its size, compared with the largest such ratio of all outputs. An output
+// with less noise is treated as if it had this much noise. Otherwise such outputs would determine all states.
 constexpr double least_weighed = 1e-5;
 
 // The matrices that weight the errors of the outputs: whiteners of the innovations, pooled if the model is smooth.
@@ -118,7 +118,7 @@ Matrix predictor(const Steps& steps, const GtvArx& arx, const std::vector<Matrix
     const Index k = steps.shown(g, a);
     const GtvArxStep& s = arx.step[size_t(k)];
     auto row = result.middleRows(a * m, m);
-    const Index lags = s.lags - a;  // lags that reach into the past, beyond the a samples since then
+    const Index lags = s.lags - a;  // lags that reach before group g, beyond the `a` samples after it
     if (lags > 0) row.middleCols((p - lags) * d, lags * d) = arx.coefficients(k).leftCols(lags * d);
     if (weighting == Weighting::many_steps)
       for (Index j = 1; j <= std::min(a, s.lags); ++j)
@@ -151,7 +151,7 @@ std::vector<Past> pasts(const Steps& steps, const SubspaceOptions& o) {
         own[size_t(g)].add(steps.window(k).leftCols(steps.width()), steps.count(k), 1.0);
       }
   });
-  // Few experiments do not determine the covariance of so many samples. Neighbouring steps contribute with
+  // Few experiments do not determine the covariance of so many samples. Therefore neighbouring steps contribute with
   // exponentially falling weights.
   const double width = double(steps.lags * steps.data.channels());
   double reach = enough_rows * width / double(std::max<Index>(1, steps.data.experiments()));
@@ -178,7 +178,9 @@ std::vector<Past> pasts(const Steps& steps, const SubspaceOptions& o) {
 
 const Ensemble& ensemble_of(const Windows& windows) {
   if (!windows.ensemble())
-    throw std::invalid_argument("weighting: projection found, which needs the experiments and not only their factors");
+    throw std::invalid_argument(
+        "weighting: projection found, but it needs the experiments, and only their "
+        "factors are there. Use another weighting");
   return *windows.ensemble();
 }
 
@@ -232,7 +234,7 @@ StateMaps state_maps(const Steps& steps, const PredictorFactors& factors, const 
     Matrix map = f.state.topRows(n);
     if (map.cols() == 0) map.resize(0, steps.width());
     if (steps.varying() && n > 0) {
-      // Orthogonal Procrustes alignment with the previous step: the matrices then vary as slowly as the system does.
+      // Orthogonal Procrustes alignment with the previous step: the matrices then vary as slowly as the system varies.
       Matrix own = f.observability.leftCols(n);
       const Index common = std::min(own.rows(), previous.rows()), shared = std::min(n, previous.cols());
       if (common > 0 && shared > 0) {
@@ -246,7 +248,7 @@ StateMaps state_maps(const Steps& steps, const PredictorFactors& factors, const 
     }
     maps.of.push_back(std::move(map));
   }
-  // x_T has no output. The first samples do not determine the full state.
+  // x_T affects no output. The first samples of the data do not determine the full state.
   if (steps.varying()) maps.of.push_back(steps.smooth() ? maps.of.back() : Matrix(0, steps.width()));
   if (steps.smooth()) {
     Index most = 0;
@@ -267,10 +269,11 @@ struct Fitted {
   Vector squares;          // (right) sums of the squares of the right side
   double rows = 0.0;       // number of experiments, summed over the steps of the group
   Index rank = 0;          // rank of the group's own regressors
-  double condition = 0.0;  // condition number of their part of that rank
+  double condition = 0.0;  // condition number of the regressors, within their rank
 };
 
-// Rank and condition number of regressors. The columns are scaled to norm 1, so that both do not depend on units.
+// Rank and condition number of regressors. The columns are scaled to norm 1, so that rank and condition do not depend
+// on units.
 void examine(const ConstMatrixRef& regressors, Fitted& fitted) {
   if (regressors.size() == 0) return;
   Vector norm = regressors.colwise().norm().transpose();
@@ -307,7 +310,7 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
     Vector rms = Vector::Zero(l);
     for (size_t g = begin; g < end; ++g) rms += factor[g].leftCols(l).colwise().squaredNorm().transpose();
     rms = (rms / double(end - begin)).cwiseSqrt();
-    rms = (rms.array() > 0).select(rms, 1.0);  // columns of equal size: the rank then does not depend on units
+    rms = (rms.array() > 0).select(rms, 1.0);  // columns of equal size, so that the rank does not depend on units
     std::vector<Matrix> rows(factor.begin() + std::ptrdiff_t(begin), factor.begin() + std::ptrdiff_t(end));
     for (Matrix& block : rows) block.leftCols(l) *= rms.cwiseInverse().asDiagonal();
     const std::vector<Matrix> x = random_walk_regression(rows, l, Vector::Constant(l, std::sqrt(smoothing)));
@@ -321,12 +324,12 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
       result[g].residual = linalg::triangular_factor(left);
     }
   };
-  // Steps without a row are determined by their neighbours.
+  // Neighbours determine the coefficients of steps without a row.
   Index most = 0;
   for (const Matrix& rows : factor) most = std::max(most, rows.cols());
   for (Matrix& rows : factor)
     if (steps.smooth() && rows.cols() == 0) rows.resize(0, most);
-  // Successive steps with equal sizes share a penalty.
+  // Successive steps with the same numbers of coefficients share a penalty.
   for (size_t begin = 0, end = 0; begin < groups; begin = end) {
     for (end = begin + 1; smoothing > 0 && end < groups && regressors[end] == regressors[begin] &&
                           factor[end].cols() == factor[begin].cols();)
@@ -352,7 +355,7 @@ class StateRegressions {
   Index output_regressors(Index g) const { return states(g) + through_; }
   Index state_regressors(Index g) const { return states(g) + r_ + errors_; }
 
-  // y on [x; u], or on x alone without feedthrough. The coefficients are [C D] with D = 0 there.
+  // y on [x; u], or on x alone without feedthrough. The coefficients are [C D]; without feedthrough, D = 0.
   std::vector<Fitted> outputs() const {
     std::vector<Fitted> result = fitted(&StateRegressions::output_regressors, [&](Index k) {
       const Index n = states(steps_.group(k));
@@ -367,8 +370,8 @@ class StateRegressions {
     return result;
   }
 
-  // x⁺ on [x; u; ε], with ε from the regression of the outputs. Without noise there is no ε, and the observer comes
-  // from the map of the next state.
+  // x⁺ on [x; u; ε], with ε from the regression of the outputs. Without noise there is no ε, and the observer gain
+  // comes from the map of the next state.
   std::vector<Fitted> next_states(const std::vector<Fitted>& outputs) const {
     return fitted(&StateRegressions::state_regressors, [&](Index k) {
       if (k + 1 >= steps_.data.steps() && !steps_.smooth()) return Matrix();
@@ -407,8 +410,8 @@ class StateRegressions {
   Index r_, m_, through_, errors_;  // inputs, outputs, inputs with feedthrough, innovations
 };
 
-// The residuals of the regressions as roots of the covariances of each step. With few experiments, one covariance
-// serves all steps of full dimension. With many, each step has its own.
+// The residuals of the regressions as roots of the covariances of each step. With few experiments, all steps of full
+// dimension share one covariance. With many experiments, each step has its own.
 NoiseRoots noise_roots(const Steps& steps, const StateRegressions& sizes, const std::vector<Fitted>& outputs,
                        const std::vector<Fitted>& next_states, Index k_begin, const SubspaceOptions& o) {
   const Index m = steps.data.outputs();

@@ -18,10 +18,10 @@ constexpr double unseen = 1.5e-14;
 void check(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness) {
   if (stiffness.size() != regressors || !(stiffness.array() >= 0).all())
     throw std::invalid_argument(
-        fmt::format("stiffness: {} entries found, {} that are not negative needed", stiffness.size(), regressors));
-  // A coefficient without a penalty is undetermined at steps whose data do not show it.
+        fmt::format("stiffness: {} entries found, {} needed, none of them negative", stiffness.size(), regressors));
+  // Without a penalty, a coefficient is undetermined at steps whose data do not determine it.
   if (stiffness.size() > 0 && stiffness.minCoeff() == 0 && stiffness.maxCoeff() > 0)
-    throw std::invalid_argument("stiffness: zero and positive entries found, only the ones or the others needed");
+    throw std::invalid_argument("stiffness: zero and positive entries found, all zero or all positive needed");
   for (const Matrix& block : rows)
     if (block.cols() != rows.front().cols() || block.cols() < regressors)
       throw std::invalid_argument(fmt::format("rows: {} columns found, {} needed in every step, {} or more",
@@ -35,7 +35,7 @@ Matrix solve(const ConstMatrixRef& rows, Index regressors) {
       .x;
 }
 
-// The equations for the way back after the elimination of X_g: U X_g = w - V X_{g+1}, with U upper and V lower
+// After the elimination of X_g, these equations give X_g from X_{g+1}: U X_g = w - V X_{g+1}, with U upper and V lower
 // triangular.
 struct Eliminated {
   Matrix triangles;   // (L × L): U on and above the diagonal, V below
@@ -43,11 +43,11 @@ struct Eliminated {
   Matrix w;           // (L × q)
 };
 
-// Turns the rows [R z] that determine X_g from the data up to step g into rows that determine X_{g+1}. It is a QR
-// factorisation of
+// Turns the rows [R z] that determine X_g from the data up to step g into rows that determine X_{g+1}, by the QR
+// factorisation
 //   [  R   0  z ]      [ U  V   w  ]
 //   [ -S   S  0 ]  =  Q[ 0  R'  z' ]          S = diag(stiffness)
-// It keeps the zeros: reflection j involves row j above and the rows 0 … j below.
+// The zeros are kept: reflection j involves row j of the upper block and the rows 0 … j of the lower block.
 class Eliminator {
  public:
   Eliminator(const Vector& stiffness, Index right)

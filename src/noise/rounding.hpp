@@ -4,9 +4,9 @@
 
 namespace tokid::rounding {
 
-// Pivots and singular values of regressors below this share of the largest count as zero.
+// Pivots and singular values of regressors count as zero below this share of the largest one.
 inline constexpr double negligible = 1e-12;
-// Singular values of data without noise below this share of the largest of all steps count as zero.
+// Singular values of data without noise count as zero below this share of the largest one of all steps.
 inline constexpr double arithmetic = 1e-9;
 
 }  // namespace tokid::rounding

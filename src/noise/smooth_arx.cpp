@@ -32,7 +32,7 @@ struct GroupFactors {
   Index regressors = 0;
   std::vector<Matrix> factor;  // (groups) factor of the scaled [W Y]: (≤ L+m) × (L+m)
   std::vector<Index> rows;     // (T) number of experiments at each step
-  double mean_rows = 0.0;      // mean number of rows over the groups that have any
+  double mean_rows = 0.0;      // mean number of rows over the groups with at least one row
 };
 
 GroupFactors group_factors(const Windows& e, const SmoothArxOptions& o, const Vector& scales, Index begin, Index end) {
@@ -94,7 +94,7 @@ GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
   arx.resize(steps, e.inputs(), m, p, false);
   arx.begin_at(options.initial_state == InitialState::zero ? 0 : p);
 
-  // Rows of each group, for the residual covariance that its steps share.
+  // The number of rows of each group. All steps of a group share one residual covariance.
   std::vector<Index> rows(w.factor.size(), 0);
   for (Index k = 0; k < steps; ++k) rows[size_t(options.variation.group(k))] += w.rows[size_t(k)];
   for (Index k = arx.k_begin; k < steps; ++k) {
@@ -170,7 +170,7 @@ class CandidateErrors {
       for (const Index rows : piece.training.rows) trained += double(rows) / double(pieces.size());
       for (const Index rows : piece.held_out.rows) tested += double(rows);
     }
-    // With missing samples, there may be too few windows of this length for a result.
+    // With missing samples, there may be too few windows of this length. Then the error is infinite.
     if (tested == 0 || trained < 2 * double(pieces.front().training.regressors)) log_error = inf;
     for (Index j = 0; j < m; ++j)
       log_error += sum(j, 1) > 0 ? 0.5 * std::log(std::max(sum(j, 0) / sum(j, 1), 1e-300)) : 0.0;
@@ -237,7 +237,8 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
   if (ensemble.experiments() < 2)
     throw std::invalid_argument(
         fmt::format("experiments: {} found, at least 2 needed to choose the smoothing", ensemble.experiments()));
-  if (options.lags.empty()) throw std::invalid_argument("lags: no lag order to choose from");
+  if (options.lags.empty())
+    throw std::invalid_argument("lags: none found, at least one lag order to choose from needed");
   for (const Index p : options.lags) check(ensemble, p, {options.smoothing.value_or(0.0), options.period});
 
   std::vector<double> weights{options.smoothing.value_or(0.0)};

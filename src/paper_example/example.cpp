@@ -73,7 +73,7 @@ Model rotating_tube(Index steps, double dt) {
 
 namespace {
 
-// Draws the same number of variates for any options, so that ensembles of different noise share their inputs.
+// Draws the same number of random numbers for any options, so that ensembles with different noise have the same inputs.
 template <class Input, class Output>
 void run(const Model& system, const ExperimentOptions& options, bool from_rest, RandomNumbers& random, Input&& input,
          Output&& output) {
@@ -92,7 +92,7 @@ void run(const Model& system, const ExperimentOptions& options, bool from_rest, 
 
 void check_noise(const ExperimentOptions& options) {
   if (!(options.process_noise >= 0 && options.measurement_noise >= 0))
-    throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, none may be negative",
+    throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, 0 or more needed",
                                             options.process_noise, options.measurement_noise));
 }
 
@@ -100,8 +100,9 @@ void check_noise(const ExperimentOptions& options) {
 
 Ensemble experiments(const Model& system, const ExperimentOptions& options) {
   if (options.experiments < 1 || options.free_responses < 0)
-    throw std::invalid_argument(fmt::format("experiments: {} experiments and {} free responses asked for",
-                                            options.experiments, options.free_responses));
+    throw std::invalid_argument(
+        fmt::format("experiments: {} experiments and {} free responses found, at least 1 and 0 needed",
+                    options.experiments, options.free_responses));
   check_noise(options);
   const bool from_rest = options.initial_state == InitialState::zero;
   Ensemble ensemble(options.experiments, system.steps(), system.inputs, system.outputs, system.dt);
@@ -121,7 +122,7 @@ Ensemble experiments(const Model& system, const ExperimentOptions& options) {
   free.experiments = options.free_responses;
   free.steps = free.experiments > 0 ? system.steps() : 0;
   free.y.resize(free.experiments, free.steps * system.outputs);
-  RandomNumbers other(~options.seed);  // adding free responses leaves the forced experiments as they are
+  RandomNumbers other(~options.seed);  // free responses do not change the other experiments
   for (Index n = 0; n < free.experiments; ++n)
     run(
         system, options, false, other, [](Index, const Vector& u) { return Vector(Vector::Zero(u.size())); },
@@ -155,14 +156,17 @@ Ensemble expected_moments(const Model& system) {
     throw std::invalid_argument("Q and R: not known of this system, both needed at each step");
   const auto factor = [](const Matrix& covariance, const char* name) {
     std::optional<Matrix> f = linalg::covariance_factor(covariance);
-    if (!f) throw std::invalid_argument(fmt::format("{}: no covariance", name));
+    if (!f)
+      throw std::invalid_argument(
+          fmt::format("{}: no covariance found, a symmetric matrix without negative eigenvalues needed", name));
     return std::move(*f);
   };
   const Index T = system.steps(), n0 = system.n(system.k_begin);
   Index states = 0;
   for (Index k = 0; k <= T; ++k) states += system.n(k);
   const Index sources = states + T * (system.inputs + system.outputs);  // x_0, and u_k, v_k, w_k of every step
-  // The mean over the sources replaces the expectation. With this weight each source counts once, not 1/sources times.
+  // The mean over the sources replaces the expectation. With this weight each source counts once, instead of 1/sources
+  // times.
   const double weight = std::sqrt(double(sources));
   Ensemble ensemble(sources, T, system.inputs, system.outputs, system.dt);
   ensemble.names = system.names;

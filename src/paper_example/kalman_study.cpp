@@ -18,7 +18,7 @@ void check(const KalmanStudyOptions& o) {
     throw std::invalid_argument(
         fmt::format("compared steps: {} to {} found, 0 <= begin < end <= {} needed", o.begin, o.end, o.steps));
   if (!(o.process_noise > 0 && o.measurement_noise > 0))
-    throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, positive ones needed",
+    throw std::invalid_argument(fmt::format("noise: standard deviations {} and {} found, positive numbers needed",
                                             o.process_noise, o.measurement_noise));
   for (const Index p : o.lags)
     if (p < 1 || p >= o.steps)
@@ -39,8 +39,8 @@ double rms_error(const Prediction& prediction, const KalmanStudyOptions& o) {
   return std::sqrt(sum / double(count));
 }
 
-// RMS of G_k + A_k K_k relative to A_k K_k, in the coordinates of the true system. The Kalman filter has G_k = -A_k
-// K_k.
+// RMS of G_k + A_k K_k relative to that of A_k K_k, in the coordinates of the true system. For the Kalman filter, G_k =
+// -A_k K_k.
 double gain_difference(const Model& model, const Model& filter, const KalmanStudyOptions& o) {
   const Index rows = filter.states() / filter.outputs + 2;
   const FramedModel aligned = align(model, filter, rows);
@@ -75,7 +75,7 @@ KalmanStudy kalman_study(const KalmanStudyOptions& options) {
     for (const Index p : options.lags) {
       if (count > 0 && count <= minimum_experiments(filter.inputs, filter.outputs, p)) continue;
       IdentifyOptions identify_options;
-      identify_options.method = Method::tvera;  // the paper's
+      identify_options.method = Method::tvera;  // the method of the paper
       identify_options.states = filter.states();
       identify_options.lags = p;
       identify_options.initial_state = InitialState::zero;

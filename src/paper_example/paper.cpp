@@ -19,7 +19,7 @@ namespace {
 
 constexpr Index states = 4, lags = 2, reference_step = 0, block_rows = 3;
 
-// Appendix B as printed. The paper counts steps from 1, so its steps 35, 36, 37 are steps 34, 35, 36 here.
+// Appendix B as printed. The paper counts steps from 1. Its steps 35, 36, 37 are steps 34, 35, 36 here.
 constexpr Index first_printed = 34;
 constexpr const char* matrix_equation[] = {"(80)", "(79)", "(81)"};
 const Matrix& printed_matrix(Index i) {
@@ -78,7 +78,7 @@ std::vector<std::complex<double>> sorted_eigenvalues(const Matrix& a) {
   return sorted;
 }
 
-// Inputs unlike those of any experiment: two tones far from each other.
+// Inputs that no experiment contains: two tones, one at 3 rad/s and one at 7 rad/s.
 Matrix test_inputs(const Model& system, Index steps) {
   Matrix u(steps, system.inputs);
   for (Index k = 0; k < steps; ++k) {
@@ -151,8 +151,9 @@ void show_observer(Paper& paper) {
   paper.products.assign(begin, begin + (last - framed.begin - lags + 1));
 }
 
-// T with T·printed = computed·T for (79)-(81) at once: the null vector of the stacked printedᵀ ⊗ I - I ⊗ computed. The
-// frame of the paper is known only up to this similarity, because its free responses are not printed.
+// T with T·printed = computed·T for all of (79)-(81): the null vector of the stacked matrices printedᵀ ⊗ I - I ⊗
+// computed. The frame of the paper is known only up to this similarity, because the paper does not print its free
+// responses.
 Matrix similarity_to_print(Paper& paper) {
   constexpr Index n = states;
   Matrix equations = Matrix::Zero(3 * n * n, n * n);
@@ -205,7 +206,7 @@ void compare_with_print(Paper& paper) {
     const auto& computed = paper.closed[size_t(k - paper.framed.begin)];
     for (size_t j = 0; j < 4; ++j) {
       const std::complex<double> value = printed_eigenvalues[i][j];
-      // A rounding error of the matrix can change its double zero eigenvalues by its square root.
+      // A rounding error of the matrix can change its double eigenvalue zero by the square root of the error.
       add(matrix_equation[i], fmt::format("λ{}({})", j + 1, name), value, computed[j],
           j < 2 ? half_unit_of_fifth_digit(value.real()) : std::sqrt(rounding));
     }
@@ -229,7 +230,7 @@ Paper paper_example(const PaperOptions& options) {
   paper.more = paper_case(paper, options.more, options);
   paper.framed = reference_frame(paper.minimum.model, reference_step, block_rows);
   if (paper.framed.begin > 0 || paper.framed.end <= first_printed + 3)
-    throw std::runtime_error(fmt::format("the reference frame holds for steps {} to {} only, 0 to {} needed",
+    throw std::runtime_error(fmt::format("the reference frame exists only for steps {} to {}, steps 0 to {} needed",
                                          paper.framed.begin, paper.framed.end - 1, first_printed + 3));
   show_observer(paper);
   compare_with_print(paper);

@@ -16,7 +16,7 @@ namespace tokid {
 
 namespace {
 
-constexpr Index batch = 64;  // replicates held in memory at a time
+constexpr Index batch = 64;  // number of replicates that are in memory at a time
 
 void check_options(const BootstrapOptions& o) {
   uncertainty::check_level(o.level);
@@ -24,10 +24,10 @@ void check_options(const BootstrapOptions& o) {
     throw std::invalid_argument(fmt::format("replicates: {} found, at least 2 needed", o.replicates));
   if (!(o.spread > 0 && o.spread < 1))
     throw std::invalid_argument(fmt::format("spread: {} found, 0 < spread < 1 needed", o.spread));
-  if (o.unknowns < 0) throw std::invalid_argument(fmt::format("unknowns: {} found, none may be negative", o.unknowns));
+  if (o.unknowns < 0) throw std::invalid_argument(fmt::format("unknowns: {} found, 0 or more needed", o.unknowns));
 }
 
-// Weights 1 ± spread. Both signs are equally frequent, so that the mean weight is one.
+// Draws the weights 1 ± spread. Both signs are equally frequent, so that the mean weight is one.
 Vector draw_weights(Index experiments, double spread, std::uint64_t seed) {
   RandomNumbers random(seed);
   const std::vector<Index> order = random.permutation(experiments);
@@ -37,7 +37,7 @@ Vector draw_weights(Index experiments, double spread, std::uint64_t seed) {
   return weights;
 }
 
-// The mean motion, with weighted experiments.
+// The mean motion of weighted experiments.
 Nominal weighted_nominal(const Ensemble& data, const Vector& weights) {
   Nominal nominal{Matrix(data.steps(), data.inputs()), Matrix(data.steps(), data.outputs())};
   const auto mean = [&](const auto& samples) {
@@ -81,7 +81,7 @@ Index median_unknowns(const Model& model) {
   return *middle;
 }
 
-// Sums of deviations from the original, in the order of the replicates.
+// Sums of the deviations of replicates from the original, in the order of the replicates.
 struct Moments {
   explicit Moments(Index size) : count(Vector::Zero(size)), first(count), second(count), mixed(count) {}
   void add(const Vector& deviation) {
@@ -102,7 +102,7 @@ struct Moments {
 Ensemble weighted(Ensemble data, const Vector& weights) {
   if (weights.size() != data.experiments() || !(weights.array() >= 0).all())
     throw std::invalid_argument(
-        fmt::format("weights: {} found, {} needed, none of them negative", weights.size(), data.experiments()));
+        fmt::format("weights: {} found, {} needed, all 0 or more", weights.size(), data.experiments()));
   const Vector roots = weights.cwiseSqrt();
   for (Index k = 0; k < data.steps(); ++k) {
     data.input(k) = roots.asDiagonal() * data.input(k);
@@ -138,17 +138,16 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
   const Model original = identified(data, Vector::Ones(experiments), f, options);
   const Index mean = options.nominal ? 1 : 0;
   Index unknowns = (options.unknowns > 0 ? options.unknowns : median_unknowns(original)) + mean;
-  // Where plain regressions would fit any data exactly, other methods are regularised. They still need at least a
-  // regression of the outputs on states and inputs.
+  // With so few experiments, plain regressions would fit any data exactly, and the other methods are regularised. These
+  // methods still need enough experiments for a regression of the outputs on states and inputs.
   if (options.unknowns == 0 && experiments <= unknowns && original.method != "tvera")
     unknowns = original.states() + original.inputs + mean;
-  // Where steps share a model, each experiment gives as many rows as it has periods.
+  // If steps share a model, each experiment gives as many rows as it has periods.
   if (options.unknowns == 0 && original.period > 0 && data.steps() > 0)
     unknowns = (unknowns * std::min(original.period, data.steps()) + data.steps() - 1) / data.steps();
   if (experiments <= unknowns)
-    throw std::invalid_argument(
-        fmt::format("experiments: {} found, at least {} needed for a bootstrap over experiments with {}", experiments,
-                    unknowns + 1, words::plural(unknowns, "unknown")));
+    throw std::invalid_argument(fmt::format("experiments: {} found, at least {} needed for a bootstrap with {}",
+                                            experiments, unknowns + 1, words::plural(unknowns, "unknown")));
   const Vector estimate = functional(original);
 
   Moments moments(estimate.size());
@@ -182,8 +181,8 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
 
   const double n = double(experiments), left = double(experiments - unknowns);
   const double scale = (n + 2) / left / (options.spread * options.spread);
-  // Each experiment beyond the unknowns gives a degree of freedom. B replicates determine the variance with B - 1
-  // degrees.
+  // Each experiment beyond the number of unknowns gives a degree of freedom. B replicates determine the variance with B
+  // - 1 degrees of freedom.
   result.freedom = 1 / (1 / left + 1 / double(std::max<Index>(1, result.replicates - 1)));
   uncertainty::Variance variance(estimate.size(), 1);
   result.covariance.setZero(estimate.size(), 1);

@@ -26,8 +26,8 @@ Interval unknown(Index rows, Index cols) {
   return {none, none, none, none};
 }
 
-// Diagonals of W_{k,s} R_s W_{k,s}ᵀ (m × k-first+1), s = first … k. Unit leverages at the steps s add these to the
-// variances of the outputs at k. Infinite where R_s has no degree of freedom.
+// Diagonals of W_{k,s} R_s W_{k,s}ᵀ (m × k-first+1), s = first … k. A leverage of one at step s adds column s to the
+// variances of the outputs at step k. The column is infinite if R_s has no degree of freedom.
 Matrix carried_variances(const GtvArx& arx, Index k, Index first) {
   const Index m = arx.outputs;
   std::vector<Matrix> transposed(size_t(k - first + 1), Matrix::Zero(m, m));  // W_{k,s}ᵀ
@@ -73,7 +73,7 @@ Pulse pulse(const GtvArx& arx, Index i, Index band) {
   return result;
 }
 
-// The leverage of an estimated mean motion is that of a regressor that is one in every experiment.
+// The leverage of an estimated mean motion equals that of a regressor that is one in every experiment.
 double nominal_leverage(const GtvArxStep& step) {
   const Index spent = step.freedom > 0 ? step.rows - step.rank - step.freedom : 0;
   return double(spent) / double(step.rows);

@@ -31,11 +31,11 @@ CommonFrame frame_of(const Model& model, const ClosedLoopOptions& options) {
   return {reference_frame(model, s, rows), s, rows};
 }
 
-// Number of steps whose state and next state are in the frame.
+// The number of steps k for which both x_k and x_{k+1} are in the frame.
 Index count(const CommonFrame& frame) { return frame.framed.end - 1 - frame.framed.begin; }
 
-// Errors of Markov parameters change O_k by dO_k = dH_k · from_inputs, up to a change of coordinates. Outputs give the
-// state by x = from_outputs · (O_k x).
+// Errors of Markov parameters change O_k by dO_k = dH_k · from_inputs, except for a change of coordinates. Outputs give
+// the state: x = from_outputs · (O_k x).
 struct Factor {
   Matrix observability;  // O_k (rows·m × n)
   Matrix from_outputs;   // (n × rows·m)
@@ -82,12 +82,13 @@ class Factors {
   Vector output_size_, input_size_;
 };
 
-// d(λ) = Σ_s Γ_s : dM_s. Γ_s is projected on the factor of the covariance of M_s: two real matrices (m × rank).
+// d(λ) = Σ_s Γ_s : dM_s. Γ_s is projected on the factor of the covariance of M_s, which gives two real matrices (m ×
+// rank).
 class Gradient {
  public:
   explicit Gradient(const GtvArx& arx) : arx_(arx) {}
 
-  // ℓᵀ dH_k c: the recursion runs from the inputs u_{k-1-b} = c_b, and ℓ weights its outputs from step k on.
+  // Adds ℓᵀ dH_k c. The recursion runs from the inputs u_{k-1-b} = c_b, and ℓ weights its outputs from step k on.
   void add_hankel(Index k, Index rows, Index cols, const VectorXcd& l, const VectorXcd& c) {
     const Index first = k - cols, r = arx_.inputs;
     Rows samples = rest(first, k + rows);
@@ -96,7 +97,7 @@ class Gradient {
     add(samples, first, k, k + rows, l);
   }
 
-  // ℓᵀ dP_{k+1} c: the recursion runs from the output -c at step k, the start of (34).
+  // Adds ℓᵀ dP_{k+1} c. The recursion runs from the output -c at step k, the start of (34).
   void add_gain(Index k, Index rows, const VectorXcd& l, const VectorXcd& c) {
     Rows samples = rest(k, k + 1 + rows);
     uncertainty::output(arx_, samples, k) = -pair(c);
@@ -135,7 +136,7 @@ class Gradient {
     return result;
   }
 
-  // Two zero rows, for real and imaginary part, with room for the lags before `first`.
+  // Two zero rows, for real and imaginary part, with space for the lags before `first`.
   Rows rest(Index first, Index end) const {
     const Index origin = std::max<Index>(0, first - uncertainty::largest_lag_order(arx_));
     return {arx_, 2, origin, end - origin};
@@ -174,8 +175,8 @@ class ClosedLoop {
         now_(factors.at(k)),
         next_(factors.at(k + 1)),
         reference_(factors.at(frame.step)),
-        // The frame may have more block rows than the realisation. The eigenvalues then depend on these in higher
-        // order.
+        // The frame may have more block rows than the realisation. The additional block rows affect the eigenvalues
+        // only in higher order.
         head_(frame.rows * model.outputs) {
     projection_ = linalg::pseudo_inverse(observability(model, s_, frame.rows));
     from_frame_ = linalg::pseudo_inverse(projection_ * observability(model, k, frame.rows));
@@ -236,10 +237,11 @@ class ClosedLoop {
 void check_model(const GtvArx& arx, const Model& model, const TveraOptions& o) {
   if (arx.inputs != model.inputs || arx.outputs != model.outputs || model.k_begin < arx.k_begin ||
       model.k_end() != arx.steps())
-    throw std::invalid_argument(fmt::format(
-        "model: {} inputs, {} outputs, steps {} to {} found; the regressions have {}, {} and steps {} to {}",
-        model.inputs, model.outputs, model.k_begin, model.k_end() - 1, arx.inputs, arx.outputs, arx.k_begin,
-        arx.steps() - 1));
+    throw std::invalid_argument(
+        fmt::format("model: {} inputs, {} outputs, steps {} to {} found, {} inputs, {} outputs, steps {} to {} "
+                    "needed, as in the regressions",
+                    model.inputs, model.outputs, model.k_begin, model.k_end() - 1, arx.inputs, arx.outputs, arx.k_begin,
+                    arx.steps() - 1));
   if (o.rows < 2 || o.cols < 1)
     throw std::invalid_argument(
         fmt::format("realisation: {} block rows and {} columns found, at least 2 and 1 needed", o.rows, o.cols));

@@ -21,10 +21,11 @@ const char* to_string(BoundsMethod method) { return method == BoundsMethod::fact
 
 namespace {
 
-// Models that differ by less are the same, up to rounding and its effect on noisy Hankel matrices.
+// Models count as the same if they differ by less than this. They may differ by rounding errors, which noisy Hankel
+// matrices amplify.
 constexpr double same = 1e-6;
 
-// The experiments of the identification, as they were measured.
+// The experiments that the identification used, as they were measured.
 Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyOptions& identification) {
   if (model.inputs != data.inputs() || model.outputs != data.outputs())
     throw std::invalid_argument(fmt::format("channels: {} inputs and {} outputs found, the model has {} and {}",
@@ -45,7 +46,7 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
   return training;
 }
 
-// The options of the identification with its choices fixed, for departures from the nominal trajectory.
+// The options of the identification with all its choices fixed, for departures from the nominal trajectory.
 IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
   options.states = model.states();
   options.lags = model.max_lags();
@@ -58,7 +59,7 @@ IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
   return options;
 }
 
-// The blocks and units of the realisation in identify().
+// The blocks and units of the realisation, as in identify().
 TveraOptions realisation(const Model& model, const Ensemble& departing, const IdentifyOptions& o) {
   Plan plan;
   plan.lags = model.max_lags();
@@ -150,7 +151,7 @@ class Bounds {
     });
   }
 
-  // Bounds of eigenvalues need a frame, which may not exist for this model.
+  // Bounds of eigenvalues need a frame, but not every model has one.
   template <class Work>
   void with_frame(Work&& work) {
     try {
@@ -205,7 +206,7 @@ class Bounds {
     scatter(found, spectrum);
   }
 
-  // Lists Markov parameters, outputs, and real and imaginary parts of eigenvalues.
+  // Lists Markov parameters, outputs, and the real and imaginary parts of eigenvalues.
   Vector everything(const Model& model, const std::optional<Spectrum>& spectrum) const {
     const Index r = model_.inputs, m = model_.outputs, steps = data_.steps();
     std::vector<double> all;
@@ -238,7 +239,7 @@ class Bounds {
       o.rows = estimation_window(model_);
       found = closed_loop_spectrum(model, o);
     } catch (const std::invalid_argument&) {
-      // This replicate has no such frame.
+      // This replicate does not have the frame of the original.
     }
     for (size_t i = 0; i < spectrum.eigenvalues.size(); ++i) {
       const Index at = found ? spectrum.begin + Index(i) - found->begin : -1;

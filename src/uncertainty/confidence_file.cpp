@@ -41,7 +41,7 @@ Array output_array(const OutputBounds& outputs, Matrix Interval::*part) {
   return {{size(experiments), outputs.step.size(), size(m)}, std::move(values)};
 }
 
-// (E, n); NaN fills up steps of fewer states.
+// (E, n); steps with fewer states are filled up with NaN.
 template <class Value>
 Array spectrum_array(const SpectrumBounds& spectrum, Index states, Value&& value) {
   std::vector<double> values;

@@ -15,11 +15,12 @@ namespace tokid::uncertainty {
 namespace {
 
 constexpr double inf = std::numeric_limits<double>::infinity();
-constexpr size_t cells = 512;  // of the table; the error of the interpolation is below 1e-5 of the quantile
-// Eigenvalues: distance of neighbours relative to the sum of their standard errors. Relative to the norm of the matrix:
-// rounding, and the deviation up to which an eigenvalue does not move.
+constexpr size_t cells = 512;  // of the table; interpolation changes a quantile by less than 1e-5 of its value
+// Limits for eigenvalues. `near` is the distance of neighbours relative to the sum of their standard errors.
+// `arithmetic` and `fixed` are relative to the norm of the matrix: rounding errors, and the deviation up to which an
+// eigenvalue counts as not moving.
 constexpr double near = 0.5, arithmetic = 1e-9, fixed = 1e-6;
-constexpr double most = 1e7;  // degrees of freedom that act like infinitely many
+constexpr double most = 1e7;  // more degrees of freedom than this do not change the quantile
 
 // T² has the F distribution with (1, freedom) degrees.
 double quantile(double level, double freedom) {

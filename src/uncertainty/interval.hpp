@@ -11,18 +11,19 @@ namespace tokid::uncertainty {
 // \throws std::invalid_argument unless 0 < level < 1
 void check_level(double level);
 
-// t with P(|T| ≤ t) = level for Student's T. A table holds it, because intervals need it once per entry.
+// t with P(|T| ≤ t) = level for Student's T. The quantiles are stored in a table, because intervals need one for each
+// entry.
 class StudentT {
  public:
   explicit StudentT(double level);
-  double operator()(double freedom) const;  // any freedom > 0, infinity included; infinite for others
+  double operator()(double freedom) const;  // freedom > 0, or infinity; the result is infinite otherwise
 
  private:
   double level_;
   std::vector<double> log_quantile_;  // over 1/freedom, evenly spaced from 0 to 1
 };
 
-// A sum of independent variances, each estimated with its own degrees of freedom, entry by entry.
+// A sum of independent variances, entry by entry. Each variance is estimated with its own degrees of freedom.
 struct Variance {
   Variance(Index rows, Index cols) : sum(Matrix::Zero(rows, cols)), spread(Matrix::Zero(rows, cols)) {}
   Matrix sum;     // Σ v
@@ -31,10 +32,11 @@ struct Variance {
 
 Interval interval(Matrix estimate, const Variance& variance, const StudentT& t);
 
-// Decides which eigenvalues of Ā'_k, of norm `norm`, are clearly simple, and makes the bounds of the others infinite.
-// An eigenvalue is not simple if a neighbour is within half the sum of both standard errors. A stricter rule would
-// accept few eigenvalues except those whose standard errors are too small. The zeros of a deadbeat observer do not move
-// and are no such neighbours. The interval of every real part is widened by rounding errors.
+// Decides which eigenvalues of Ā'_k are clearly simple, and makes the bounds of the other eigenvalues infinite. `norm`
+// is the norm of Ā'_k. An eigenvalue is not simple if a neighbour is within half the sum of the two standard errors. A
+// stricter rule would accept few eigenvalues, and mostly those whose standard errors are too small. The zeros of a
+// deadbeat observer do not move and do not count as neighbours. The interval of every real part is widened by rounding
+// errors.
 void find_simple(SpectrumBounds::Step& step, double norm);
 
 }  // namespace tokid::uncertainty

@@ -8,7 +8,7 @@ namespace tokid::uncertainty {
 
 namespace {
 
-// Rounding errors of simulated or stored outputs, in units of ε.
+// Rounding errors of simulated or stored outputs, relative to the outputs.
 constexpr double rounding = 8 * std::numeric_limits<double>::epsilon();
 
 }  // namespace

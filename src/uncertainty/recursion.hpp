@@ -10,8 +10,8 @@ namespace tokid::uncertainty {
 
 Index largest_lag_order(const GtvArx& arx);
 
-// Covariance of the innovation of step k (m × m), at least that of rounding errors of the outputs. It is unknown where
-// the step has no degree of freedom.
+// The covariance of the innovation of step k (m × m), at least the covariance of rounding errors of the outputs. The
+// covariance is unknown if the step has no degree of freedom.
 Matrix innovation_cov(const GtvArx& arx, Index k);
 
 // Rows of samples with the layout of an ensemble, from step `origin` on.
@@ -33,14 +33,14 @@ inline auto output(const GtvArx& arx, Rows& rows, Index k) {
   return rows.samples.middleCols((k - rows.origin) * (arx.inputs + arx.outputs) + arx.inputs, arx.outputs);
 }
 
-// Computes the outputs of the steps begin … end-1.
+// Computes the outputs of the steps begin … end-1 in `rows`.
 void run(const GtvArx& arx, Index begin, Index end, Rows& rows);
 
 // φᵀ X Xᵀ φ for each row φ of `windows`: the variance of M_k φ for innovations of variance one.
 Vector leverages(const GtvArx& arx, Index k, const ConstMatrixRef& windows);
 
-// Computes Σ_{k ≥ s} W_{k,s}ᵀ ℓ_k for s = begin … end-1, from ℓ_k in the same places (m × any each). The recursion runs
-// backwards.
+// Computes Σ_{k ≥ s} W_{k,s}ᵀ ℓ_k for s = begin … end-1, by a backward recursion. `weights` contains ℓ_k (m × any
+// each), and the results replace them.
 void run_backwards(const GtvArx& arx, Index begin, Index end, std::vector<Matrix>& weights);
 
 }  // namespace tokid::uncertainty

@@ -17,7 +17,8 @@ std::optional<Vector> Anderson::next(const Vector& x, const Vector& g) {
   if (pairs < 1) return std::nullopt;
   Matrix difference(g.size(), pairs);
   for (Index i = 0; i < pairs; ++i) difference.col(i) = f_[size_t(i) + 1] - f_[size_t(i)];
-  // Normal equations are enough: they are small, and their errors affect only the speed.
+  // The normal equations are accurate enough: they are small, and their rounding errors affect only the speed of the
+  // iteration.
   Matrix gram = difference.transpose() * difference;
   const double lift = damping * gram.trace();
   if (!(lift > 0)) return std::nullopt;

@@ -9,13 +9,13 @@
 
 namespace tokid::em {
 
-// x_next = g - ΔG γ, with f = g(x) - x and the differences ΔF, ΔG of the last `depth` pairs. γ minimises ‖f - ΔF γ‖² +
-// damping · tr(ΔFᵀΔF) · ‖γ‖². The damping limits γ where the pairs are nearly dependent.
+// x_next = g - ΔG γ, with f = g(x) - x and the differences ΔF, ΔG of the last `depth` pairs of f and g. γ minimises ‖f
+// - ΔF γ‖² + damping · tr(ΔFᵀΔF) · ‖γ‖². The damping limits γ if the pairs are nearly dependent.
 class Anderson {
  public:
   explicit Anderson(size_t depth) : depth_(depth) {}
   void reset() { f_.clear(), g_.clear(); }
-  // Empty until there are two pairs.
+  // Returns the next x, or nothing until there are two pairs.
   std::optional<Vector> next(const Vector& x, const Vector& g);
 
  private:

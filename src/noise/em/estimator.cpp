@@ -12,7 +12,7 @@ namespace tokid::em {
 
 namespace {
 
-// Noise below this share of a signal's mean square can't be distinguished from rounding errors of the moments.
+// If noise is below this share of a signal's mean square, rounding errors of the moments may be larger than the noise.
 constexpr double smallest_noise = 1e-12;
 
 Noise pooled(const std::vector<Matrix>& of_phase) {
@@ -26,8 +26,8 @@ Noise separate(std::vector<Matrix> of_phase) {
   return {std::move(of_phase), Vector::Ones(1), std::vector<Index>(phases, 0)};
 }
 
-// Degrees of freedom per phase that a random-walk coefficient uses up: the mean of 1 / (1 + λ μ) over the eigenvalues μ
-// of the second difference.
+// The degrees of freedom per phase that a random-walk coefficient uses: the mean of 1 / (1 + λ μ) over the eigenvalues
+// μ of the second difference.
 double freedom_per_phase(Index phases, double smoothing) {
   double sum = 0.0;
   for (Index j = 0; j < phases; ++j)
@@ -60,7 +60,7 @@ Estimator::Estimator(const Model& start, const kalman::Samples& samples, const E
       steps_(samples.steps),
       phases_(options.period > 0 ? std::min(options.period, samples.steps) : samples.steps),
       pooled_(options.smoothing > 0) {
-  // Steps of a phase start with the mean of their matrices.
+  // A phase starts with the mean of the matrices of its steps.
   std::vector<Matrix> q(size_t(phases_), Matrix::Zero(n_, n_)), r(size_t(phases_), Matrix::Zero(m_, m_));
   start_.ab.assign(size_t(phases_), Matrix::Zero(n_, n_ + r_));
   start_.cd.assign(size_t(phases_), Matrix::Zero(m_, n_ + r_));
@@ -98,8 +98,8 @@ Model Estimator::model(const Parameters& p) const {
 
 namespace {
 
-// Typical value of each of the first `size` diagonal entries: the geometric mean over the steps where it is not zero. A
-// state that grows by orders of magnitude is then not dominated by its last steps.
+// A typical value of each of the first `size` diagonal entries: the geometric mean over the steps at which the entry is
+// not zero. With this mean, a state that grows by orders of magnitude is not dominated by its last steps.
 Vector typical(const std::vector<Matrix>& moments, Index size) {
   Vector logs = Vector::Zero(size), count = logs;
   for (const Matrix& a : moments)
@@ -120,7 +120,7 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   const auto weight = [&](const std::vector<Matrix>& list) {
     Vector w = typical(list, n_ + r_) * double(steps_) / double(phases_);
     for (double& value : w)
-      if (!(value > 0)) value = experiments;  // any value will do
+      if (!(value > 0)) value = experiments;  // a signal that is zero may have any weight
     return w;
   };
   process_weight_ = weight(moments.moved);
@@ -153,8 +153,8 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   moved_ = per_phase(moments.moved_count);
   measured_ = per_phase(moments.measured_count);
   // The number of free coefficients (without the choice of coordinates) relative to the number of output samples, at
-  // most 0.5. Both noises get an equal part, so that a change of the size of Q or R never gains more here than it loses
-  // in likelihood.
+  // most 0.5. Each noise gets half of this share, or less of it for n > m states. A change of the size of Q or R then
+  // never gains more by the share than it loses in likelihood.
   const Index free = n_ * r_ + m_ * (n_ + (options_.feedthrough ? r_ : 0));
   const double used = double(phases_ * free) * freedom_per_phase(phases_, options_.smoothing);
   const double share = std::min(0.5, used / std::max(1.0, samples.outputs));
@@ -220,8 +220,8 @@ std::vector<Matrix> Estimator::phase_roots(const std::vector<Matrix>& moments, c
   return sums;
 }
 
-// With T V̄ Tᵀ = diag(w) for the noise and T V Tᵀ = I for the penalty, the rows of T Θ are independent problems. Only
-// the first `l` of the n + r coefficients are estimated. The others keep their values.
+// T makes T V̄ Tᵀ = diag(w) for the noise and T V Tᵀ = I for the penalty, so that the rows of T Θ are independent
+// problems. Only the first `l` of the n + r coefficients are estimated, and the others keep their values.
 std::vector<Matrix> Estimator::regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before,
                                        const Noise& noise, Index l, const Matrix& reference, const Vector& weight,
                                        const Execution& execution) const {

@@ -6,7 +6,8 @@
 
 namespace tokid::em {
 
-// Covariances of all phases: shape (one for each phase, or one for all) times the scale of the phase's segment.
+// The covariances of all phases. The covariance of a phase is `shape` (one for each phase, or one for all) times the
+// scale of its segment.
 struct Noise {
   std::vector<Matrix> shape;
   Vector scale;                // (segments)
@@ -29,14 +30,15 @@ struct EstimatorOptions {
   double smoothing = 0.0;  // λ
   Index period = 0;
   bool estimate_x0 = false;
-  bool feedthrough = true;  // false: D = 0 is known, also of the start
+  bool feedthrough = true;  // false: D = 0 is known, and the start model has D = 0
   Matrix innovation_cov;    // (m × m)
 };
 
-// A phase is a set of steps that share their matrices. With 0 < λ < ∞ the matrices of neighbouring phases are coupled
-// by the penalty
-//   λ/2 Σ_g tr( V⁻¹ (Θ_{g+1} - Θ_g) W (Θ_{g+1} - Θ_g)ᵀ ),   Θ = [A B] and [C D] with a V for each.
-// W is the diagonal of the second moment of [x; u] at a typical step of the start model, summed over the experiments.
+// A phase is a set of steps that share their matrices. With 0 < λ < ∞ a penalty couples the matrices of neighbouring
+// phases:
+// λ/2 Σ_g tr( V⁻¹ (Θ_{g+1} - Θ_g) W (Θ_{g+1} - Θ_g)ᵀ )
+// for Θ = [A B] and for Θ = [C D], each with its own V. W is the diagonal of the second moment of [x; u] at a typical
+// step of the start model, summed over the experiments.
 class Estimator {
  public:
   // `start` must have a constant state dimension, Q and R, and begin at step 0.
@@ -44,11 +46,11 @@ class Estimator {
 
   const Parameters& start() const { return start_; }
   Model model(const Parameters& p) const;  // A, B, C, D, Q, R, x0_mean, x0_cov of every step
-  // Sets units, floors and weights of the penalty from the moments of the start.
+  // Sets units, floors and weights of the penalty from the moments of the start model.
   void set_scales(const kalman::Moments& moments, const kalman::Samples& samples);
   double penalty(const Parameters& p) const;  // to be subtracted from the log-likelihood
-  // M-step: the parameters that maximise the expected log-likelihood minus the penalty. It maximises one after the
-  // other over the matrices, over each covariance for these matrices, and over its scales for this shape.
+  // The M-step: increases the expected log-likelihood minus the penalty to its maximum, first over the matrices, then
+  // over each covariance with these matrices, and last over the scales with this covariance as shape.
   Parameters maximise(const kalman::Moments& moments, const Parameters& p, const Execution& execution) const;
   // Gives each segment of this many phases its own noise scale.
   void split_noise(Index phases, Parameters& p) const;
@@ -58,7 +60,7 @@ class Estimator {
   const Vector& process_floor() const { return process_floor_; }
   const Vector& measurement_floor() const { return measurement_floor_; }
 
-  // Unbounded coordinates, in units in which a step in any direction has about the same effect.
+  // Coordinates without bounds, in units in which a step in any direction has about the same effect.
   Vector coordinates(const Parameters& p) const;
   Parameters parameters(const Vector& coordinates, const Parameters& like) const;
 
@@ -79,7 +81,7 @@ class Estimator {
   Vector process_weight_, measurement_weight_;        // W
   Vector process_floor_, measurement_floor_;
   Vector moved_, measured_;                               // (phases) number of samples
-  double process_spent_ = 0.0, measurement_spent_ = 0.0;  // share of them used up by the coefficients
+  double process_spent_ = 0.0, measurement_spent_ = 0.0;  // share of the samples that the coefficients use
   Matrix x0_prior_;                                       // C_0: the mode of the inverse Wishart prior of x0_cov
 };
 
