@@ -669,7 +669,7 @@ def test_identify_and_models_take_tables():
         model.predict(table, data.y)
     with pytest.raises(ValueError, match="y: found beside a DataFrame"):
         tokid.identify(table, data.y)
-    with pytest.raises(ValueError, match="u, y: two DataFrames found, one with all columns needed; input_names"):
+    with pytest.raises(ValueError, match="u, y: two DataFrames found, one DataFrame with all columns needed; input_names"):
         tokid.identify(table[["u1", "u2"]], table[["y1", "y2"]])
 
 

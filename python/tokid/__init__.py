@@ -79,7 +79,7 @@ __all__ = [
     "update",
 ]
 
-_LATER = ("interop", "plot", "sklearn")  # imported on first access, because they need other packages
+_LATER = ("interop", "plot", "sklearn")  # imported on first access, because these modules need other packages
 
 
 def __getattr__(name: str) -> Any:

@@ -17,7 +17,7 @@ from ._time_grid import Grid, seconds, text_of
 from ._typing import Array, ArrayLike
 
 _RESERVED = ("experiment", "time", "k")
-_NOTES = "tokid"  # key in DataFrame.attrs of the values that a table has no place for
+_NOTES = "tokid"  # key in DataFrame.attrs of values that have no column in a table
 
 
 def pandas() -> Any:
@@ -119,7 +119,7 @@ class _Table:
         if wanted is not None and len(wanted):
             return self.named([str(label) for label in wanted])
         noted = self.notes.get(f"{name}_names")
-        if noted and all(label in self.names for label in noted):  # the table may have changed since
+        if noted and all(label in self.names for label in noted):  # columns may be renamed by now
             return self.named(noted)
         others = {str(label) for label in taken}
         return self.named([n for n in self.names if n.startswith(prefix) and n not in _RESERVED and n not in others])
@@ -133,7 +133,7 @@ class _Table:
         kind = getattr(dtype, "kind", "O")
         if isinstance(dtype, np.dtype) and kind in "fiub":
             return np.asarray(series.to_numpy(), dtype=np.float64)
-        if kind in "fiub":  # types of pandas, with their own marks of missing values
+        if kind in "fiub":  # integer and float types of pandas have their own marks of missing values
             return np.asarray(series.to_numpy(dtype=np.float64, na_value=np.nan), dtype=np.float64)
         if kind in "cMm":
             raise ValueError(f"column '{name}': {dtype} found, numbers needed")
@@ -214,7 +214,7 @@ def _experiments(table: _Table, column: Optional[int]) -> tuple[Any, list[Any]]:
     if column is None:
         return np.zeros(table.rows, dtype=np.int64), [""]
     series = table.series(column)
-    # The rows may be in any order. Sorted texts would have "10" before "9".
+    # Numbers are sorted, because rows may be in any order. Texts are not sorted: "10" would come before "9".
     codes, names = pandas().factorize(series, sort=getattr(series.dtype, "kind", "O") in "fiub")
     names = list(names)
     nothing = codes < 0
@@ -423,7 +423,8 @@ def to_dataframe(core: _tokid.Ensemble) -> Any:
     if core.free_y is not None:
         raise ValueError("free responses don't fit into a DataFrame; .npz, .h5 or .mat needed")
     u, y = core.u(), core.y()
-    # Rows without a sample are left out. The first experiment and the first step keep all rows, for the whole grid.
+    # Rows without a sample are left out, but not those of the first experiment and the first step. A reader of the
+    # table thus finds every experiment and every step.
     kept = np.asarray(~(np.isnan(u).all(axis=2) & np.isnan(y).all(axis=2)))
     kept[:1] = True
     kept[:, :1] = True

@@ -93,7 +93,7 @@ def _description(data: Any, core: _tokid.Ensemble, dim: str, grid: Grid, names_g
             found["free_y"] = data["free_y"].transpose(*dims).values
     for side, count in (("input", core.inputs), ("output", core.outputs)):
         names = _texts(data, side, side)
-        if names != channel_texts(core, f"{side}_names"):  # channels without names have these
+        if names != channel_texts(core, f"{side}_names"):  # these are the names that channels without names get
             found[f"{side}_names"] = names
         found[f"{side}_units"] = _texts(data, f"{side}_unit", side) if count else None
     coordinate = _coordinate(data, "experiment", "experiment")

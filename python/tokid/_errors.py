@@ -13,7 +13,7 @@ from typing import Any
 
 from ._tokid import IoError as IoError
 
-IoError.__module__ = "tokid"  # its public module
+IoError.__module__ = "tokid"  # the module where users find it
 
 _PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
 

@@ -25,7 +25,8 @@ def to_identify(u: Any, y: Any, dt: Optional[float], described: dict[str, Any]) 
     if _dataframe.is_dataframe(u):
         if _dataframe.is_dataframe(y):
             raise ValueError(
-                "u, y: two DataFrames found, one with all columns needed; input_names and output_names choose columns"
+                "u, y: two DataFrames found, one DataFrame with all columns needed; input_names and output_names "
+                "choose the columns"
             )
         _no_outputs_beside("a DataFrame", y)
         return _of_table(u, dt, described), ""

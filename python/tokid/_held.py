@@ -13,7 +13,7 @@ class Held(property, Generic[T]):
 
     def __init__(self, doc: str, read: Callable[[Any, str], T] = getattr) -> None:
         super().__init__()
-        self.__doc__ = doc  # the constructor of property would lose it to the docstring of this class
+        self.__doc__ = doc  # set here: the constructor of property would take the docstring of this class
         self._read = read
 
     def __set_name__(self, owner: type, name: str) -> None:

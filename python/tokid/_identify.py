@@ -292,7 +292,7 @@ def _remarked(remark: str, call: Callable[..., Any], *arguments: Any, **options:
     try:
         return call(*arguments, **options)
     except ValueError as error:
-        # An error with more frames comes from a listener of the user, not from the extension.
+        # An error with more frames comes from the listener that the user passed, not from the extension.
         if not remark or remark in str(error) or error.__traceback__ is None or error.__traceback__.tb_next is not None:
             raise
         raise ValueError(f"{error}; {remark}") from None

@@ -904,7 +904,7 @@ class UpdateState:
         with listener(progress, "identify") as listening:
             return identified(self._core, None, _options.threads(threads), listening)
 
-    # Copies, also in other processes. A state does not change, so that a copy is the state itself
+    # Copies, also in other processes. A state does not change, so that no copy is made: the state itself is returned
 
     def __copy__(self) -> UpdateState:
         return self

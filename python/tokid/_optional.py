@@ -13,5 +13,5 @@ def need(module: str, what: str, install: str) -> Any:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] != module.split(".")[0]:
-            raise  # the package is there, but incomplete
+            raise  # the package is installed, but one that it needs is not
         raise ImportError(f"{what} needs {module.split('.')[0]}: pip install {install}", name=error.name) from None

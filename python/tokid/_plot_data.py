@@ -117,7 +117,7 @@ def chosen_experiment(
     error = root_mean_square(relative_errors(model, data, simulated), (1, 2))
     if not np.isfinite(error).any():
         error = root_mean_square(relative_errors(model, data, predicted), (1, 2))
-    order = np.argsort(error, kind="stable")  # experiments without an error come last
+    order = np.argsort(error, kind="stable")  # experiments without an error (NaN) come last
     known = int((~np.isnan(error)).sum())
     best, middle, worst = (order[0], order[(known - 1) // 2], order[known - 1]) if known else (-1, -1, -1)
     if experiment is None:
@@ -154,7 +154,7 @@ def pole_frame(model: Model) -> Framed:
         try:
             reference = model.frame("reference", reference_step=s, rows=rows)
         except ValueError:
-            reference = None  # the outputs from step s on do not determine its state
+            reference = None  # the outputs from step s on do not determine the state of step s
         if reference is not None:
             begin, end = _reach(reference, s, rows)
             if 2 * (end - begin) >= model.full_end - s and end - begin > 1:

@@ -165,7 +165,7 @@ class Step:
 
 
 LISTS = ("A", "B", "C", "D", "G", "innovation_cov", "Q", "R", "K")
-_PLAIN = (  # in this order: state_dim makes the steps, and needs the numbers of inputs and outputs
+_PLAIN = (  # keep this order: state_dim makes the steps and needs inputs and outputs before
     "inputs",
     "outputs",
     "k_begin",

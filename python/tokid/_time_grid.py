@@ -50,7 +50,7 @@ def _spacing(times: Array) -> float:
     gaps = np.diff(times)
     steps = float(np.floor(gaps / gaps.min() + 0.5).sum())
     refined = float(times[-1] - times[0]) / steps
-    # Among the numbers within the uncertainty, the intended one has few digits.
+    # Many numbers are within the uncertainty. The intended number has few digits.
     rounded = float(f"{refined:.12g}")
     uncertainty = 2 * _EPSILON * (refined + max(abs(float(times[0])), abs(float(times[-1]))) / steps)
     return rounded if abs(rounded - refined) <= uncertainty else refined
@@ -97,7 +97,7 @@ class Grid:
             distinct = _distinct(times, resolution)
             found = _spacing(distinct)
             self.dt_stated = self.dt_stated or len(distinct) > 1
-            # The sample time in the notes is exact, but the rows may have changed since.
+            # The sample time in the notes is exact, but the rows may have changed after it was noted.
             if noted is not None and len(distinct) > 1 and not abs(found - noted) <= 1e-6 * noted:
                 noted = None
             self.dt = spacing = dt if dt is not None else noted if noted is not None else found

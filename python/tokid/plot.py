@@ -227,7 +227,7 @@ def singular_values(model: Model, *, over: str = "time", colorbar: bool = True, 
     plot = StepPlot(ax, over, model.dt, _steps_of(model), height=min(4.4, 2.2 + 0.16 * rows))
     ax = plot.ax
 
-    # Without motion, all singular values are rounding errors of D. D is a Markov parameter too, and gives the scale.
+    # If inputs move no state, all singular values are rounding errors. The scale is then the Markov parameter D.
     finite = [float(np.abs(matrix).max()) for matrix in (*model.D, *sigma) if matrix.size and np.isfinite(matrix).all()]
     scale = max(finite, default=0.0) or 1.0
     values = np.full((rows, model.steps), np.nan)
@@ -308,7 +308,7 @@ def condition(model: Model, *, over: str = "time", ax: Optional[Axes] = None) ->
     plot = StepPlot(ax, over, model.dt, _steps_of(model), height=2.6)
     values = np.where(values > 0, values, np.nan)
     plot.ax.set_yscale("log")
-    if not np.nanmax(values, initial=0.0) > 1e3 * np.nanmin(values, initial=np.inf):  # too few ticks at decades alone
+    if not np.nanmax(values, initial=0.0) > 1e3 * np.nanmin(values, initial=np.inf):  # decades alone are too few ticks
         plot.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         plot.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         plot.ax.yaxis.set_minor_formatter(NullFormatter())

@@ -344,5 +344,5 @@ def _r2(y: Array, y_hat: Array, sample_weight: Array) -> float:
         return float("nan")
     error = float(np.sum(sample_weight * (y - y_hat) ** 2))
     spread = float(np.sum(sample_weight * (y - np.average(y, weights=sample_weight)) ** 2))
-    # For constant outputs, the values of scikit-learn.
+    # For constant outputs, the results are those of scikit-learn.
     return 1 - error / spread if spread > 0 else 1.0 if error == 0 else 0.0
