@@ -10,31 +10,31 @@
 
 namespace tokid {
 
-// The test of the initial state. It compares the residuals of the steps k < p with those of later steps, which the
-// initial state does not affect.
+// Test of the initial state. An initial state that is not zero enlarges the residuals of the steps k < p, but not the
+// residuals of later steps. The test compares the variances of the early and the later residuals.
 struct InitialStateTest {
-  double statistic = 0.0;  // largest ratio of an early residual variance to the later one, over steps and outputs
+  double statistic = 0.0;  // residual variance of a step k < p over that of the later steps; largest over k and outputs
   double threshold = 0.0;
   InitialState decision = InitialState::zero;
   std::string reason;
 };
 
-// The errors of each state dimension. They are filled where n was chosen from noisy data.
+// Errors of the model of each candidate state dimension n. Filled if n was chosen from noisy data.
 struct OrderScores {
-  static constexpr Index horizon = 10;  // H of `ahead`
+  static constexpr Index horizon = 10;  // prediction horizon H of `ahead`
   std::vector<Index> states;
-  // Logs of the RMS error over the RMS of the departures, mean over the outputs.
+  // For each entry of `states`: log of the RMS error over the RMS of the departures, mean over the outputs.
   std::vector<double> one_step, ahead, simulation;
   bool cross_validated = false;  // true: cross-validation errors (subspace); false: errors on the training data (TVERA)
-  double smoothing = 0.0;        // λ of the regressions on states that gave these errors
+  double smoothing = 0.0;        // λ of the regressions on states, used for these errors
   Weighting weighting = Weighting::one_step;
-  double price = 0.0;  // penalty for each state on the training data: 2/3 (r+m) / (N m)
-  double smallest = std::numeric_limits<double>::infinity();  // smallest mean
-  // Standard error, over the folds, of the difference from the order with the smallest mean. Empty for errors on the
+  double price = 0.0;  // errors on the training data: penalty for each state, 2/3 (r+m) / (N m)
+  double smallest = std::numeric_limits<double>::infinity();  // smallest mean()
+  // Standard error, over the folds, of the difference between mean() and its smallest value. Empty for errors on the
   // training data.
   std::vector<double> uncertainty;
-  // The smallest order whose mean exceeds the smallest mean by no more than a margin. The margin is this standard
-  // error, but at least 0.5 % and at most 2 %.
+  // The smallest n whose mean() exceeds the smallest mean() by no more than a margin. The margin is the entry of
+  // `uncertainty`, but at least 0.5 % and at most 2 %.
   Index best = 0;
 
   void add(Index n, double one_step_error, double ahead_error, double simulation_error);
@@ -43,17 +43,19 @@ struct OrderScores {
   void choose();
 };
 
-// The cross-validation of EM, filled where EM was tried.
+// One trial in the cross-validation of EM.
 struct RefinementTrial {
   Index states = 0;        // n
   double smoothing = 0.0;  // λ of EM
   Index iterations = 0;    // 0: the subspace model without EM
-  double error = 0.0;      // mean log as in OrderScores
+  double error = 0.0;      // mean() of the logs of its errors, as in OrderScores
 };
+// The choice between all trials. Filled if EM was tried.
 struct RefinementChoice {
-  static constexpr double worth_it = 1.005;  // the errors must fall by this factor
+  static constexpr double worth_it = 1.005;  // EM is used only if it lowers the error by this factor
   std::vector<RefinementTrial> trials;
-  // n: OrderScores::best, unless fewer states do as well after EM, or missing samples hid some states from OrderScores
+  // n: OrderScores::best, or another number that EM tried: fewer states if the error is about the same after EM; more
+  // states if missing samples leave few windows and the error is clearly smaller.
   Index states = 0;
   double smoothing = 0.0;
   Index iterations = 0;  // 0: no refinement

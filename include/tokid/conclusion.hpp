@@ -10,40 +10,40 @@
 
 namespace tokid {
 
-// The result of a test of the innovations: nothing against the model; a significant effect that is too small to matter;
-// or a significant effect that matters.
+// The result of a test of the innovations. nothing: no significant effect. negligible: a significant effect that is too
+// small to matter. against: a significant effect that matters.
 enum class TestResult { untested, nothing, negligible, against };
 const char* to_string(TestResult result);  // "untested", "nothing", "negligible", "against"
 
 struct Conclusion {
   enum class Test { nis, whiteness, independence, gains, feedback };
-  // Each reason is followed by the fields that it fills.
+  // A comment after a reason lists the fields of Conclusion that have values.
   enum class Reason {
     // not tested
     few_samples,
     rounding_level,     // the innovations are rounding errors
-    no_covariance,      // the model states none
+    no_covariance,      // the model has no innovation covariance
     no_varying_inputs,  // the inputs do not differ between the experiments, or the model does not respond to them
-    // nis; numbers: p and ratio, the mean square over the stated covariance
+    // nis; numbers: p; ratio: mean square of the innovations over the covariance in the model
     size_as_stated,
     size_slightly_smaller,
     size_smaller,
     size_slightly_larger,
-    size_larger,  // but not overconfident
+    size_larger,  // by less than a factor of two
     size_overconfident,
-    size_of_experiments,  // single experiments are much larger
-    // whiteness; numbers: p; of a correlation also correlation, lag, and limit: the size that counts
+    size_of_experiments,  // the innovations of single experiments are much larger
+    // whiteness; numbers: p; if correlated also correlation, its lag, and limit: smaller correlations do not matter
     white,
     correlated,
-    correlated_on_average,  // over the steps; single steps do not show it
-    // independence; the same
+    correlated_on_average,  // the mean correlation over the steps is significant, but p is not
+    // independence; numbers: as for whiteness
     inputs_explain_nothing,
     inputs_explain_part,
-    // gains; channels: inputs. errors and intervals of each: see InputGains, and half of the 99 % interval
+    // gains; channels: inputs; errors: InputGains::error of each input; intervals: half of its 99 % interval
     gains_wrong,
     gains_unknown,
-    gains_confirmed,  // channels: the inputs without an answer; numbers: interval, the widest of the others
-    gains_lost_in_noise,
+    gains_confirmed,      // channels: inputs as in gains_lost_in_noise; numbers: widest interval of the other inputs
+    gains_lost_in_noise,  // half of the 99 % interval is larger than 1
     // feedback; numbers: p
     no_feedback,
     feedback,  // later inputs depend on the outputs, which is not a fault of the model
@@ -55,14 +55,14 @@ struct Conclusion {
   Reason reason = Reason::few_samples;
   std::map<std::string, double> numbers = {};
   std::vector<Finding::Channel> channels = {};
-  std::vector<double> errors = {}, intervals = {};  // for each channel, relative to the effect in the model
+  std::vector<double> errors = {}, intervals = {};  // of each channel, relative to its effect in the model
   bool pooled = false;                              // the test took all steps together, because the experiments are few
 
   bool operator==(const Conclusion&) const = default;
 };
 
 const char* to_string(Conclusion::Test test);      // "nis", …: the stable name in JSON and Python
-const char* to_string(Conclusion::Reason reason);  // "size_as_stated": the same
+const char* to_string(Conclusion::Reason reason);  // "size_as_stated", …: the stable name in JSON and Python
 std::string in_words(const Conclusion& conclusion);
 
 struct Conclusions {

@@ -17,27 +17,28 @@ struct DependentExperiment {
 
 struct Dependence {
   std::vector<Index> used;  // rows of the experiments to use, ascending: none of them is dependent
-  std::vector<DependentExperiment> combinations;  // the dependent experiments, in ascending order, as sums of used ones
+  std::vector<DependentExperiment> combinations;  // the dependent experiments, ascending; `of` has rows of `used` only
 };
 
-// Finds experiments whose inputs and outputs are the same weighted sum of other experiments, within rounding. The
-// residuals must be as small as find_copies() requires. They must also be at most an eighth of the part of each term
-// that the other terms do not explain.
-// - The data must contain visible noise. Experiments without noise depend on each other because the system is linear;
-//   none of them is dropped.
-// - The result must not be a coincidence. The terms must be linearly independent on two thirds of the record. The whole
-//   record then has enough samples to show that an experiment does not depend on them.
-// If several experiments can be computed from each other, the function uses those with the smaller share in the sum. If
-// shares are equal, it uses the first ones. It also uses an experiment whose missing samples leave few in common with
-// the others. The time is linear in the number of samples, apart from some 10⁹ operations. Copies must be removed
-// before.
+// Finds experiments that are a weighted sum of other experiments, with the same weights for all inputs and outputs,
+// within rounding. The difference between the experiment and the sum must be as small as find_copies() requires between
+// two rows. Each term of the sum also has a part that the other terms do not explain. The difference must be at most an
+// eighth of this part.
+// - The data must contain noise above the level of rounding errors. Without noise, experiments depend on each other
+//   because the system is linear, and no experiment is dropped.
+// - The result must not be a coincidence. With as many terms as samples, any experiment is a weighted sum of the terms.
+//   The terms must therefore be linearly independent already on two thirds of the record.
+// In a weighted sum, every experiment can be computed from the other experiments. The function drops the experiment
+// with the largest share in the sum; among equal shares, the last one. It never drops an experiment that has too few
+// samples in common with the other experiments. The time is linear in the number of samples, apart from some 10⁹
+// operations. Remove copies before the call.
 Dependence find_dependence(const Ensemble& ensemble);
 
-// Findings that name the dependent experiments and the ones that they depend on. Empty if there are none.
+// Findings that name each dependent experiment and the experiments in its sum. Empty if no experiment is dependent.
 Findings findings_of(const Dependence& dependence, const Ensemble& ensemble);
 
-// The experiments that carry information of their own: neither copies nor dependent experiments. Both fields hold row
-// numbers of the whole data. `dependent.used` holds the rows that remain after both searches.
+// The experiments to use: without copies and without dependent experiments. Row numbers are those of the whole data.
+// `dependent.used` contains the rows that remain after both searches.
 struct UsedExperiments {
   Copies copies;
   Dependence dependent;
@@ -48,7 +49,7 @@ struct UsedExperiments {
 UsedExperiments used_experiments(const Ensemble& ensemble);
 // The dependent experiments among the rows in `copies.used`, with the row numbers of the whole data.
 Dependence dependence_beside(const Copies& copies, const Ensemble& ensemble);
-// The rows that remain of this number of experiments.
+// The rows 0 … experiments-1 without the copies and the dependent experiments.
 std::vector<Index> used_experiments(Index experiments, const Copies& copies, const Dependence& dependent);
 Findings findings_of(const UsedExperiments& used, const Ensemble& ensemble);
 

@@ -16,18 +16,19 @@ namespace tokid {
 struct RefineOptions {
   // λ of the penalty  λ/2 Σ_k tr( V⁻¹ (Θ_{k+1} - Θ_k) W (Θ_{k+1} - Θ_k)ᵀ )  on the log-likelihood, for Θ = [A B] and
   // [C D]. W is the diagonal of the second moment of [x; u] at a typical step, summed over the experiments. For [C D],
-  // V is the covariance of the innovations. For [A B], V is the second moment of the state, scaled to the same ratio of
-  // noise to signal. V and W are computed once, from the start model. 0: every step has its own matrices; infinity: all
-  // steps share one set.
+  // V is the covariance of the innovations. For [A B], V is the second moment of the state, scaled so that the ratio of
+  // noise to signal is that of the outputs. V and W are computed once, from the start model. 0: every step has its own
+  // matrices; infinity: all steps share one set.
   double smoothing = 0.0;
   // P: the steps k and k+P share their matrices; 1: all steps; 0: no period; empty: the period of the model
   std::optional<Index> period = {};
-  Index iterations = 60;    // at most
-  double tolerance = 1e-6;  // converged: two successive gains of log-likelihood per output sample below this
+  Index iterations = 60;  // largest number of iterations
+  // EM has converged if two successive increases of the log-likelihood per output sample are smaller
+  double tolerance = 1e-6;
   std::optional<InitialState> initial_state = {};  // empty: as the data state it, else as the model was identified
-  bool feedthrough = true;                         // false: D_k = 0 is known, also where the model has another
-  bool accelerate = true;                          // Anderson acceleration, where it raises the likelihood
-  bool warm_up = true;  // a strong penalty is reached through weaker ones, with a third of the iterations each
+  bool feedthrough = true;                         // false: D_k = 0 is known, and a D of the model is ignored
+  bool accelerate = true;  // Anderson acceleration; a step is used only if it raises the likelihood
+  bool warm_up = true;     // EM first uses weaker penalties than λ, each with a third of the iterations
   Execution execution = {};
 };
 
@@ -36,9 +37,9 @@ struct Refinement {
   // x0_cov are included if the initial states are zero, or if there are more experiments than states.
   Model model;
   double start_log_likelihood = 0.0;  // of the given model, before the warm-up
-  // Log-likelihoods before the first iteration and after each one. `penalised` is the function that EM climbs, and it
-  // never falls. It adds the penalty on variation over time, the degrees of freedom of coupled coefficients, and the
-  // prior of x0_cov. With smoothing = 0 and zero initial states both are equal.
+  // Values before the first iteration and after each iteration. `penalised` is the function that EM maximises; it never
+  // falls. It is the log-likelihood with the penalty on variation over time, a term for the degrees of freedom of
+  // coupled coefficients, and the prior of x0_cov. With smoothing = 0 and zero initial states, both lists are equal.
   std::vector<double> log_likelihood, penalised;
   Index iterations = 0;
   bool converged = false;
@@ -46,23 +47,24 @@ struct Refinement {
   Findings findings;
 };
 
-// Where the model has a nominal trajectory, EM works on the departures of the data from it. Where the states of the
-// model do not cover all steps, or Q and R are missing, EM starts from with_constant_states(). Missing outputs are
-// omitted exactly. A missing input counts as a random one with the mean square of its channel.
-// With smoothing = 0, Q_k and R_k differ from step to step. Otherwise they have one shape for all steps. Their size is
-// constant too, unless the innovations show that it varies.
+// Where the model has a nominal trajectory, EM works on the departures of the data from it. If the model lacks states
+// at some steps, or Q and R, EM starts from with_constant_states(). The likelihood is that of the outputs that are
+// present. A missing input counts as a random number with the mean square of its channel.
+// With smoothing = 0, Q_k and R_k differ from step to step. Otherwise Q_k and R_k are constant matrices times a noise
+// size. The noise size is constant, unless the size of the innovations varies significantly.
 // \throws std::invalid_argument where channels disagree, the model has too few steps of its full dimension, there is no
 // output sample, or an option is out of range; std::runtime_error where the start has no finite likelihood
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options = {});
 
-// (N) log-likelihood of each experiment: the density of its outputs given its inputs. The model needs Q and R. Where
-// its first state is not zero, it also needs x0_mean and x0_cov. \throws std::invalid_argument
+// (N) log-likelihood of each experiment: log of the density of its outputs given its inputs. The model needs Q and R,
+// and for initial states that are not zero x0_mean and x0_cov. \throws std::invalid_argument if one is missing
 Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution& execution = {});
 
 // The model for the steps 0 … steps-1 with the largest state dimension at each step. If the model is in the raw frame
-// of a realisation, it is transformed to the smooth frame. Both ends get the matrices of the nearest step of full
-// dimension. If Q and R are missing, they are computed from the gains and the covariance S of the innovations, where it
-// is known. Q is the mean of G S Gᵀ plus the covariance of the state that S leaves unknown; R is the mean of S.
+// of a realisation, it is transformed to the smooth frame. Steps before and after those of full dimension get the
+// matrices of the nearest step of full dimension. If Q and R are missing, the function computes them from the gains and
+// the covariance S of the innovations, if the model has S. Q is the mean of G S Gᵀ plus the covariance of the state
+// that S leaves unknown; R is the mean of S.
 // \throws std::invalid_argument where no two successive states have the full dimension
 Model with_constant_states(const Model& model, Index steps);
 
@@ -71,11 +73,13 @@ struct LikelihoodChoice {
   std::vector<double> smoothing;       // the candidates, descending
   std::vector<double> log_likelihood;  // of each candidate, per output sample
   std::vector<double> error;  // standard error, over the experiments, of the difference from the best candidate
-  double best = 0.0;          // the most likely candidate; infinity if that is within one standard error of it
+  // the most likely candidate; infinity if its log-likelihood is within one standard error of the largest
+  double best = 0.0;
 };
 // starts[f] is a model for the experiments other than n = f, f+F, f+2F …, with F = starts.size(). EM continues from it.
-// `options.smoothing` is ignored. The candidates are infinity, 3, 0.3, … 0.0003, and 0 where each step has at least two
-// experiments for each unknown. Then the best candidate is multiplied and divided by about 3.
+// `options.smoothing` is ignored. The candidates are infinity, 3, 0.3, … 0.0003. If each step has at least two
+// experiments for each unknown, 0 is a candidate too. Two last candidates are the best λ so far multiplied and divided
+// by about 3.
 // \throws std::invalid_argument for fewer than 2 folds or N < F, and as refine()
 LikelihoodChoice choose_smoothing(const std::vector<Model>& starts, const Ensemble& data,
                                   const RefineOptions& options = {});

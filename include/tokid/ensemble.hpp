@@ -32,20 +32,21 @@ struct Channels {
 // Fills empty lists with default names and empty units, for r inputs and m outputs.
 Channels complete(const Channels& names, Index inputs, Index outputs);
 
-// Free responses: experiments without input, from unknown initial states that are not zero. They have the same time
-// origin as the ensemble.
+// Free responses: experiments without input, from unknown initial states that are not zero. Step 0 is that of the
+// ensemble.
 struct FreeResponse {
   Index experiments = 0;  // Nf
   Index steps = 0;        // Tf
   Matrix y;               // (Nf × Tf·m), columns k·m … k·m+m-1 hold y_k
 };
 
-// The free responses without a missing sample. One factorisation needs all of its columns complete.
+// The free responses without a missing sample. TVERA uses all of them in one factorisation, which permits no missing
+// sample.
 FreeResponse complete(const FreeResponse& free);
 
 // Each row is an experiment, and time runs along the columns. The columns k·d … k·d+d-1, d = r+m, hold u_k (r columns)
-// and then y_k (m columns). The regressors of a step are therefore one contiguous window (17), (18). NaN marks a
-// missing sample.
+// and then y_k (m columns). The regressors of a step are therefore contiguous columns: the window (17), (18). NaN marks
+// a missing sample.
 class Ensemble {
  public:
   Ensemble() = default;
@@ -86,35 +87,35 @@ class Ensemble {
   // Rows of the experiments that have every sample of [W_k Y_k].
   std::vector<Index> complete_rows(Index k, Index p) const;
 
-  // The experiments in the given rows, with everything else kept. Experiments without names get their row numbers as
-  // names. If a row is chosen twice, the experiments of the subset have no names.
+  // The experiments in the given rows, with all other members unchanged. Experiments without names get their row
+  // numbers as names. If a row occurs twice in the list, the experiments of the subset have no names.
   Ensemble subset(const std::vector<Index>& experiments) const;
 
-  // The given inputs and outputs, in the given order, with everything else kept. The outputs of the free responses are
-  // selected too.
+  // The given inputs and outputs, in the given order, with all other members unchanged. The same outputs of the free
+  // responses are selected.
   Ensemble select(const std::vector<Index>& inputs, const std::vector<Index>& outputs) const;
 
   // The name of experiment n in the data; empty if the data give none.
   std::string experiment_name(Index n) const;
-  // Experiment n as messages name it: "16", or with its name and its row: "\"17\" (row 16)".
+  // Experiment n as messages name it: its row "16", or its name and its row "\"17\" (row 16)".
   std::string experiment(Index n) const;
-  // The name of experiment n, or its row if it has none. An experiment has the same label in the data and in a part of
-  // them.
+  // The name of experiment n, or its row if it has none. An experiment has the same label in the data and in each
+  // subset() of the data.
   std::string experiment_label(Index n) const;
 
-  // \throws std::invalid_argument for an infinite value (names the channel, experiment and step), a channel without a
-  // single finite sample (names the channel), or anything else that is inconsistent.
-  // With outputs_needed = false, the outputs may be missing altogether, for example where nothing could be predicted.
+  // \throws std::invalid_argument for an infinite value (the message names the channel, experiment and step), a channel
+  // without any sample (the message names the channel), or sizes that do not match.
+  // With outputs_needed = false, all outputs may be missing, for example if a model could predict none.
   void check(bool outputs_needed = true) const;
 
   double dt = 1.0;        // sample time [s]
   bool dt_stated = true;  // false: the data state no sample time, and dt is 1
   Channels names;
   std::optional<InitialState> initial_state;  // empty: not stated with the data
-  std::vector<Index> length;                  // (N) valid samples of each experiment; empty: all T
-  std::vector<std::string> experiment_names;  // (N) as in the data; empty: the experiments have only row numbers
+  std::vector<Index> length;                  // (N) number of steps of each experiment; empty: T
+  std::vector<std::string> experiment_names;  // (N) as in the data; empty: no names
   FreeResponse free;
-  std::vector<std::string> remarks;  // from the reader of a file, for the user; parts of the ensemble do not carry them
+  std::vector<std::string> remarks;  // remarks of the file reader for the user; parts of the ensemble have none
 
  private:
   Index steps_ = 0, inputs_ = 0, outputs_ = 0;
@@ -126,7 +127,8 @@ class Ensemble {
 void set_length(Ensemble& ensemble, std::vector<Index> length);
 
 // The ensemble with its channels in the order of the wanted names. Empty if the channels are in this order already,
-// have no names, or lack one of the wanted names. An ensemble without outputs needs the inputs only.
+// have no names, or if a wanted name is missing. If the ensemble has no outputs, only the names of the inputs are
+// wanted.
 std::optional<Ensemble> in_order(const Ensemble& ensemble, const Channels& wanted);
 
 // Sets the names of the experiments. If the names are the row numbers 0 … N-1, they carry no information, and the list
@@ -146,28 +148,29 @@ struct ChannelSummary {
 };
 ChannelSummary channel_summary(const Ensemble& ensemble, Index channel);
 
-// A division into training data and held-out data. The held-out experiments are spread evenly over the ensemble, so
-// that both parts represent an ordered campaign.
+// A division into training data and held-out data. The held-out experiments are spread evenly over the ensemble. If
+// conditions drift from the first to the last experiment, both parts then contain all conditions.
 struct Split {
   Ensemble training, held_out;
   std::vector<Index> held_out_rows = {};  // rows of the held-out experiments in the original ensemble
 };
-// Splits an ensemble. For a single record of a periodic system, the end of the record is held out, from a step of phase
-// 0 on.
+// Splits an ensemble. If the system is periodic and there is only one experiment, the last steps are held out. They
+// begin at a multiple of the period.
 // \throws std::invalid_argument unless 0 < fraction < 1 and both parts get at least one experiment, or step
 Split split(const Ensemble& ensemble, double fraction, Index period = 0);
 
-// A hash of the samples u and y (XXH3, 64 bits, as 16 hexadecimal digits). Different ensembles have different hashes,
-// whatever file they came from.
+// A hash of the samples u and y (XXH3, 64 bits, as 16 hexadecimal digits). Equal samples have the same hash in every
+// file format; different samples have different hashes.
 std::string fingerprint(const Ensemble& ensemble);
 
 // A hash of the samples u and y of one experiment (XXH3, 128 bits). Different experiments with equal numbers of steps,
-// inputs and outputs have different digests. Missing samples count; names and lengths do not; 0 and −0 are the same.
+// inputs and outputs have different digests. The digest depends on which samples are missing, but not on names and
+// lengths. 0 and −0 count as equal.
 using Digest = std::array<std::uint64_t, 2>;
 std::vector<Digest> experiment_digests(const Ensemble& ensemble);  // (N)
 
-// The steps begin … end-1 of every experiment as a new ensemble. Its initial states are unknown, unless begin is 0. It
-// has no free responses. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T
+// The steps begin … end-1 of every experiment as a new ensemble. The new ensemble has no free responses. Its initial
+// states are unknown, unless begin is 0. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T
 Ensemble stretch(const Ensemble& ensemble, Index begin, Index end);
 
 // Consecutive stretches of the given length, each as an experiment; an incomplete last stretch is dropped. This turns
@@ -181,19 +184,20 @@ struct Nominal {
 };
 Nominal nominal_trajectory(const Ensemble& ensemble);
 Ensemble departures(Ensemble ensemble, const Nominal& nominal);
-// The departures of free responses from their own mean motion. Departures of free responses are free responses too. A
-// single free response has none.
+// The departures of free responses from their own mean motion. These departures are free responses of the same system.
+// A single free response has no departures.
 FreeResponse free_departures(const FreeResponse& free);
 
-// Replaces the mean motion at the steps k, k+P, k+2P … by their mean: steps that share a model need the same mean
-// motion.
+// Replaces the mean motion at the steps k, k+P, k+2P … by its mean over these steps, because steps that share a model
+// need the same mean motion.
 void share_phases(Nominal& nominal, Index period);
 
 // Test: does the mean motion over the experiments differ from zero? The statistic of a channel at a step is t² =
-// N·mean²/variance over its N experiments. This variance counts as no smaller than its average over the steps of the
-// channel. Two tests share a total false-alarm rate of 1 in 1000. The mean of t² over all channels and steps detects a
-// small motion that lasts. Its bound holds for any correlation in time. The largest t² detects a motion of few steps.
-// Its bound is corrected for the number of channels and steps (Bonferroni), and holds for any correlation too.
+// N·mean²/variance over its N experiments. If the variance at a step is smaller than its average over the steps of the
+// channel, the average replaces it. Two tests share a total false-alarm rate of 1 in 1000. The first test uses the mean
+// of t² over all channels and steps; it detects a small motion of many steps. The second test uses the largest t²; it
+// detects a motion of few steps. Its bound is corrected for the number of channels and steps (Bonferroni). Both bounds
+// hold for any correlation in time.
 struct NominalTest {
   // A channel (inputs first) and the steps at which its own t² exceeds the bound.
   struct Departure {
@@ -202,8 +206,8 @@ struct NominalTest {
   };
   double statistic = 0.0;  // mean of t²
   double threshold = 0.0;
-  double step_statistic = 0.0;  // the t² of one channel at one step that is largest relative to its bound
-  double step_threshold = 0.0;  // its bound; it grows as the number of samples at the step falls
+  double step_statistic = 0.0;  // the t² that is largest relative to its bound, of one channel at one step
+  double step_threshold = 0.0;  // bound of step_statistic; larger for fewer samples at the step
   std::vector<Departure> departures;
   bool significant = false;  // true if either test is significant
 };

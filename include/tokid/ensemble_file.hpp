@@ -11,10 +11,12 @@
 
 namespace tokid {
 
-// An ensemble in an .h5 file. read() loads only the requested steps. Free responses are read together with the names.
+// An ensemble in an .h5 file. read() loads only the requested steps. The constructor reads the names and the free
+// responses.
 class EnsembleFile {
  public:
-  // \throws IoError as load_ensemble(), and for MATLAB's files, which store the samples in the other order
+  // \throws IoError as load_ensemble(), and for files of MATLAB, which store the dimensions of an array in reverse
+  // order
   explicit EnsembleFile(const std::filesystem::path& path);
   ~EnsembleFile();
   EnsembleFile(const EnsembleFile&) = delete;
@@ -31,12 +33,12 @@ class EnsembleFile {
   const Channels& names() const;
   const std::optional<InitialState>& initial_state() const;
   const std::filesystem::path& path() const;
-  FileState state() const;  // when the file was opened
+  FileState state() const;  // state of the file when it was opened
 
-  // The steps begin … end-1, as stretch() gives them of the whole ensemble, with the same steps of the free responses.
-  // May be called from several threads. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T, IoError
+  // The steps begin … end-1, as stretch() of the whole ensemble, but with the same steps of the free responses. Several
+  // threads may call it at the same time. \throws std::invalid_argument unless 0 ≤ begin < end ≤ T, IoError
   Ensemble read(Index begin, Index end) const;
-  // Hint: asks the system to prefetch the steps begin … end-1, which will be read soon.
+  // A hint: asks the operating system to load the steps begin … end-1, because read() will need them soon.
   void expect(Index begin, Index end) const;
 
  private:

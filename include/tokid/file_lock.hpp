@@ -15,10 +15,11 @@ struct LockOptions {
   std::function<void(const std::string&)> waits = {};
 };
 
-// While this object lives, no other FileLock has this file, in any process that can access the folder. The file need
-// not exist yet. Reading alone or saving alone needs no lock, because files are replaced as a whole. The lock is a
-// hidden file in the folder, .tokid-….lock, and the destructor removes it. A process that dies loses its lock at once.
-// A wait can be interrupted (checkpoint()).
+// While this object lives, no other FileLock on the same file can exist, in any process that can access the folder. The
+// file need not exist yet. A lock is needed only to read a file and then replace it. Reading or saving alone needs no
+// lock, because tokid replaces files as a whole. The lock is a hidden file in the folder, .tokid-….lock, and the
+// destructor removes it. If a process dies, its lock ends at once. While the constructor waits, it calls checkpoint(),
+// which can interrupt it.
 class FileLock {
  public:
   // \throws IoError where another process has the lock for longer than the limit, std::invalid_argument for a limit
@@ -30,8 +31,8 @@ class FileLock {
 
   const std::filesystem::path& path() const;
 
-  // check() throws if the file has changed since the lock was made, or since the last see(). Then a program without a
-  // lock has replaced or changed it. \throws IoError
+  // check(): \throws IoError if the file has changed since the constructor or the last see(). Such a change comes from
+  // a program that does not use the lock. see() accepts the present content.
   void check() const;
   void see();
 

@@ -1,4 +1,4 @@
-// Findings: what the user should know about data, a model or an identification, as values and as sentences.
+// Findings: facts about data, a model or an identification that the user should know, as values and as sentences.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -13,21 +13,21 @@ namespace tokid {
 
 enum class Severity {
   note,     // an assumption that replaced missing information
-  warning,  // the data or the model may not be what the user expects
+  warning,  // the data or the model may differ from what the user expects
 };
 const char* to_string(Severity severity);
 
 struct FindingChannel {
-  bool output = false;  // else an input
+  bool output = false;  // true: an output; false: an input
   Index index = 0;      // among the inputs, or the outputs
   std::string name;
   bool operator==(const FindingChannel&) const = default;
 };
 
-// The possible cause of an outlier: a change of its samples that makes its residuals usual, or a place where it
-// differs from the others.
+// The possible cause of an outlier: a change of its samples after which its residuals are as small as those of other
+// experiments, or the output that has nearly all of the residual.
 struct Explanation {
-  // Each kind is followed by the fields that it fills.
+  // A comment after a kind lists the fields of Explanation that have values.
   enum class Kind {
     swapped,          // channels: two inputs, or two outputs
     at_zero,          // channels: an input that is set to zero
@@ -36,8 +36,8 @@ struct Explanation {
     outputs_scaled,   // all outputs; numbers: factor
     offset,           // channels; numbers: offset, which is added
     shifted,          // channels; numbers: earlier [steps], negative for later
-    outputs_shifted,  // all outputs; numbers: the same
-    all_shifted,      // all channels; numbers: the same
+    outputs_shifted,  // all outputs; numbers: as for shifted
+    all_shifted,      // all channels; numbers: as for shifted
     stuck,            // channels, steps: first and last; numbers: value
     one_output,       // channels: the output that has nearly all of the residual
     last = one_output
@@ -64,16 +64,16 @@ struct Finding {
     bool operator==(const Term&) const = default;
   };
 
-  // Each kind is followed by the fields that it fills. `numbers` are counts unless a unit is given.
+  // A comment after a kind lists the fields of Finding that have values. `numbers` are counts unless a unit is given.
   enum class Kind {
     // data
     reader_remark,                 // detail: what the reader of a file did or found
     sample_time_missing,           // numbers: the assumed dt [s]
     sample_time_of_model,          // numbers: dt [s]
     axes_of_one_experiment,        // numbers: experiments, steps, inputs, outputs, as they were read
-    axes_of_one_step,              // the same
-    axes_channels_before_time,     // the same
-    axes_time_before_experiments,  // the same
+    axes_of_one_step,              // as axes_of_one_experiment
+    axes_channels_before_time,     // as axes_of_one_experiment
+    axes_time_before_experiments,  // as axes_of_one_experiment
     input_zero,                    // channels, steps: zero in every experiment
     input_same,                    // channels, steps: the same in every experiment
     input_zero_throughout,         // channels
@@ -83,8 +83,8 @@ struct Finding {
     samples_missing,               // channels, steps: missing in every experiment
     experiments_without_overlap,   // experiments: a late and an early one; steps: late begin, early end
     inputs_dependent,              // channels, terms, steps; numbers: constant, varying, period
-    input_predictable,             // the same, from earlier inputs; for a sum of sines: sines, sines_needed, lags
-    input_feedback,                // the same, from earlier inputs and outputs
+    input_predictable,             // as inputs_dependent, from earlier inputs; for sines: sines, sines_needed, lags
+    input_feedback,                // as inputs_dependent, from earlier inputs and outputs
     more_dependent_inputs,         // numbers: count
     outputs_dependent,             // channels, terms; numbers: constant
     output_same,                   // channels, steps: the same in every experiment
@@ -108,7 +108,7 @@ struct Finding {
     lags_below_states,       // numbers: lags, outputs, most, states
     smoothing_untested,      // numbers: smoothing
     smoothing_by_gaps,       // numbers: smoothing
-    no_variation,            // one model serves all steps
+    no_variation,            // one model is used for all steps
     few_windows,             // numbers: windows, length, gaps, unknowns, lags
     few_for_states,          // numbers: experiments, unknowns
     free_response_single,    // the free response was not used
@@ -136,20 +136,20 @@ struct Finding {
     output_still,             // channels: of new experiments
     sample_time_differs,      // numbers: data [s], model [s], stated
     input_names_differ,       // channels of the data; names of the model
-    output_names_differ,      // the same
+    output_names_differ,      // as input_names_differ
     units_differ,             // channels; names: units of the data and of the model
     model_ends_early,         // numbers: last, steps
     nothing_predicted,        // numbers: begin, end, needed
     nothing_predicted_ahead,  // numbers: horizon
     simulation_overflows,
     outputs_absent,  // no step of the data has outputs of the model
-    simulated_from,  // detail: the state; numbers: step
+    simulated_from,  // detail: the state at the start; numbers: step
     // blocks and updates
-    exact_stretches,         // the deciding stretches are free of noise, other stretches are not
+    exact_stretches,         // no noise in the stretches that decided the plan, but noise in other stretches
     constant_stretches,      // numbers: smoothing
     experiments_known,       // experiments; numbers: experiments
     state_without_digests,   // numbers: count
-    update_noisy,            // the plan assumes data without noise
+    update_noisy,            // the new data are noisy, but the plan is for data without noise
     update_few_experiments,  // steps
     update_states_below,     // numbers: asked, found
     // bounds
@@ -176,7 +176,8 @@ struct Finding {
     plan_ill_conditioned,       // numbers: windows, condition
     last = plan_ill_conditioned
   };
-  // The part of the work that a finding is about.
+  // The data and the work to which a finding belongs. deciding_stretches: the stretches of a long ensemble that decided
+  // its plan.
   enum class Scope { all, deciding_stretches, new_experiments, cross_validation, folds };
 
   Kind kind = Kind::reader_remark;
@@ -186,11 +187,12 @@ struct Finding {
   std::vector<Index> steps = {};
   std::map<std::string, double> numbers = {};
   std::vector<Term> terms = {};
-  std::vector<std::vector<Experiment>> groups = {};  // for each experiment: the ones that it is a copy or sum of
-  std::vector<std::string> names = {};               // channel names of the model, where they differ from the data
-  std::optional<Explanation> explanation = {};       // of an outlier, if one was found
-  std::string detail = {};                           // text from elsewhere: from a file reader or an error
-  std::string file = {};                             // the file that the finding is about, if there are several
+  // for each of `experiments`: the experiments of which it is a copy or a sum
+  std::vector<std::vector<Experiment>> groups = {};
+  std::vector<std::string> names = {};          // of channels in the model, if the data have other names
+  std::optional<Explanation> explanation = {};  // cause of an outlier, if known
+  std::string detail = {};                      // text of a file reader, an option or an error
+  std::string file = {};                        // the file with the data of the finding, if there are several files
 
   bool operator==(const Finding&) const = default;
 };
@@ -205,7 +207,7 @@ Severity severity(Finding::Kind kind);
 std::string in_words(const Finding& finding);
 std::string in_words(const Explanation& explanation);
 std::vector<std::string> in_words(const Findings& findings);
-// Do they say the same? Numbers that differ in their last digits do.
+// Are the sentences of both findings the same, apart from the last digits of numbers?
 bool same_words(const Finding& a, const Finding& b);
 
 // Appends the findings of `more` to `all`.

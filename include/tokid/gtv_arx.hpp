@@ -14,28 +14,29 @@ struct GtvArxStep {
   Index rows = 0;        // N_k: experiments with every sample of the step
   Index freedom = 0;     // N_k - rank - GtvArxOptions::spent, but at least 0
   Index rank = 0;        // numerical rank of W_k with columns scaled to norm 1
-  double condition = 0;  // condition number of the scaled W_k (Frobenius norms; of its part of rank `rank`)
+  double condition = 0;  // condition number of the part of rank `rank` of the scaled W_k, in Frobenius norms
 };
 
-// The regressions of all steps. Their matrices are stored side by side, in slots for the largest lag order; each
-// accessor returns a view of its slot.
+// The regressions of all steps. The matrices of all steps are stored side by side, in slots for the largest lag order.
+// Each accessor returns a view of the slot of one step.
 class GtvArx {
  public:
   using View = Eigen::Map<const Matrix>;
   using VectorView = Eigen::Map<const Vector>;
 
   Index inputs = 0, outputs = 0;
-  bool feedthrough = true;       // false: D_k = 0 is known, and u_k is no regressor of step k
+  bool feedthrough = true;       // false: D_k = 0 is known, and u_k is not a regressor at step k
   Index k_begin = 0;             // first step with a regression: 0, or p where initial states are unknown
   std::vector<GtvArxStep> step;  // (T), default-constructed before k_begin
 
   // Allocates T steps with r inputs, m outputs and at most `lags_max` lags, after `feedthrough` is set. Coefficients
-  // and noise shapes are uninitialised, the rest is zero, also D without feedthrough. Noise shapes are stored if
-  // `noise_shape` is true. Leverages are stored if `experiments`, the largest N_k, is positive.
+  // and noise shapes are uninitialised. All other numbers are zero, and so is D without feedthrough. Noise shapes are
+  // stored if `noise_shape` is true. Leverages are stored if `experiments`, the largest N_k, is positive.
   void resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments = 0);
   // Removes the regressions of the steps before k.
   void begin_at(Index k);
-  // Frees most of the memory. The noise shapes are not needed after the Markov parameters have their variances.
+  // Frees most of the memory. Call it after the variances of the Markov parameters are computed: nothing later needs
+  // noise shapes.
   void forget_noise_shapes();
 
   Index steps() const { return static_cast<Index>(step.size()); }
@@ -61,8 +62,8 @@ class GtvArx {
   View residual_cov(Index k) const { return {residual_cov_.data() + k * outputs * outputs, outputs, outputs}; }
   Eigen::Map<Matrix> residual_cov(Index k) { return {residual_cov_.data() + k * outputs * outputs, outputs, outputs}; }
 
-  // X (L_k × rank) with X·Xᵀ = (W_kᵀW_k)⁺: the covariance of the coefficients is residual_cov ⊗ X·Xᵀ. (L_k × 0) if
-  // noise shapes are not stored
+  // Noise shape X (L_k × rank) with X·Xᵀ = (W_kᵀW_k)⁺: the covariance of the coefficients is residual_cov ⊗ X·Xᵀ. (L_k
+  // × 0) if noise shapes are not stored.
   View noise_shape(Index k) const {
     return {noise_shape_.data() + k * slot_ * shape_rows_, regressors(k), shape_rank(k)};
   }
@@ -98,32 +99,32 @@ class GtvArx {
 };
 
 struct GtvArxOptions {
-  // p_k for every step, or a single entry for all of them. With zero initial states, step k uses min(p_k, k) lags. With
-  // unknown initial states, the regressions begin at the first step from which k ≥ p_k holds for every step. Only there
-  // does (17) hold for any x_0.
+  // p_k for every step, or a single entry for all steps. With zero initial states, step k uses min(p_k, k) lags. With
+  // unknown initial states, (17) holds only at steps k ≥ p_k. The regressions then begin at the first step from which
+  // on every step has k ≥ p_k.
   std::vector<Index> lags = {1};
   Index lags_of(Index k) const { return lags[lags.size() == 1 ? 0 : size_t(k)]; }
   InitialState initial_state = InitialState::zero;
   bool feedthrough = true;  // false: D_k = 0 is known
-  // Pivots of the scaled W_k below tolerance·√L_k count as zero. The solution then has the smallest norm in the scaled
-  // coordinates.
+  // Pivots of the scaled W_k below tolerance·√L_k count as zero. If there are any, the solution is the one with the
+  // smallest norm in the scaled coordinates.
   double tolerance = 1.5e-14;
   bool noise_shape = true;  // store noise shapes, for variances of later results: L_k² numbers for each step
   bool leverages = false;
-  // b: successive steps with a common lag order that share one factorisation, if no sample is missing; 1: each step
-  // alone; 0: the number with the least cost
+  // b: number of successive steps that share one factorisation, if they have the same lag order and no sample is
+  // missing. 1: each step alone; 0: the number with the smallest computing time.
   Index block = 0;
-  Index spent = 0;  // degrees of freedom that earlier processing used up: 1 for a mean motion
+  Index spent = 0;  // degrees of freedom used before the regression: 1 if a mean motion was removed
   Execution execution = {};
 };
 
 // Orthogonal factorisations [W_k Y_k] = Q [R_WW R_Wy; 0 R_yy]; M_kᵀ = R_WW⁺ R_Wy                          (19)
-// Successive steps share most of their window. The window of p+b steps is factorised once and gives the factors of b
-// steps. Steps with fewer complete experiments than regressors get the minimum-norm solution; see `rank` and `rows`.
-// \throws std::invalid_argument for lag orders below 1 or of the wrong number, or an ensemble without steps, inputs or
-// outputs
+// The windows of successive steps overlap. The window of p+b steps is therefore factorised once, and its factor gives
+// the factors of b steps. Steps with fewer complete experiments than regressors get the minimum-norm solution; see
+// `rank` and `rows`. \throws std::invalid_argument for lag orders below 1 or of the wrong number, or an ensemble
+// without steps, inputs or outputs
 GtvArx gtv_arx(const Ensemble& ensemble, const GtvArxOptions& options = {});
-// The same from windows, each step alone.
+// Regressions from windows, with a factorisation for each step.
 GtvArx gtv_arx(const Windows& windows, const GtvArxOptions& options = {});
 
 // N_min = r + p·(r+m): the number of experiments that a full-rank step needs; without feedthrough p·(r+m)

@@ -22,7 +22,7 @@ namespace tokid {
 struct Identification {
   Model model;
   Plan plan;
-  Index experiments = 0, steps = 0;  // numbers used for identification
+  Index experiments = 0, steps = 0;  // number of experiments and steps used for the identification
   Index min_experiments = 0;         // N_min at this p, plus one if a nominal trajectory is estimated
   Index rank_deficient_steps = 0;    // of the regressions of single steps
   double condition_max = 0.0;        // of the regressions of single steps; 0 if all steps are in one regression
@@ -32,24 +32,23 @@ struct Identification {
   SmoothingChoice smoothing_choice;  // filled if p and λ were chosen together
   OrderScores order_scores;
   RefinementChoice refinement;
-  // Median of σ_n / σ_{n+1} over the steps of full dimension; a large gap shows the order clearly. NaN where it is not
-  // known.
+  // Median of the ratio σ_n / σ_{n+1} of singular values over the steps of full dimension. A large ratio confirms n.
+  // NaN if not known.
   double singular_value_gap = std::numeric_limits<double>::quiet_NaN();
   bool held_out = false;  // true: `validation` uses held-out data; false: the training data
   Validation validation;
-  // Outliers among all experiments of the data, with their row numbers there. The search needs noise and at least five
-  // experiments.
+  // Outliers, with their rows in the whole data. Empty for data without noise or with fewer than five experiments.
   std::vector<Outlier> outliers;
-  // Copies and dependent experiments among all experiments of the data. Of each group of copies one was used; dependent
-  // experiments were not used.
+  // Copies and dependent experiments, with their rows in the whole data. One experiment of each group of copies was
+  // used, and no dependent experiment.
   Copies copies;
   Dependence dependent;
   Findings findings;
   double seconds = 0.0;
 };
 
-// Identifies a model. \throws std::invalid_argument that names what is missing: experiments (and the p that their
-// number allows), steps, excitation
+// Identifies a model. \throws std::invalid_argument for too few experiments or steps, or too little excitation. For too
+// few experiments, the message states the p that their number permits.
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options = {});
 
 }  // namespace tokid

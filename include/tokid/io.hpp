@@ -15,14 +15,14 @@
 
 namespace tokid {
 
-// The error for a file that can't be read or written, or has the wrong content. The message names the file, the data
-// set, what was found and what is needed.
+// The error for a file that can't be read or written, or has the wrong content. The message names the file and the data
+// set, the value found and the value needed.
 class IoError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-// The error for a file that the system can't write: no space left, a read-only target, no permission.
+// The error for a file that the operating system can't write: no space left, a read-only target, no permission.
 class WriteError : public IoError {
  public:
   // `error`: the errno, or 0 if it is not known
@@ -37,14 +37,14 @@ struct ReadOptions {
   // Columns of a .csv that are inputs and outputs; empty: the columns whose names begin with u and y.
   std::vector<std::string> inputs = {}, outputs = {};
   bool outputs_required = true;  // false: the file may have inputs alone (m = 0), or outputs without a sample
-  // The channels that the caller needs, with all of their names, such as those of a model; see complete(). The reader
-  // takes channels with these names in this order. It also takes .csv columns with these names, unless `inputs` and
-  // `outputs` state others. Empty: the channels as they are in the file.
+  // The channels that the caller needs, for example the channels of a model, with all names set; see complete(). The
+  // reader returns the channels with these names, in this order. In a .csv it takes the columns with these names,
+  // unless `inputs` and `outputs` state other columns. Empty: all channels in the order of the file.
   Channels wanted = {};
 };
 
-// Identity of a file and its last change. Programs can set the modification time of a file, but not the time of its
-// last status change.
+// Identity of a file and its last change. `changed` is the time of the last status change. Programs can set the time
+// `modified`, but not `changed`.
 struct FileState {
   std::uint64_t number = 0, bytes = 0;
   std::string modified, changed;  // in UTC
@@ -57,16 +57,16 @@ FileKind file_kind(const std::filesystem::path& path);
 Ensemble load_ensemble(const std::filesystem::path& path, const ReadOptions& options = {});
 Model load_model(const std::filesystem::path& path);
 
-// MATLAB version of .mat files: 7 unless v7.3 is asked for.
+// MATLAB version of .mat files: 7.3 if mat73, else 7.
 struct WriteOptions {
   bool mat73 = false;
 };
 
-// Writing of files. The file appears as a whole or not at all: it is written without a name beside its target, and gets
-// the name at the end. \throws IoError where the name can't be written to, WriteError
+// Writing of files. The file appears as a whole or not at all: it is first written without a name, in the folder of the
+// target, and gets its name at the end. \throws IoError if the name is not valid for writing, WriteError
 void save_ensemble(const Ensemble& ensemble, const std::filesystem::path& path, const WriteOptions& options = {});
 void save_model(const Model& model, const std::filesystem::path& path, const WriteOptions& options = {});
-// Writes text unchanged, such as a page; any extension.
+// Writes a text unchanged, for example a page. The name may have any extension.
 void save_text(std::string_view text, const std::filesystem::path& path);
 
 // Files that must appear together. While this object lives, the files that this thread saves are complete but have no
@@ -78,7 +78,7 @@ class FilesTogether {
   FilesTogether(const FilesTogether&) = delete;
   FilesTogether& operator=(const FilesTogether&) = delete;
 
-  // \throws WriteError where a file can't get its name; the files before it keep theirs
+  // \throws WriteError if a file can't get its name; files that already have their names keep them
   void commit();
 
  private:

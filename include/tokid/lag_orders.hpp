@@ -9,20 +9,20 @@
 
 namespace tokid {
 
-// Exact leave-one-out one-step errors for the lag orders 1 … p_max. With the newest lag first, the leading columns of
-// one QR factorisation serve all orders.
+// Exact leave-one-out one-step errors for the lag orders 1 … p_max. The columns of the regression are ordered from the
+// newest lag to the oldest. The leading columns of one QR factorisation therefore give the results for all orders.
 struct LagOrderErrors {
   std::vector<Index> steps;  // the examined steps: at most `LagOrderOptions::steps`, evenly spaced
   Matrix error;    // (steps × p_max): mean over outputs of log( leave-one-out mean square / mean square of y )
   Vector mean;     // (p_max): column means of `error`
-  Index best = 1;  // the smallest p within a standard error of the smallest mean
+  Index best = 1;  // the smallest p whose mean is within one standard error of the smallest mean
 };
 struct LagOrderOptions {
   Index p_max = 8;
   Index p_min = 1;
   Index steps = 64;
   bool feedthrough = true;  // as in GtvArxOptions
-  // Relative errors below this count as exact: noise-free data give the smallest exact order.
+  // Relative errors below this value count as zero, so that noise-free data give the smallest p with zero error.
   double exact = 1e-10;
   Execution execution = {};
 };

@@ -28,10 +28,10 @@ Matrix stacked(const ConstMatrixRef& above, const ConstMatrixRef& below);
 // [left right] of matrices with equally many rows; either may have no columns.
 Matrix beside(const ConstMatrixRef& left, const ConstMatrixRef& right);
 
-// (cols of a): inverse norms of the columns; 1 for zero columns, which then stay zero.
+// (cols of a): inverse norms of the columns; 1 for zero columns, so that scaled zero columns stay zero.
 Vector inverse_norms(const ConstMatrixRef& a);
 
-// The triangular factor of rows that arrive in blocks. The memory does not grow with their number.
+// The triangular factor of rows that arrive in blocks. The memory does not grow with the number of rows.
 class RowStack {
  public:
   explicit RowStack(Index cols) : rows_(0, cols) {}
@@ -52,7 +52,7 @@ struct MinimumNorm {
   Matrix x;                // (cols of a × cols of b)
   Index rank = 0;          // numerical rank of a
   double condition = 0.0;  // upper estimate ‖T‖_F ‖T⁻¹‖_F of the condition number of the part of rank `rank`
-  Matrix inverse_t;        // (cols of a × rank): X with X·Xᵀ = (aᵀa)⁺, which carries the covariance of x
+  Matrix inverse_t;  // (cols of a × rank): X with X·Xᵀ = (aᵀa)⁺; the covariance of x is proportional to X·Xᵀ
 };
 MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, double tolerance);
 
@@ -60,13 +60,13 @@ MinimumNorm minimum_norm(const ConstMatrixRef& a, const ConstMatrixRef& b, doubl
 // 8·ε·max(rows, cols).
 Matrix pseudo_inverse(const ConstMatrixRef& a, double tolerance = -1.0);
 
-// A matrix W (n × n) with W·S·Wᵀ = I for a symmetric positive definite S. The diagonal of S is first raised by the size
-// of rounding errors, and a zero S gives the identity: whitening never divides by zero.
+// A matrix W (n × n) with W·S·Wᵀ = I for a symmetric positive definite S. So that whitening never divides by zero, the
+// size of rounding errors is first added to the diagonal of S, and S = 0 gives the identity.
 Matrix whitener(const ConstMatrixRef& s);
 
 // A matrix F (n × n) with F·Fᵀ = S for a symmetric positive semidefinite S; empty for any other S. Asymmetries and
-// negative eigenvalues up to 1e-10 of the diagonal count as rounding errors. So do eigenvalues below 4·n·ε of the
-// largest correlation.
+// negative eigenvalues up to 1e-10 of the diagonal count as rounding errors. Eigenvalues below 4·n·ε times the largest
+// eigenvalue of the correlation matrix count as zero.
 std::optional<Matrix> covariance_factor(const ConstMatrixRef& s);
 
 // a⁻¹·b for a (n × n) and b (n × cols), by an LU decomposition with partial pivoting. Not finite, or very large, if a
@@ -84,8 +84,8 @@ SymmetricEigensystem symmetric_eigensystem(const ConstMatrixRef& s);
 // the iteration does not converge. \throws std::invalid_argument where a is not square
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a);
 
-// The same eigenvalues with their vectors: a·right = right·diag(values), left = right⁻¹ (rows, so that left·right = I).
-// If a has no basis of eigenvectors, left is not finite or very large.
+// The same eigenvalues, with right and left eigenvectors: a·right = right·diag(values), left = right⁻¹ (rows, so that
+// left·right = I). If a has no basis of eigenvectors, left is not finite or very large.
 struct Eigensystem {
   Eigen::VectorXcd values;       // (n)
   Eigen::MatrixXcd right, left;  // (n × n)

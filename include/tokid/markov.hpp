@@ -21,7 +21,7 @@ class Markov {
   Markov(Index T, Index r, Index m, Index widest, Index first);
 
   Index inputs = 0, outputs = 0, band = 0;
-  Index i_begin = 0;  // first column: 0, or where the regressions begin
+  Index i_begin = 0;  // smallest i: 0, or the step where the regressions begin
 
   Index steps() const { return steps_; }
   bool has(Index k, Index i) const { return i >= i_begin && k > i && k - i <= band && k < steps(); }
@@ -32,8 +32,8 @@ class Markov {
   auto system(Index k) { return system_.middleCols(k * band * inputs, band * inputs); }
   auto gain(Index k) const { return gain_.middleCols(k * band * outputs, band * outputs); }
   auto gain(Index k) { return gain_.middleCols(k * band * outputs, band * outputs); }
-  // Variances of the entries of system(k), to first order. Earlier entries count as uncorrelated, so the variances are
-  // a measure of size, not a bound.
+  // Variances of the entries of system(k), to first order. The recursion takes the errors of earlier Markov parameters
+  // as uncorrelated. The variances therefore measure the size of the errors, but do not bound them.
   auto system_noise(Index k) const { return system_noise_.middleCols(k * band * inputs, band * inputs); }
   auto system_noise(Index k) { return system_noise_.middleCols(k * band * inputs, band * inputs); }
   auto D(Index k) const { return D_.middleCols(k * inputs, inputs); }  // (m × r)
@@ -54,7 +54,7 @@ class Markov {
   Matrix D_;                      // (m × T·r)
 };
 
-// Computes the Markov parameters from the regressions. \throws std::invalid_argument for band < 1, or if `arx` holds no
+// Computes the Markov parameters from the regressions. \throws std::invalid_argument for band < 1, or if `arx` has no
 // noise shapes
 Markov markov(const GtvArx& arx, Index band, const Execution& execution = {});
 

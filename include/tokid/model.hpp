@@ -17,7 +17,7 @@ struct Model {
   Index inputs = 0, outputs = 0;  // r, m
   Index k_begin = 0;              // first step with a model
   double dt = 1.0;                // sample time [s]
-  std::vector<Step> step;         // (S) from k_begin on; n_{k+1} of each step is n_k of the next
+  std::vector<Step> step;         // (S) from k_begin on; the states after a step are those before the next
 
   // P: the steps k and k+P have the same matrices, also after the last step; 1: time-invariant; 0: the model ends with
   // its last step.
@@ -48,10 +48,11 @@ struct Model {
   Index n(Index k) const;  // n_k, k_begin ≤ k ≤ k_end; 0 without any step
   Index max_lags() const;  // largest p_k, at least 1
 
-  // Do the steps have this part? After check(), either all steps have it or none.
+  // Do the steps have this optional part? After check(), either all steps have the part or no step has it.
   bool has(bool (Step::*part)() const) const { return !step.empty() && (step.front().*part)(); }
 
-  // \throws std::invalid_argument that names the part whose number or shape is inconsistent, or that is not finite
+  // \throws std::invalid_argument if the number or shape of a part is inconsistent, or if it is not finite; the message
+  // names the part
   void check() const;
 };
 
@@ -60,27 +61,27 @@ void check_finite(const Model& model);
 
 // Simulates the outputs y_k (N × m each) at the steps of the inputs, as an ensemble; NaN where the model has no step.
 // x0 (n × N) holds the state of every experiment at k_begin. By default, the state is x0_mean if
-// has_initial_estimate(), else zero; the inputs, or else the model, state how the initial states are known. The nominal
-// trajectory is added to the outputs. After a missing input, the outputs of its experiment are NaN.
+// has_initial_estimate(), else zero; whether the initial states are zero or unknown is taken from the inputs, or from
+// the model if the inputs do not state it. The nominal trajectory is added to the outputs. After a missing input, the
+// outputs of its experiment are NaN.
 // \throws std::invalid_argument for a wrong number of inputs or a wrong shape of x0
 Ensemble simulate(const Model& model, const Ensemble& inputs, const Matrix& x0 = {});
 
-// A finding if the data have steps after the last one of the model. Nothing is computed there.
+// A finding if the data have steps after the last step of the model, because no outputs are computed there.
 Findings findings_of_end(const Model& model, const Ensemble& data);
 
-// Findings on differences in sample time and names. They are not errors, but may be mistakes.
+// Findings on differences in sample time and names. Such a difference is allowed, but may be a mistake of the user.
 Findings differences(const Model& model, const Ensemble& data);
 
-// Number of unknowns per output in the regression of step k, to which the rank and condition of the model belong. With
-// TVERA these are the coefficients of the window, else those of states and inputs. The inputs of step k count only with
-// feedthrough. 0 if the model does not come from regressions.
+// Number of unknowns per output in the regression of step k, whose rank and condition the model stores. With TVERA, the
+// unknowns are the coefficients of the window; with other methods, those of states and inputs. The inputs of step k
+// count only with feedthrough. 0 if the model does not come from regressions.
 Index unknowns(const Model& model, Index k);
 
-// Is the state at the first step of the model known to be zero? It is not if the model begins after step 0.
+// Is the state at the first step of the model known to be zero? If the model begins after step 0, it is not known.
 bool starts_from_zero(const Model& model, InitialState initial);
 
-// Does the model have the mean and the covariance of unknown states at its first step? They are those of the training
-// data.
+// Does the model have x0_mean and x0_cov for unknown states at its first step?
 bool has_initial_estimate(const Model& model, InitialState initial);
 
 // The number of steps whose samples determine a state: the largest lag order, but at least ⌈n/m⌉.
@@ -90,12 +91,12 @@ struct PredictOptions {
   Index horizon = 1;  // H: ŷ_k uses the outputs up to k-H and the inputs up to k
   // Empty: as the data state it, else as the model was identified.
   std::optional<InitialState> initial_state = {};
-  // true: unknown initial states have the distribution x0_mean, x0_cov, if the model has them. false: their
-  // distribution is different, and they must be estimated.
+  // true: unknown initial states have mean x0_mean and covariance x0_cov, if the model has both. false: they have
+  // another distribution, and are estimated from the first samples.
   bool initial_estimate = true;
 };
 
-// \throws std::invalid_argument unless the data have a step that is H steps after another; H = 1 is always allowed
+// \throws std::invalid_argument unless 1 ≤ H < T; H = 1 is always allowed
 void check_horizon(Index horizon, Index steps);
 
 struct Prediction {
@@ -106,27 +107,29 @@ struct Prediction {
 // Predicts with the observer, x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) (9), from zero or from x0_mean on. The
 // state is unknown after a missing input. It is also unknown at the start if the initial states are unknown and the
 // model has no estimate of them. An unknown state is estimated from the following samples. Predictions are NaN until
-// estimation_window(model) samples, or more if necessary, determine all of the state. A missing innovation is replaced
-// by its estimate from the others by innovation_cov, or by zero.
-// Where samples are missing and the model has Q, R and an initial state, a Kalman filter of the available samples
-// replaces the observer. A missing input then counts as a random one with the mean square of its channel.
+// these samples determine the whole state: estimation_window(model) steps, or more if necessary. If the innovation of
+// an output is missing, it is estimated from the innovations of the other outputs by innovation_cov. Without
+// innovation_cov it counts as zero.
+// If samples are missing and the model has Q, R and an initial state, a Kalman filter for the samples that are present
+// replaces the observer. A missing input then counts as a random number with the mean square of its channel.
 // \throws std::invalid_argument for wrong channel numbers, and as check_horizon
 Prediction predict(const Model& model, const Ensemble& data, const PredictOptions& options = {});
 
-// Estimates the states (n × N) of the experiments at step k by least squares over the samples k … k+window-1. It uses
-// the observer: the innovations, whitened by their covariance, depend linearly on x_k. A column is NaN if a sample that
-// it needs is missing. \throws std::invalid_argument where k or window are outside the model
+// Estimates the states (n × N) of the experiments at step k by least squares over the samples k … k+window-1. The
+// function minimises the sum of squares of the observer's innovations, whitened by their covariance, because they
+// depend linearly on x_k. A column is NaN if a sample that it needs is missing. \throws std::invalid_argument where k
+// or window are outside the model
 Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index window);
 
-// Simulates the outputs from the inputs of the data. The initial state is the known one. If it is unknown, it is
-// estimated from the first samples. NaN where there is no output.
+// Simulates the outputs from the inputs of the data. If the initial state is unknown, it is estimated from the first
+// samples. NaN at steps without an output of the model.
 Ensemble simulate_data(const Model& model, const Ensemble& data, std::optional<InitialState> initial_state = {});
 
 // h_{k,i} (m × r), k > i (7); h°_{k,i} (m × m) (30). \throws std::invalid_argument for steps outside the model
 Matrix pulse_response(const Model& model, Index k, Index i);
 Matrix gain_pulse_response(const Model& model, Index k, Index i);
 
-// All pulse_response() matrices with 1 ≤ γ ≤ band: (S) of (m × band·r). Block γ-1 of step k is h_{k,k-γ}, and NaN if
+// All pulse_response() matrices with 1 ≤ γ ≤ band: (S) of (m × band·r). Block γ-1 of step k is h_{k,k-γ}. It is NaN if
 // the model has no step k-γ. \throws std::invalid_argument for band < 1
 std::vector<Matrix> pulse_responses(const Model& model, Index band);
 
@@ -134,13 +137,13 @@ std::vector<Matrix> pulse_responses(const Model& model, Index band);
 // rows < 0
 Matrix observability(const Model& model, Index k, Index rows);
 
-// Is this a periodic model with fewer steps than data of this length?
+// Is the model periodic, and does it have fewer steps than `steps`?
 bool ends_early(const Model& model, Index steps);
 // Extends a periodic model to steps up to `end` at least; returns any other model unchanged. Its nominal trajectory
 // continues with the same period.
 Model continued(Model model, Index end);
 
-// The model from step k on, with everything that belongs to those steps; without any step at k = k_end.
+// The model from step k on. For k = k_end it has no steps.
 // \throws std::invalid_argument for k outside the model
 Model from_step(Model model, Index k);
 
@@ -149,8 +152,8 @@ Model from_step(Model model, Index k);
 Model transform(const Model& model, const std::vector<Matrix>& S);
 
 // The coordinates of the paper's figures: x'_k = P O_k x_k with P = O_s⁺ and the given number of block rows. A step
-// keeps its own coordinates if its state dimension differs from n_s, or if too few steps follow for the block rows.
-// `begin` and `end` give the steps in the frame.
+// keeps its coordinates if its state dimension differs from n_s, or if too few steps follow for the block rows. `begin`
+// and `end` are the range of the other steps.
 struct FramedModel {
   Model model;
   Index begin = 0, end = 0;  // steps in the frame: begin ≤ k < end
@@ -163,12 +166,12 @@ FramedModel reference_frame(const Model& model, Index s, Index rows);
 // `begin` and `end` as above. \throws std::invalid_argument where channels disagree or no step can be aligned
 FramedModel align(const Model& model, const Model& reference, Index rows);
 
-// Aligns O_k with O_{k-1} by an orthogonal transformation (Procrustes), step after step. Then A_k varies as slowly as
-// the system does.
+// Aligns O_k with O_{k-1} by an orthogonal transformation (Procrustes), step after step. Afterwards A_k varies as
+// slowly as the system.
 Model smooth_frame(const Model& model, Index rows);
 
-// Two models are kinematically similar if their Markov parameters agree. They are compared over the common steps and γ
-// ≤ band.
+// Two models are kinematically similar if their Markov parameters agree. The Markov parameters of the common steps with
+// γ ≤ band are compared.
 struct Similarity {
   double max_difference = 0.0;  // largest ‖h1 - h2‖_F over the largest ‖h‖_F of both models at the same step k
   bool similar = false;

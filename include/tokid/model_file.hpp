@@ -19,8 +19,8 @@ class ModelFile {
   ModelFile(const ModelFile&) = delete;
   ModelFile& operator=(const ModelFile&) = delete;
 
-  // Appends the next steps. The first call also sets everything that a model has once. The nominal trajectory is that
-  // of these steps alone; in the first call it includes the steps before the model begins.
+  // Appends the next steps. The first call also sets the parts that a model has once. `steps` has the nominal
+  // trajectory of its own steps only; in the first call also of the steps before the model begins.
   // \throws std::invalid_argument where steps or state dimensions do not continue the previous ones, IoError
   void append(const Model& steps);
   // The model so far without its matrices: only dimensions, condition, rank and lags of each step.

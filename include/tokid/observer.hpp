@@ -10,13 +10,14 @@ namespace tokid {
 std::vector<double> deadbeat_products(const Model& model, Index p);
 
 // The gains of a deadbeat observer of the model: Ā_{k+p-1} … Ā_k = 0 for every k (76). p is the number of steps after
-// which the outputs determine the state. S_0 = Rⁿ and S_{j+1}(k+1) = A_k (S_j(k) ∩ ker C_k) are the states that j
-// outputs could not observe. G_k = -A_k L_k is chosen so that Ā_k maps S_j(k) into S_{j+1}(k+1); L_k lifts the outputs
-// back along these subspaces. The gain is unique if p·m = n, and then it is the gain that the paper identifies.
-// Otherwise the gain with the smallest lifts is chosen.
+// which the outputs determine the state. S_0 = Rⁿ and S_{j+1}(k+1) = A_k (S_j(k) ∩ ker C_k) contain the states that j
+// outputs do not determine. G_k = -A_k L_k is chosen so that Ā_k maps S_j(k) into S_{j+1}(k+1); L_k maps the outputs
+// back to the states, along these subspaces. If p·m = n, the gain is unique, and it is the gain that the paper
+// identifies. Otherwise the L_k with the smallest norms are chosen.
 struct DeadbeatGain {
   std::vector<Matrix> G;  // (S) n_{k+1} × m
-  // p: the number of steps after which every error is zero; more than S if some state is never observed
+  // p: the number of steps after which every state error is zero; more than S if the outputs do not determine some
+  // state
   Index steps = 0;
 };
 // Directions below tolerance·‖C_k‖ count as unobserved; directions below tolerance·‖A_k‖ count as zero.
@@ -32,11 +33,12 @@ struct KalmanFilter {
   std::vector<Matrix> K;  // (S) n_k × m: P_k C_kᵀ (C_k P_k C_kᵀ + R_k)⁻¹                          (69)
   std::vector<Matrix> innovation_cov;  // (S) m × m: C_k P_k C_kᵀ + R_k
 };
-// P of the first step is model.x0_cov, or zero if that is empty. \throws std::invalid_argument where Q or R is missing,
-// or one of the three is not a covariance
+// P of the first step is model.x0_cov, or zero if x0_cov is empty. \throws std::invalid_argument where Q or R is
+// missing, or one of the three is not a covariance
 KalmanFilter kalman_filter(const Model& model);
 
-// The model with its Kalman filter as observer: K_k, G_k = -A_k K_k, innovation_cov. With it, predict() is optimal.
+// The model with its Kalman filter as observer: K_k, G_k = -A_k K_k, innovation_cov. With this observer, predict() is
+// optimal.
 Model kalman_observer(Model model);
 
 }  // namespace tokid

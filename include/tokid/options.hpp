@@ -13,20 +13,21 @@ enum class Frame { raw, reference, smooth };
 enum class Method { tvera, subspace };
 enum class NominalChoice { none, mean };
 
-// The weighting decides which outputs the states must explain when noise shows more states than the model is to have.
+// The weighting. Because of noise, data have more states than the model can have. The weighting decides which outputs
+// the states of the model explain best.
 enum class Weighting {
-  one_step,    // each output from the samples up to the step before: best for the observer (canonical variates)
-  many_steps,  // all outputs from the past alone: best for the simulation
-  // All outputs from the past alone. The projections use the data instead of the ARX model, and need a period. The
-  // matrices are those of PO-MOESP: the poles do not depend on noise models, and B and D give the best simulation.
+  one_step,    // each output, from the samples up to the step before; best for the observer (canonical variates)
+  many_steps,  // all future outputs, from the past samples alone; best for the simulation
+  // As many_steps, but by projections of the data instead of the ARX model (PO-MOESP). Needs a period. The poles do not
+  // depend on a noise model, and B and D give the best simulation.
   projection,
 };
 
 // The allowed variation of a model over time: free, slow, periodic or none.
 struct TimeVariation {
   // λ of the penalty  λ N Σ_k ‖(M_{k+1} - M_k) diag(rms of the regressors)‖²  on the residual sum of squares. N is the
-  // mean number of experiments of a step; with a period, of rows of a phase. 0: each step uses its own data only.
-  // Infinity: all steps have the same coefficients.
+  // mean number of experiments at a step; with a period, the mean number of rows of a phase. 0: each step uses its own
+  // data only. Infinity: all steps have the same coefficients.
   double smoothing = 0.0;
   Index period = 0;  // P: the steps k and k+P share one model; 1: all steps; 0: no period
 
@@ -43,7 +44,7 @@ struct NoisyChoices {
   Index refinement_iterations = 0;    // 0: no refinement
 };
 
-// An empty option is chosen by the identification.
+// The identification chooses every option that is empty.
 struct IdentifyOptions {
   // n. Empty: the rank of each H_k if the data are free of noise, else the order with the smallest prediction and
   // simulation errors.
@@ -55,22 +56,22 @@ struct IdentifyOptions {
   // λ of the penalty on variation over time. Infinity: one model for all steps. TVERA has no λ. Empty: by
   // cross-validation if the data are noisy or too few for a regression at each step.
   std::optional<double> smoothing = {};
-  bool feedthrough = true;  // false: D_k = 0 is known, the outputs do not respond to the inputs of the same step
+  bool feedthrough = true;  // false: D_k = 0 is known, because inputs do not act on the outputs of the same step
   Index period = 0;         // P: the steps k, k+P, … share one model; 1: time-invariant; 0: each step has its own
   // Weighting of the subspace realisation. Empty: by cross-validation if steps share a model, else one_step.
   std::optional<Weighting> weighting = {};
-  // Maximum likelihood by EM, as far as it lowers the cross-validation error. Empty: true if the data are noisy and the
-  // realisation is the subspace one.
+  // true: EM refines the model, if this lowers the cross-validation error. Empty: true for noisy data with the subspace
+  // realisation.
   std::optional<bool> refine = {};
   std::optional<InitialState> initial_state = {};  // empty: as the data state it, else by a test of the first residuals
   std::optional<NominalChoice> nominal = {};       // empty: mean if the mean motion is significant, else none
   Frame frame = Frame::raw;
   std::optional<Index> reference_step = {};  // s of the reference frame; empty: the first step of full dimension
   double hold_out = 0.0;                     // held-out share of the experiments, for validation, 0 ≤ share < 1
-  // Blocks of H_k. Empty: max(p, ⌈n/m⌉)+1 and max(p, n), or with noise max(p, 48).
+  // Block rows and columns of H_k. Empty: max(p, ⌈n/m⌉)+1 rows, and max(p, n) columns, or max(p, 48) with noise.
   std::optional<Index> rows = {}, cols = {};
-  // Choices of an earlier identification of the same kind, to use again with its `lags` and `states`; empty: choose
-  // anew.
+  // Choices of an earlier identification. If they are given, `lags` and `states` must be those of that identification
+  // too. Empty: the identification chooses.
   std::optional<NoisyChoices> choices = {};
   Execution execution = {};
 };

@@ -8,10 +8,10 @@
 
 namespace tokid {
 
-// An experiment whose residuals show that it does not fit the model of the other experiments.
+// An experiment that does not fit the model of the other experiments, because its residuals are too large.
 struct Outlier {
   Index experiment = 0;
-  double ratio = 0.0;  // size of its leave-one-out residuals over the usual size
+  double ratio = 0.0;  // size of its leave-one-out residuals over the typical size
   std::optional<Explanation> explanation = {};
   std::string name = {};  // name of the experiment; empty where the data give none
 };

@@ -12,11 +12,12 @@
 
 namespace tokid {
 
-// The paper fixes the rest: p = p_min = 2, four states, and zero-state experiments with unit Gaussian inputs. Free
-// responses give the state from step 0 on. The reference frame is that of step 0 with 3 block rows.
+// Other numbers are those of the paper: p = p_min = 2, four states, and experiments from zero states with unit Gaussian
+// inputs. Because of free responses, all four states can be identified from step 0 on. The reference frame is that of
+// step 0 with 3 block rows.
 struct PaperOptions {
   Index steps = 80;               // T, at least 50: the printed numbers belong to steps 34 to 37
-  Index minimum = 10, more = 50;  // N of case 1, at least N_min = 10, and of case 2
+  Index minimum = 10, more = 50;  // N of case 1 and of case 2; `minimum` is at least N_min = 10
   Index free_responses = 8;       // Nf, at least 4
   Index markov_band = 20;         // largest γ of the compared Markov parameters, more than p
   std::uint64_t seed = 1;
@@ -30,7 +31,7 @@ struct PaperCase {
   Model model;                 // identified, raw coordinates
   // (T) largest ‖h_{k,k-γ} error‖_F over 1 ≤ γ ≤ p, directly from the regression of step k (28); NaN if none
   Vector direct_error;
-  Vector recursive_error;  // (T) the same over p < γ ≤ markov_band, by recursion over the steps (29)
+  Vector recursive_error;  // (T) largest error over p < γ ≤ markov_band, by recursion over the steps (29)
   Matrix output_error;     // (T × m) simulated minus true outputs for the test inputs
 };
 
@@ -40,8 +41,8 @@ struct PrintedNumber {
   std::complex<double> printed, computed;
   double tolerance = 0.0;  // largest difference that counts as agreement, see `agrees`
   // The tolerance is half a unit of the last printed digit for eigenvalues and gains. It is 1e-4, one unit, for the
-  // entries of (79)-(81), because the similarity transformation of these is known to four digits only. It is 1e-11 for
-  // numbers that are zero except for rounding errors.
+  // entries of (79)-(81), because their similarity transformation is computed from numbers with four digits. It is
+  // 1e-11 for numbers that are zero except for rounding errors.
   bool agrees() const { return std::abs(computed - printed) <= tolerance; }
 };
 
@@ -59,7 +60,8 @@ struct Paper {
   Matrix open_error, closed_error;
   std::vector<double> products;  // ‖Ā_{k+1} Ā_k‖_F (76), from k = framed.begin on
   std::vector<PrintedNumber> printed;
-  // smallest over second smallest singular value: small if one similarity transformation explains (79)-(81)
+  // smallest over second smallest singular value; small if (79)-(81) follow from the model by one similarity
+  // transformation
   double similarity = 0.0;
 };
 
@@ -72,7 +74,7 @@ struct KalmanStudyOptions {
   Index steps = 60;                                       // T
   Index begin = 10, end = 50;                             // steps that are compared, away from both ends
   std::vector<Index> lags = {2, 3, 5, 8, 10, 15, 20};     // p
-  std::vector<Index> experiments = {50, 200, 2000, 0};    // N; 0: infinitely many, by their second moments
+  std::vector<Index> experiments = {50, 200, 2000, 0};    // N; 0: infinitely many, by expected_moments()
   Index fresh = 500;                                      // new experiments that test the observers
   std::uint64_t seed = 1;
   Execution execution = {};
@@ -80,7 +82,7 @@ struct KalmanStudyOptions {
 
 struct KalmanStudyCell {
   Index lags = 0, experiments = 0;  // p, N
-  // RMS one-step prediction error on new data, over that of the Kalman filter of the true system
+  // RMS one-step prediction error on new data over `kalman_error`
   double error = 0.0;
   // RMS over the steps of ‖G_k + A_k K_k‖_F over the RMS of ‖A_k K_k‖_F, in the coordinates of the true system
   double gain = 0.0;

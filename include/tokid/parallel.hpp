@@ -8,7 +8,7 @@
 
 namespace tokid {
 
-// Called with the finished share of the work, 0 … 1, from one thread at a time.
+// tokid calls it with the finished share of the work, 0 … 1, from one thread at a time.
 using Progress = std::function<void(double)>;
 
 struct Execution {
@@ -24,13 +24,14 @@ Index thread_count(const Execution& execution);
 Execution share(const Execution& whole, double from, double to);
 
 // Calls body(begin, end) on contiguous, disjoint pieces that cover [begin, end). The pieces may run at the same time.
-// If each index writes only its own results, these have the same bits for any number of threads. The first exception of
-// a piece is rethrown here.
+// If the body writes for each index only the results of this index, the results have the same bits for any number of
+// threads. The first exception of a piece is rethrown to the caller.
 void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body);
 
 // Lets a caller stop long computations. While this object lives, all loops and long stages on the thread that created
-// it call `check` regularly, even if they report no progress. An exception from `check` stops them and leaves the call.
-// It must not be a std::exception, because some stages catch those. With several objects, the innermost one is used.
+// it call `check` regularly, even if they report no progress. If `check` throws, the computation stops and its caller
+// receives the exception. The exception must not be a std::exception, because some stages catch every std::exception.
+// If there are several objects, the newest is used.
 class Interruptible {
  public:
   explicit Interruptible(std::function<void()> check);

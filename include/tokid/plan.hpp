@@ -19,14 +19,15 @@ struct Plan {
   Index lags = 0;                                   // p
   Index states = 0;                                 // n; 0: the rank of each H_k
   InitialState initial_state = InitialState::zero;  // initial states of the experiments
-  // true: with unknown initial states, the model begins at the first step of full dimension. false: it begins with its
-  // regressions. This is for blocks in the middle of a record, whose earlier steps are in the neighbouring block.
+  // true: with unknown initial states, the model begins at the first step of full dimension. false: the model begins
+  // with its regressions. Blocks in the middle of a record use false, because the block before contains the earlier
+  // steps.
   bool from_full_dimension = true;
   bool feedthrough = true;   // false: D_k = 0 is known
   bool nominal = false;      // a mean motion was removed, which uses one degree of freedom
   Index nominal_period = 0;  // P: the steps k, k+P, … share this mean motion; 0: each step has its own
-  bool noisy = false;        // residuals beyond rounding errors
-  bool coupled = false;      // one regression of all steps with `choices`; else one for each step
+  bool noisy = false;        // true: residuals exceed rounding errors
+  bool coupled = false;      // true: one regression of all steps with `choices`; false: one for each step
   NoisyChoices choices = {};
   std::optional<Index> rows = {}, cols = {};  // blocks of H_k; empty: the number that p lags and n states need
   Vector output_size, input_size;             // (m), (r): units in which TVERA forms H_k
@@ -38,8 +39,8 @@ struct Plan {
 // smooth_arx()
 GtvArx regressions(const Windows& windows, const Plan& plan, const Execution& execution = {});
 
-// The model from the regressions: (28)-(42), or the subspace realisation. It is made without EM, in the coordinates of
-// the realisation. Only TVERA uses the free responses. \throws std::invalid_argument as markov(), tvera() and
+// The model from the regressions: (28)-(42), or the subspace realisation. EM is not applied, and the coordinates are
+// those of the realisation. Only TVERA uses the free responses. \throws std::invalid_argument as markov(), tvera() and
 // subspace()
 Model realise(const Windows& windows, GtvArx arx, const FreeResponse& free, const Plan& plan,
               const Execution& execution = {});
@@ -51,16 +52,16 @@ TveraOptions tvera_options(const Plan& plan, Index outputs);
 // and lags, dt, names and initial state.
 Model completed(Model model, const Windows& windows, const GtvArx& arx, const Plan& plan);
 
-// Sets the initial state of the model. The state can be followed only from the first step of full dimension. A model
-// with an unknown initial state and without a period therefore begins there.
+// Sets the initial state of the model. From an unknown initial state, the model can compute states only from the first
+// step of full dimension on. Such a model therefore begins at this step, unless it has a period.
 Model from_known_state(Model model, InitialState initial);
 
 // The step s of the plan's reference frame.
 Index frame_step(const Model& model, const Plan& plan);
-// The model in the coordinates of the plan. `begin` and `end` are the steps in these coordinates; a reference frame
-// does not reach all steps.
+// The model in the coordinates of the plan. `begin` and `end` are the range of steps in these coordinates; a reference
+// frame does not include all steps.
 FramedModel in_frame(Model model, const Plan& plan);
-// Finding on the steps that the reference frame of step s does not reach.
+// Finding about the steps that are not in the reference frame of step s.
 Findings findings_of_frame(const FramedModel& framed, Index s, const Plan& plan);
 
 }  // namespace tokid

@@ -19,8 +19,8 @@ struct EmRun {
 struct Provenance {
   std::optional<IdentifyOptions> options = {};  // without execution and choices; empty: see identify_options()
   Index experiments = 0;                        // used for the identification; 0: not known
-  std::vector<std::string> data = {};           // fingerprints of the data that the model has seen
-  bool dt_stated = true;                        // the data stated their sample time
+  std::vector<std::string> data = {};           // fingerprints of the data that the model was made from
+  bool dt_stated = true;                        // true: the data stated their sample time
   std::optional<NoisyChoices> choices = {};     // from noisy data, where all steps are in one regression
   std::optional<EmRun> refinement = {};         // the last refinement by EM
   std::string version = {};                     // version of the program that made the model
@@ -35,7 +35,7 @@ struct Provenance {
 // type
 IdentifyOptions identify_options(const Provenance& provenance);
 
-// Adds the fingerprint of data; has_seen() tells whether that of these data is there.
+// note_data() adds the fingerprint of data. has_seen() is true if the fingerprint of these data was added.
 void note_data(Provenance& provenance, const std::string& fingerprint);
 bool has_seen(const Provenance& provenance, const Ensemble& data);
 // False: the model was identified with D = 0 as a known fact.

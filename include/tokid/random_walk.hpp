@@ -9,11 +9,11 @@
 namespace tokid {
 
 // Computes the X_0 … X_{G-1} (L × q each) that minimise  Σ_g ‖R_g X_g - Z_g‖² + Σ_g ‖diag(stiffness)·(X_{g+1} - X_g)‖².
-// rows[g] = [R_g Z_g] (any number of rows × (L + q)) has no rows where a step has no data. The stiffness (L) of a
+// rows[g] = [R_g Z_g] (any number of rows × (L + q)) has no rows if step g has no data. The stiffness (L) of a
 // coefficient is √λ times its unit. If all stiffnesses are zero, each step is solved alone (minimum norm). If any is
 // infinite, all steps share one solution. The method is a square-root information recursion by orthogonal
 // transformations: O(G·(L+q)·L²) time, O(G·L·(L+q)) memory. \throws std::invalid_argument for rows or a stiffness of
-// the wrong size, negative entries, or zero entries among others
+// the wrong size, negative entries, or zero entries beside positive ones
 std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness);
 
 }  // namespace tokid

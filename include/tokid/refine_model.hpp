@@ -23,12 +23,12 @@ struct RefinementFigures {
 };
 
 struct RefinedModel {
-  Refinement refinement;  // its model stores the data's fingerprint, λ and the iterations
+  Refinement refinement;  // Refinement::model stores the fingerprint of the data, λ and the iterations
   double smoothing = 0.0;
   std::string reason;       // reason for this λ
   LikelihoodChoice choice;  // filled if λ was chosen by cross-validation
   RefinementFigures before, after;
-  Findings findings;  // findings on differences of model and data, then those of the refinement
+  Findings findings;  // findings about differences between model and data, then findings of the refinement
 };
 
 // \throws as refine()

@@ -13,10 +13,10 @@ namespace tokid {
 
 // The relation of the data of a report to the model. The verdict depends on it.
 enum class Evaluation {
-  // found by repeating one regression of the identification; if the data include held-out experiments, only these are
-  // tested
+  // tokid compares the fingerprints of the data, and of their training part, with the fingerprints in the model. If the
+  // data include held-out experiments, only these are tested.
   automatic,
-  given,     // other data, as far as known
+  given,     // data that the identification did not use, as far as known
   held_out,  // experiments held out from the identification
   training   // the training data
 };
@@ -40,8 +40,8 @@ struct Verdict {
   Trust trust = Trust::distrust;
   std::string summary;
   std::vector<std::string> reasons;  // reasons against the model, the most serious first; empty if there are none
-  // The prediction horizon of the fits that decide; 0: the simulation decides. Predictions decide if the noise of the
-  // model would spoil the simulation of an exact model too.
+  // The prediction horizon of the fits that decide; 0: the simulation decides. Predictions decide if, with the noise of
+  // this model, the simulation of an exact model would have a poor fit too.
   Index horizon = 0;
 };
 // \throws as report_page
@@ -52,7 +52,7 @@ struct ReportPage {
   std::string html;
 };
 // Makes a self-contained HTML page, which loads nothing: tables for every reader, plots if JavaScript runs. Its data
-// are a few megabytes at most, for any size of the ensemble; the page states what it leaves out.
+// are a few megabytes at most, for any size of the ensemble; the page states which data it leaves out.
 // \throws std::invalid_argument where channels disagree, or no step of the data has a model
 ReportPage report_page(const Model& model, const Ensemble& data, const ReportOptions& options = {});
 

@@ -1,4 +1,4 @@
-// Windows → GTV-ARX model of all steps in one regression, with coefficients coupled over time: for noise and few
+// Windows → GTV-ARX model of all steps in one regression, with coefficients coupled over time. For noisy data and few
 // experiments.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
@@ -38,26 +38,26 @@ struct SmoothingChoice {
   double error = 0.0;
 };
 struct SmoothingOptions {
-  Index folds = 5;                       // F; more than N counts as N
+  Index folds = 5;                       // F; a number above N means N
   std::vector<Index> lags;               // the orders to choose from, ascending
   std::optional<double> smoothing = {};  // λ; empty: chosen between 0 and infinity
   InitialState initial_state = InitialState::zero;
   bool feedthrough = true;  // as in SmoothArxOptions
   Index period = 0;
-  bool centred = false;  // departures from a mean motion; see fold()
-  // Ensembles without a period and with more steps are tested on four stretches. Each stretch has a quarter of this
-  // length, but at least twice the largest lag order.
+  bool centred = false;  // true: the data are departures from a mean motion; see fold()
+  // An ensemble without a period that has more steps is tested on four stretches only. Each stretch has steps/4 steps,
+  // but at least twice the largest lag order.
   Index steps = 256;
   Execution execution = {};
 };
-// A local search: goes from one trial to the better of its neighbours in λ (half decades) and p, until no neighbour is
+// A local search over λ (in half decades) and p: it goes from a trial to a better neighbour until no neighbour is
 // better.
 // \throws std::invalid_argument for fewer than two experiments or no lag order
 SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOptions& options);
 
 // Fold f of F: the held-out experiments n = f, f+F, f+2F … and the training experiments. `centred`: both parts become
-// departures from the mean motion of the training part. This is necessary because the held-out experiments contributed
-// to the mean motion that was removed before.
+// departures from the mean motion of the training part. This is necessary because the mean motion that was removed
+// before also depends on the held-out experiments.
 Split fold(const Ensemble& ensemble, Index f, Index folds, bool centred);
 // F for an ensemble of this size: N for up to 10 experiments, else 5.
 Index fold_count(Index experiments);

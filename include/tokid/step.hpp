@@ -10,11 +10,11 @@
 namespace tokid {
 
 // Long models have millions of steps with few numbers each. One allocation for each matrix would take three times the
-// memory. The functions set_… and forget_… add or remove a part; they invalidate all views of the step.
+// memory. The functions set_… add a part, and forget_… remove it; both invalidate all views of the step.
 class Step {
  public:
   using View = Eigen::Map<const Matrix>;
-  // operator= accepts only matrices of the same shape. \throws std::invalid_argument. The other operators are those of
+  // operator= accepts only matrices of the same shape. \throws std::invalid_argument. All other operators are those of
   // Eigen, which checks shapes in debug builds only.
   class Writable : public Eigen::Map<Matrix> {
    public:
@@ -67,7 +67,7 @@ class Step {
 
   bool has_matrices() const { return has(Part::A); }
 
-  // Optional parts. Access to a missing part: \throws std::logic_error
+  // Optional parts. The accessors throw std::logic_error if the part is missing.
   bool has_innovation_cov() const { return has(Part::innovation_cov); }
   bool has_Q() const { return has(Part::Q); }
   bool has_R() const { return has(Part::R); }
@@ -89,12 +89,12 @@ class Step {
   bool has_condition() const { return has(Part::condition); }
   bool has_rank() const { return has(Part::rank); }
   bool has_lags() const { return has(Part::lags); }
-  // Singular values of H_k, in decreasing order; none if they are not known.
+  // Singular values of H_k, in decreasing order; empty if not known.
   Eigen::Map<const Vector> singular_values() const {
     return {numbers_.data() + begin(Part::singular_values), singular_values_};
   }
   double condition() const { return *at(Part::condition); }           // of the scaled W_k for TVERA, else of [x_k u_k]
-  Index rank() const { return static_cast<Index>(*at(Part::rank)); }  // of the same matrix
+  Index rank() const { return static_cast<Index>(*at(Part::rank)); }  // of the matrix of condition()
   Index lags() const { return static_cast<Index>(*at(Part::lags)); }  // p_k
   void set_singular_values(const Vector& values);
   void set_condition(double condition) { set(Part::condition, condition); }
@@ -115,7 +115,7 @@ class Step {
   Index rows(Part part) const;
   Index cols(Part part) const;
   Index begin(Part part) const;          // first index in numbers_
-  Index begin_besides(Part part) const;  // the same for the parts after A to G
+  Index begin_besides(Part part) const;  // begin() of the parts after A to G
   void need(Part part) const {
     if (!has(part)) not_known(part);
   }
@@ -133,7 +133,7 @@ class Step {
   void set(Part part, double value);
   void forget(Part part);
   double* room_for(Part part, Index size);
-  bool whole() const;  // Do the numbers have the size of the parts? A check after reading.
+  bool whole() const;  // after reading: has numbers_ the size of all parts?
 
   Vector numbers_;
   std::int32_t states_ = 0, next_states_ = 0, inputs_ = 0, outputs_ = 0, singular_values_ = 0;

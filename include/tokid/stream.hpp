@@ -14,8 +14,8 @@
 namespace tokid {
 
 struct StreamOptions {
-  IdentifyOptions identify = {};     // open choices are made from stretches at the begin, middle and end
-  Index block = 0;                   // steps of a block; 0: the number that fits memory_per_thread
+  IdentifyOptions identify = {};     // options; empty ones are chosen from stretches at the beginning, middle and end
+  Index block = 0;                   // steps of a block; 0: as many as fit into memory_per_thread
   double memory_per_thread = 100e6;  // [bytes]
   Team team = {};                    // the processes that share the blocks
   // true: stores finished blocks in a resume journal next to the model, MODEL.resume, until the model is complete. If
@@ -24,20 +24,20 @@ struct StreamOptions {
   bool resume = false;
 };
 
-// The result of identify_stream(). Its model has the parts that are stored once per model, `state_dim`, and as many
-// empty matrices as there are steps. The simulation for the fit starts anew in every block, from a state that is
-// estimated from the samples before the block. The whiteness test uses a block in the middle.
+// The result of identify_stream(). Its model has no matrices, because the file has them. It has the state dimensions
+// and the parts that are stored once per model. In the fit, each block is simulated separately, from a state that is
+// estimated from the samples before the block. The whiteness test uses one block in the middle.
 struct Streamed {
   Identification identification;
   Index block = 0, blocks = 0;  // steps of a block, number of blocks
   Index overlap = 0;            // steps that a block reads beyond its own, shared with its neighbours
   Index missing = 0;            // missing samples within the lengths of the experiments
-  Index resumed = 0;            // blocks from the resume journal of an earlier call
+  Index resumed = 0;            // blocks that an earlier call finished, from the resume journal
 };
 
 // Every member of the team must call this function. Only the first member writes the model and gets the result.
 // \throws std::invalid_argument as identify(), and for options that need all steps at once: a period, one model for all
-// steps, the reference frame; IoError, also for a journal of other data or options; WriteError
+// steps, the reference frame. \throws IoError, also if the journal is of other data or options. \throws WriteError
 Streamed identify_stream(const EnsembleFile& data, const std::filesystem::path& model,
                          const StreamOptions& options = {});
 

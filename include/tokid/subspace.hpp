@@ -9,25 +9,27 @@
 namespace tokid {
 
 struct SubspaceOptions {
-  Index states = 0;  // largest number of states per step; 0: the numerical rank, which noise hides
+  Index states = 0;  // largest number of states per step; 0: the numerical rank, which is too large for noisy data
   // f: block rows of the predictor. 0: p, but with Weighting::one_step at most the number that gives 24 singular
   // values.
   Index future = 0;
   Weighting weighting = Weighting::one_step;
   TimeVariation variation = {};  // variation of the ARX model
   // λ of the regressions for the matrices. Negative: state_share times the λ of the ARX model. A weaker penalty is
-  // enough, because the states of neighbouring steps share a frame and are smooth already.
+  // enough, because the states of neighbouring steps are in a common frame and vary slowly.
   double state_smoothing = -1.0;
   static constexpr double state_share = 1.0 / 30;
-  // false: for data without noise, whose residuals carry no information. The outputs are then weighted by their size,
-  // and the observer is that of the ARX model.
+  // false: the data have no noise, so their residuals are rounding errors. The outputs are then weighted by their size
+  // instead, and the observer comes from the ARX model.
   bool noisy = true;
   Execution execution = {};
 };
 
 // At step k, the p past samples z_k (oldest first, zeros before the experiment) predict the next f outputs with the ARX
-// coefficients. With Weighting::many_steps, the outputs in between are predicted too. The predictor times the data,
-// with the outputs weighted by their innovations, is
+// coefficients. The predictor M_k (f·m × p·d) has the coefficients of the lags that reach back before step k. With
+// Weighting::many_steps, it also predicts the outputs between step k and the predicted output. Z_k (N × p·d) has the
+// z_k of all experiments, and Σ is the covariance of the innovations, the weight of the outputs. The weighted
+// prediction is
 //   Σ^{-1/2} M_k Z_kᵀ = U S Vᵀ,   and the state samples are   X_k = S^{-1/2} Uᵀ Σ^{-1/2} M_k Z_k  (n_k × N).
 struct PredictorFactor {
   Vector singular_values;  // (q)
@@ -44,12 +46,13 @@ struct PredictorFactors {
 PredictorFactors predictor_factors(const Windows& windows, const GtvArx& arx, const SubspaceOptions& options);
 
 // Two regressions per step: y_k on [x_k; u_k] → C_k, D_k and the innovations ε_k; x_{k+1} on [x_k; u_k; ε_k] → A_k,
-// B_k, -G_k. Without noise they are exact for every p ≥ p_min and any initial states. The state dimension is the
-// smallest of four numbers: `states`, the rank, and the limits of the samples before step k and from step k on.
+// B_k, -G_k. Without noise the matrices are exact for every p ≥ p_min and any initial states. The state dimension is
+// the smallest of four numbers: `states`, the rank, and the largest dimensions that the samples before step k and from
+// step k on can determine.
 Model realise(const Windows& windows, const GtvArx& arx, const PredictorFactors& factors,
               const SubspaceOptions& options);
 
-// Both in one call.
+// predictor_factors() and realise() in one call.
 Model subspace(const Windows& windows, const GtvArx& arx, const SubspaceOptions& options = {});
 
 }  // namespace tokid

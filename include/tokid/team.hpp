@@ -14,8 +14,8 @@ namespace tokid {
 // The default is a team of one process.
 struct Team {
   Index rank = 0, size = 1;
-  // broadcast: returns the text of the first member at all members. gather: returns the texts of all members, in order,
-  // at the first member.
+  // broadcast: every member gets the text of the first member. gather: the first member gets the texts of all members,
+  // in order.
   std::function<std::string(std::string)> broadcast = [](const std::string& own) { return own; };
   std::function<std::vector<std::string>(std::string)> gather = [](const std::string& own) {
     return std::vector<std::string>{own};

@@ -11,9 +11,9 @@ namespace tokid {
 struct TveraOptions {
   Index rows = 2;    // block rows of H_k = [h_{k+a,k-1-b}]; needs (rows-1)·m ≥ n
   Index cols = 2;    // block columns; needs cols·r ≥ n
-  Index states = 0;  // largest number of states per step; 0: the numerical rank of H_k, which noise hides
-  // σ_i(H_k) counts as zero below the smaller of two bounds: noise_factor times the expected norm of the error of H_k,
-  // and 1e-9 times its scale.
+  Index states = 0;  // largest number of states per step; 0: the numerical rank of H_k, too large for noisy data
+  // A singular value σ_i(H_k) counts as zero below the smaller of two bounds: noise_factor · HankelFactor::error, and
+  // 1e-9 · HankelFactor::scale.
   double noise_factor = 3.0;
   // Typical sizes of the outputs (m) and inputs (r); empty: 1. H_k is formed in these units, so that its singular
   // values do not depend on the units of the channels.
@@ -22,7 +22,7 @@ struct TveraOptions {
 };
 
 // H_k = U Σ Vᵀ = O_k R_{k-1}, O_k = U Σ^{1/2}, for every step from markov.i_begin on. Near both ends H_k has fewer
-// blocks. Free responses, if given, are additional columns. With them, O_k has full rank from the first step on.
+// blocks. Free responses are additional columns of H_k; with free responses, O_k has full rank from the first step on.
 struct HankelFactor {
   Matrix u;                // (rows·m × q) left singular vectors of H_k in the units of TveraOptions
   Vector singular_values;  // (q)
@@ -37,12 +37,12 @@ struct HankelFactors {
 // \throws std::invalid_argument for sizes that do not fit the band of the Markov parameters
 HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, const TveraOptions& options);
 
-// A_k = (O_{k+1}↑)⁺ O_k↓, B_k = O_{k+1}⁺ [h_{k+1,k}; …], C_k = first block row of O_k, G_k = O_{k+1}⁺ P_{k+1} (38),
-// (40). Every step has a model. The state dimension is min(states, rank H_k), so it grows at the start and falls at the
-// end.
+// O_k↓: O_k without its first block row; O_{k+1}↑: as many first rows of O_{k+1}. A_k = (O_{k+1}↑)⁺ O_k↓, B_k =
+// O_{k+1}⁺ [h_{k+1,k}; …], C_k = first block row of O_k, G_k = O_{k+1}⁺ P_{k+1} (38), (40). Every step has a model. The
+// state dimension is min(states, rank H_k), so it grows at the start and falls at the end.
 Model realise(const Markov& markov, const HankelFactors& factors, const TveraOptions& options);
 
-// Both in one call.
+// hankel_factors() and realise() in one call.
 Model tvera(const Markov& markov, const FreeResponse& free, const TveraOptions& options);
 
 }  // namespace tokid

@@ -1,5 +1,5 @@
-// Confidence bounds of estimates, from the factors of the regressions or by a bootstrap over experiments. Both measure
-// random errors only. They do not include a bias, such as that of a lag order that is too small.
+// Confidence bounds of estimates, from the factors of the regressions or by a bootstrap over experiments. The bounds
+// measure random errors only. They do not include a bias, for example of a lag order that is too small.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -17,8 +17,8 @@
 
 namespace tokid {
 
-// Each entry of the true value lies between `lower` and `upper` with the probability `level`, taken alone. Bounds are
-// infinite if no degree of freedom is left to estimate the noise, and NaN without an estimate.
+// Each entry alone has its true value between `lower` and `upper` with the probability `level`. Bounds are infinite if
+// no degree of freedom is left to estimate the noise, and NaN without an estimate.
 struct Interval {
   Matrix estimate;
   Matrix deviation;  // standard error
@@ -32,11 +32,12 @@ struct BoundsOptions {
 
 // Bounds from the factors of the regressions
 //
-// The coefficients M_s of different steps have uncorrelated errors of covariance residual_cov ⊗ X·Xᵀ (GtvArx). To first
-// order, these errors change an output of the recursion (17) by Σ_s W_{k,s} dM_s φ_s. φ_s is the window of the
-// recursion itself at step s. W_{k,s} is the effect of an innovation at s on the output at k: I for k = s, else
-// -h°_{k,s}. The interval is that of Student's t. Its degrees of freedom are those of the steps, weighted by their
-// variances (Welch, Satterthwaite). All functions \throw std::invalid_argument if `arx` holds no noise shapes.
+// The coefficients M_s of different steps s have uncorrelated errors dM_s, of covariance residual_cov ⊗ X·Xᵀ
+// (GtvArx::noise_shape). To first order, dM_s changes the output of the recursion (17) at step k by Σ_s W_{k,s} dM_s
+// φ_s. φ_s is the window at step s with the outputs of the recursion. W_{k,s} is the effect of an innovation at s on
+// the output at k: I for k = s, else -h°_{k,s}. The interval is a quantile of Student's t times the standard error. The
+// degrees of freedom are combined from those of all steps by their variances (Welch, Satterthwaite). All functions
+// \throw std::invalid_argument if `arx` has no noise shapes.
 
 // Bounds of h_{k,k-γ}, γ = 0 … band, where h_{k,k} = D_k.
 struct MarkovBounds {
@@ -50,8 +51,8 @@ MarkovBounds markov_bounds(const GtvArx& arx, Index band, const BoundsOptions& o
 struct OutputBounds {
   std::vector<Interval> step;  // (T) of (N × m); NaN where there is no output
 };
-// Outputs of the recursion for given inputs. It starts from zero initial states, or, with k_begin = p, from the first p
-// samples of each experiment. The bounds are those of the mean output of the system, or with `noise` those of a
+// Outputs of the recursion for given inputs. The recursion starts from zero initial states, or, with k_begin = p, from
+// the first p samples of each experiment. The bounds are for the mean output of the system, or with `noise` for a
 // measured output.
 struct SimulationBoundsOptions {
   double level = 0.95;
@@ -66,8 +67,8 @@ OutputBounds simulation_bounds(const GtvArx& arx, const Ensemble& data, const Si
 // `level`.
 OutputBounds prediction_bounds(const GtvArx& arx, const Ensemble& data, const BoundsOptions& options = {});
 
-// Eigenvalues of the closed loop Ā_k = A_k + G_k C_k in a reference frame (reference_frame()). They depend on outputs
-// alone and are thus the same for every model of the system.
+// Eigenvalues of the closed loop Ā_k = A_k + G_k C_k in a reference frame (reference_frame()). In this frame the states
+// are defined by outputs alone. The eigenvalues are therefore the same for every model of the system.
 struct ClosedLoopOptions {
   double level = 0.95;
   Index reference_step = -1;  // s; -1: the first step of full dimension
@@ -81,10 +82,11 @@ struct Spectrum {
 // \throws std::invalid_argument where step s has no state or too few block rows
 Spectrum closed_loop_spectrum(const Model& model, const ClosedLoopOptions& options = {});
 
-// First-order bounds do not hold for an eigenvalue that is not clearly simple. Such an eigenvalue has a neighbour that
-// is nearer than half the sum of their standard errors. It gets infinite bounds and `simple` = 0. The imaginary part of
-// a simple real eigenvalue is exactly zero. So are the zero eigenvalues of every deadbeat observer: neighbours that
-// noise does not move are ignored, unless only rounding separates them, as in data without noise.
+// First-order bounds hold only for a clearly simple eigenvalue. An eigenvalue is not clearly simple if another one is
+// nearer than half the sum of their standard errors. Its bounds are then infinite, and `simple` is false. The imaginary
+// part of a simple real eigenvalue is exactly zero. Every deadbeat observer has eigenvalues that are exactly zero, and
+// noise does not move them. They do not count as near, unless the distance is at the level of rounding errors, as in
+// data without noise.
 struct SpectrumBounds {
   Index begin = 0;
   struct Step {
@@ -96,7 +98,8 @@ struct SpectrumBounds {
   std::vector<Step> step;
 };
 // `model` must be the realisation of `arx` with these options, as tvera() returns it, or the same in other coordinates.
-// The blocks and the sizes of the channels determine how errors of Markov parameters affect it.
+// These options are needed because the blocks and sizes of the channels determine how errors of Markov parameters
+// affect the model.
 // \throws std::invalid_argument as above, or if `model` does not belong to `arx`
 SpectrumBounds closed_loop_bounds(const GtvArx& arx, const Model& model, const TveraOptions& realisation,
                                   const ClosedLoopOptions& options = {});
@@ -105,10 +108,10 @@ SpectrumBounds closed_loop_bounds(const GtvArx& arx, const Model& model, const T
 //
 // The bootstrap works for any identification method f. Replicate b gives the experiments new random weights w = 1 ±
 // spread, half of them with each sign. An experiment of a linear system multiplied by √w is an experiment of the same
-// system, and counts w times in sums of squares. Drawing experiments with replacement would leave about 0.63 N
-// different ones, too few for regressions that need nearly all of them. The deviations from the result of f are divided
-// by `spread`. They are also multiplied by √((N+2)/(N-L)), because the residuals of L regressors are too small. This
-// factor is exact for Gaussian regressors.
+// system, and counts w times in sums of squares. The usual bootstrap draws experiments with replacement. It would use
+// only about 0.63 N different experiments, too few for regressions that need nearly all of them. The deviations of the
+// replicates from the result of f are divided by `spread`. They are also multiplied by √((N+2)/(N-L)), because a fit of
+// L regressors makes the residuals too small. This factor is exact for Gaussian regressors.
 using Identifier = std::function<Model(const Ensemble&)>;
 using Functional = std::function<Vector(const Model&)>;  // NaN where the model has no value
 
@@ -116,17 +119,18 @@ struct BootstrapOptions {
   double level = 0.95;
   Index replicates = 200;  // B ≥ 2
   std::uint64_t seed = 1;
-  double spread = 0.3;   // 0 < spread < 1
-  bool nominal = false;  // remove the (weighted) mean motion and store it in each model; `f` then gets departures
-  Index period = 0;      // P: the steps k, k+P, … share their mean motion
-  // L; 0: the median rank of the model's regressions, or n + r for other methods than tvera if N is not larger than
-  // that rank. With a period, L is shared among the steps of a phase.
+  double spread = 0.3;  // 0 < spread < 1
+  // true: each replicate removes its weighted mean motion and stores it in the model; `f` gets departures
+  bool nominal = false;
+  Index period = 0;  // P: the steps k, k+P, … share their mean motion
+  // L; 0: the median rank of the model's regressions. If N is not larger than this rank, and the method is not tvera, L
+  // is n + r. With a period, L is divided by the number of steps of a phase.
   Index unknowns = 0;
   Execution execution = {};
 };
 struct Bootstrap {
   Interval interval;     // (entries × 1)
-  Matrix covariance;     // (entries × 1): covariance with the next entry, for adjacent real and imaginary parts
+  Matrix covariance;     // (entries × 1): covariance of each entry with the next one, for real and imaginary parts
   Index replicates = 0;  // number of replicates with a successful identification
   Index unknowns = 0;    // L, plus one for a mean motion
   double freedom = 0.0;  // degrees of freedom of Student's t
@@ -136,11 +140,12 @@ struct Bootstrap {
 Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional& functional,
                     const BootstrapOptions& options = {});
 
-// Multiplies the experiments by the square roots of their weights (N), and the free responses by that of the mean
-// weight. \throws std::invalid_argument for negative weights or a wrong number
+// Multiplies the experiments by the square roots of their weights (N), and the free responses by the square root of the
+// mean weight. \throws std::invalid_argument for negative weights or a wrong number of weights
 Ensemble weighted(Ensemble data, const Vector& weights);
 
-// The eigenvalues of `found` in the order of `reference`. Pairs are formed from the nearest ones on.
+// The eigenvalues of `found` in the order of `reference`. The two nearest eigenvalues form the first pair, the two
+// nearest of the rest the second pair, and so on.
 Eigen::VectorXcd matched(const Eigen::VectorXcd& found, const Eigen::VectorXcd& reference);
 
 // Bounds for a model and its training data
@@ -150,8 +155,8 @@ const char* to_string(BoundsMethod method);
 
 struct ConfidenceOptions {
   double level = 0.95;
-  // empty: the factors, or the bootstrap if steps share a model, because then the regressions of single steps do not
-  // describe it
+  // Empty: the factors. If steps share a model, the bootstrap, because the factors of single steps do not describe such
+  // a model.
   std::optional<BoundsMethod> method = {};
   Index replicates = 200;  // B of the bootstrap
   std::uint64_t seed = 1;
@@ -168,18 +173,18 @@ struct Confidence {
   double freedom = 0.0;  // degrees of freedom of Student's t, at the median step or of the bootstrap
   Channels names;
   MarkovBounds markov;
-  // mean outputs for the inputs of the data; (N × m) of the experiments used
+  // Mean outputs (N × m) for the inputs of the N experiments used.
   OutputBounds simulated;
-  OutputBounds predicted;  // new measurements one step ahead; only from the factors
+  OutputBounds predicted;  // one-step predictions of new measurements; only from the factors
   // empty without a reference frame, or if the factors do not reproduce the model
   SpectrumBounds spectrum;
   Findings findings;
 };
 
-// Computes the bounds of a model. From the factors, the estimates are those of the regressions, which the model
-// approximates. From the bootstrap, they are those of the model: each replicate is identified with the options of the
-// model, with fixed orders. `data` must be the ensemble of the identification, including any held-out part, which is
-// not used.
+// Computes the bounds of a model. With the factors, the estimates come from the regressions, which the model
+// approximates. With the bootstrap, the estimates come from the model, and each replicate is identified with the
+// options and the orders of the model. `data` must be the ensemble of the identification, including the held-out
+// experiments, which the function does not use.
 // \throws std::invalid_argument for options out of range, a number of experiments that differs from the identification,
 // or a model that was not identified
 Confidence confidence(const Model& model, const Ensemble& data, const ConfidenceOptions& options = {});

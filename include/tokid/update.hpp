@@ -17,10 +17,10 @@
 namespace tokid {
 
 // The update state: the factors of all experiments so far, and the plan from the first experiments. It does not include
-// EM, which needs samples.
+// the refinement by EM, because EM needs the samples.
 struct UpdateState {
   WindowFactors factors;
-  Plan plan;              // without the units of TVERA, which come from all experiments
+  Plan plan;              // without output_size and input_size, which depend on all experiments
   Provenance provenance;  // of the model, with the fingerprints of all data
   // Digests of all experiments so far, including copies and repetitions, ascending. An experiment with one of these
   // digests is not added again.
@@ -28,11 +28,11 @@ struct UpdateState {
   Index without_digest = 0;  // experiments without a digest, from a state of an older version
 };
 
-// Makes the state of an identification and its training data. \throws std::invalid_argument for methods that need
-// samples (held-out experiments, free responses of TVERA, projections), and for noisy data in which no state was found
+// Makes the state of an identification and its training data. \throws std::invalid_argument for options that need
+// samples (held-out experiments, free responses of TVERA, projections), and if no state was found in noisy data
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options);
 
-// The model of all experiments so far: that of identify() with the same choices, but without EM.
+// The model of all experiments so far: the same as from identify() with the same choices and without EM.
 struct Updated {
   Model model;
   Index experiments = 0;
@@ -42,26 +42,27 @@ struct Updated {
 };
 Updated identify(const UpdateState& state, const Execution& execution = {});
 
-// Checks that `more` fits the state. \throws std::invalid_argument that names the difference from the experiments
-// before
+// Checks that `more` fits the state. \throws std::invalid_argument if `more` does not match the earlier experiments;
+// the message names the difference
 void check_update(const UpdateState& state, const Ensemble& more);
-// Adds experiments to the state. It leaves out an experiment with the samples of an earlier one, and uses copies within
-// the new ones once. The findings report both. \throws as check_update()
+// Adds experiments to the state. It leaves out each experiment whose samples are equal to those of an earlier
+// experiment. Of copies among the new experiments it uses one. The findings report repeated experiments and copies.
+// \throws as check_update()
 Findings update(UpdateState& state, const Ensemble& more, const Execution& execution = {});
 
-// The experiments that ensembles added, and the fit of the previous model to them.
+// The experiments that were added from each ensemble, and the fit of the previous model to the new experiments.
 struct Additions {
   std::vector<Index> experiments;  // number of experiments added from each ensemble
-  // rows of the experiments in each ensemble that the state already had, ascending
+  // for each ensemble: rows of the experiments that the state already had, ascending
   std::vector<std::vector<Index>> known;
   Fit simulation, one_step;  // fits of validate() on all new experiments in one ensemble
-  // They include one finding for each output that the previous model predicts no better than its mean does, or
-  // simulates far worse.
+  // They include a finding for each output with poor results of the previous model: predictions no better than the mean
+  // of the output, or a simulation far worse than the mean.
   Findings findings;
 };
 
-// As update(), with the fit of the previous model `before`, which must be identify() of the state. \throws as
-// check_update()
+// Adds experiments like the update() above, and computes the fit of the previous model `before`, which must be
+// identify(state). \throws as check_update()
 Additions update(UpdateState& state, const Model& before, const Ensemble& more, const Execution& execution = {});
 
 struct UpdateOptions {
@@ -71,9 +72,9 @@ struct UpdateOptions {
 };
 
 // Updates the state with each file in this order, with one file in memory at a time. The state has the same bits for
-// any number of members and threads. Every member of the team must call it. `state`, `before` and the result matter at
-// the first member only. After an exception the state contains some of the files and must not be used. \throws IoError,
-// and as check_update() with the name of the file in front
+// any number of members and threads. Every member of the team must call this function. Only the first member needs
+// `state` and `before`, and gets the result. After an exception the state contains some of the files; do not use it.
+// \throws IoError, and as check_update() with the name of the file in front
 Additions update(UpdateState& state, const Model& before, const std::vector<std::filesystem::path>& files,
                  const UpdateOptions& options = {});
 
@@ -81,8 +82,8 @@ Additions update(UpdateState& state, const Model& before, const std::vector<std:
 // and saves it must hold a FileLock during this time. Otherwise the experiments of another program may be lost.
 // \throws IoError
 void save_update_state(const UpdateState& state, const std::filesystem::path& path);
-// Saves a state that was read from the file of this lock. The lock must outlive the FilesTogether of this thread.
-// \throws IoError, and as FileLock::check()
+// Saves to the file of this lock the state that was read from it. If a FilesTogether of this thread exists, the lock
+// must live longer than it. \throws IoError, and as FileLock::check()
 void save_update_state(const UpdateState& state, FileLock& held);
 UpdateState load_update_state(const std::filesystem::path& path);
 

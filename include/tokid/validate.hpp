@@ -14,13 +14,13 @@ struct ValidateOptions {
   Index horizon = 1;                               // H of the H-step fit
   Index whiteness_lags = test_lags;                // lags of the innovation tests; 0: no tests
   std::optional<InitialState> initial_state = {};  // as in PredictOptions
-  // Experiments that are known outliers, by name, or by row if they have none. Their samples are not reported as
-  // outlying.
+  // Known outliers: labels of experiments (Ensemble::experiment_label()). Their samples are not reported as outlying.
   std::vector<std::string> misfits = {};
 };
 
-// Fit of output j: 100·(1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%], over all experiments and steps where both are known. ȳ is the
-// nominal trajectory if the model has one, else the mean over experiments and steps. NaN if nothing can be compared.
+// Fit of output j: 100·(1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%], over all experiments and steps where both y and ŷ are known. ȳ is
+// the nominal trajectory if the model has one, else the mean over experiments and steps. NaN if nothing can be
+// compared.
 struct Fit {
   Vector fit;         // (m) [%]
   Vector rmse;        // (m) in the unit of the output
@@ -28,12 +28,13 @@ struct Fit {
 };
 Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nominal = {});
 
-// Outlying samples of one output of one experiment. Their one-step prediction errors exceed 20 times the median over
-// the experiments at that step, and 5 % of the spread of the output. Causes are sensor faults or a different motion.
+// Outlying samples of one output of one experiment. Their one-step prediction errors exceed both 20 times the median
+// error of the experiments at this step, and 5 % of the spread of the output. The cause is a sensor fault, or a motion
+// that differs from those of the other experiments.
 struct OutlyingSamples {
   Index experiment = 0, output = 0;
   std::vector<Index> steps;
-  double error = 0.0, usual = 0.0;  // largest error, and the median at that step; in the unit of the output
+  double error = 0.0, usual = 0.0;  // largest error, and median error at its step; in the unit of the output
   std::string name;                 // name of the experiment; empty where the data give none
 };
 
@@ -44,7 +45,7 @@ struct Validation {
   double whiteness_p = std::numeric_limits<double>::quiet_NaN();  // whiteness.p
   Whiteness whiteness;
   Independence independence;  // from past and present inputs, lags 0 … whiteness_lags
-  Independence feedback;      // from later inputs, lags -whiteness_lags … -1: a small p is not a fault of the model
+  Independence feedback;  // from later inputs, lags -whiteness_lags … -1; a small p does not mean a fault of the model
   NormalisedSquares squares;
   InputGains gains;
   std::vector<OutlyingSamples> outlying;  // only for noisy data
@@ -54,10 +55,10 @@ struct Validation {
 };
 // Validates a model on data. \throws std::invalid_argument where channels disagree or no step of the data has a model
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
-// Validates with each experiment once: without copies and dependent experiments, which the warnings name.
+// Validates without copies and dependent experiments. The findings name the experiments that are left out.
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
 
-// Concludes what each test of the innovations shows. The tool, the page and Python take their results from here.
+// The conclusion of each test of the innovations, for the tool, the page and Python.
 Conclusions conclusions(const Validation& validation, const Channels& names);
 
 }  // namespace tokid

@@ -1,5 +1,5 @@
-// Ensemble → triangular factors of the windows of all steps. Regressions need nothing else of the experiments. Later
-// experiments are merged into the factors without the old samples.
+// Ensemble → triangular factors of the windows of all steps. Regressions need only these factors, not the samples.
+// Factors of later experiments can therefore be merged into them without the old samples.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,8 +11,8 @@
 
 namespace tokid {
 
-// Upper triangular R_k with R_kᵀR_k = [1 V_k]ᵀ[1 V_k] for the windows V_k = [v_{k-p} … v_k] (N_k × w, w = (p+1)·d) of
-// the experiments without a gap in the window. Samples before the start of the experiments are zero.
+// Upper triangular R_k with R_kᵀR_k = [1 V_k]ᵀ[1 V_k] for the windows V_k = [v_{k-p} … v_k] (N_k × w, w = (p+1)·d). V_k
+// has the experiments without a missing sample in the window. Samples before the start of the experiments are zero.
 struct WindowFactors {
   Index inputs = 0, outputs = 0, lags = 0;          // r, m, p
   InitialState initial_state = InitialState::zero;  // zero: from step 0 on, unknown: from step p on
@@ -21,8 +21,8 @@ struct WindowFactors {
   Index experiments = 0;    // N
   std::vector<Index> rows;  // (T) N_k, 0 before the first step
   Matrix factor;            // (w+1 × T·(w+1)) R_0 R_1 …, upper triangular
-  // Statistics of each sample over the experiments that have it, in columns k·d … as in Ensemble. They are the number,
-  // the sum, and the sum of the squared departures from the mean.
+  // Statistics of each sample over the experiments that have it, in columns k·d … as in Ensemble. count: number of
+  // samples; sum: their sum; spread: sum of the squared departures from their mean.
   Vector count, sum, spread;  // (T·d)
 
   Index channels() const { return inputs + outputs; }
@@ -40,15 +40,16 @@ struct WindowFactors {
 WindowFactors window_factors(const Ensemble& ensemble, Index lags, InitialState initial_state,
                              const Execution& execution = {});
 
-// Adds the experiments of `others` to `factors`. \throws std::invalid_argument that names the difference if both do not
-// match
+// Adds the experiments of `others` to `factors`. \throws std::invalid_argument as check_alike()
 void merge(WindowFactors& factors, const WindowFactors& others, const Execution& execution = {});
 
-// The input of regressions: the windows of an ensemble, or fewer rows with the same products.
+// The input of regressions: the windows of an ensemble, or the factors R_k with fewer rows and the same products
+// R_kᵀR_k.
 class Windows {
  public:
   Windows(const Ensemble& ensemble);  // NOLINT(google-explicit-constructor): an ensemble has windows; refers to it
-  // The windows of factors, as departures from a mean motion if one is given. Refers to the factors.
+  // The windows from factors. If a mean motion is given, the windows are departures from it. The object refers to the
+  // factors.
   explicit Windows(const WindowFactors& factors, const Nominal* nominal = nullptr);
 
   Index experiments() const { return experiments_; }
@@ -80,11 +81,11 @@ class Windows {
   Vector mean_;  // (T·d); empty: none
 };
 
-// Window factors with sizes, names, dt and initial states only, for check_alike().
+// Window factors that have only the fields for check_alike(): sizes, names, dt and initial states.
 WindowFactors kind_of(const Ensemble& ensemble, Index lags, InitialState initial_state);
 
-// Checks that the windows of both can be merged; needs only the fields that kind_of() sets.
-// \throws std::invalid_argument that names the difference
+// Checks that the windows of `factors` and `others` can be merged. \throws std::invalid_argument if not; the message
+// names the difference
 void check_alike(const WindowFactors& factors, const WindowFactors& others);
 
 }  // namespace tokid
