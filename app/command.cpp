@@ -43,7 +43,9 @@ void Command::columns(ReadOptions& options) {
     const auto set = [&target, name](const std::string& text) {
       target = split_at_commas(text);
       for (const std::string& column : target)
-        if (column.empty()) throw CLI::ValidationError(name, fmt::format("'{}' holds an empty name", text));
+        if (column.empty())
+          throw CLI::ValidationError(
+              name, fmt::format("'{}' contains an empty name of a column. Write one comma between two names", text));
     };
     described(parser_->add_option_function<std::string>(name, set, description), "A,B,...");
   };

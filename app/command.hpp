@@ -25,7 +25,7 @@ namespace tokid::app {
 
 namespace fs = std::filesystem;
 
-// Reads the whole text as a number from `smallest` to `largest`; empty if it is none.
+// Reads the whole text as a number from `smallest` to `largest`. Empty if the text is not such a number.
 template <class T>
 std::optional<T> parse_number(const std::string& text, T smallest, T largest) {
   T value{};
@@ -39,7 +39,8 @@ std::vector<std::string> split_at_commas(const std::string& text);
 template <class T>
 using Choices = std::vector<std::pair<std::string, T>>;
 
-// The parser writes to the targets, which must outlive the parsing. Names without a dash are required arguments.
+// Every target must live until the command line is parsed, because the parser writes to it. Names without a dash are
+// required arguments.
 class Command {
  public:
   // Adds the command with its help text and one example of its use.
@@ -81,7 +82,8 @@ class Command {
     value(name, target, words.c_str(), description, choose, fmt::format("one of {} needed", words));
   }
 
-  // The value that `parse` makes of the text. If there is none, the message states the text, and `needed`.
+  // Sets the target to the value that `parse` returns for the text. If `parse` returns none, the error message contains
+  // the text and `needed`.
   template <class T, class Parse>
   void value(const char* name, T& target, const char* type, const char* description, const Parse& parse,
              std::string needed) {
@@ -97,7 +99,7 @@ class Command {
   void text(const char* name, const char* type, const char* description, std::function<bool(const std::string&)> set,
             std::string needed);
 
-  void excludes(const char* name, const char* other);  // options of which one may be given, not both
+  void excludes(const char* name, const char* other);  // the two options can't be given together
   void runs(std::function<void()> work);
 
  private:

@@ -52,7 +52,8 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
 
   std::error_code error;
   for (const fs::path& other : kept)
-    if (same_file(path, other)) refuse("found among the other files, another name needed to keep it");
+    if (same_file(path, other))
+      refuse("another file of this command has this name, and writing would replace it. Use another name");
   if (fs::is_directory(path, error)) refuse("a directory found, the name of a file needed");
   if (error == std::errc::filename_too_long) refuse(fmt::format("can't be written: {}", error.message()));
   const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");
@@ -81,7 +82,7 @@ std::string coverage(const Ensemble& computed) {
   if (steps.empty()) return "no outputs";
   const bool all = Index(steps.size()) == computed.steps();
   return fmt::format("outputs at steps {} to {}{}", steps.front(), steps.back(),
-                     all ? "" : ", elsewhere missing (NaN)");
+                     all ? "" : "; at all other steps they are missing (NaN)");
 }
 
 // Numbers
@@ -135,7 +136,8 @@ std::string with_unit(const std::string& name, const std::vector<std::string>& u
   return printable(at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name);
 }
 
-// Each code point counts as one column. This suits every usual script of channel names, but not wide characters.
+// Each code point counts as one column. This is wrong only for wide characters, such as Chinese ones, and for combining
+// ones.
 size_t width(std::string_view text) {
   return static_cast<size_t>(
       std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
@@ -181,8 +183,8 @@ void print(const std::string& text) {
   if (errno != EPIPE) throw std::system_error(errno, std::generic_category(), "standard output");
 }
 
-// NaN and infinity become null. Text that is not UTF-8 is repaired rather than refused. Characters that printable()
-// would change are written as their numbers, which mean the same.
+// NaN and infinity become null. Bytes that are not UTF-8 are replaced. If printable() would change a line, all
+// characters beyond ASCII are written as \u and their number, which means the same in JSON.
 void print(const Json& json) {
   const std::string text = text_of(json, 2);
   std::istringstream lines(text);

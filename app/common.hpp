@@ -23,16 +23,17 @@ namespace fs = std::filesystem;
 std::string extension_of(const fs::path& path);  // in lower case, with its dot
 
 enum class Content { ensemble, model, bounds, state, page };
-// Checks before long work that the file can be written under this name, and that it is none of the files to keep.
+// Checks before long work that the file can be written under this name, and that it is not one of the files in `kept`.
 // \throws IoError for a wrong name, WriteError if the system does not permit writing
 void check_output(const fs::path& path, Content content, const std::vector<fs::path>& kept = {});
 
 // Loads the data for a model. Channels that have the names of the model's channels are found by name.
 Ensemble load_data(const Model& model, const fs::path& path, ReadOptions options);
 
-// Locks a file that is read, changed and written. If it has to wait, it reports this on stderr. \throws as FileLock
+// Locks a file that is read, changed and written. If another process has the lock, the function reports on stderr that
+// it waits. \throws as FileLock
 FileLock held_file(const fs::path& path, double limit = LockOptions().limit);
-bool same_file(const fs::path& a, const fs::path& b);  // whether they exist or not
+bool same_file(const fs::path& a, const fs::path& b);  // also for names of files that do not exist
 
 // Puts the name of the file in front of errors about an argument, because the library does not know the file.
 template <class Work>
@@ -44,12 +45,12 @@ std::invoke_result_t<Work> about(const fs::path& file, Work&& work) {
   }
 }
 
-std::string coverage(const Ensemble& computed);  // the steps at which something could be computed
+std::string coverage(const Ensemble& computed);  // in words: the steps with computed outputs
 
 // Numbers
 
 Index rank_deficient_steps(const Model& model);
-double median(std::vector<double> values);  // NaN for none
+double median(std::vector<double> values);  // NaN for an empty list
 
 // Text
 
@@ -64,7 +65,7 @@ std::string describe(const Model& model);
 std::string output_label(const Channels& names, Index j);
 std::string input_label(const Channels& names, Index i);
 
-// Labels on the left with their texts on the right; tables below.
+// A printed text: rows with a label and its text, and tables.
 class Page {
  public:
   void row(std::string_view label, std::string_view text);
@@ -80,14 +81,15 @@ class Page {
 
 Json numbers(const Vector& values);
 Json json_penalty(double smoothing);  // lambda, or "infinity", because JSON has no such number
-void print(const std::string& text);  // on stdout. \throws std::system_error, but not if the reader has gone
+void print(const std::string& text);  // on stdout. \throws std::system_error, but not if the reader has closed the pipe
 void print(const Json& json);
 void warn(const std::vector<std::string>& warnings);  // on stderr
 void warn(const Findings& findings);
-// "findings" and, in words, "warnings".
+// Adds "findings", as values, and "warnings", the same findings as sentences.
 void add_findings(Json& json, const Findings& findings);
 
-// A bar on stderr, if that is a terminal and the work has taken a moment. It is erased at the end.
+// A progress bar on stderr. It appears only if stderr is a terminal and the work takes longer than 0.1 s. The
+// destructor erases it.
 class ProgressBar {
  public:
   explicit ProgressBar(bool wanted);

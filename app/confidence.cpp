@@ -14,12 +14,12 @@ struct Call {
   fs::path model, data, output;
   ReadOptions read;
   ConfidenceOptions options;
-  Index replicates = 0;    // of the bootstrap; 0: as many as usual
-  std::uint64_t seed = 0;  // of the bootstrap; 0: the usual one
+  Index replicates = 0;    // of the bootstrap; 0: default
+  std::uint64_t seed = 0;  // of the bootstrap; 0: default
   bool json = false;
 };
 
-// Half widths of the intervals of each output, as shares of the estimates: root mean squares at every step.
+// RMS half width of the intervals over the RMS of the estimates, for each output and step.
 struct Widths {
   std::vector<std::vector<double>> share;  // (m) of (T); NaN if there is nothing to compare
 
@@ -74,8 +74,9 @@ Widths output_widths(const OutputBounds& bounds, const Model& model) {
 
 struct Eigenvalues {
   Index total = 0, bounded = 0;
-  Index fixed = 0;                                          // bounded zeros that noise does not move
-  double width = std::numeric_limits<double>::quiet_NaN();  // median half width of the real parts of the others
+  Index fixed = 0;  // bounded eigenvalues that are zero and that noise does not move
+  // median half width of the real parts of all other bounded eigenvalues
+  double width = std::numeric_limits<double>::quiet_NaN();
 };
 Eigenvalues eigenvalues(const SpectrumBounds& spectrum) {
   Eigenvalues result;
@@ -136,7 +137,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
                         : fmt::format("of the closed loop, steps {} to {}: {} of {} are clearly simple and have bounds",
                                       c.spectrum.begin, c.spectrum.begin + Index(c.spectrum.step.size()) - 1, e.bounded,
                                       e.total));
-  if (e.fixed > 0) page.row("", fmt::format("{} of them are zero, as of every deadbeat observer", e.fixed));
+  if (e.fixed > 0) page.row("", fmt::format("{} of them are zero, as for every deadbeat observer", e.fixed));
   if (!std::isnan(e.width)) page.row("", fmt::format("half width of real parts: median {}", number(e.width)));
   page.row("Written", call.output.string());
   return page.text();
@@ -207,7 +208,7 @@ void add_confidence(CLI::App& tool) {
   Command command(tool, "confidence", "Confidence bounds of a model, its outputs and eigenvalues",
                   "tokid confidence model.npz data.npz -o bounds.npz --level 0.99");
   command.argument("MODEL", call->model, "Model that tokid identified: .npz, .h5 or .mat");
-  command.argument("DATA", call->data, "The ensemble of its identification, whole: .npz, .h5, .mat or .csv");
+  command.argument("DATA", call->data, "The whole ensemble of its identification: .npz, .h5, .mat or .csv");
   command.output(call->output, "Bounds to write: .npz, .h5 or .mat");
   command.columns(call->read);
   command.number<double>("--level", o.level, "P", "Probability that an interval holds the truth (default 0.95)", 1e-6,
@@ -216,11 +217,12 @@ void add_confidence(CLI::App& tool) {
       "--method", o.method,
       Choices<std::optional<BoundsMethod>>{
           {"auto", std::nullopt}, {"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
-      "From the factors of the regressions, or by repeated identification (auto: where steps share a model)");
+      "From the factors of the regressions, or by a bootstrap (auto: the bootstrap only if steps share a model)");
   command.number<Index>("--replicates", call->replicates, "B", "Replicates of the bootstrap (default 200)", 2,
                         1'000'000);
   command.count_or_auto("--band", o.band,
-                        "Markov parameters up to so many steps apart (auto: twice as many as determine a state)");
+                        "Largest number of steps between input and output of a Markov parameter "
+                        "(auto: twice the steps that determine a state)");
   command.number<Index>("--reference-step", o.reference_step, "s",
                         "Step of the frame of the eigenvalues (default: the first with all states)", 0, 1'000'000);
   command.number<std::uint64_t>("--seed", call->seed, "S", "Seed of the bootstrap (default 1)", 1);

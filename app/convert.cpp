@@ -15,7 +15,7 @@ struct Call {
 
 void run(const Call& call) {
   const bool model = file_kind(call.input) == FileKind::model;
-  // Other arrays and columns, which tokid does not use, are left out.
+  // The converted file has only the arrays and columns that tokid uses. The original must therefore not be replaced.
   check_output(call.output, model ? Content::model : Content::ensemble, {call.input});
   if (call.write.mat73 && extension_of(call.output) != ".mat")
     throw std::invalid_argument(fmt::format("--mat73: the output is '{}', a .mat needed", call.output.string()));
@@ -42,7 +42,7 @@ void add_convert(CLI::App& tool) {
   Command command(tool, "convert", "Convert an ensemble or a model to another format",
                   "tokid convert data.csv data.mat --mat73");
   command.argument("IN", call->input, "Ensemble or model to read");
-  command.argument("OUT", call->output, "File to write; its extension says the format");
+  command.argument("OUT", call->output, "File to write; its extension determines the format");
   command.columns(call->read);
   command.flag("--mat73", call->write.mat73, "Write a .mat of MATLAB version 7.3");
   command.runs([call] { run(*call); });

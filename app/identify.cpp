@@ -32,8 +32,8 @@ struct Data {
   Index experiments = 0, steps = 0, inputs = 0, outputs = 0, missing = 0, free_responses = 0;
   double dt = 1.0;
   bool says_initial_state = false;
-  Index block = 0, blocks = 0, overlap = 0;  // steps; none if all steps were identified at once
-  Index resumed = 0;                         // blocks of an earlier call
+  Index block = 0, blocks = 0, overlap = 0;  // steps of a block, number of blocks, extra steps; 0 without blocks
+  Index resumed = 0;                         // number of blocks that an earlier call finished
 };
 
 Data about_data(const Ensemble& e) {
@@ -58,7 +58,7 @@ std::vector<double> relative(std::vector<double> logs) {
   return logs;
 }
 
-// An error of twice the size of the outputs, or more, is useless whatever its size.
+// With an error of 200 % or more, a model is useless, and the exact number does not matter.
 std::string share(double error) { return error < 1.999 ? fmt::format("{:.3g} %", 100 * error) : "> 200 %"; }
 
 // Candidates with the errors that decided between them.
@@ -115,7 +115,7 @@ Json json(const Trial& trial) {
   return j;
 }
 
-// null if nothing was tried. Errors are geometric means over one step, many steps and simulation.
+// null if nothing was tried. Errors are weighted geometric means of the one-step, many-step and simulation errors.
 Json json(const RefinementChoice& choice) {
   if (choice.trials.empty()) return {};
   Json j{{"states", choice.states},
@@ -140,7 +140,8 @@ std::string nominal_text(const Call& call, const Data& data, const Identificatio
   return nominal_remark(result.nominal_test, result.model.names, data.inputs, call.options.period);
 }
 
-// The largest lag order that the experiments permit. The mean motion costs one experiment.
+// The largest lag order that the experiments permit. A removed mean motion uses one degree of freedom, so one
+// experiment is subtracted.
 Index largest_lags(const Data& data, const Identification& result) {
   const Index spent = result.plan.nominal ? 1 : 0;
   return largest_lag_order(result.experiments - spent, data.inputs, data.outputs, result.plan.feedthrough);
@@ -186,8 +187,9 @@ void add_lag_order(const Call& call, const Data& data, const Identification& res
     return;
   }
   page.row("Lag order",
-           fmt::format("p = {}, {}; {} permit lag orders up to p = {}, this one needs {}", result.plan.lags, why,
-                       plural(result.experiments, "experiment"), largest_lags(data, result), result.min_experiments));
+           fmt::format("p = {}, {}; {} permit lag orders up to p = {}, and this lag order needs at least {}",
+                       result.plan.lags, why, plural(result.experiments, "experiment"), largest_lags(data, result),
+                       result.min_experiments));
   add_trial(lag_trial(result), page);
 }
 
@@ -217,9 +219,10 @@ void add_states(const Call& call, const Identification& result, Page& page) {
                     : tried                                        ? "by prediction and simulation errors"
                                                                    : "the rank of the Hankel matrices";
   const double gap = result.singular_value_gap;
-  page.row("States",
-           fmt::format("n = {}, {}{}", model.states(), why,
-                       std::isfinite(gap) ? fmt::format("; singular values fall by {:.3g} after it", gap) : ""));
+  page.row("States", fmt::format("n = {}, {}{}", model.states(), why,
+                                 std::isfinite(gap)
+                                     ? fmt::format("; the next singular value is smaller by a factor of {:.3g}", gap)
+                                     : ""));
   Trial trial = state_trial(result);
   if (decided_after_em(result)) trial.best = result.refinement.states;
   add_trial(trial, page);
@@ -241,7 +244,7 @@ void add_fit(const Data& data, const Identification& result, Page& page) {
                     percent(result.validation.one_step.fit(j))});
   page.table(rows);
   if (data.blocks > 0)
-    page.row("", "simulations start again in every block, from the state that the samples before it determine");
+    page.row("", "each block is simulated separately, from a state that the samples before the block determine");
 }
 
 std::string report(const Call& call, const Data& data, const Identification& result) {
@@ -251,7 +254,7 @@ std::string report(const Call& call, const Data& data, const Identification& res
   page.row("", describe(data.experiments, data.steps, data.inputs, data.outputs, data.dt));
   page.row("", missing_text(data));
   if (data.blocks > 0)
-    page.row("Blocks", fmt::format("{} of up to {}, which neighbours share {} of beyond their own", data.blocks,
+    page.row("Blocks", fmt::format("{} of up to {}; each block also reads {} steps of its neighbours", data.blocks,
                                    plural(data.block, "step"), data.overlap));
   if (data.resumed > 0)
     page.row("", fmt::format("resumed after {} of {} blocks, which an earlier call had finished", data.resumed,
@@ -377,8 +380,8 @@ bool is_hdf5(const fs::path& path) {
   return extension == ".h5" || extension == ".hdf5";
 }
 
-// Should the work go in blocks? This is so if it was asked for, if all samples take much memory, or if processes share
-// the work.
+// Should the identification work in blocks? Yes if --block states a number, if the samples need much memory, or if
+// several processes share the work.
 bool in_blocks(const Call& call) {
   constexpr double much = 512e6;
   if (call.block != automatic) return call.block > 0;
@@ -392,15 +395,21 @@ bool in_blocks(const Call& call) {
 void run_in_blocks(const Call& call) {
   if (!call.page.empty())
     throw std::invalid_argument(
-        "--report: a page shows whole experiments, which --block never has; tokid report shows the model on others");
+        "--report: not possible with --block, because the page shows whole experiments, and --block reads only "
+        "parts of them. Leave out --report, and run tokid report later with other experiments");
   if (!call.state.empty())
-    throw std::invalid_argument("--state: holds the factors of all steps at once, which --block never has");
+    throw std::invalid_argument(
+        "--state: not possible with --block, because a state contains the factors of all steps, and --block "
+        "never has all steps in memory. Leave out one of the two options");
   if (!call.read.inputs.empty() || !call.read.outputs.empty())
-    throw std::invalid_argument("--inputs, --outputs: columns of a .csv, which can't be read in blocks");
+    throw std::invalid_argument(
+        "--inputs, --outputs: not possible with --block. They choose columns of a .csv, and a .csv can't be read "
+        "in blocks. Leave out --block, or --inputs and --outputs");
   if (!is_hdf5(call.data)) {
     file_kind(call.data);  // does it exist?
     throw std::invalid_argument(fmt::format(
-        "--block: '{}' found, an .h5 needed, the only format that can be read in blocks; tokid convert makes one",
+        "--block: '{}' found, an .h5 needed, because other formats can't be read in blocks. Convert the data "
+        "with tokid convert",
         call.data.string()));
   }
   const EnsembleFile file(call.data);
@@ -418,7 +427,8 @@ void run_in_blocks(const Call& call) {
 }
 
 void run_at_once(const Call& call) {
-  // The lock is held from the beginning, because an update of the old state in the meantime would be lost.
+  // The lock begins before the identification. Otherwise another process could update the old state meanwhile, and this
+  // update would be lost.
   std::optional<FileLock> held;
   if (!call.state.empty()) held.emplace(held_file(call.state));
   const Ensemble data = load_ensemble(call.data, call.read);
@@ -433,7 +443,7 @@ void run_at_once(const Call& call) {
   FilesTogether files;
   if (!call.page.empty()) save_page(call, data, result);
   if (state) save_update_state(*state, *held);
-  save_model(result.model, call.model);  // the last file to appear: if it exists, all do
+  save_model(result.model, call.model);  // saved last: if the model exists, all files exist
   files.commit();
   print_result(call, about_data(data), result);
 }
@@ -443,11 +453,11 @@ void run(const Call& call) {
   if (!call.page.empty()) check_output(call.page, Content::page);
   if (!call.state.empty()) check_output(call.state, Content::state, {call.data, call.model});
   if (call.options.reference_step && call.options.frame != Frame::reference)
-    throw std::invalid_argument("--reference-step: needs --frame reference");
+    throw std::invalid_argument("--reference-step: used only in the reference frame. Add --frame reference");
   const bool blocks = in_blocks(call);
   if (call.resume && !blocks)
     throw std::invalid_argument(
-        "--resume: continues from finished blocks, but here all steps are identified at once; use --block STEPS");
+        "--resume: needs finished blocks, but all steps of these data are identified at once. Add --block STEPS");
   if (blocks)
     run_in_blocks(call);
   else if (team().rank == 0)
@@ -458,7 +468,7 @@ std::optional<Index> block_steps(const std::string& text) {
   return text == "auto" ? automatic : text == "all" ? all_at_once : parse_number<Index>(text, 1, 1'000'000'000);
 }
 
-// A number, or a word.
+// Numbers as numbers, any other text as text.
 Json value_of(const std::string& text) {
   if (const auto whole =
           parse_number<Index>(text, std::numeric_limits<Index>::min(), std::numeric_limits<Index>::max()))
@@ -468,7 +478,7 @@ Json value_of(const std::string& text) {
   return text;
 }
 
-// Those of the table.
+// Adds the options of option_table().
 void add_options(Command& command, IdentifyOptions& target) {
   for (const Option& option : option_table()) {
     std::string name = option.key;

@@ -144,7 +144,8 @@ double largest(const std::vector<double>& values) {
   return values.empty() ? std::numeric_limits<double>::quiet_NaN() : *std::max_element(values.begin(), values.end());
 }
 
-// How well the observer forgets; steps without states do not count.
+// Median norm of the product of successive closed-loop matrices: zero for a deadbeat observer, which forgets its
+// initial state. Steps without states do not count.
 double deadbeat_norm(const Model& model) {
   return model.step.empty() ? std::numeric_limits<double>::quiet_NaN()
                             : median(deadbeat_products(model, model.max_lags()));

@@ -15,13 +15,14 @@ struct Call {
   int threads = 1;
 };
 
-// Makes the directory before the work, unless it exists.
+// Makes the directory, unless it exists.
 void make_directory(const fs::path& path) {
   std::error_code error;
   if (fs::is_directory(path, error)) return;
   if (fs::exists(path, error)) throw IoError(fmt::format("{}: a file found, a directory needed", path.string()));
   fs::create_directories(path, error);
-  if (error) throw WriteError(fmt::format("{}: can't be made: {}", path.string(), error.message()), error.value());
+  if (error)
+    throw WriteError(fmt::format("{}: the directory can't be made: {}", path.string(), error.message()), error.value());
 }
 
 std::string text(const Paper& paper, const KalmanStudy& study, const Call& call, double seconds) {
@@ -64,12 +65,12 @@ void run(const Call& call) {
   std::vector<std::string> warnings;
   for (const PrintedNumber& n : paper.printed)
     if (!n.agrees())
-      warnings.push_back(fmt::format("{} {}: {:.5g} printed, {:.5g} computed", n.equation, n.quantity, n.printed.real(),
-                                     n.computed.real()));
+      warnings.push_back(fmt::format("{} {}: the paper prints {:.5g}, but {:.5g} was computed", n.equation, n.quantity,
+                                     n.printed.real(), n.computed.real()));
   warn(warnings);
   if (!warnings.empty())
-    throw std::runtime_error(
-        fmt::format("{} of {} printed numbers do not agree", warnings.size(), paper.printed.size()));
+    throw std::runtime_error(fmt::format("{} of {} printed numbers of the paper do not agree with the computed numbers",
+                                         warnings.size(), paper.printed.size()));
 }
 
 }  // namespace

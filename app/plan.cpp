@@ -16,7 +16,8 @@ struct Call {
   bool json = false;
 };
 
-// The largest of some numbers, and the first step that has it up to rounding. Numbers may be NaN.
+// The largest and the median number, and the first step that has the largest number up to rounding errors. NaN is
+// ignored.
 struct Extreme {
   double value = std::numeric_limits<double>::quiet_NaN(), median = std::numeric_limits<double>::quiet_NaN();
   Index step = 0;
@@ -25,8 +26,8 @@ Extreme extreme(const std::vector<double>& values) {
   Extreme result;
   for (const double value : values)
     if (!std::isnan(value) && !(value <= result.value)) result.value = value;
-  // The rounding error of a condition number is a few eps times its square, and that of a share is less. For the
-  // largest condition numbers little more than the size is known.
+  // The relative rounding error of a condition number is a few eps times the number. It is limited to a half, because
+  // the largest condition numbers are known only in size.
   const double rounding =
       std::min(0.5, 100 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(result.value)));
   const auto first = std::find_if(values.begin(), values.end(), [&](double value) {
@@ -68,7 +69,7 @@ std::string report(const Call& call, const PlanOptions& sizes, const ExperimentP
   } else {
     page.row("", fmt::format("of the windows W_k on the model: {}", describe(extreme(plan.condition))));
     if (!std::isnan(plan.start_condition))
-      page.row("", fmt::format("before it was optimised: largest {}", number(plan.start_condition)));
+      page.row("", fmt::format("before the optimisation: largest {}", number(plan.start_condition)));
     std::string peaks;
     for (Index j = 0; j < plan.output_peak.size(); ++j)
       peaks += fmt::format("{}{} {}", j > 0 ? ", " : "", output_label(sizes.names, j), number(plan.output_peak(j)));
@@ -80,7 +81,7 @@ std::string report(const Call& call, const PlanOptions& sizes, const ExperimentP
     page.row("Noise", fmt::format("estimated coefficients add {} to the mean square of the best one-step error",
                                   share(plan.excess)));
   else
-    page.row("Noise", "no degree of freedom left to average it");
+    page.row("Noise", "no degree of freedom is left to average the noise");
   if (!std::isnan(plan.noise_floor))
     page.row("", fmt::format("best one-step error: {} of the outputs; Markov parameters: {}", share(plan.noise_floor),
                              share(plan.markov_error)));
@@ -132,7 +133,9 @@ void run(const Call& call) {
   if (call.model.empty()) {
     for (const auto& [name, value] : {std::pair{"--states", options.states}, std::pair{"--inputs", options.inputs},
                                       std::pair{"--outputs", options.outputs}, std::pair{"--steps", options.steps}})
-      if (value == 0) throw std::invalid_argument(fmt::format("{}: not stated, needed without --model", name));
+      if (value == 0)
+        throw std::invalid_argument(fmt::format(
+            "{}: missing, but needed without --model. State this option, or a preliminary model by --model", name));
   } else {
     model = load_model(call.model);
   }

@@ -1,4 +1,4 @@
-// tokid predict: outputs with the observer in the loop.
+// tokid predict: outputs that the observer predicts from earlier outputs.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "command.hpp"
 #include "common.hpp"

@@ -13,7 +13,7 @@ struct Call {
   fs::path model, data, output;
   ReadOptions read;
   RefineModelOptions options;
-  Index period = 0;  // 0: that of the model
+  Index period = 0;  // 0: period of the model
   bool json = false;
 };
 
@@ -41,7 +41,8 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
                                      number(result.start_log_likelihood), number(result.log_likelihood.back()),
                                      plural(result.iterations, "iteration"), result.converged ? ", converged" : ""));
   if (result.noise_segments > 1)
-    page.row("Noise", fmt::format("its size varies: {} have one each", plural(result.noise_segments, "segment")));
+    page.row("Noise", fmt::format("its size varies over time: {}, each with its own size",
+                                  plural(result.noise_segments, "segment")));
   page.row("Fit", "on the same data, before and after, where both models have outputs");
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "refined", "one step", "refined"}};
   for (Index j = 0; j < model.outputs; ++j)
@@ -92,7 +93,7 @@ Json json(const Call& call, const Ensemble& data, const RefinedModel& outcome) {
 
 void run(const Call& call) {
   check_output(call.output, Content::model, {call.data});
-  std::optional<FileLock> held;  // for a model that is read and replaced
+  std::optional<FileLock> held;  // needed if the output replaces the model
   if (same_file(call.model, call.output)) held.emplace(held_file(call.output));
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
@@ -114,7 +115,7 @@ void run(const Call& call) {
   warn(outcome.findings);
 }
 
-// "auto" is valid too and gives an empty inner value.
+// Outer value empty: the text is not valid. Inner value empty: "auto".
 std::optional<std::optional<double>> smoothing(const std::string& text) {
   if (text == "auto") return std::optional<double>();
   const auto value = text == "infinity" ? std::numeric_limits<double>::infinity() : parse_number(text, 0.0, 1e12);

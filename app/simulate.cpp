@@ -41,9 +41,10 @@ void add_simulate(CLI::App& tool) {
   Command command(tool, "simulate", "Outputs of a model for new inputs",
                   "tokid simulate model.npz inputs.npz -o simulated.npz");
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
-  command.argument("INPUTS", call->inputs, "Ensemble with the inputs; its outputs are used by --estimate-state alone");
+  command.argument("INPUTS", call->inputs, "Ensemble with the inputs; only --estimate-state uses its outputs");
   command.output(call->output, "Ensemble to write: .npz, .h5, .mat or .csv");
-  command.flag("--estimate-state", call->estimate, "Unknown initial states by the outputs of the first steps");
+  command.flag("--estimate-state", call->estimate,
+               "Estimate unknown initial states from the outputs of the first steps");
   command.columns(call->read);
   command.runs([call] { run(*call); });
 }

@@ -12,7 +12,7 @@ namespace tokid::app {
 
 namespace {
 
-// Number of insertions, deletions, replacements and swaps of neighbours that make one word of the other.
+// Number of insertions, deletions, replacements and swaps of neighbouring letters that change one word into the other.
 size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<size_t> before, last(b.size() + 1), row(b.size() + 1);
   std::iota(row.begin(), row.end(), size_t{0});
@@ -27,7 +27,7 @@ size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-// Names of the same thing in other programs and papers.
+// The option for a name that other programs and papers use for the same thing.
 std::vector<std::string> also_called(std::string_view word) {
   static const std::multimap<std::string, std::string, std::less<>> names{{"--order", "--states"},
                                                                           {"--order", "--lags"},
@@ -62,7 +62,8 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string>& 
   };
   for (const std::string& name : also_called(word))
     if (is_known(name)) meant.push_back(name);
-  // A short word may have one error, a long word more. Dashes are no letters. A truncated word counts as well.
+  // A word may have one error for every three letters, but at least one. Dashes do not count as letters. A truncated
+  // word counts as one error.
   const size_t letters = word.size() - std::min(word.size(), word.find_first_not_of('-'));
   size_t nearest = std::max<size_t>(1, letters / 3) + 1;
   std::vector<std::string> alike;

@@ -8,8 +8,8 @@
 
 namespace tokid::app {
 
-// ". Did you mean a or b?" with known names of similar spelling, or known names for a term of other programs. Empty if
-// there are none.
+// ". Did you mean a or b?", where a and b are known names: the options for this term of other programs, or else names
+// with a similar spelling. Empty if there is no such name.
 std::string did_you_mean(std::string_view word, const std::vector<std::string>& known);
 
 }  // namespace tokid::app

@@ -24,7 +24,7 @@ namespace {
 
 constexpr int failed = 1, wrong_call = 2;
 
-// CLI11's own formatter adds how many subcommands it needs.
+// The formatter of CLI11 would add to the description how many subcommands are required.
 class Help : public CLI::Formatter {
  public:
   Help() {
@@ -79,7 +79,8 @@ std::string unknown_command(const CLI::App& tool, const std::string& found) {
                      hint.empty() ? fmt::format(", one of {} needed.", fmt::join(commands, ", ")) : hint);
 }
 
-// CLI11 reports missing words before unexpected ones, but unexpected words are more often the cause.
+// CLI11 reports a missing argument before an unexpected one. The unexpected argument comes first here, because it is
+// more often the cause.
 std::string complaint(const CLI::App& tool, const CLI::ParseError& error) {
   const std::vector<std::string> unexpected = tool.remaining(true);
   if (tool.get_subcommands().empty()) {
@@ -129,12 +130,13 @@ Team& team() {
 
 Outcome run_tool(int argc, char** argv) {
 #ifdef __GLIBC__
-  // Memory that one stage or block frees serves the next one. New memory from the system costs a fault for each page.
+  // Keeps freed memory for the next stage or block, because new memory from the system costs a page fault for each
+  // page.
   mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest value that is accepted
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
 #endif
-  H5dont_atexit();  // all files are closed by then, and it would print its own messages about damaged ones
-  // A closed pipe, or a file beyond the limit, becomes an error of the write.
+  H5dont_atexit();  // all files are closed at exit, and HDF5 would print its own messages about damaged files
+  // Without these signals, writing to a closed pipe, or beyond the limit of a file's size, returns an error.
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
   open_standard_streams();

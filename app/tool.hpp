@@ -9,7 +9,7 @@
 
 namespace tokid::app {
 
-// The processes that share the work; a single one, unless tokid-mpi sets others.
+// The processes that share the work: one process, unless tokid-mpi sets more.
 Team& team();
 
 // The exit status, and the error message if it is not zero.
@@ -19,7 +19,7 @@ struct Outcome {
 };
 Outcome run_tool(int argc, char** argv);
 
-// The error message for a command line, or nothing. The command does not run.
+// The error message for a command line; empty if the command line is valid. The command does not run.
 std::string complaint(int argc, const char* const* argv);
 
 void message(std::string_view text);  // one line on stderr

@@ -1,4 +1,4 @@
-// tokid update: adds later experiments to a kept state.
+// tokid update: adds later experiments to the state of an identification.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "tokid/update.hpp"
 
@@ -39,7 +39,7 @@ std::string report(const Call& call, const Result& result) {
   page.row("", describe(result.new_experiments, result.steps, model.inputs, model.outputs, result.dt));
   page.row("Experiments", fmt::format("{}, {} of them new", result.now.experiments, result.new_experiments));
   if (result.new_experiments > 0) {
-    page.row("Fit", "of the model so far on the new experiments, which it had not seen");
+    page.row("Fit", "of the previous model on the new experiments, which it was not identified from");
     std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};
     for (Index j = 0; j < model.outputs; ++j)
       rows.push_back({output_label(model.names, j), percent(result.added.simulation.fit(j)),
@@ -89,8 +89,9 @@ void run_first(const Call& call) {
     kept.push_back(call.state);
     check_output(call.model, Content::model, kept);
   }
-  for (const fs::path& file : call.data) file_kind(file);  // does it exist? checked before the work
-  // The lock is held until the end, because another update in the meantime would be lost.
+  for (const fs::path& file : call.data) file_kind(file);  // throws before the work if the file does not exist
+  // The lock lasts until the end. Otherwise another process could update the state meanwhile, and this update would be
+  // lost.
   FileLock held = held_file(call.state, call.wait);
   UpdateState state = load_update_state(call.state);
   const Execution& execution = call.options.execution;
@@ -102,7 +103,7 @@ void run_first(const Call& call) {
   result.dt = state.factors.dt;
   result.now = identify(state, execution);
   result.now.findings.insert(result.now.findings.begin(), result.added.findings.begin(), result.added.findings.end());
-  // The state comes last. If it is not written, the experiments can be added again, to the same model.
+  // The state is saved last. If this fails, the old state remains, and the same command can be repeated.
   FilesTogether files;
   if (!call.model.empty()) save_model(result.now.model, call.model);
   save_update_state(state, held);
@@ -125,13 +126,14 @@ void run(Call call) {
 
 void add_update(CLI::App& tool) {
   const auto call = std::make_shared<Call>();
-  Command command(tool, "update", "Add experiments to those that identify --state has kept",
+  Command command(tool, "update", "Add later experiments to a state, and identify the model of all",
                   "tokid update state.h5 tuesday.npz wednesday.npz -o model.npz");
-  command.argument("STATE", call->state, "State that identify --state has written; gets the new experiments");
+  command.argument("STATE", call->state,
+                   "State that identify --state has written; the new experiments are added to this file");
   command.argument("NEWDATA", call->data, "Ensembles of the new experiments: .npz, .h5, .mat or .csv");
   command.file("-o,--output", call->model, "Model of all experiments to write: .npz, .h5 or .mat");
   command.columns(call->options.read);
-  command.number("--wait", call->wait, "SECONDS", "Wait so long for another update of the state (default 60)", 0.0);
+  command.number("--wait", call->wait, "SECONDS", "Longest wait for another update of the state (default 60)", 0.0);
   command.threads(call->options.execution.threads);
   command.flag("--json", call->json, "Print one JSON object");
   command.flag("--quiet", call->quiet, "Print warnings and errors only");

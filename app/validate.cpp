@@ -19,7 +19,7 @@ struct Call {
   bool json = false;
 };
 
-// One row per output. The horizon has a column of its own, unless it is one step.
+// One row for each output. The H-step fit has a column if the horizon H is more than one step.
 void add_table(const Call& call, const Model& model, const Validation& v, Vector Fit::*figure,
                std::string (*format)(double), Page& page) {
   std::vector<std::vector<std::string>> rows{{"output", "simulation", "one step"}};

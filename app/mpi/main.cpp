@@ -85,7 +85,8 @@ int main(int argc, char** argv) {
   tokid::app::Outcome outcome;
   if (team.rank == 0 || for_all(argc, argv)) outcome = tokid::app::run_tool(argc, argv);
   if (outcome.status != 0) {
-    // The first process reports an error that concerns all of them, and ends the others.
+    // If all processes have the same error, the first process reports it and ends the others, which wait before they
+    // report.
     if (team.rank > 0) std::this_thread::sleep_for(std::chrono::milliseconds(2000 + 100 * team.rank));
     tokid::app::message(team.rank == 0 ? outcome.complaint
                                        : fmt::format("process {}: {}", team.rank, outcome.complaint));

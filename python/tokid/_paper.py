@@ -37,7 +37,7 @@ def paper(
         )
     result = Paper(printed, json.loads(data))
     warn(
-        f"{n.equation} {n.quantity}: {n.printed.real:.5g} printed, {n.computed.real:.5g} computed"
+        f"{n.equation} {n.quantity}: the paper prints {n.printed.real:.5g}, but {n.computed.real:.5g} was computed"
         for n in result.printed
         if not n.agrees
     )

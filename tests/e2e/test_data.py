@@ -110,7 +110,7 @@ def test_unknown_initial_states(tokid, identify, tmp_path, thrown, stated, optio
     result = tokid("predict", tmp_path / "model.npz", tmp_path / "fresh.npz", "-o", tmp_path / "out.npz")
     predicted = load(tmp_path / "out.npz")["y"]
     first = found["k_begin"] + p
-    assert f"outputs at steps {first} to 29, elsewhere missing (NaN)" in result.stdout
+    assert f"outputs at steps {first} to 29; at all other steps they are missing (NaN)" in result.stdout
     assert np.isnan(predicted[:, :first]).all()
     assert_close(predicted[:, first:], y[:, first:], EXACT)
 

@@ -202,7 +202,7 @@ def test_fewer_and_more_steps_than_the_model_has(tokid, tmp_path, oscillator):
         u = rng.standard_normal((3, steps, 2))
         np.savez(tmp_path / "inputs.npz", u=u, dt=0.05)
         result = tokid("simulate", oscillator / "model.npz", tmp_path / "inputs.npz", "-o", tmp_path / "out.npz")
-        covered = {7: "steps 0 to 6\n", 60: "steps 0 to 39, elsewhere missing (NaN)\n"}[steps]
+        covered = {7: "steps 0 to 6\n", 60: "steps 0 to 39; at all other steps they are missing (NaN)\n"}[steps]
         assert covered in result.stdout
         y = load(tmp_path / "out.npz")["y"]
         assert np.isnan(y).any() == (steps == 60)
@@ -290,7 +290,8 @@ def test_data_are_not_overwritten_but_a_model_may_be_refined_in_place(tokid, tmp
         for call in (("identify", data), ("refine", model, data), ("simulate", model, data), ("predict", model, data),
                      ("confidence", model, data), ("convert", data)):
             run = tokid(*call, *(["-o"] if call[0] != "convert" else []), output, status=2)
-            assert f"{output.name}: found among the other files, another name needed to keep it" in run.stderr
+            assert f"{output.name}: another file of this command has this name, " \
+                "and writing would replace it. Use another name" in run.stderr
     assert data.read_bytes() == before
     tokid("refine", model, data, "-o", model, "--iterations", 2)
     assert load(model)["method"] == "em"
@@ -299,7 +300,7 @@ def test_data_are_not_overwritten_but_a_model_may_be_refined_in_place(tokid, tmp
 def test_two_results_do_not_share_a_name(tokid, tmp_path, oscillator):
     for state in "out.npz", "./out.npz", tmp_path / "out.npz":
         run = tokid("identify", oscillator / "data.npz", "-o", "out.npz", "--state", state, status=2, cwd=tmp_path)
-        assert "found among the other files" in run.stderr
+        assert "another file of this command has this name" in run.stderr
     assert not list(tmp_path.iterdir())
 
 

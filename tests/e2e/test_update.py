@@ -130,12 +130,12 @@ def test_refusals_leave_the_state_as_it_was(tokid, campaign):
         ([state, campaign / "short.npz"], "steps: 50 found, 80 needed"),
         ([state, campaign / "later.npz", "-o", campaign / "none" / "m.npz"], "does not exist"),
         ([campaign / "model.npz", campaign / "later.npz"], "what identify --state writes"),
-        ([campaign / "later.npz", campaign / "later.npz"], "another name needed"),
+        ([campaign / "later.npz", campaign / "later.npz"], "Use another name"),
         ([campaign / "none.h5", campaign / "later.npz"], "none.h5"),
         ([campaign / "none.h5", campaign / "later.npz", campaign / "neither.npz"], "neither.npz: no such file"),
         ([state, campaign / "later.npz", campaign / "short.npz", "-o", campaign / "m.npz"], "short.npz: steps: 50 found"),
         ([state, campaign / "later.npz", campaign / "missing.npz"], "missing.npz: no such file"),
-        ([state, campaign / "later.npz", campaign / "tuesday.npz", "-o", campaign / "tuesday.npz"], "another name needed"),
+        ([state, campaign / "later.npz", campaign / "tuesday.npz", "-o", campaign / "tuesday.npz"], "Use another name"),
     ]:
         failed = tokid("update", *arguments, status=2)
         assert reason in failed.stderr, (arguments, failed.stderr)
