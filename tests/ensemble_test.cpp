@@ -196,8 +196,10 @@ TEST(Ensemble, EndOfASingleRecordIsHeldOutFromAStepOfTheFirstPhaseOn) {
   EXPECT_EQ(parts.training.steps(), 72);
   EXPECT_EQ(parts.held_out.steps(), 28);
   EXPECT_EQ(parts.held_out.u(0, 0, 0), 7200);
-  EXPECT_EQ(message([] { split(numbered(1, 10, 1, 1), 0.5, 7); }),
-            "hold-out fraction: 0.5 of 10 steps leaves 0 to identify with");
+  EXPECT_EQ(
+      message([] { split(numbered(1, 10, 1, 1), 0.5, 7); }),
+      "hold-out fraction: 0.5 of 10 steps leaves 0 steps to identify with: leave at least one period, and hold out at least one "
+      "step");
   EXPECT_EQ(split(numbered(4, 100, 1, 1), 0.25, 4).training.steps(), 100);
 }
 
@@ -277,7 +279,7 @@ TEST(Ensemble, ChecksNameChannelExperimentAndStep) {
   EXPECT_NE(message([&] { silent.check(); }).find("output angle: all 12 samples are missing"), std::string::npos);
   Ensemble misnamed = e;
   misnamed.names.input_names = {"a", "b"};
-  EXPECT_NE(message([&] { misnamed.check(); }).find("input_names: 2 given for 1"), std::string::npos);
+  EXPECT_NE(message([&] { misnamed.check(); }).find("input_names: 2 found, 1 needed"), std::string::npos);
   Ensemble overlong = e;
   overlong.length = {4, 5, 4};
   EXPECT_NE(message([&] { overlong.check(); }).find("length: 5 found, 0 to 4 needed"), std::string::npos);

@@ -65,25 +65,25 @@ TEST(Finding, SentencesAreComplete) {
 TEST(Finding, ExplanationsHaveNamesAndSentences) {
   const std::pair<Explanation, const char*> all[] = {
       {{.kind = Explanation::Kind::swapped, .channels = {u1, u2}},
-       "with inputs u1 and valve swapped they would be as usual"},
-      {{.kind = Explanation::Kind::at_zero, .channels = {u2}}, "with input valve at zero they would be as usual"},
+       "with inputs u1 and valve swapped it would fit the others"},
+      {{.kind = Explanation::Kind::at_zero, .channels = {u2}}, "with input valve at zero it would fit the others"},
       {{.kind = Explanation::Kind::sign_changed, .channels = {y1}},
-       "with the sign of output y1 changed they would be as usual"},
+       "with the sign of output y1 changed it would fit the others"},
       {{.kind = Explanation::Kind::scaled, .channels = {y1}, .numbers = {{"factor", 1000.0}}},
-       "with output y1 multiplied by 1e+03 they would be as usual"},
+       "with output y1 multiplied by 1e+03 it would fit the others"},
       {{.kind = Explanation::Kind::outputs_scaled, .numbers = {{"factor", 0.5}}},
-       "with all outputs multiplied by 0.5 they would be as usual"},
+       "with all outputs multiplied by 0.5 it would fit the others"},
       {{.kind = Explanation::Kind::offset, .channels = {y1}, .numbers = {{"offset", -2.0}}},
-       "with 2 subtracted from output y1 they would be as usual"},
+       "with 2 subtracted from output y1 it would fit the others"},
       {{.kind = Explanation::Kind::shifted, .channels = {u1}, .numbers = {{"earlier", -1.0}}},
-       "with input u1 1 step later they would be as usual"},
+       "with input u1 1 step later it would fit the others"},
       {{.kind = Explanation::Kind::outputs_shifted, .numbers = {{"earlier", 2.0}}},
-       "with the outputs 2 steps earlier they would be as usual"},
+       "with the outputs 2 steps earlier it would fit the others"},
       {{.kind = Explanation::Kind::all_shifted, .numbers = {{"earlier", 1.0}}},
-       "with everything 1 step earlier they would be as usual"},
+       "with everything 1 step earlier it would fit the others"},
       {{.kind = Explanation::Kind::stuck, .channels = {y1}, .steps = {3, 9}, .numbers = {{"value", 0.5}}},
        "its output y1 stays at 0.5 at steps 3–9"},
-      {{.kind = Explanation::Kind::one_output, .channels = {y1}}, "nearly all of it in output y1"}};
+      {{.kind = Explanation::Kind::one_output, .channels = {y1}}, "nearly all of the residual is in output y1"}};
   ASSERT_EQ(std::size(all), size_t(Explanation::Kind::last) + 1);
   std::set<std::string> names;
   for (const auto& [explanation, sentence] : all) {
@@ -109,12 +109,12 @@ TEST(Conclusion, SentencesAreComplete) {
   }
   all.reason = Conclusion::Reason::correlated;
   EXPECT_EQ(in_words(all),
-            "p = 0.003: the innovations are correlated in time, up to 0.100 at lag 1, too little to count (less than "
+            "p = 0.003: the innovations are correlated in time, up to 0.100 at lag 1, too small to matter (less than "
             "0.2); over all steps together, because the experiments are few");
   all.reason = Conclusion::Reason::gains_wrong;
   EXPECT_EQ(in_words(all),
             "the outputs respond to u1 50 % less than the model says (± 10 %), to valve 25 % more than the model says "
-            "(± 20 %); too little to count");
+            "(± 20 %); too small to matter");
 }
 
 TEST(Finding, SumsAreWrittenWithTheFirstChannelAlone) {

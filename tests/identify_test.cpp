@@ -200,11 +200,11 @@ TEST(Identify, TooFewExperimentsAreCountedAndTheOrderThatWouldDoIsNamed) {
   const Ensemble e = experiments(oscillator(40), {.experiments = 9});
   EXPECT_EQ(
       message([&] { identify(e, {.lags = 2, .method = Method::tvera}); }),
-      "experiments: 9 found, lag order 2 with 2 inputs and 2 outputs needs at least 10 (r + p(r+m)); 9 would do for "
-      "lag orders up to 1; steps that share what they know need fewer (not --method tvera)");
+      "experiments: 9 found, lag order 2 with 2 inputs and 2 outputs needs at least 10 (r + p(r+m)); 9 suffice for "
+      "lag orders up to 1; coupled steps need fewer experiments (omit --method tvera)");
   EXPECT_NE(message([&] {
               identify(experiments(oscillator(40), {.experiments = 3}), {.lags = 1, .method = Method::tvera});
-            }).find("no lag order will do, 6 are needed for lag order 1"),
+            }).find("too few for any lag order, 6 are needed for lag order 1"),
             std::string::npos);
   EXPECT_NE(message([&] {
               identify(experiments(oscillator(2), {.experiments = 40}), {.lags = 2});

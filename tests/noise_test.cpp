@@ -204,8 +204,8 @@ TEST(Noise, TheEndOfASingleRecordCanBeHeldOut) {
 TEST(Noise, OptionsThatContradictEachOtherOrTheDataAreRefused) {
   const Ensemble one = noisy_experiments(oscillator(40), 1, 19), many = noisy_experiments(oscillator(40), 20, 19);
   EXPECT_EQ(message([&] { identify(one); }),
-            "experiments: 1 found, at least 2 needed to see how a system varies in time (one record is enough where it "
-            "is time-invariant or periodic, if that is stated)");
+            "experiments: 1 found, at least 2 needed to identify how a system varies in time (one is enough if the "
+            "system is stated to be time-invariant or periodic)");
   EXPECT_EQ(message([&] { identify(many, {.method = Method::tvera, .period = 1}); }),
             "method: tvera found, subspace needed to pool the steps of a period");
   EXPECT_EQ(message([&] { identify(many, {.method = Method::tvera, .smoothing = 1.0}); }),
@@ -220,7 +220,7 @@ TEST(Noise, OptionsThatContradictEachOtherOrTheDataAreRefused) {
   EXPECT_EQ(message([&] { identify(many, {.period = 40}); }),
             "period: 40 found, less than the 40 steps of the data needed");
   EXPECT_EQ(message([&] { identify(many, {.states = 1000}); }),
-            "states: 1000 found, 40 steps of 2 outputs show at most 78");
+            "states: 1000 found, 40 steps of 2 outputs determine at most 78");
   EXPECT_EQ(identify(many, {.period = 39, .refine = false}).plan.lags, 1);
   EXPECT_NE(message([&] { identify(many, {.period = -2}); }).find("period: -2 found"), std::string::npos);
   EXPECT_NE(message([&] { identify(many, {.smoothing = nan}); }).find("smoothing: nan found"), std::string::npos);
@@ -296,7 +296,7 @@ TEST(Noise, AsManyWindowsAsUnknownsAreNotTakenForDataWithoutNoise) {
   const Ensemble record = stretch(noisy_experiments(system, 1, 87), 0, 12);
   EXPECT_EQ(
       message([&] { identify(record, {.lags = 6, .period = 1}); }),
-      "steps: 6 windows of 7 successive steps found, at least 13 needed at lag order 6; a smaller one takes fewer");
+      "steps: 6 windows of 7 successive steps found, at least 13 needed at lag order 6; a smaller lag order needs fewer");
   const Identification few = identify(record, {.lags = 3, .period = 1});
   EXPECT_TRUE(few.plan.noisy);
   EXPECT_TRUE(mentions(few.findings, "9 windows of 4 successive steps found, which are few for the 7 unknowns"));
@@ -368,8 +368,8 @@ TEST(Noise, RefinementOfAVaryingModelOnOneRecordWarns) {
   const auto says = [](const Refinement& r, const char* text) { return mentions(r.findings, text) > 0; };
   EXPECT_TRUE(says(refine(start, noisy_experiments(system, 1, 76), o), "1 experiment is less than the 6 unknowns"));
   EXPECT_FALSE(says(refine(start, noisy_experiments(system, 8, 76), o), "less than the"));
-  EXPECT_TRUE(
-      says(refine(start, noisy_experiments(oscillator(50), 8, 76), o), "EM started the later steps from its last one"));
+  EXPECT_TRUE(says(refine(start, noisy_experiments(oscillator(50), 8, 76), o),
+                   "EM started the later steps from this last step"));
   EXPECT_TRUE(says(refine(start, noisy_experiments(oscillator(30), 8, 76), o), "It now ends with the data"));
   EXPECT_EQ(message([&] { refine(start, noisy_experiments(system, 8, 76), {.period = 40}); }),
             "period: 40 found, less than the 40 steps of the data needed");

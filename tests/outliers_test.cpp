@@ -43,13 +43,13 @@ class Fault : public ::testing::Test {
 };
 
 TEST_F(Fault, IsNamedWithWhatWouldExplainIt) {
-  expect("with outputs y1 and y2 swapped they would be as usual",
+  expect("with outputs y1 and y2 swapped it would fit the others",
          [](Ensemble& e, const Ensemble&, Index k) { std::swap(e.y(12, k, 0), e.y(12, k, 1)); });
-  expect("with inputs u1 and u2 swapped they would be as usual",
+  expect("with inputs u1 and u2 swapped it would fit the others",
          [](Ensemble& e, const Ensemble&, Index k) { std::swap(e.u(12, k, 0), e.u(12, k, 1)); });
-  expect("with the sign of input u2 changed they would be as usual",
+  expect("with the sign of input u2 changed it would fit the others",
          [](Ensemble& e, const Ensemble&, Index k) { e.u(12, k, 1) *= -1; });
-  expect("with the outputs 2 steps earlier they would be as usual", [](Ensemble& e, const Ensemble& before, Index k) {
+  expect("with the outputs 2 steps earlier it would fit the others", [](Ensemble& e, const Ensemble& before, Index k) {
     for (Index j = 0; j < 2; ++j) e.y(12, k, j) = k < 2 ? nan : before.y(12, k - 2, j);
   });
 }

@@ -200,7 +200,7 @@ TEST(WindowFactors, RefuseOtherLagOrdersAndKinds) {
     EXPECT_EQ(message([&] { window_factors(e, lags, InitialState::zero); }),
               "lags: " + std::to_string(lags) + " found, 1 to 11 needed");
   WindowFactors f = window_factors(e, 2, InitialState::zero);
-  EXPECT_EQ(message([&] { Windows(f).rows(5, 3); }), "lags: 3 found, the window factors have 2");
+  EXPECT_EQ(message([&] { Windows(f).rows(5, 3); }), "lags: 3 found, the window factors permit at most 2");
   EXPECT_EQ(message([&] { merge(f, window_factors(e, 3, InitialState::zero)); }),
             "lag order: 3 found, 2 needed as in the experiments before");
   EXPECT_EQ(message([&] { merge(f, window_factors(e, 2, InitialState::unknown)); }),

@@ -14,8 +14,8 @@ namespace tokid {
 Findings remarks(const Ensemble& data);
 Findings remarks(const Model& model, const Ensemble& data);
 
-// The initial state of a simulation of these inputs: "zero state" or "mean initial state". With `estimate` (for
-// simulate_data()), also "state that the first samples tell".
+// The initial state of a simulation of these inputs: "zero state" or "mean initial state". With `estimate`, as for
+// simulate_data(), also "state that the first samples determine".
 std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate);
 
 // Findings on the result of simulate() or simulate_data(), and of predict(). The differences of model and data come

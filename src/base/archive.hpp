@@ -23,7 +23,8 @@ namespace tokid::archive {
 // A struct can be archived if it has a function `template <class Archive, class S> void fields(Archive& archive, S& s)`
 // that calls archive(s.a, s.b, …).
 
-// Smallest number of bytes of a record of a type. It limits the length of a list by the available bytes.
+// Smallest number of bytes of a record of a type. A list cannot have more entries than the available bytes divided by
+// this number.
 template <class T>
 inline constexpr size_t least_bytes = sizeof(size_t);
 
@@ -76,7 +77,7 @@ class Writer {
   std::string bytes_;
 };
 
-// Reads values. It allocates no more memory than the bytes justify, whatever sizes they claim.
+// Reads values. Compares every stored size with the number of remaining bytes before it allocates memory.
 // \throws std::runtime_error
 class Reader {
  public:
@@ -94,7 +95,7 @@ class Reader {
  private:
   [[noreturn]] static void damaged() { throw std::runtime_error("a damaged record found"); }
 
-  // The number of entries, each of which has at least this many bytes.
+  // Reads the number of entries of a list. An entry has at least `bytes` bytes.
   size_t taken_count(size_t bytes) {
     const auto count = taken<size_t>();
     if (count > rest_.size() / bytes) damaged();

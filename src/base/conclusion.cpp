@@ -30,7 +30,7 @@ std::string size(const Conclusion& c, const char* meaning) {
 // "p = 0.003: the innovations are correlated in time, up to 0.250 at lag 1"
 std::string correlation(const Conclusion& c, const char* meaning) {
   const std::string small = c.result == TestResult::negligible
-                                ? fmt::format(", too little to count (less than {:.2g})", c.numbers.at("limit"))
+                                ? fmt::format(", too small to matter (less than {:.2g})", c.numbers.at("limit"))
                                 : "";
   return fmt::format("{}: {} up to {:.3f} at lag {}{}{}", probability(c), meaning, c.numbers.at("correlation"),
                      c.numbers.at("lag"), small, pooled(c));
@@ -40,7 +40,7 @@ std::string no_correlation(const Conclusion& c, const char* meaning) {
   return fmt::format("{}: {}{}", probability(c), meaning, pooled(c));
 }
 
-// The first few texts, and the number of all.
+// Lists the texts of the first few inputs, and the number of all inputs.
 template <class Text>
 std::string inputs(const Conclusion& c, Text&& text) {
   constexpr size_t most = 6;
@@ -60,7 +60,7 @@ std::string wrong_gains(const Conclusion& c) {
     return fmt::format("to {} {} than the model says (± {:.2g} %)", name, how, 100 * c.intervals[i]);
   });
   return fmt::format("the outputs respond {}{}", list,
-                     c.result == TestResult::negligible ? "; too little to count" : "");
+                     c.result == TestResult::negligible ? "; too small to matter" : "");
 }
 
 std::string unknown_gains(const Conclusion& c) {
@@ -99,11 +99,11 @@ constexpr ReasonEntry reasons[] = {
            "not tested (the inputs do not differ between the experiments, or have no effect in the model)");
      }},
     {Reason::size_as_stated, "size_as_stated",
-     [](const Conclusion& c) { return size(c, "no sign of another size than the model says"); }},
+     [](const Conclusion& c) { return size(c, "no sign of a difference from the model"); }},
     {Reason::size_slightly_smaller, "size_slightly_smaller",
      [](const Conclusion& c) { return size(c, "a little smaller than the model says"); }},
     {Reason::size_smaller, "size_smaller",
-     [](const Conclusion& c) { return size(c, "smaller than the model says: it is too careful"); }},
+     [](const Conclusion& c) { return size(c, "smaller than the model says: its error bounds are too wide"); }},
     {Reason::size_slightly_larger, "size_slightly_larger",
      [](const Conclusion& c) { return size(c, "a little larger than the model says"); }},
     {Reason::size_larger, "size_larger",
@@ -113,9 +113,7 @@ constexpr ReasonEntry reasons[] = {
        return size(c, "larger than the model says: it is overconfident, do not rely on its error bounds");
      }},
     {Reason::size_of_experiments, "size_of_experiments",
-     [](const Conclusion& c) {
-       return size(c, "much larger than the model says in single experiments, if not in all");
-     }},
+     [](const Conclusion& c) { return size(c, "much larger than the model says, at least in single experiments"); }},
     {Reason::white, "white",
      [](const Conclusion& c) { return no_correlation(c, "no sign of correlation between innovations"); }},
     {Reason::correlated, "correlated",

@@ -20,7 +20,7 @@ using Channel = Finding::Channel;
 using Experiment = Finding::Experiment;
 using Term = Finding::Term;
 
-// \throws std::logic_error where who made the finding has forgotten it
+// \throws std::logic_error if the finding has no number of this name
 double number(const Finding& f, const char* name) {
   const auto found = f.numbers.find(name);
   if (found == f.numbers.end()) throw std::logic_error(fmt::format("finding {}: no {}", to_string(f.kind), name));
@@ -32,7 +32,7 @@ bool is(const Finding& f, const char* name) { return number(f, name) == 1; }
 const std::string& channel(const Finding& f) { return f.channels.front().name; }
 std::string experiment(const Experiment& e) { return words::experiment(e.row, e.name); }
 
-// The first few items, and the number of others.
+// Lists the first `most` experiments, and the number of the other experiments.
 std::string listed(const std::vector<Experiment>& experiments, size_t most) {
   std::vector<std::string> names;
   for (size_t i = 0; i < std::min(experiments.size(), most); ++i) names.push_back(experiment(experiments[i]));
@@ -60,7 +60,7 @@ std::string sample(const Term& term, bool timed) {
   return term.lag == 0 ? term.channel.name + "(k)" : fmt::format("{}(k-{})", term.channel.name, term.lag);
 }
 
-// "u1 - 2 u3", with the factors divided by the first one.
+// "u1 - 2 u3", with all factors divided by the first factor.
 std::string sum(const std::vector<Term>& terms, bool timed) {
   std::string text;
   for (const Term& term : terms) {
@@ -100,13 +100,13 @@ std::string samples(const std::vector<Term>& terms) {
   return words::listed(parts);
 }
 
-// A sum with more terms is given by its samples without factors.
+// Most terms of a sum that is written with its factors. A longer sum is written as a list of its samples.
 constexpr size_t most_terms = 4;
 
 std::string sines(const Finding& f) {
   if (f.numbers.count("sines") == 0) return "";
   const Index sines = count(f, "sines");
-  return fmt::format(", as of {} where {} are needed at lag order {}",
+  return fmt::format(": the input consists of {}, but {} are needed at lag order {}",
                      sines == 1 ? "one frequency" : fmt::format("{} frequencies", sines), count(f, "sines_needed"),
                      count(f, "lags"));
 }
@@ -154,16 +154,16 @@ std::string made_of(const Finding& f, const char* one, const char* several) {
   return text;
 }
 
-// Their consequence for the identification.
+// What the identification does with copies and dependent experiments.
 std::string consequence(const Finding& f) {
   if (f.scope == Finding::Scope::deciding_stretches)
-    return "Blocks use them all, so cross-validation errors look too small. Delete them, or call with --block all";
+    return "The blocks use all experiments, so cross-validation errors look too small. Delete these experiments, or call with --block all";
   if (f.kind == Kind::experiments_copied) return "Each experiment was used once";
   return f.experiments.size() == 1 ? "It adds no information and was not used"
                                    : "They add no information and were not used";
 }
 
-// Two digits are enough.
+// A ratio with two digits.
 std::string times(double ratio) {
   if (ratio >= 1e4) return "more than 10000";
   const double unit = ratio >= 1000 ? 100 : ratio >= 100 ? 10 : ratio >= 10 ? 1 : 0.1;
@@ -181,7 +181,7 @@ std::string as_read(const Finding& f) {
                      words::plural(count(f, "inputs"), "input"), words::plural(count(f, "outputs"), "output"));
 }
 
-// All names, or the first few names, or ranges of rows.
+// Lists the experiments that are in the state already: the word "all", the first few names, or ranges of rows.
 std::string known(const Finding& f) {
   const Index found = Index(f.experiments.size()), all = count(f, "experiments");
   if (found == all)
@@ -242,7 +242,7 @@ constexpr Entry table[] = {
     {Kind::axes_time_before_experiments, "axes_time_before_experiments", warning,
      [](const Finding& f) {
        return as_read(f) +
-              ", but the samples follow on from experiment to experiment, not from step to step; the order expected is (N, T, channels), not (T, N, channels)";
+              ", but the samples continue from experiment to experiment, not from step to step; the order expected is (N, T, channels), not (T, N, channels)";
      }},
     {Kind::input_zero, "input_zero", warning,
      [](const Finding& f) {
@@ -260,7 +260,8 @@ constexpr Entry table[] = {
      }},
     {Kind::input_constant_throughout, "input_constant_throughout", warning,
      [](const Finding& f) {
-       return fmt::format("input {} is constant at every step: it shows a step response at most", channel(f));
+       return fmt::format("input {} is constant at every step: the data determine its step response at most",
+                          channel(f));
      }},
     {Kind::input_zero_at_phases, "input_zero_at_phases", warning,
      [](const Finding& f) {
@@ -274,13 +275,13 @@ constexpr Entry table[] = {
     {Kind::samples_missing, "samples_missing", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} {} missing in every experiment at {}: there the model is interpolated from the steps around",
+           "{} {} missing in every experiment at {}: the model of these steps is interpolated from neighbouring steps",
            sides_and_names(f.channels), f.channels.size() == 1 ? "is" : "are", words::step_list(f.steps));
      }},
     {Kind::experiments_without_overlap, "experiments_without_overlap", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {} begins at step {}, when experiment {} has ended at step {}: experiments without a common step can't be compared. Count the steps or times from the begin of each experiment",
+           "experiment {} begins at step {}, when experiment {} has ended at step {}: experiments without a common step can't be compared. Count the steps or times from the beginning of each experiment",
            experiment(f.experiments[0]), f.steps[0], experiment(f.experiments[1]), f.steps[1]);
      }},
     {Kind::inputs_dependent, "inputs_dependent", warning,
@@ -291,25 +292,25 @@ constexpr Entry table[] = {
     {Kind::input_predictable, "input_predictable", warning,
      [](const Finding& f) {
        return fmt::format(
-           "input {} follows from inputs before it ({}) {}: its effect there can't be separated from theirs",
+           "input {} follows from earlier inputs ({}) {}: its effect there can't be separated from the effects of the earlier inputs",
            channel(f), combination(f, true), where(f));
      }},
     {Kind::input_feedback, "input_feedback", warning,
      [](const Finding& f) {
        return fmt::format(
-           "input {} follows from the samples before it ({}) {}: a feedback without a variation of its own, whose effect there can't be separated from theirs",
+           "input {} follows from the samples before it ({}) {}: it is a feedback without independent variation, so its effect there can't be separated from the effects of these samples",
            channel(f), combination(f, true), where(f));
      }},
     {Kind::more_dependent_inputs, "more_dependent_inputs", warning,
      [](const Finding& f) {
-       return fmt::format("{} more of inputs that follow from others were found",
+       return fmt::format("{} more of dependent inputs found, not listed here",
                           words::plural(count(f, "count"), "combination"));
      }},
     {Kind::outputs_dependent, "outputs_dependent", warning,
      [](const Finding& f) {
-       return fmt::format("outputs {} move together ({} is {}) at all steps: {} adds no information to the others",
-                          names_of(f.channels), sum(f.terms, false), is(f, "constant") ? "constant" : "zero",
-                          f.channels.back().name);
+       return fmt::format(
+           "outputs {} move together ({} is {}) at all steps: {} adds no information to the other outputs",
+           names_of(f.channels), sum(f.terms, false), is(f, "constant") ? "constant" : "zero", f.channels.back().name);
      }},
     {Kind::output_same, "output_same", warning,
      [](const Finding& f) {
@@ -319,7 +320,7 @@ constexpr Entry table[] = {
     {Kind::output_stuck, "output_stuck", warning,
      [](const Finding& f) {
        return fmt::format(
-           "output {} stays at {:.3g} in experiment {} at steps {}–{}, where its inputs move: is its sensor stuck there?",
+           "output {} stays at {:.3g} in experiment {} at steps {}–{}, while the inputs of this experiment move: check whether the sensor of this output is stuck",
            channel(f), number(f, "value"), experiment(f.experiments[0]), f.steps.front(), f.steps.back());
      }},
     {Kind::more_stuck_outputs, "more_stuck_outputs", warning,
@@ -338,38 +339,40 @@ constexpr Entry table[] = {
     {Kind::inputs_repeated, "inputs_repeated", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} repeat {} of the inputs: repetitions show the noise, but excite no more than the first run. {} different ones are needed at lag order {}",
+           "{} repeat {} of the inputs: a repeated course shows the noise, but excites the system no more than its first run. {} different courses are needed at lag order {}",
            words::plural(count(f, "experiments"), "experiment"), words::plural(count(f, "courses"), "course"),
            count(f, "needed"), count(f, "lags"));
      }},
     {Kind::experiment_outlying, "experiment_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {} does not fit the others: its leave-one-out residuals are {} times as large as theirs{}",
+           "experiment {} does not fit the others: its leave-one-out residuals are {} times as large as those of the others{}",
            experiment(f.experiments[0]), times(number(f, "ratio")),
            f.explanation ? "; " + in_words(*f.explanation) : "");
      }},
     {Kind::more_outlying_experiments, "more_outlying_experiments", warning,
      [](const Finding& f) {
-       return fmt::format("{} more do not fit the others: are these runs of one system, in the same units?",
-                          words::plural(count(f, "count"), "experiment"));
+       return fmt::format(
+           "{} more do not fit the others: check that all experiments are runs of one system, in the same units",
+           words::plural(count(f, "count"), "experiment"));
      }},
     {Kind::samples_outlying, "samples_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {}, output {}: {} up to {:.3g} off {} (usual: {:.2g}), at {}. Mark faulty samples as missing: they make the model worse",
+           "experiment {}, output {}: {} up to {:.3g} off {} (median of all experiments: {:.2g}), at {}. Mark faulty samples as missing, because faulty samples make the model worse",
            experiment(f.experiments[0]), channel(f), words::plural(Index(f.steps.size()), "sample"), number(f, "error"),
            f.steps.size() == 1 ? "its prediction" : "their predictions", number(f, "usual"), words::step_list(f.steps));
      }},
     {Kind::more_outlying_samples, "more_outlying_samples", warning,
      [](const Finding& f) {
-       return fmt::format("{} of experiments with samples far off their predictions",
+       return fmt::format("{} with samples far off their predictions, not listed here",
                           words::plural(count(f, "count"), "more output"));
      }},
     {Kind::ill_conditioned, "ill_conditioned", warning,
      [](const Finding& f) {
-       return fmt::format("ill-conditioned windows (condition above {:.0e}) at {}: expect few correct digits there",
-                          number(f, "condition"), words::step_list(f.steps));
+       return fmt::format(
+           "ill-conditioned windows (condition number above {:.0e}) at {}: the coefficients there have few correct digits",
+           number(f, "condition"), words::step_list(f.steps));
      }},
     {Kind::too_few_complete, "too_few_complete", warning,
      [](const Finding& f) {
@@ -404,13 +407,15 @@ constexpr Entry table[] = {
      }},
     {Kind::lags_untested, "lags_untested", warning,
      [](const Finding& f) {
-       return fmt::format("{} experiments leave no degree of freedom to test lag order {}: it fits any data exactly",
-                          count(f, "experiments"), count(f, "lags"));
+       return fmt::format(
+           "{} experiments leave no degree of freedom to test lag order {}: a regression of this order fits any data exactly",
+           count(f, "experiments"), count(f, "lags"));
      }},
     {Kind::lags_below_states, "lags_below_states", warning,
      [](const Finding& f) {
-       return fmt::format("lag order {} with {} outputs allows at most {} states, but {} were asked for",
-                          count(f, "lags"), count(f, "outputs"), count(f, "most"), count(f, "states"));
+       return fmt::format(
+           "lag order {} with {} outputs allows at most {} states, but {} were asked for: state a larger lag order, or fewer states",
+           count(f, "lags"), count(f, "outputs"), count(f, "most"), count(f, "states"));
      }},
     {Kind::smoothing_untested, "smoothing_untested", warning,
      [](const Finding& f) {
@@ -419,7 +424,7 @@ constexpr Entry table[] = {
     {Kind::smoothing_by_gaps, "smoothing_by_gaps", warning,
      [](const Finding& f) {
        return fmt::format(
-           "missing samples leave too few windows to find variation over time. lambda = {} is used, and EM chooses its own",
+           "missing samples leave too few windows to find variation over time. lambda = {} is used, and EM chooses another lambda",
            number(f, "smoothing"));
      }},
     {Kind::no_variation, "no_variation", note,
@@ -437,12 +442,16 @@ constexpr Entry table[] = {
            words::plural(count(f, "experiments"), "experiment"), count(f, "unknowns"));
      }},
     {Kind::free_response_single, "free_response_single", warning,
-     [](const Finding&) { return std::string("a single free response has no mean motion: it was not used"); }},
+     [](const Finding&) {
+       return std::string(
+           "a single free response equals its own mean motion, so its departure is zero: it was not used");
+     }},
     {Kind::free_responses_unused, "free_responses_unused", warning,
      [](const Finding& f) {
-       return fmt::format("{} not used: the subspace realisation needs none. --method tvera uses them",
-                          count(f, "count") == 1 ? "the free response was"
-                                                 : fmt::format("the {} free responses were", count(f, "count")));
+       return fmt::format(
+           "{} not used: the subspace realisation needs no free responses. --method tvera uses free responses",
+           count(f, "count") == 1 ? "the free response was"
+                                  : fmt::format("the {} free responses were", count(f, "count")));
      }},
     {Kind::free_responses_partial, "free_responses_partial", warning,
      [](const Finding& f) {
@@ -455,25 +464,27 @@ constexpr Entry table[] = {
      }},
     {Kind::states_below_asked, "states_below_asked", warning,
      [](const Finding& f) {
-       return fmt::format("{} states asked for, but the Hankel matrices have at most rank {}: the model has no more",
-                          count(f, "asked"), count(f, "found"));
+       return fmt::format(
+           "{} states asked for, but the Hankel matrices have at most rank {}: the model has no more states",
+           count(f, "asked"), count(f, "found"));
      }},
     {Kind::states_hidden, "states_hidden", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the Hankel matrices have a rank below {} at {}: the outputs don't show all states, or the inputs don't reach them, and the model has fewer there",
+           "the Hankel matrices have a rank below {} at {}: the outputs don't show all states there, or the inputs don't reach all states, so the model has fewer states there",
            count(f, "states"), words::step_list(f.steps));
      }},
     {Kind::late_begin, "late_begin", note,
      [](const Finding& f) {
        return fmt::format(
-           "initial states are unknown: the model begins at step {}, the first with the full state dimension",
+           "initial states are unknown: the model begins at step {}, the first step with the full state dimension",
            count(f, "step"));
      }},
     {Kind::frame_limits, "frame_limits", note,
      [](const Finding& f) {
-       return fmt::format("reference frame of step {}: steps {} to {} are in it, the others keep their own coordinates",
-                          count(f, "step"), count(f, "begin"), count(f, "end") - 1);
+       return fmt::format(
+           "reference frame of step {}: steps {} to {} are in this frame, the other steps keep their own coordinates",
+           count(f, "step"), count(f, "begin"), count(f, "end") - 1);
      }},
     {Kind::em_unreliable, "em_unreliable", warning,
      [](const Finding&) {
@@ -493,7 +504,7 @@ constexpr Entry table[] = {
     {Kind::em_no_noise, "em_no_noise", note,
      [](const Finding&) {
        return std::string(
-           "the data show no noise in some directions: maximum likelihood gains nothing there, and Q and R are set to 1e-12 of the signals");
+           "the data show no noise in some directions: the likelihood has no maximum there, so the noise covariances Q and R are set to 1e-12 of the signals");
      }},
     {Kind::em_no_measurement_noise, "em_no_measurement_noise", note,
      [](const Finding&) {
@@ -507,8 +518,9 @@ constexpr Entry table[] = {
      }},
     {Kind::em_not_converged, "em_not_converged", warning,
      [](const Finding& f) {
-       return fmt::format("not converged after {}: the last one gained {:.2g} in log-likelihood per output sample",
-                          words::plural(count(f, "iterations"), "iteration"), number(f, "gain"));
+       return fmt::format(
+           "EM has not converged after {}: the last iteration increased the log-likelihood per output sample by {:.2g}",
+           words::plural(count(f, "iterations"), "iteration"), number(f, "gain"));
      }},
     {Kind::em_few_experiments, "em_few_experiments", warning,
      [](const Finding& f) {
@@ -519,7 +531,7 @@ constexpr Entry table[] = {
     {Kind::em_fewer_than_unknowns, "em_fewer_than_unknowns", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} less than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on variation replaces the missing information, and the fit on these data says little",
+           "{} less than the {} unknowns of a row of A and B, or C and D, at every step: the penalty on variation replaces the missing information, and the fit on these data is no test of the model",
            count(f, "experiments") == 1 ? "1 experiment is"
                                         : fmt::format("{} experiments are", count(f, "experiments")),
            count(f, "unknowns"));
@@ -527,7 +539,7 @@ constexpr Entry table[] = {
     {Kind::em_extended, "em_extended", note,
      [](const Finding& f) {
        return fmt::format(
-           "the data have {}, but the model ended with step {}. EM started the later steps from its last one",
+           "the data have {}, but the model ended with step {}. EM started the later steps from this last step",
            words::plural(count(f, "steps"), "step"), count(f, "last"));
      }},
     {Kind::em_shortened, "em_shortened", note,
@@ -545,7 +557,7 @@ constexpr Entry table[] = {
        return fmt::format("output {} is simulated worse than by its mean: {:.3g} % fit", channel(f), number(f, "fit"));
      }},
     {Kind::output_still, "output_still", warning,
-     [](const Finding& f) { return fmt::format("output {} is constant in them", channel(f)); }},
+     [](const Finding& f) { return fmt::format("output {} is constant in the new experiments", channel(f)); }},
     {Kind::sample_time_differs, "sample_time_differs", warning,
      [](const Finding& f) {
        return fmt::format("the data's dt = {} s differs from the model's dt = {} s{}", number(f, "data"),
@@ -558,7 +570,7 @@ constexpr Entry table[] = {
      [](const Finding& f) { return names_differ(f, "outputs"); }},
     {Kind::units_differ, "units_differ", warning,
      [](const Finding& f) {
-       return fmt::format("the data's {} is in {}, the model's in {}: nothing is converted",
+       return fmt::format("the data's {} is in {}, the model's in {}: tokid does not convert units",
                           sides_and_names(f.channels), f.names[0], f.names[1]);
      }},
     {Kind::model_ends_early, "model_ends_early", warning,
@@ -588,24 +600,25 @@ constexpr Entry table[] = {
     {Kind::exact_stretches, "exact_stretches", warning,
      [](const Finding&) {
        return std::string(
-           "the deciding stretches are free of noise, but others are not. Try --method subspace or --lags");
+           "the deciding stretches are free of noise, but other stretches are noisy. Try --method subspace or --lags");
      }},
     {Kind::constant_stretches, "constant_stretches", note,
      [](const Finding& f) {
-       return fmt::format("the deciding stretches show no variation over time, but the record may. lambda = {} is used",
-                          number(f, "smoothing"));
+       return fmt::format(
+           "the deciding stretches show no variation over time, but the rest of the record may vary. lambda = {} is used",
+           number(f, "smoothing"));
      }},
     {Kind::experiments_known, "experiments_known", note, [](const Finding& f) { return known(f); }},
     {Kind::state_without_digests, "state_without_digests", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the state was begun by an earlier version of tokid, and has no digests of {}: new ones that repeat one of them are not recognised and count twice. Make a new state with identify --state to be sure",
+           "the state was begun by an earlier version of tokid, and has no digests of {}: new experiments that repeat one of these are not recognised and count twice. To avoid this, make a new state with identify --state",
            words::plural(count(f, "count"), "experiment"));
      }},
     {Kind::update_noisy, "update_noisy", warning,
      [](const Finding&) {
        return std::string(
-           "the experiments are noisy, but the choices from the first ones assume that they are not. Identify again");
+           "the experiments are noisy, but the choices of the state assume data without noise. Identify again from all experiments");
      }},
     {Kind::update_few_experiments, "update_few_experiments", warning,
      [](const Finding& f) {
@@ -625,12 +638,12 @@ constexpr Entry table[] = {
     {Kind::bounds_of_regressions, "bounds_of_regressions", note,
      [](const Finding& f) {
        return fmt::format(
-           "the bounds are those of the regressions, which a model of method {} does not follow from alone; those of its own parameters and eigenvalues take the bootstrap",
+           "these are the bounds of the regressions. A model of method {} does not follow from the regressions alone: bounds of its parameters and eigenvalues need the bootstrap",
            f.detail);
      }},
     {Kind::bounds_without_free_responses, "bounds_without_free_responses", note,
      [](const Finding&) {
-       return std::string("the factors say nothing of free responses: bounds of the eigenvalues take the bootstrap");
+       return std::string("the factors contain no free responses: bounds of the eigenvalues need the bootstrap");
      }},
     {Kind::no_eigenvalue_bounds, "no_eigenvalue_bounds", warning,
      [](const Finding& f) { return fmt::format("no bounds of eigenvalues: {}", f.detail); }},
@@ -646,7 +659,7 @@ constexpr Entry table[] = {
     {Kind::bounds_of_other_model, "bounds_of_other_model", warning,
      [](const Finding&) {
        return std::string(
-           "the options and these data do not reproduce the model. The bounds are those of the model that they give");
+           "the options and these data do not reproduce the model. The bounds are those of the model that the options and the data give");
      }},
     {Kind::bounds_without_bias, "bounds_without_bias", warning,
      [](const Finding& f) {
@@ -668,7 +681,7 @@ constexpr Entry table[] = {
     {Kind::plan_late_forecasts, "plan_late_forecasts", note,
      [](const Finding& f) {
        return fmt::format(
-           "the model begins at step {}: the windows before step {} are neither forecast nor optimised. The others assume a zero state at step {}",
+           "the model begins at step {}: the windows before step {} are neither forecast nor optimised. The later windows assume a zero state at step {}",
            count(f, "step"), count(f, "first"), count(f, "step"));
      }},
     {Kind::plan_unknown_states, "plan_unknown_states", note,
@@ -676,24 +689,24 @@ constexpr Entry table[] = {
     {Kind::plan_model_uncertain, "plan_model_uncertain", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the innovations of the preliminary model are {:.3g} % of the outputs that it forecasts. Above {:.3g} %, inputs optimised with it can be worse than orthogonal ones",
+           "the innovations of the preliminary model are {:.3g} % of the outputs that it forecasts. Above {:.3g} %, inputs optimised with this model can be worse than orthogonal inputs",
            number(f, "share"), number(f, "bound"));
      }},
     {Kind::plan_no_freedom, "plan_no_freedom", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments leave no degree of freedom: the regressions will fit any data exactly, and the noise can't be estimated. With noise, use more",
+           "{} experiments leave no degree of freedom: the regressions will fit any data exactly, and the noise can't be estimated. With noise, use more experiments",
            count(f, "experiments"));
      }},
     {Kind::plan_below_recommendation, "plan_below_recommendation", warning,
      [](const Finding& f) {
-       return fmt::format("{} experiments found, {} recommended at this noise", count(f, "experiments"),
-                          count(f, "recommended"));
+       return fmt::format("{} experiments found, {} recommended at this noise: use more experiments",
+                          count(f, "experiments"), count(f, "recommended"));
      }},
     {Kind::plan_rank_by_noise, "plan_rank_by_noise", warning,
      [](const Finding& f) {
        return fmt::format(
-           "p·m = {} exceeds n = {}: without noise the windows have rank {} at most, of {} columns, and noise alone determines the rest",
+           "p·m = {} (lag order times outputs) exceeds n = {} (states): without noise the windows have at most rank {}, with {} columns, and noise alone determines the other directions",
            count(f, "lags_outputs"), count(f, "states"), count(f, "rank"), count(f, "unknowns"));
      }},
     {Kind::plan_noisy_input, "plan_noisy_input", warning,
@@ -705,7 +718,7 @@ constexpr Entry table[] = {
     {Kind::plan_inputs_dependent, "plan_inputs_dependent", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the inputs of {} windows are nearly dependent (condition above {:.0e}). Use another kind, another seed or more experiments",
+           "the inputs of {} windows are nearly dependent (condition above {:.0e}). Use another kind of inputs, another seed or more experiments",
            count(f, "windows"), number(f, "condition"));
      }},
     {Kind::plan_ill_conditioned, "plan_ill_conditioned", warning,
@@ -756,7 +769,8 @@ std::string in_words(const Finding& finding) {
       return "in the deciding stretches, " + text;
     case Finding::Scope::new_experiments:
       return fmt::format(
-          "new experiments with the old model: {}. Are they from the same system, with the same channels?", text);
+          "new experiments with the old model: {}. Check that the new experiments are from the same system, with the same channels",
+          text);
     case Finding::Scope::cross_validation:
       return "cross-validation: " + text;
     case Finding::Scope::folds:
@@ -782,7 +796,7 @@ struct ExplanationEntry {
   std::string (*words)(const Explanation& e);
 };
 
-std::string as_usual(const std::string& change) { return fmt::format("with {} they would be as usual", change); }
+std::string as_usual(const std::string& change) { return fmt::format("with {} it would fit the others", change); }
 
 std::string name_of(const Explanation& e) { return sides_and_names(e.channels); }
 
@@ -827,7 +841,8 @@ constexpr ExplanationEntry explanations[] = {
        return fmt::format("its {} stays at {:.3g} at steps {}–{}", name_of(e), e.numbers.at("value"), e.steps.front(),
                           e.steps.back());
      }},
-    {Cause::one_output, "one_output", [](const Explanation& e) { return "nearly all of it in " + name_of(e); }},
+    {Cause::one_output, "one_output",
+     [](const Explanation& e) { return "nearly all of the residual is in " + name_of(e); }},
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Findings and conclusions as JSON: the same for the tool and the pages.
+// Findings and conclusions as JSON, for the output of the tool and for its pages.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,9 +9,9 @@
 namespace tokid {
 
 Json json_of(const Finding& finding);
-Json json_of(const std::optional<Explanation>& explanation);  // null without one
+Json json_of(const std::optional<Explanation>& explanation);  // null without an explanation
 Json json_of(const Findings& findings);
-// One object for each test, by the name of the test.
+// An object with one member for each test, under the name of the test.
 Json json_of(const Conclusions& conclusions);
 
 }  // namespace tokid

@@ -23,7 +23,7 @@ struct JsonMeasure {
   std::size_t depth = 0, keys = 0;
 };
 
-// Measures any text: depth and number of keys, from the brackets and colons outside strings.
+// Measures the depth and the number of keys by the brackets and colons outside strings. The text need not be JSON.
 JsonMeasure measure_json(std::string_view text);
 
 // False for a text that is far larger or deeper than any identification writes. JSON values are copied and written by
@@ -31,7 +31,7 @@ JsonMeasure measure_json(std::string_view text);
 // many keys would take very long.
 bool is_modest(std::string_view options);
 
-// Parses the text of a provenance; discarded if the text is not JSON or not modest.
+// Parses the text of a provenance. Returns a discarded value if the text is not JSON or not modest.
 Json options_json(const std::string& options);
 
 }  // namespace tokid

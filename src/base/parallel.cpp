@@ -38,9 +38,10 @@ Execution share(const Execution& whole, double from, double to) {
 void parallel_for(Index begin, Index end, const Execution& execution, const std::function<void(Index, Index)>& body) {
   const Index total = end - begin;
   if (total <= 0) return;
-  checkpoint();  // here too, because the other threads may leave no piece to this one
+  checkpoint();  // also here, because the other threads may take all pieces before this thread takes one
   const Index threads = std::min(thread_count(execution), total);
-  // Pieces are smaller than a thread's share, so that uneven steps are balanced and progress is visible.
+  // Each thread takes many small pieces. If some pieces take longer, the other threads take more pieces. Progress is
+  // reported after each piece.
   const Index piece = std::max<Index>(1, total / (32 * threads));
 
   std::atomic<Index> next{begin};

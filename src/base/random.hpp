@@ -1,4 +1,4 @@
-// Random numbers that are equal on every machine. The distributions of the standard library do not guarantee this.
+// Random numbers that are equal on every machine. The standard library does not guarantee this for its distributions.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

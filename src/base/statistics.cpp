@@ -47,15 +47,15 @@ double upper_tail(const Cumulants& c, double x) {
   if (!(c.variance > 0)) return std::numeric_limits<double>::quiet_NaN();
   const double deviation = std::sqrt(c.variance), z = (x - c.mean) / deviation;
   const double skewness = c.third / (c.variance * deviation);
-  // So close to the normal distribution that no sample could show the difference.
+  // With so little skewness, the normal distribution is accurate enough.
   if (std::abs(skewness) < 1e-4) return normal_tail(z);
   const double shape = 4 / (skewness * skewness);
   const double y = std::max(0.0, shape + (skewness > 0 ? z : -z) * std::sqrt(shape));
   return skewness > 0 ? boost::math::gamma_q(shape, y) : boost::math::gamma_p(shape, y);
 }
 
-// Zonal polynomials of weight two and three: E C_κ(P M) = C_κ(M) C_κ(I_rank) / C_κ(I_size). The mean eigenvalue is
-// subtracted from M, so its first trace is zero.
+// The zonal polynomials C_κ of weight two and three have the mean E C_κ(P M) = C_κ(M) C_κ(I_rank) / C_κ(I_size).
+// `second` and `third` are the traces of the square and cube of M minus its mean eigenvalue.
 Cumulants projected_trace(double rank, double size, double t1, double t2, double t3) {
   const double second = t2 - t1 * t1 / size;
   const double third = t3 - 3 * t1 * t2 / size + 2 * t1 * t1 * t1 / (size * size);

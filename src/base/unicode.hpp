@@ -13,8 +13,8 @@ std::optional<std::u32string> utf32_from(std::string_view utf8);
 std::optional<std::string> utf8_from(std::u32string_view utf32);
 std::optional<std::string> utf8_from(std::u16string_view utf16);
 
-// Length of the UTF-8 character at the front, 0 without one.
+// Number of bytes of the first UTF-8 character of a text that is not empty; 0 if these bytes are not valid.
 size_t character_length(std::string_view text);
-bool is_control(std::string_view character);  // of ASCII or of the upper half of ISO 8859
+bool is_control(std::string_view character);  // a control character of ASCII, or one of U+0080 … U+009F
 
 }  // namespace tokid::unicode

@@ -86,7 +86,7 @@ std::string step_list(const std::vector<Index>& steps) {
 
 namespace {
 
-// The number without its sign "%". It is rounded down, because 99.97 must not become 100.
+// The number without the sign "%". It is rounded down, because 99.97 must not become 100.
 std::string percent_figure(double fit, int least_digits) {
   if (!std::isfinite(fit)) return "–";
   if (fit < -999) return "below −999";
@@ -134,7 +134,7 @@ std::string percent_range(const Vector& fits) {
   if (least > most) return "–";
   const std::string a = percent_figure(least, 0), b = percent_figure(most, 0);
   if (a == b) return a + " %";
-  // A dash after a minus sign is hard to read.
+  // With a minus sign, "to" is easier to read than a dash.
   return fmt::format("{}{}{} %", a, least < 0 ? " to " : "–", b);
 }
 

@@ -10,16 +10,15 @@
 
 namespace tokid::words {
 
-// "3, 5–9 and 12", with a few ranges at most
+// "3, 5–9 and 12", at most six ranges
 std::string ranges(const std::vector<Index>& numbers);
 // "steps 3, 5–9 and 12"
 std::string step_list(const std::vector<Index>& steps);
 // "u1, u2 and u3"
 std::string listed(const std::vector<std::string>& names);
-// "83 %", "97.1 %": rounded down. It has at least `digits` decimals, and as many as it needs to differ from
-// 100 %.
+// "83 %", "97.1 %": rounded down. Has at least `digits` decimals, and enough decimals to differ from 100 %.
 std::string percent(double fit, int digits = 0);
-// "83–97.1 %"; a dash without a fit
+// "83–97.1 %"; a dash if no fit is finite
 std::string percent_range(const Vector& fits);
 // "0.0123", "1.4·10⁵"; a dash for NaN
 std::string figure(double value, int digits = 4);
@@ -28,7 +27,8 @@ std::string plural(Index count, std::string_view noun);
 // A name from a file, for use within other text. It is cut to 80 characters. Characters that change the text direction
 // are removed, and a name that runs from right to left is isolated from the text around it.
 std::string quoted(std::string_view name);
-// An experiment: "16", or "\"17\" (row 16)" if its name in the data is not its row. It follows the word "experiment".
+// An experiment: "16", or "\"17\" (row 16)" if its name in the data is not its row. The word "experiment" is written
+// before it.
 std::string experiment(Index row, std::string_view name);
 std::string superscript(int exponent);  // "⁻¹²"
 

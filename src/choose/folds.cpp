@@ -13,18 +13,19 @@ namespace tokid {
 
 namespace {
 
-// Number of orders that are tried after the best one, without EM and with EM.
+// Number of orders that are tried after the best order so far, without EM and with EM.
 constexpr Index patience = 4, refined_patience = 2;
-// Number of folds that validate EM. EM takes longer than all other choices.
+// Most folds that validate EM. EM takes longer than all other choices.
 constexpr size_t most_refined = 3;
-// Iterations of EM between two evaluations of its error. With a penalty, few iterations are sometimes the best. Steps
-// that share their matrices need more iterations, but each takes less time.
+// Iterations of EM between two evaluations of the cross-validation error. With a penalty on variation, few iterations
+// are sometimes the best. If steps share their matrices, EM needs more iterations, but an iteration takes less time.
 constexpr Index varying_stages[] = {1, 2, 5, 15, 40}, pooled_stages[] = {10, 30, 100};
 std::span<const Index> refinement_stages(Index period) {
   if (period > 0) return pooled_stages;
   return varying_stages;
 }
-// Smallest ratio of errors that is worth a refinement or a state, and the ratio that is worth it at any uncertainty.
+// A refinement or a larger order must reduce the error by the factor `worth_it`. If the errors are uncertain, the
+// required factor of a larger order is higher, but at most `most_uncertain`.
 constexpr double worth_it = RefinementChoice::worth_it, most_uncertain = 1.02;
 // The search for the λ of EM starts at this share of the ARX model's λ.
 constexpr double refined_share = 0.1;
@@ -80,13 +81,13 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
   return result;
 }
 
-// Smallest relative error of an output that counts, as a share of the largest relative error. Without this limit an
-// exact output, such as a recorded command, would outweigh the errors of all others.
+// Smaller relative errors of an output are raised to this share of the largest relative error. Otherwise the logarithm
+// of an exact output, such as a recorded command, would outweigh the errors of all other outputs.
 constexpr double least_counted = 1e-3;
 
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) {
   const Matrix none = Matrix::Zero(data.steps(), data.outputs());  // errors are relative to the departures
-  // Outputs that stay at zero are no evidence.
+  // Outputs that are always zero do not count.
   std::vector<Index> moving;
   for (Index j = 0; j < data.outputs(); ++j)
     for (Index k = 0; k < data.steps(); ++k)
@@ -165,7 +166,7 @@ Model Folds::start(size_t f, Index states, Weighting weighting, double smoothing
   return from_known_state(realise(own.data.training, own.arx, own.factors.at(weighting), o), options_.initial_state);
 }
 
-// Tries increasing orders. It stops when several orders after the best one did no better.
+// Tries increasing orders. Stops when `patience` orders after the best order had no smaller error.
 OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, Index most) const {
   OrderScores result;
   result.smoothing = smoothing;
@@ -223,8 +224,7 @@ class Folds::RefinementSearch {
     choice_.states = states;
     start(scores.smoothing);
     choice_.error = evaluate().mean();
-    // EM predicts across missing samples. Samples that the subspace models cannot predict are no part of the
-    // comparison.
+    // EM can predict samples after missing samples that subspace models cannot predict. These samples are not compared.
     like_.resize(count_);
     for_each_fold([&](size_t f) {
       like_[f] = computed_by(models_[f], folds_.folds_[f].data.held_out, folds_.options_.initial_state, folds_.first_);
@@ -232,7 +232,7 @@ class Folds::RefinementSearch {
     choice_.trials.push_back({states, 0.0, 0, choice_.error});
   }
 
-  // Runs EM with this λ. Returns the smallest error on the way.
+  // Runs EM with this λ. Returns the smallest error of all stages.
   double climb(double smoothing) {
     start(smoothing);
     double least = std::numeric_limits<double>::infinity();

@@ -12,23 +12,24 @@
 
 namespace tokid {
 
-// Relative errors of a model of departures: logs of error over departure, averaged over the outputs. Predictions over
-// many steps that are worse than none count as no better than none.
+// Errors of a model of departures: the logarithm of error divided by departure, averaged over the outputs. The errors
+// of predictions over many steps and of simulations are at most 0, the error of predicting a departure of zero.
 struct Errors {
   double one_step = 0.0, ahead = 0.0, simulation = 0.0;
 
-  // The one-step error weighs most. Errors over many steps are correlated and uncertain, so they carry little
-  // information. Equal weights gave worse models of measured data, over one step and over many.
+  // The one-step error has the largest weight, because errors over many steps are correlated and uncertain. With equal
+  // weights, the chosen models predicted measured data worse, one step ahead and many steps ahead.
   double mean() const { return (3 * one_step + ahead + simulation) / 5; }
 };
-// Outputs that a model of departures computes. They are NaN before step `first`. With unknown initial states, `first`
-// is first_scored(). From there on all models can predict, and no output was used to estimate an initial state.
+// Outputs that a model of departures computes. The outputs are NaN before step `first`, see first_scored().
 struct Computed {
   Ensemble one_step, ahead, simulation;
 };
 Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first);
-// `like`: where it is given, the errors cover only the samples that it has computed too.
+// With `like`, the errors cover only the samples that `like` contains too.
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like = nullptr);
+// First step of the errors. With unknown initial states, every model can predict from this step on, and no output from
+// this step on is used to estimate an initial state.
 Index first_scored(InitialState initial, Index lags, Index period);
 
 // Runs this many iterations of EM with this λ, in the same stages as cross-validation does.
@@ -50,14 +51,14 @@ class Folds {
 
   // Chooses n, the weighting and the λ of the regressions on states. `states`: n, if it is given.
   OrderScores choose_states(std::optional<Index> states, Index most) const;
-  // Chooses the number of EM iterations and, unless it is given, their λ. EM starts from subspace models with this many
-  // states, the weighting of the scores, and the λ of EM. It competes with the subspace models that have the λ of the
-  // scores.
+  // Chooses the number of EM iterations and, unless it is given, the λ of EM. EM starts from subspace models with this
+  // number of states, the weighting of the scores, and the λ of EM. The errors after EM are compared with the errors of
+  // subspace models with the λ of the scores.
   RefinementChoice choose_refinement(Index states, const OrderScores& scores,
                                      std::optional<double> smoothing = std::nullopt) const;
-  // Tries EM with other numbers of states. Fewer states are taken where they do about as well after EM: subspace models
-  // use extra states to make up for dynamics beyond their lags. More states, up to `most`, are taken where the error
-  // falls clearly.
+  // Tries EM with other numbers of states. Takes fewer states if the error after EM is about the same, because subspace
+  // models need extra states for dynamics that are longer than their lags. Takes more states, up to `most`, if the
+  // error after EM is clearly smaller.
   RefinementChoice reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most,
                                      std::optional<double> smoothing = std::nullopt) const;
 
@@ -70,7 +71,7 @@ class Folds {
   };
   Model start(size_t f, Index states, Weighting weighting, double smoothing) const;
   OrderScores scores(Weighting weighting, double smoothing, Index least, Index most) const;
-  // The errors of the models of the first `count` folds; empty where a model lacks the states asked for.
+  // The errors of the models of the first `count` folds; empty if a model does not have this number of states.
   template <class MakeModel>
   std::optional<std::vector<Errors>> errors_of_folds(size_t count, Index states, MakeModel&& make,
                                                      const std::vector<Computed>& like = {}) const;

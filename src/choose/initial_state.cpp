@@ -14,7 +14,7 @@ namespace tokid {
 
 namespace {
 
-constexpr double level = 0.001;  // of the test, for all steps and outputs together
+constexpr double level = 0.001;  // false-alarm probability of the test, for all steps and outputs together
 
 InitialStateTest stated(InitialState state, const char* reason) {
   InitialStateTest test;
@@ -33,7 +33,7 @@ std::optional<InitialStateTest> stated_initial_state(const Ensemble& data, const
 
 InitialStateTest test_initial_state(const GtvArx& arx, Index p, const std::vector<Index>& freedom) {
   const Index m = arx.outputs, last = arx.steps();
-  // Variances of the later steps, but at least those of rounding errors.
+  // Residual variances of the later steps, but at least the variances of rounding errors.
   Vector later = Vector::Zero(m), square = Vector::Zero(m);
   Index later_freedom = 0;
   for (Index k = p; k < std::min(last, p + std::max<Index>(10, 3 * p)); ++k) {
@@ -55,7 +55,7 @@ InitialStateTest test_initial_state(const GtvArx& arx, Index p, const std::vecto
       const double threshold =
           later_freedom > 0 ? statistics::f_quantile(1 - level / double(p * m), double(own), double(later_freedom))
                             : 1.0;
-      // The pair with the largest ratio of statistic to threshold represents all pairs.
+      // The step and output with the largest ratio of statistic to threshold decide.
       if (std::isinf(test.threshold) || ratio / threshold > test.statistic / test.threshold) {
         test.statistic = ratio;
         test.threshold = threshold;
@@ -67,7 +67,7 @@ InitialStateTest test_initial_state(const GtvArx& arx, Index p, const std::vecto
   test.reason =
       later_freedom > 0
           ? fmt::format(
-                "residual variance of the steps before {} is {:.3g} times that of the later ones, threshold {:.3g}", p,
+                "residual variance of the steps before {} is {:.3g} times that of the later steps, threshold {:.3g}", p,
                 test.statistic, test.threshold)
       : reached
           ? "the first steps leave residuals, and without a degree of freedom noise can't be separated from initial states"

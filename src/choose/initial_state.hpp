@@ -10,7 +10,8 @@
 
 namespace tokid {
 
-// The initial state that the options state or, without it, the data; empty where neither states one.
+// The initial state that the options state. If the options state none, the initial state that the data state. Empty if
+// neither options nor data state one.
 std::optional<InitialStateTest> stated_initial_state(const Ensemble& data, const IdentifyOptions& options);
 
 // F test of the residuals at each step k < p and output against the residuals of later steps. The initial state does

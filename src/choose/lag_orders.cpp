@@ -16,7 +16,8 @@ namespace {
 
 constexpr double inf = std::numeric_limits<double>::infinity();
 
-// Leave-one-out errors of one step for the lag orders 1 … p_max, as logs of the share of the mean square of y.
+// Leave-one-out errors of one step for the lag orders 1 … p_max, as logarithms of the ratio of squared errors to
+// squared outputs y, averaged over the outputs.
 Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, const LagOrderOptions& options) {
   const Index d = ensemble.channels(), m = ensemble.outputs(), r = options.feedthrough ? ensemble.inputs() : 0;
   const std::vector<Index> rows = ensemble.complete_rows(k, p_max);
@@ -83,8 +84,8 @@ LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions&
     for (Index s = begin; s < end; ++s)
       result.error.row(s) = step_errors(ensemble, result.steps[static_cast<size_t>(s)], p_max, options).transpose();
   });
-  // Missing samples may leave too few experiments at some steps. Orders are compared at the steps that can test all of
-  // them. The largest order must be testable at half of the steps or more.
+  // Missing samples may leave too few experiments at some steps. `largest` is the largest order that at least half of
+  // the steps can test. All orders are compared at the steps that can test the order `largest`.
   const auto testing_steps = [&](Index p) { return (result.error.col(p - 1).array() < inf).count(); };
   Index largest = p_max;
   while (largest > 1 && 2 * testing_steps(largest) < count) --largest;
@@ -95,7 +96,8 @@ LagOrderErrors lag_order_errors(const Ensemble& ensemble, const LagOrderOptions&
   result.mean.setConstant(p_max, inf);
   if (!rows.empty()) result.mean.head(largest) = error.leftCols(largest).colwise().mean().transpose();
 
-  // A smaller order wins if its mean is within one standard error, that of the paired difference over the steps.
+  // A smaller order is chosen if its mean error exceeds the smallest one by at most one standard error. This is the
+  // standard error of the difference between both orders, over the steps.
   const Index first = std::clamp<Index>(options.p_min, 1, p_max);
   Index smallest = first;
   for (Index p = first; p <= p_max; ++p)

@@ -12,7 +12,8 @@ namespace tokid {
 
 namespace {
 
-// Block columns of H_k for noisy data. Twice as many improved no system that was tried; half as many were worse.
+// Block columns of the Hankel matrices H_k for noisy data. In trials, twice as many columns improved no model, and half
+// as many made models worse.
 constexpr Index noisy_columns = 48;
 
 GtvArx regressions_of_each_step(const Windows& windows, const Plan& plan, const Execution& execution) {
@@ -69,8 +70,8 @@ TveraOptions tvera_options(const Plan& plan, Index outputs) {
   TveraOptions o;
   o.states = n;
   o.rows = plan.rows.value_or(std::max(p + 1, ceil_div(n, outputs) + 1));
-  // One input, or one direction of the inputs, may have to reach every state by itself. n columns suffice, because n
-  // input steps do. With noise, more columns show the states better, above all slow and unstable ones.
+  // A single input may have to reach all n states. This takes at most n steps of the input, so n block columns suffice.
+  // With noise, more columns determine the states better, above all slow and unstable states.
   const Index most = plan.noisy ? noisy_columns : n > 0 ? n : p * outputs;
   o.cols = plan.cols.value_or(std::max(p, most));
   o.output_size = plan.output_size;

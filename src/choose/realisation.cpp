@@ -17,12 +17,12 @@ namespace tokid {
 
 namespace {
 
-// Largest order that is tried for noisy data, and most experiments that TVERA's order is chosen by.
+// Largest order that is tried for noisy data, and most experiments from which the order of TVERA is chosen.
 constexpr Index most_states = 16, most_scored = 64;
 // A refined model may not increase an error by more than this factor.
 constexpr double tolerated = 1.1;
 
-// Takes the choices of the options about the realisation. The data decide the rest later.
+// Takes the choices about the realisation from the options. The other choices are made later, from the data.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
   plan.method = o.method.value_or(automatic_method(plan));
   plan.states = o.states.value_or(0);
@@ -48,7 +48,8 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
     fewer = data.subset(rows);
   }
   const Ensemble& scored = fewer ? *fewer : data;
-  // The training error of an order is too small by about the ratio of its coefficients to the samples.
+  // The training error of an order is too small, by about the number of its coefficients divided by the number of
+  // samples.
   scores.price = 2.0 / 3 * double(data.channels()) / double(data.outputs() * data.experiments());
   const Index most = std::min({plan.lags * data.outputs(), o.cols * data.inputs(), most_states});
   const Index first = first_scored(plan.initial_state, plan.lags, 0);
@@ -63,7 +64,7 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
   return scores;
 }
 
-// TVERA with the order that has the smallest corrected training error. One factorisation of H_k serves all orders.
+// TVERA with the order that has the smallest corrected training error. One factorisation of H_k is used for all orders.
 void realise_in_scored_order(const Ensemble& data, GtvArx arx, const Execution& execution, Realised& result) {
   Plan& plan = result.plan;
   TveraOptions o = tvera_options(plan, data.outputs());
@@ -91,7 +92,8 @@ Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Exec
                  refine_options(plan, execution));
 }
 
-// The weightings to choose from. Projection needs more windows of 2p steps than one such window has samples.
+// The weightings to choose from. Projection needs many windows of 2p steps: more than the number of samples in one
+// window.
 std::vector<Weighting> weightings(const Ensemble& selection, const Plan& plan, const IdentifyOptions& options) {
   if (options.weighting) return {*options.weighting};
   std::vector<Weighting> result = {Weighting::one_step};
@@ -104,9 +106,10 @@ std::vector<Weighting> weightings(const Ensemble& selection, const Plan& plan, c
   return result;
 }
 
-// EM on all experiments may end elsewhere than EM on the folds. Then its one-step error on the training data exceeds
-// the cross-validation error. Also, EM minimises one-step errors only. A model with many samples for each coefficient
-// must not lose over many steps what it gains over one.
+// EM on all experiments may converge to another model than EM on the folds. If so, its one-step error on the training
+// data may exceed the cross-validation error. Such a model is used only if its errors are clearly smaller than before
+// EM. EM minimises one-step errors only. If steps share a model, its errors over many steps must therefore not increase
+// either.
 void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementChoice& choice,
                       const Execution& execution, Realised& result) {
   const Plan plain = result.plan;
@@ -117,7 +120,8 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   const Errors before = errors_of(start, data);
   result.refinement = choice;
 
-  // EM starts from the subspace model with the λ of EM. If that fails, it starts from the plain subspace model.
+  // EM starts from the subspace model with the λ of EM. If this result is not accepted, EM starts from the plain
+  // subspace model.
   std::vector<double> starts{choice.smoothing};
   if (plain.choices.state_smoothing != choice.smoothing) starts.push_back(plain.choices.state_smoothing);
   bool one_step = true;
@@ -161,7 +165,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   result.refinement.error = choice.trials.front().error;
 }
 
-// Subspace realisation. Cross-validation error chooses n, the weighting, λ and EM.
+// Subspace realisation. n, the weighting, λ and EM are chosen by cross-validation error.
 void realise_by_folds(const Ensemble& data, const Ensemble& selection, const GtvArx& arx,
                       const IdentifyOptions& options, Realised& result) {
   Plan& plan = result.plan;
@@ -179,11 +183,12 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
   if (!options.states) plan.states = scores.best;
   result.model = realise(data, arx, {}, plan, share(options.execution, 0.7, 0.8));
   if (!options.refine.value_or(true) || result.model.states() == 0 || result.model.states() < plan.states) return;
-  // The λ of the ARX model is not the λ of EM. But a λ of 0 applies to both.
+  // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   RefinementChoice choice = folds.choose_refinement(plan.states, scores, stated);
   if (choice.iterations > 0) {
-    // Windows without a gap may be too few to show all states. EM uses every sample.
+    // If few windows have no missing sample, subspace models may lack states. EM uses every sample, so it may find more
+    // states.
     if (!options.states)
       choice = folds.reconsider_states(std::move(choice), scores,
                                        windows_are_scarce(selection, plan.lags) ? most : plan.states, stated);

@@ -1,4 +1,4 @@
-// GTV-ARX model → state-space model. Chooses the method, n, the weighting, and EM as far as it helps.
+// GTV-ARX model → state-space model. Chooses the method, n, the weighting, and the number of EM iterations.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,7 +6,7 @@
 
 namespace tokid {
 
-// TVERA for uncoupled steps of data without noise from zero initial states, else the subspace realisation.
+// TVERA for uncoupled steps of data without noise from zero initial states, otherwise the subspace realisation.
 Method automatic_method(const Plan& plan);
 
 struct Realised {

@@ -25,10 +25,11 @@ constexpr Index most_lags = 16;
 constexpr Index most_regressors = 160;
 // Most steps that the choices for noisy data use.
 constexpr Index most_selection_steps = 256;
-// λ where missing samples leave too few windows to choose it, and where a periodic record is too short to choose it.
+// `stiff`: λ if missing samples leave too few windows to choose λ. `moderate`: λ if a periodic record is too short to
+// choose λ.
 constexpr double stiff = 1e3, moderate = 1.0;
 
-// Experiments less the one that the mean motion costs.
+// Number of experiments, minus one if a mean motion is subtracted, because estimating it uses one degree of freedom.
 Index effective_experiments(const Ensemble& data, bool nominal) { return data.experiments() - (nominal ? 1 : 0); }
 
 // L = r + p·(r+m), or p·(r+m) without feedthrough
@@ -61,7 +62,7 @@ void choose_lags(const Ensemble& data, const IdentifyOptions& options, Regressed
   LagOrderOptions o;
   o.p_min = needed;
   o.feedthrough = result.plan.feedthrough;
-  // Residuals choose the order, so each step needs at least one degree of freedom.
+  // The order is chosen by residuals, so each step needs at least one degree of freedom.
   const Index testable = largest_lag_order(effective_experiments(data, result.plan.nominal) - 1, data.inputs(),
                                            data.outputs(), o.feedthrough);
   o.p_max = std::min({most_lags, testable, (data.steps() - 1) / 2});
@@ -88,15 +89,15 @@ void check_size(const Ensemble& data, const Plan& plan, bool tvera_asked) {
         "experiments: {} found, lag order {} with {} inputs and {} outputs needs at least {} ({}{}); {}{}", found, p, r,
         m, needed, plan.feedthrough ? "r + p(r+m)" : "p(r+m)", plan.nominal ? " + 1 for the mean motion" : "",
         would_do > 0
-            ? fmt::format("{} would do for lag orders up to {}", found, would_do)
-            : fmt::format("no lag order will do, {} are needed for lag order 1", experiments_for(data, 1, plan)),
-        tvera_asked ? "; steps that share what they know need fewer (not --method tvera)" : ""));
+            ? fmt::format("{} suffice for lag orders up to {}", found, would_do)
+            : fmt::format("too few for any lag order, {} are needed for lag order 1", experiments_for(data, 1, plan)),
+        tvera_asked ? "; coupled steps need fewer experiments (omit --method tvera)" : ""));
   }
   if (data.steps() < p + 1)
     throw std::invalid_argument(fmt::format("steps: {} found, lag order {} needs at least {}", data.steps(), p, p + 1));
 }
 
-// Throws for fewer windows than unknowns, because then any model fits. Returns the number of windows.
+// Throws if there are fewer windows than unknowns, because a model then fits any data. Returns the number of windows.
 Index checked_windows(const Ensemble& data, const Plan& plan) {
   const Index lags = plan.lags, needed = unknowns_of(data, lags, plan.feedthrough), whole = whole_windows(data, lags);
   const bool gaps = data.missing() > 0;
@@ -104,12 +105,12 @@ Index checked_windows(const Ensemble& data, const Plan& plan) {
     throw std::invalid_argument(fmt::format(
         "{}: {} of {} successive steps {}, at least {} needed at lag order {}{}", gaps ? "missing samples" : "steps",
         words::plural(whole, "window"), lags + 1, gaps ? "without a gap found" : "found", needed, lags,
-        lags > 1 ? "; a smaller one takes fewer" : "; EM from a model of other data (refine) needs no windows"));
+        lags > 1 ? "; a smaller lag order needs fewer" : "; EM from a model of other data (refine) needs no windows"));
   return whole;
 }
 
-// More than half of the steps must remain for the evaluation. The windows without a gap must be at least twice as many
-// as the unknowns. Uncoupled steps need at least one degree of freedom each.
+// Lag orders to choose from. More than half of the steps must remain for the evaluation. The windows without a gap must
+// be at least twice as many as the unknowns. Each uncoupled step needs at least one degree of freedom.
 std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& data, bool nominal, InitialState initial,
                                   Index period, const IdentifyOptions& options) {
   if (options.lags) return {*options.lags};
@@ -135,7 +136,7 @@ Regressed each_step_alone(const Ensemble& data, const Plan& stated, const Identi
   else
     choose_lags(data, options, result);
   check_size(data, result.plan, options.method == Method::tvera);
-  // Initial states are taken as zero unless the residuals contradict this.
+  // Unless they are stated, initial states are assumed to be zero if the residuals do not contradict this.
   result.arx = regressions(data, result.plan, share(options.execution, 0.1, 0.4));
   GtvArx& arx = result.arx;
   if (const auto known = stated_initial_state(data, options))
@@ -143,7 +144,8 @@ Regressed each_step_alone(const Ensemble& data, const Plan& stated, const Identi
   else
     result.initial_state_test = test_initial_state(arx, result.plan.lags, freedom_of(arx, &GtvArxStep::freedom));
   result.plan.initial_state = result.initial_state_test.decision;
-  // The regressions of the steps k ≥ p hold for any initial state. The earlier ones are of no use.
+  // The regressions of the steps k ≥ p hold for any initial state. The regressions of earlier steps do not, so they
+  // are dropped.
   if (result.plan.initial_state == InitialState::unknown) arx.begin_at(result.plan.lags);
   result.plan.noisy = survey_of(arx, stated.nominal, 0, arx.steps()).noisy();
   return result;
@@ -166,7 +168,8 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
     if (!options.smoothing && options.period > 1)
       result.findings.push_back({.kind = Finding::Kind::smoothing_untested, .numbers = {{"smoothing", moderate}}});
   }
-  // Few windows without a gap cannot show variation over time. EM uses every sample and chooses its own λ.
+  // If few windows have no missing sample, an infinite λ may only mean that they do not determine the variation over
+  // time. A large finite λ is then used. EM uses every sample and chooses another λ.
   if (!options.smoothing && !options.choices && std::isinf(variation.smoothing) &&
       windows_are_scarce(selection, plan.lags)) {
     variation.smoothing = stiff;
@@ -176,7 +179,7 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   if (!std::isinf(variation.smoothing) && options.period != 1) return;
   if (options.period == 0 && !options.smoothing) result.findings.push_back({.kind = Finding::Kind::no_variation});
   variation = {0.0, 1};
-  // One regression of all steps supports more lags than the regression of one step.
+  // One regression of all steps has more samples than the regression of one step, so it permits larger lag orders.
   if (options.period > 0 || selection.experiments() < 2) return;
   o.period = 1;
   o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, o.period, options);
@@ -234,7 +237,8 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& s
   if (known) {
     result.initial_state_test = *known;
   } else if (variation.period > 0) {
-    // The steps share their residuals, so the residuals cannot test the initial state.
+    // Steps that share a model also share one residual covariance. The residuals of the first steps can therefore not
+    // test the initial state.
     result.initial_state_test.threshold = std::numeric_limits<double>::infinity();
     result.initial_state_test.decision = InitialState::unknown;
     result.initial_state_test.reason = "not stated with the data";
@@ -265,11 +269,12 @@ Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nomina
   Regressed alone = each_step_alone(data, stated, options);
   const std::vector<Index> freedoms = freedom_of(alone.arx, &GtvArxStep::freedom);
   const Index freedom = std::accumulate(freedoms.begin(), freedoms.end(), Index{0});
-  // Regressions without degrees of freedom fit any data exactly. This shows data without noise only if the user chose
-  // their order.
+  // Regressions without degrees of freedom fit any data exactly. Such data count as free of noise only if no sample is
+  // missing and the user stated p or n.
   const bool tells = freedom > 0 || (data.missing() == 0 && (options.lags || options.states));
   if (asked || (!alone.plan.noisy && tells)) return alone;
-  // With noise, coupled steps give better models. Regressions without degrees of freedom cannot test initial states.
+  // With noise, coupled steps give better models. If the regressions have no degree of freedom, they cannot test
+  // initial states, so only stated ones are used.
   return coupled(data, selection, stated, options,
                  freedom > 0 ? alone.initial_state_test : stated_initial_state(data, options));
 }

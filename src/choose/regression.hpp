@@ -1,5 +1,5 @@
-// Departures → their GTV-ARX model. Chooses p, λ, P and the initial state. Each step has its own regression where the
-// experiments suffice and show no noise. Otherwise one regression couples all steps.
+// Departures → their GTV-ARX model. Chooses p, λ, P and the initial state. If the experiments suffice and are free of
+// noise, each step has its own regression. Otherwise one regression couples all steps.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -30,9 +30,9 @@ Regressed regressed(const Ensemble& departures, const Ensemble& selection, bool 
 // Fits the regression of a decided plan. \throws std::invalid_argument as above
 GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Execution& execution);
 
-// Returns the samples for cross-validation: all experiments, or a stretch in the middle of long ones. Where few
-// experiments have steps that share a model, the experiments are cut into pieces. The result refers to `data` where it
-// is all of it.
+// Returns the samples for cross-validation: all experiments, or a stretch in the middle of long ones. If steps share a
+// model and the experiments are few, the experiments are cut into pieces. The result refers to `data` if all samples
+// are used.
 std::shared_ptr<const Ensemble> selection_samples(const Ensemble& data, const IdentifyOptions& options);
 
 // Are fewer than half of all windows of p+1 steps free of missing samples?
@@ -41,7 +41,7 @@ bool windows_are_scarce(const Ensemble& data, Index lags);
 // Was a mean motion removed that was estimated from all experiments at each step?
 bool is_centred(const Plan& plan);
 
-// N_min at this p, and one more if the plan has a mean motion, which costs one experiment
+// N_min at this lag order, plus one if a mean motion is subtracted, because estimating it uses one degree of freedom.
 Index experiments_for(const Ensemble& data, Index lags, const Plan& plan);
 
 }  // namespace tokid

@@ -11,20 +11,23 @@ namespace tokid {
 
 namespace {
 
-// Numbers of neighbouring lines, which are experiments or steps, and of positions spread over the other axis.
+// A line is the samples of one channel in one experiment, or at one step. Its positions are the steps, or the
+// experiments. These are limits of the numbers of lines, positions and channels that are compared.
 constexpr Index most_lines = 96, most_positions = 128, fewest_lines = 6, fewest_positions = 3;
 constexpr Index most_inputs = 2, most_outputs = 3;
-// Neighbours that are similar by chance reach this deviation in fewer than one of 100,000 ensembles.
+// If the lines have no order, neighbouring lines reach this deviation in fewer than one of 100,000 ensembles.
 constexpr double alike = 4.5;
-// Each half of the pairs must reach this deviation, because two copies side by side are similar too.
+// Both halves of the pairs must reach this deviation. Otherwise pairs of copies that are stored side by side would look
+// like an order.
 constexpr double alike_by_halves = 2.0;
-// So many experiments of one step are more likely one experiment of so many steps.
+// If at least this many experiments have one step each, they are more likely the steps of one experiment.
 constexpr Index shortest_record = 10;
-// Up to these limits the other axis shows no order.
+// Below these limits of deviation and mean rank, the lines along the other axis have no order.
 constexpr double unlike = 2.5, mostly_unlike = 0.8;
 
-// Lines of each channel as columns (positions × lines) of unit length, without the means of lines and of positions. A
-// mean motion makes experiments similar at each step, and an offset makes the steps of an experiment similar.
+// For each channel, the lines as columns (positions × lines) of norm 1. The means of each line and of each position are
+// removed. Otherwise a mean motion would make all experiments similar, and an offset would make all steps of an
+// experiment similar.
 using Lines = std::vector<Matrix>;
 using Sample = std::function<double(Index line, Index position, Index channel)>;
 
@@ -51,7 +54,7 @@ Lines lines_of(Index lines, Index positions, const std::vector<Index>& channels,
       x.row(p) = row.transpose();
     }
     x = x.unaryExpr([](double value) { return std::isnan(value) ? 0.0 : value; });
-    // A line that never moves leaves only rounding errors.
+    // A constant line has only rounding errors left, so it is set to zero.
     const Vector norm = x.colwise().norm();
     const double rounding = 1e-9 * norm.maxCoeff();
     for (Index l = 0; l < used_lines; ++l)
@@ -61,14 +64,16 @@ Lines lines_of(Index lines, Index positions, const std::vector<Index>& channels,
   return result;
 }
 
-// How similar neighbours are, compared with other lines. `rank`: their mean rank among all lines. `deviation`: its
-// deviation from the mean over all orders of the lines, in standard deviations. `of_half`: the smaller deviation of the
-// pairs 0-1, 2-3, … and 1-2, 3-4, …
+// How similar neighbouring lines are, compared with other lines. `rank`: the mean rank of neighbours among all lines,
+// sorted by similarity, from 0 to 1. `deviation`: the difference between `rank` and 0.5, which is its mean over all
+// orders of the lines, in standard deviations. `of_half`: the smaller deviation of the pairs 0-1, 2-3, … and the pairs
+// 1-2, 3-4, …
 struct Neighbours {
   double rank = 0.5, deviation = 0.0, of_half = 0.0;
 };
 
-// Ranks lie between 0 and 1. The two ranks of a pair are nearly equal, so they count as one.
+// Ranks are uniform between 0 and 1, with variance 1/12. The two ranks of a pair are nearly equal, so they count as one
+// rank.
 double deviation(double sum, Index ranks) {
   return ranks > 0 ? (sum / double(ranks) - 0.5) * std::sqrt(12 * double(ranks) / 2) : 0.0;
 }
@@ -96,7 +101,8 @@ Neighbours neighbours(const Matrix& likeness, const std::vector<bool>& live) {
           std::min(deviation(sum[0], ranks[0]), deviation(sum[1], ranks[1]))};
 }
 
-// Outputs depend on inputs and outputs of the step before, with any sign. Slow signals keep their sign.
+// Takes the better of two measures of similarity. Squared products find outputs that depend on the step before with any
+// sign. Signed products find slow signals, which keep their sign.
 Neighbours neighbours(const Lines& lines) {
   const Index count = lines.front().cols();
   if (count < fewest_lines || lines.front().rows() < fewest_positions) return {};
@@ -113,7 +119,7 @@ Neighbours neighbours(const Lines& lines) {
   return any.deviation > same.deviation ? any : same;
 }
 
-// Are the axes (T, N, channels)? Then samples continue from experiment to experiment, but not from step to step.
+// Are the axes (T, N, channels)? If so, neighbouring experiments are similar, but neighbouring steps are not.
 bool is_time_along_experiments(const Ensemble& e) {
   std::vector<Index> channels;
   for (Index i = 0; i < std::min(e.inputs(), most_inputs); ++i) channels.push_back(i);

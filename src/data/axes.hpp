@@ -13,11 +13,11 @@
 
 namespace tokid {
 
-// Reports how the axes were read and which order is expected, if they look swapped.
+// If the axes look swapped, reports how the axes were read and which order is expected.
 std::optional<Finding> swapped_axes(const Ensemble& ensemble);
 
-// Runs work on the ensemble. If the work refuses the data, the message also says how their axes were read. With swapped
-// axes, the refusal alone would mislead the user.
+// Runs work on the ensemble. If the work refuses the data, and the axes look swapped, the message also says how the
+// axes were read. The message of the work alone would mislead the user.
 template <class Work>
 auto with_remark_on_axes(const Ensemble& ensemble, Work&& work) {
   try {

@@ -16,18 +16,20 @@ namespace {
 
 void check_count(const std::vector<std::string>& list, const char* what, Index channels) {
   if (!list.empty() && static_cast<Index>(list.size()) != channels)
-    throw std::invalid_argument(fmt::format("{}: {} given for {} channels", what, list.size(), channels));
+    throw std::invalid_argument(
+        fmt::format("{}: {} found, {} needed, one for each channel", what, list.size(), channels));
 }
 
 void check_length(const Ensemble& e, const std::vector<Index>& length) {
   if (!length.empty() && static_cast<Index>(length.size()) != e.experiments())
-    throw std::invalid_argument(fmt::format("length: {} entries for {} experiments", length.size(), e.experiments()));
+    throw std::invalid_argument(
+        fmt::format("length: {} entries found, {} needed, one for each experiment", length.size(), e.experiments()));
   for (const Index l : length)
     if (l < 0 || l > e.steps())
       throw std::invalid_argument(fmt::format("length: {} found, 0 to {} needed", l, e.steps()));
 }
 
-// Free-response experiments are samples like any other; NaN marks a missing sample.
+// NaN marks a missing sample. Infinite samples are not allowed.
 void check_free_response(const FreeResponse& free, Index outputs) {
   if (free.experiments == 0) return;
   if (free.y.rows() != free.experiments || free.y.cols() != free.steps * outputs)
@@ -45,8 +47,9 @@ Survey checked(const Ensemble& e, bool outputs_needed) {
   if (!(e.dt > 0) || !std::isfinite(e.dt))
     throw std::invalid_argument(fmt::format("dt: {} found, a positive time in seconds needed", e.dt));
   if (e.experiments() == 0 || e.steps() == 0)
-    throw std::invalid_argument(fmt::format("ensemble: {} experiments of {} steps found, at least one of one needed",
-                                            e.experiments(), e.steps()));
+    throw std::invalid_argument(
+        fmt::format("ensemble: {} experiments of {} steps found, at least one experiment of one step needed",
+                    e.experiments(), e.steps()));
   check_count(e.names.input_names, "input_names", e.inputs());
   check_count(e.names.output_names, "output_names", e.outputs());
   check_count(e.names.input_units, "input_units", e.inputs());

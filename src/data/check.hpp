@@ -6,7 +6,7 @@
 
 namespace tokid {
 
-// Surveys all steps of an ensemble, if it passes its check(). \throws as check()
+// Checks an ensemble as Ensemble::check() does, and surveys all of its steps. \throws as Ensemble::check()
 Survey checked(const Ensemble& ensemble, bool outputs_needed = true);
 
 }  // namespace tokid

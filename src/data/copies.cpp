@@ -14,12 +14,12 @@ namespace tokid {
 
 namespace {
 
-// Most steps at which experiments are compared.
+// Most single steps at which experiments with missing samples are compared.
 constexpr Index most_probes = 16;
-// Number of successors in a sorted order with which an experiment is compared.
+// Experiments are sorted by a sum of their samples. Each experiment is compared with at most this many successors.
 constexpr size_t most_successors = 16;
 
-// Data for the search of copies: the sizes of the channels, and steps where experiments differ.
+// Search for copies in an ensemble.
 class Search {
  public:
   explicit Search(const Ensemble& ensemble) : e_(ensemble), scales_(scales(ensemble)) {
@@ -37,12 +37,14 @@ class Search {
         w(c) = scales_.departure(c) > 0 ? (2 * random.uniform() - 1) / scales_.departure(c) : 0.0;
       return w;
     };
-    // Experiments without a gap are compared by all of their samples: two of them hardly ever agree by chance.
+    // Experiments without a missing sample are compared by a sum of all samples with random weights. The sums of two
+    // different experiments are hardly ever equal.
     Vector whole = Vector::Zero(e_.experiments());
     for (Index k = 0; k < e_.steps(); ++k) whole += e_.samples().middleCols(k * d, d) * weights();
     compare(whole, std::sqrt(double(e_.steps() * d)), same);
     if (std::none_of(whole.begin(), whole.end(), [](double v) { return std::isnan(v); })) return;
-    // Others are compared by the samples that they have, however few. Copies mostly lack the same samples.
+    // Experiments with missing samples are compared by the sum of their present samples. Copies mostly lack the same
+    // samples.
     Vector present = Vector::Zero(e_.experiments());
     for (Index k = 0; k < e_.steps(); ++k) {
       const auto samples = e_.samples().middleCols(k * d, d).array();
@@ -50,7 +52,8 @@ class Search {
     }
     compare(whole.array().isNaN().select(present, std::numeric_limits<double>::quiet_NaN()),
             std::sqrt(double(e_.steps() * d)), same);
-    // They are also compared at steps where both have samples. Many may agree there, for example at an initial rest.
+    // Copies may also lack different samples, so these experiments are compared at single steps too. Different
+    // experiments may agree at a step, so are_copies() must decide.
     for (const Index step : probes())
       compare(e_.samples().middleCols(step * d, d) * weights(), std::sqrt(double(d)), [&](Index a, Index b) {
         if (std::isnan(whole(a)) || std::isnan(whole(b))) same(a, b);
@@ -67,7 +70,8 @@ class Search {
     std::vector<Sums> sums(size_t(d), Sums{});
     for (Index c = 0; c < d; ++c) sums[size_t(c)].rounded = !(precision(a, c) == precision(b, c));
     Index own = 0, other = 0, common = 0;
-    // The steps follow the golden section, because experiments may share their beginning or any stretch.
+    // Visits the steps in a scattered order. Different experiments may agree in a stretch, and a scattered order finds
+    // a difference sooner.
     Index stride = std::max<Index>(1, Index(0.618 * double(T)));
     while (std::gcd(stride, T) != 1) ++stride;
     for (Index i = 0, k = T / 2; i < T; ++i, k = (k + stride) % T)
@@ -96,14 +100,14 @@ class Search {
   }
 
  private:
-  // Compares neighbours in the order of these values. `size`: the usual size of the values.
+  // Calls `same` for experiments with nearly equal values. `size`: the typical size of a value.
   template <class Same>
   void compare(const Vector& values, double size, Same&& same) const {
     std::vector<std::pair<double, Index>> order;
     for (Index n = 0; n < e_.experiments(); ++n)
       if (std::isfinite(values(n))) order.emplace_back(values(n), n);
     std::sort(order.begin(), order.end());
-    // A single difference may be larger than the root mean square.
+    // The factors allow for single differences above the root mean square.
     const double close = 10 * rounding_of_departures * size, far = several_ ? 4 * coarsest_share * size : close;
     for (size_t i = 0; i < order.size(); ++i)
       for (size_t j = i + 1; j < std::min(order.size(), i + 1 + most_successors); ++j) {
@@ -114,7 +118,7 @@ class Search {
       }
   }
 
-  // Largest root mean square of the difference of two copies. Small experiments must differ by less.
+  // Largest root mean square of the difference of two copies. The limit is lower for experiments with small departures.
   double allowed(Index a, Index b, Index c, bool rounded) const {
     const double size = std::min(scales_.departure(c), std::max(scales_.own(a, c), scales_.own(b, c)));
     return rounded ? coarsest_share * size : std::max(rounding_of_departures * size, scales_.arithmetic(c));
@@ -148,10 +152,10 @@ class Search {
 
   const Ensemble& e_;
   const Scales scales_;
-  bool several_ = false;  // several precisions
+  bool several_ = false;  // the experiments have different precisions
 };
 
-// Root of a tree of copies. The search shortens the path.
+// Root of the tree of copies that contains n. Shortens the path to the root.
 Index root(std::vector<Index>& parent, Index n) {
   while (parent[size_t(n)] != n) n = parent[size_t(n)] = parent[size_t(parent[size_t(n)])];
   return n;
@@ -183,7 +187,7 @@ Copies find_copies(const Ensemble& e) {
     if (group.empty()) continue;
     if (group.size() > 1) {
       const auto most = std::max_element(group.begin(), group.end(), [&](Index a, Index b) {
-        return samples_of(e, a) < samples_of(e, b);  // of several, the first
+        return samples_of(e, a) < samples_of(e, b);  // the first, if several have as many samples
       });
       std::rotate(group.begin(), most, most + 1);
     }

@@ -16,32 +16,34 @@ namespace tokid {
 
 namespace {
 
-// A search may cost so many operations or, if this is more, so many for each sample.
+// The larger of these two numbers limits the operations of a search: a total, and a number for each sample.
 constexpr double most_operations = 4e9;
 constexpr double operations_per_sample = 200;
-// A basis must leave so many sums free: a fit with fewer free sums may be chance.
+// Least number of sums minus the number of experiments in the basis. With fewer sums, a small residual may be chance.
 constexpr Index most_spare = 16;
 // The residual of a combination may exceed the rounding of its terms by this factor.
 constexpr double slack = 3.0;
-// A term is dropped if its loss would add a smaller share of the allowed residual.
+// A term is dropped if this adds less than this share of the allowed residual.
 constexpr double counted = 0.5;
-// Most terms of a combination that have a fit of their own.
+// A combination of at most this many terms is fitted again, without the other experiments of the basis.
 constexpr Index most_fitted = 32;
 // The part of a term that no other term explains must exceed rounding by this factor, also in two thirds of the record.
 constexpr double visible = 8.0;
-// A residual that is a larger share of an experiment is not rounding.
+// A residual above this share of an experiment is not rounding.
 constexpr double surely_apart = 0.1;
-// Shares that differ by a smaller factor are a tie. Then the order of the experiments decides.
+// Shares that differ by less than this factor count as equal. The order of the experiments then decides.
 constexpr double tie = 1.1;
-// With more terms than this for each experiment, combinations are verified at some of the steps only.
+// If all combinations together have more terms than this for each experiment, they are verified at some of the steps
+// only.
 constexpr double most_verified = 50;
 
-// Mean squares per sample of each experiment and channel (N × d): of its rounding, and of its departure from the
-// others.
+// For each experiment and channel (N × d), the mean squares per sample of the rounding error, and of the departure from
+// the median over the experiments.
 struct Sizes {
   Matrix rounding, departure;
-  Vector unit;                                // (d) size of a channel; infinite: it is zero everywhere
-  Vector all_rounding, all_departure, share;  // (N) means over the channels in these units; `share`: root of the size
+  Vector unit;  // (d) size of a channel; infinite if the channel is zero everywhere
+  // (N) means over the channels in these units; `share`: root mean square of an experiment
+  Vector all_rounding, all_departure, share;
 };
 
 Sizes sizes_of(const Ensemble& e, const Scales& s) {
@@ -55,11 +57,12 @@ Sizes sizes_of(const Ensemble& e, const Scales& s) {
         const double x = e.samples()(n, k * d + c);
         if (!std::isfinite(x)) continue;
         raw(n, c) += x * x;
-        result.rounding(n, c) += std::pow(s.precision_of(n, c).rounding(x), 2) / 3;  // uniform distribution
+        // The mean square of a uniform distribution.
+        result.rounding(n, c) += std::pow(s.precision_of(n, c).rounding(x), 2) / 3;
         ++count;
       }
       if (count > 0) raw(n, c) /= count, result.rounding(n, c) /= count;
-      // Inputs of few digits, such as two values, are not rounded values of more digits.
+      // Values of few digits may be exact, such as those of an input with two values. Then they have no rounding error.
       if (result.rounding(n, c) > coarsest_share * coarsest_share * s.departure(c) * s.departure(c))
         result.rounding(n, c) = 0.0;
       result.rounding(n, c) += rounding_of_sizes * rounding_of_sizes * raw(n, c);
@@ -71,8 +74,8 @@ Sizes sizes_of(const Ensemble& e, const Scales& s) {
   const Vector weights = result.unit.array().square().inverse() / double(d);
   result.all_rounding = result.rounding * weights;
   result.all_departure = result.departure * weights;
-  // If all experiments share a large motion, their departures from it separate sums from their terms. Medians need
-  // several.
+  // If all experiments share a large motion, only the departures from this motion show which experiment is the sum. The
+  // medians need several experiments.
   constexpr Index several = 8;
   const Vector all = raw * weights;
   const double usual = statistics::median({all.begin(), all.end()}),
@@ -83,22 +86,23 @@ Sizes sizes_of(const Ensemble& e, const Scales& s) {
   return result;
 }
 
-// Experiments as columns of few numbers: sums of their samples with random signs. Such sums keep lengths and
-// combinations. Each third of the sums covers a third of the record.
+// Each experiment as a column of fewer numbers, which are sums of its samples with random signs. If an experiment is a
+// combination of others, so is its column. The norms are about those of the experiments. Each third of the sums covers
+// a third of the record.
 struct Sketch {
   std::vector<Index> experiments;  // examined experiments, ascending
   Matrix sums;                     // (p × their number)
   double samples = 0;              // in each column
 };
 
-// The samples that all chosen experiments have, if some samples are missing.
+// The experiments that are examined, and the samples that all of these experiments have.
 struct Complete {
   std::vector<Index> experiments;
   std::vector<bool> column;  // empty: all of them
   Index columns = 0;
 };
 
-// Takes experiments with few missing samples first. Takes as many as still have enough samples in common.
+// Takes experiments in the order of their missing samples, fewest first, as long as they have enough samples in common.
 Complete complete_samples(const Ensemble& e) {
   const Index N = e.experiments(), C = e.samples().cols();
   Complete result;
@@ -115,7 +119,8 @@ Complete complete_samples(const Ensemble& e) {
   std::vector<Index>& order = result.experiments;
   std::stable_sort(order.begin(), order.end(),
                    [&](Index a, Index b) { return missing[size_t(a)] < missing[size_t(b)]; });
-  // Counts columns by the number of experiments at the beginning of this order that have them.
+  // `whole`: for each column, how many experiments from the beginning of this order have the sample. `count`: number of
+  // columns for each value of `whole`.
   std::vector<Index> whole(static_cast<size_t>(C), N), count(static_cast<size_t>(N) + 1, 0);
   for (Index c = 0; c < C; ++c) {
     if (gap[size_t(c)])
@@ -166,7 +171,8 @@ Sketch sketch(const Ensemble& e, const Sizes& sizes) {
   return result;
 }
 
-// Searches the sums for combinations. Experiments are numbered as columns of the sketch.
+// Searches the sketch for experiments that are combinations of others. Experiments are numbered as columns of the
+// sketch.
 class Combinations {
  public:
   Combinations(const Sketch& s, const Sizes& sizes) : s_(s), sizes_(sizes) {}
@@ -175,8 +181,8 @@ class Combinations {
     std::vector<Index> basis, dependent;
   };
 
-  // Goes through the experiments in their order. An experiment that the basis explains is dependent. The basis takes
-  // the others, as long as it has room.
+  // Goes through the experiments in their order. An experiment that is a combination of the basis is dependent. Every
+  // other experiment is added to the basis, as long as the basis has room.
   Parts parts() const {
     const Index p = s_.sums.rows(), N = s_.sums.cols(), width = 32;
     const Index limit = std::min(N, p - std::min(most_spare, std::max<Index>(2, p / 4)));
@@ -236,7 +242,7 @@ class Combinations {
           rows.push_back(parts.basis[size_t(b)]);
         }
       if (rows.empty()) continue;
-      // If the terms are few, a fit without the others gives better weights.
+      // If the terms are few, a fit without the other experiments of the basis gives better weights.
       const bool few = Index(rows.size()) <= most_fitted;
       const Vector weights = few ? fit(rows, {n}).weights.col(0) : Vector(all.weights.col(Index(i))(terms));
       const double permitted = allowed(n, rows, weights), unit = permitted / (1 + weights.squaredNorm());
@@ -252,8 +258,8 @@ class Combinations {
     return result;
   }
 
-  // Exchanges experiments until the combinations have the largest shares. In a tie, the last experiment is a
-  // combination.
+  // Exchanges experiments between basis and combinations, until the experiments with the largest shares are
+  // combinations. Among experiments with equal shares, the last one is a combination.
   Parts exchanged(const Parts& parts, const std::vector<DependentExperiment>& combinations) const {
     Parts result{parts.basis, {}};
     const Index K = Index(parts.basis.size()), D = Index(combinations.size());
@@ -288,7 +294,8 @@ class Combinations {
           if (std::abs(w(b, j)) >= 1 / tie && result.dependent[size_t(j)] < result.basis[size_t(b)])
             swap(b, j), changed = true;
     }
-    for (const Index n : parts.dependent)  // combinations of many terms may have few terms in the new basis
+    // A dependent experiment without a valid combination may have one in the new basis.
+    for (const Index n : parts.dependent)
       if (std::none_of(combinations.begin(), combinations.end(),
                        [&](const DependentExperiment& c) { return c.experiment == n; }))
         result.dependent.push_back(n);
@@ -300,10 +307,10 @@ class Combinations {
  private:
   struct Fit {
     Matrix weights;   // (K × D)
-    Vector distance;  // (K) of each column of the basis from the others, root mean squares
+    Vector distance;  // (K) root mean square distance of each column of the basis from the other columns
   };
 
-  // Mean square per sample of a residual with so many free sums.
+  // Mean square per sample of a residual. `free`: number of sums minus the number of fitted weights.
   double mean_square(double norm, Index free) const {
     return norm * norm / s_.samples * double(s_.sums.rows()) / double(std::max<Index>(1, free));
   }
@@ -317,7 +324,8 @@ class Combinations {
     return {triangle.solve(r.topRightCorner(K, D)), distances_of(r.topLeftCorner(K, K), s_.sums.rows())};
   }
 
-  // Root mean squares, from the rows of the inverse of a triangular factor of so many sums.
+  // Root mean square distance of each column from the others, by the rows of R⁻¹. `r`: triangular factor R of this
+  // number of sums.
   Vector distances_of(const Matrix& r, Index sums) const {
     const Index K = r.rows();
     const Matrix inverse = r.triangularView<Eigen::Upper>().solve(Matrix::Identity(K, K));
@@ -332,7 +340,8 @@ class Combinations {
     return distances(0, 2 * p / 3, columns).cwiseMin(distances(p / 3, p - p / 3, columns));
   }
 
-  // Distance of each column from the span of the others, in some of the sums; zero where these sums are too few.
+  // Distance of each column from the span of the others, in `sums` sums from `begin` on; zero if these sums are too
+  // few.
   Vector distances(Index begin, Index sums, const std::vector<Index>& columns) const {
     const Index K = Index(columns.size());
     if (sums < K + std::min(most_spare / 2, std::max<Index>(2, sums / 4))) return Vector::Zero(K);
@@ -360,7 +369,8 @@ class Combinations {
   const Sizes& sizes_;
 };
 
-// Verifies combinations by the samples that an experiment shares with its terms, at least half of its own samples.
+// Verifies combinations by the samples that an experiment and all of its terms have. These must be at least half of the
+// samples of the experiment.
 std::vector<DependentExperiment> verified(const Ensemble& e, const Sizes& sizes,
                                           std::vector<DependentExperiment> combinations) {
   const Index C = e.samples().cols(), d = e.channels(), D = Index(combinations.size());
@@ -404,8 +414,8 @@ std::vector<DependentExperiment> verified(const Ensemble& e, const Sizes& sizes,
   return result;
 }
 
-// Did the user choose the terms? Experiments without noise and with little excitation are combinations of all
-// independent ones.
+// Were the sums made on purpose? Experiments without noise and with little excitation are also dependent, but each of
+// them is a combination of all independent experiments.
 bool chosen(const std::vector<DependentExperiment>& combinations, size_t independent) {
   return combinations.size() == 1 ||
          std::any_of(combinations.begin(), combinations.end(),

@@ -11,7 +11,7 @@
 namespace tokid {
 
 std::vector<Digest> experiment_digests(const Ensemble& e) {
-  // Samples are stored by columns but digested by rows. Tiles of them are transposed within the first cache level.
+  // Samples are stored by columns but digested by rows. Tiles of samples are transposed within the first-level cache.
   constexpr Index most_rows = 32, most_columns = 64;
   const Index total = e.samples().cols();
   std::vector<XXH3_state_t> states(size_t(std::min(most_rows, e.experiments())));

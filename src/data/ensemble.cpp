@@ -68,7 +68,7 @@ Ensemble::Ensemble(Index experiments, Index steps, Index inputs, Index outputs, 
 
 Index Ensemble::missing() const {
   Index count = 0;
-  // A sum is NaN if a summand is, so most columns need no count.
+  // The sum is NaN if a sample is missing. Other columns need no count.
   for (Index c = 0; c < samples_.cols(); ++c)
     if (const auto column = samples_.col(c).array(); (0.0 * column).sum() != 0) count += column.isNaN().count();
   return count;
@@ -76,7 +76,7 @@ Index Ensemble::missing() const {
 
 std::vector<Index> Ensemble::complete_rows(Index k, Index p) const {
   const auto block = window_and_output(k, p);
-  // A sum is NaN if a summand is. This needs one pass over the contiguous columns.
+  // The sum over a row is NaN if a sample of the row is missing.
   Vector sum = Vector::Zero(experiments());
   for (Index c = 0; c < block.cols(); ++c) sum += 0.0 * block.col(c);
   std::vector<Index> rows;
@@ -112,7 +112,7 @@ std::vector<std::string> chosen_of(const std::vector<std::string>& list, const s
   return result;
 }
 
-// Positions of the wanted names among the names of the data; empty if one is missing or occurs twice.
+// Positions of the wanted names among the names of the data; empty if a name is missing or occurs twice.
 std::optional<std::vector<Index>> places_of(const std::vector<std::string>& wanted,
                                             const std::vector<std::string>& found) {
   std::vector<Index> places;
@@ -233,14 +233,16 @@ Split split(const Ensemble& ensemble, double fraction, Index period) {
     const Index steps = ensemble.steps(), kept = Index(std::ceil(double(steps) * (1 - fraction)));
     const Index begin = kept / period * period;
     if (begin < 1 || begin >= steps)
-      throw std::invalid_argument(
-          fmt::format("hold-out fraction: {} of {} steps leaves {} to identify with", fraction, steps, begin));
+      throw std::invalid_argument(fmt::format(
+          "hold-out fraction: {} of {} steps leaves {} steps to identify with: leave at least one period, and hold out at least one step",
+          fraction, steps, begin));
     return {stretch(ensemble, 0, begin), stretch(ensemble, begin, steps), {0}};
   }
   const Index held = static_cast<Index>(std::llround(fraction * double(total)));
   if (held < 1 || held >= total)
-    throw std::invalid_argument(
-        fmt::format("hold-out fraction: {} of {} experiments leaves one part empty", fraction, total));
+    throw std::invalid_argument(fmt::format(
+        "hold-out fraction: {} of {} experiments leaves one part empty: choose a fraction that leaves at least one experiment in each part",
+        fraction, total));
   std::vector<Index> training, held_out;
   // Bresenham's method spreads `held` experiments evenly over `total`.
   for (Index n = 0; n < total; ++n) ((n + 1) * held / total > n * held / total ? held_out : training).push_back(n);
@@ -259,8 +261,8 @@ Moments moments(const Eigen::Ref<const Vector>& x) {
   Moments m;
   const auto first = std::find_if(x.begin(), x.end(), [](double v) { return !std::isnan(v); });
   if (first == x.end()) return m;
-  // Deviations from the first sample keep the mean of a constant channel exact. Its rounding error would look like
-  // motion.
+  // The mean of the differences from the first sample is exact if the channel is constant. A rounding error of the mean
+  // would look like motion.
   for (const double v : x)
     if (!std::isnan(v)) m.mean += v - *first, ++m.count;
   m.mean = *first + m.mean / double(m.count);
@@ -334,11 +336,11 @@ FreeResponse free_departures(const FreeResponse& free) {
 }
 
 NominalTest test_nominal(const Ensemble& e) {
-  constexpr double error = 0.001 / 2;  // of each of the two tests
+  constexpr double error = 0.001 / 2;  // false-alarm probability of each of the two tests
   NominalTest test;
   if (e.experiments() < 2) return test;
   const Index samples = e.steps() * e.channels();
-  std::map<Index, double> bounds;  // samples of a step → bound of its t²
+  std::map<Index, double> bounds;  // number of samples of a step → bound of t², the squared t statistic
   const auto bound = [&](Index count) {
     const auto [found, added] = bounds.try_emplace(count, 0.0);
     if (added) found->second = statistics::f_quantile(1 - error / double(samples), 1.0, double(count - 1));
@@ -356,8 +358,9 @@ NominalTest test_nominal(const Ensemble& e) {
       freedom += double(m.count - 1);
     }
     if (freedom == 0) continue;
-    // A spread or a mean at rounding level counts as zero. The spread at one step may be small by accident: a few
-    // binary inputs are often all the same.
+    // A variance or a mean at rounding level counts as zero. The variance of one step may be small by chance, for
+    // example if a few binary inputs are equal. The mean variance over the steps is therefore the least variance that
+    // is used.
     const double floor = 1e-24 * square, least = std::max(floor, squares / freedom);
     NominalTest::Departure departure{c, {}};
     for (Index k = 0; k < e.steps(); ++k) {

@@ -9,7 +9,7 @@
 
 namespace tokid {
 
-// Describes the fault in the names of so many experiments; empty without a fault or without names.
+// Describes what is wrong with the names of this number of experiments. Empty if nothing is wrong, or without names.
 std::string fault_of_experiment_names(const std::vector<std::string>& names, Index experiments);
 
 // Is each name the number of its row?

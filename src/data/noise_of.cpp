@@ -8,14 +8,14 @@ namespace tokid {
 
 namespace {
 
-// A residual contains the rounding of a whole window, up to this multiple of the rounding of the output.
+// Rounding of the whole window may cause residuals up to this multiple of the rounding of the output.
 constexpr double roundings = 10.0;
 constexpr Index most_steps = 16;       // at which regressions are done
 constexpr Index most_unknowns = 100;   // of a regression
-constexpr Index rows_per_unknown = 3;  // more experiments show no more
+constexpr Index rows_per_unknown = 3;  // more rows hardly change the result
 constexpr double negligible = 1e-12;   // pivots, as a share of the largest one
 
-constexpr Index many_states = 6;  // windows with so many outputs separate noise from states
+constexpr Index many_states = 6;  // if a window has this many past outputs, residuals are noise, not unknown states
 
 enum class Residuals { too_few, exact, noisy };
 

@@ -13,7 +13,7 @@ namespace tokid {
 namespace {
 
 constexpr Index fewest_measured = 16, most_measured = 256;  // steps
-constexpr int most_digits = 9;                              // of text that was rounded
+constexpr int most_digits = 9;                              // significant digits of values that count as rounded text
 
 // Digits of the shortest decimal text of this value: significant digits, and digits after the point.
 std::pair<int, int> digits_of(double value) {
@@ -101,7 +101,7 @@ void measure(const Ensemble& e, Scales& s) {
     motion(c) = median(centres);
     s.arithmetic(c) = rounding_of_sizes * std::max(size, s.departure(c));
   }
-  // All experiments are the same.
+  // If all experiments are equal, their motion over time is used in place of the departures.
   if ((s.departure.array() <= rounding_of_departures * motion.array()).all()) {
     s.departure = s.departure.cwiseMax(motion);
     s.own.rowwise() = s.departure.transpose();

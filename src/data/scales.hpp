@@ -8,12 +8,12 @@
 
 namespace tokid {
 
-// Root mean square of a difference that counts as rounding, as a share of the usual departure of a channel. Sensors
-// have more noise than this. Copies that are the result of another computation differ by less.
+// Largest root mean square of a difference that counts as rounding, as a share of the typical departure of a channel.
+// The noise of sensors is larger. Copies that were computed in another way differ by less.
 inline constexpr double rounding_of_departures = 4e-6;
-// The same as a share of the size of a channel, for the rounding of sums in double precision.
+// Rounding error of sums in double precision, as a share of the size of a channel.
 inline constexpr double rounding_of_sizes = 1e-12;
-// Rounding to few digits shows nothing if its error is a larger share of the departures.
+// If the error of rounding to few digits is above this share of the departures, equal rounded values prove nothing.
 inline constexpr double coarsest_share = 0.05;
 
 // Resolution of a channel of an experiment, in decimal digits or bits.
@@ -25,12 +25,12 @@ struct Precision {
   double rounding(double value) const;  // half a unit of the last place of this value
 };
 
-// Departures are from the median over the experiments, because single outliers hardly change it.
+// Departures are differences from the median over the experiments, because single outliers hardly change a median.
 struct Scales {
   std::vector<Index> steps;          // measured steps, evenly spread
   Matrix spread;                     // (steps × d) median departure of each step
-  Vector departure;                  // (d) usual departure of a channel, root mean square
-  Matrix own;                        // (N × d) departure of each experiment
+  Vector departure;                  // (d) typical departure of a channel: median of `own`
+  Matrix own;                        // (N × d) root mean square departure of each experiment
   Vector arithmetic;                 // (d) rounding of sums in a channel
   std::vector<Precision> precision;  // (N·d)
 

@@ -9,7 +9,7 @@ namespace tokid {
 
 inline Finding::Channel input_channel(const Channels& names, Index i) { return {false, i, names.input(i)}; }
 inline Finding::Channel output_channel(const Channels& names, Index j) { return {true, j, names.output(j)}; }
-// c: inputs first
+// c: number of the channel, inputs before outputs
 inline Finding::Channel channel(const Channels& names, Index inputs, Index c) {
   return c < inputs ? input_channel(names, c) : output_channel(names, c - inputs);
 }

@@ -20,37 +20,37 @@ struct ChannelRange {
 
 struct Survey {
   std::vector<ChannelRange> channel;  // (d) inputs first
-  std::vector<std::vector<Index>> zero,
-      same;                                // (r) steps at which the input is zero, or otherwise the same, everywhere
+  // (r) steps at which the input is zero in all experiments, or has one other value in all experiments
+  std::vector<std::vector<Index>> zero, same;
   std::vector<std::vector<Index>> absent;  // (d) steps at which every experiment lacks the sample
   Index missing = 0;                       // within the lengths of the experiments
 
-  // Appends the survey of later steps. That survey counts its steps from `begin` on.
+  // Appends the survey of later steps. Step 0 of `later` is step `begin` of this survey.
   void append(const Survey& later, Index begin);
 };
 
-// Surveys the steps begin … end-1 and counts them from zero. \throws std::invalid_argument for an infinite value. It
-// names the channel, the experiment and the step, counted from `origin` on.
+// Surveys the steps begin … end-1 and counts them from zero. \throws std::invalid_argument for an infinite value. The
+// message names the channel, the experiment and the step. Step 0 of the ensemble has the number `origin` there.
 Survey survey(const Ensemble& ensemble, Index begin, Index end, Index origin = 0);
 
-// \throws std::invalid_argument that names a channel with no sample at all
+// \throws std::invalid_argument if all samples of a channel are missing
 void check_presence(const Survey& survey, const Channels& names, Index inputs, Index samples);
 
 // Squares and ratios of samples, and the squares of ratios, must stay within the range of double precision.
 // \throws std::invalid_argument
 void check_magnitudes(const Survey& survey, const Channels& names, Index inputs);
 
-// Reports inputs that are the same in every experiment, because they identify nothing at those steps. For a period > 0,
-// reports the phases at which an input is always zero. Also reports outputs that never move.
+// Reports steps at which an input is the same in every experiment, because its effect there can't be identified. With a
+// period, reports the phases at which an input is always zero. findings_of_outputs() reports outputs that never change.
 Findings findings_of_inputs(const Survey& survey, const Channels& names);
 Findings findings_of_inputs(const Survey& survey, const Channels& names, Index period, Index steps);
 Findings findings_of_outputs(const Survey& survey, const Channels& names);
 
-// Reports steps at which every experiment has a gap. If the steps are coupled, the model is a guess there.
+// Reports steps at which a channel has no sample in any experiment. If the steps are coupled, the model is only
+// interpolated there.
 Findings findings_of_absence(const Survey& survey, const Channels& names);
 
-// Reports experiments that have no step in common: they cannot separate the effect of one step from that of others.
-// Reads all samples.
+// Reports experiments that have no step in common: such experiments can't be compared. Reads all samples.
 Findings findings_of_overlap(const Ensemble& ensemble);
 
 // A fingerprint is a digest of the digests of all steps, so that each step can be digested by itself.

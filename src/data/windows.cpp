@@ -20,7 +20,7 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 // Number of steps that share a factorisation: about as many as in a window.
 Index block_of(Index lags) { return lags + 1; }
 
-// [1 V] for rows without a gap.
+// [1 V] for samples V without a gap.
 Matrix with_ones(const ConstMatrixRef& samples) {
   Matrix result(samples.rows(), samples.cols() + 1);
   result.col(0).setOnes();
@@ -28,8 +28,8 @@ Matrix with_ones(const ConstMatrixRef& samples) {
   return result;
 }
 
-// Stores R_k from an absorption of [1 V …]: its first column, and `size` columns from `from` on. Columns before the
-// start of the experiments stay zero.
+// Stores R_k from the factor `r` of [1 V …]: its first column, and `size` columns after column `from`. Columns before
+// the start of the experiments stay zero.
 void store(const linalg::RowAbsorption& r, Index from, Index size, Index k, WindowFactors& f) {
   const Index before = f.width() - size;
   auto own = f.of(k);
@@ -188,11 +188,13 @@ Index Windows::rows(Index k, Index lags, Matrix& rows) const {
   const Index d = channels(), known = (std::min(k, lags) + 1) * d, width = (lags + 1) * d;
   if (factors_) {
     if (lags > factors_->lags)
-      throw std::invalid_argument(fmt::format("lags: {} found, the window factors have {}", lags, factors_->lags));
+      throw std::invalid_argument(
+          fmt::format("lags: {} found, the window factors permit at most {}", lags, factors_->lags));
     const auto own = factors_->of(k);
     rows = own.rightCols(width);
     if (mean_.size() == 0) return factors_->rows[size_t(k)];
-    // [1 V] [-mean; I]. A channel that always equals its mean leaves rounding errors, which are set to zero.
+    // Subtracts the mean from V: [1 V] [-mean; I]. For a channel that always equals its mean, only rounding errors are
+    // left. They are set to zero.
     const auto mean = mean_.segment((k + 1) * d - known, known);
     rows.rightCols(known).noalias() -= own.col(0) * mean.transpose();
     for (Index j = 0; j < known; ++j) {

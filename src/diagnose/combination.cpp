@@ -9,17 +9,17 @@ namespace tokid {
 
 namespace {
 
-// Rows beyond the number of columns that rule out a fit by chance.
+// A fit needs this many more rows than columns. With fewer rows, it may be chance.
 constexpr Index extra_rows = 3;
 
-// Rows spread evenly. A combination that holds on all rows also holds on these.
+// Takes `count` rows, evenly spread. A combination that holds in all rows also holds in these rows.
 Matrix some_rows(const ConstMatrixRef& a, Index count) {
   Matrix result(count, a.cols());
   for (Index i = 0; i < count; ++i) result.row(i) = a.row(i * a.rows() / count);
   return result;
 }
 
-// Columns of norm 1, less their means if `centred`. A column that does not vary becomes zero.
+// Scales columns to norm 1, after subtracting their means if `centred`. A column that does not vary becomes zero.
 Matrix normalised(Matrix a, bool centred) {
   for (Index j = 0; j < a.cols(); ++j) {
     const double size = a.col(j).stableNorm();
@@ -60,7 +60,8 @@ std::optional<Combination> combination(const ConstMatrixRef& columns, const Cons
   std::vector<Index> chosen;
   const auto left = [&](const std::vector<Index>& set) { return left_over(a(Eigen::all, set), t); };
   while (Index(chosen.size()) < a.cols() && left(chosen) > nothing_left) {
-    // This takes the column that leaves the smallest residual, because columns may be far from orthogonal.
+    // Takes the column that leaves the smallest residual. Because columns may be far from orthogonal, this need not be
+    // the column with the largest product.
     double least = std::numeric_limits<double>::infinity();
     Index best = -1;
     for (Index j = 0; j < a.cols(); ++j) {

@@ -20,15 +20,17 @@ struct Combination {
     double factor;
   };
   std::vector<Term> terms;  // target = Σ factor · column + constant, with no more terms than necessary
-  bool constant = false;    // a constant is part of it
+  bool constant = false;    // the sum contains a constant
 };
 
-// Orthogonal matching pursuit. It adds the column that explains most until no residual is left, and then removes
-// columns that are not needed. `centred`: up to a constant. Empty where the columns do not make up the target, or where
-// the target does not vary. Also empty where there are hardly more rows than columns, because any target would fit.
+// Orthogonal matching pursuit. Adds the column that leaves the smallest residual until no residual is left, and then
+// removes columns that are not needed. `centred`: the combination may contain a constant. Empty if no combination of
+// the columns gives the target, or if the target does not vary. Also empty if there are hardly more rows than columns,
+// because any target would then fit.
 std::optional<Combination> combination(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred);
 
-// Residual of the target after its best combination of the columns, as a share of its size; 0 where it does not vary.
+// Residual of the target after its best combination of the columns, as a share of the size of the target; 0 if the
+// target does not vary.
 double unexplained(const ConstMatrixRef& columns, const ConstMatrixRef& target, bool centred);
 
 // Are both sums of the same samples, with factors in the same ratios to within a thousandth?

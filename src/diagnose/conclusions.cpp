@@ -25,7 +25,7 @@ TestResult beyond_chance(double size, double counts) {
 }
 
 Conclusion nis(const Validation& v) {
-  // Many data make any difference significant, however small.
+  // A ratio up to this is only slightly larger. With many data, even small differences are significant.
   constexpr double little = 1.2;
   const NormalisedSquares& s = v.squares;
   if (!v.noisy) return untested(Test::nis, v);
@@ -49,7 +49,7 @@ Conclusion whiteness(const Validation& v) {
   if (std::isnan(w.p)) return untested(Test::whiteness, v);
   double size = 0.0;
   Index lag = 0;
-  bool steady = false;  // one sign at many steps, which single steps do not show
+  bool steady = false;  // correlation of one sign at many steps, too small to be significant at a single step
   for (Index j = 0; j < w.correlation.rows(); ++j)
     for (const double c : w.correlation.row(j)) {
       steady = steady || std::abs(c) > 1.5 * w.bound(j);

@@ -18,11 +18,12 @@ namespace tokid {
 
 namespace {
 
-// Most terms that identify a combination; a longer one is identified by its first term.
+// Combinations of at most this many terms are the same if all terms are the same, longer ones if their first terms are
+// the same.
 constexpr size_t most_terms = 4;
 // Most columns that are searched for a combination: the time grows with their cube.
 constexpr Index most_columns = 40;
-// An output has no significant noise if the inputs and earlier samples leave less than this share of it.
+// An output has no significant noise if the inputs and earlier samples explain all of it except this share.
 constexpr double answers = 100 * nothing_left;
 // Number of steps that represent all steps for inputs, and for outputs.
 constexpr Index sampled_steps = 24, sampled_outputs = 16;
@@ -30,15 +31,17 @@ constexpr Index sampled_steps = 24, sampled_outputs = 16;
 constexpr size_t most_cases = 4;
 // A finding is reported if chance produces it with at most this probability.
 constexpr double chance_of_alarm = 1e-4;
-// For coupled steps: the length of a run, or the share of all steps, that is worth a report.
+// For coupled steps, a dependence is reported only if it holds at this many successive steps, or at this share of all
+// steps.
 constexpr Index long_run = 8;
 constexpr double large_share = 0.2;
-// Number of samples of a channel that show how often its values coincide.
+// Number of samples of a channel among which equal values are counted.
 constexpr Index sampled_values = 2000;
 // Most rows of a pooled record that are used: a relation that holds in so many rows holds in all.
 constexpr Index most_rows = 2000;
 
-// Steps all over a range at irregular distances, because inputs may be held for several steps or may repeat.
+// Steps spread over a range at irregular distances. Regular distances could miss the changes of inputs that are held or
+// that repeat.
 std::vector<Index> spread(Index begin, Index end, Index count) {
   std::vector<Index> steps;
   constexpr double golden = 0.6180339887498949;
@@ -61,8 +64,8 @@ Index most_alike(std::vector<double> values) {
   return Index(most);
 }
 
-// `value`: share of the most frequent value of channel c, over steps at which the channel varies. `held`: share of the
-// values that equal the value of the step before.
+// `value`: share of the most frequent value of channel c, over steps at which the channel differs between experiments.
+// `held`: share of the values that equal the value of the step before.
 struct Coincidence {
   double value = 0.0, held = 0.0;
 };
@@ -105,9 +108,10 @@ class Inspection {
   }
 
   struct Found {
-    std::vector<Finding::Term> terms;  // first the channel itself; without earlier samples, last
+    std::vector<Finding::Term> terms;  // the channel itself is first, or last in a combination without earlier samples
     bool feedback = false, constant = false;
-    double log_chance = 0.0, log_choices = 0.0;  // of chance at one step; number of combinations
+    // Logarithms of the probability of a fit by chance at one step, and of the number of possible combinations.
+    double log_chance = 0.0, log_choices = 0.0;
     Index depth() const {
       Index most = 0;
       for (const Finding::Term& term : terms) most = std::max(most, term.lag);
@@ -115,7 +119,7 @@ class Inspection {
     }
   };
 
-  // Do a few experiments allow a dependence among the inputs of a step? If not, no more experiments are examined.
+  // May the inputs of step k be dependent? False if a few experiments already rule this out.
   bool may_be(Index k) const {
     const Index r = e_.inputs(), needed = r + 5, count = e_.experiments();
     few_.clear();
@@ -159,7 +163,7 @@ class Inspection {
     std::vector<Found> found;
     if (with_past && lags == 0) return found;
     std::vector<Index> others;
-    // The newest samples come first, because of equally good columns the first is taken.
+    // combination() takes the first of equally good columns, so the newest samples come first.
     for (Index j = 1; j <= lags; ++j)
       for (Index c = 0; c < d; ++c) others.push_back((lags - j) * d + c);
     if (o_.noisy && lags > 0)
@@ -171,7 +175,8 @@ class Inspection {
     for (Index i = 0; i < r; ++i) {
       const auto own = rows.col(lags * d + i);
       std::optional<Combination> c = combination(rows(Eigen::all, others), own, o_.centred);
-      // In a whole record the shortest recursion is taken: it shows the components of the input.
+      // If one model serves all steps, the shortest recursion is taken, because its order shows the number of sines in
+      // the input.
       if (c && with_past && o_.period == 1)
         for (Index q = 1; q < lags; ++q)
           if (auto shorter = combination(rows(Eigen::all, std::vector<Index>(others.begin(), others.begin() + q * d)),
@@ -204,8 +209,8 @@ class Inspection {
     return found;
   }
 
-  // A sum of s sines satisfies a recursion of order 2s with symmetric coefficients. Returns s, or 0 for no such
-  // recursion.
+  // A sum of s sines satisfies a recursion of order 2s with symmetric coefficients. Returns s, or 0 if the combination
+  // is not such a recursion.
   Index sines(const Found& f) const {
     const Finding::Channel& own = f.terms.front().channel;
     const Index order = f.depth();
@@ -250,7 +255,7 @@ struct Case {
   Inspection::Found found;
   bool same = true;  // same factors at all steps
   std::vector<Index> steps;
-  Index independent = 0;  // steps that do not repeat the step before
+  Index independent = 0;  // steps without those whose inputs repeat the step before
 };
 
 class Cases {
@@ -292,7 +297,7 @@ class Cases {
     return longest >= std::min(long_run, all) || double(c.steps.size()) >= large_share * double(all);
   }
 
-  // The samples of all terms, if these are few; else the sample of the first term.
+  // The samples of all terms if the terms are few, otherwise the sample of the first term.
   using Key = std::pair<bool, std::vector<std::tuple<bool, Index, Index>>>;
   static Key key_of(const Inspection::Found& found) {
     Key key{found.terms.size() > most_terms, {}};
@@ -313,7 +318,7 @@ bool looks_equal(const Matrix& samples, Index a, Index b) {
   return true;
 }
 
-// Steps at which an output is the same in every experiment after it has moved, unless chance explains it.
+// Steps at which an output is the same in every experiment, after it has first varied. Empty if this may be chance.
 std::vector<Index> constant_steps(const Ensemble& e, Index j) {
   const Index d = e.channels(), c = e.inputs() + j;
   std::vector<Index> still;
@@ -441,8 +446,8 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
         for (auto& found : inspect.of(group, false))
           together.add(std::move(found), group.front(), repeats(group.front()));
 
-  // Dependence on earlier samples is checked at the dependent steps, where a few values suggest it, and at some other
-  // steps. If any is found, it is checked at all steps.
+  // Dependence on earlier samples is first checked at `dependent_steps`, at steps where a few values suggest it, and at
+  // some other steps. If one of these steps is dependent, all steps are checked.
   std::vector<Index> few = each ? spread(1, steps, sampled_steps) : spread(0, Index(groups.size()), sampled_steps);
   if (each) {
     few.insert(few.end(), o.dependent_steps.begin(), o.dependent_steps.end());
@@ -464,7 +469,7 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
   const auto report = [&](const std::vector<Case>& cases, bool with_past) {
     for (size_t i = 0; i < std::min(most_cases, cases.size()); ++i) {
       const Case& c = cases[i];
-      // The windows of later steps contain it too.
+      // The windows of later steps contain this dependence too.
       for (const Index k : c.steps)
         for (Index later = k; later < std::min(steps, k + std::max<Index>(1, o.lags - c.found.depth() + 1)); ++later)
           result.named.push_back(later);

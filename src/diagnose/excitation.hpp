@@ -1,5 +1,5 @@
-// Ensemble → inputs and outputs whose effects cannot be separated. These are combinations of channels, and of their
-// earlier samples, that never vary.
+// Ensemble → inputs and outputs whose effects cannot be separated. Effects cannot be separated if a combination of
+// channels, or of their earlier samples, never varies.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -15,7 +15,7 @@ struct ExcitationOptions {
   Index period = 0;                         // P: the steps k, k+P, … share one model; 0: every step has its own
   bool centred = true;                      // a mean motion is, or may be, removed
   bool noisy = false;                       // true: an input that follows exactly from outputs shows feedback
-  bool shared = false;                      // the steps are coupled: a few dependent ones do no harm
+  bool shared = false;                      // the steps are coupled: a few dependent steps do no harm
   Index origin = 0;                         // number of the first step
   std::vector<Index> dependent_steps = {};  // steps whose inputs a regression has found dependent
 };
@@ -25,14 +25,15 @@ struct Excitation {
   std::vector<Index> named;  // steps whose windows contain a reported dependence, ascending
 };
 
-// Reports inputs of one step that move together, at any step. It also looks for inputs that follow from earlier
-// samples. It does so at the dependent steps, at steps that look like the step before, and at two dozen others. If it
-// finds any, it looks at all steps. It reports nothing that chance produces with few experiments or with inputs of few
-// values.
+// Reports inputs that move together at a step, and inputs that follow from earlier samples. Every step is examined for
+// inputs that move together. Only some steps are examined for inputs that follow from earlier samples:
+// `dependent_steps`, steps that look like the step before, and 24 other steps. If such an input is found, all steps are
+// examined. Dependences that may be chance are not reported; chance is likely with few experiments or with inputs of
+// few values.
 Excitation excitation(const Ensemble& ensemble, const ExcitationOptions& options);
 
-// Reports outputs that are one combination of others at all steps. Also reports outputs that are the same in every
-// experiment at some steps after they have moved.
+// Reports outputs that are the same combination of other outputs at all steps. Also reports outputs that are the same
+// in every experiment at some steps after they have moved.
 Findings findings_of_dependent_outputs(const Ensemble& ensemble, Index origin = 0);
 
 // Outputs that stay constant in single experiments while the inputs move, and these experiments.

@@ -15,14 +15,14 @@ Findings findings_of_absent_states(const Model& model);
 // Reports a model that begins late because the initial states are unknown.
 Findings findings_of_begin(const Model& model);
 
-// Reports steps with fewer states than asked for, between steps that have all of them. Before and after, states are not
-// reached yet or no longer observed. `origin`: the number of the first step.
+// Reports steps with fewer states than asked for, between steps that have all of them. Steps before and after these may
+// have fewer states, because states are not yet reached or no longer observed. `origin`: the number of the first step.
 Findings findings_of_hidden_states(const Model& model, Index origin = 0);
 
 // Reports outputs that the model does not predict. `one_step_fit`: (m) [%]
 Findings findings_of_fit(const Vector& one_step_fit, const Channels& names);
 
-// σ_n / σ_{n+1} at the steps of full dimension where both exist.
+// Ratios σ_n / σ_{n+1} of the singular values, at the steps of full dimension that have both values.
 std::vector<double> singular_value_gaps(const Model& model);
 
 }  // namespace tokid

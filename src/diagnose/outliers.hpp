@@ -1,5 +1,5 @@
-// Ensemble → experiments that do not fit the model of the others, and possible explanations. Leave-one-out residuals at
-// some of the steps show them.
+// Ensemble → experiments that do not fit the model of the others, and possible explanations. Outliers are found by
+// their leave-one-out residuals at some of the steps.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -18,16 +18,17 @@ struct OutlierOptions {
   bool zero_start = false;  // the states at the first step are zero
   int threads = 1;
   Index period = 0;              // P: 1 where one model serves all steps
-  const Model* model = nullptr;  // of all experiments; it can overrule flags of regressions with one lag
+  const Model* model = nullptr;  // model of all experiments; can clear outliers that only regressions with one lag find
 };
 
-// Returns outliers, the largest first. It returns none for fewer than five experiments, or three where one model serves
-// all steps: so few cannot show which one is wrong.
+// Returns outliers, the largest first. Returns none for fewer than five experiments, or fewer than three if one model
+// serves all steps, because they do not show which experiment is wrong.
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
-// Finds one wrong experiment in data without noise. There, regressions with many lags also fit a wrong experiment,
-// through states of its own. Without the one found, some lag order explains all others exactly, but not with it. If
-// experiments begin at rest, windows from the first step are examined too. If several are wrong, none is found.
+// Finds one wrong experiment in data without noise. At some lag order, a regression fits all other experiments exactly,
+// but not together with the wrong experiment. Regressions with more lags would also fit the wrong experiment, by
+// additional states. If experiments begin at rest, windows from the first step are examined too. If several experiments
+// are wrong, none is found.
 std::vector<Outlier> outliers_without_noise(const Ensemble& ensemble, const OutlierOptions& options);
 
 // `reported`: experiments that are already reported; they are left out.

@@ -26,7 +26,7 @@ bool inputs_dependent(const Ensemble& e, Index k, Index p, bool feedthrough) {
       const Vector u = e.input(j).col(i)(rows);
       if (u.norm() > 0) inputs.col(used++) = u / u.norm();
     }
-  if (inputs.rows() < used) return false;  // too few experiments are reported elsewhere
+  if (inputs.rows() < used) return false;  // steps with too few experiments are in `starved`
   const Matrix zero = Matrix::Zero(inputs.rows(), 1);
   return linalg::minimum_norm(inputs.leftCols(used), zero, 1e-12).rank < used;
 }

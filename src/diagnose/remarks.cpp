@@ -60,7 +60,7 @@ Findings remarks(const Model& model, const Ensemble& data) {
 
 std::string simulation_start(const Model& model, const Ensemble& inputs, bool estimate) {
   const InitialState initial = initial_state(model, inputs);
-  if (estimate && !starts_from_zero(model, initial)) return "state that the first samples tell";
+  if (estimate && !starts_from_zero(model, initial)) return "state that the first samples determine";
   return has_initial_estimate(model, initial) ? "mean initial state" : "zero state";
 }
 
@@ -96,7 +96,7 @@ std::string nominal_remark(const NominalTest& test, const Channels& names, Index
     }
     const Index c = departure.channel;
     std::string text = c < inputs ? names.input(c) : names.output(c - inputs);
-    // One model for all steps has one mean motion.
+    // One model for all steps has one mean motion, so no steps are listed.
     if (period != 1) text += fmt::format(" at {}", words::step_list(departure.steps));
     channels.push_back(std::move(text));
   }

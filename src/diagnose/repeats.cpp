@@ -41,7 +41,8 @@ bool same_inputs(const Ensemble& e, Index a, Index b) {
 
 Index input_courses(const Ensemble& e) {
   const std::vector<std::uint64_t> hashes = input_hashes(e);
-  std::unordered_map<std::uint64_t, std::vector<Index>> courses;  // the first experiment of each
+  // hash → first experiment of each course with this hash
+  std::unordered_map<std::uint64_t, std::vector<Index>> courses;
   Index count = 0;
   for (Index n = 0; n < e.experiments(); ++n) {
     std::vector<Index>& known = courses[hashes[size_t(n)]];

@@ -8,9 +8,10 @@ namespace tokid {
 
 namespace {
 
-// Nothing is reported below this number of steps, this multiple of the usual length, or this share of the record.
+// A standstill is reported only if it has this number of steps, this multiple of the median length, and this share of
+// the record.
 constexpr double fewest_steps = 8, times_usual = 3, least_share = 0.1;
-// Largest probability that values which stay by chance stay for so long.
+// A standstill is not reported if its probability by chance is larger.
 constexpr double chance_of_standstill = 1e-3;
 
 struct Course {
@@ -25,8 +26,8 @@ std::vector<Standstill> standstills(const Ensemble& e, Index c) {
   std::vector<Course> courses(static_cast<size_t>(count));
   std::vector<Standstill> now(static_cast<size_t>(count));
   for (Index n = 0; n < count; ++n) courses[size_t(n)].longest.experiment = now[size_t(n)].experiment = n;
-  // The loop follows the steps, as the samples lie in memory. Only the part of a run between two movements of the
-  // inputs counts.
+  // The loop follows the steps, as the samples lie in memory. For an output, only the part of a run from the first to
+  // the last movement of the inputs counts.
   const auto moves = [&](Index n, Index k) {
     for (Index i = 0; i < e.inputs(); ++i)
       if (e.u(n, k, i) != e.u(n, k - 1, i) && !std::isnan(e.u(n, k, i)) && !std::isnan(e.u(n, k - 1, i))) return true;
@@ -65,7 +66,7 @@ std::vector<Standstill> standstills(const Ensemble& e, Index c) {
     steps += course.steps;
   }
   if (count < 2) return {};
-  // For an experiment above it, this is the median of the others.
+  // For an experiment with a longer standstill, this is the median over the other experiments.
   const auto middle = length.begin() + (count - 1) / 2;
   std::nth_element(length.begin(), middle, length.end());
   const double least = std::max(fewest_steps, least_share * double(e.steps()));
@@ -73,7 +74,7 @@ std::vector<Standstill> standstills(const Ensemble& e, Index c) {
   for (const Course& course : courses) {
     const double own = double(course.longest.end - course.longest.begin);
     if (own < least || own < times_usual * *middle) continue;
-    // Outputs with coarse resolution stay constant by themselves, in this experiment or in the others.
+    // Outputs with coarse resolution may stay constant without a fault, in this experiment or in the others.
     const auto share = [](Index part, Index all) { return all > 0 ? double(part) / double(all) : 0.0; };
     const Index run = Index(own) - 1;
     const double usual =

@@ -1,4 +1,4 @@
-// Ensemble → where a channel stays constant in one experiment, unlike in the others.
+// Ensemble → steps at which a channel stays constant in one experiment, but not in the others.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -14,9 +14,9 @@ struct Standstill {
   double value = 0.0;
 };
 
-// For channel c (inputs first), returns the experiments in which it stays constant far longer than usual in the others.
-// Each has its longest standstill after the channel has moved. An output counts only while an input of the experiment
-// moves. The result is sorted by experiment.
+// For channel c (inputs first), returns the experiments in which it stays constant far longer than in the others. For
+// each experiment, returns the longest standstill after the channel has first moved. For an output, only steps at which
+// an input of the experiment moves count. The result is sorted by experiment.
 std::vector<Standstill> standstills(const Ensemble& ensemble, Index c);
 
 }  // namespace tokid

@@ -98,7 +98,7 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
                                const CrossValidateOptions& options) {
   check_horizon(options.horizon, ensemble.steps());
   const UsedExperiments used = used_experiments(ensemble);
-  if (!used.all(ensemble)) {  // copies and sums in two folds would make errors look too small
+  if (!used.all(ensemble)) {  // a copy or sum in another fold would make errors look too small
     CrossValidation result = cross_validate(ensemble.subset(used.rows()), identify_options, options);
     for (Fold& fold : result.folds) {
       for (Index& n : fold.experiments) n = used.rows()[size_t(n)];
@@ -109,7 +109,7 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
     return result;
   }
   const auto members = fold_members(ensemble.experiments(), options);
-  // Messages about single experiments must use rows of the whole ensemble. Rows within a fold would mislead.
+  // Checks the whole ensemble here, so that messages name its rows. Rows within a fold would mislead the user.
   const Survey samples = checked(ensemble);
   Pooled simulation(ensemble), one_step(ensemble), horizon(ensemble);
   bool nominal = false;

@@ -30,7 +30,7 @@ namespace tokid {
 
 namespace {
 
-// Steps that share a model also share one mean motion. The steps of the first period represent all steps.
+// Steps that share a model also share one mean motion. Each step is therefore replaced by its phase.
 void count_in_phases(NominalTest& test, Index period) {
   for (NominalTest::Departure& departure : test.departures) {
     std::vector<Index>& steps = departure.steps;
@@ -50,7 +50,7 @@ void check_method(const Ensemble& data, const IdentifyOptions& options) {
   if (tvera && options.weighting) throw std::invalid_argument("method: tvera found, subspace needed for a weighting");
   if (tvera && options.refine.value_or(false))
     throw std::invalid_argument(
-        "method: tvera found, subspace needed for a refinement as far as it helps; refine() goes on from any model");
+        "method: tvera found, subspace needed for the refinement of an identification; refine() refines any model");
   if (options.period == 1 && options.smoothing && !std::isinf(*options.smoothing))
     throw std::invalid_argument(
         fmt::format("smoothing: {} found, none needed where one model serves all steps", *options.smoothing));
@@ -59,14 +59,14 @@ void check_method(const Ensemble& data, const IdentifyOptions& options) {
         fmt::format("period: {} found, less than the {} steps of the data needed", options.period, data.steps()));
   const Index most = std::max<Index>(1, data.steps() - 1) * data.outputs();
   if (options.states > most)
-    throw std::invalid_argument(fmt::format("states: {} found, {} steps of {} show at most {}", *options.states,
+    throw std::invalid_argument(fmt::format("states: {} found, {} steps of {} determine at most {}", *options.states,
                                             data.steps(), words::plural(data.outputs(), "output"), most));
   if (options.weighting == Weighting::projection && options.period == 0)
     throw std::invalid_argument("weighting: projection found, needs --time-invariant or --period P to pool steps");
   if (!tvera && options.period == 0 && !options.smoothing && data.experiments() < 2)
     throw std::invalid_argument(
-        "experiments: 1 found, at least 2 needed to see how a system varies in time (one record is enough where it is "
-        "time-invariant or periodic, if that is stated)");
+        "experiments: 1 found, at least 2 needed to identify how a system varies in time (one is enough if the "
+        "system is stated to be time-invariant or periodic)");
 }
 
 // A model explains only the response to the inputs and to a state. A significant mean motion is therefore removed
@@ -76,7 +76,7 @@ struct Departures {
   Ensemble data;
 };
 struct NominalDecision {
-  NominalTest test;  // where the choice was automatic
+  NominalTest test;  // if the choice was automatic
   std::optional<Departures> departures;
   Findings findings;
 };
@@ -90,7 +90,7 @@ NominalDecision decide_nominal(const Ensemble& measured, const IdentifyOptions& 
     if (!result.test.significant) return result;
   }
   if (measured.experiments() < 2 && options.period == 0)
-    throw std::invalid_argument("nominal: one experiment has no mean motion to depart from, at least 2 needed");
+    throw std::invalid_argument("nominal: one experiment equals its own mean motion, at least 2 experiments needed");
   Nominal nominal = nominal_trajectory(measured);
   if (options.period > 0) share_phases(nominal, options.period);
   Ensemble data = departures(measured, nominal);
@@ -165,7 +165,8 @@ ExperimentFindings experiment_findings(const Ensemble& used, const Ensemble& mea
                                        const Model& model, const Plan& plan, const IdentifyOptions& options) {
   const bool exact = !plan.noisy && plan.initial_state == InitialState::zero;
   const Index r = used.inputs(), p = plan.lags;
-  // With unknown initial states, or with noise, states vary without the inputs.
+  // With unknown initial states, or with noise, states also vary without inputs. Fewer different inputs are then
+  // needed.
   const Index needed = options.period > 0 ? 0
                        : plan.coupled     ? r + model.states()
                        : exact            ? experiments_for(used, p, plan)
@@ -214,8 +215,8 @@ Findings findings_of_states(const Model& model, const Ensemble& data, const Plan
   return result;
 }
 
-// Validates with the held-out experiments or, without any, with the training data. `measured`: all experiments, with
-// their names. `misfits` of the options: labels of experiments that are known to be wrong.
+// Validates with the held-out experiments or, if there are none, with the training data. `measured`: all experiments,
+// with their names. `misfits` of the options: labels of experiments that are known to be wrong.
 Validation validated(const Model& model, const Ensemble& training, const Ensemble* held_out, const Ensemble* measured,
                      ValidateOptions o) {
   const Ensemble& tested = held_out ? *held_out : training;
@@ -233,13 +234,13 @@ Validation validated(const Model& model, const Ensemble& training, const Ensembl
   return result;
 }
 
-// All measured experiments, and the rows of the used ones. The other experiments are copies and sums of these.
+// All measured experiments, and the rows of the used ones. The other experiments are copies and sums of the used ones.
 struct Measured {
   const Ensemble& all;
   std::vector<Index> rows;
 };
 
-// The survey of samples that can be identified from.
+// Surveys the samples. \throws std::invalid_argument if they do not permit an identification
 Survey checked_channels(const Ensemble& data) {
   Survey samples = checked(data);
   if (data.inputs() == 0 || data.outputs() == 0)
@@ -258,7 +259,7 @@ Model framed(Model model, const Plan& plan, Findings& findings) {
   return std::move(result.model);
 }
 
-// What led to the choices.
+// Moves the tests and scores that led to the choices into the result.
 void take_evidence(NominalTest nominal, Regressed regression, const RegressionSurvey& survey, Realised realisation,
                    Identification& result) {
   if (!result.plan.coupled) {

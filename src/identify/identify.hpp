@@ -6,8 +6,8 @@
 
 namespace tokid {
 
-// Runs identify() on a part of an ensemble. It reports nothing about single experiments, because their numbers differ
-// there. `validated`: false where only the choices are wanted.
+// Runs identify() on a part of an ensemble. It reports nothing about single experiments, because the part has other row
+// numbers. `validated`: false if only the choices are needed, without a validation.
 Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated);
 
 // The provenance of the model of a result, apart from its data. `chosen`: the choices of the plan are those of this

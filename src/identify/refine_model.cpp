@@ -13,10 +13,11 @@ namespace tokid {
 
 namespace {
 
-// Number of folds that choose λ where the model does not record it, and the most iterations in each fold.
+// If the model does not record λ, this number of folds chooses λ, with at most this number of iterations in each fold.
 constexpr Index folds = 3, iterations = 20;
 
-// The same model starts all folds. It has seen the held-out experiments, but the iterations after it have not.
+// All folds start from the same model. This model may have been identified from the held-out experiments, but the
+// iterations do not use them.
 void choose(const Model& model, const Ensemble& data, const RefineModelOptions& options, RefinedModel& result) {
   if (!options.smoothing && options.refine.period.value_or(model.period) == 1) {
     result.reason = "one model serving all steps";
@@ -28,7 +29,7 @@ void choose(const Model& model, const Ensemble& data, const RefineModelOptions& 
     result.reason = "as the model was identified";
   } else if (data.experiments() < 2 * folds) {
     result.smoothing = 1.0;
-    result.reason = "too few experiments to choose it by";
+    result.reason = "too few experiments to choose lambda";
   } else {
     RefineOptions trial = options.refine;
     trial.iterations = std::min(trial.iterations, iterations);

@@ -158,7 +158,7 @@ class Report {
       if (conclusion->result == TestResult::negligible) small.emplace_back(test);
     if (small.empty()) return "None of the checks of this page speaks against the model.";
     return fmt::format(
-        "No check counts against the model. The innovations show something beyond chance that is too little to count: {}.",
+        "No check counts against the model. The innovations show something beyond chance that is too small to matter: {}.",
         fmt::join(small, ", "));
   }
 

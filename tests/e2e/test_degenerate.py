@@ -478,7 +478,7 @@ def test_outliers_are_numbered_as_in_the_data(tokid, tmp_path):
         cause = outlier["explanation"]
         assert (cause["kind"], cause["steps"], cause["numbers"]) == ("swapped", [], {})
         assert [channel["name"] for channel in cause["channels"]] == ["y1", "y2"]
-        assert cause["text"] == "with outputs y1 and y2 swapped they would be as usual"
+        assert cause["text"] == "with outputs y1 and y2 swapped it would fit the others"
 
 
 def test_a_stuck_sensor_is_told_once(tokid, tmp_path):
@@ -486,7 +486,7 @@ def test_a_stuck_sensor_is_told_once(tokid, tmp_path):
     arguments = CASES["a sensor that is stuck in one experiment"](tmp_path, tokid)
     for more in ([], ["--hold-out", 0.25]):
         text, = (line for line in messages(tokid, [*arguments, *more]) if "experiment 12" in line)
-        assert "is its sensor stuck there?" in text
+        assert "check whether the sensor of this output is stuck" in text
 
 
 @pytest.mark.parametrize("third", ["at rest", "an input, a step later"])
@@ -552,7 +552,7 @@ def test_streams_tell_what_every_stretch_shows(tokid, tmp_path):
         file["u"], file["y"], file["initial_state"] = u, y, "zero"
     said = messages(tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400,
                             "--lags", 2, "--states", 2, "--no-refine"])
-    assert any(line.startswith("in the deciding stretches, input u1 follows from inputs before it") and
+    assert any(line.startswith("in the deciding stretches, input u1 follows from earlier inputs") and
                "601–609" in line for line in said), said
     text, = (line for line in said if "experiment 12" in line)
     assert text.startswith("in the deciding stretches, output y1 stays at ") and "steps 700–799" in text

@@ -74,4 +74,4 @@ def test_blocks_report_them(tokid, tmp_path):
     found = tokid.json("identify", tmp_path / "made.h5", "-o", tmp_path / "model.h5", "--block", 200,
                        "--lags", 3, "--states", 3)
     assert [c["experiment"] for c in found["dependent"]] == list(range(20, 40))
-    assert any("are sums or multiples of others" in text and "Blocks use them all" in text for text in found["warnings"])
+    assert any("are sums or multiples of others" in text and "The blocks use all experiments" in text for text in found["warnings"])

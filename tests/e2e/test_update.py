@@ -76,7 +76,7 @@ def test_experiments_of_another_system_are_told(tokid, noisy):
     assert len(told) == values["y"].shape[2]
     for j, line in enumerate(told, 1):
         assert line.startswith(f"tokid: warning: new experiments with the old model: output y{j} is simulated worse")
-        assert line.endswith("Are they from the same system, with the same channels?")
+        assert line.endswith("Check that the new experiments are from the same system, with the same channels")
 
 
 @pytest.mark.parametrize("value", [0.0, 3.0])
@@ -86,7 +86,7 @@ def test_an_output_that_rests_in_new_experiments_is_told(tokid, noisy, value):
     values["y"][:, :, 1] = value
     np.savez(noisy / "later.npz", **values)
     told = tokid.json("update", noisy / "state.h5", noisy / "later.npz")["warnings"]
-    assert any("new experiments with the old model: output y2 is constant in them" in text for text in told)
+    assert any("new experiments with the old model: output y2 is constant in the new experiments" in text for text in told)
 
 
 def test_several_files_are_added_one_by_one(tokid, campaign):

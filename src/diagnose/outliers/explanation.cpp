@@ -14,12 +14,12 @@ namespace {
 
 using Kind = Explanation::Kind;
 
-// The residual ratio of an explained experiment is at most this.
+// A change explains an outlier only if the residual ratio is then at most this.
 constexpr double usual = 2.0;
-// A factor closer to one explains nothing.
+// A factor closer to one is not accepted as an explanation.
 constexpr double least_factor = 1.5;
 
-// Searches for a change of an experiment's samples that makes its residuals usual.
+// Searches for a change of an experiment's samples after which the experiment fits the others.
 class Search {
  public:
   Search(const Ensemble& e, const Sketch& sketch, Index n) : e_(e), sketch_(sketch), n_(n), x_(e.samples().row(n)) {}
@@ -43,14 +43,15 @@ class Search {
   Index d() const { return e_.channels(); }
   Finding::Channel channel(Index c) const { return tokid::channel(e_.names, e_.inputs(), c); }
 
-  // One of many attempts may succeed by chance, but hardly at two separate sets of places.
+  // One of many changes may fit by chance. It must therefore fit at the even places and at the odd places.
   void try_one_of_many(const Eigen::RowVectorXd& x, Explanation change) {
     if (sketch_.ratio_of(x, Sketch::Places::even) <= accepted_ && sketch_.ratio_of(x, Sketch::Places::odd) <= accepted_)
       try_with(x, std::move(change));
   }
 
-  // Small samples have small residuals anyway, so the residuals relative to the outputs must be usual too. A factor
-  // close to one explains nothing. Of the negative factors only -1 is tried, elsewhere.
+  // A factor that makes the samples small also makes the residuals small. The residuals divided by the outputs must
+  // therefore also be as small as those of other experiments. Negative factors are not tried here; scales() tries the
+  // factor -1.
   void try_factor(const Eigen::RowVectorXd& x, double factor, Explanation change) {
     if (!(factor > 1e-9 && std::abs(std::log(factor)) > std::log(least_factor) && sketch_.share_of(x) <= usual)) return;
     change.numbers = {{"factor", factor}};
@@ -59,7 +60,7 @@ class Search {
 
   void try_with(const Eigen::RowVectorXd& x, Explanation change) {
     const double ratio = sketch_.ratio_of(x);
-    // Simpler changes come first. A later change replaces them only if it is clearly better.
+    // Simpler changes are tried first. A later change replaces a simpler one only if its ratio is clearly smaller.
     if (ratio <= accepted_ && (!best_ || ratio < 0.8 * best_ratio_)) {
       best_ratio_ = ratio;
       best_ = std::move(change);

@@ -10,7 +10,7 @@
 namespace tokid {
 
 // Tries to swap channels, to change signs, to scale, offset or shift channels in time, and looks for a stuck channel.
-// Otherwise returns the output that has nearly all of the residual; nothing if there is none.
+// If none of these fits, returns the output that has nearly all of the residual. Empty if no output has.
 std::optional<Explanation> explanation(const Ensemble& ensemble, const Sketch& sketch, Index experiment);
 
 }  // namespace tokid

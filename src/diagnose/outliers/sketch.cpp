@@ -12,23 +12,25 @@ namespace tokid {
 
 namespace {
 
-// Most places of the record, and the number of residuals that an experiment must have.
+// Most places of the record, or fewer if regressions take long, and the number of residuals that an experiment must
+// have.
 constexpr Index most_places = 16, costly_places = 8, fewest_residuals = 6;
-// Rows for each regressor. More of them take longer and show little more about single experiments.
+// Most rows for each regressor. More rows take longer and hardly improve the evaluation of single experiments.
 constexpr double most_rows_each = 8.0;
-// Rows that are larger than the usual size by this factor are scaled down: one alone would determine the regression.
+// A row with an entry above this multiple of the median size is scaled down, because this row alone would determine the
+// regression.
 constexpr double too_large = 10.0;
-// The threshold is a quantile of Student's t that one ensemble in a thousand exceeds. The scatter of the log sizes
-// comes from their median deviation, which has this efficiency for Gaussian samples. For few experiments, a prior
-// scatter with a few degrees of freedom is added.
+// The threshold is a quantile of Student's t: one ensemble without outliers in a thousand exceeds it. The scatter of
+// the logarithmic sizes is computed from their median deviation. For Gaussian samples, this has the efficiency 0.37. A
+// prior scatter with four degrees of freedom is added, which matters for few experiments.
 constexpr double false_alarms = 1e-3, efficiency = 0.37, own_scatter = 0.2, own_freedom = 4.0;
-// Experiments that are larger than the others, up to this factor, may have larger residuals, because the model may be
-// too simple for them.
+// An experiment with larger samples than the others may have larger residuals, up to this factor, because the model may
+// be too simple for large samples.
 constexpr double larger = 10.0;
 
 }  // namespace
 
-// With one model for all steps, fewer experiments suffice, and each gives more steps.
+// If one model serves all steps, fewer experiments suffice, because each experiment has many steps with this model.
 Index fewest_experiments(const OutlierOptions& o) { return o.period == 1 ? 3 : 5; }
 Index most_together(const OutlierOptions& o) { return o.period == 1 ? 64 : 16; }
 
@@ -125,7 +127,8 @@ Vector Sketch::usual_residual() const {
 bool Sketch::is_evaluated(Index n) const { return !std::isnan(score_[size_t(n)]); }
 
 double Sketch::threshold(Index n) const {
-  // Fewer residuals scatter more: the mean size of n residuals scatters by 0.76 of itself over √n.
+  // The mean size of n residuals has a relative standard deviation of 0.76/√n. Experiments with fewer residuals
+  // therefore have a higher threshold.
   const double own = std::max(0.0, 1.0 / double(count_[size_t(n)]) - 1.0 / usual_count_);
   return std::max(of_consequence, std::exp(quantile_ * std::sqrt(variance_ + 0.57 * own)));
 }
@@ -210,7 +213,7 @@ double Sketch::allowance(const ConstMatrixRef& row) const {
 
 Index Sketch::regressors() const { return layout_.lags * e_.channels() + e_.inputs() + (o_.nominal ? 1 : 0); }
 
-// Spread by the number of experiments at each step rather than by the steps, because some experiments may be short.
+// Spreads the places evenly over the samples, not over the steps, because some experiments may be short.
 std::vector<Index> Sketch::begins() const {
   const Index begin = layout_.lags, end = e_.steps() - layout_.together + 1;
   std::vector<double> alive;
@@ -276,7 +279,7 @@ void Sketch::regress(Place& p, const std::vector<char>& out) const {
     if (!out[size_t(p.owner[size_t(i)])]) used.push_back(i);
   p.empty = used.empty();
   if (p.empty) return;
-  // A sufficient number of whole experiments makes the model. The model evaluates the others in the same way.
+  // The model is fitted to enough whole experiments. It also evaluates the other experiments.
   std::vector<char> inside(size_t(rows), 0);
   const Index most = Index(most_rows_each * double(l)),
               stride = std::max<Index>(1, Index(used.size()) / std::max<Index>(1, most));
@@ -288,7 +291,7 @@ void Sketch::regress(Place& p, const std::vector<char>& out) const {
     kept.push_back(i);
     inside[size_t(i)] = 1;
   }
-  // The last rows regularise directions that the data do not show.
+  // The last rows regularise directions that the data do not determine.
   Matrix both = Matrix::Zero(Index(kept.size()) + l, l + m);
   for (size_t i = 0; i < kept.size(); ++i) both.row(Index(i)) << p.w.row(kept[i]), p.y.row(kept[i]);
   const double lift = 1e-7 * std::sqrt(double(kept.size()));

@@ -1,4 +1,4 @@
-// Regressions at some places of a record. They evaluate experiments that were not used to fit them.
+// Regressions at some places of a record. They evaluate each experiment by a fit without this experiment.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,7 +9,7 @@
 
 namespace tokid {
 
-// Multiple of the usual residuals; less is not significant.
+// An outlier has residuals of at least this multiple of the median over the experiments.
 inline constexpr double of_consequence = 3.0;
 
 // Least number of experiments that show which one is wrong, and most steps that share a regression.
@@ -34,28 +34,30 @@ class Sketch {
 
   bool usable() const { return Index(places_.size()) >= fewest_places; }
 
-  // Fits the models to all experiments but `out`, (N) of 0 and 1. Computes the residuals of all experiments.
+  // Fits the models to all experiments except those with 1 in `out` (N). Computes the residuals of all experiments.
   void evaluate(const std::vector<char>& out);
 
-  // Geometric mean, over places and outputs, of the usual residual divided by the size of the output.
+  // Geometric mean, over places and outputs, of the median residual divided by the root mean square of the output.
   double error() const;
-  // (m) usual size of the residuals.
+  // (m) median size of the residuals.
   Vector usual_residual() const;
 
   bool is_evaluated(Index n) const;
-  // The size of the residuals of experiment n over the usual one: relative to their expected scatter, or plain.
+  // The size of the residuals of experiment n, divided by the median over the experiments. `ratio` divides residuals by
+  // their expected scatter before, `plain_ratio` does not.
   double ratio(Index n) const { return score_[size_t(n)] / typical_; }
   double plain_ratio(Index n) const { return plain_[size_t(n)] / typical_plain_; }
   double threshold(Index n) const;
   // The output that has nearly all of the residual, if there is one.
   std::optional<Index> output(Index n) const;
 
-  // The size of the residuals that samples x (T·d) of an experiment would have at some of the places, over the usual
-  // ones; NaN if too few can be computed.
+  // The ratio() that samples x (T·d) would have at these places; NaN if too few residuals can be computed.
   double ratio_of(const Eigen::RowVectorXd& x, Places at = Places::all) const;
-  // The same for residuals relative to the outputs: small samples have small residuals with any model.
+  // The same for residuals divided by the outputs, because samples of small amplitude have small residuals with any
+  // model. The largest ratio of all outputs.
   double share_of(const Eigen::RowVectorXd& x) const;
-  // The a that minimises the residuals of x + a·z, squared and relative to the usual ones; NaN if there is none.
+  // The factor a that minimises the squared residuals of samples x + a·z, in units of the median residuals; NaN if
+  // there is none.
   double best_share(const Eigen::RowVectorXd& x, const Eigen::RowVectorXd& z) const;
 
  private:
@@ -66,11 +68,11 @@ class Sketch {
     std::vector<Index> owner;      // of each row
     Vector weight;                 // of each row
     Vector scale;                  // of the columns of w: medians of their sizes
-    bool empty = false;            // no other experiments here: this place is not used
-    Matrix coefficients, inverse;  // of the model of the others: x, R⁻¹
+    bool empty = false;            // no experiment here can be used for the fit, so this place is not used
+    Matrix coefficients, inverse;  // of the fitted model: coefficients, inverse of the triangular factor R
     Matrix residual, deviation;    // leave-one-out residuals, unweighted; their expected scatter in units of the noise
-    Vector median, plain_median;   // (m) of their sizes over the others
-    Vector size;                   // (m) median size of the outputs over the others
+    Vector median, plain_median;   // (m) medians of the sizes over the experiments not in `out`
+    Vector size;                   // (m) median size of the outputs of these experiments
   };
 
   double allowance(const ConstMatrixRef& row) const;

@@ -15,11 +15,12 @@ namespace tokid {
 
 namespace {
 
-// The model of all experiments is not used if it predicts the others worse than their regressions by this factor.
+// The model of all experiments is not used if its residuals of the unflagged experiments are larger than the residuals
+// of the regressions by this factor.
 constexpr double distorted = 2.0;
 constexpr size_t most_explained = 5;
 
-// Layouts with the most lags for one step at a time, and for more steps together where this allows more lags.
+// Layouts with the most lags for one step at a time, and for more steps together if this permits more lags.
 std::vector<Sketch::Layout> layouts(const Ensemble& e, const OutlierOptions& o) {
   const Index d = e.channels(), present = e.inputs() + (o.nominal ? 1 : 0);
   std::vector<Sketch::Layout> result;
@@ -48,8 +49,8 @@ std::vector<char> members(Index experiments, const std::vector<Index>& list) {
 
 std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   const Index count = e.experiments();
-  // The experiments with the smallest residuals make the model that evaluates all. Large outliers may hide each other,
-  // or themselves.
+  // The model is fitted to the experiments with the smallest residuals. Large outliers in the fit could hide themselves
+  // or each other.
   std::vector<Index> order;
   const auto sort = [&] {
     order.clear();
@@ -78,8 +79,9 @@ std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   return result;
 }
 
-// Removes flagged experiments that the model of all experiments predicts as well as the others. This model must predict
-// the others about as well as their own regressions do, because an outlier may have distorted it.
+// Removes flagged experiments that `model` predicts about as well as the other experiments. If `model` predicts the
+// other experiments clearly worse than the regressions do, an outlier may have distorted `model`. No experiment is then
+// removed.
 std::vector<Outlier> confirmed(std::vector<Outlier> flagged, const Ensemble& e, const Model& model,
                                const Vector& usual_residual) {
   const Prediction prediction = predict(model, e);
@@ -129,7 +131,7 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
   std::vector<Outlier> result;
   if (best) result = outliers_of(e, *best);
   // With many lags, only noise determines some directions of the windows. An outlier may move along these directions,
-  // and the regression cannot predict it there. With one lag there are no such directions.
+  // and the regression cannot evaluate it there. A regression with one lag has no such directions.
   if (first && lags > 1) {
     std::vector<Outlier> alone;
     for (Outlier& other : outliers_of(e, *first)) {
@@ -140,9 +142,9 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
       else if (!same->explanation || same->ratio < other.ratio)
         *same = std::move(other);
     }
-    // But a model with one lag is wrong, and it extrapolates to inputs of another kind. The model of all experiments
-    // can therefore overrule flags from one lag alone. It cannot overrule flags that more lags confirm: such an outlier
-    // may have distorted it.
+    // But a model with one lag is too simple, and its predictions may be wrong for inputs of another kind. The model of
+    // all experiments can therefore remove outliers that only the regression with one lag has found. Outliers of the
+    // regression with more lags remain, because they may have distorted the model of all experiments.
     if (o.model && !alone.empty()) alone = confirmed(std::move(alone), e, *o.model, best->usual_residual());
     std::move(alone.begin(), alone.end(), std::back_inserter(result));
   }

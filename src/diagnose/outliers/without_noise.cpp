@@ -11,8 +11,9 @@ namespace tokid {
 
 namespace {
 
-// Ratios of amplitudes: residual of exact data, and a clear misfit. Larger ratios than the last are rounding errors,
-// because squares are subtracted.
+// Ratios of amplitudes. `exact`: largest residual of exact data, divided by the output. `beyond_doubt`: residual with
+// an experiment divided by the residual without it, for a clear misfit. Ratios above `most_ratio` are determined by
+// rounding errors, because squares are subtracted.
 constexpr double exact = 1e-9, beyond_doubt = 1e6, most_ratio = 1e8;
 
 // Residuals of a regression that adds one regressor after the other to an orthonormal basis.
@@ -27,7 +28,7 @@ class Regression {
     const double size = regressor.norm();
     const auto known = basis_.leftCols(rank_);
     for (int twice = 0; twice < 2; ++twice) regressor -= known * (known.transpose() * regressor);
-    if (rank_ == basis_.cols() || !(regressor.norm() > exact * size)) return;  // depends on the others
+    if (rank_ == basis_.cols() || !(regressor.norm() > exact * size)) return;  // depends on the regressors before
     regressor.normalize();
     residual_ -= regressor * (regressor.transpose() * residual_);
     leverage_ += regressor.cwiseAbs2();
@@ -44,8 +45,8 @@ class Regression {
   Index rank_ = 0;
 };
 
-// Examines windows of p_least … p_most lags before step k. If one experiment alone causes the residuals, returns it
-// with the ratio of the residuals with and without it.
+// Examines windows of p_least … p_most lags before step k. If one experiment alone causes the residuals, returns this
+// experiment with the ratio of the residuals with and without it.
 std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p_most, bool constant) {
   checkpoint();
   constexpr Index to_spare = 4;
@@ -64,7 +65,7 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p
               // out
     const double all = regression.residual().squaredNorm();
     if (p < p_least || !(all > exact * exact * y.squaredNorm())) continue;
-    // Without row i the sum of squares is all - |e_i|²/(1 - h_i).
+    // Without row i, with residual e_i and leverage h_i, the sum of squares is all - |e_i|²/(1 - h_i).
     const Vector alone =
         regression.residual().rowwise().squaredNorm().array() / (1.0 - regression.leverage().array()).max(exact);
     Index worst = 0;
@@ -78,8 +79,8 @@ std::optional<Outlier> misfit(const Ensemble& e, Index k, Index p_least, Index p
   return std::nullopt;
 }
 
-// Does experiment n move the inputs in a direction that no other one uses, within so many successive steps? Then it may
-// reach states that the others do not reach.
+// Does experiment n move the inputs of `lags` + 1 successive steps in a direction that no other experiment uses? If so,
+// experiment n may reach states that the other experiments do not reach.
 bool excites_more(const Ensemble& e, Index n, Index lags, bool centred) {
   const Index r = e.inputs(), d = e.channels();
   const Index steps = std::min({lags + 1, e.steps(), std::max<Index>(1, most_regressors / r)});
@@ -118,7 +119,8 @@ std::optional<Outlier> misfit(const Ensemble& e, const OutlierOptions& o) {
   std::optional<Outlier> found;
   if (o.zero_start)
     for (Index k = 0; k <= most && !found; ++k) found = misfit(e, k, k, k, o.nominal);
-  // Early, an initial state that the others do not have looks wrong. Later, the inputs have reached it too.
+  // At early steps, an experiment with an unusual initial state looks wrong. At later steps, inputs have moved the
+  // other experiments in the same directions of the state.
   const Index first = o.zero_start ? most : std::max(most, last / 2);
   for (Index i = 1; i < fewest_places && !found; ++i)
     found = misfit(e, first + i * (last - first) / (fewest_places - 1), 1, most, o.nominal);
