@@ -793,7 +793,7 @@ TEST_F(Csv, StepNumbersByOtherNames) {
   EXPECT_EQ(e.y(1, 1, 0), 6);
   EXPECT_FALSE(e.dt_stated);
   EXPECT_TRUE(e.remarks.empty());
-  const std::string doubt = "'step' was taken for step numbers";
+  const std::string doubt = "the column 'step' was read as step numbers";
   expect_error("step,u,y\n0,1,2\n0,1,2\n", {"line 3", "second row", doubt});
   expect_error("step,u,y\n0,1,2\n0.5,1,2\n", {"line 3", "whole number", doubt});
   expect_error("step,experiment,u,y\n0,1,1,2\n1,1,3,4\n2,2,5,6\n", {"'2' begins at 2", "'1' has ended at 1", "'k'"});
@@ -838,7 +838,7 @@ TEST_F(Csv, ChecksumOfTheRest) {
        {first + other, "# checksum = 12\n" + rest, "# checksum = \n" + rest, "# checksun = " + first.substr(13) + rest,
         "# a remark\n" + first + rest, first + rest + "0,0.2,5,6\n", first + "\n" + rest}) {
     ASSERT_EQ(said(text).size(), 1u) << text;
-    expect_words(said(text).front(), {file("a.csv").string(), "changed since tokid wrote it", "by hand", "damaged"});
+    expect_words(said(text).front(), {file("a.csv").string(), "changed after tokid wrote it", "by hand", "damaged"});
   }
   // Those of other programs are comments.
   for (const char* line : {"# checksum = md5 abc\n", "# checksum = 0123456789abcdef0\n"})
@@ -985,7 +985,7 @@ TEST_F(Csv, TimesThatWereRoundedWhenTheyWereWritten) {
   // What no rounding explains.
   std::string uneven = table({0.0}, 0.1, fixed(3));
   uneven.replace(uneven.find("2.000"), 5, "2.004");
-  expect_error(uneven, {"line 22", "2.004 found, 0.004 off the even steps of 0.1", "resample", "'k'"});
+  expect_error(uneven, {"line 22", "2.004 found, which differs by 0.004 from even steps of 0.1", "resample", "'k'"});
   expect_error("# dt = 0.1\n" + uneven, {"line 23", "2.004", "even steps of 0.1"});
 }
 
@@ -1083,7 +1083,8 @@ TEST_F(Csv, FewTimesThatWereRounded) {
 
 TEST_F(Csv, ExperimentsThatShareNoSteps) {
   const auto exactly = [](double t) { return fmt::format("{:.10g}", t); };
-  expect_error(table({0.0, 0.05}, 0.1, exactly), {"line 62", "0.05 off the even steps of 0.1", "'# dt = …'"});
+  expect_error(table({0.0, 0.05}, 0.1, exactly),
+               {"line 62", "which differs by 0.05 from even steps of 0.1", "'# dt = …'"});
   expect_error(table({0.0, 0.003}, 0.1, exactly), {"line 62", "0.003 found, 0.003 off"});
   expect_error(table({0.0, 0.27}, 0.1, exactly), {"line 62", "0.27 found, 0.03 off"});
   EXPECT_EQ(load("# dt = 0.05\n" + table({0.0, 0.05}, 0.1, exactly)).dt, 0.05);
@@ -1091,15 +1092,15 @@ TEST_F(Csv, ExperimentsThatShareNoSteps) {
   // A clock that goes wrong by half a percent
   std::string drifting = table({0.0}, 0.1, exactly);
   for (Index k = 0; k < 60; ++k) drifting += fmt::format("b,{:.10g},1,2\n", 0.1005 * double(k));
-  expect_error(drifting, {"line 63", "0.1005 found, 0.0005 off the even steps of 0.1"});
+  expect_error(drifting, {"line 63", "0.1005 found, which differs by 0.0005 from even steps of 0.1"});
   // One that goes wrong by little, in either order
   std::string little = table({0.0}, 0.1, exactly), swapped = table({0.0}, 0.100005, exactly);
   for (Index k = 0; k < 60; ++k) {
     little += fmt::format("b,{:.10g},1,2\n", 0.100005 * double(k));
     swapped += fmt::format("b,{:.10g},1,2\n", 0.1 * double(k));
   }
-  expect_error(little, {"line 63", "0.100005 found, 5e-06 off the even steps of 0.1", "'k'"});
-  expect_error(swapped, {"line 3", "0.100005 found, 5e-06 off the even steps of 0.1", "'k'"});
+  expect_error(little, {"line 63", "0.100005 found, which differs by 5e-06 from even steps of 0.1", "'k'"});
+  expect_error(swapped, {"line 3", "0.100005 found, which differs by 5e-06 from even steps of 0.1", "'k'"});
   // The advice holds for spacings of many digits.
   for (const double dt : {1.0 / 3.0, 1.0 / 30.0, 1.0 / 44100.0}) {
     const auto shortest = [](double t) { return fmt::format("{}", t); };

@@ -219,7 +219,7 @@ TEST(Update, RefusesStatesWithoutTheirPlan) {
     }
     return std::string();
   };
-  EXPECT_NE(refusal("\"refinement_iterations\":0", "\"refinement_iterations\":-1").find("no choices found"),
+  EXPECT_NE(refusal("\"refinement_iterations\":0", "\"refinement_iterations\":-1").find("no 'choices' found"),
             std::string::npos);
   EXPECT_NE(refusal("\"hold_out\"", "\"hold_on\"").find("\"hold_on\" is not known"), std::string::npos);
   std::filesystem::remove(path);
@@ -244,7 +244,7 @@ TEST(Update, RefusesWhatDoesNotFit) {
   IdentifyOptions held;
   held.hold_out = 0.3;
   EXPECT_EQ(message([&] { update_state(e, identify(e, held), held); }),
-            "hold-out fraction: a state is of all experiments, none can be held out");
+            "hold-out fraction: found, but an update state needs all experiments; use no hold-out");
 }
 
 // Experiments in a random order, of a random system; some have gaps.
@@ -569,13 +569,13 @@ TEST_F(FileLocks, OneHolderAtATime) {
   {
     const FileLock held(file("state.h5"));
     EXPECT_EQ(files(), 1);
-    EXPECT_NE(refusal([&] { FileLock(file("state.h5"), {.limit = 0.0}); }).find("this process has it locked;"),
+    EXPECT_NE(refusal([&] { FileLock(file("state.h5"), {.limit = 0.0}); }).find("this process has locked the file;"),
               std::string::npos);
     const FileLock other(file("other.h5"), {.limit = 0.0});
     std::string said;
     EXPECT_THROW(FileLock(file("state.h5"), {.limit = 0.02, .waits = [&](const std::string& text) { said = text; }}),
                  IoError);
-    EXPECT_NE(said.find("this process has it locked; waiting for up to 0.02 s"), std::string::npos) << said;
+    EXPECT_NE(said.find("this process has locked the file; waiting for up to 0.02 s"), std::string::npos) << said;
   }
   EXPECT_EQ(files(), 0);
   const FileLock again(file("state.h5"), {.limit = 0.0});
@@ -624,7 +624,7 @@ TEST_F(FileLocks, TellOfWhoeverAsksForNone) {
   save_update_state(state, held);  // it has seen what it saved
   save_update_state(state, file("state.h5"));
   const std::string said = refusal([&] { save_update_state(state, held); });
-  EXPECT_NE(said.find("another program has replaced it meanwhile"), std::string::npos) << said;
+  EXPECT_NE(said.find("another program has changed the file"), std::string::npos) << said;
   held.see();
   EXPECT_NO_THROW(held.check());
   std::filesystem::remove(file("state.h5"));

@@ -9,8 +9,9 @@ namespace tokid::python {
 
 namespace {
 
-// Rows lie `stride` entries apart; entry j of a row is begin[j] behind its first one, and goes to column j. So many
-// rows at a time that their cache lines are still there for the next columns.
+// Copies entries of rows to columns. The rows are `stride` entries apart; entry j of a row is begin[j] entries behind
+// its first entry, and goes to the column to[j]. It copies few rows at a time, so that their cache lines are still in
+// the cache for the next column.
 template <class Number>
 void write_columns(const Number* from, Index stride, Index rows, const std::vector<std::int64_t>& begin,
                    const std::vector<double*>& to) {
@@ -40,7 +41,7 @@ void with_numbers(const AnyArray& array, Function&& f) {
   if (type == nb::dtype<std::uint32_t>()) return f(static_cast<const std::uint32_t*>(data));
   if (type == nb::dtype<std::uint16_t>()) return f(static_cast<const std::uint16_t*>(data));
   if (type == nb::dtype<std::uint8_t>()) return f(static_cast<const std::uint8_t*>(data));
-  throw nb::type_error("an array of another type than real numbers");
+  throw nb::type_error("array: another type found, real numbers needed");
 }
 
 template <class Values>
@@ -49,7 +50,7 @@ NumPyArray owned(Values values, double* (*data)(Values&), std::vector<size_t> sh
   auto held = std::make_unique<Values>(std::move(values));
   double* first = data(*held);
   const nb::capsule owner(held.get(), [](void* p) noexcept { delete static_cast<Values*>(p); });
-  held.release();  // NOLINT(bugprone-unused-return-value): the capsule has it now
+  held.release();  // NOLINT(bugprone-unused-return-value): the capsule owns the values now
   return {first, shape.size(), shape.data(), owner, strides.data()};
 }
 
@@ -85,7 +86,7 @@ NumPyArray outputs_of(const Ensemble& ensemble) {
   std::vector<double> values(size_t(N * T * m));
   {
     const nb::gil_scoped_release release;
-    constexpr Index block = 8;  // experiments whose samples are written side by side: a cache line is read once
+    constexpr Index block = 8;  // experiments that are copied together, so that each cache line is read once
     for (Index n = 0; n < N; n += block)
       for (Index k = 0; k < T; ++k)
         for (Index j = 0; j < m; ++j)

@@ -1,4 +1,4 @@
-// Between NumPy's arrays and the matrices of the library.
+// Converts between NumPy's arrays and the matrices of the library.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,19 +10,20 @@
 
 namespace tokid::python {
 
-// Any array of real numbers in memory, whatever its type and strides; a view of the caller's buffer.
+// A view of the caller's array of real numbers, of any type and with any strides.
 using AnyArray = nb::ndarray<nb::ro, nb::device::cpu>;
 using NumPyArray = nb::ndarray<nb::numpy, double>;
 using ReadOnlyArray = nb::ndarray<nb::numpy, const double>;
 
-// Samples (N × T × channels) into the columns `offset` … of each step. The one pass over them that their layout needs.
-// \throws nb::type_error for another kind of numbers
+// Copies samples (N × T × channels) into the ensemble: into the columns from `offset` on of each step. \throws
+// nb::type_error for an array of other values than real numbers
 void write_samples(const AnyArray& samples, Ensemble& ensemble, Index offset);
 
-// A view (N × T × channels) of the columns `offset` … of each step, without a copy; `owner` keeps the samples alive.
+// A view (N × T × channels) of the samples, without a copy: of `channels` columns from `offset` on of each step.
+// `owner` keeps the samples alive.
 NumPyArray samples_view(Ensemble& ensemble, Index offset, Index channels, nb::handle owner);
 
-// The outputs (N × T × m) as an array of their own, in the order of C.
+// A copy of the outputs (N × T × m), in the order of C.
 NumPyArray outputs_of(const Ensemble& ensemble);
 
 // A read-only view of a matrix or vector that belongs to `owner`.
@@ -31,12 +32,12 @@ ReadOnlyArray view_of(const Vector& vector, nb::handle owner);
 ReadOnlyArray view_of(const Eigen::Map<const Matrix>& matrix, nb::handle owner);
 ReadOnlyArray view_of(const Eigen::Map<const Vector>& vector, nb::handle owner);
 
-// Arrays that own what they hold.
+// Arrays that own their values.
 NumPyArray array_of(Matrix matrix);  // (rows × cols), in the order of Fortran
 NumPyArray array_of(Vector vector);
 NumPyArray array_of(std::vector<double> values, std::vector<size_t> shape);
 
-// Copies of arrays; the shapes are those that Python has seen to.
+// Copies of arrays. The callers in Python have checked the shapes.
 Matrix matrix_of(const AnyArray& array);  // (rows × cols), or a vector as one column
 Vector vector_of(const AnyArray& array);
 

@@ -9,7 +9,7 @@ void Call::ask(Ask&& python) {
   const nb::gil_scoped_acquire acquire;
   if (why_) throw Stopped();
   try {
-    // Signals are the business of Python's main thread: elsewhere this does nothing.
+    // Python handles signals only in its main thread; in other threads this call does nothing.
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
     python();
   } catch (const nb::python_error&) {

@@ -1,4 +1,4 @@
-// Long calls: without the GIL, with progress, and stopped by Ctrl-C.
+// Runs long calls of the library without the GIL, with progress, and so that Ctrl-C stops them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -13,12 +13,11 @@
 
 namespace tokid::python {
 
-// What stops a computation from within its progress callback. No std::exception, so that no part of the library takes
-// it for one of the failures that it can go on without.
+// An exception that stops a computation from within its progress callback. It is no std::exception, because the library
+// catches some of these and continues.
 struct Stopped {};
 
-// The progress of one call. It may be reported from any thread of the library; Python is asked 20 times a second at
-// most.
+// The progress of one call. Any thread of the library may report it. Python is called at most 20 times a second.
 class Call {
  public:
   explicit Call(nb::object listener) : listener_(std::move(listener)), next_(Clock::now() + interval) {}
@@ -29,7 +28,7 @@ class Call {
     return {threads, [this](double share) { report(share); }};
   }
 
-  // work() without the GIL; what a signal handler or the listener has raised is raised here.
+  // Runs work() without the GIL. If a signal handler or the listener has raised an exception, it is raised here.
   template <class Work>
   auto run(Work&& work) {
     try {
@@ -37,7 +36,7 @@ class Call {
       const Interruptible here([this] { poll(); });
       return work();
     } catch (const Stopped&) {
-      // handled behind the block, with the GIL held again
+      // handled after this block, where the GIL is held again
     }
     std::exception_ptr why = std::exchange(why_, nullptr);
     std::rethrow_exception(std::move(why));
@@ -48,16 +47,16 @@ class Call {
   static constexpr std::chrono::milliseconds interval{50};
 
   void report(double share);
-  void poll();  // for Ctrl-C where nothing is reported
+  void poll();  // notices Ctrl-C in computations that report no progress
   template <class Ask>
   void ask(Ask&& python);
 
-  nb::object listener_;  // called with the share, or None
+  nb::object listener_;  // called with the finished share of the work; or None
   std::atomic<Clock::time_point> next_;
   std::exception_ptr why_;
 };
 
-// The same without progress.
+// Runs work() like Call::run(), without progress.
 template <class Work>
 auto without_gil(Work&& work) {
   return Call(nb::none()).run(std::forward<Work>(work));

@@ -19,7 +19,7 @@ constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 using Part = Matrix Interval::*;
 
-// The four arrays of the intervals of all steps, as array(part) lays one of them out.
+// The intervals of all steps as a Python object. array(part) makes the array of one of its four parts.
 template <class Layout>
 nb::any intervals(Layout&& array) {
   return make("Interval", {{"estimate", nb::cast(array(&Interval::estimate))},
@@ -43,7 +43,7 @@ nb::any object_of(const MarkovBounds& b) {
   return make("MarkovBounds", {{"band", b.band}, {"k_begin", b.k_begin}, {"interval", interval}});
 }
 
-// (N, T, m); nothing where there are none
+// (N, T, m); None without bounds
 nb::any object_of(const OutputBounds& b) {
   if (b.step.empty()) return any(nb::none());
   const size_t T = b.step.size(), N = size_t(b.step.front().estimate.rows()),
@@ -68,7 +68,7 @@ nb::any table_of(std::vector<Number> values, size_t rows, size_t cols) {
   return any(nb::cast(nb::ndarray<nb::numpy, Number, nb::ndim<2>>(first, {rows, cols}, owner)));
 }
 
-// (S, n), padded where there are fewer
+// (S, n); steps with fewer eigenvalues are padded
 nb::any object_of(const SpectrumBounds& b) {
   using Step = SpectrumBounds::Step;
   if (b.step.empty()) return any(nb::none());

@@ -24,7 +24,7 @@ void set_initial_state(Ensemble& e, const std::optional<std::string>& text) {
   e.initial_state = text ? std::optional(initial_state_from(*text)) : std::nullopt;
 }
 
-// (Nf, Tf, m), where there are some
+// The free responses (Nf, Tf, m); None if there are none.
 std::optional<NumPyArray> free_outputs(nb::handle self) {
   auto& free = nb::cast<Ensemble&>(self).free;
   if (free.experiments == 0) return std::nullopt;
@@ -41,8 +41,8 @@ void set_free_outputs(Ensemble& e, const AnyArray& y) {
   e.free = {experiments, steps, samples.samples()};
 }
 
-// What was written beyond the lengths becomes NaN. Where it is that already nothing is written, for other threads may
-// be reading. This runs under the GIL.
+// Sets samples beyond the lengths to NaN. It does not write a sample that is NaN already, because other threads may be
+// reading. The caller holds the GIL.
 void clear_beyond_lengths(Ensemble& e) {
   for (size_t n = 0; n < e.length.size(); ++n)
     for (Index c = e.length[n] * e.channels(); c < e.steps() * e.channels(); ++c) {

@@ -16,7 +16,8 @@ namespace tokid::python {
 
 namespace {
 
-// (model, evidence, state or None); the page goes to its file, after everything else has worked.
+// Returns (model, evidence, state or None). The page is written last, so that no page is written if something fails
+// before.
 nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads, nb::object listener, bool keep_state,
                      const std::optional<std::filesystem::path>& page, const ReportOptions& page_options) {
   Call call(std::move(listener));
@@ -32,20 +33,21 @@ nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads,
   return nb::make_tuple(std::move(result.model), evidence, std::move(state));
 }
 
-// NumPy's truth values, which NumPy 1 and 2 name differently.
+// Is it one of NumPy's truth values? NumPy 1 calls their type bool_, NumPy 2 calls it bool.
 bool is_numpy_bool(nb::handle value) {
   const auto name = nb::cast<std::string>(value.type().attr("__name__"));
   return name == "bool_" || name == "bool";
 }
 
-// A value of Python: a truth value, a number, a word, or None for "auto". Numbers of NumPy are numbers.
+// Converts a value of Python: a truth value, a number (also of NumPy), a word, or None for "auto". Any other value
+// becomes null.
 Json json_of(nb::handle value) {
   PyObject* object = value.ptr();
   if (value.is_none()) return "auto";
   if (nb::isinstance<nb::str>(value)) return nb::cast<std::string>(value);
   if (is_numpy_bool(value)) return PyObject_IsTrue(object) == 1;
   if (PyIndex_Check(object)) {
-    const Py_ssize_t whole = PyNumber_AsSsize_t(object, nullptr);  // what is too large becomes the largest
+    const Py_ssize_t whole = PyNumber_AsSsize_t(object, nullptr);  // too large numbers become the largest one
     return std::int64_t(whole);
   }
   if (PyFloat_Check(object) || nb::hasattr(value, "__float__")) {
@@ -73,7 +75,7 @@ void set_option(IdentifyOptions& options, const std::string& key, nb::handle val
                                             option->is_switch() ? words_of_switch(*option) : option->needed("'")));
 }
 
-// What an earlier identification has chosen, of its dataclass.
+// Converts the Python dataclass with the choices of an earlier identification.
 NoisyChoices choices_of(nb::handle choices) {
   const auto number = [](nb::handle object, const char* name) { return nb::cast<double>(object.attr(name)); };
   const nb::object variation = choices.attr("variation");
@@ -95,7 +97,7 @@ void bind_identify(nb::module_& module) {
       .def(nb::init<>())
       .def("set", &set_option, nb::arg("key"), nb::arg("value").none(), "One of the table, from what a user has given.")
       .def("follow", [](IdentifyOptions& o, nb::handle choices) { o.choices = choices_of(choices); });
-  // (key, range, words) of each
+  // (key, range, words) of each option
   module.def("option_table", [] {
     nb::list table;
     for (const Option& option : option_table()) table.append(nb::make_tuple(option.key, option.range, option.words));

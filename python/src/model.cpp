@@ -33,20 +33,22 @@ std::pair<Index, Index> stacked_size(const Model& model, const std::string& name
   return {padded_size(model, field.rows, model.states()), padded_size(model, field.cols, model.states())};
 }
 
-// (S × rows × cols), in the order of C, padded with zeros
+// The matrices of all steps (S × rows × cols), in the order of C, padded with zeros.
 NumPyArray stack(const Model& model, const std::string& name) {
   const auto [rows, cols] = stacked_size(model, name);
   const size_t steps = count(model, name), size = size_t(rows * cols);
   std::vector<double> values(steps * size, 0.0);
   for (size_t s = 0; s < steps; ++s) {
     const Step::View a = (model.step[s].*field_of(name).view)();
-    if (a.rows() > rows || a.cols() > cols) throw std::invalid_argument(name + ": other sizes than those of the model");
+    if (a.rows() > rows || a.cols() > cols)
+      throw std::invalid_argument("model: " + name + " has other sizes than the state dimensions need");
     Eigen::Map<RowMajor>(values.data() + s * size, rows, cols).topLeftCorner(a.rows(), a.cols()) = a;
   }
   return array_of(std::move(values), {steps, size_t(rows), size_t(cols)});
 }
 
-// Steps of these state dimensions, the last of which is that of the state after them, and zeros in all matrices.
+// Makes steps with these state dimensions and with zeros in all matrices. The last dimension is that of the state after
+// the last step.
 void set_state_dim(Model& model, const std::vector<Index>& state_dim) {
   model.step.clear();
   for (size_t s = 0; s + 1 < state_dim.size(); ++s)
@@ -85,14 +87,15 @@ void set_stack(Model& model, const std::string& name,
   for (size_t s = 0; s < whole.shape(0); ++s) {
     Step& step = model.step[s];
     const Index used_rows = size(step, field.rows), used_cols = size(step, field.cols);
-    if (used_rows > rows || used_cols > cols) throw std::invalid_argument(name + ": smaller than the state dimensions");
+    if (used_rows > rows || used_cols > cols)
+      throw std::invalid_argument("model: " + name + " is smaller than the state dimensions need");
     field.set(step, Eigen::Map<const RowMajor>(whole.data() + s * size_t(rows * cols), rows, cols)
                         .topLeftCorner(used_rows, used_cols));
   }
 }
 
-// The setters are for models that nobody has seen yet: they end the life of views, and to set nothing leaves things as
-// they are.
+// Sets a value at all steps; an empty list changes nothing. The setters are only for models that no user has yet,
+// because views of the old values become invalid.
 template <class Value>
 void set_all(Model& model, const char* name, void (Step::*set)(Value), const std::vector<Value>& values) {
   if (values.empty()) return;
@@ -100,7 +103,7 @@ void set_all(Model& model, const char* name, void (Step::*set)(Value), const std
   for (size_t s = 0; s < values.size(); ++s) (model.step[s].*set)(values[s]);
 }
 
-// Singular values of all steps behind each other, and how many each step has.
+// The singular values of all steps, one after the other, and their number at each step.
 nb::tuple singular_values_joined(const Model& model) {
   std::vector<double> values;
   std::vector<size_t> sizes;
@@ -120,13 +123,15 @@ void set_singular_values(Model& model, const nb::ndarray<const double, nb::ndim<
   need_entries(model, "singular_values", sizes.size());
   size_t begin = 0;
   for (size_t s = 0; s < sizes.size(); ++s) {
-    if (sizes[s] > values.shape(0) - begin) throw std::invalid_argument("singular_values: fewer than their sizes");
+    if (sizes[s] > values.shape(0) - begin)
+      throw std::invalid_argument("singular_values: fewer values found than the sum of their sizes, as many needed");
     model.step[s].set_singular_values(Eigen::Map<const Vector>(values.data() + begin, Index(sizes[s])));
     begin += sizes[s];
   }
 }
 
-// (S, band, m, r): entry γ-1 of step s is h_{k,k-γ}, k = k_begin + s; NaN where that begins before the model.
+// The Markov parameters (S, band, m, r): entry γ-1 of step s is h_{k,k-γ}, with k = k_begin + s. It is NaN if k-γ is
+// before the model.
 NumPyArray markov_parameters(const Model& model, Index band) {
   const std::vector<Matrix> h = without_gil([&] { return pulse_responses(model, band); });
   const size_t S = h.size(), blocks = size_t(band), m = size_t(model.outputs), r = size_t(model.inputs);
@@ -139,7 +144,7 @@ NumPyArray markov_parameters(const Model& model, Index band) {
   return array_of(std::move(values), {S, blocks, m, r});
 }
 
-// (T, N, m) → (N, T, m), in the order of C
+// Reorders (T, N, m) to (N, T, m), in the order of C.
 NumPyArray by_experiment(const std::vector<Matrix>& steps, Index N, Index m) {
   const size_t T = steps.size();
   std::vector<double> values(size_t(N) * T * size_t(m));

@@ -1,4 +1,4 @@
-// The extension module: the library's types and functions, nearly as they are. What users see is python/tokid/*.py.
+// The extension module: the types and functions of the library, nearly unchanged. Users see python/tokid/*.py instead.
 // SPDX-License-Identifier: BSD-3-Clause
 
 #include <string>
@@ -12,7 +12,8 @@ NB_MODULE(_tokid, module) {
   module.doc() = "Bindings of the C++ library tokid; private, see the package tokid.";
   module.attr("version") = std::string(tokid::version);
   module.attr("test_lags") = tokid::test_lags;
-  // std::invalid_argument is a ValueError already, std::bad_alloc a MemoryError, other std::exceptions RuntimeErrors.
+  // nanobind already turns std::invalid_argument into ValueError, std::bad_alloc into MemoryError, and other
+  // std::exceptions into RuntimeError.
   const nb::exception<tokid::IoError> io_error(module, "IoError", PyExc_OSError);
   io_error.attr("__doc__") =
       "A file that can't be read or written, or does not hold what it should: names the file, the data set, what was "

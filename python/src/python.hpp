@@ -1,10 +1,11 @@
-// What all files of the extension module share.
+// The common parts of all files of the extension module.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
-// A caster that one file lacks shows when it is called, not when it is compiled: all have all of them.
+// All files include all casters: a missing caster causes no error when the file is compiled, but only when the function
+// is called.
 #include <nanobind/stl/complex.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
@@ -18,7 +19,7 @@ namespace tokid::python {
 
 namespace nb = nanobind;
 
-// An object of which stubs say typing.Any.
+// An object that has the type typing.Any in the stubs.
 inline nb::any any(nb::object object) { return nb::steal<nb::any>(object.release()); }
 
 void bind_ensemble(nb::module_& module);

@@ -21,7 +21,7 @@ nb::any reported(const Model& model, const Ensemble& data, const std::optional<P
   return object_of(verdict);
 }
 
-// The page and its data as files of a directory, and what was found.
+// Writes the page and its data into a directory, if one is given. Returns the printed numbers and the data.
 nb::tuple paper(const std::optional<Path>& directory, std::uint64_t seed, int threads, nb::object listener) {
   Call call(std::move(listener));
   const auto [numbers, data] = call.run([&] {

@@ -1,4 +1,5 @@
-// The library's results as the dataclasses of tokid/results.py: one keyword for each field of the C++ struct.
+// Converts the results of the library to the dataclasses of tokid/results.py. Each field of a C++ struct becomes a
+// keyword of the dataclass.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -31,7 +32,7 @@ nb::object cast(const std::vector<T>& values) {
 
 }  // namespace results
 
-// A field of a dataclass, and that of one by its name.
+// A field of a dataclass: its name and its value. make() makes the dataclass with the name `type`.
 struct Field {
   template <class T>
   Field(const char* field_name, T&& field_value)
@@ -49,6 +50,6 @@ nb::any object_of(const Verdict& verdict);
 nb::any object_of(const Identification& result);  // without its model
 
 nb::list texts(const std::vector<std::string>& texts);
-nb::list list_of(const Findings& findings);  // of Finding
+nb::list list_of(const Findings& findings);  // a list of Finding
 
 }  // namespace tokid::python

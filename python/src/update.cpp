@@ -34,7 +34,8 @@ void bind_update(nb::module_& module) {
       .def(
           "copy", [](const UpdateState& state) { return UpdateState(state); }, nb::call_guard<nb::gil_scoped_release>())
       .def("identify", &identified, nb::kw_only(), nb::arg("threads"), nb::arg("listener").none())
-      // What the experiments have added, judged by the model before. The state is of no use where it throws.
+      // Adds experiments, and evaluates the model before the update on them. If it throws, the state must not be used
+      // any more.
       .def(
           "add",
           [](UpdateState& state, const Model& before, const Ensemble& more, int threads, nb::object listener) {

@@ -513,12 +513,14 @@ BAD = {
     "half a sample": (
         {"Sample": [0, 0.5], "u1": [1.0, 2.0]},
         {},
-        "row 1, column 'Sample': '0.5' found, a whole number needed; 'Sample' was taken for step numbers: rename it",
+        "row 1, column 'Sample': '0.5' found, a whole number needed; the column 'Sample' was read as step "
+        "numbers: rename it",
     ),
     "a step that is a signal": (
         {"step": [0, 1, 1], "u1": [1.0, 2.0, 3.0]},
         {},
-        "row 2: a second row for step 1 of experiment '' found, one needed; 'step' was taken for step numbers: ",
+        "row 2: a second row for step 1 of experiment '' found, one needed; the column 'step' was read as step "
+        "numbers: ",
     ),
     "numbers of rows": (
         {"experiment": ["a", "a", "b"], "sample number": [0, 1, 2], "u1": [1.0, 2.0, 3.0]},
@@ -529,13 +531,14 @@ BAD = {
     "uneven": (
         {"time": [0, 1, 2.2], "u1": [1.0, 2.0, 3.0]},
         {"dt": 1.0},
-        "row 2, column 'time': 2.2 found, 0.2 off the even steps of 1 from 0 on; resample to even times, or number "
-        "the steps in a column 'k'",
+        "row 2, column 'time': 2.2 found, which differs by 0.2 from even steps of 1 that begin at 0; resample to "
+        "even times, or number the steps in a column 'k'",
     ),
     "wild": (
         {"k": [0, 10**9], "u1": [1.0, 2.0]},
         {},
-        "1 experiments of 1000000001 steps found in 2 rows, fewer gaps needed",
+        "1 experiments of 1000000001 steps found in only 2 rows, fewer missing rows needed; check the times or "
+        "step numbers",
     ),
     "no rows": ({"u1": [], "y1": []}, {}, "no rows found, samples needed"),
     "endless": ({"u1": [np.inf], "y1": [1.0]}, {}, "input u1: infinite value in experiment 0 at step 0"),

@@ -309,7 +309,7 @@ def test_a_state_is_locked_by_one_at_a_time(tmp_path):
     more = tokid.example("oscillator", experiments=10, steps=30, seed=2)
     with tokid.FileLock(file) as held:
         assert "held" in repr(held) and os.fspath(held) == str(file)
-        with pytest.raises(tokid.IoError, match="this process has it locked;"):
+        with pytest.raises(tokid.IoError, match="this process has locked the file;"):
             tokid.update(file, more, wait=0)
         with (pytest.warns(tokid.TokidWarning, match="waiting for up to 0.1 s") as told,
               pytest.raises(tokid.IoError, match="for more than 0.1 s")):
@@ -318,7 +318,7 @@ def test_a_state_is_locked_by_one_at_a_time(tmp_path):
         assert tokid.update(held, more).updated.experiments == 40
         assert tokid.update(held, tokid.example("oscillator", experiments=10, steps=30, seed=3)).updated.experiments == 50
         tokid.UpdateState.load(file).save(file)  # by somebody who asks for no lock
-        with pytest.raises(tokid.IoError, match="another program has replaced it"):
+        with pytest.raises(tokid.IoError, match="another program has changed the file"):
             tokid.update(held, tokid.example("oscillator", experiments=10, steps=30, seed=4))
     with pytest.raises(ValueError, match="released before"):
         tokid.update(held, more)

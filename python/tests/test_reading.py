@@ -73,7 +73,7 @@ def test_a_table_that_was_changed(data, tmp_path):
     assert told(lambda: tokid.Ensemble.load(path))[1] == []
     path.write_bytes(path.read_bytes()[:-3] + b"7\r\n")
     text, = told(lambda: tokid.Ensemble.load(path))[1]
-    assert f"'{path}' has been changed since tokid wrote it" in text and "remove that line" in text
+    assert f"'{path}' does not match its line" in text and "remove that line" in text
 
 
 ROWS = "no column of times or step numbers found: the rows of an experiment were taken as successive steps"

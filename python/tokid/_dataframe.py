@@ -161,10 +161,10 @@ class _Table:
         return self._only(channels, "step numbers", "k", _tokid.is_step_number)
 
     def doubt(self, time: Optional[int], step: Optional[int]) -> str:
-        """A remark for messages: a column with another name than "k" was taken for step numbers."""
+        """A remark for messages: a column with another name than "k" was read as step numbers."""
         if time is not None or step is None or self.names[step] == "k":
             return ""
-        return f"; '{self.names[step]}' was taken for step numbers: rename it where it holds something else"
+        return f"; the column '{self.names[step]}' was read as step numbers: rename it if it contains something else"
 
     def _only(self, channels: set[int], what: str, name: str, wanted: Callable[[str], Any]) -> Optional[int]:
         noted = {label for key in ("input_names", "output_names") for label in self.notes.get(key) or ()}
@@ -176,7 +176,7 @@ class _Table:
         if len(named) > 1:
             found = _quoted([self.names[column] for column in named])
             raise ValueError(
-                f"columns: {found} found, one column of {what} needed; rename the one that holds them to '{name}'"
+                f"columns: {found} found, one column of {what} needed; give this column the name '{name}'"
             )
         return named[0] if named else None
 

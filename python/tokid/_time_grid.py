@@ -113,15 +113,16 @@ class Grid:
             row = int(np.flatnonzero(uneven)[0])
             off = abs(times[row] - self.begin - step[row] * spacing)
             raise ValueError(
-                f"row {row}, column 'time': {text_of(times[row])} found, {off:.4g} off the even steps of "
-                f"{text_of(spacing)} from {text_of(self.begin)} on; resample to even times, or number the steps in a "
-                f"column 'k'"
+                f"row {row}, column 'time': {text_of(times[row])} found, which differs by {off:.4g} from even steps of "
+                f"{text_of(spacing)} that begin at {text_of(self.begin)}; resample to even times, or number "
+                f"the steps in a column 'k'"
             )
         steps = float(step.max()) + 1
         # A single wrong time or step number must not require a huge grid.
         if not steps * groups <= 1e6 + 1000 * len(times):
             raise ValueError(
-                f"{groups} experiments of {text_of(steps)} steps found in {len(times)} rows, fewer gaps needed"
+                f"{groups} experiments of {text_of(steps)} steps found in only {len(times)} rows, fewer "
+                f"missing rows needed; check the times or step numbers"
             )
         self.steps = int(steps)
         self.step = step.astype(np.int64)

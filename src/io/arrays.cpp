@@ -26,7 +26,7 @@ void gather(const std::vector<T>& in, size_t offset, const Shape& shape, const S
 
 }  // namespace
 
-// A message would end at its first zero character, which texts from files may contain.
+// An exception's what() ends at the first zero character, and texts from files may contain zero characters.
 void fail_with(std::string text) {
   for (size_t at = 0; (at = text.find('\0', at)) != std::string::npos;) text.replace(at, 1, "\uFFFD");
   throw IoError(text);
@@ -56,7 +56,7 @@ void add_once(const std::string& name, Array array, Arrays& found) {
 
 size_t checked_product(const Shape& shape, size_t item_bytes) {
   if (std::find(shape.begin(), shape.end(), 0u) != shape.end()) return 0;
-  // Half the range, because sizes must fit into the signed indices of Eigen.
+  // Half the range of size_t, because sizes must fit into the signed indices of Eigen.
   constexpr size_t limit = std::numeric_limits<size_t>::max() / 2;
   size_t product = item_bytes;
   for (const size_t n : shape) {

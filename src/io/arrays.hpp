@@ -19,14 +19,14 @@ namespace tokid::io {
 using Names = std::vector<std::string>;
 using Shape = std::vector<size_t>;  // empty: a scalar
 
-// Messages in src/io leave out the name of the file. naming() puts it in front.
+// Throws IoError. The messages in src/io do not contain the name of the file; naming() puts the name in front.
 [[noreturn]] void fail_with(std::string text);
 template <typename... T>
 [[noreturn]] void fail(fmt::format_string<T...> text, T&&... values) {
   fail_with(fmt::format(text, std::forward<T>(values)...));
 }
 
-// Values of a kind that tokid does not use. They do no harm unless they are asked for.
+// Values of a kind that tokid does not use. A data set of this kind causes an error only if tokid needs its values.
 struct Foreign {
   std::string what;  // "complex numbers"
   bool operator==(const Foreign&) const = default;
@@ -39,19 +39,19 @@ struct Array {
 
 using Arrays = std::vector<std::pair<std::string, Array>>;  // in the order of the file
 
-// MATLAB drops trailing dimensions of size one, and its users want the step as the last index of a stack.
+// MATLAB drops trailing dimensions of size one. In its layout, a stack of matrices has the step as its last index.
 enum class Layout { plain, matlab };
 
 struct Contents {
-  Names names;    // of everything in the file
-  Arrays arrays;  // the wanted ones that exist; readers turn every number into a double
+  Names names;    // of all data sets in the file
+  Arrays arrays;  // the wanted data sets that exist; readers turn every number into a double
   Layout layout = Layout::plain;
 };
 
 bool contains(const Names& names, std::string_view name);
 
-// Adds an array to those that were found, unless one of the same name and values, in any shape, is among them. \throws
-// IoError if an array of this name has other values
+// Adds an array to `found`. It does nothing if `found` has an array of this name and these values, in any shape.
+// \throws IoError if the array of this name has other values
 void add_once(const std::string& name, Array array, Arrays& found);
 
 // \throws IoError if the product is too large

@@ -1,4 +1,4 @@
-// Common tools for the HDF5 library: handles that close themselves, reasons in words, parts of data sets.
+// Common tools for the HDF5 library: handles that close themselves, reasons of errors in words, parts of data sets.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,7 +12,8 @@
 
 namespace tokid::io {
 
-// Stops the library from printing its error stack on stderr. Messages of tokid contain the innermost reason instead.
+// Stops the library from printing its error stack on stderr. The messages of tokid contain the innermost reason of that
+// stack instead.
 class QuietHdf5 {
  public:
   QuietHdf5();
@@ -25,7 +26,7 @@ class QuietHdf5 {
   void* data_ = nullptr;
 };
 
-// The reason why the last call failed.
+// The reason why the last call of the library failed.
 std::string hdf5_reason();
 
 // \throws IoError for a negative status
@@ -51,7 +52,7 @@ class Handle {
   Closer closer_;
 };
 
-// \throws IoError unless the file is a complete one
+// \throws IoError unless the file is a complete HDF5 file
 Handle open_hdf5(const std::string& path, hid_t access = H5P_DEFAULT);
 
 Handle text_type(size_t size, H5T_str_t padding, H5T_cset_t characters);
@@ -61,7 +62,7 @@ Handle space_of(const Shape& shape);
 struct Hyperslab {
   std::vector<hsize_t> begin, count;
 };
-Handle selected(hid_t data, const std::string& name, const Hyperslab& part);  // in the space of the file
+Handle selected(hid_t data, const std::string& name, const Hyperslab& part);  // the part as a selection in the file
 Handle memory_of(const Hyperslab& part);
 
 }  // namespace tokid::io

@@ -14,14 +14,14 @@
 
 namespace tokid::io {
 
-// Makes one line of limited length, because texts from a file may be long.
+// Makes one line of limited length, because a message may quote long texts from a file.
 inline std::string named(const std::filesystem::path& path, std::string_view message) {
   constexpr size_t longest = 2000;
   return printable(
       fmt::format("{}: {}{}", path.string(), message.substr(0, longest), message.size() > longest ? " …" : ""));
 }
 
-// Runs f, which reads, and puts the name of the file in front of its error messages.
+// Runs f, which reads a file, and puts the name of the file in front of its error messages.
 template <typename F>
 auto naming(const std::filesystem::path& path, F&& f) {
   const auto rethrow = [&](std::string_view message) { throw IoError(named(path, message)); };
@@ -39,7 +39,8 @@ auto naming(const std::filesystem::path& path, F&& f) {
   throw std::logic_error("unreachable");
 }
 
-// The same for an f that writes. Its IoError is the caller's mistake; every other error becomes a WriteError.
+// Runs f, which writes a file, and puts the name of the file in front of its error messages. An IoError stays an
+// IoError, because it reports a mistake of the caller. Every other error becomes a WriteError.
 template <typename F>
 auto naming_write(const std::filesystem::path& path, F&& f) {
   const auto rethrow = [&](std::string_view reason, int error) {
@@ -61,7 +62,8 @@ auto naming_write(const std::filesystem::path& path, F&& f) {
   throw std::logic_error("unreachable");
 }
 
-// Runs f, in which a library writes. Its failure is not the caller's mistake. \throws WriteError
+// Runs f, in which a library writes a file. An IoError becomes a WriteError, because a failure of the library is not a
+// mistake of the caller.
 template <typename F>
 auto written_by_library(F&& f) {
   try {

@@ -1,4 +1,4 @@
-// Converts between UTF-8, the encoding of every text in the library, and the encodings of the formats.
+// Converts between UTF-8, which the library uses for all texts, and the encodings of the file formats.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -14,7 +14,7 @@ using unicode::character_length, unicode::is_control, unicode::utf32_from, unico
 
 std::u16string utf16_from(std::string_view utf8);  // \throws IoError for invalid text
 
-// Checks that every format can store the texts: UTF-8 without NUL. \throws IoError that names the data set
+// Checks that every format can store the texts: they must be UTF-8 without NUL. \throws IoError that names the data set
 void check_texts(std::string_view name, const std::vector<std::string>& texts);
 
 std::string in_lower_case(std::string text);  // changes ASCII letters only

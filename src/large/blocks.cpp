@@ -15,7 +15,7 @@ namespace tokid::stream {
 
 namespace {
 
-// The steps from … to-1 of a stretch that itself begins at step `origin` of the record.
+// The steps from … to-1 of the model of a stretch. `origin`: the step of the record at which the stretch begins.
 Model excerpt(const Model& model, Index from, Index to, Index origin) {
   Model part = from_step(model, from);
   part.step.resize(size_t(std::min(to - from, part.steps())));
@@ -23,7 +23,7 @@ Model excerpt(const Model& model, Index from, Index to, Index origin) {
   return part;
 }
 
-// Changes the coordinates to x' = Rᵀ x at all steps, with R orthogonal.
+// Changes the coordinates of all steps to x' = Rᵀ x, where R = `r` is orthogonal.
 void rotate(Model& model, const Matrix& r) {
   const Matrix back = r.transpose();
   for (size_t s = 0; s < model.step.size(); ++s) {
@@ -36,7 +36,7 @@ void rotate(Model& model, const Matrix& r) {
   }
 }
 
-// Changes the last step so that it leads to x' = S x.
+// Changes the last step so that the state after it has the coordinates x' = S x, where S = `s`.
 void lead_into(Model& model, const Matrix& s) {
   const Step& last = model.step.back();
   Step next(s * last.A(), s * last.B(), last.C(), last.D(), s * last.G());
@@ -63,8 +63,8 @@ double whiteness_of(const Model& model, const Ensemble& data, InitialState initi
   return validate(model, data, o).whiteness_p;
 }
 
-// The first block knows the initial states of the experiments. The other blocks keep their states from the first
-// regression on.
+// Only the first block begins with the initial states of the experiments. The models of the other blocks begin at their
+// first regression, because the block before contains the earlier steps.
 Plan plan_of(const BlockLayout& layout, bool first) {
   Plan plan = layout.plan;
   plan.from_full_dimension = first;
@@ -72,7 +72,7 @@ Plan plan_of(const BlockLayout& layout, bool first) {
   return plan;
 }
 
-// `begin` … `end`: the steps of the survey, if each step has its own regression.
+// `begin` … `end`-1: the steps of the survey, which is made only if each step has its own regression.
 Model model_of(const Ensemble& departures, const Plan& plan, Index begin, Index end, RegressionSurvey& survey) {
   const Execution execution{1, {}};
   GtvArx arx = regressed_as(departures, plan, execution);
@@ -100,7 +100,7 @@ BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i) {
   result.begin = block.begin;
   result.read_begin = block.first;
   Ensemble held_out;
-  // Surveys and digests work on parts that fit into the second cache level.
+  // Surveys and digests read `together` steps at a time, which fit into the second cache level.
   const Index together = std::max<Index>(1, (Index{1} << 16) / (data.experiments() * data.channels()));
   for (Index k = begin; k < end; k += together) {
     const Index to = std::min(end, k + together);
@@ -124,8 +124,9 @@ BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i) {
   Model model = model_of(data, plan, begin, end, result.regressions);
   const Index from = std::max(begin, model.k_begin);
   if ((i > 0 ? from > begin : from >= end) || model.k_end() < end)
-    throw std::invalid_argument(fmt::format("steps: {} to {} show no model at their {}, longer blocks needed",
-                                            block.begin, block.end - 1, from > begin ? "begin" : "end"));
+    throw std::invalid_argument(
+        fmt::format("steps: {} to {} are too few to identify a model at their {}, longer blocks needed", block.begin,
+                    block.end - 1, from > begin ? "begin" : "end"));
   if (layout.hold_out > 0 && nominal) held_out = departures(std::move(held_out), *nominal);
   const Ensemble& tested = layout.hold_out > 0 ? held_out : data;
   result.errors = evaluate(model, tested, begin, end, plan.initial_state, i == 0);
@@ -136,7 +137,7 @@ BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i) {
   result.model = excerpt(model, from, end, block.first);
   result.model.initial_state = layout.plan.initial_state;
   result.gaps = singular_value_gaps(result.model);
-  if (i > 0) {  // these are moments of a state in the middle of the record
+  if (i > 0) {  // mean and covariance of the state at step 0 of the record are those of the first block
     result.model.x0_mean.resize(0);
     result.model.x0_cov.resize(0, 0);
   }
@@ -164,7 +165,8 @@ FinishedBlock finished_block(std::string_view bytes, const BlockLayout& layout, 
       counts(b.errors.one_step, outputs) && counts(b.errors.simulation, outputs) &&
       counts(b.digests, block.end - block.begin);
   if (!fits)
-    throw std::invalid_argument(fmt::format("block {}: sizes found that are not those of the data", found.number));
+    throw std::invalid_argument(fmt::format(
+        "block {}: other sizes found than those of the data, a block of the same data needed", found.number));
   return found;
 }
 

@@ -1,4 +1,4 @@
-// The blocks of a stream: the steps that each block keeps and reads, and the result of one block.
+// The blocks of a stream: the steps that each block reads and keeps, and the result of one block.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -17,25 +17,25 @@ struct Block {
   Index first = 0, begin = 0, end = 0, last = 0;  // reads first … last-1, keeps begin … end-1
 };
 
-// The division of the record into blocks, with one plan for all.
+// The division of the record into blocks. All blocks have the same plan.
 struct BlockLayout {
   Plan plan;
   double hold_out = 0.0;
   Index steps = 0;              // T
   Index count = 0;              // of blocks
-  Index before = 0, after = 0;  // steps read beyond those kept
+  Index before = 0, after = 0;  // steps that a block reads before and after the steps that it keeps
   Index rows = 0;               // block rows of the observability matrices that join neighbours
   Index longest() const { return (steps + count - 1) / count; }
   Block block(Index i) const;
 };
 
 struct BlockResult {
-  Model model;              // of the steps kept, counted from step 0 of the record on
-  Matrix opening, closing;  // O_begin and O_end; the latter is empty at the end of the record
+  Model model;              // of the steps that the block keeps, counted from step 0 of the record
+  Matrix opening, closing;  // observability matrices at `begin` and `end`; `closing` is empty in the last block
   Index read_begin = 0, begin = 0;
   RegressionSurvey regressions;
-  Survey samples;                      // of the steps kept, counted from `begin` on
-  std::vector<std::uint64_t> digests;  // of the same steps, for the training experiments
+  Survey samples;                      // of the steps that the block keeps, counted from `begin`
+  std::vector<std::uint64_t> digests;  // of the same steps of the training experiments
   ErrorTotals errors;
   std::vector<double> gaps;  // of singular values
   double whiteness_p = std::numeric_limits<double>::quiet_NaN();
@@ -44,14 +44,14 @@ struct BlockResult {
 // `data`: the steps that block i reads.
 BlockResult identify_block(Ensemble data, const BlockLayout& layout, Index i);
 
-// A block with its number, as other processes and the journal of an earlier call supply it.
+// A result with the number of its block. It may come from another process, or from the journal of an earlier call.
 struct FinishedBlock {
   Index number = -1;
   BlockResult result;
 };
 
-// Unpacks a block of `inputs` and `outputs` from bytes that another program may have written. \throws
-// std::runtime_error, std::invalid_argument if they are no block of this layout
+// Unpacks a block with `inputs` inputs and `outputs` outputs. Another program may have written the bytes. \throws
+// std::runtime_error, std::invalid_argument if the bytes are no block of this layout
 FinishedBlock finished_block(std::string_view bytes, const BlockLayout& layout, Index inputs, Index outputs);
 
 // Serialises blocks for messages between processes.
@@ -65,7 +65,7 @@ template <class Archive, class B>
 requires std::is_same_v<std::remove_const_t<B>, FinishedBlock>
 void fields(Archive& archive, B& b) { archive(b.number, b.result); }
 
-// Joins the blocks in their order to one model.
+// Joins the models of the blocks to one model. The blocks must be added in their order.
 class Joint {
  public:
   explicit Joint(ModelFile& file) : file_(file) {}
@@ -74,7 +74,7 @@ class Joint {
 
  private:
   ModelFile& file_;
-  std::optional<Model> waiting_;  // its last step must lead to the coordinates of the next block
+  std::optional<Model> waiting_;  // the previous block; its last step must still be changed to the next coordinates
   Matrix closing_;
 };
 

@@ -23,15 +23,17 @@ namespace tokid::stream {
 
 namespace {
 
-// A stretch: its size in memory [bytes], its fewest and its most steps.
+// The size of a stretch in memory [bytes], and its fewest and most steps.
 constexpr double stretch_bytes = 16e6;
 constexpr Index fewest_steps = 160, most_steps = 512;
-// λ if the stretches show no variation: the whole record may still vary.
+// λ if the stretches show no variation over time. It is finite, because the system may still vary slowly over the whole
+// record.
 constexpr double stiff = 1e3;
 
 void check(const IdentifyOptions& o) {
   const auto refuse = [](const char* what, const std::string& found, const char* needed) {
-    throw std::invalid_argument(fmt::format("{}: {} found, {} needed to identify in blocks", what, found, needed));
+    throw std::invalid_argument(
+        fmt::format("{}: {} found, but to identify in blocks, {} is needed", what, found, needed));
   };
   if (o.period > 0) refuse("period", std::to_string(o.period), "no period");
   if (o.smoothing && std::isinf(*o.smoothing)) refuse("smoothing", "infinity", "a finite penalty");
@@ -40,7 +42,7 @@ void check(const IdentifyOptions& o) {
 
 struct Part {
   Index begin = 0;
-  Ensemble whole;  // all experiments
+  Ensemble whole;  // all experiments of the stretch
 };
 
 std::vector<Part> stretches(const EnsembleFile& file, const IdentifyOptions& o) {
@@ -61,7 +63,7 @@ std::vector<Part> stretches(const EnsembleFile& file, const IdentifyOptions& o) 
   return result;
 }
 
-// The samples of stretches of one length, one after the other.
+// Joins stretches of the same length to one ensemble, one after the other in time.
 Ensemble in_a_row(const std::vector<const Ensemble*>& stretches) {
   const Ensemble& first = *stretches.front();
   const Index width = first.samples().cols(), count = Index(stretches.size());
@@ -70,7 +72,8 @@ Ensemble in_a_row(const std::vector<const Ensemble*>& stretches) {
   return all;
 }
 
-// Tests the mean motion once at the steps of all stretches. The error probability does not depend on their number.
+// Tests the mean motion in one test over the steps of all stretches. The error probability therefore does not depend on
+// the number of stretches.
 NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensemble>& data) {
   std::vector<const Ensemble*> stretches;
   for (const Ensemble& e : data) stretches.push_back(&e);
@@ -83,8 +86,8 @@ NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensem
   return test;
 }
 
-// Reports findings about single experiments, and about channels that cannot be separated, from these steps alone.
-// `found`: the identifications of the parts; some may have failed.
+// Reports findings about single experiments and about channels that cannot be separated, based on the stretches alone.
+// `found`: the identifications of the stretches; empty for a stretch whose identification failed.
 void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool states_asked,
              Identification& result) {
   Findings findings;
@@ -144,14 +147,14 @@ bool demands_more(const Identification& a, const Identification& b) {
   return a.plan.lags > b.plan.lags;
 }
 
-// Identifies each stretch; empty where a stretch has too few samples for a decision. Only the first stretch begins at
-// step 0, so only its initial states may be known.
+// Identifies each stretch. The result is empty for a stretch with too few samples for a decision. Only the first
+// stretch begins at step 0, so the initial states are unknown in the others.
 std::vector<std::optional<Identification>> identified(const std::vector<Part>& parts, const std::vector<Ensemble>& data,
                                                       const IdentifyOptions& options) {
   std::vector<std::optional<Identification>> result(parts.size());
   result.front() =
       with_remark_on_axes(parts.front().whole, [&] { return identify_part(data.front(), options, false); });
-  // An order that is exact in one stretch is likely to be exact in others.
+  // If a lag order is exact in the first stretch, it is probably exact in the others. This saves their searches.
   const Plan& first = result.front()->plan;
   const bool exact = !first.noisy && !first.coupled && !options.lags;
   for (size_t i = 1; i < data.size(); ++i) {
@@ -166,14 +169,14 @@ std::vector<std::optional<Identification>> identified(const std::vector<Part>& p
       }
       result[i] = std::move(own);
     } catch (const std::invalid_argument&) {
-      continue;  // too few samples here for a decision
+      continue;  // too few samples in this stretch
     }
   }
   return result;
 }
 
-// The plan for all blocks: that of the stretch that demands most, with the noise of any stretch. `data` become
-// departures where a mean motion is removed.
+// The plan for all blocks: the plan of the stretch `chosen`, with noise and coupling if any stretch has them. If the
+// mean motion is removed, `data` become departures.
 Plan joint_plan(const std::vector<const Identification*>& found, const Identification& chosen,
                 const IdentifyOptions& options, std::vector<Ensemble> data) {
   Plan plan = chosen.plan;

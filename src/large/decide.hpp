@@ -1,4 +1,4 @@
-// Makes the choices of a stream on a few stretches of the record.
+// Makes the choices of a stream from a few stretches of the record.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,10 +8,10 @@ namespace tokid::stream {
 
 struct Decision {
   Plan plan;
-  Identification evidence;  // of the stretch with the adopted choices, with the choices for all
+  Identification evidence;  // of the stretch whose choices are used, with the plan and findings for all
 };
 
-// \throws std::invalid_argument as identify(), and for options that need all steps at once
+// \throws std::invalid_argument as identify(), and for options that need all steps of the record at once
 Decision decide(const EnsembleFile& data, const IdentifyOptions& options);
 
 }  // namespace tokid::stream

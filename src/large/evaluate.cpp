@@ -11,9 +11,9 @@ namespace tokid::stream {
 
 namespace {
 
-const Matrix none;  // departures have no nominal trajectory
+const Matrix none;  // the data are departures, so there is no nominal trajectory
 
-// Runs observer and simulation side by side through samples without a gap. Empty if a sample is missing.
+// Runs the observer and the simulation together over the samples. Empty if a sample is missing.
 std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index begin, Index end, bool zero,
                                 bool first) {
   ErrorCollector errors(data, none);
@@ -27,7 +27,8 @@ std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index 
   for (; k < end; ++k) {
     const Step& step = model.at(k);
     const auto u = data.input(k), y = data.output(k);
-    // The simulation of the first stretch starts from the estimated state. Later ones start from the observed state.
+    // In the first stretch, the simulation starts from the estimated state. In later stretches, it starts at `begin`
+    // from the state of the observer.
     if (first ? simulated.size() == 0 : k == begin) simulated = observed;
     if (k >= begin && simulated.rows() > 0) {
       observer::innovation(step, simulated, u, y, e);
@@ -36,7 +37,7 @@ std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index 
       simulated.swap(next);
     }
     observer::innovation(step, observed, u, y, e);
-    if (std::isnan(e.sum())) return std::nullopt;  // a gap
+    if (std::isnan(e.sum())) return std::nullopt;  // a sample is missing
     if (k >= std::max(begin, known)) errors.predicted(k, e);
     observer::next_state(step, observed, u, e, next);
     observed.swap(next);

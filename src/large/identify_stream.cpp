@@ -38,12 +38,13 @@ using stream::BlockLayout;
 using stream::BlockResult;
 using stream::FinishedBlock;
 
-// Memory of a block relative to its samples: the samples, intermediate results of twice their size, and the next block.
+// Memory of a block relative to that of its samples: the samples, intermediate results of twice their size, and the
+// samples of the next block.
 constexpr double memory_per_sample = 4.0;
 constexpr Index longest_block = 4096;
-// Number of steps over which the ends of a block affect models with coupled steps.
+// If steps are coupled, the ends of a block affect the model over about this number of steps.
 constexpr Index fading = 96;
-// Blocks of each thread between two times that results are put in order. This limits the results that wait.
+// Number of blocks of each thread before the results are put in order. It limits the number of results in memory.
 constexpr Index blocks_at_a_time = 4;
 
 BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Plan plan) {
@@ -64,7 +65,7 @@ BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Pl
   const Index overlap = layout.before + layout.after;
   Index length = options.block;
   if (length == 0) {
-    // Coupled steps each need a triangular factor, more than once.
+    // With coupled steps, each step needs several triangular factors.
     const double width = layout.plan.coupled ? double((p + 1) * file.channels()) : 0.0;
     const double step =
         (double(file.experiments() * file.channels()) + width * width) * sizeof(double) * memory_per_sample;
@@ -72,19 +73,21 @@ BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Pl
     length = std::max(fewest, Index(std::min(options.memory_per_thread / step, double(longest_block))));
   } else if (length < std::min(overlap, layout.steps)) {
     throw std::invalid_argument(fmt::format(
-        "block: {} steps found, at least {} needed, which neighbours share at lag order {}", length, overlap, p));
+        "block: {} steps found, at least {} needed, because neighbouring blocks share this number of steps at lag "
+        "order {}",
+        length, overlap, p));
   }
   layout.count = ceil_div(layout.steps, length);
   return layout;
 }
 
-// Assembles the whole record from its blocks.
+// Assembles the model of the whole record from the results of its blocks.
 class Record {
  public:
   Record(const EnsembleFile& file, const BlockLayout& layout, ModelFile& model)
       : file_(file), layout_(layout), joint_(model) {}
 
-  // Blocks may come in any order: each one waits for those before it.
+  // Blocks may be added in any order: a block is used when all blocks before it have been used.
   void put(FinishedBlock block) {
     if (block.number < done_) return;
     waiting_.emplace(block.number, std::move(block.result));
@@ -94,7 +97,7 @@ class Record {
     }
   }
 
-  // The numbers of the blocks that have not come yet.
+  // The numbers of the blocks that have not been added yet.
   std::vector<Index> missing() const {
     std::vector<Index> result;
     for (Index i = done_; i < layout_.count; ++i)
@@ -170,7 +173,7 @@ class Record {
   const BlockLayout& layout_;
   stream::Joint joint_;
   std::map<Index, BlockResult> waiting_;
-  Index done_ = 0;  // blocks
+  Index done_ = 0;  // number of blocks that have been used
   Survey samples_;
   RegressionSurvey regressions_;
   ErrorTotals errors_;
@@ -179,7 +182,8 @@ class Record {
   double whiteness_p_ = std::numeric_limits<double>::quiet_NaN();
 };
 
-// Everything that affects the bits of the blocks. The choices depend on the samples, so they distinguish similar data.
+// Everything that affects the results of the blocks, to the last bit. The choices depend on the samples, so they help
+// to tell similar data apart.
 std::string about_blocks(const EnsembleFile& file, const BlockLayout& layout, const std::string& plan,
                          const StreamOptions& options) {
   const FileState data = file.state();
@@ -197,7 +201,7 @@ std::string about_blocks(const EnsembleFile& file, const BlockLayout& layout, co
   return text_of(json);
 }
 
-// Takes over the blocks of an earlier call.
+// Adds the blocks that an earlier call has stored in the journal.
 void replay(stream::Journal& journal, const EnsembleFile& file, const BlockLayout& layout, Record& record) {
   while (const std::optional<std::string> kept = journal.next()) {
     checkpoint();
@@ -220,7 +224,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
   stream::Decision decision;
   if (team.rank == 0) decision = stream::decide(file, options.identify);
-  // All processes use the decision of the first one, to the last bit.
+  // All processes use exactly the decision of the first process.
   const std::string plan = team.broadcast(archive::packed(decision.plan));
   const BlockLayout layout = layout_of(file, options, archive::unpacked<Plan>(plan));
   std::optional<Record> record;
@@ -238,7 +242,8 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   std::vector<Index> share;
   for (Index i = team.rank; i < count; i += team.size) share.push_back(todo[size_t(i)]);
   const Index threads = thread_count(options.identify.execution);
-  // The journal receives blocks of other processes when they are gathered. With a journal they are gathered often.
+  // The blocks of other processes reach the journal only when they are gathered. So they are gathered often if there is
+  // a journal.
   const Index round = (options.resume && team.size > 1 ? 1 : blocks_at_a_time) * threads;
   stream::Reader reader(file, layout, share, threads);
   std::mutex keeping;
@@ -273,7 +278,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
   result.overlap = layout.before + layout.after;
   result.resumed = resumed;
   if (record) record->finish(options, *model, result);
-  if (model)  // a journal that is no longer needed may come from an earlier call
+  if (model)  // without options.resume, an earlier call may have left a journal
     io::AtomicFile::when_published([path, journal] { journal ? journal->remove() : stream::Journal::discard(path); });
   result.identification.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;

@@ -25,14 +25,14 @@ using io::fail;
 constexpr std::string_view magic =
     "tokid\x1a"
     "2\n";
-// Time that the system may take to bring records to the disk. A power cut costs at most the work of this time.
+// Longest time between two writes to the disk. A power cut destroys at most the work of this time.
 constexpr auto between_syncs = std::chrono::seconds(1);
 
 struct Head {
   std::uint64_t size = 0, digest = 0;
 };
 
-// Digest of a record at its place among the others.
+// Digest of a record and of its number in the file.
 std::uint64_t digest_of(std::string_view record, std::uint64_t place) {
   return XXH3_64bits_withSeed(record.data(), record.size(), place);
 }
@@ -72,18 +72,18 @@ Journal::~Journal() {
 void Journal::open() {
   do {
     const int opened = ::open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
-    const int reason = opened < 0 ? errno : 0;  // read before the open file is closed
+    const int reason = opened < 0 ? errno : 0;  // read before closing a file changes errno
     file_ = io::Descriptor(opened);
-    if (reason == ELOOP) fail("a symbolic link found, a journal of its own needed");
+    if (reason == ELOOP) fail("a symbolic link found, a file needed; remove the link");
     if (reason == EISDIR) fail("a directory found, a journal needed");
     if (reason != 0) io::fail_to_write(reason);
     struct stat found = {};
     if (fstat(file_, &found) != 0 || !S_ISREG(found.st_mode)) fail("a device found, a journal needed");
     if (!io::lock(file_, false)) {
-      if (errno == EAGAIN || errno == EACCES) fail("another process is at the same model, wait for its end");
-      io::fail_to_write(errno);  // two processes would mix their records
+      if (errno == EAGAIN || errno == EACCES) fail("another process writes the same model, wait until it ends");
+      io::fail_to_write(errno);  // without a lock, two processes could mix their records
     }
-  } while (!io::is_at(path_, file_));  // the earlier process may have removed the file in the meantime
+  } while (!io::is_at(path_, file_));  // the process that had the lock before may have removed the file
 }
 
 void Journal::check_magic() {
@@ -93,7 +93,7 @@ void Journal::check_magic() {
   start.resize(std::min(start.size(), size_t(found.st_size)));
   io::read_all(file_, start, 0);
   if (!magic.starts_with(start)) {
-    kept_ = true;  // the file of another program
+    kept_ = true;  // the destructor must not remove the file of another program
     fail("another file found, a journal of this version of tokid identify --resume needed");
   }
   end_ = std::int64_t(magic.size());
@@ -101,11 +101,13 @@ void Journal::check_magic() {
 
 void Journal::begin(const std::string& about) {
   io::naming_write(path_, [&] {
-    if (!kept_) return restart(about);  // nothing is lost
+    if (!kept_) return restart(about);  // the journal contains no results
     const Json found = parse_json(*about_), needed = parse_json(about);
     if (found != needed)
-      fail("the journal of another identification found ({}); delete it to begin again, or repeat that call to go on",
-           differences(found, needed));
+      fail(
+          "the journal of another identification found ({}); delete the journal to start anew, or repeat the "
+          "earlier call to continue it",
+          differences(found, needed));
   });
 }
 
@@ -141,7 +143,7 @@ void Journal::append(std::string_view record) {
   const auto cut = [this] {
     if (ftruncate(file_, end_) != 0 || lseek(file_, end_, SEEK_SET) != end_) io::fail_to_write(errno);
   };
-  if (reading_) cut();  // removes an unfinished record
+  if (reading_) cut();  // removes a record that is not complete
   reading_ = false;
   const Head head{record.size(), digest_of(record, records_)};
   try {

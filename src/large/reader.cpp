@@ -12,7 +12,7 @@ namespace tokid::stream {
 
 namespace {
 
-// Memory for blocks that the system fetches ahead [bytes].
+// Limit of the memory for blocks that the system fetches in advance [bytes].
 constexpr double most_fetched = 512e6;
 
 }  // namespace
@@ -45,8 +45,8 @@ Ensemble Reader::take(Index i) {
   return samples;
 }
 
-// Asks the system to fetch the group of blocks from number `from` on. Consecutive blocks are asked for together, which
-// makes longer runs of the file.
+// Asks the system to fetch `group_` blocks, beginning with entry `from` of blocks_. Consecutive blocks are requested
+// together, because the system then reads longer runs of the file.
 void Reader::expect(size_t from) const {
   const size_t to = std::min(blocks_.size(), from + group_);
   for (size_t i = from, end = from; i < to; i = end) {

@@ -13,18 +13,19 @@
 
 namespace tokid::stream {
 
-// Reads the given blocks in this order in a thread of its own. Reading and computing have different limits, so that
-// together they take only the time of the slower one.
+// Reads the given blocks in this order in its own thread. The disk limits the reading and the processor limits the
+// computing. So both together take only as long as the slower of the two.
 class Reader {
  public:
-  // Up to `ahead` blocks wait, in addition to the blocks that were taken.
+  // `ahead`: the most blocks that are read and not yet taken.
   Reader(const EnsembleFile& file, const BlockLayout& layout, std::vector<Index> blocks, Index ahead);
   ~Reader();
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Returns the samples of block i. Any thread may call it, once for each block. If more than `ahead` blocks come
-  // before block i, it waits until others have taken some of them. \throws the exception of reading the block
+  // Returns the samples of block i, and waits until they are read. Any thread may call this function, once for each
+  // block. If more than `ahead` blocks precede block i, other threads must take some of these blocks. \throws the
+  // exception of reading the block
   Ensemble take(Index i);
 
  private:

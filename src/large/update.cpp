@@ -28,7 +28,8 @@ namespace tokid {
 
 namespace {
 
-// Adds the given digests to the known ones, in ascending order. The order of the files therefore has no effect.
+// Adds the given digests to the known digests, in ascending order. The result does not depend on the order of the
+// files.
 void remember(std::vector<Digest>& known, std::vector<Digest> given) {
   std::sort(given.begin(), given.end());
   std::vector<Digest> both;
@@ -40,17 +41,20 @@ void remember(std::vector<Digest>& known, std::vector<Digest> given) {
 
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options) {
   if (result.held_out)
-    throw std::invalid_argument("hold-out fraction: a state is of all experiments, none can be held out");
+    throw std::invalid_argument("hold-out fraction: found, but an update state needs all experiments; use no hold-out");
   if (data.free.experiments > 0 && result.plan.method == Method::tvera)
-    throw std::invalid_argument("free responses: found, a state of forced experiments alone can be kept");
+    throw std::invalid_argument(
+        "free responses: found, but an update state of the method tvera can't contain them; only forced "
+        "experiments needed");
   if (result.plan.noisy && result.model.states() == 0)
-    throw std::invalid_argument("states: none found in the noise, at least one needed to go on from");
+    throw std::invalid_argument(
+        "states: none can be distinguished from the noise, at least one needed for an update state");
   UpdateState state;
   Plan& plan = state.plan = result.plan;
   NoisyChoices& choices = plan.choices;
-  // Without noise the rank continues to determine n. With noise n stays as it was chosen.
+  // Without noise, each identification determines n from the rank. With noise, n stays as chosen.
   plan.states = options.states.value_or(plan.noisy ? result.model.states() : 0);
-  // The choices that EM started from are not the best ones without EM.
+  // These choices were made as a start for EM. An update does not use EM, so it takes the best choices without EM.
   if (choices.refinement_iterations > 0 && !options.choices) {
     choices.state_smoothing = result.order_scores.smoothing;
     if (!options.states) plan.states = result.order_scores.best;
@@ -59,7 +63,8 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
   choices.refinement_iterations = 0;
   if ((plan.coupled && choices.weighting == Weighting::projection) || options.weighting == Weighting::projection)
     throw std::invalid_argument(
-        "weighting: projection found, which needs samples; --weighting one-step or many-steps can be updated");
+        "weighting: projection found, which needs the samples, but an update state has none; use --weighting "
+        "one-step or many-steps");
   const std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
   const bool all = Index(rows.size()) == data.experiments();
   const Ensemble own = all ? Ensemble() : data.subset(rows);
@@ -118,19 +123,19 @@ void check_update(const UpdateState& state, const Ensemble& more) {
   const WindowFactors& before = state.factors;
   check_alike(before, kind_of(more, before.lags, more.initial_state.value_or(before.initial_state)));
   if (more.free.experiments > 0)
-    throw std::invalid_argument("free responses: found, forced experiments alone can be added");
+    throw std::invalid_argument("free responses: found, but only forced experiments can be added");
   check_magnitudes(samples, more.names, more.inputs());
 }
 
 namespace {
 
-// Experiments that may join, and the data that decide which of them do.
+// Data whose experiments may be added to the state, and what decides which of them are added.
 struct Given {
   Ensemble data;
-  Copies copies;                // within the data
+  Copies copies;                // copies of an experiment within the data
   std::vector<Digest> digests;  // (N)
   std::string fingerprint;      // of the data
-  Findings findings;            // on their file
+  Findings findings;            // findings on the file of the data
 };
 
 Given given(Ensemble data) {
@@ -139,10 +144,10 @@ Given given(Ensemble data) {
   return result;
 }
 
-// Rows of the experiments that the state already has, itself or as a copy in another row of the data.
+// Rows of the experiments that the state already has. A copy of an experiment that the state has counts, too.
 std::vector<Index> known_rows(const UpdateState& state, const Given& given) {
   std::vector<bool> known(given.digests.size());
-  // A state without digests recognises whole ensembles only.
+  // If the state has experiments without digests, it can only recognise a whole ensemble, by its fingerprint.
   const bool all = state.without_digest > 0 && has_seen(state.provenance, given.data);
   for (size_t n = 0; n < known.size(); ++n)
     known[n] = all || std::binary_search(state.digests.begin(), state.digests.end(), given.digests[n]);
@@ -162,10 +167,10 @@ Findings findings_of_known(const std::vector<Index>& rows, const Ensemble& data)
            .numbers = {{"experiments", double(data.experiments())}}}};
 }
 
-// The given experiments that join: new ones, each of them once.
+// The given experiments that are added: those that the state does not have, without copies.
 struct Joining {
   Ensemble data;
-  std::vector<Index> known;  // rows that do not join, because the state has them
+  std::vector<Index> known;  // rows that are not added, because the state has these experiments
   std::string fingerprint;
   Findings findings;
 };
@@ -183,12 +188,12 @@ Joining joining(const UpdateState& state, Given given) {
   return result;
 }
 
-// The result of the factorisation of joining experiments.
+// The result of the factorisation of the experiments that are added.
 struct Portion {
-  WindowFactors factors;  // empty if no experiment joins
+  WindowFactors factors;  // empty if no experiment is added
   std::vector<Index> known;
   std::string fingerprint;
-  ErrorTotals errors;  // of the model before the update
+  ErrorTotals errors;  // errors of the model before the update
   Findings findings;
 };
 
@@ -242,10 +247,10 @@ template <class Archive, class P>
 requires std::is_same_v<std::remove_const_t<P>, Portion>
 void fields(Archive& archive, P& p) { archive(p.factors, p.known, p.fingerprint, p.errors, p.findings); }
 
-// The parts of the state and its model that a process needs to make a portion of experiments.
+// The parts of the state and of its model that a process needs to compute a Portion.
 struct Needs {
   UpdateState state;  // without factors
-  Model model;        // of departures from `mean`, if there is one
+  Model model;        // describes departures from `mean`, if `mean` is not empty
   Nominal mean;
 };
 
@@ -307,14 +312,15 @@ Portion evaluated_portion(const Needs& needs, Given given, const Execution& exec
   return result;
 }
 
-// Reports outputs of new experiments that the old model predicts no better than their mean, or simulates far worse.
+// Reports outputs of the new experiments that the old model predicts no better than their mean, or simulates far worse
+// than their mean.
 Findings findings_of_fits(const Fit& simulation, const Fit& one_step, const Channels& names) {
   Findings result;
   for (Index j = 0; j < one_step.fit.size(); ++j)
     if (one_step.samples > 0 && std::isnan(one_step.fit(j)))
       result.push_back({.kind = Finding::Kind::output_still, .channels = {output_channel(names, j)}});
   append(result, findings_of_fit(one_step.fit, names));
-  // Slow outputs predict themselves well with any system, so the simulation is checked too.
+  // For slow outputs, the one-step predictions of any model are good. So the simulation is checked, too.
   constexpr double much_worse = -20.0;
   const bool predicted = result.empty();
   for (Index j = 0; predicted && j < simulation.fit.size(); ++j)
@@ -326,20 +332,21 @@ Findings findings_of_fits(const Fit& simulation, const Fit& one_step, const Chan
   return result;
 }
 
-// A sequence of ensembles, by number, and their files, if they come from files.
+// A numbered sequence of ensembles, and the names of their files, if they come from files.
 struct Source {
   Index count = 0;
   std::function<Given(const Needs&, Index)> given;
   std::function<std::string(Index)> file;
 };
 
-// Works in rounds, in which each process has one ensemble. A process needs the digests of the ensembles before its own
-// to know which of its experiments join. Then all processes factorise their experiments. The first process adds the
-// portions in order, with one of them in memory.
+// Works in rounds. In each round, each process has one ensemble. First all processes exchange the digests of their
+// experiments, because an ensemble must not add an experiment that an earlier ensemble adds. Then all processes
+// factorise their experiments. Finally, the first process adds the portions in order, with only one portion in memory
+// at a time.
 Additions update_from(UpdateState& state, const Model& before, const Source& source, const Execution& execution,
                       const Team& team) {
   const bool first = team.rank == 0;
-  // All processes use the knowledge of the first one, to the last bit.
+  // All processes use exactly the state and the model of the first process.
   auto needs =
       archive::unpacked<Needs>(team.broadcast(first ? archive::packed(needs_of(state, before)) : std::string()));
   const size_t outputs = size_t(needs.state.factors.outputs);

@@ -1,4 +1,4 @@
-// States of an update in files: docs/formats.md.
+// Reads and writes the files of update states, which docs/formats.md describes.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
@@ -29,7 +29,8 @@ Vector vector_of(const Fields& fields, const char* name, Index rows, Index cols)
   return v;
 }
 
-// A digest is four whole numbers of 32 bits each, highest first. Double precision cannot hold 64 bits.
+// A digest is stored as four whole numbers of 32 bits each, the highest bits first. Readers turn numbers into doubles,
+// which cannot represent all whole numbers of 64 bits.
 constexpr Index words_of_digest = 4;
 constexpr double word_end = 4294967296.0;
 
@@ -50,12 +51,12 @@ std::vector<Digest> digests_of(const Fields& fields, const char* name) {
   if (words.rows() < 1 || words.cols() != words_of_digest)
     fail_shape(name, fields.shape(name), fmt::format("one row or more, {} columns", words_of_digest));
   if (!(words.array() >= 0 && words.array() < word_end && words.array() == words.array().floor()).all())
-    fail("data set '{}': values found that are no whole numbers from 0 to {:.0f}", name, word_end - 1);
+    fail("data set '{}': other values found, whole numbers from 0 to {:.0f} needed", name, word_end - 1);
   std::vector<Digest> digests;
   const auto half = [&](Index i, Index j) { return std::uint64_t(words(i, j)) << 32 | std::uint64_t(words(i, j + 1)); };
   for (Index i = 0; i < words.rows(); ++i) digests.push_back({half(i, 0), half(i, 2)});
   if (!std::is_sorted(digests.begin(), digests.end()))
-    fail("data set '{}': rows found that are not in ascending order", name);
+    fail("data set '{}': rows in another order found, ascending order needed", name);
   return digests;
 }
 
@@ -125,7 +126,7 @@ Plan plan_of(const Fields& fields, const Provenance& provenance, const WindowFac
   plan.frame = asked.frame, plan.reference_step = asked.reference_step;
   plan.choices.weighting = asked.weighting.value_or(Weighting::one_step);
   if (!plan.coupled) return plan;
-  if (!provenance.choices) fail("data set 'options': no choices found, those of an identification needed");
+  if (!provenance.choices) fail("data set 'options': no 'choices' found, the choices of an identification needed");
   plan.choices = *provenance.choices;
   return plan;
 }
@@ -144,7 +145,7 @@ UpdateState update_state_of(const Fields& fields) {
   const Index channels = f.lags >= 0 && (w - 1) % (f.lags + 1) == 0 ? (w - 1) / (f.lags + 1) : 0;
   f.outputs = channels - f.inputs;
   if (Index(factors.shape[2]) != w || f.lags < 1 || f.inputs < 1 || f.outputs < 1 || f.lags >= steps)
-    fail("data set 'window_factors': shape {} found, which {} inputs and lag order {} don't explain",
+    fail("data set 'window_factors': shape {} found, which contradicts the {} inputs and the lag order {} of the file",
          text(factors.shape), f.inputs, f.lags);
   f.rows = fields.integers("window_rows", factors.shape[0], 0, f.experiments);
   f.sum = vector_of(fields, "sample_sums", steps, channels);
@@ -152,20 +153,20 @@ UpdateState update_state_of(const Fields& fields) {
   f.spread = vector_of(fields, "sample_spreads", steps, channels);
   if (!(f.dt > 0)) fail("data set 'dt': {} found, a positive number needed", f.dt);
   if (f.experiments < 1) fail("data set 'experiments': {} found, at least 1 needed", f.experiments);
-  if (!f.sum.allFinite()) fail("data set 'sample_sums': infinite or missing values found");
+  if (!f.sum.allFinite()) fail("data set 'sample_sums': infinite or missing values found, finite values needed");
   if (!(f.count.array() >= 0).all() || !(f.count.array() <= double(f.experiments)).all())
-    fail("data set 'sample_counts': values other than 0 to {} found", f.experiments);
+    fail("data set 'sample_counts': other values found, 0 to {} needed", f.experiments);
   if (!(f.spread.array() >= 0).all() || !f.spread.allFinite())
-    fail("data set 'sample_spreads': values found that are no sums of squares");
+    fail("data set 'sample_spreads': negative, infinite or missing values found, sums of squares needed");
   f.factor.resize(w, steps * w);
   const auto& values = std::get<std::vector<double>>(factors.values);
   for (Index k = 0; k < steps; ++k)
     for (Index i = 0; i < w; ++i)
       for (Index j = 0; j < w; ++j) f.factor(i, k * w + j) = values[size((k * w + i) * w + j)];
-  if (!f.factor.allFinite()) fail("data set 'window_factors': infinite or missing values found");
+  if (!f.factor.allFinite()) fail("data set 'window_factors': infinite or missing values found, finite values needed");
   state.provenance = checked_provenance(fields.text("options"));
   state.plan = plan_of(fields, state.provenance, f);
-  state.without_digest = f.experiments;  // for a state of an earlier version
+  state.without_digest = f.experiments;  // a state of an earlier version has no digests at all
   if (!fields.has("experiment_digests")) return state;
   state.digests = digests_of(fields, "experiment_digests");
   state.without_digest = fields.integer("without_digest");
@@ -193,10 +194,10 @@ UpdateState load_update_state(const std::filesystem::path& path) {
   UpdateState state;
   load_arrays(path, update_names(), [&](const Fields& fields) {
     if (!is_update_state(fields.names()))
-      fail("{} found, what identify --state writes ('window_factors') needed", is_model(fields.names()) ? "a model"
-                                                                               : is_ensemble(fields.names())
-                                                                                   ? "an ensemble"
-                                                                                   : "another file");
+      fail("{} found, an update state that identify --state writes ('window_factors') needed",
+           is_model(fields.names())      ? "a model"
+           : is_ensemble(fields.names()) ? "an ensemble"
+                                         : "another file");
     state = update_state_of(fields);
   });
   return state;

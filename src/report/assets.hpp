@@ -1,4 +1,4 @@
-// The files of the pages, embedded at build time (cmake/embed.cmake).
+// The style sheets and scripts of the pages, which the build embeds into the library (cmake/embed.cmake).
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 

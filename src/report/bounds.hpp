@@ -1,4 +1,4 @@
-// Bounds that the verdict and the tables use; the page states them.
+// Thresholds of the verdict and of the tables. The page of a report states them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -7,24 +7,23 @@
 namespace tokid::report::bounds {
 
 inline constexpr double good_fit = 80.0, poor_fit = 50.0;  // [%]
-inline constexpr double useless_fit = 10.0;                // [%] for smaller fits noise is no excuse
-inline constexpr double expected_fit = 90.0;               // [%] an exact model predicts well from here on …
-inline constexpr double like_one_step = 1.25;              // … or with errors up to this multiple of one step's
-inline constexpr double as_expected = 1.25;                // errors relative to an exact model's that noise explains
-inline constexpr double inputs_show = 0.5;                 // effect of inputs within a horizon relative to its errors
-inline constexpr double ill_conditioned = 1e8;             // in any case
-inline constexpr double worse_than_usual = 30.0;           // with noise: this multiple of the median condition …
-inline constexpr double worth_a_word = 1e3;                // … and larger than this
-inline constexpr double weak_input = 0.02;                 // spread of an input over its median spread
-inline constexpr double error_peak = 5.0;                  // one-step error of a step over the median of the steps
-inline constexpr double error_floor = 0.05;                // … and over the spread of the output …
-inline constexpr double error_stated = 2.0;                // … and over the error that the model states for the step
-inline constexpr double beyond_noise = 5.0;                // one-step error relative to the identification's at that
-                                                           // step
-inline constexpr double outlier = 10.0;                    // error of an experiment over the median of all
-inline constexpr double coverage = 0.9;                    // share of the model's steps that the data test
-inline constexpr double chance = 0.01;                     // of weak inputs by chance
-inline constexpr double many_missing = 0.1;                // of all samples
-inline constexpr Index few_tested = 3;                     // experiments
+inline constexpr double useless_fit = 10.0;                // [%] the noise can excuse fits from here on only
+inline constexpr double expected_fit = 90.0;               // [%] an exact model predicts well with this fit or more …
+inline constexpr double like_one_step = 1.25;     // … or with errors up to this multiple of its one-step errors
+inline constexpr double as_expected = 1.25;       // noise explains errors up to this multiple of an exact model's
+inline constexpr double inputs_show = 0.5;        // least effect of the inputs within a horizon, relative to errors
+inline constexpr double ill_conditioned = 1e8;    // condition number, with or without noise
+inline constexpr double worse_than_usual = 30.0;  // with noise: multiple of the median condition number …
+inline constexpr double worth_a_word = 1e3;       // … and least condition number
+inline constexpr double weak_input = 0.02;        // spread of an input relative to its median spread
+inline constexpr double error_peak = 5.0;         // one-step error of a step relative to the median of the steps …
+inline constexpr double error_floor = 0.05;       // … and relative to the spread of the outputs …
+inline constexpr double error_stated = 2.0;       // … and relative to the error that the model states for the step
+inline constexpr double beyond_noise = 5.0;       // one-step error relative to the identification at this step
+inline constexpr double outlier = 10.0;           // error of an experiment relative to the median of all
+inline constexpr double coverage = 0.9;           // least share of the model's steps that the data test
+inline constexpr double chance = 0.01;            // expected number of steps with a weak input by chance
+inline constexpr double many_missing = 0.1;       // share of all samples
+inline constexpr Index few_tested = 3;            // fewer tested experiments than this are few
 
 }  // namespace tokid::report::bounds

@@ -18,7 +18,7 @@ namespace tokid::report {
 
 namespace {
 
-// Root mean square errors, relative to the spread of the outputs, by step or by experiment.
+// Root mean square errors relative to the spread of the outputs: for each step and for each experiment.
 struct Errors {
   std::vector<double> step, experiment;
 };
@@ -43,7 +43,7 @@ Errors relative_errors(const Ensemble& data, const Ensemble& computed, const Vec
   return {step, experiment};
 }
 
-// The spread over the experiments at each step; NaN for fewer than three samples.
+// The spread of an input over the experiments at each step; NaN for fewer than three samples.
 std::vector<double> spreads(const Ensemble& data, Index input) {
   std::vector<double> spread(size_t(data.steps()), nan);
   for (Index k = 0; k < data.steps(); ++k) {
@@ -56,12 +56,13 @@ std::vector<double> spreads(const Ensemble& data, Index input) {
     for (const double u : data.input(k).col(input))
       if (!std::isnan(u)) squares += (u - mean) * (u - mean);
     const double deviation = std::sqrt(squares / double(count - 1));
-    spread[size_t(k)] = deviation > 1e-12 * std::abs(mean) ? deviation : 0.0;  // apart from rounding errors
+    spread[size_t(k)] = deviation > 1e-12 * std::abs(mean) ? deviation : 0.0;  // rounding errors count as zero
   }
   return spread;
 }
 
-// How often two experiments agree in an input by chance: half of the time for a binary one.
+// The share of the steps at which an input differs between two experiments by at most `distance`. For a binary random
+// input it is one half.
 double chance_agreement(const Ensemble& data, Index input, double distance) {
   Index pairs = 0, close = 0;
   for (Index k = 0; k < data.steps(); ++k)
@@ -76,20 +77,20 @@ double chance_agreement(const Ensemble& data, Index input, double distance) {
 
 std::vector<WeakInput> weak_inputs(const Model& model, const Ensemble& data) {
   std::vector<WeakInput> result;
-  if (model.period > 0) {  // inputs that differ over time are as useful as those that differ between experiments
+  if (model.period > 0) {  // differences over time are as useful as differences between experiments
     for (Index i = 0; i < data.inputs(); ++i)
       if (const ChannelSummary s = channel_summary(data, i); s.samples > 1 && s.min == s.max)
         result.push_back({i, {}, 0.0, true});
     return result;
   }
-  if (data.experiments() < 3) return result;  // too few for a spread
+  if (data.experiments() < 3) return result;  // too few experiments for a spread
   for (Index i = 0; i < data.inputs(); ++i) {
     const std::vector<double> spread = spreads(data, i);
     std::vector<double> moving;
     for (const double s : spread)
       if (s > 0) moving.push_back(s);
     WeakInput weak{i, {}, 1.0};
-    const double usual = finite_median(moving);  // over the steps at which it moves
+    const double usual = finite_median(moving);  // median over the steps at which the input differs between experiments
     if (std::isnan(usual)) {
       weak.always = std::any_of(spread.begin(), spread.end(), [](double s) { return s == 0; });
       weak.spread = 0.0;
@@ -102,7 +103,7 @@ std::vector<WeakInput> weak_inputs(const Model& model, const Ensemble& data) {
         weak.spread = std::min(weak.spread, spread[size_t(k)] / usual);
       }
     if (weak.steps.empty()) continue;
-    // Few experiments sometimes agree by chance, above all if inputs have few values.
+    // A few experiments may agree by chance, most often if the input has few different values.
     const double agreement = chance_agreement(data, i, 3 * bounds::weak_input * usual);
     const double expected = double(data.steps() * data.inputs()) * std::pow(agreement, double(data.experiments() - 1));
     if (expected < bounds::chance) result.push_back(weak);
@@ -119,14 +120,16 @@ std::vector<Index> constant_outputs(const Ensemble& data) {
   return result;
 }
 
-// RMS of the innovations that the model states at step k, relative to the spread of the outputs; 0 if it states none.
+// RMS of the innovations that the model states at step k, relative to the spread of the outputs; 0 if the model states
+// no covariance.
 double stated_error(const Model& model, const Vector& spread, Index k) {
   if (!model.has(&Step::has_innovation_cov)) return 0.0;
   const Vector variance = model.at(k).innovation_cov().diagonal();
   return std::sqrt((variance.array() / spread.array().square()).mean());
 }
 
-// Finds the steps and experiments that stand out, which a pooled figure hides, and the steps without a comparison.
+// Finds the steps and experiments with unusually large errors, which a mean over all samples hides, and the steps
+// without a comparison.
 void assess_errors(const Model& model, const Ensemble& data, const Vector& spread, Evidence& found) {
   const double usual = finite_median(found.step_error);
   const Index freedom = found.samples - found.unknowns;
@@ -136,11 +139,12 @@ void assess_errors(const Model& model, const Ensemble& data, const Vector& sprea
       found.untested.push_back(k);
       continue;
     }
-    // An initial state that is unknown at first becomes known later, and the covariance of the model may show this.
+    // With unknown initial states, errors are larger at the first steps. The covariance that the model states may
+    // contain this.
     if (error > bounds::error_floor && error > bounds::error_peak * usual &&
         error > bounds::error_stated * stated_error(model, spread, k))
       found.error_peaks.push_back(k);
-    // Covariances with few degrees of freedom are too uncertain.
+    // With few degrees of freedom, the covariances are too uncertain.
     if (!model.has(&Step::has_innovation_cov) || freedom < 10) continue;
     double sum = 0.0;
     Index count = 0;
@@ -176,13 +180,13 @@ void assess_regressions(const Model& model, Evidence& found) {
   }
 }
 
-// Number of experiments of the identification, if the model has it.
+// Number of experiments of the identification; 0 if it is not known.
 Index identified_from(const Model& model, const ReportOptions& options) {
   if (options.identified_from > 0) return options.identified_from;
   return model.provenance.experiments;
 }
 
-// The findings of `first`, and those of `second` that say something else.
+// The findings of `first`, and those of `second` whose text is not in `first`.
 Findings merged(Findings first, const Findings& second) {
   for (const Finding& finding : second)
     if (std::none_of(first.begin(), first.end(), [&](const Finding& other) { return same_words(other, finding); }))

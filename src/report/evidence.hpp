@@ -1,4 +1,4 @@
-// The figures of a report: computed once, and used by the verdict, the tables and the plots.
+// The numbers of a report. They are computed once and used by the verdict, the tables and the plots.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -17,11 +17,11 @@ namespace tokid::report {
 
 using words::figure, words::percent, words::percent_range, words::plural, words::probability, words::step_list;
 
-// An input that hardly differs between the experiments at some steps, or at all of them.
+// An input that is nearly the same in all experiments at some steps, or at all steps.
 struct WeakInput {
   Index input = 0;
   std::vector<Index> steps;
-  double spread = 0.0;  // the smallest over those steps, relative to the input's median spread
+  double spread = 0.0;  // the smallest spread at these steps, relative to the input's median spread
   bool always = false;  // equal in all experiments at every step
 };
 
@@ -29,30 +29,30 @@ struct Evidence {
   Validation validation;
   Conclusions conclusions;
   DecidingHorizon deciding;
-  Prediction prediction;  // one step
+  Prediction prediction;  // one step ahead
   Ensemble simulated;
-  Channels names;  // of the model, or of the data where the model has none
+  Channels names;  // names of the model, or of the data if the model has no names
   Index horizon = 1;
-  Index experiments = 0, missing = 0;         // tested; missing samples within the lengths
-  std::vector<Index> rows;                    // (N) of these, in the given data
-  std::vector<std::string> experiment_names;  // (N) of the same; empty for those without a name
-  double missing_share = 0.0;                 // of the samples within the lengths
-  bool noisy = false;                         // innovations beyond rounding errors
-  Index lags = 0, unknowns = 0;               // p, and the largest of unknowns(); 0 if the model has no lag order
-  Index identified_from = 0;                  // experiments; 0: not known
-  Index samples = 0;  // of the identification for each unknown: its experiments, over all periods
+  Index experiments = 0, missing = 0;  // number of tested experiments; number of missing samples within their lengths
+  std::vector<Index> rows;             // (N) rows of the tested experiments in the given data
+  std::vector<std::string> experiment_names;  // (N) names of the tested experiments; empty without a name
+  double missing_share = 0.0;                 // share of missing samples within the lengths
+  bool noisy = false;                         // innovations are larger than rounding errors
+  Index lags = 0, unknowns = 0;  // lag order p, and the largest of unknowns(); 0 if the model has no lag order
+  Index identified_from = 0;     // number of experiments of the identification; 0: not known
+  Index samples = 0;             // samples of the identification for each unknown: experiments times periods
   double condition_median = 0.0, condition_max = 0.0;
-  std::vector<Index> ill, deficient;  // steps k: ill-conditioned; rank below the number of unknowns
+  std::vector<Index> ill, deficient;  // ill-conditioned steps k; steps k with a rank below the number of unknowns
   std::vector<WeakInput> weak_inputs;
-  std::vector<Index> error_peaks;       // steps whose one-step error stands out from the others
-  std::vector<Index> beyond_noise;      // steps whose one-step error stands out from the model's own innovations there
-  std::vector<Index> outliers;          // experiments whose error stands out
-  std::vector<Index> constant_outputs;  // outputs that do not move in the data, so that their fits mean nothing
+  std::vector<Index> error_peaks;       // steps whose one-step error is much larger than at the other steps
+  std::vector<Index> beyond_noise;      // steps whose one-step error is much larger than the model states for this step
+  std::vector<Index> outliers;          // experiments whose error is much larger than the median
+  std::vector<Index> constant_outputs;  // outputs that are constant in the data, so that their fits mean nothing
   std::vector<Index> untested;          // steps of the model without a comparison
-  std::vector<double> step_error;       // (T) RMS one-step error over outputs, relative to their spread; NaN where none
-  std::vector<double> experiment_error;  // (N) the same at the chosen horizon, or one step ahead without a simulation
-  Findings findings;                     // those of the options and of the validation, each once
-  Findings differences;                  // between the data's and the model's sample time and names
+  std::vector<double> step_error;  // (T) RMS one-step error over outputs, relative to their spread; NaN if not compared
+  std::vector<double> experiment_error;  // (N) RMS error of each experiment at the chosen horizon, relative as above
+  Findings findings;                     // findings of the options and of the validation, each once
+  Findings differences;                  // differences of sample time and names between data and model
 
   // Tested experiment n, in the form of words::experiment().
   std::string experiment(Index n) const { return words::experiment(rows[size_t(n)], experiment_names[size_t(n)]); }

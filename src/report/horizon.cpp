@@ -13,7 +13,8 @@ namespace tokid::report {
 
 namespace {
 
-// The covariances that the model states, or else one covariance of the innovations for all steps.
+// The covariances of the innovations that the model states for its steps. If it states none: the mean covariance of
+// `innovations`, for all steps.
 std::vector<Matrix> innovation_covariances(const Model& model, const Innovations& innovations) {
   if (model.has(&Step::has_innovation_cov)) {
     std::vector<Matrix> stated;
@@ -33,7 +34,7 @@ Vector fits(const Vector& variance, const Vector& spread) {
   return 100 * (1 - variance.cwiseSqrt().array() / spread.array());
 }
 
-// Mean over the compared samples.
+// Mean of the variances over the samples that are compared.
 Vector mean_variance(const Matrix& variances, const Ensemble& data, const Ensemble& computed) {
   Vector sum = Vector::Zero(data.outputs()), count = sum;
   for (Index k = 0; k < data.steps(); ++k)
@@ -43,11 +44,11 @@ Vector mean_variance(const Matrix& variances, const Ensemble& data, const Ensemb
       sum(j) += double(both.count()) * variances(k, j);
       count(j) += double(both.count());
     }
-  return sum.array() / count.array();  // NaN if nothing is compared
+  return sum.array() / count.array();  // NaN without a compared sample
 }
 
-// RMS over experiments and steps of the effect of input departures from their mean on each output, within so many
-// steps. In long records some steps represent all.
+// The effect of the inputs' departures from their mean on each output, in the last of `horizon` steps from a zero
+// state. It is the RMS over the experiments and over at most 64 starts.
 Vector forced_response(const Model& model, const Ensemble& data, Index begin, Index end, Index horizon) {
   constexpr Index most_starts = 64;
   const Index starts = std::max<Index>(1, end - begin - horizon + 1);
@@ -97,7 +98,7 @@ DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const
   if (simulates && good(v.one_step)) return result;
   const std::vector<Matrix> covariances = innovation_covariances(model, compared.prediction.innovations);
   const InitialState initial = initial_state.value_or(data.initial_state.value_or(model.initial_state));
-  // An observer that does not know the initial state estimates it from the first samples.
+  // If the initial states are unknown, the observer estimates them from the first samples.
   Index begin = std::max(v.first_predicted, model.k_begin);
   if (!starts_from_zero(model, initial))
     begin = std::min(std::max(begin, model.k_begin + estimation_window(model)), end - 1);
@@ -108,8 +109,8 @@ DecidingHorizon deciding_horizon(const Model& model, const Ensemble& data, const
   result.expected_one_step = fits(ahead.row(0).transpose(), spread);
   result.expected_simulation = result.expected = fits(simulated, spread);
 
-  // An exact model predicts well if its errors are small relative to the outputs, or hardly larger than those of one
-  // step.
+  // An exact model predicts well if its errors are small relative to the spread of the outputs, or little larger than
+  // its one-step errors.
   const auto well = [&](const Vector& variance) {
     return std::all_of(moving_outputs.begin(), moving_outputs.end(), [&](Index j) {
       const double small = (1 - bounds::expected_fit / 100) * spread(j);

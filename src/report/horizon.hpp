@@ -1,4 +1,4 @@
-// Decides how a model is evaluated: by its simulation, or by predictions over fewer steps.
+// Decides how a report evaluates a model: by its simulation, or by predictions over fewer steps.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,17 +6,18 @@
 
 namespace tokid::report {
 
-// If the noise that the model states spoils the simulation of an exact model too, the simulation says nothing about the
-// model. Then predictions evaluate it, over the most steps that an exact model would predict well. A model with wrong
-// effects of the inputs spoils its simulation by these, so its simulation evaluates it.
+// The noise that the model states can make even the simulation of an exact model bad. Then a bad simulation does not
+// show that the model is wrong. In this case the model is evaluated by predictions, over the most steps at which an
+// exact model would predict well. But if a test shows that the effects of the inputs are wrong, the simulation
+// evaluates the model, because wrong effects of the inputs also make a simulation bad.
 struct DecidingHorizon {
-  Index steps = 0;             // 0: the simulation
-  bool stated = false;         // the covariances are the model's own, not those of the innovations at hand
-  Vector expected_simulation;  // (m) fit [%] of an exact model; empty where it could not be computed
-  Vector expected_one_step;    // (m) the same one step ahead
-  Vector expected;             // (m) the same at the chosen horizon
+  Index steps = 0;      // prediction horizon H; 0: the simulation
+  bool stated = false;  // the covariances are those of the model; false: they come from the innovations of these data
+  Vector expected_simulation;  // (m) fit [%] of the simulation of an exact model; empty if not computed
+  Vector expected_one_step;    // (m) fit [%] of an exact model, one step ahead
+  Vector expected;             // (m) fit [%] of an exact model, at the chosen horizon
   Fit fit;                     // at the chosen horizon
-  Ensemble computed;           // outputs at the chosen horizon
+  Ensemble computed;           // outputs computed at the chosen horizon
   double inputs =
       0.0;  // RMS of the effect of the inputs within the horizon over that of the errors, largest over the outputs
 };

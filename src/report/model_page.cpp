@@ -29,7 +29,7 @@ std::string with_unit(const std::string& name, const std::vector<std::string>& u
   return at < units.size() && !units[at].empty() ? fmt::format("{} [{}]", name, units[at]) : name;
 }
 
-// Keeps ranges, and figures with their units, on one line.
+// Prevents line breaks within a range, and between a number and %.
 std::string keep_together(std::string html) {
   const auto replace = [&html](std::string_view from, std::string_view to) {
     for (size_t i = 0; (i = html.find(from, i)) != std::string::npos; i += to.size()) html.replace(i, from.size(), to);
@@ -49,7 +49,7 @@ std::string list(const std::vector<std::string>& texts, std::string_view css_cla
   return fmt::format("<ul class=\"{}\">\n{}</ul>\n", css_class, items);
 }
 
-// A tick, a lens or a cross shows the status to readers who do not see its colour.
+// The status has a symbol (a tick, a lens or a cross), because some readers do not see its colour.
 std::string status(Trust trust) {
   static constexpr const char* css_class[] = {"good", "look", "bad"};
   static constexpr const char* text[] = {"Good", "Look closer", "Don’t trust"};
@@ -71,7 +71,7 @@ std::string choice(std::string_view id, std::string_view label) {
   return fmt::format("<label>{}<select id=\"{}\"></select></label>", escape(label), id);
 }
 
-// Makes the sections of the page from the findings.
+// Makes the sections of the page from the evidence and the verdict.
 class Report {
  public:
   Report(const Model& model, const Tested& tested)
@@ -148,7 +148,7 @@ class Report {
         verdict_.reasons.empty() ? paragraph(no_reasons()) : list(verdict_.reasons, "reasons"), tiles, thresholds());
   }
 
-  // The text if there are no reasons against the model.
+  // The text for a model that no check speaks against.
   std::string no_reasons() const {
     const Conclusions& c = found_.conclusions;
     std::vector<std::string> small;
@@ -158,7 +158,8 @@ class Report {
       if (conclusion->result == TestResult::negligible) small.emplace_back(test);
     if (small.empty()) return "None of the checks of this page speaks against the model.";
     return fmt::format(
-        "No check counts against the model. The innovations show something beyond chance that is too small to matter: {}.",
+        "No check counts against the model. The innovations differ from those of an exact model beyond chance, "
+        "but too little to matter: {}.",
         fmt::join(small, ", "));
   }
 
@@ -166,7 +167,8 @@ class Report {
     const std::vector<std::string> rules = {
         fmt::format(
             "The simulation decides. Where the noise that the model states would spoil the simulation of an exact "
-            "model too (fit below {:.0f} %, and errors above {:.2f} times those of one step), it says nothing of the model: "
+            "model too (fit below {:.0f} %, and errors above {:.2f} times those of one step), a bad simulation is "
+            "no fault of the model: "
             "then predictions decide, over as many steps as an exact model would predict well, up to 100.",
             bounds::expected_fit, bounds::like_one_step),
         fmt::format(
@@ -196,10 +198,10 @@ class Report {
             100 * bounds::many_missing, figure(bounds::ill_conditioned), figure(bounds::worth_a_word),
             bounds::worse_than_usual, 100 * bounds::weak_input, counts::correlation, counts::overconfident,
             100 * counts::gain, 100 * counts::gain_unknown),
-        fmt::format(
-            "Don’t trust: predictions or a deciding fit below {:.0f} % that no noise explains, inputs that never vary "
-            "beside such a fit, an overflow, or nothing tested.",
-            bounds::poor_fit)};
+        fmt::format("Don’t trust: predictions or a deciding fit below {:.0f} % that the noise of the model does not "
+                    "explain, inputs that never vary "
+                    "beside such a fit, an overflow, or nothing tested.",
+                    bounds::poor_fit)};
     return "<details class=\"note\"><summary>How the status is decided</summary>" + list(rules, "plain") +
            "</details>\n";
   }
@@ -252,7 +254,7 @@ class Report {
     if (!json.is_object()) return whole;
     std::vector<std::string> asked, automatic;
     for (const auto& [key, value] : json.items()) {
-      if (key == "experiments") continue;  // a row of its own
+      if (key == "experiments") continue;  // has its own row in the table
       std::string name = key;
       std::replace(name.begin(), name.end(), '_', ' ');
       const std::string text = value.is_string() ? value.get<std::string>() : text_of(value);
@@ -303,12 +305,12 @@ class Report {
     }
     std::string text =
         "Simulation uses the inputs alone; predictions use the measured outputs up to the given number of "
-        "steps before. 100 % is no error, 0 % no better than ";
+        "steps before. 100 % means no error, 0 % means no better than ";
     text += model_.y_nominal.rows() > 0 ? "the nominal trajectory." : "the mean.";
     if (verdict_.horizon > 0)
       text += fmt::format(
           " The model is evaluated by predictions {} ahead: with the noise that it states, the simulation of an exact model "
-          "would leave the outputs too, and over more steps its predictions would no longer be good.",
+          "would be bad too, and its predictions over more steps would no longer be good.",
           plural(verdict_.horizon, "step"));
     return section("fit", "Fit per output", paragraph(text) + table.html());
   }
@@ -316,10 +318,11 @@ class Report {
   std::string outputs_section() const {
     const std::string body =
         paragraph(
-            "Measured against simulated and predicted outputs, and what is left over. Drag across a plot to zoom into "
+            "Measured, simulated and predicted outputs, and the errors of the last two. Drag across a plot to "
+            "zoom into "
             "all "
-            "plots over time, double-click or use the button to see everything again. With the keyboard on a plot: "
-            "arrows read the values, + and − zoom, Escape shows everything.",
+            "plots over time, double-click or use the button to show all steps again. With the keyboard on a plot: "
+            "arrows read the values, + and − zoom, Escape shows all steps.",
             "note scripted-only") +
         controls(
             "<div class=\"pair grow\"><label>Experiment<select id=\"experiment\"></select></label>"
@@ -348,8 +351,10 @@ class Report {
       return section("order", "Order", paragraph("The model has no singular values: it was not identified by tokid."));
     return section(
         "order", "Singular values and order",
-        paragraph("Singular values of the Hankel matrix of each step: what the past can do to the future. The line "
-                  "is the number of states in use; a fall of brightness across it says that the order is clear.") +
+        paragraph(
+            "Singular values of the Hankel matrix of each step: their sizes say how strongly the past affects the "
+            "future. The line "
+            "is the number of states in use; if the brightness falls strongly at the line, the order is clear.") +
             plot_place(
                 "order",
                 "Heat map of the singular values of the Hankel matrix over the steps, with the number of states") +
@@ -358,7 +363,8 @@ class Report {
 
   std::string order_table() const {
     const Index n = model_.states();
-    // σ_i relative to σ_1 and σ_i / σ_{i+1}, at the steps of full dimension; rounding errors have no ratios.
+    // size: singular values σ_i / σ_1; fall: σ_i / σ_{i+1}. Both are collected at the steps of full dimension. No
+    // ratios of rounding errors are collected.
     std::vector<std::vector<double>> size, fall;
     for (Index k = model_.full_begin(); n > 0 && k < std::min(model_.full_end(), model_.k_end()); ++k) {
       const Vector& s = model_.at(k).singular_values();
@@ -378,8 +384,8 @@ class Report {
     std::vector<double> falls;
     falls.reserve(fall.size());
     for (const auto& values : fall) falls.push_back(values.empty() ? 0.0 : finite_median(values));
-    // Beyond the number of states that the window can carry, singular values fall too. This says nothing about the
-    // system.
+    // A window can determine only a limited number of states. Above this number, singular values fall to rounding level
+    // for any system. A fall to rounding level is therefore ignored.
     const auto informative = [&](size_t i) { return i + 1 < size.size() && finite_median(size[i + 1]) > 1e-12; };
     size_t clearest = 0;
     for (size_t i = 0; i < falls.size(); ++i)
@@ -395,19 +401,20 @@ class Report {
     return section(
         "regressions", "Regressions",
         paragraph(
-            "Every step has a regression of its own. Its condition number says how much noise and rounding errors "
-            "may be magnified; full rank says that the data determine all of its unknowns.") +
+            "Every step has a regression of its own. Its condition number states how much noise and rounding errors "
+            "may be magnified; with full rank, the data determine all of its unknowns.") +
             plot_place("condition", "Condition number of the regression of each step", "Condition number") +
             plot_place("rank", "Rank, number of unknowns and lag order of each step", "Rank, unknowns, lag order") +
             plot_place("step", "Relative one-step error of each step over the experiments", "One-step error") +
             worst_steps());
   }
 
-  // The steps that need attention, without a plot.
+  // A table of the steps with the worst regressions, for readers without plots.
   std::string worst_steps() const {
     const bool condition = model_.has(&Step::has_condition), lags = model_.has(&Step::has_lags),
                rank = model_.has(&Step::has_rank);
-    // Badness of a step: its condition number or, without one, its rank deficiency. Unknown values come last.
+    // A measure of how bad a regression is: its condition number or, if this is missing, its rank deficiency. Steps
+    // with unknown values come last.
     const auto badness = [&](Index k) {
       const double value = condition ? model_.at(k).condition() : double(unknowns(model_, k) - model_.at(k).rank());
       return std::isnan(value) ? -std::numeric_limits<double>::infinity() : value;
@@ -494,7 +501,7 @@ class Report {
     return section(
         "matrices", "Gain history and A",
         paragraph(fmt::format("The gains {}; the entries of A in the smooth frame. A system that varies smoothly "
-                              "should show smooth curves: what scatters is noise.",
+                              "should have smooth curves; scatter is noise.",
                               frame_text())) +
             controls(choice("gain-row", "Rows of G") + choice("a-row", "Rows of A")) +
             plot_place("gain", "Entries of the observer gain over the steps", "Observer gain G") +
@@ -502,20 +509,21 @@ class Report {
             "<p class=\"note unscripted\">The matrices themselves are in the model's file.</p>\n");
   }
 
-  // The test of 20 experiments or more assumes only that they are independent.
+  // The text on the size of the innovations. With 20 or more experiments, the test assumes only that the experiments
+  // are independent.
   std::string squares_text() const {
     const NormalisedSquares& s = found_.validation.squares;
     const std::string text = in_words(found_.conclusions.nis) + ".";
     if (std::isnan(s.p)) return text;
-    return text +
-           (s.normal ? " The test presumes normal noise." : " The test presumes nothing but independent experiments.");
+    return text + (s.normal ? " The test assumes normal noise."
+                            : " The test assumes only that the experiments are independent.");
   }
 
   std::string whiteness_section() const {
     const Validation& v = found_.validation;
     const Conclusions& c = found_.conclusions;
     const std::string about =
-        "An observer that is right leaves innovations without memory. Shown is the correlation of each "
+        "The innovations of a correct observer are not correlated in time. The plot shows the correlation of each "
         "output's innovations with those some steps before, over the experiments, averaged over the steps.";
     if (std::isnan(v.whiteness_p))
       return section("whiteness", "Whiteness of the innovations",
@@ -557,11 +565,14 @@ class Report {
          "output.",
          "Condition: of the regressors of a step with columns scaled to norm 1, in Frobenius norms, of the part of "
          "full rank.",
-         fmt::format("Whiteness p: the chance of innovations as correlated over {} lags if they were white (Pillai's "
-                     "traces over the experiments, or where these are too few over all steps together). The same with "
-                     "inputs for those. A p below {} is held to be no chance. Steps count from 0.",
-                     test_lags, unlikely),
-         "Effects of the inputs: by how much the outputs answer to each more or less than the model says, by least "
+         fmt::format(
+             "Whiteness p: the chance of innovations as correlated over {} lags if they were white (Pillai's "
+             "traces over the experiments, or where these are too few over all steps together). The test of the "
+             "inputs uses the same method for the correlation with "
+             "inputs. A p below {} counts as beyond chance. Steps are counted from 0.",
+             test_lags, unlikely),
+         "Effects of the inputs: by how much more or less the outputs respond to each input than in the model, by "
+         "least "
          "squares from the innovations, with its 99 % interval.",
          "Size of the innovations: the mean of εᵀS⁻¹ε over its number of outputs, S being the covariance that the "
          "model states. After missing outputs and unknown initial states, ε is what the best observer of this model "

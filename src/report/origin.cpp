@@ -30,7 +30,8 @@ Tested tested(const Model& model, const Ensemble& data, const ReportOptions& opt
       result.options.evaluation = Evaluation::held_out;
     }
   } catch (const std::invalid_argument&) {
-    // Nothing was held out, or the data are too few for this share. They are not those of the identification.
+    // If nothing was held out, or the data are too few to hold out this share, then these are not the data of the
+    // identification.
   }
   return result;
 }

@@ -1,4 +1,4 @@
-// Finds out whether the model has seen the data that evaluate it.
+// Finds out whether the model was identified from the data of the report.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,16 +6,16 @@
 
 namespace tokid::report {
 
-// The tested data, and their relation to the model, with Evaluation::automatic resolved. If the data are those of an
-// identification with held-out experiments, only the held-out ones are tested.
+// The tested data and the options of the report. The evaluation in the options is no longer Evaluation::automatic. If
+// an identification held out some of the data, only the held-out experiments are tested.
 struct Tested {
   Ensemble data;
   ReportOptions options;
-  // For each tested experiment: its row in the given data, and its name, empty if it has none.
+  // For each tested experiment: its row in the given data, and its name (empty without a name).
   std::vector<Index> rows;
   std::vector<std::string> names;
 };
-// The experiments of these rows of `data`, as they are in `part`.
+// `part`: the experiments of `data` in these rows.
 Tested tested_part(const Ensemble& data, Ensemble part, std::vector<Index> rows, ReportOptions options);
 Tested tested(const Model& model, const Ensemble& data, const ReportOptions& options);
 

@@ -67,7 +67,8 @@ std::string element(std::string_view tag, std::string_view text, std::string_vie
 
 namespace {
 
-// Names of hundreds of characters would make a table unreadable. The cell has their beginning; hovering shows the rest.
+// A name of hundreds of characters would make a table unreadable. The cell shows its beginning; the mouse pointer on
+// the cell shows the whole name.
 constexpr size_t longest_cell = 80;
 
 std::string cell(std::string_view tag, std::string_view attributes, std::string_view text) {
@@ -154,7 +155,7 @@ std::string script(std::string_view code) {
 
 namespace {
 
-// Escapes text and keeps its line breaks.
+// Escapes a text, but keeps its line breaks.
 std::string escape_lines(std::string_view text) {
   std::string result;
   while (!text.empty()) {
@@ -180,7 +181,7 @@ std::string document(const Document& parts) {
       "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n<meta name=\"generator\" content=\"tokid {}\">\n"
-      // Nothing may be loaded, whatever a name contains.
+      // The browser must load nothing, even if a name contains HTML.
       "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline'; "
       "style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'\">\n"
       "<link rel=\"icon\" href=\"data:,\">\n<title>{}</title>\n<style>\n",

@@ -1,4 +1,4 @@
-// HTML pages that stand alone: text, tables, data, and the common frame of all pages.
+// HTML pages in a single file: text, tables, data, and the parts that all pages share.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,14 +8,14 @@
 
 namespace tokid::report {
 
-// Text for use between tags or in a quoted attribute. Text that is not UTF-8 becomes U+FFFD, and control characters
-// become spaces.
+// Escapes a text for use between tags or in a quoted attribute. Bytes that are not UTF-8 become U+FFFD, and control
+// characters become spaces.
 std::string escape(std::string_view text);
 
-// <tag class="…">text</tag>, the text escaped.
+// <tag class="…">text</tag>; the text is escaped.
 std::string element(std::string_view tag, std::string_view text, std::string_view css_class = {});
 
-// A table of texts, all of them escaped. A table that is wider than the page scrolls.
+// A table of texts, which are escaped. A table that is wider than the page can be scrolled.
 class Table {
  public:
   // Columns of text are aligned to the left, columns of numbers to the right.
@@ -35,7 +35,7 @@ class Table {
   bool caption_shown_;
 };
 
-// Label and value side by side, for facts.
+// A list of facts, each with a label and a value.
 class Facts {
  public:
   void row(std::string_view label, std::string_view value);
@@ -45,34 +45,36 @@ class Facts {
   std::string rows_;
 };
 
-// <section> with a heading that links can reach. The heading is escaped, the body is HTML.
+// A <section> with a heading and an id for links. The heading is escaped; the body is HTML.
 std::string section(std::string_view id, std::string_view heading, std::string_view body);
 
-// The place of the plot `name` below its heading, if any, and its legend. A script fills both; without scripts they
-// take no room. The label tells screen readers what the plot shows.
+// The place for the plot `name` and its legend, below a heading, if there is one. A script draws both. Without a
+// script, they take no space. `label` describes the plot to screen readers.
 std::string plot_place(std::string_view name, std::string_view label, std::string_view heading = {});
 
-// <script type="application/json" id="…"> with JSON text that cannot end the element or begin a comment.
+// A <script type="application/json" id="…"> with JSON text, changed so that it cannot end the element or begin a
+// comment.
 std::string script_json(std::string_view id, std::string_view json);
-// <script> of code that is part of tokid, never of data. \throws std::invalid_argument if it could end the element
+// A <script> with code that is part of tokid and not of the data. \throws std::invalid_argument if the code could end
+// the element
 std::string script(std::string_view code);
 
 struct Link {
   std::string id, text;
 };
 
-// The parts of a page. `body` is HTML, the texts before it are escaped.
+// The parts of a page. `body` is HTML; the texts before it are escaped.
 struct Document {
   std::string title;        // of the window and the first heading
-  std::string kind;         // small words above the heading, as "identification report"
+  std::string kind;         // small text above the heading, such as "Identification report"
   std::vector<Link> links;  // sections, for the navigation
   std::string body;
   std::string data;         // JSON, in the element `report-data`
   std::string_view script;  // draws the plots from the data
 };
 
-// Makes the whole page. It has the shared style, is light or dark by the reader's system or a button, and loads
-// nothing.
+// Makes the whole page. It has the style of all pages. It is light or dark, as the reader's system or a button sets it.
+// It loads nothing.
 std::string document(const Document& parts);
 
 }  // namespace tokid::report

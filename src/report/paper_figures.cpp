@@ -11,7 +11,7 @@ namespace tokid::report {
 
 namespace {
 
-// x = k·dt for k = begin …, with as many values as y has.
+// A curve with the values y at the times x = k·dt, for k = begin, begin + 1, …
 Series history(std::string name, const Vector& y, Index begin, double dt, int colour, Mark mark = Mark::line) {
   Series s{std::move(name), {}, {y.begin(), y.end()}, mark, colour};
   for (Index k = 0; k < y.size(); ++k) s.x.push_back(double(begin + k) * dt);
@@ -27,10 +27,10 @@ double largest(const Matrix& a) {
   return value;
 }
 
-// The step from which on every product of p closed-loop matrices vanishes. The windows of earlier steps reach back to
-// the start from rest. No state is visible there, so their data do not determine the gain.
+// The first step from which on every product of p closed-loop matrices is zero. The windows of earlier steps extend
+// back to the start from rest, where the state is zero. Their data therefore do not determine the gain.
 Index first_deadbeat(const Paper& paper) {
-  constexpr double rounding = 1e-9;  // closed loops have a norm of about ten
+  constexpr double rounding = 1e-9;  // relative to closed-loop matrices with a norm of about ten
   size_t first = paper.products.size();
   while (first > 0 && paper.products[first - 1] < rounding) --first;
   return paper.framed.begin + static_cast<Index>(first);
@@ -54,40 +54,41 @@ Figure poles(const Paper& paper) {
     most_closed = std::max(most_closed, std::abs(paper.closed[i][0]));
     most_zero = std::max(most_zero, std::abs(paper.closed[i][2]));
   }
-  return {
-      "figure-1",
-      "Case 1: poles of the plant and of the observer",
-      fmt::format("Eigenvalues of A′ and of A′ + G′C′ at the steps k = {} … {}, in the reference frame of step 0, with "
-                  "the unit circle. The plant's poles have moduli from {:.2f} to {:.2f}. Of the observer's four, two "
-                  "are zero at every step (at most {:.0e}); the other two move along the real axis, up to {:.2f} in "
-                  "modulus, and yet every error vanishes after p = {} steps: poles of single steps do not decide on "
-                  "a time varying system.",
-                  begin, paper.framed.end - 2, least_open, most_open, most_zero, most_closed, paper.lags),
-      {{{"real part"}, {"imaginary part"}, {std::move(open), std::move(closed)}, true}}};
+  return {"figure-1",
+          "Case 1: poles of the plant and of the observer",
+          fmt::format(
+              "Eigenvalues of A′ and of A′ + G′C′ at the steps k = {} … {}, in the reference frame of step 0, with "
+              "the unit circle. The plant's poles have moduli from {:.2f} to {:.2f}. Of the observer's four, two "
+              "are zero at every step (at most {:.0e}); the other two move along the real axis, up to {:.2f} in "
+              "modulus, and yet every error vanishes after p = {} steps: poles of single steps do not determine the "
+              "stability of "
+              "a time varying system.",
+              begin, paper.framed.end - 2, least_open, most_open, most_zero, most_closed, paper.lags),
+          {{{"real part"}, {"imaginary part"}, {std::move(open), std::move(closed)}, true}}};
 }
 
 Figure markov_error(const Paper& paper, const PaperCase& one, int number) {
   const double dt = paper.system.dt;
-  // Both cases have the same axis.
+  // The figures of both cases have the same range of the axis.
   double least = std::numeric_limits<double>::infinity(), most = 0;
   for (const PaperCase* either : {&paper.minimum, &paper.more})
     for (const Vector* errors : {&either->direct_error, &either->recursive_error})
       for (const double value : *errors)
         if (value > 0) least = std::min(least, value), most = std::max(most, value);
-  return {
-      fmt::format("figure-{}", number),
-      fmt::format("Case {}: error of the system Markov parameters, N = {}", number - 1, one.experiments),
-      fmt::format("Largest Frobenius norm of the error of h(k, k-γ) at each step. Up to γ = p = {} steps apart they "
-                  "follow from the regression of the step and its neighbours ({:.1e} at most); further apart they come "
-                  "by recursion over the steps, and collect the errors of all of them ({:.1e} at most). Without noise "
-                  "these are rounding errors times the condition of the windows, here up to {:.2g}: {}.",
-                  paper.lags, largest(one.direct_error), largest(one.recursive_error), one.condition_max,
-                  number == 2 ? "as many experiments as unknowns just suffice"
-                              : "more experiments than the minimum are better conditioned, and more exact"),
-      {{time_axis,
-        {"error", true, {{least, most}}},
-        {history(fmt::format("direct, γ ≤ {}", paper.lags), one.direct_error, 0, dt, 0),
-         history(fmt::format("by recursion, γ > {}", paper.lags), one.recursive_error, 0, dt, 1)}}}};
+  return {fmt::format("figure-{}", number),
+          fmt::format("Case {}: error of the system Markov parameters, N = {}", number - 1, one.experiments),
+          fmt::format(
+              "Largest Frobenius norm of the error of h(k, k-γ) at each step. Up to γ = p = {} steps, the parameters "
+              "follow from the regression of the step and its neighbours ({:.1e} at most); beyond, they come "
+              "by recursion over the steps, and their errors add up ({:.1e} at most). Without noise "
+              "these are rounding errors times the condition of the windows, here up to {:.2g}: {}.",
+              paper.lags, largest(one.direct_error), largest(one.recursive_error), one.condition_max,
+              number == 2 ? "as many experiments as unknowns just suffice"
+                          : "more experiments than the minimum are better conditioned, and more exact"),
+          {{time_axis,
+            {"error", true, {{least, most}}},
+            {history(fmt::format("direct, γ ≤ {}", paper.lags), one.direct_error, 0, dt, 0),
+             history(fmt::format("by recursion, γ > {}", paper.lags), one.recursive_error, 0, dt, 1)}}}};
 }
 
 Figure output_error(const Paper& paper, const PaperCase& one, int number) {
@@ -98,10 +99,11 @@ Figure output_error(const Paper& paper, const PaperCase& one, int number) {
   return {
       fmt::format("figure-{}", number),
       fmt::format("Case {}: output error for test inputs, N = {}", number - 3, one.experiments),
-      fmt::format("Response of the identified less that of the true system to u₁ = sin 3t and u₂ = cos 7t, which no "
-                  "experiment held. At most {:.1e}: an output sums up many Markov parameters, whose errors reach "
-                  "{:.1e} each.",
-                  largest(one.output_error), std::max(largest(one.direct_error), largest(one.recursive_error))),
+      fmt::format(
+          "Response of the identified system minus that of the true system to u₁ = sin 3t and u₂ = cos 7t, which no "
+          "experiment contained. At most {:.1e}: an output is a sum over many Markov parameters, whose errors reach "
+          "{:.1e} each.",
+          largest(one.output_error), std::max(largest(one.direct_error), largest(one.recursive_error))),
       {std::move(panel)}};
 }
 
@@ -115,21 +117,22 @@ Figure state_error(const Paper& paper) {
   for (Index i = 0; i < paper.closed_error.rows(); ++i)
     components.series.push_back(
         history(i == 0 ? "all, observer" : "", paper.closed_error.row(i), begin, dt, 7, Mark::dashed));
-  // Values below any rounding error are drawn at this level.
+  // Smaller values are far below the rounding errors. They are drawn at this level.
   constexpr double floor = 1e-18;
   const Index deadbeat = first_deadbeat(paper), gone = std::min(deadbeat + paper.lags, paper.framed.end - 1);
   norms.series = {history("open loop", paper.open_error.colwise().norm(), begin, dt, 0),
                   history("observer", paper.closed_error.colwise().norm().cwiseMax(floor), begin, dt, 7, Mark::dashed)};
-  return {"figure-6",
-          "Case 1: state error from an initial condition",
-          fmt::format(
-              "The same initial error in the plant alone and with the observer in the loop. The windows of the first "
-              "{} steps reach back to the start from rest, and do not determine their gains; p = {} steps later, at "
-              "step {}, the error is gone but for rounding ({:.0e} of its initial norm), while that of the open loop "
-              "goes on. Norms below {:.0e} are drawn as that.",
-              deadbeat - begin, paper.lags, gone,
-              paper.closed_error.col(gone - begin).norm() / paper.closed_error.col(0).norm(), floor),
-          {std::move(components), std::move(norms)}};
+  return {
+      "figure-6",
+      "Case 1: state error from an initial condition",
+      fmt::format(
+          "The same initial error in the plant alone and with the observer in the loop. The windows of the first "
+          "{} steps reach back to the start from rest, and do not determine their gains; p = {} steps later, at "
+          "step {}, the error is gone but for rounding ({:.0e} of its initial norm), while the error of the open loop "
+          "goes on. Norms below {:.0e} are drawn as that.",
+          deadbeat - begin, paper.lags, gone,
+          paper.closed_error.col(gone - begin).norm() / paper.closed_error.col(0).norm(), floor),
+      {std::move(components), std::move(norms)}};
 }
 
 Figure gains(const Paper& paper) {
@@ -151,7 +154,7 @@ Figure gains(const Paper& paper) {
           {std::move(panel)}};
 }
 
-// One curve for each number of experiments, over the lag orders.
+// One curve for each number of experiments, over the lag orders. `less` is subtracted from the values.
 Panel over_lags(const KalmanStudy& study, const char* label, double KalmanStudyCell::*field, double less) {
   Panel panel{{"lag order p"}, {label, true}, {}};
   for (const Index count : study.options.experiments) {
@@ -167,12 +170,14 @@ Panel over_lags(const KalmanStudy& study, const char* label, double KalmanStudyC
 }
 
 Figure kalman_error(const KalmanStudy& study) {
-  return {"kalman-error",
-          "Prediction error in excess of the Kalman filter's",
-          "Root mean square one-step error of the identified observer on fresh experiments, over that of the Kalman "
-          "filter of the true system, less one. A short window misses what older samples tell; a long one has more "
-          "unknowns, which few experiments pay for with noise. With enough experiments every further lag helps.",
-          {over_lags(study, "excess error", &KalmanStudyCell::error, 1.0)}};
+  return {
+      "kalman-error",
+      "Prediction error in excess of the Kalman filter's",
+      "Root mean square one-step error of the identified observer on fresh experiments, over that of the Kalman "
+      "filter of the true system, less one. A short window does not use older samples, which contain information; "
+      "a long window has more "
+      "unknowns, which few experiments determine less accurately. With enough experiments, every further lag helps.",
+      {over_lags(study, "excess error", &KalmanStudyCell::error, 1.0)}};
 }
 
 Figure kalman_gain(const KalmanStudy& study) {
@@ -181,7 +186,7 @@ Figure kalman_gain(const KalmanStudy& study) {
           "Root mean square over the steps of ‖G + A K‖ over that of ‖A K‖, with the identified gain G in the "
           "coordinates of the true system and the Kalman gain K of the true system. The deadbeat gain of p = 2 is far "
           "from it. The difference falls with p, at a rate that the memory of the Kalman filter sets; with few "
-          "experiments, noise stops it.",
+          "experiments, noise limits the fall.",
           {over_lags(study, "difference of the gains", &KalmanStudyCell::gain, 0.0)}};
 }
 

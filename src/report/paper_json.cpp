@@ -1,4 +1,4 @@
-// The figures and the numbers of the paper's example → JSON, for the page and for other programs.
+// Writes the figures and the numbers of the paper's example as JSON, for the page and for other programs.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "base/json.hpp"
 #include "report/paper_figures.hpp"

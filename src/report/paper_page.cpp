@@ -1,4 +1,4 @@
-// The results of the paper's example → page.
+// Makes the page with the results of the paper's example.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
@@ -28,7 +28,7 @@ std::string figure_html(const Figure& figure) {
       escape(figure.caption));
 }
 
-// Columns of figures, side by side if there is room.
+// Columns of figures. They are side by side if the page is wide enough.
 std::string figure_columns(const std::vector<std::vector<Figure>>& figures) {
   std::string html = "<div class=\"two\">\n";
   for (const std::vector<Figure>& column : figures) {
@@ -49,7 +49,7 @@ std::string number(std::complex<double> value, const char* format) {
   return text;
 }
 
-// All numbers of Appendix B. Those that are zero up to rounding errors are in a separate list.
+// A table of all numbers of Appendix B. Numbers that are zero up to rounding errors have another format.
 std::string printed_table(const Paper& paper) {
   Table table(
       {{"equation", Table::Align::text}, {"quantity", Table::Align::text}, {"printed"}, {"computed"}, {"difference"}},
@@ -96,9 +96,10 @@ std::string summary(const Paper& paper) {
   const auto zero = count(is_zero);
   const Index all = Index(paper.printed.size());
   return wrong > 0
-             ? fmt::format("{} of the {} numbers printed in Appendix B are not met.", wrong, all)
+             ? fmt::format("{} of the {} numbers printed in Appendix B are not reproduced.", wrong, all)
              : fmt::format(
-                   "All {} numbers printed in Appendix B are met. {} come out of experiments alone: six eigenvalues to "
+                   "All {} numbers printed in Appendix B are reproduced. {} come from experiments alone: six "
+                   "eigenvalues to "
                    "five digits, and 48 matrix entries within {:.1e} by one similarity. {} are zero but for rounding "
                    "errors, and {} belong to the time-invariant example, whose matrices are known.",
                    all, all - known - zero, largest_entry_difference(paper), zero, known);
@@ -133,8 +134,9 @@ std::string appendix_section(const Paper& paper) {
       "appendix-b", "Appendix B",
       note(fmt::format(
           "The coordinates of the paper are known up to one similarity, which is fitted to the 48 entries of "
-          "(79)-(81) at once; its equations leave one singular value {:.1e} times the next. Eigenvalues need none. "
-          "Products of two closed-loop matrices, and half of the eigenvalues, are zero but for rounding errors, here "
+          "(79)-(81) at once; its equations leave one singular value {:.1e} times the next. Eigenvalues do not "
+          "depend on the coordinates. "
+          "Products of two closed-loop matrices, and half of the eigenvalues, are zero up to rounding errors, here "
           "as there.",
           paper.similarity)) +
           printed_table(paper));

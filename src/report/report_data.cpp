@@ -20,16 +20,16 @@ namespace tokid::report {
 
 namespace {
 
-// Largest count of numbers of each kind on the page, at about seven bytes each.
+// The most numbers of each kind on the page. Each number takes about seven bytes.
 constexpr Index most_trace_numbers = 400'000;
-constexpr Index most_entry_numbers = 60'000;  // of A_k and G_k each
+constexpr Index most_entry_numbers = 60'000;  // of A_k, and as many of G_k
 constexpr Index most_poles = 50'000;
 constexpr Index most_heat_columns = 1200, most_heat_rows = 32;
 constexpr Index most_states_shown = 12;
 constexpr size_t most_finding_steps = 10'000;
-constexpr Index fewest_points = 120;  // of a curve, for any number of curves
+constexpr Index fewest_points = 120;  // of each curve, however many curves there are
 
-// Six digits are more than any screen shows. A value that is not finite becomes null.
+// Rounds to six digits, which is more than a plot can show. A value that is not finite becomes null.
 Json rounded(double value) {
   if (!std::isfinite(value)) return {};
   if (value == std::trunc(value) && std::abs(value) < 1e6) return static_cast<std::int64_t>(value);
@@ -64,7 +64,7 @@ Grid make_grid(Index begin, Index steps, Index points) {
   }
   for (Index k = 0; k < steps; k += grid.stretch) {
     grid.x.push_back(begin + k);
-    // The last stretch may be a single step, but its two points still stand side by side.
+    // Each stretch has two points at different places, even if the last stretch is a single step.
     grid.x.push_back(begin + k + std::max<Index>(1, grid.stretch / 2));
   }
   return grid;
@@ -100,11 +100,12 @@ Framed pole_frame(const Model& model) {
     const Index s = model.full_begin(), full = model.full_end() - s;
     try {
       FramedModel reference = reference_frame(model, s, rows);
-      // A frame of at least half of the steps makes a useful plot, a shorter one does not.
+      // The reference frame is used only if it contains at least half of the steps. A shorter frame would show too
+      // little.
       if (2 * (reference.end - reference.begin) >= full && reference.end - reference.begin > 1)
         return {std::move(reference.model), "reference", reference.begin, reference.end - 1, s};
     } catch (const std::invalid_argument&) {
-      // The outputs of step s do not determine its state. The smooth frame does not need this.
+      // The outputs from step s on do not determine its state. The smooth frame does not need this.
     }
   }
   return {smooth_frame(model, rows), "smooth", model.k_begin, model.k_end(), -1};
@@ -118,7 +119,7 @@ Shown shown_experiments(const Evidence& found, Index most) {
   std::iota(order.begin(), order.end(), Index{0});
   std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
     const double x = error[size_t(a)], y = error[size_t(b)];
-    return std::isnan(y) ? !std::isnan(x) : x < y;  // rows without an error come last
+    return std::isnan(y) ? !std::isnan(x) : x < y;  // experiments without an error come last
   });
   const Index known = std::count_if(error.begin(), error.end(), [](double e) { return !std::isnan(e); });
 
@@ -156,7 +157,7 @@ Shown shown_experiments(const Evidence& found, Index most) {
 
 namespace {
 
-// Collects the JSON, and reports what it leaves out.
+// Collects the data as JSON, and reports what is left out.
 class Collector {
  public:
   Collector(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options)
@@ -189,10 +190,10 @@ class Collector {
     plots_.omitted.push_back(fmt::format(text, std::forward<Arguments>(arguments)...));
   }
 
-  // Number of points for each of `curves` curves that share `budget` numbers.
+  // The number of points of each of `curves` curves, if all curves together may have `budget` numbers.
   Index points_for(Index curves, Index budget) const {
     const Index fair = std::max(fewest_points, budget / std::max<Index>(1, curves));
-    return std::min(fair, std::max<Index>(2, options_.points));  // fewer than the fewest, if asked for
+    return std::min(fair, std::max<Index>(2, options_.points));  // the option may ask for fewer than fewest_points
   }
 
   template <class Value>
@@ -204,7 +205,7 @@ class Collector {
 
   void traces() {
     const Index curves = model_.inputs + 5 * model_.outputs;
-    // The number of experiments is limited, so that each curve keeps enough points.
+    // The number of experiments is limited so that each curve has enough points.
     const Index fair = std::min({data_.steps(), options_.points, Index{400}});
     Index most = std::min(options_.experiments, most_trace_numbers / std::max<Index>(1, curves * fair));
     const Shown shown = shown_experiments(found_, std::max<Index>(1, most));
@@ -257,7 +258,7 @@ class Collector {
             {"prediction_error", difference(predicted)}};
   }
 
-  // Base-ten logarithms in hundredths, which are small whole numbers.
+  // Stores the logarithms to base ten in hundredths, because these are small whole numbers.
   void singular_values() {
     json_["sigma"] = nullptr;
     Index rows = 0;
@@ -268,7 +269,8 @@ class Collector {
     rows = std::min(rows, most_heat_rows);
     const Index stride = (model_.steps() + most_heat_columns - 1) / most_heat_columns;
     if (stride > 1) omit("Of every {} steps the largest singular values and the largest order are drawn.", stride);
-    // If nothing moves, all singular values are rounding errors. D, a Markov parameter too, then sets the scale.
+    // If the inputs have no effect on later outputs, all singular values are rounding errors. The scale must then come
+    // from D, which is a Markov parameter, too.
     double largest = 0.0;
     for (const Step& step : model_.step)
       if (const auto s = step.singular_values(); s.size() > 0 && std::isfinite(s(0))) largest = std::max(largest, s(0));
@@ -278,7 +280,7 @@ class Collector {
         scale = std::max(scale, d.cwiseAbs().maxCoeff());
     Json columns = Json::array(), order = Json::array();
     for (Index k = 0; k < model_.steps(); k += stride) {
-      std::vector<double> most;  // of the steps that share the column
+      std::vector<double> most;  // largest values of the steps in this column
       Index states = 0;
       for (Index i = k; i < std::min(model_.steps(), k + stride); ++i) {
         const auto s = model_.step[size_t(i)].singular_values();
@@ -299,7 +301,8 @@ class Collector {
         {"log", columns},          {"order", order}};
   }
 
-  // A value seventeen decades below the scale is zero in double precision. The result is null if all values are zero.
+  // Hundredths of the logarithm of a value. Values are at least 1e-17 times the scale, which is below double precision.
+  // The result is null for zero, which happens only if all values are zero.
   static Json hundredths(double value) {
     if (!(value >= std::numeric_limits<double>::min())) return {};
     return std::lround(100 * std::log10(value));
@@ -352,15 +355,17 @@ class Collector {
       omit("Eigenvalues are not shown at {}: the state dimension changes there, or the {} frame does not reach them.",
            steps(mixed), frame.name);
     if (infinite > 0)
-      omit("Eigenvalues are not shown at {}: A or A + GC has none that are finite there.", steps(infinite));
+      omit("Eigenvalues are not shown at {}: the eigenvalues of A or A + GC are not finite there.", steps(infinite));
 
-    // For too many steps, each stretch shows the steps with the largest values, once for A and once for A + GC.
+    // If there are too many steps, each stretch shows two steps: the one with the largest eigenvalue of A, and the one
+    // with the largest eigenvalue of A + GC.
     const Index count = Index(plots_.radius.size());
     const Index most = std::max<Index>(2, most_poles / std::max<Index>(1, 4 * model.states()));
     const Index stride = count <= most ? 1 : (2 * count + most - 1) / most;
     if (stride > 1)
-      omit("Of every {} steps the eigenvalues of those two are drawn at which A and A + GC have their largest.",
-           stride);
+      omit(
+          "Of every {} steps, the eigenvalues of two are drawn: those with the largest eigenvalue of A, and of A + GC.",
+          stride);
     const auto farther = [](double Radius::*size) {
       return [size](const Radius& a, const Radius& b) { return a.*size < b.*size; };
     };
@@ -388,7 +393,7 @@ class Collector {
         {"frame", frame.name}, {"stride", stride}, {"k", k_list}, {"open", open_list}, {"closed", closed_list}};
   }
 
-  // Entries of A_k or G_k over k; NaN if an entry does not exist.
+  // The entries of A_k or G_k over k; NaN where a matrix is too small to have the entry.
   Json entries_of(const Model& model, Step::View (Step::*matrix)() const, Index begin, Index end, Index rows,
                   Index cols, const char* what) {
     const Index shown_rows = std::min(rows, most_states_shown), shown_cols = std::min(cols, most_states_shown);

@@ -1,4 +1,4 @@
-// The data of the plots of a report, reduced to a bounded size.
+// The data of the plots of a report, reduced to a limited size.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,9 +9,9 @@
 
 namespace tokid::report {
 
-// Curves of `steps` samples on a common grid. Curves of few samples stay as they are. Otherwise every stretch of
-// `stretch` steps has two points, its least and its largest value, in their order. No peak is lost; it moves by less
-// than a stretch.
+// A common grid for curves of `steps` samples. If the samples are few, the curve has all of them. Otherwise each
+// stretch of `stretch` steps gets two points: its least and its largest value, in their order in time. So no peak is
+// lost, but a peak can move by less than a stretch.
 struct Grid {
   Index begin = 0, steps = 0, stretch = 1;
   std::vector<Index> x;  // steps k of the points
@@ -20,20 +20,22 @@ struct Grid {
 };
 Grid make_grid(Index begin, Index steps, Index points);
 
-// Eigenvalues of A_k and of A_k + G_k C_k need coordinates. This is the frame of the plots.
+// The model in the frame (coordinates) of the plots, because the eigenvalues of A_k and of A_k + G_k C_k depend on the
+// coordinates.
 struct Framed {
   Model model;
   std::string name;          // "reference", "smooth"
-  Index begin = 0, end = 0;  // A_k in the frame: begin ≤ k < end
+  Index begin = 0, end = 0;  // A_k is in this frame for begin ≤ k < end
   Index reference_step = -1;
 };
 Framed pole_frame(const Model& model);
 
-// The plotted rows of the ensemble, with labels: the best, the median and the worst, and others spread evenly.
+// The rows of the ensemble that are plotted, and their labels. They have the smallest, median and largest error; other
+// rows are spread evenly.
 struct Shown {
   std::vector<Index> rows;
   std::vector<std::string> labels;
-  size_t first = 0;  // index of the row that the page shows first: the median
+  size_t first = 0;  // index in `rows` of the row that the page shows first: the one with the median error
 };
 Shown shown_experiments(const Evidence& found, Index most);
 
@@ -45,9 +47,9 @@ struct Radius {
 
 struct Plots {
   std::string json;
-  std::vector<std::string> omitted;  // parts that the page does not show, in words
+  std::vector<std::string> omitted;  // sentences on what the page does not show
   Framed frame;
-  std::vector<Radius> radius;  // if finite, of steps in the frame with as many states before as after
+  std::vector<Radius> radius;  // if finite: of the steps in the frame with as many states before as after
 };
 Plots plot_data(const Model& model, const Ensemble& data, const Evidence& found, const ReportOptions& options);
 

@@ -1,4 +1,4 @@
-// Figures → plain words.
+// Turns the numbers of a report into a verdict in plain words.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
@@ -25,7 +25,7 @@ double least(const Vector& fits) {
   return result;
 }
 
-// "experiments 3, 5–9 and 12", 'experiments "17" (row 16) and "20" (row 19)', a few at most
+// "experiments 3, 5–9 and 12", 'experiments "17" (row 16) and "20" (row 19)'; a long list is shortened
 std::string experiment_list(const Evidence& found, const std::vector<Index>& experiments) {
   constexpr size_t most = 6;
   std::vector<Index> rows;
@@ -49,7 +49,8 @@ std::string capital(std::string text) {
   return text;
 }
 
-// Collects reasons in the order of their gravity. Each reason lowers the status as far as necessary.
+// Collects the reasons against the model, and sorts them by their severity. The most severe reason determines the
+// status.
 class Assessment {
  public:
   Assessment(const Model& model, const Evidence& found, const ReportOptions& options)
@@ -116,18 +117,19 @@ class Assessment {
     const char* noise = h.stated ? "the noise that the model states" : "noise as large as its innovations";
     const double exact = least(of_moving(h.expected_simulation));
     return text + fmt::format("{} would spoil the simulation of an exact model too ({}).", noise,
-                              exact < 0 ? "worse than none" : fmt::format("fit {}", percent(exact)));
+                              exact < 0 ? "fit below 0 %" : fmt::format("fit {}", percent(exact)));
   }
 
-  // Fits of outputs at rest become NaN.
+  // Replaces the fits of constant outputs by NaN.
   Vector of_moving(Vector fits) const {
     for (const Index j : found_.constant_outputs)
       if (j < fits.size()) fits(j) = std::numeric_limits<double>::quiet_NaN();
     return fits;
   }
 
-  // For outputs below a good fit: would the model's own noise give an exact model the same errors? Noise that explains
-  // everything explains nothing. A model that states too much noise has no excuse.
+  // Does the noise that the model states explain all fits that are not good? It does if an exact model with this noise
+  // would have nearly the same errors. Noise is no explanation for very small fits, and not if the model states much
+  // more noise than the data have.
   bool noise_explains(const Vector& found, const Vector& expected) const {
     if (!found_.deciding.stated || expected.size() == 0 || found_.validation.squares.ratio < 1 / counts::overconfident)
       return false;
@@ -138,7 +140,7 @@ class Assessment {
     return true;
   }
 
-  // Is there no input that differs between the training experiments?
+  // Is each input the same in all training experiments?
   bool inputs_unknown() const {
     return options_.evaluation != Evaluation::given && Index(found_.weak_inputs.size()) == model_.inputs &&
            std::all_of(found_.weak_inputs.begin(), found_.weak_inputs.end(),
@@ -156,7 +158,7 @@ class Assessment {
     const Validation& v = found_.validation;
     const double simulation = least(simulation_), ahead = least(of_moving(v.horizon.fit));
     if (v.simulation.samples == 0) {
-      against(Trust::look_closer, "Nothing was simulated: no initial state could be found for it.");
+      against(Trust::look_closer, "Nothing was simulated: the initial states could not be estimated.");
       return;
     }
     if (!v.simulation.rmse.allFinite()) {
@@ -176,13 +178,15 @@ class Assessment {
                           output, percent(simulation)));
     else if (simulation < bounds::poor_fit && simulation >= 0 && ahead >= bounds::good_fit && !inputs_unknown())
       against(Trust::look_closer,
-              fmt::format("The simulation fits output {} to {} only{}. Predictions {} ahead fit {}: use the model with "
-                          "its observer, and no further than that.",
-                          output, percent(simulation), promise, plural(found_.horizon, "step"),
-                          percent_range(of_moving(v.horizon.fit))));
+              fmt::format(
+                  "The simulation fits output {} to {} only{}. Predictions {} ahead fit {}: use the model only with "
+                  "its observer, and only for predictions over as many steps.",
+                  output, percent(simulation), promise, plural(found_.horizon, "step"),
+                  percent_range(of_moving(v.horizon.fit))));
     else if (simulation < 0)
-      against(Trust::distrust, fmt::format("The simulation of output {} is worse than none at all (fit {}){}.", output,
-                                           percent(simulation), promise));
+      against(Trust::distrust,
+              fmt::format("The simulation of output {} is worse than the mean of the output (fit {}){}.", output,
+                          percent(simulation), promise));
     else if (simulation < bounds::poor_fit)
       against(Trust::distrust,
               fmt::format("The simulation fits output {} to {} only{}.", output, percent(simulation), promise));
@@ -207,12 +211,13 @@ class Assessment {
       against(Trust::look_closer, fmt::format("{}; {}.", found, exact));
     if (h.inputs < bounds::inputs_show)
       against(Trust::look_closer,
-              fmt::format("What the inputs do within {} is less than {:.1f} times the errors of the predictions: these "
-                          "data hardly test their effect.",
-                          plural(h.steps, "step"), bounds::inputs_show));
+              fmt::format(
+                  "The effect of the inputs within {} is less than {:.1f} times the errors of the predictions: these "
+                  "data hardly test the effect of the inputs.",
+                  plural(h.steps, "step"), bounds::inputs_show));
   }
 
-  // If nothing could be compared, nothing else counts.
+  // Assesses the fits. False: nothing could be compared, so that the other checks are left out.
   bool fits() {
     const Validation& v = found_.validation;
     if (v.simulation.samples == 0 && v.one_step.samples == 0) {
@@ -253,16 +258,18 @@ class Assessment {
                                               step_list(found_.error_peaks), bounds::error_peak));
     if (!found_.beyond_noise.empty())
       against(Trust::look_closer,
-              fmt::format("One-step errors at {} are more than {:.0f} times those that the identification left there.",
-                          step_list(found_.beyond_noise), bounds::beyond_noise));
+              fmt::format(
+                  "One-step errors at {} are more than {:.0f} times the errors of the identification at these steps.",
+                  step_list(found_.beyond_noise), bounds::beyond_noise));
     if (!found_.outliers.empty())
       against(Trust::look_closer,
-              fmt::format("Errors of {} are more than {:.0f} times the median of all experiments: other conditions, a "
-                          "failed sensor, or a model that does not reach that far.",
-                          experiment_list(found_, found_.outliers), bounds::outlier));
+              fmt::format(
+                  "Errors of {} are more than {:.0f} times the median of all experiments: look for other conditions, a "
+                  "failed sensor, or a model that is not valid there.",
+                  experiment_list(found_, found_.outliers), bounds::outlier));
     const double share = 1 - double(found_.untested.size()) / double(std::max<Index>(1, model_.steps()));
     if (share < bounds::coverage)
-      against(Trust::look_closer, fmt::format("The data test {} of the model's {} only; nothing is said about {}.",
+      against(Trust::look_closer, fmt::format("The data test only {} of the model's {}; they do not test {}.",
                                               model_.steps() - Index(found_.untested.size()),
                                               plural(model_.steps(), "step"), step_list(found_.untested)));
     return true;
@@ -273,11 +280,13 @@ class Assessment {
     if (options_.evaluation == Evaluation::training) {
       if (from > 0 && from < 3 * unknowns)
         against(Trust::look_closer,
-                fmt::format("Tested on training data alone, {} for {} unknowns per output and step: such a fit proves "
+                fmt::format("Tested only on training data, {} for {} unknowns per output and step: such a fit proves "
                             "little. Hold experiments back, or measure new ones.",
                             plural(found_.identified_from, "experiment"), unknowns));
       else if (from == 0)
-        against(Trust::look_closer, "Tested on training data alone, and the number of experiments is not known.");
+        against(Trust::look_closer,
+                "Tested only on training data, and the number of training experiments is not known: test on new "
+                "experiments.");
     } else {
       if (found_.noisy && from > 0 && from < 2 * unknowns)
         against(Trust::look_closer,
@@ -292,7 +301,7 @@ class Assessment {
               fmt::format("Only {} tested.", found_.experiments == 1 ? "one experiment was" : "two experiments were"));
   }
 
-  // Does the window of step k contain a step at which the input is at rest?
+  // Does the window of step k contain a step at which this input is nearly the same in all experiments?
   bool explains(const WeakInput& weak, Index k) const {
     const auto first = std::lower_bound(weak.steps.begin(), weak.steps.end(), k - found_.lags);
     return weak.always || (first != weak.steps.end() && *first <= k);
@@ -308,7 +317,7 @@ class Assessment {
   }
 
   void regressions() {
-    // Other data cannot explain the regressions of the identification.
+    // Only the data of the identification can explain the condition of its regressions.
     const bool own = options_.evaluation != Evaluation::given;
     std::vector<Index> explained, unexplained;
     std::vector<const WeakInput*> causes;
@@ -355,12 +364,12 @@ class Assessment {
                                                                        : "its effect there is hardly tested";
       if (weak.always)
         against(inputs_unknown() && !(least(deciding_) >= bounds::good_fit) ? Trust::distrust : Trust::look_closer,
-                fmt::format("{}: nothing is known of its effect.", text));
+                fmt::format("{}: its effect is not known.", text));
       else
         against(Trust::look_closer, fmt::format("{} ({}): {}.", text, spread(weak), effect));
     }
     if (found_.noisy && !found_.deficient.empty() && Index(found_.deficient.size()) > found_.lags)
-      against(Trust::look_closer, fmt::format("The regressions of {} lack rank: some effects can't be "
+      against(Trust::look_closer, fmt::format("The regressions of {} lack full rank: some effects can't be "
                                               "separated, and the solution of smallest norm is used.",
                                               step_list(found_.deficient)));
   }
@@ -380,10 +389,10 @@ class Assessment {
   const Model& model_;
   const Evidence& found_;
   const ReportOptions& options_;
-  Vector simulation_, one_step_, deciding_;  // fits of the outputs that move
+  Vector simulation_, one_step_, deciding_;  // fits of the outputs; NaN for constant outputs
   Verdict verdict_;
   std::vector<std::pair<Trust, std::string>> reasons_;
-  std::string remark_;  // on single steps, for the summary
+  std::string remark_;  // a sentence on single steps for the summary
 };
 
 }  // namespace

@@ -157,14 +157,14 @@ def test_a_variable_that_is_not_there(refused, tmp_path, packed):
 def test_steps_without_end(refused, tmp_path, column, rows):
     comment = "# dt = 1\n" if column == "time" else ""
     (tmp_path / "data.csv").write_text(f"{comment}experiment,{column},u1,y1\n{rows}")
-    refused("data.csv", "fewer gaps")
+    refused("data.csv", "fewer missing rows")
 
 
 def test_many_columns_and_a_late_step(refused, tmp_path):
     names = ",".join(f"u{c}" for c in range(30000))
     cells = ",".join(["1"] * 30000)
     (tmp_path / "data.csv").write_text(f"k,y,{names}\n0,1,{cells}\n900000,1,{cells}\n")
-    refused("data.csv", "900001 steps", "fewer gaps")
+    refused("data.csv", "900001 steps", "fewer missing rows")
 
 
 # Archives that unpack to far more than themselves, at the rate that DEFLATE can reach
@@ -381,7 +381,7 @@ def test_texts_of_another_length_than_their_heap_has(tokid, refused, tmp_path, w
     content = path.read_bytes()
     entry = struct.pack("<IQI", 4, content.index(b"GCOL"), 1)
     changed(path, entry, struct.pack("<I", length) + entry[4:])
-    refused("data.h5", "'initial_state'", f"a text of {length} bytes found, which its heap does not hold")
+    refused("data.h5", "'initial_state'", f"its heap of texts contains no text of {length} bytes")
 
 
 def test_a_name_that_ends_early(refused, tmp_path):
@@ -439,7 +439,7 @@ def test_texts_that_cannot_be_checked(tokid, refused, tmp_path):
         if status == 0:
             assert tokid.json("info", path)["initial_state"] == "zero"
         else:
-            refused("data.h5", "attribute 'initial_state'", "fewer attributes or a data set needed")
+            refused("data.h5", "attribute 'initial_state'", "write fewer attributes or a data set")
 
 
 def test_a_size_of_an_attribute_that_lies_elsewhere(tokid, refused, tmp_path):
@@ -450,7 +450,7 @@ def test_a_size_of_an_attribute_that_lies_elsewhere(tokid, refused, tmp_path):
     tokid("info", path)
     first = struct.pack("<BBHHH", 1, 0, 8, 20, 8)  # version, nothing, bytes of name, type and size
     changed(path, first + b"seventh\0", struct.pack("<BBHHH", 2, 2, 8, 24, 8) + b"seventh\0")
-    refused("data.h5", "attribute 'seventh'", "a size that lies elsewhere found, its own needed")
+    refused("data.h5", "attribute 'seventh'", "its size is stored in another object, its own size needed")
 
 
 def test_heaps_of_texts_that_overlap(refused, tmp_path):

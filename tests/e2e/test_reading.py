@@ -93,7 +93,7 @@ def test_step_numbers_that_are_none(tokid, tmp_path):
         (tmp_path / "data.csv").write_text(text)
         return tokid("info", tmp_path / "data.csv", status=2).stderr
 
-    doubt = "'step' was taken for step numbers: rename it where it holds something else"
+    doubt = "the column 'step' was read as step numbers: rename it if it contains something else"
     found = error("step,u1,y1\n0,1,2\n0,2,3\n1,3,4\n")  # a signal that jumps
     assert "line 3: a second row for step 0" in found and doubt in found
     found = error("step,u1,y1\n0,1,2\n0.5,2,3\n")
@@ -212,7 +212,7 @@ def test_a_last_line_without_its_break(tokid, tmp_path):
 
 # The checksum in the first line
 
-CHANGED = "has been changed since tokid wrote it"
+CHANGED = "it was changed after tokid wrote it"
 
 
 @pytest.fixture
@@ -241,7 +241,7 @@ def test_a_file_that_was_changed(tokid, tmp_path, written):
         written.write_text(changed)
         found = warnings(tokid, "info", written)
         assert len(found) == 1 and CHANGED in found[0] and f"'{written}'" in found[0]
-        assert "remove that line if you changed the file by hand; otherwise it is damaged" in found[0]
+        assert "remove that line if you changed the file by hand; otherwise the file is damaged" in found[0]
     for arguments in (["identify", written, "-o", model, "--lags", "1", "--time-invariant"],
                       ["validate", model, written]):
         assert told_of(warnings(tokid, *arguments), CHANGED)
@@ -293,7 +293,7 @@ def test_arrays_that_are_there_twice(tokid, tmp_path):
     np.savez(tmp_path / "twice.npz", **arrays)
     with zipfile.ZipFile(tmp_path / "twice.npz", "a") as archive, pytest.warns(UserWarning):
         archive.writestr("dt.npy", archive.read("dt.npy"))
-    assert "two arrays of one name found" in tokid("info", tmp_path / "twice.npz", status=2).stderr
+    assert "two arrays with the same name found" in tokid("info", tmp_path / "twice.npz", status=2).stderr
     scipy.io.savemat(tmp_path / "a.mat", {**arrays, "experiments": 2})
     header = 128
     for other, status in (({"dt": 0.05}, 0), ({"dt": 0.1}, 2)):
@@ -393,8 +393,8 @@ def test_other_names_of_the_sample_time(tokid, tmp_path, extension):
         assert dt(**named) == (DT, []), named
     # What is stated needs no other name, but no other time either.
     assert dt(dt=DT, Ts=DT, t=times, fs=20.0) == (DT, [])
-    assert dt(dt=0.1, Ts=DT) == (0.1, [f"'dt' = 0.1 and 'Ts' = {DT} found: dt was taken"])
-    assert dt(Ts=0.1, time=times) == (0.1, [f"'Ts' = 0.1 and times with steps of {DT} found: Ts was taken"])
+    assert dt(dt=0.1, Ts=DT) == (0.1, [f"'dt' = 0.1 and 'Ts' = {DT} found, which differ: 'dt' is used"])
+    assert dt(Ts=0.1, time=times) == (0.1, [f"'Ts' = 0.1 and times with steps of {DT} found, which differ: 'Ts' is used"])
     uneven, gap, back = times.copy(), times.copy(), times[::-1]
     uneven[7] += 0.01
     gap[7:] += DT

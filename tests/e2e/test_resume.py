@@ -174,7 +174,7 @@ def test_a_journal_of_other_options_is_refused(tokid, scene, change, words):
     before = journal.read_bytes()
     call = [word for i, word in enumerate(CALL) if word not in change and CALL[i - 1] not in change]
     result = tokid(*call, *change, status=2, cwd=scene)
-    for word in [*words, "model.h5.resume", "delete it to begin again"]:
+    for word in [*words, "model.h5.resume", "delete the journal to start anew"]:
         assert word in result.stderr
     assert journal.read_bytes() == before and not (scene / "model.h5").exists()
 

@@ -129,7 +129,7 @@ def test_refusals_leave_the_state_as_it_was(tokid, campaign):
     for arguments, reason in [
         ([state, campaign / "short.npz"], "steps: 50 found, 80 needed"),
         ([state, campaign / "later.npz", "-o", campaign / "none" / "m.npz"], "does not exist"),
-        ([campaign / "model.npz", campaign / "later.npz"], "what identify --state writes"),
+        ([campaign / "model.npz", campaign / "later.npz"], "an update state that identify --state writes"),
         ([campaign / "later.npz", campaign / "later.npz"], "Use another name"),
         ([campaign / "none.h5", campaign / "later.npz"], "none.h5"),
         ([campaign / "none.h5", campaign / "later.npz", campaign / "neither.npz"], "neither.npz: no such file"),
@@ -249,11 +249,11 @@ def test_damaged_states_are_refused(tokid, campaign):
         ({"sample_sums": sound["sample_sums"][:, :-1]}, "sample_sums"),
         ({"window_factors": sound["window_factors"] * np.nan}, "window_factors"),
         ({"method": np.array("magic")}, "magic"),
-        ({"experiment_digests": sound["experiment_digests"][::-1]}, "'experiment_digests': rows found that are not in ascending"),
+        ({"experiment_digests": sound["experiment_digests"][::-1]}, "'experiment_digests': rows in another order found, ascending order needed"),
         ({"experiment_digests": sound["experiment_digests"][1:]}, "'experiment_digests': 39 rows found, at least 40 needed"),
         ({"experiment_digests": sound["experiment_digests"][:, 1:]}, "'experiment_digests': shape (40, 3) found"),
-        ({"experiment_digests": sound["experiment_digests"] + 2**32}, "'experiment_digests': values found that are no whole"),
-        ({"experiment_digests": sound["experiment_digests"] * np.nan}, "'experiment_digests': values found that are no whole"),
+        ({"experiment_digests": sound["experiment_digests"] + 2**32}, "'experiment_digests': other values found, whole numbers"),
+        ({"experiment_digests": sound["experiment_digests"] * np.nan}, "'experiment_digests': other values found, whole numbers"),
         ({"without_digest": np.int64(41)}, "'without_digest': 41 found, 0 to 40 needed"),
     ]:
         np.savez(campaign / "damaged.npz", **{**sound, **change})
@@ -292,7 +292,7 @@ def test_concurrent_updates_lose_nothing(tokid, rounds):
     for said, status in update_at_once(tokid, together, parts, "-o", folder / "together.npz"):
         assert status == 0, said
         for line in said.splitlines():
-            assert "has it locked; waiting for up to 60 s" in line
+            assert "has locked the file; waiting for up to 60 s" in line
     for part in parts:
         tokid("update", single, part, "-o", folder / "single.npz")
     with h5py.File(together) as file:
@@ -341,13 +341,13 @@ def test_an_update_waits_for_another_one_and_says_so(tokid, held):
     refused = tokid("update", state, parts[0], "-o", folder / "m.npz", "--wait", 0.5, status=2).stderr.splitlines()
     assert 0.5 <= time.monotonic() - begin < 20
     assert refused == [
-        f"tokid: {state}: process 17 on rig has it locked; waiting for up to 0.5 s",
-        f"tokid: {state}: process 17 on rig has it locked, for more than 0.5 s; try again when that has ended, or wait longer"]
+        f"tokid: {state}: process 17 on rig has locked the file; waiting for up to 0.5 s",
+        f"tokid: {state}: process 17 on rig has locked the file, for more than 0.5 s; try again when the lock is free, or wait longer"]
     (only,) = tokid("update", state, parts[0], "--wait", 0, status=2).stderr.splitlines()
-    assert only == f"tokid: {state}: process 17 on rig has it locked; try again when that has ended, or wait longer"
+    assert only == f"tokid: {state}: process 17 on rig has locked the file; try again when the lock is free, or wait longer"
     link = folder / "link.h5"  # another name of the same state
     link.symlink_to("state.h5")
-    assert "has it locked" in tokid("update", link, parts[0], "--wait", 0, status=2).stderr
+    assert "has locked the file" in tokid("update", link, parts[0], "--wait", 0, status=2).stderr
     assert state.read_bytes() == before and not (folder / "m.npz").exists()
     waiting = subprocess.Popen([tokid.executable, "update", str(state), str(parts[0]), "--quiet"],
                                stderr=subprocess.PIPE, text=True)
@@ -365,7 +365,7 @@ def test_identify_does_not_replace_a_state_that_is_updated(tokid, held):
     before = (folder / "state.h5").read_bytes()
     call = subprocess.Popen([tokid.executable, "identify", str(parts[0]), "-o", str(folder / "new.npz"), "--state",
                              str(folder / "state.h5"), "--no-refine", "--quiet"], stderr=subprocess.PIPE, text=True)
-    assert "process 17 on rig has it locked; waiting" in call.stderr.readline()
+    assert "process 17 on rig has locked the file; waiting" in call.stderr.readline()
     assert (folder / "state.h5").read_bytes() == before and not (folder / "new.npz").exists()
     holder.kill()
     call.communicate(timeout=60)
@@ -384,7 +384,7 @@ def test_a_state_that_is_changed_without_the_lock_is_told(tokid, rounds):
     finally:
         other.kill()
         other.wait()
-    assert "another program has replaced it meanwhile" in said or "changed while it was read" in said
+    assert "another program has changed the file" in said or "changed while it was read" in said
     assert not (folder / "m.npz").exists()
 
 
@@ -398,7 +398,7 @@ def test_a_model_that_refines_itself_is_locked(tokid, rounds):
         copy.write_bytes(content)
         os.replace(copy, model)
     _, said = busy.communicate()
-    assert busy.returncode == 2 and "another program has replaced it meanwhile" in said
+    assert busy.returncode == 2 and "another program has changed the file" in said
     assert model.read_bytes() == content
 
 

@@ -1,4 +1,4 @@
-// Remarks of the readers of tables, .csv files and DataFrames, on their columns.
+// Remarks on the columns of tables, for the readers of .csv files and of DataFrames.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,10 +10,10 @@
 
 namespace tokid::io {
 
-// A remark on columns that are not read, if there are any.
+// A remark that these columns are not read; empty if `columns` is empty.
 std::optional<std::string> remark_on_unused(const Names& columns);
 
-// The remark for a table without a column that states the step of a row.
+// The remark on a table in which no column states the steps of the rows.
 inline constexpr std::string_view rows_as_steps =
     "no column of times or step numbers found: the rows of an experiment were taken as successive steps; name a column "
     "of times 'time', one of step numbers 'k'";

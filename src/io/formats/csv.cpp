@@ -1,4 +1,5 @@
-// Tidy .csv: a row for each experiment and step, a column for each channel, comments before the header for the rest.
+// Tidy .csv: a row for each experiment and step, a column for each channel. Comments before the header contain all
+// other information.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <csv.h>
 #include <fmt/format.h>
@@ -40,8 +41,8 @@ constexpr std::string_view checksum_begin = "# checksum = ";
 
 std::string checksum_line(std::string_view digits) { return fmt::format("{}{}\n", checksum_begin, digits); }
 
-// Other programs may write other checksums. One character of tokid's checksum may be damaged, and spreadsheet programs
-// fill rows with empty cells.
+// Does this look like a checksum of tokid? One character of it may be damaged, and a spreadsheet program may have added
+// empty cells. A checksum of another program looks different.
 bool is_ours(std::string_view digits) {
   digits = digits.substr(0, digits.find_last_not_of(",;\t ") + 1);
   const auto is_digit = [](char c) { return std::string_view("0123456789abcdef").find(c) != std::string_view::npos; };
@@ -49,7 +50,8 @@ bool is_ours(std::string_view digits) {
          std::count_if(digits.begin(), digits.end(), is_digit) + 1 >= std::ptrdiff_t(digits.size());
 }
 
-// The checksum in this line; empty for another line. One character at its beginning may be damaged too.
+// The checksum in this line; empty for another kind of line. If one character before the digits is damaged, the result
+// is "", which matches no text.
 std::optional<std::string> checksum_in(std::string_view line) {
   if (line.size() < checksum_begin.size()) return std::nullopt;
   const auto same = std::inner_product(checksum_begin.begin(), checksum_begin.end(), line.begin(), size_t{0},
@@ -66,7 +68,7 @@ std::optional<std::string> checksum_in(std::string_view line) {
 using Cells = std::vector<std::string>;
 
 struct Row {
-  Index line = 0;  // the line where it ends, counted from 1
+  Index line = 0;  // number of the line where the row ends, counted from 1
   Cells cells;
 };
 
@@ -84,7 +86,7 @@ class Tokenizer {
   Tokenizer(const Tokenizer&) = delete;
   Tokenizer& operator=(const Tokenizer&) = delete;
 
-  // The text after # in the next line, if that is a comment. Call this before the first row only.
+  // The text after # in the next line, if this line is a comment. Must not be called after next().
   std::optional<Row> next_comment() {
     while (has_line_ && line_text_.find_first_not_of(" \t\r") == std::string::npos) read_line();
     if (!has_line_ || !line_text_.starts_with('#')) return std::nullopt;
@@ -102,10 +104,10 @@ class Tokenizer {
     return row;
   }
 
-  // Was the checksum of the file written for another text? Call this after the last row.
+  // Is the text different from that for which the checksum was written? Must be called after the last row.
   bool is_changed() { return checksum_ && *checksum_ != rest_.digits(); }
 
-  // Does the file end with this row, without a line break or without the closing quotation mark of its last cell?
+  // Does the file end with this row, and without a line break or a closing quotation mark?
   bool has_open_end(const Row& row) const { return open_end_ && row.line == line_; }
 
  private:
@@ -145,7 +147,7 @@ class Tokenizer {
   Cells cells_;
   std::deque<Row> rows_;
   std::optional<std::string> checksum_;
-  TextChecksum rest_;  // of the text after it
+  TextChecksum rest_;  // checksum of the text after the first line
 };
 
 // ---- comments before the header: "# name = value" ----
@@ -153,7 +155,7 @@ class Tokenizer {
 struct Note {
   Index line = 0;
   std::string text;
-  Json value;  // discarded for a word, and for a value that no note can have
+  Json value;  // discarded if the text is no number and no flat list
 };
 
 struct Notes {
@@ -162,7 +164,7 @@ struct Notes {
   Channels channels;
   std::vector<Index> length;
   std::map<std::string, Note> lines;  // by name
-  bool has_checksum = false;          // it belongs in the first line
+  bool has_checksum = false;          // there is a line with a checksum after the first line
 };
 
 std::string trimmed(std::string_view text) {
@@ -171,7 +173,8 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(begin, text.find_last_not_of(" \t\r") + 1 - begin));
 }
 
-// Reads a number or a flat list. Objects are not parsed: their keys are searched one by one.
+// Reads a number or a flat list. JSON objects are not read, because no note needs an object and large objects are slow
+// to read.
 Json value_of_note(std::string_view text) {
   const JsonMeasure found = measure_json(text);
   return found.depth <= 1 && found.keys == 0 ? parse_json(text) : Json(Json::value_t::discarded);
@@ -234,7 +237,7 @@ struct Columns {
   }
 };
 
-// Time may have capital letters. K is a channel or not used.
+// "Experiment" and "time" may have capital letters. A column "K" is not the column "k" of step numbers.
 std::string canonical(const std::string& name) {
   const std::string lower = in_lower_case(name);
   return lower == "experiment" || lower == "time" ? lower : name;
@@ -244,7 +247,7 @@ bool is_reserved(const std::string& name) {
   return name == "k" || canonical(name) == "experiment" || canonical(name) == "time";
 }
 
-// Finds the columns.
+// Finds columns by their names.
 class Header {
  public:
   explicit Header(const Cells& names) : names_(names) {
@@ -283,7 +286,8 @@ std::vector<size_t> prefixed_columns(const Header& header, char prefix, const Na
   return named_columns(header, wanted);
 }
 
-// The names stated by the caller or in the file. Otherwise the wanted names, if the file has a column for each.
+// The names that the caller states, or else those that the comments of the file state. If there are none: the wanted
+// names, if the file has all these columns.
 const Names& names_to_read(const Row& header, const Names& stated, const Names& noted, const Names& wanted) {
   if (!stated.empty() || !noted.empty()) return stated.empty() ? noted : stated;
   const auto is_there = [&](const std::string& name) {
@@ -292,7 +296,8 @@ const Names& names_to_read(const Row& header, const Names& stated, const Names& 
   return std::all_of(wanted.begin(), wanted.end(), is_there) ? wanted : noted;
 }
 
-// The only column whose name `wanted` accepts. Channels do not count, also channels that the comments name.
+// The only column whose name `wanted` accepts. Columns of channels are not considered, even if only the comments name
+// them as channels.
 template <class Wanted>
 std::optional<size_t> only_column(const Columns& columns, const Channels& noted, const char* what, const char* name,
                                   Wanted&& wanted) {
@@ -308,12 +313,12 @@ std::optional<size_t> only_column(const Columns& columns, const Channels& noted,
     candidates.push_back(columns.names[c]);
   }
   if (candidates.size() > 1)
-    fail("header: {} found, one column of {} needed; rename the one that holds them to '{}'", quoted(candidates), what,
-         name);
+    fail("header: {} found, one column of {} needed; give this column the name '{}'", quoted(candidates), what, name);
   return column;
 }
 
-// Steps come from "time", else from another name of times, else from "k", else from another name of step numbers.
+// Finds the column that states the steps of the rows. In order of preference: "time", another name for times, "k",
+// another name for step numbers.
 void find_steps(const Channels& noted, Columns& columns) {
   const Header header(columns.names);
   columns.time = header.find("time");
@@ -338,7 +343,7 @@ Columns columns_of(const Row& header, const Names& inputs, const Names& outputs)
   return columns;
 }
 
-// A remark for the user on columns that are not read.
+// A remark for the user on the columns that are not read.
 std::optional<std::string> remark_on_unused_columns(const Columns& columns) {
   std::unordered_set<size_t> used(columns.inputs.begin(), columns.inputs.end());
   used.insert(columns.outputs.begin(), columns.outputs.end());
@@ -390,10 +395,11 @@ void check_width(const Row& row, const Cells& names) {
          words::quoted(row.cells[needed]), names.back());
 }
 
-// Reminds the user that a column with another name was taken for step numbers, for errors in its values.
+// For errors in the values of a column of step numbers that is not named "k": a text that reminds the user of this
+// interpretation.
 std::string doubt(const Columns& columns) {
   if (columns.time || !columns.step || columns.names[*columns.step] == "k") return "";
-  return fmt::format("; '{}' was taken for step numbers: rename it where it holds something else",
+  return fmt::format("; the column '{}' was read as step numbers: rename it if it contains something else",
                      columns.names[*columns.step]);
 }
 
@@ -447,12 +453,12 @@ class RecordReader {
 
   Records records_;
   std::unordered_map<std::string, Index> numbers_;
-  std::vector<Index> rows_;  // of each experiment so far
+  std::vector<Index> rows_;  // number of rows of each experiment so far
 };
 
 // ---- the steps ----
 
-// Steps of the rows, counted from the smallest time or number.
+// The common steps of all rows, counted from the smallest time or step number.
 struct Steps {
   Grid grid;
   Index count = 1;
@@ -461,17 +467,18 @@ struct Steps {
 Steps steps_of(const Records& records, std::optional<double> dt) {
   const auto [first, last] = std::minmax_element(records.rows.time.begin(), records.rows.time.end());
   if (dt && (!(*dt > 0) || !std::isfinite(*dt))) fail("dt: {} found, a positive time in seconds needed", *dt);
-  // A number that continues from one experiment to the next counts rows, unless it is called k.
+  // Step numbers that continue from one experiment to the next probably count rows. Only a column named "k" is trusted.
   if (!doubt(records.columns).empty())
     check_common_steps(records.rows, "step numbers from the begin of each experiment on needed, or the name 'k'");
   const Grid grid = records.columns.time ? time_grid(records.rows, dt) : Grid{*first, 1.0};
   const double steps = grid.step(*last) + 1, rows = static_cast<double>(records.rows.time.size());
   const size_t experiments = records.rows.experiments.size();
-  // Otherwise one wrong time or step number could take far more memory than the file justifies.
+  // Without this limit, one wrong time or step number could take far more memory than the number of rows justifies.
   const double channels = static_cast<double>(records.columns.inputs.size() + records.columns.outputs.size());
   const double samples = steps * static_cast<double>(experiments) * channels;
   if (!(samples <= 1e6 + 1000 * rows * channels))
-    fail("{} experiments of {} steps found in {} rows, fewer gaps needed", experiments, steps, rows);
+    fail("{} experiments of {} steps found in only {} rows, fewer missing rows needed; check the times or step numbers",
+         experiments, steps, rows);
   if (!(samples * sizeof(double) <= static_cast<double>(memory_limit())))
     fail("{} experiments of {} steps with {} channels found, which take {} bytes of memory; this machine has {}",
          experiments, steps, channels, samples * sizeof(double), memory_limit());
@@ -495,14 +502,14 @@ void fill(const Records& records, const Grid& grid, Ensemble& e) {
   }
 }
 
-// Default names are not kept, unless they were given as names.
+// Default names are dropped, unless the comments of the file state them as names.
 Names names_unless_default(const Names& names, char prefix, bool given) {
   bool is_default = true;
   for (size_t i = 0; i < names.size(); ++i) is_default = is_default && names[i] == fmt::format("{}{}", prefix, i + 1);
   return is_default && !given ? Names{} : names;
 }
 
-// The units of the file belong to its own choice of channels. Another choice finds them by name.
+// The units of the chosen channels by name, because the caller may have chosen other channels than the file.
 Names units_of(const Names& chosen, const std::map<std::string, std::string>& units) {
   Names result;
   bool any = false;
@@ -516,7 +523,8 @@ Names units_of(const Names& chosen, const std::map<std::string, std::string>& un
 
 void add_units(const Names& names, const Names& units, const char* key, std::map<std::string, std::string>& to) {
   if (units.empty()) return;
-  if (units.size() != names.size()) fail("{}: {} found for {} channels", key, units.size(), names.size());
+  if (units.size() != names.size())
+    fail("{}: {} units found for {} channels, one unit for each channel needed", key, units.size(), names.size());
   for (size_t i = 0; i < names.size(); ++i) to[names[i]] = units[i];
 }
 
@@ -531,22 +539,23 @@ Channels channels_of(const Columns& columns, const Row& header, const Notes& not
           units_of(outputs, units)};
 }
 
-// A file without a final line break may be whole, but one that was cut within its last number looks the same.
+// A file without a final line break may be complete. But a file that was cut within its last number looks the same.
 std::string remark_on_end(const Row& row, const Columns& columns) {
   return fmt::format(
-      "line {}, the last one, ends without a line break: its {} = '{}' may have been cut; see whether "
-      "the file is whole, and end it with a line break",
+      "line {}, the last one, ends without a line break: its {} = '{}' may have been cut; check whether "
+      "the file is complete, and end it with a line break",
       row.line, columns.names.back(), words::quoted(row.cells.back()));
 }
 
 std::string remark_on_change(const std::filesystem::path& path) {
   return fmt::format(
-      "'{}' has been changed since tokid wrote it, says its line '# checksum = …': remove that line if you changed the "
-      "file by hand; otherwise it is damaged",
+      "'{}' does not match its line '# checksum = …', so it was changed after tokid wrote it: remove that line if "
+      "you changed the "
+      "file by hand; otherwise the file is damaged",
       path.string());
 }
 
-// Steps that no experiment has may be intended, or the numbers may count something else.
+// Steps without any row may be intended, or the column may not contain step numbers.
 std::optional<std::string> remark_on_empty_steps(const Records& records, const Steps& steps) {
   if (records.columns.time || !records.columns.step) return std::nullopt;
   std::int64_t common = 0;
@@ -561,7 +570,8 @@ std::optional<std::string> remark_on_empty_steps(const Records& records, const S
 void apply_length(const std::vector<Index>& length, Ensemble& e) {
   e.length = length;
   if (e.length.size() != static_cast<size_t>(e.experiments()) && !length.empty())
-    fail("length: {} entries found for {} experiments", length.size(), e.experiments());
+    fail("length: {} entries found for {} experiments, one entry for each experiment needed", length.size(),
+         e.experiments());
   for (size_t n = 0; n < length.size(); ++n)
     for (Index k = std::max(length[n], Index{0}); k < e.steps(); ++k) {
       e.input(k).row(static_cast<Index>(n)).setConstant(missing);
@@ -576,7 +586,7 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
   Notes notes;
   while (const auto comment = file.next_comment()) read_note(*comment, notes);
   const auto header = file.next();
-  if (!header) fail("no header line found, one needed");
+  if (!header) fail("no header line found: a line with the names of the columns needed");
   const Names& inputs = names_to_read(*header, options.inputs, notes.channels.input_names, options.wanted.input_names);
   const Names& outputs =
       names_to_read(*header, options.outputs, notes.channels.output_names, options.wanted.output_names);
@@ -617,13 +627,13 @@ Ensemble read_csv(const std::filesystem::path& path, const ReadOptions& options)
 
 namespace {
 
-// A spreadsheet program computes a cell that begins like a formula. A formula can read files and start programs. The
-// program also splits the lists in the comments into cells.
+// A spreadsheet program executes a cell that begins like a formula, and a formula can read files and start programs.
+// The program also splits the lists in the comments into cells, so the names and units in these lists are checked, too.
 void check_no_formula(const char* key, const Names& texts) {
   for (const std::string& text : texts)
     if (!text.empty() && std::string_view("=+-@\t").find(text.front()) != std::string_view::npos &&
         text.find_first_of("(!|") != std::string::npos)
-      fail("{}: '{}' found, a text that spreadsheet programs don't take for a formula needed in .csv", key, text);
+      fail("{}: '{}' found, which spreadsheet programs take for a formula; another text needed in .csv", key, text);
 }
 
 Names column_names(const Ensemble& e) {
@@ -668,7 +678,8 @@ void write_row(const Ensemble& e, Index n, Index k, std::string_view experiment,
   out.push_back('\n');
 }
 
-// Rows without a sample are left out, except for the first experiment and the first step, which keep the grid whole.
+// Rows without any sample are not written. The rows of the first experiment and of the first step are always written,
+// so that all experiments and steps exist in the file.
 bool is_needed(const Ensemble& e, Index n, Index k) {
   return n == 0 || k == 0 || !e.samples().row(n).segment(k * e.channels(), e.channels()).array().isNaN().all();
 }
@@ -693,7 +704,7 @@ void write_csv(const Ensemble& e, const std::filesystem::path& path) {
   check_fits(e);
   ByteWriter file(path);
   TextChecksum checksum;
-  std::string out = checksum_line(std::string(16, '0'));  // a placeholder until the checksum is known
+  std::string out = checksum_line(std::string(16, '0'));  // replaced when the checksum is known
   file.write(out);
   out.clear();
   write_notes(e, out);

@@ -24,7 +24,7 @@ using io::fail;
 
 io::Fields outlines(const fs::path& path) { return io::Fields(io::read_hdf5(path, io::ensemble_names(), {"u", "y"})); }
 
-// Checks names, sizes and the sample time as load_ensemble() does, on an ensemble with one step.
+// Checks names, sizes and the sample time like load_ensemble(), with a small ensemble of one step.
 void check(io::EnsembleOutline& outline) {
   Ensemble one(outline.experiments, 1, outline.inputs, outline.outputs, outline.dt);
   for (Index c = 0; c < one.inputs(); ++c) one.input(0).col(c).setZero();
@@ -36,7 +36,8 @@ void check(io::EnsembleOutline& outline) {
   outline.experiment_names = std::move(one.experiment_names);
 }
 
-// A part of the axes experiments, steps and channels. A single experiment may have no axis.
+// A part of a data set with the axes experiments, steps and channels. A data set of one experiment may lack the first
+// axis.
 io::Hyperslab slab(const io::Hdf5Source::Samples& samples, const std::array<Index, 3>& begin,
                    const std::array<Index, 3>& count) {
   const size_t axis = samples.rank() == 2 ? 1 : 0;
@@ -58,7 +59,7 @@ struct EnsembleFile::Content {
       fail("MATLAB's order of the samples found, that of docs/formats.md needed to read them in blocks");
     io::EnsembleOutline outline = io::outline_of(fields, true);
     io::complete_sample_time(outline, outline.steps, fields.names(), [&](const io::Names& wanted) {
-      // Times of each experiment stay in the file: they are as many as the samples of a channel.
+      // If each experiment has its own times, they are not read, because they are as many as the samples of a channel.
       const io::Contents shapes = io::read_hdf5(path, wanted, wanted);
       const bool is_small = std::all_of(shapes.arrays.begin(), shapes.arrays.end(), [&](const auto& entry) {
         return io::checked_product(entry.second.shape) <= size_t(outline.steps);
@@ -70,7 +71,8 @@ struct EnsembleFile::Content {
   }
 
   void read(io::Hdf5Source::Samples& samples, Index channels, Index first_channel, Index begin, Ensemble& to) {
-    // Reads as many experiments at a time as the second cache level holds, and whole chunks of a chunked data set.
+    // Reads as many experiments at a time as fit into the second cache level. From a chunked data set it reads whole
+    // chunks.
     constexpr Index bytes = 1 << 19;
     const Index row = to.steps() * channels * Index(sizeof(double));
     const Index together = samples.stored_together();

@@ -22,14 +22,14 @@ constexpr ChannelField channel_fields[] = {{"input_names", &Channels::input_name
                                            {"input_units", &Channels::input_units},
                                            {"output_units", &Channels::output_units}};
 
-// ---- shapes: (N, T, channels), however the file spells it ----
+// ---- shapes: all forms in a file become (N, T, channels) ----
 
 Shape one_experiment(const Shape& shape) { return {1, shape[0], shape[1]}; }
 Shape one_channel(const Shape& shape) { return {shape[0], shape[1], 1}; }
 
 bool is_grid(const Shape& shape, const Shape& other) { return shape[0] == other[0] && shape[1] == other[1]; }
 
-// For shapes that do not match: reports which ones look like another order of the axes, and would match in it.
+// For shapes that do not match: reports which of them would match with another order of the axes.
 std::string in_other_order(const Shape& u, const Shape& y) {
   if (u.size() != y.size() || (u.size() == 3 && u[0] != y[0])) return "";
   const size_t steps = u.size() - 2, channels = u.size() - 1;
@@ -39,7 +39,7 @@ std::string in_other_order(const Shape& u, const Shape& y) {
   return "";
 }
 
-// `u` and `y`: the shapes in the file. `read_u` and `read_y`: how they were read.
+// `u` and `y`: the shapes in the file. `read_u` and `read_y`: their interpretation as (N, T, channels).
 [[noreturn]] void fail_grid(const Shape& u, const Shape& y, const Shape& read_u, const Shape& read_y) {
   const std::string looks = in_other_order(u, y);
   const bool one = u.size() == 2 && y.size() == 2 && read_u == one_experiment(u);
@@ -64,7 +64,7 @@ Shape beside(const char* name, const Shape& shape, const char* other_name, const
                         : fmt::format("({}, {}, channels) like '{}'", other[0], other[1], other_name));
 }
 
-// Restores trailing ones. `experiments` shows that nothing else was dropped.
+// Restores the trailing ones that MATLAB drops. `experiments` confirms that the first axis is still N.
 Shape with_trailing_ones(const char* name, Shape shape, Index experiments) {
   const Shape found = shape;
   if (shape.size() < 3) shape.resize(3, 1);
@@ -116,8 +116,8 @@ Shape free_shape(const Fields& fields, size_t outputs) {
 
 // ---- samples ----
 
-// Calls f(n, k, c, index of the sample in a row-major array) for every sample. It works in pieces of time that fit into
-// the cache in both orders.
+// Calls f(n, k, c, index of the sample in a row-major array) for every sample. It goes through few steps at a time, so
+// that these samples stay in the cache for both orders of storage.
 template <typename F>
 void each_sample(Index experiments, Index steps, Index channels, F&& f) {
   constexpr Index piece = 32;

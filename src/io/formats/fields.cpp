@@ -8,7 +8,7 @@ namespace tokid::io {
 
 namespace {
 
-// Beyond this, not all whole numbers are doubles.
+// 2^53: above it, doubles cannot represent all whole numbers.
 constexpr double largest_integer = 9007199254740992.0;
 
 std::string kind(const Array& array) {
@@ -80,7 +80,7 @@ std::vector<std::string> Fields::labels(std::string_view name) const {
 
 const std::vector<double>& Fields::list(std::string_view name, size_t count) const {
   const auto& values = numbers(name);
-  // (N), (N, 1) and (1, N) are the same, because MATLAB has no lists.
+  // (N), (N, 1) and (1, N) are accepted, because MATLAB has no lists.
   const Shape& found = shape(name);
   const auto longest = found.empty() ? size_t{1} : *std::max_element(found.begin(), found.end());
   if (values.size() != count || (count > 0 && longest != count)) fail_shape(name, found, fmt::format("({})", count));

@@ -1,5 +1,5 @@
-// The data sets of a file by name, with checks of their types and shapes. Every error names the data set, the value
-// that was found and the value that is needed.
+// The data sets of a file by name, with checks of their types and shapes. Every error states the data set, the value in
+// the file and the needed value.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -15,19 +15,20 @@ class Fields {
   Layout layout() const { return contents_.layout; }
   bool has(std::string_view name) const { return find(name) != nullptr; }
 
-  // Each function throws if the data set is absent or of another kind.
+  // Each of these functions throws IoError if the data set is missing or has another type.
   const std::vector<double>& numbers(std::string_view name) const;
   const Shape& shape(std::string_view name) const;
   double number(std::string_view name) const;
   Index integer(std::string_view name) const;
   std::string text(std::string_view name) const;
   const std::vector<std::string>& texts(std::string_view name) const;
-  // Texts; numbers become the shortest texts that represent them.
+  // A list of texts. Numbers are converted to the shortest texts that represent them.
   std::vector<std::string> labels(std::string_view name) const;
   const std::vector<double>& list(std::string_view name, size_t count) const;
   std::vector<Index> integers(std::string_view name, size_t count, Index low, Index high) const;
   Matrix matrix(std::string_view name) const;
-  // (S, rows, columns); in MATLAB's layout rows × columns × S, less its trailing ones.
+  // A matrix for each of S steps, with the shape (S, rows, columns). In MATLAB's layout the file has rows × columns ×
+  // S, where MATLAB drops trailing ones.
   Array stack(std::string_view name) const;
   Shape stack_shape(std::string_view name) const;
 

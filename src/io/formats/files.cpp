@@ -98,7 +98,8 @@ FileKind file_kind(const fs::path& path) {
     const io::Names found = read(path, format, {}).names;
     if (io::is_model(found)) return FileKind::model;
     if (io::is_ensemble(found)) return FileKind::ensemble;
-    if (io::is_update_state(found)) fail("a state of identify --state found, which tokid update reads");
+    if (io::is_update_state(found))
+      fail("an update state of identify --state found, an ensemble or a model needed; only tokid update reads a state");
     fail("neither an ensemble ('u', 'y') nor a model ('A', 'state_dim') found among {}", io::quoted(found));
   });
 }

@@ -1,4 +1,4 @@
-// Reads and writes files of named arrays, each as a whole, in the format of its extension.
+// Reads and writes complete files of named arrays. The extension of the file determines its format.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -17,7 +17,8 @@ void load_arrays(const std::filesystem::path& path, const Names& wanted, const s
 void save_arrays(const std::filesystem::path& path, const WriteOptions& options,
                  const std::function<Arrays(Layout)>& arrays);
 
-// Checks that the file can be read. The libraries' own messages differ, and some are misleading. \throws IoError
+// Checks that the file can be read. Without this check, the messages would be those of the libraries, which differ and
+// can mislead. \throws IoError
 void check_readable(const std::filesystem::path& path);
 
 bool is_hdf5(const std::filesystem::path& path);  // by its extension

@@ -1,5 +1,5 @@
-// One reader and one writer for each format. A reader returns the wanted data sets that exist, and the names of all. A
-// writer writes to an existing file that nobody else uses.
+// One reader and one writer for each format. A reader returns the wanted data sets that exist, and the names of all
+// data sets. A writer writes to an existing file that no other process uses.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,7 +12,8 @@ namespace tokid::io {
 Contents read_npz(const std::filesystem::path& path, const Names& wanted);
 void write_npz(const Arrays& arrays, const std::filesystem::path& path);
 
-// Also reads MATLAB 7.3, under any name. For the `outlined` data sets it reads only the shape, as in the file.
+// Also reads MATLAB's version 7.3, whatever the extension of the file is. For the data sets `outlined` it reads only
+// the shape, in the order of the file.
 Contents read_hdf5(const std::filesystem::path& path, const Names& wanted, const Names& outlined = {});
 void write_hdf5(const Arrays& arrays, const std::filesystem::path& path);
 

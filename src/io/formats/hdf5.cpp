@@ -43,15 +43,16 @@ Node open_attribute(hid_t object, const std::string& name) {
           true};
 }
 
-// Refuses values outside the file, because they could lead to any file that the user may read. Refuses two filters of
-// the library too: they trust the number of bits in the file, and write beyond their buffers.
+// Refuses values in other files, because a data set could then refer to any file that the user may read. Also refuses
+// the filters nbit and scaleoffset: for them the HDF5 library uses the number of bits in the file without a check, and
+// can write beyond its buffers.
 void check_storage(hid_t data, const std::string& name) {
   const Handle properties(H5Dget_create_plist(data), H5Pclose, name);
   if (checked(H5Pget_layout(properties), name) == H5D_VIRTUAL || checked(H5Pget_external_count(properties), name) > 0)
     fail("data set '{}': values in other files found, the values themselves needed", name);
   for (const Filter& filter : filters_of(properties, name))
     if (filter.kind == H5Z_FILTER_NBIT || filter.kind == H5Z_FILTER_SCALEOFFSET)
-      fail("data set '{}': filter '{}' found, another one needed: h5repack -f GZIP=4", name,
+      fail("data set '{}': filter '{}' found, which tokid does not read; convert the file: h5repack -f GZIP=4", name,
            filter.kind == H5Z_FILTER_NBIT ? "nbit" : "scaleoffset");
 }
 
@@ -79,9 +80,10 @@ Shape shape_of(const Node& node) {
   return Shape(dims.begin(), dims.end());
 }
 
-// The library unpacks whole chunks, however few of their values are used, and converts them in another buffer. A packed
-// chunk may be as large again. The library keeps about a kilobyte for each chunk, even for chunks that were never
-// written. Each written chunk has at least its address in the file.
+// Checks the sizes of chunks. The library unpacks a whole chunk even if few of its values are needed, and converts the
+// chunk in another buffer. The packed chunk may have the same size again. So three times the size of a chunk must fit
+// into memory. The library also keeps about a kilobyte for each chunk, even for chunks that were never written. A
+// written chunk takes at least the bytes of its address in the file, which limits the number of written chunks.
 void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t item, const Claims& claims) {
   constexpr std::uint64_t kept = 1024, address = 8, most_unwritten = 65536;
   const auto chunk = chunk_shape(properties, shape.size(), node.name);
@@ -101,7 +103,7 @@ void check_chunks(const Node& node, const Shape& shape, hid_t properties, size_t
   check_index(node.id, node.name, shape, chunk);
 }
 
-// The number of bytes that one stored byte can become; 0 if it is unknown.
+// The largest number of bytes to which one stored byte can unpack; 0 if this number is unknown.
 std::uint64_t expansion(hid_t properties, const std::string& name) {
   const auto filters = filters_of(properties, name);
   if (!PackedChunks::knows(filters)) return 0;
@@ -110,7 +112,8 @@ std::uint64_t expansion(hid_t properties, const std::string& name) {
   return packed ? best_compression : 1;
 }
 
-// A data set in one piece that was never written holds zeros. Other programs use this, but it must have a limit.
+// Checks that the file contains as many values as the shape states. A data set in one piece that was never written
+// reads as zeros. Other programs use this, so it is allowed up to a limit.
 void check_stored(const Node& node, const Shape& shape, size_t memory_item, Claims& claims) {
   constexpr std::uint64_t most_unwritten = std::uint64_t{1} << 28;
   const size_t item = H5Tget_size(node.type);
@@ -121,18 +124,20 @@ void check_stored(const Node& node, const Shape& shape, size_t memory_item, Clai
   const H5D_layout_t layout = checked(H5Pget_layout(properties), node.name);
   if (layout == H5D_CHUNKED) check_chunks(node, shape, properties, item, claims);
   const hsize_t stored = H5Dget_storage_size(node.id);
-  // If a header or a file has too few values, the library copies the bytes beside them.
+  // If a data set has too few values, the library copies the bytes behind them.
   if (((layout == H5D_CONTIGUOUS && stored > 0) || layout == H5D_COMPACT) && stored < bytes)
     fail("data set '{}': {} stored bytes found, {} needed for shape {}", node.name, stored, bytes, text(shape));
-  // The library copies as many bytes of a fill value as the type has. In a damaged file it may have fewer.
+  // The library copies as many bytes of a fill value as the type has. In a damaged file the fill value may have fewer
+  // bytes.
   H5D_fill_value_t value = H5D_FILL_VALUE_DEFAULT;
   checked(H5Pfill_value_defined(properties, &value), node.name);
   if (layout == H5D_CONTIGUOUS && stored == 0 && value == H5D_FILL_VALUE_USER_DEFINED)
-    fail("data set '{}': shape {} found, no value of which was ever written: write the values", node.name, text(shape));
+    fail("data set '{}': shape {} found, but none of its values was ever written: write the values", node.name,
+         text(shape));
   const std::uint64_t factor = layout == H5D_CHUNKED ? expansion(properties, node.name) : 1;
   if (bytes > most_unwritten && (stored == 0 || (factor > 0 && bytes / factor > stored)))
-    fail("data set '{}': shape {} ({} bytes) found, most of which was never written: write the values", node.name,
-         text(shape), bytes);
+    fail("data set '{}': shape {} ({} bytes) found, but most of its values were never written: write the values",
+         node.name, text(shape), bytes);
 }
 
 std::string fixed_text(const char* bytes, size_t size, H5T_str_t padding) {
@@ -151,7 +156,8 @@ std::vector<std::string> read_fixed_texts(const Node& node, size_t count) {
   return texts;
 }
 
-// Many entries may refer to one long text, and each gets a copy. The copies must fit into the memory limit.
+// Allocates memory for a text. Many entries may refer to one long text, and each entry gets a copy. All copies together
+// must fit into the memory limit.
 void* allocate_within(size_t bytes, void* left) {
   auto& budget = *static_cast<std::uint64_t*>(left);
   if (bytes > budget) return nullptr;
@@ -162,17 +168,21 @@ void free_text(void* text, void*) { std::free(text); }
 
 std::vector<std::string> read_variable_texts(const Node& node, size_t count, const Claims& claims) {
   const Handle character(H5Tget_super(node.type), H5Tclose, node.name);
-  if (H5Tget_size(character) != 1)  // the library takes room for characters of this size
+  if (H5Tget_size(character) != 1)  // the library allocates memory for characters of this size
     fail("data set '{}': texts with characters of {} bytes found, 1 byte needed", node.name, H5Tget_size(character));
   if (!node.is_attribute && H5Dget_storage_size(node.id) == 0) return std::vector<std::string>(count);
-  // The library offers no choice of the allocator for attributes.
+  // For attributes, the library does not allow another allocator. So the memory is checked before: each text may be as
+  // long as the file.
   if (node.is_attribute && count > 1) claims.check(node.name, {count}, 1, claims.file_bytes());
   const Hdf5Bytes bytes(node.id, node.name, claims.file_bytes());
   const auto entries = node.is_attribute ? bytes.attribute(node.name) : bytes.values();
-  // The library trusts entries, and writes beyond its buffers. Entries that cannot be checked are not read.
+  // The library uses the entries without a check, and can write beyond its buffers. So entries are not read if they
+  // cannot be checked.
   if (!entries && node.is_attribute)
-    fail("attribute '{}': a text that its object's header has no room for found, fewer attributes or a data set needed",
-         node.name);
+    fail(
+        "attribute '{}': its text is not stored in the header of its object, so it can't be checked; write fewer "
+        "attributes or a data set",
+        node.name);
   if (!entries)
     fail(
         "data set '{0}': texts of variable length in chunks found, contiguous ones needed: "
@@ -211,7 +221,8 @@ std::string foreign_kind(const Node& node, H5T_class_t type) {
   return complex ? "complex numbers" : "records (a compound type)";
 }
 
-// The library writes beyond its buffers when it converts numbers that do not fill their bytes, so they are refused.
+// Other integers are refused: when the library converts numbers that do not use all bits of their bytes, it can write
+// beyond its buffers.
 bool is_plain_integer(hid_t type) {
   return H5Tget_precision(type) == 8 * H5Tget_size(type) && H5Tget_offset(type) == 0 && H5Tget_size(type) <= 8;
 }
@@ -235,7 +246,7 @@ bool is_plain_number(const Node& node, H5T_class_t type) {
   return type == H5T_ENUM && is_plain_integer(Handle(H5Tget_super(node.type), H5Tclose, node.name));
 }
 
-// Without `with_numbers`, numbers stay in the file and only their shape is read.
+// If `with_numbers` is false, only the shape of numbers is read.
 Array read_node(const Node& node, Claims& claims, bool with_numbers = true) {
   const H5S_class_t extent = H5Sget_simple_extent_type(node.space);
   if (extent != H5S_SCALAR && extent != H5S_SIMPLE) return {{0}, Foreign{"nothing (an empty data space)"}};
@@ -284,7 +295,7 @@ Array matlab_cell(const Node& node, const Shape& shape, Claims& claims) {
   return {{texts.size()}, std::move(texts)};
 }
 
-// Empty arrays are stored as their sizes.
+// For an empty array, MATLAB stores its sizes as values.
 bool is_empty(const Node& node) { return checked(H5Aexists(node.id, "MATLAB_empty"), node.name) > 0; }
 
 Array matlab_empty(const Node& node, Claims& claims) {
@@ -292,7 +303,8 @@ Array matlab_empty(const Node& node, Claims& claims) {
   Shape shape;
   if (const auto* numbers = std::get_if<std::vector<double>>(&sizes.values))
     for (const double n : *numbers) shape.push_back(n >= 0 && n < 9e15 ? static_cast<size_t>(n) : 0);
-  if (checked_product(shape) != 0) fail("data set '{}': shape {} found for an empty array", node.name, text(shape));
+  if (checked_product(shape) != 0)
+    fail("data set '{}': shape {} found for an empty array, a size of 0 needed", node.name, text(shape));
   return {shape, std::vector<double>{}};
 }
 
@@ -317,7 +329,7 @@ Array matlab_value(Node node, const std::string& kind, Claims& claims) {
 
 // ---- the root group ----
 
-// A callback for the library's iterations, which must not see exceptions.
+// A callback for the iterations of the library. The library is written in C, so no exception may leave the callback.
 herr_t keep(const char* name, void* names) {
   try {
     static_cast<Names*>(names)->emplace_back(name);
@@ -342,7 +354,7 @@ Names attribute_names(hid_t group) {
   return names;
 }
 
-// A file must not lead to another file, neither by a link nor by the name that a soft link holds.
+// Opens an object. Links to other files are refused, even if a soft link leads to them.
 Handle open_object(hid_t root, const std::string& name) {
   H5L_info_t link;
   checked(H5Lget_info(root, name.c_str(), &link, H5P_DEFAULT), name);
@@ -451,7 +463,7 @@ void write_matlab_variable(hid_t file, const std::string& name, const Array& arr
   array.shape.empty() ? write_matlab_text(file, name, texts->front()) : write_matlab_cell(file, name, *texts);
 }
 
-// Upper bound of the bytes that the variable takes in a file.
+// Upper bound of the bytes that the variable takes in the file.
 std::uint64_t matlab_bytes(const Array& array) {
   const auto* texts = std::get_if<std::vector<std::string>>(&array.values);
   if (!texts) {
@@ -464,7 +476,7 @@ std::uint64_t matlab_bytes(const Array& array) {
   return bytes;
 }
 
-// The block by which MATLAB recognises its files.
+// The block at the beginning of a file by which MATLAB recognises its files.
 std::string matlab_header() {
   std::string header = "MATLAB 7.3 MAT-file, created by tokid";
   header.resize(116, ' ');

@@ -15,12 +15,12 @@ namespace {
 Handle open_for_blocks(const std::filesystem::path& path) {
   const QuietHdf5 quiet;
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  // Reads are long runs. A buffer for short runs would copy them once more.
+  // Blocks are read in long runs. The library's buffer for short runs would only cause another copy.
   checked(H5Pset_sieve_buf_size(access, 1));
   return open_hdf5(path.string(), access);
 }
 
-// Limit for kept chunks, which end within the next block.
+// Limit of the memory for kept chunks. The next block often begins within these chunks.
 constexpr size_t kept_bytes = size_t{1} << 24;
 
 }  // namespace
@@ -43,8 +43,9 @@ Hdf5Source::Samples::Samples(const Hdf5Source& source, const std::string& name)
   item_ = std::int64_t(H5Tget_size(type));
   const haddr_t address = H5Pget_layout(properties) == H5D_CONTIGUOUS ? H5Dget_offset(data_) : HADDR_UNDEF;
   offset_ = address == HADDR_UNDEF ? -1 : std::int64_t(address);
-  // Blocks of time are short runs far from each other. Bytes that the system reads beyond them are not used soon. For a
-  // file larger than memory, it would read the whole file for every block. expect() announces the needed bytes.
+  // A block of steps consists of short runs that are far apart. By default, the system reads more bytes after each run,
+  // which are not needed soon. If the file is larger than memory, the system would then read the whole file for every
+  // block. So this is switched off, and expect() announces the bytes that are needed.
   void* own = nullptr;
   if (offset_ >= 0 && H5Fget_vfd_handle(source.file_, H5P_DEFAULT, &own) >= 0 && own != nullptr)
     posix_fadvise(*static_cast<const int*>(own), 0, 0, POSIX_FADV_RANDOM);
@@ -58,7 +59,7 @@ void Hdf5Source::Samples::read(const Hyperslab& part, double* to) {
     packed_->read(part, to);
   } else {
     const Handle from = selected(data_, name_, part), memory = memory_of(part);
-    // Where nothing was written, the library may leave the numbers of another block.
+    // If no values were written, the library may leave the numbers of the block before in the buffer.
     if (offset_ < 0) std::fill_n(to, checked_product(Shape(part.count.begin(), part.count.end())), 0.0);
     checked(H5Dread(data_, H5T_NATIVE_DOUBLE, memory, from, H5P_DEFAULT, to), name_);
   }
@@ -66,9 +67,9 @@ void Hdf5Source::Samples::read(const Hyperslab& part, double* to) {
 }
 
 void Hdf5Source::Samples::expect(const Hyperslab& part) const {
-  const int descriptor = source_.bytes_.descriptor();  // without a descriptor there are no hints
+  const int descriptor = source_.bytes_.descriptor();  // negative: the file is not open, so no hint is possible
   if (descriptor < 0 || offset_ < 0 || rank_ < 2) return;
-  // Each experiment has one run over the last two axes.
+  // In each experiment, the steps of the block are one run of bytes.
   const size_t last = size_t(rank_) - 1;
   const std::int64_t channels = std::int64_t(size_[last]), steps = std::int64_t(size_[last - 1]);
   const std::int64_t first = rank_ > 2 ? std::int64_t(part.begin[0]) : 0,

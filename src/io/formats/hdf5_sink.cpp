@@ -13,14 +13,15 @@ namespace tokid::io {
 
 namespace {
 
-// ---- where the values of a data set lie ----
+// ---- the place of the values of a data set: header or chunks ----
 
-// The header of an object holds at most 64 kB. A chunk is read and checked as a whole.
+// The header of an object has at most 64 kB. Chunks are small, because each chunk is read and checked as a whole.
 constexpr size_t most_in_header = size_t{1} << 14, chunk_bytes = size_t{1} << 14;
 
-// Entries of a chunk along each axis. The last axis comes first: it is taken whole if it fits. Then each axis in
-// between gets a few entries. These axes are the steps of an ensemble, and blocks of time begin and end anywhere. The
-// first axis takes the remaining room, and then the others.
+// The number of entries of a chunk along each axis. First the last axis gets as many entries as fit. Then each axis
+// between the first and the last gets a few entries; these axes are the steps of an ensemble, and blocks of steps can
+// begin and end anywhere. Then the first axis gets as many entries as fit. If there is still room, the other axes get
+// more entries.
 Shape chunk_of(const Shape& shape, size_t item_bytes) {
   constexpr size_t few = 64;
   Shape chunk(shape.size(), 1);
@@ -33,7 +34,7 @@ Shape chunk_of(const Shape& shape, size_t item_bytes) {
   for (size_t axis = shape.size(); axis-- > 0;)
     widen(axis, axis > 0 && axis + 1 < shape.size() ? std::min(few, shape[axis]) : shape[axis]);
   for (size_t axis = shape.size(); axis-- > 0;) widen(axis, shape[axis]);
-  for (size_t axis = 0; axis < shape.size(); ++axis) {  // the same number of chunks, none of them nearly empty
+  for (size_t axis = 0; axis < shape.size(); ++axis) {  // equal chunks, so that none is nearly empty
     const size_t count = (shape[axis] + chunk[axis] - 1) / chunk[axis];
     chunk[axis] = (shape[axis] + count - 1) / count;
   }
@@ -44,7 +45,7 @@ bool fits_into_header(const Shape& shape, size_t item_bytes) {
   return checked_product(shape, item_bytes) <= most_in_header;
 }
 
-// A scalar cannot be chunked, so one that is too long for a header becomes a list of one.
+// A scalar cannot be stored in chunks. So a scalar that is too long for a header becomes a list with one entry.
 Shape stored_shape(const Shape& shape, size_t item_bytes) {
   return shape.empty() && !fits_into_header(shape, item_bytes) ? Shape{1} : shape;
 }
@@ -69,7 +70,7 @@ Handle create(hid_t group, const std::string& name, const Shape& shape, hid_t ty
 }
 
 std::uint64_t stored_bytes(const Shape& shape, size_t item_bytes) {
-  constexpr std::uint64_t around = 2048, checksum = 4, indexed = 24;  // of a data set, of a chunk
+  constexpr std::uint64_t around = 2048, checksum = 4, indexed = 24;  // bytes beside the values
   const Shape stored = stored_shape(shape, item_bytes);
   if (fits_into_header(stored, item_bytes)) return around + checked_product(stored, item_bytes);
   const Shape chunk = chunk_of(stored, item_bytes);
@@ -86,7 +87,7 @@ size_t longest_of(const std::vector<std::string>& texts) {
   return longest;
 }
 
-// Texts have a fixed length, so that their bytes lie in the data set and not in a heap.
+// Writes texts with a fixed length, so that their bytes are stored in the data set and not in a heap.
 void write_texts(hid_t file, const std::string& name, const Shape& shape, const std::vector<std::string>& texts) {
   const size_t longest = longest_of(texts);
   const Handle type = text_type(longest, H5T_STR_NULLPAD, H5T_CSET_UTF8);
@@ -116,18 +117,18 @@ Handle write_values(hid_t group, const std::string& name, const Shape& shape, hi
 Hdf5Sink::Hdf5Sink(const std::filesystem::path& path, std::uint64_t bytes, std::string user_block)
     : path_(path), user_block_(std::move(user_block)) {
   const QuietHdf5 quiet;
-  constexpr std::uint64_t around = 1 << 16;  // bytes of the file beside its data sets
-  constexpr unsigned most_links = 4096;      // in the header of the root group; more would lie in a heap
+  constexpr std::uint64_t around = 1 << 16;  // bytes of the file in addition to its data sets
+  constexpr unsigned most_links = 4096;      // in the header of the root group; more links would be in a heap
   bytes += user_block_.size() + around;
   reserve(path, bytes);
   const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose), access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   checked(H5Pset_obj_track_times(creation, false));
   checked(H5Pset_userblock(creation, user_block_.size()));
   checked(H5Pset_link_phase_change(creation, most_links, most_links));
-  // Older formats have no checksums of headers (they came with 1.8) and of indexes of chunks (they came with 1.10).
+  // Older formats have no checksums of headers (since 1.8) and of indexes of chunks (since 1.10).
   checked(H5Pset_libver_bounds(access, H5F_LIBVER_V110, H5F_LIBVER_V110));
-  checked(H5Pset_fapl_stdio(access));  // other drivers need the real name of a file, which may not exist yet
-  checked(H5Pset_file_locking(access, false, true));  // tokid locks it, if it has a name
+  checked(H5Pset_fapl_stdio(access));  // other drivers need the name of the file, which may have no name yet
+  checked(H5Pset_file_locking(access, false, true));  // AtomicFile locks the file itself, if it has a name
   file_.emplace(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, access), H5Fclose);
   reserve(path, bytes);
 }
@@ -165,7 +166,7 @@ void Hdf5Sink::close() {
   checked(H5Fflush(*file_, H5F_SCOPE_GLOBAL));
   checked(H5Fget_filesize(*file_, &bytes));
   file_.reset();
-  // Removes reserved space that was not needed.
+  // Removes the reserved space that was not needed.
   if (truncate(path_.c_str(), off_t(bytes)) != 0) fail_to_write(errno);
   const Descriptor begin(open(path_.c_str(), O_WRONLY | O_CLOEXEC));
   if (begin < 0) fail_to_write(errno);

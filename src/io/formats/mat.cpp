@@ -1,4 +1,4 @@
-// MATLAB's .mat: versions 5 and 7 through matio. Version 7.3 is HDF5 and has its own reader and writer.
+// MATLAB's .mat: versions 5 and 7, read and written by matio. Version 7.3 is HDF5 and has its own reader and writer.
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fcntl.h>
 #include <matio.h>
@@ -29,7 +29,7 @@ struct FreeVariable {
 using File = std::unique_ptr<mat_t, CloseFile>;
 using Variable = std::unique_ptr<matvar_t, FreeVariable>;
 
-// ---- messages of the library, which tokid prints ----
+// ---- messages of matio ----
 
 thread_local std::string last_message;
 
@@ -84,10 +84,10 @@ Shape shape_of(const matvar_t& variable) {
 
 std::u16string utf16_codes(const matvar_t& variable, size_t count) {
   const auto* bytes = static_cast<const char*>(variable.data);
-  // Characters of more than one byte make the text longer than its number of characters.
+  // A text in UTF-8 has more bytes than characters if a character takes several bytes.
   if (variable.data_type == MAT_T_UTF8) return utf16_from({bytes, variable.nbytes});
   const auto width = static_cast<size_t>(variable.data_size);
-  if (count > variable.nbytes / std::max(width, size_t{1})) fail("truncated text found");
+  if (count > variable.nbytes / std::max(width, size_t{1})) fail("truncated text found, all of its characters needed");
   std::u16string codes;
   for (size_t i = 0; i < count; ++i)
     codes += width == 1   ? static_cast<char16_t>(static_cast<unsigned char>(bytes[i]))
@@ -107,7 +107,7 @@ Array text_value(const matvar_t& variable, const Shape& shape, size_t count) {
 Array cell_value(const matvar_t& variable, const Shape& shape, size_t count) {
   Array foreign{shape, Foreign{"a cell array of other things than texts"}};
   auto* const* cells = static_cast<matvar_t* const*>(variable.data);
-  // A damaged variable may claim more cells than matio has read.
+  // In a damaged file, a variable may state more cells than matio has read.
   if (cells && variable.nbytes < checked_product(shape, sizeof(matvar_t*))) return foreign;
   std::vector<std::string> texts;
   for (size_t i = 0; i < count; ++i) {
@@ -152,7 +152,7 @@ Array value_of(const matvar_t& variable) {
 }
 
 Array read_variable(mat_t* file, matvar_t* variable, Claims& claims) {
-  // A number may take one byte in the file and eight in memory.
+  // A number takes at least one byte in the file, and eight bytes in memory.
   claims.add(variable->name, shape_of(*variable), 1, sizeof(double));
   if (Mat_VarReadDataAll(file, variable) != 0) fail("data set '{}' can't be read: {}", variable->name, reason());
   return value_of(*variable);
@@ -165,7 +165,7 @@ std::string_view bits(const Array& array) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(double)};
 }
 
-// The largest size of a variable in version 7.
+// The largest number of bytes of a variable in version 7.
 constexpr size_t version7_bytes = (size_t{1} << 31) - 1;
 
 Variable create(const std::string& name, matio_classes kind, matio_types type, Shape shape, const void* values) {
@@ -215,7 +215,7 @@ Contents read_mat(const std::filesystem::path& path, const Names& wanted) {
     contents.names.push_back(name);
     if (contains(wanted, name)) add_once(name, read_variable(file.get(), variable.get(), claims), contents.arrays);
   }
-  if (!wanted.empty()) check_mat_checksums(path);  // after the claims, which refuse a decompression bomb
+  if (!wanted.empty()) check_mat_checksums(path);  // after the checks of sizes, which refuse a huge unpacked size
   return contents;
 }
 
@@ -233,7 +233,7 @@ bool reads_back(const Arrays& arrays, const std::filesystem::path& path) {
   return std::equal(written.arrays.begin(), written.arrays.end(), arrays.begin(), arrays.end(), same);
 }
 
-// matio does not report why the rest of a file was not written. reserve() throws if the disk is full.
+// Throws the reason why the file is incomplete. matio does not report it, so reserve() tests whether the disk is full.
 [[noreturn]] void fail_incomplete(const Arrays& arrays, const std::filesystem::path& path, std::string_view why) {
   std::uint64_t bytes = mat_header_bytes;
   for (const auto& [name, array] : arrays) bytes += mat_header_bytes + checked_product(array.shape, sizeof(double));
@@ -241,7 +241,7 @@ bool reads_back(const Arrays& arrays, const std::filesystem::path& path) {
   throw WriteError(fmt::format("can't be written completely: {}", why), 0);
 }
 
-// matio does not check its writes, so a full disk goes unnoticed. The file is therefore read back.
+// Reads the file back, because matio does not check its writes and so does not notice a full disk.
 void check_written(const Arrays& arrays, const std::filesystem::path& path) {
   std::string why = "other data read back";
   try {
@@ -256,12 +256,12 @@ void check_written(const Arrays& arrays, const std::filesystem::path& path) {
 
 void write_mat(const Arrays& arrays, const std::filesystem::path& path) {
   listen_to_matio();
-  // The default header has the date. Without it the same data give the same bytes.
+  // The default header contains the date. This header does not, so the same data give the same bytes.
   File file(Mat_CreateVer(path.c_str(), "MATLAB 5.0 MAT-file, created by tokid", MAT_FT_MAT5));
   if (!file) fail_incomplete(arrays, path, reason());
   for (const auto& [name, array] : arrays) {
     if (checked_product(array.shape, sizeof(double)) > version7_bytes)
-      fail("data set '{}': shape {} found, at most 2 GiB needed for a .mat of version 7; take version 7.3 or .h5", name,
+      fail("data set '{}': shape {} found, at most 2 GiB needed for a .mat of version 7; use version 7.3 or .h5", name,
            text(array.shape));
     if (Mat_VarWrite(file.get(), variable_of(name, array).get(), MAT_COMPRESSION_ZLIB) != 0)
       fail_incomplete(arrays, path, fmt::format("data set '{}': {}", name, reason()));

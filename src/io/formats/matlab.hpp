@@ -1,4 +1,4 @@
-// Common parts of the two containers of MATLAB's variables: .mat, and the HDF5 of version 7.3.
+// Common parts of the two file formats for MATLAB's variables: .mat, and the HDF5 of version 7.3.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -6,11 +6,12 @@
 
 namespace tokid::io {
 
-// A char array: one text for each row, without the blanks that pad rows to one width; scalar for one row. The codes are
-// column-major, as MATLAB keeps them.
+// Converts a char array to texts, one for each row. If there are several rows, the blanks at their ends are removed,
+// because MATLAB pads rows to one width. One row becomes a scalar. `codes` are in MATLAB's order (column-major).
 Array char_array(const std::u16string& codes, const Shape& shape);
 
-// Numbers as MATLAB keeps them: column-major doubles of at least two dimensions. The result has the axes reversed.
+// Converts numbers to MATLAB's form: column-major doubles with at least two dimensions. The shape of the result lists
+// the axes in reverse order.
 Array column_major(const Array& numbers);
 
 }  // namespace tokid::io

@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using io::fail;
 
-// Stores records one after the other in a file without a name, which vanishes with the process.
+// Stores records one after the other in a temporary file, which vanishes when the process ends.
 class Spool {
  public:
   explicit Spool(const fs::path& beside)
@@ -70,7 +70,8 @@ struct ModelFile::Content {
     spool.add(archive::packed(steps));
   }
 
-  // The arrays of one record, padded to the widths of the whole model. row_count() has the rows of the whole model.
+  // The arrays of the steps in one record, padded to the widths of the arrays of the whole model. row_count(): their
+  // number of rows in the whole model.
   io::Arrays rows_of(const std::string& record) const {
     return io::step_arrays_of(archive::unpacked<Model>(record), outline.states(), singular_values, io::Layout::plain);
   }
@@ -82,7 +83,7 @@ struct ModelFile::Content {
     const io::Arrays small = io::small_arrays_of(outline);
     for (const auto& [name, array] : small)
       if (const auto* texts = std::get_if<std::vector<std::string>>(&array.values)) io::check_texts(name, *texts);
-    io::Arrays shapes;  // of the large data sets
+    io::Arrays shapes;  // the shapes of the large data sets
     spool.for_each([&](const std::string& record) {
       if (!shapes.empty()) return;
       shapes = rows_of(record);
@@ -127,8 +128,10 @@ struct ModelFile::Content {
 ModelFile::ModelFile(const fs::path& path)
     : content_(io::naming_write(path, [&] {
         if (!io::is_hdf5(path))
-          fail("extension '{}' found, .h5 or .hdf5 needed to write a model in blocks; tokid convert makes others of it",
-               path.extension().string());
+          fail(
+              "extension '{}' found, .h5 or .hdf5 needed to write a model in blocks; tokid convert can convert "
+              "this file to other formats",
+              path.extension().string());
         return std::make_unique<Content>(path);
       })) {}
 
@@ -148,7 +151,7 @@ void ModelFile::append(const Model& steps) {
     for (const auto has : {&Step::has_condition, &Step::has_rank, &Step::has_lags})
       if (steps.has(has) != known.has(has))
         throw std::invalid_argument(
-            "model: condition, rank or lags are known of some steps only, each of all or none needed");
+            "model: condition, rank or lags found at some steps only; each of them needed at all steps or at none");
   }
   io::naming_write(content_->path, [&] { content_->append(steps); });
 }

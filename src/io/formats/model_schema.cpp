@@ -27,7 +27,7 @@ Array stack_array(const Model& model, const StepField& field, Index states, Layo
   return layout == Layout::matlab ? permuted(array, {1, 2, 0}) : array;
 }
 
-// Checks the shape before the steps take memory.
+// Checks the shape before memory is allocated for the steps.
 void check_shape(const Fields& fields, const StepField& field, size_t steps, Index states, const Model& model) {
   const Index rows = padded_size(model, field.rows, states), columns = padded_size(model, field.cols, states);
   const Shape found = fields.stack_shape(field.name);
@@ -60,7 +60,7 @@ Array matrix_array(const Matrix& matrix) {
   return {{size(matrix.rows()), size(matrix.cols())}, std::move(values)};
 }
 
-// Steps have different numbers of singular values, so NaN fills up the rows.
+// Steps may have different numbers of singular values, so NaN fills the ends of the shorter rows.
 Array singular_values_array(const Model& model, Index longest) {
   Matrix padded_values = Matrix::Constant(model.steps(), longest, std::numeric_limits<double>::quiet_NaN());
   for (Index s = 0; s < model.steps(); ++s) {
@@ -209,7 +209,7 @@ Arrays step_arrays_of(const Model& model, Index states, Index singular_values, L
     arrays.emplace_back("singular_values", singular_values_array(model, singular_values));
   for (const auto& [name, trajectory, channels] : nominal_fields)
     if ((model.*trajectory).rows() > 0) arrays.emplace_back(name, matrix_array(model.*trajectory));
-  // A is written last.
+  // In reverse order, so that A is written last.
   for (auto field = step_fields::all.rbegin(); field != step_fields::all.rend(); ++field)
     if (!field->optional || has(model, *field))
       arrays.emplace_back(field->name, stack_array(model, *field, states, layout));

@@ -29,7 +29,7 @@ constexpr char native_order = std::endian::native == std::endian::little ? '<' :
 // ---- the header of a .npy file: a Python dictionary ----
 
 struct NpyHeader {
-  std::string descr;  // '<f8', or the raw text of a list of fields
+  std::string descr;  // the type, such as '<f8'; for a structured array the raw text of its list of fields
   bool fortran_order = false;
   Shape shape;
 };
@@ -86,7 +86,8 @@ class HeaderParser {
   bool descr(std::string& result) {
     skip_blanks();
     if (rest_.starts_with('[')) {
-      // Fields of a structured array; nested brackets end where the next key begins.
+      // The list of fields of a structured array may have nested brackets. It ends where the key 'fortran_order'
+      // begins.
       const size_t end = rest_.find("'fortran_order'");
       if (end == std::string_view::npos) return false;
       result = rest_.substr(0, end);
@@ -125,7 +126,7 @@ class HeaderParser {
 
 struct Type {
   char order, kind;  // '<', 'f'
-  size_t size;       // characters for 'U', else bytes
+  size_t size;       // number of characters for 'U', number of bytes for other kinds
 
   size_t item_bytes() const { return kind == 'U' ? 4 * size : size; }
 };
@@ -249,7 +250,7 @@ class Entry {
   std::uint64_t left() const { return left_; }
 
   void read(void* to, size_t bytes) {
-    if (bytes > left_) fail("data set '{}': the end found, {} bytes more needed", name_, bytes - left_);
+    if (bytes > left_) fail("data set '{}': truncated, {} more bytes needed", name_, bytes - left_);
     for (auto* at = static_cast<char*>(to); bytes > 0;) {
       const zip_int64_t n = zip_fread(file_.get(), at, bytes);
       if (n <= 0) fail("data set '{}' can't be read: {}", name_, n < 0 ? zip_file_strerror(file_.get()) : "truncated");
@@ -259,7 +260,7 @@ class Entry {
     }
   }
 
-  // The checksum is compared only at the end.
+  // Reads to the end, because libzip compares the checksum only there.
   void finish() {
     char byte;
     if (zip_fread(file_.get(), &byte, 1) != 0)
@@ -286,11 +287,12 @@ NpyHeader read_header(Entry& entry, const std::string& name) {
   const size_t size = size_t{length[0]} | size_t{length[1]} << 8 | size_t{length[2]} << 16 | size_t{length[3]} << 24;
   constexpr size_t most = 1 << 16;
   if (size > most) fail("data set '{}': header of {} bytes found, at most {} needed", name, size, most);
-  if (size > entry.left()) fail("data set '{}': truncated in its header, {} bytes of {}", name, entry.left(), size);
+  if (size > entry.left())
+    fail("data set '{}': truncated, {} bytes of its header found, {} needed", name, entry.left(), size);
   std::string text(size, '\0');
   entry.read(text.data(), size);
   const auto header = HeaderParser(text).parse();
-  if (!header) fail("data set '{}': header {} found, a NumPy array's needed", name, text);
+  if (!header) fail("data set '{}': header {} found, the header of a NumPy array needed", name, text);
   return *header;
 }
 
@@ -315,7 +317,7 @@ Array read_array(zip_t* archive, zip_uint64_t index, const std::string& name, Cl
   const bool is_text = type && (type->kind == 'U' || type->kind == 'S');
   if (!is_text && !(type && number_reader(*type))) return {header.shape, Foreign{kind_in_words(header.descr)}};
 
-  // Empty texts take no bytes, whatever the shape claims.
+  // Empty texts take no bytes, so the file size does not limit their number; 65536 are allowed.
   if (is_text && type->size > (std::uint64_t{1} << 32)) fail("data set '{}': type '{}' found", name, header.descr);
   const size_t bytes = checked_product(header.shape, type->item_bytes());
   if (bytes != entry.left() || (type->size == 0 && checked_product(header.shape) > 65536))
@@ -348,7 +350,7 @@ std::string npy_header(const std::string& descr, const Shape& shape) {
   return header + dictionary;
 }
 
-// The bytes of an array. libzip reads them when the archive is closed.
+// The bytes of an array. libzip reads these bytes when the archive is closed.
 struct Payload {
   std::string header;
   std::u32string characters;
@@ -371,7 +373,7 @@ void fill(Payload& payload, const Shape& shape, const std::vector<T>& numbers, c
 
 void fill(Payload& payload, const Shape& shape, const std::vector<std::string>& texts) {
   std::vector<std::u32string> items;
-  size_t longest = 1;  // NumPy has no type for empty texts alone
+  size_t longest = 1;  // if all texts are empty, NumPy still needs a length of one
   for (const auto& text : texts) {
     items.push_back(*utf32_from(text));
     longest = std::max(longest, items.back().size());
@@ -395,7 +397,7 @@ void add_entry(zip_t* archive, const std::string& name, const Payload& payload) 
   zip_source_t* source = zip_source_buffer_fragment(archive, payload.fragments, count, 0);
   const zip_int64_t index = source ? zip_file_add(archive, (name + ".npy").c_str(), source, ZIP_FL_ENC_UTF_8) : -1;
   if (source && index < 0) zip_source_free(source);
-  constexpr zip_uint16_t january_1980 = (1 << 5) | 1;  // as NumPy writes it: the bytes do not depend on the clock
+  constexpr zip_uint16_t january_1980 = (1 << 5) | 1;  // as NumPy; the bytes must not depend on the clock
   const auto at = static_cast<zip_uint64_t>(index);
   if (index < 0 || zip_set_file_compression(archive, at, ZIP_CM_STORE, 0) != 0 ||
       zip_file_set_dostime(archive, at, 0, january_1980, 0) != 0)
@@ -407,7 +409,8 @@ void add_entry(zip_t* archive, const std::string& name, const Payload& payload) 
 Contents read_npz(const std::filesystem::path& path, const Names& wanted) {
   int code = 0;
   const Archive archive(zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code));
-  if (!archive && code == ZIP_ER_EXISTS) fail("two arrays of one name found in the archive, one of each needed");
+  if (!archive && code == ZIP_ER_EXISTS)
+    fail("two arrays with the same name found in the archive, different names needed");
   if (!archive) fail("no complete .npz archive found: {}", reason(code));
   Contents contents;
   Claims claims(std::filesystem::file_size(path));
@@ -428,8 +431,8 @@ Contents read_npz(const std::filesystem::path& path, const Names& wanted) {
 
 namespace {
 
-// The existing file into which libzip writes the archive. By itself libzip would make a file beside it, under a name
-// that a killed process leaves.
+// The existing file into which libzip writes the archive. Without this class, libzip would create a temporary file of
+// its own, which would remain if the process is killed.
 class Target {
  public:
   explicit Target(const std::filesystem::path& path)

@@ -36,7 +36,7 @@ Json json_of(const NoisyChoices& choices) {
           {"refinement_iterations", choices.refinement_iterations}};
 }
 
-// The members, without the text that they were read from.
+// The members as JSON; `text`, from which they were read, is left out.
 Json json_of(const Provenance& provenance) {
   Json json = Json::object();
   if (provenance.options)
@@ -81,7 +81,7 @@ std::vector<std::string> texts_of(const Json& list) {
   return texts;
 }
 
-// Reads the options, or the reason why there are none.
+// Reads the options. If an option cannot be read, sets `unread` to the reason instead.
 void read_options(const Json& json, Provenance& provenance) {
   IdentifyOptions options;
   for (const auto& [key, value] : json.items()) {
@@ -129,7 +129,7 @@ Provenance provenance_of(const std::string& text, const std::string& program_ver
     result.choices = choices_of(at(choices_key));
     result.refinement = refinement_of(at(refinement_key));
   } else {
-    result.unread = "options of the model: not the text of a JSON object, as identify() writes it";
+    result.unread = "options of the model: other text found, the text of a JSON object needed, as identify() writes it";
   }
   if (text_of(json_of(result)) != text) result.text = text;
   return result;

@@ -1,4 +1,4 @@
-// The provenance of a model as JSON text, in files, in the tool and in Python: docs/formats.md.
+// The provenance of a model as JSON text, for files, the tool and Python. docs/formats.md describes it.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,10 +8,11 @@
 
 namespace tokid::io {
 
-// Empty where nothing is known. A text that was read is written as it was, apart from members that have changed.
+// Empty if nothing is known. A provenance that was read from a text gives the same text again, apart from members that
+// have changed.
 std::string provenance_text(const Provenance& provenance);
 
-// Reads any text. What this version does not understand stays in Provenance::text.
+// Reads any text. Provenance::text keeps members that this version does not know.
 Provenance provenance_of(const std::string& text, const std::string& program_version = {});
 
 }  // namespace tokid::io

@@ -15,7 +15,7 @@ namespace {
 
 using Read = std::function<Contents(const Names&)>;
 
-// In small letters, without marks between words.
+// Common names for sample times and times, in small letters, without the marks between words.
 const Names& words_for_sample_time() {
   static const Names words{"dt",
                            "ts",
@@ -43,12 +43,13 @@ const Names& words_for_sample_time() {
 bool is_about_time(const std::string& name) {
   std::string word = in_lower_case(name);
   std::erase_if(word, [](char c) { return c == '_' || c == '-' || c == ' '; });
-  // Units in brackets are for tables. time_unit() throws if it does not know them.
+  // Names with units in brackets are left out: only tables have them, and time_unit() throws for an unknown unit.
   return contains(words_for_sample_time(), word) ||
          (name.find_first_of("[(") == std::string::npos && time_unit(name).has_value());
 }
 
-// The real numbers of a vector or a scalar; empty for anything else, or if it cannot be read.
+// The real numbers of the data set `name`, which must be a vector or a scalar; empty for any other data set, and if it
+// cannot be read.
 std::vector<double> numbers(const std::string& name, const Read& read) {
   try {
     const Contents contents = read({name});
@@ -86,14 +87,14 @@ std::optional<double> in_ts(const Names& names, const Read& read) {
 std::optional<std::string> contradiction(double dt, const Names& names, const Read& read) {
   const auto ts = in_ts(names, read);
   if (!ts || std::abs(*ts - dt) <= rounded * dt) return std::nullopt;
-  return fmt::format("'dt' = {} and 'Ts' = {} found: dt was taken", dt, *ts);
+  return fmt::format("'dt' = {} and 'Ts' = {} found, which differ: 'dt' is used", dt, *ts);
 }
 
 SampleTime sample_time(const Names& names, Index steps, const Read& read) {
   const auto ts = in_ts(names, read), times = in_times(names, steps, read);
   SampleTime result{ts ? ts : times, {}};
   if (ts && times && std::abs(*ts - *times) > rounded * *ts)
-    result.remark = fmt::format("'Ts' = {} and times with steps of {} found: Ts was taken", *ts, *times);
+    result.remark = fmt::format("'Ts' = {} and times with steps of {} found, which differ: 'Ts' is used", *ts, *times);
   Names unused;
   std::copy_if(names.begin(), names.end(), std::back_inserter(unused), is_about_time);
   if (!result.dt && !unused.empty())

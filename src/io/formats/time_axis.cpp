@@ -1,4 +1,4 @@
-// Converts times as written to steps of one grid, begin + k dt.
+// Converts times, as they are written in a table, to steps k of a grid begin + k dt.
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/formats/time_axis.hpp"
 
@@ -17,20 +17,20 @@ namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
-// Shares of a step: the deviation of even times, and the largest unit of rounded times.
+// Both relative to a step: the allowed deviation of exact times from even spacing, and the coarsest allowed rounding.
 constexpr double exact = 1e-6, roughest = 1.0 / 3.0;
-// So many rounded times show their spacing. Fewer may as well be uneven.
+// The fewest rounded times that determine their spacing. Fewer times could also be uneven.
 constexpr int enough = 8;
 
-// The rows in the order of their times, and the grid on which they lie.
+// The rows in the order of their times, and the grid of these times.
 struct Fit {
   std::vector<size_t> row;
-  std::vector<double> time, step;  // steps count from the first row
+  std::vector<double> time, step;  // steps are counted from the first row
   Grid grid;
-  std::optional<size_t> wrong;  // this row is off the grid
-  double off = 0.0;             // by this
-  double uncounted = 0.0;       // or follows a gap of about this number of steps, too many to count
-  int rows = 1;                 // that have been counted, those of one step as one
+  std::optional<size_t> wrong;  // the first row that is not on the grid, if any
+  double off = 0.0;             // distance of this row from the grid
+  double uncounted = 0.0;  // if > 0: the row follows a gap of about this number of steps, which is too long to count
+  int rows = 1;            // number of different steps that have been counted so far
 };
 
 Fit in_order(const TimeColumn& rows) {
@@ -42,8 +42,9 @@ Fit in_order(const TimeColumn& rows) {
   return fit;
 }
 
-// The usual distance of rows within an experiment, as most gaps of one step have it. Up to three quarters of the gaps
-// may be longer, because rows are missing. 0: there is no gap beyond rounding errors.
+// Estimates the distance of successive steps from the gaps between the rows of each experiment. The estimate is right
+// if at least a quarter of the gaps are one step long; the others may be longer, because rows are missing. 0: no gap is
+// larger than rounding errors.
 double usual_gap(const TimeColumn& rows, const Fit& fit, double resolution) {
   std::vector<double> last(rows.experiments.size(), inf), gaps;
   for (size_t i = 0; i < fit.time.size(); ++i) {
@@ -56,8 +57,8 @@ double usual_gap(const TimeColumn& rows, const Fit& fit, double resolution) {
   return gaps[size_t(longer - gaps.begin() - 1) / 2];
 }
 
-// Counts the steps from row to row. The rows so far tell dt, up to apart / k; a gap that needs it more exactly is too
-// long.
+// Counts the steps from row to row. The rows so far determine dt with an error of up to apart / k, where k is their
+// number of steps. A gap is too long if it needs a smaller error of dt.
 void count_steps(double usual, bool stated, double apart, Fit& fit) {
   const auto& time = fit.time;
   fit.step.assign(time.size(), 0.0);
@@ -76,7 +77,7 @@ void count_steps(double usual, bool stated, double apart, Fit& fit) {
   }
 }
 
-// The smallest and the largest t - k dt, from the first row on.
+// The smallest and the largest t - k dt, relative to the first row.
 std::pair<double, double> residuals(const Fit& fit, double dt) {
   double low = 0.0, high = 0.0;
   for (size_t i = 0; i < fit.time.size(); ++i) {
@@ -91,7 +92,8 @@ double spread(const Fit& fit, double dt) {
   return high - low;
 }
 
-// The spacing with the least spread, which is a convex function of it.
+// The spacing with the smallest spread. The search by thirds works because the spread is a convex function of the
+// spacing.
 double most_even(const Fit& fit, double apart) {
   const double steps = fit.step.back(), mean = (fit.time.back() - fit.time[0]) / steps, wide = spread(fit, mean);
   if (wide <= 1e-2 * apart) return mean;
@@ -103,7 +105,8 @@ double most_even(const Fit& fit, double apart) {
   return 0.5 * (low + high);
 }
 
-// Of the spacings whose spread is at most `most`, the intended one has few digits, or its frequency has.
+// Finds the spacing that the author of the table probably meant: the one with the fewest digits, in itself or in its
+// inverse (a frequency), among those whose spread is at most `most`.
 double with_few_digits(const Fit& fit, double dt, double most) {
   const auto rounded = [](double value, int digits) {
     const std::string text = fmt::format("{:.{}g}", value, digits);
@@ -117,8 +120,8 @@ double with_few_digits(const Fit& fit, double dt, double most) {
   return dt;
 }
 
-// The times fit begin + k dt if all t - k dt lie within `apart`. A spacing of few digits was meant if they then lie
-// within `meant`.
+// Fits a grid. The times are on the grid if all t - k dt lie within a range of `apart`. A spacing with few digits is
+// preferred if all t - k dt then lie within a range of `meant`.
 void fit_grid(double usual, bool stated, double apart, double meant, Fit& fit) {
   fit.wrong.reset(), fit.rows = 1;
   count_steps(usual, stated, apart, fit);
@@ -143,19 +146,20 @@ bool first_is_wrong(const Fit& fit, double usual) {
 [[noreturn]] void fail_uneven(const TimeColumn& rows, const Fit& fit, double usual, bool stated) {
   const bool first = first_is_wrong(fit, usual);
   const size_t row = first ? fit.row[0] : fit.row[*fit.wrong];
-  const std::string what = fit.uncounted > 0
-                               ? fmt::format("after a gap of about {} steps of {:.6g}, which is too long to count",
-                                             fit.uncounted, fit.grid.dt)
-                               : fmt::format("{:.4g} off the even steps of {:.10g} from {} on", fit.off, fit.grid.dt,
-                                             first ? fit.time[*fit.wrong] : fit.time[0]);
+  const std::string what =
+      fit.uncounted > 0 ? fmt::format("after a gap of about {} steps of {:.6g}, which is too long to count its steps",
+                                      fit.uncounted, fit.grid.dt)
+                        : fmt::format("which differs by {:.4g} from even steps of {:.10g} that begin at {}", fit.off,
+                                      fit.grid.dt, first ? fit.time[*fit.wrong] : fit.time[0]);
   fail("line {}, column '{}': {} found, {}; {}resample to even times, or number the steps in a column 'k'",
        rows.line[row], rows.name, rows.time[row], what, stated ? "" : "state '# dt = …' above the header, ");
 }
 
-// Rows that all lie several steps apart show another sample time. With a stated dt those of all experiments count, and
-// without it those of each: another experiment then has a smaller spacing.
+// Throws if all rows are several steps apart, because the sample time is then probably wrong. With a stated dt, the
+// rows of all experiments are checked together. Without it, each experiment is checked alone: its rows can only be
+// several steps apart if another experiment has a smaller spacing.
 void check_all_steps(const TimeColumn& rows, const Fit& fit, std::optional<double> stated) {
-  constexpr double most = 9007199254740992.0;  // whole numbers that doubles can count
+  constexpr double most = 9007199254740992.0;  // 2^53: doubles represent all whole numbers up to here
   if (!(fit.step.back() < most)) return;
   struct Steps {
     double last = -1.0, common = 0.0;
@@ -175,10 +179,12 @@ void check_all_steps(const TimeColumn& rows, const Fit& fit, std::optional<doubl
     if (count < 3 || common <= 1.0) continue;
     if (stated)
       fail(
-          "'# dt = {}' found, but all rows of column '{}' lie {:.10g} s or multiples of it apart; one of the two needed",
+          "'# dt = {}' found, but all rows of column '{}' lie {:.10g} s or multiples of it apart; correct dt or "
+          "the times",
           *stated, rows.name, *stated * common);
     fail(
-        "column '{}': steps of {:.10g} in experiment '{}' and of {:.10g} in all together found, one sample time needed; "
+        "column '{}': steps of {:.10g} in experiment '{}' and of {:.10g} in all experiments together found, one "
+        "sample time needed; "
         "resample, or state '# dt = {}' above the header where samples are missing",
         rows.name, common * dt, rows.experiments[n], dt, rows.unit.in_seconds(dt));
   }
@@ -195,7 +201,7 @@ void Precision::add(std::string_view text, double value) {
                          exponent = from(text, mantissa.size() + 1);
   int power = 0;
   std::from_chars(exponent.data() + (exponent.starts_with('+') ? 1 : 0), exponent.data() + exponent.size(), power);
-  constexpr int most_of_double = 400;  // a power; zero may be written with any
+  constexpr int most_of_double = 400;  // largest power of ten; a zero may be written with any power
   const int digits = digits_in(from(mantissa, mantissa.find_first_of("123456789")));
   digits_ = std::max(digits_, digits);
   decimals_ = std::max(

@@ -1,4 +1,4 @@
-// Converts the column of times in a table, as written, to steps of one grid.
+// Converts the column of times of a table, as its text is written, to steps of a grid.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -12,21 +12,22 @@
 
 namespace tokid::io {
 
-// Finds how finely a column of numbers is written. Programs leave out trailing zeros, so the longest numbers count.
+// Finds to how many digits a column of numbers is rounded. Programs leave out trailing zeros, so the longest numbers
+// determine the result.
 class Precision {
  public:
   void add(std::string_view text, double value);
-  double unit(double value) const;  // a number of this size is a multiple of it
+  double unit(double value) const;  // the unit to which numbers of this size are rounded
 
  private:
   int digits_ = 1, decimals_ = 0;
-  bool single_ = true;  // all numbers are of single precision
+  bool single_ = true;  // all numbers can be in single precision
 };
 
 struct TimeColumn {
-  std::string name;               // as the table has it
-  TimeUnit unit;                  // of its times
-  std::vector<double> time;       // of each row: time, step or number of the row in its experiment
+  std::string name;               // as in the table
+  TimeUnit unit;                  // unit of the times
+  std::vector<double> time;       // of each row: its time, its step number, or its position in its experiment
   std::vector<Index> experiment;  // of each row
   std::vector<Index> line;        // of each row
   Names experiments;              // in the order of appearance
@@ -35,23 +36,26 @@ struct TimeColumn {
 
 struct Grid {
   double begin = 0.0, dt = 1.0;  // in the unit of the times
-  bool shows_dt = false;         // else a single time, with dt = 1
+  bool shows_dt = false;         // dt follows from the times; false: there is only one time, and dt = 1
 
   double step(double time) const { return std::round((time - begin) / dt); }
 };
 
-// Finds the grid begin + k dt on which all times lie, to 1e-6 of a step or to the rounding of their printed digits.
-// Rounded times count if their unit is at most a third of a step and there are eight of them. `dt` [s] > 0: the stated
-// sample time; otherwise it follows from the differences. Gaps of whole steps are missing samples.
-// \throws IoError that names the line for a time off the grid, and for a gap too long to be counted; for experiments
-// that share no steps or have other sample times, and for a stated dt of which all times are multiples
+// Finds the grid begin + k dt of all times. Times may deviate from it by 1e-6 of a step, or by the rounding of their
+// printed digits. Such rounding is accepted only if its unit is at most a third of a step and there are at least eight
+// different steps. `dt` [s] > 0: the stated sample time; without it, dt follows from the differences of the times. Gaps
+// of several steps are missing samples.
+// \throws IoError that names the line, for a time that is not on the grid and for a gap too long to count its steps;
+// IoError for experiments without a common step or with different sample times, and for rows that are all several
+// stated dt apart
 Grid time_grid(const TimeColumn& rows, std::optional<double> dt);
 
-// Experiments that share no step cannot show how one step differs from another. \throws IoError that names two of them
-// and states what is needed
+// Checks that all experiments have a step in common; otherwise the data are not repeated experiments. \throws IoError
+// that names two experiments without a common step, and ends with `needed`
 void check_common_steps(const TimeColumn& rows, std::string_view needed);
 
-// The spacing of ordered times, even as for time_grid() and without a gap; empty for others, and for fewer than two.
+// The spacing of increasing times that time_grid() accepts and that have no gap; empty for other times, and for fewer
+// than two.
 std::optional<double> even_spacing(const std::vector<double>& times);
 
 }  // namespace tokid::io

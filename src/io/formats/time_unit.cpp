@@ -50,22 +50,22 @@ std::string with_spaces(std::string text) {
   return text;
 }
 
-// The text after a word for time; empty if the name begins with no such word.
+// The text after a word for time; empty if `name` does not begin with such a word.
 std::optional<std::string_view> behind_word(std::string_view name, std::string_view lower) {
   const std::string spaced = with_spaces(std::string(lower));
   for (const std::string_view word :
        {"time since start", "time elapsed", "elapsed time", "elapsed", "timestamp", "time", "t"}) {
     if (!spaced.starts_with(word) || (word == "t" && name[0] != 't')) continue;
     const std::string_view rest = lower.substr(word.size());
-    // "temperature", "times_pressed", "t1" are other words.
+    // This excludes words such as "temperature", "times_pressed" and "t1".
     if (rest.empty() || between.find(rest[0]) != std::string_view::npos || rest[0] == '[' || rest[0] == '(')
       return rest;
   }
   return std::nullopt;
 }
 
-// Units that need no word for time. Other units do need one: "s" may be any quantity, "second" the one after the first,
-// and hours and minutes are parts of a date.
+// A unit that needs no word for time before it. Other units need one: "s" may be any quantity, "second" may mean the
+// one after the first, and hours and minutes may be parts of a date.
 std::optional<TimeUnit> unit_alone(const std::string& lower) {
   constexpr std::string_view origin = " since start";
   std::string word = with_spaces(lower);
@@ -90,10 +90,11 @@ std::optional<TimeUnit> time_unit(std::string_view column) {
     rest = stripped(rest.substr(2), between);
   const bool is_long_word = lower.size() - behind->size() > 1;
   if (auto unit = unit_of(std::string(rest))) {
-    // t_min is more likely the smallest t than t in minutes.
+    // "t_min" more likely means the smallest t than t in minutes.
     if (in_brackets || is_long_word || unit->seconds <= 1) return unit;
   }
-  // Reading a time in another unit would be wrong, so it is refused. t [m] is a thickness, elapsed [m] a distance.
+  // A time in an unknown unit is refused, because it would be read in seconds. "t [m]" and "elapsed [m]" are no times,
+  // but a thickness and a distance.
   if (in_brackets && lower.substr(0, lower.size() - behind->size()).find("time") != std::string::npos)
     fail("column '{}': the unit '{}' is not known; one of s, ms, us, ns, min, h, d needed", name, rest);
   return std::nullopt;

@@ -1,5 +1,5 @@
-// Recognises the names of columns of times, with their unit: "time", "t [s]", "time_ms", "Time (min)", "seconds". Also
-// recognises the names of columns of step numbers.
+// Recognises names of columns of times and their units: "time", "t [s]", "time_ms", "Time (min)", "seconds". Also
+// recognises names of columns of step numbers.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,7 +9,7 @@
 
 namespace tokid::io {
 
-// A unit of `seconds` / `over` seconds. One of the two numbers is 1, so that a conversion rounds once.
+// A unit of `seconds` / `over` seconds. One of these two numbers is 1, so that a conversion is rounded only once.
 struct TimeUnit {
   std::string name = "s";  // "ms"
   double seconds = 1.0, over = 1.0;
@@ -18,15 +18,15 @@ struct TimeUnit {
   double from_seconds(double time) const { return time * over / seconds; }
 };
 
-// Empty for the name of another column. The word is "time", "t", "timestamp", "elapsed", "elapsed time", "time elapsed"
-// or "time since start". Capitals are allowed, except for "t", because T is a temperature or a period. The unit follows
-// in brackets, or after " ", "_", "-", "/", "in". Without a unit it is the second. "sec" and plural units up to the
-// second, "seconds", "milliseconds since start", need no word. \throws IoError for "time" with an unknown unit in
-// brackets
+// The unit of a column of times; empty for the name of another column. The name begins with "time", "t", "timestamp",
+// "elapsed", "elapsed time", "time elapsed" or "time since start". Capital letters are allowed, except for "t", because
+// T is a temperature or a period. The unit follows in brackets, or after " ", "_", "-", "/" or "in". Without a unit,
+// times are in seconds. "sec" and the plurals of units up to the second ("seconds", "milliseconds since start") need no
+// word before them. \throws IoError for "time" with an unknown unit in brackets
 std::optional<TimeUnit> time_unit(std::string_view column);
 
-// "step" or "sample", alone or followed by "number", "no" or "index", in small letters or capitals. An "index" counts
-// the rows of a whole table.
+// Is the name "step" or "sample", alone or followed by "number", "no" or "index"? Capital letters are allowed. "index"
+// alone is not accepted, because it counts the rows of a whole table.
 bool is_step_number(std::string_view column);
 
 }  // namespace tokid::io

@@ -61,13 +61,13 @@ void reserve(const fs::path& path, std::uint64_t bytes) {
   const Descriptor file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
   if (file < 0) fail_to_write(errno);
   const int error = posix_fallocate(file, 0, off_t(bytes));
-  // Some file systems cannot reserve space. There a failed write reports a full disk.
+  // Some file systems cannot reserve space. On such a file system, a full disk is reported by the write that fails.
   if (error != 0 && error != EINVAL && error != EOPNOTSUPP) fail_to_write(error);
 }
 
 // Follows links, also to a target that does not exist yet.
 fs::path resolved(fs::path path) {
-  constexpr int most_links = 40;  // the limit of the system
+  constexpr int most_links = 40;  // as in Linux
   std::error_code error;
   for (int i = 0; fs::is_symlink(path, error); ++i) {
     if (i == most_links) fail_to_write(ELOOP);
@@ -83,7 +83,7 @@ fs::path folder_of(const fs::path& target) { return target.has_parent_path() ? t
 
 }  // namespace
 
-// The name is the same for all programs, so that the next one finds the file of a killed one.
+// The name depends on the target alone. If a process is killed, the next process therefore finds its file.
 fs::path hidden_name(const fs::path& target, std::string_view ending) {
   const std::string name = target.filename().string();
   return folder_of(target) / fmt::format(".tokid-{:016x}{}", XXH3_64bits(name.data(), name.size()), ending);
@@ -91,10 +91,11 @@ fs::path hidden_name(const fs::path& target, std::string_view ending) {
 
 namespace {
 
-// Renaming would silently replace a file that the user may not write to, or something that is no file.
+// Checks the target before anything is written. Without this check, the renaming at the end would silently replace a
+// file that the user may not write to, or a device.
 fs::path writable_target(const fs::path& path) {
   std::error_code error;
-  const auto status = fs::status(path, error);  // of the target of links, which may have no name
+  const auto status = fs::status(path, error);  // follows links, even to a file without a name
   if (fs::is_directory(status)) fail("a directory found, the name of a file to write needed");
   if (fs::exists(status) && !fs::is_regular_file(status)) fail("a device found, the name of a file to write needed");
   fs::path target = resolved(path);
@@ -104,7 +105,8 @@ fs::path writable_target(const fs::path& path) {
 
 fs::path temporary_name(const fs::path& target, unsigned i) { return hidden_name(target, fmt::format("-{}.tmp", i)); }
 
-// Removes the file that a killed process left under this name. True: the name is free, unless another call was faster.
+// Removes the file that a killed process left under this name. True: the name is free, unless another call takes the
+// name first.
 bool remove_abandoned(const fs::path& path) {
   const Descriptor file(open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
   if (file < 0) return errno == ENOENT;
@@ -118,7 +120,8 @@ struct Waiting {
   std::deque<std::function<void()>> then;
 };
 
-// A user who may not read the target may not read it during writing either.
+// The new file has the permissions of the target from the start. A user who may not read the target therefore cannot
+// read the new file while it is written.
 mode_t creation_mode(const std::optional<struct stat>& target) {
   return target ? (target->st_mode & 0666) | 0600 : 0666;
 }
@@ -128,7 +131,8 @@ thread_local Waiting* together = nullptr;
 }  // namespace
 
 void sync_folder(const fs::path& file) {
-  // The file is in place. Some file systems do not guarantee that its name survives a power cut.
+  // Failures are ignored, because the file already has its name. Only after a power cut can the name be lost, on file
+  // systems without this call.
   const Descriptor folder(open(folder_of(file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (folder >= 0) fsync(folder);
 }
@@ -159,7 +163,7 @@ void AtomicFile::create_named() {
     if (file < 0 && errno != EEXIST) fail_to_write(errno);
     if (file >= 0) {
       lock(file, true);
-      if (!is_at(path_, file)) continue;  // another call removed it as abandoned before it was locked
+      if (!is_at(path_, file)) continue;  // another call removed the file as abandoned before the lock was taken
       name_ = path_;
       file_ = std::move(file);
       return;
@@ -173,12 +177,12 @@ void AtomicFile::finish() {
   if (old_ && fstat(file_, &own) == 0) {
     const uid_t owner = geteuid() == 0 ? old_->st_uid : own.st_uid;
     mode_t mode = old_->st_mode & 0777;
-    // If the group is not the target's, it gets no permissions.
+    // If the file cannot get the group of the target, its group gets no permissions.
     const bool kept = own.st_uid == owner && own.st_gid == old_->st_gid;
     if (!kept && fchown(file_, owner, old_->st_gid) != 0) mode &= ~mode_t{S_IRWXG};
     if ((own.st_mode & 0777) != mode && fchmod(file_, mode) != 0) fail_to_write(errno);
   }
-  // Some file systems have no fsync. This is no failed write.
+  // Some file systems have no fsync. The write has succeeded nevertheless.
   if (fsync(file_) != 0 && errno != EINVAL && errno != ENOTSUP) fail_to_write(errno);
 }
 
@@ -197,7 +201,7 @@ void AtomicFile::when_published(std::function<void()> then) {
     then();
 }
 
-// False: the system cannot give a name to a file that had none.
+// False: the system cannot give a name to a file that was created without a name.
 bool AtomicFile::take_temporary_name() {
   lock(file_, true);
   for (unsigned i = 0;;) {
@@ -222,7 +226,7 @@ void AtomicFile::move_to_named() {
 }
 
 void AtomicFile::publish() {
-  // A link never replaces a file, but renaming does.
+  // linkat() fails if the target exists. rename() replaces the target, but needs a file that has a name.
   if (!name_.empty() || linkat(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), AT_SYMLINK_FOLLOW) != 0) {
     if (name_.empty() && !take_temporary_name()) move_to_named();
     if (rename(name_.c_str(), target_.c_str()) != 0) fail_to_write(errno);

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::uint64_t unlimited = std::numeric_limits<std::uint64_t>::max();
 
-// The limit of NumPy and HDF5.
+// The largest number of dimensions in HDF5, and in NumPy before version 2.
 constexpr size_t most_dimensions = 32;
 
 std::atomic<std::uint64_t> own_limit{0};
@@ -31,7 +31,7 @@ std::uint64_t process_memory() {
   return getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY ? limit.rlim_cur : unlimited;
 }
 
-// "max" means no limit.
+// The text "max" is no number; it means that there is no limit.
 std::uint64_t limit_in(const std::filesystem::path& file) {
   std::uint64_t bytes = 0;
   return std::ifstream(file) >> bytes ? bytes : unlimited;
@@ -39,13 +39,14 @@ std::uint64_t limit_in(const std::filesystem::path& file) {
 
 }  // namespace
 
-// A container may see its own group as the root, under a path that does not exist there. Missing paths are skipped.
+// A container may see its own group as the root of the file system, so that the path of the group does not exist.
+// Missing paths are skipped.
 std::uint64_t group_memory(const std::filesystem::path& root) {
   const std::filesystem::path groups = root / "sys/fs/cgroup";
   std::uint64_t least = std::min(limit_in(groups / "memory.max"), limit_in(groups / "memory/memory.limit_in_bytes"));
   std::ifstream list(root / "proc/self/cgroup");
   for (std::string line; std::getline(list, line);) {
-    // number:controllers:path, with the number 0 and no controllers in version 2
+    // A line is number:controllers:path. In version 2 the number is 0, and there are no controllers.
     const size_t first = line.find(':'), second = line.find(':', first + 1);
     if (second == std::string::npos) continue;
     const std::string controllers = fmt::format(",{},", line.substr(first + 1, second - first - 1));
@@ -78,8 +79,9 @@ void Claims::add(std::string_view name, const Shape& shape, size_t stored_item_b
          stored, file_bytes_);
   const std::uint64_t taken = checked_product(shape, memory_item_bytes);
   if (taken > left_)
-    fail("data set '{}': shape {} found, which takes {} bytes of memory; at most {} of the {} of this machine are left",
-         name, text(shape), taken, left_, memory_limit());
+    fail(
+        "data set '{}': shape {} found, which takes {} bytes of memory, but only {} bytes of the {} of this machine are left",
+        name, text(shape), taken, left_, memory_limit());
   left_ -= taken;
 }
 

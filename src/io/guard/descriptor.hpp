@@ -1,4 +1,4 @@
-// Descriptors of open files, beside those of the libraries that read and write them.
+// Descriptors of open files, in addition to the descriptors of the libraries that read and write these files.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -28,22 +28,22 @@ class Descriptor {
   }
 
   int release() { return std::exchange(number_, -1); }
-  operator int() const { return number_; }  // negative if there is none
+  operator int() const { return number_; }  // negative if no file is open
 
  private:
   int number_;
 };
 
-// Detects whether a file changes while it is read, because the result would be data that never existed. After a new end
-// some libraries read zeros, and others take the shorter file for complete. A file stays as it is when another file
-// takes its name.
+// Detects whether a file changes while tokid reads it. Otherwise the result would mix samples of the old and the new
+// file. If the file becomes shorter, some libraries read zeros after its new end, and others report no error at all. If
+// another file takes the name, the open file does not change.
 class Unchanged {
  public:
   explicit Unchanged(const std::filesystem::path& path)
       : file_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)), before_(look()) {}
 
-  int descriptor() const { return file_; }  // negative if it could not be opened
-  FileState state() const;                  // at the beginning
+  int descriptor() const { return file_; }  // negative if the file could not be opened
+  FileState state() const;                  // when it was opened
 
   // \throws IoError if another program has changed the file since it was opened
   void check() const {

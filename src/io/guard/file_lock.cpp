@@ -40,8 +40,8 @@ std::optional<struct stat> status_of(const fs::path& path) {
   return stat(path.c_str(), &found) == 0 ? std::optional(found) : std::nullopt;
 }
 
-// Opens an existing lock file, also one that a dead process left, or creates it. With O_CREAT alone, the system refuses
-// another user's file in a folder that all may write to.
+// Opens an existing lock file, even one that a dead process left, or creates a new one. O_CREAT alone does not work: in
+// a folder that all users may write to, Linux then refuses to open a file of another user.
 Descriptor open_or_create(const fs::path& path) {
   for (;;) {
     Descriptor file(open(path.c_str(), open_flags));
@@ -51,14 +51,15 @@ Descriptor open_or_create(const fs::path& path) {
   }
 }
 
-// Opening the file asks the server of a network file system. A look at the name might show an old state.
+// Does this name still lead to the open file? The name is opened because this asks the server of a network file system;
+// stat() could show an old state.
 bool has_name(const fs::path& path, int file) {
   const Descriptor there(open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
   struct stat a = {}, b = {};
   return there >= 0 && fstat(there, &a) == 0 && fstat(file, &b) == 0 && same_file(a, b);
 }
 
-// The holder's text about itself.
+// The text about itself that the holder of the lock has written into the file.
 std::string holder_of(int file) {
   std::array<char, 300> bytes{};
   const ssize_t n = pread(file, bytes.data(), bytes.size(), 0);
@@ -70,13 +71,13 @@ std::string holder_of(int file) {
 }  // namespace
 
 struct FileLock::Content {
-  fs::path path, target, name;  // as given, after links, of the lock
+  fs::path path, target, name;  // as given; after all links; name of the lock file
   Descriptor file;
   pid_t owner = getpid();
   bool held = false;
   std::optional<struct stat> seen;
 
-  // Takes the lock. Returns its holder, or nothing once the lock is taken.
+  // Tries to take the lock. Returns the holder if another process has the lock, and nothing if the lock is taken.
   std::optional<std::string> take() {
     for (;;) {
       file = open_or_create(name);
@@ -88,14 +89,14 @@ struct FileLock::Content {
         if (errno == EAGAIN || errno == EACCES) return holder_of(file);
         const int error = errno;
         unlink(name.c_str());
-        throw WriteError(fmt::format("can't be locked: {}; a file system that knows locks needed",
+        throw WriteError(fmt::format("can't be locked: {}; a file system that supports locks needed",
                                      std::generic_category().message(error)),
                          error);
       }
-      if (has_name(name, file)) break;  // otherwise the previous holder has removed it
+      if (has_name(name, file)) break;  // otherwise the previous holder has removed the lock file
     }
     held = true;
-    // Everyone who may write the file may lock it.
+    // Every user who may write to the target may lock it.
     if (const auto of = status_of(target); of && fchown(file, uid_t(-1), of->st_gid) == 0)
       fchmod(file, (of->st_mode & 0666) | 0600);
     if (ftruncate(file, 0) == 0) io::write_all(file, this_process());
@@ -112,11 +113,11 @@ struct FileLock::Content {
       const Seconds left = end - Clock::now();
       if (left.count() <= 0)
         throw IoError(io::named(
-            path, fmt::format("{} has it locked{}; try again when that has ended, or wait longer", *holder,
+            path, fmt::format("{} has locked the file{}; try again when the lock is free, or wait longer", *holder,
                               options.limit > 0 ? fmt::format(", for more than {:g} s", options.limit) : "")));
       if (!told && options.waits)
         options.waits(
-            io::named(path, fmt::format("{} has it locked; waiting for up to {:g} s", *holder, options.limit)));
+            io::named(path, fmt::format("{} has locked the file; waiting for up to {:g} s", *holder, options.limit)));
       checkpoint();
       std::this_thread::sleep_for(std::min(pause, left));
       pause = std::min(1.5 * pause, Seconds(0.1));
@@ -124,8 +125,9 @@ struct FileLock::Content {
   }
 
   ~Content() {
-    if (!held || owner != getpid()) return;  // a forked process has no lock
-    // The name goes before the lock, so that a waiting process finds that the file has no name.
+    if (!held || owner != getpid()) return;  // after fork(), only the parent removes the lock file
+    // The name is removed before the lock is released. A waiting process then sees that the lock file has no name, and
+    // starts again.
     unlink(name.c_str());
   }
 };
@@ -155,9 +157,8 @@ void FileLock::check() const {
                                  before->st_mtim.tv_nsec == now->st_mtim.tv_nsec
                            : !now;
   if (!same)
-    throw IoError(
-        io::named(content_->path,
-                  "another program has replaced it meanwhile, without the lock; nothing was written. Call again"));
+    throw IoError(io::named(
+        content_->path, "another program has changed the file without the lock, so nothing was written; call again"));
 }
 
 }  // namespace tokid

@@ -19,9 +19,9 @@ enum Message : unsigned {
   attribute_message = 0x0C,
   continuation_message = 0x10
 };
-constexpr unsigned is_shared = 0x02;  // flag of a message that is stored elsewhere
+constexpr unsigned is_shared = 0x02;  // flag of a message whose content is stored in another place
 
-// Some bytes of the file. Beyond them there are no bytes, and numbers are 0.
+// Some bytes of the file. A number that is read beyond their end is 0.
 class View {
  public:
   explicit View(std::string_view bytes) : bytes_(bytes) {}
@@ -43,7 +43,7 @@ class View {
 
 size_t to_eight(size_t bytes) { return (bytes + 7) / 8 * 8; }
 
-// Bytes of one value; empty if the properties of its class do not fit into the message.
+// Bytes of one value of this type; empty if the description of the type is longer than its message.
 std::optional<std::uint64_t> value_bytes(std::string_view datatype) {
   constexpr size_t head = 8;  // class and version, bits, size of a value
   const View type(datatype);
@@ -54,7 +54,7 @@ std::optional<std::uint64_t> value_bytes(std::string_view datatype) {
   return type.number(4, 4);
 }
 
-// Number of values; empty if the sizes do not fit into the message.
+// Number of values; empty if the list of sizes is longer than its message.
 std::optional<std::uint64_t> value_count(std::string_view dataspace) {
   const View space(dataspace);
   const auto version = space.number(0, 1), rank = space.number(1, 1), flags = space.number(2, 1);
@@ -104,14 +104,15 @@ std::uint64_t Hdf5Bytes::address() const {
 }
 
 void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
-  // Version 1 begins with its sizes. Version 2 begins with a signature, and has a checksum after each block.
+  // A header of version 1 begins with its sizes. A header of version 2 begins with a signature, and each of its blocks
+  // ends with a checksum.
   constexpr size_t most_start = 34;
   const std::string start =
       read(address, std::min<std::uint64_t>(most_start, file_bytes_ - std::min(file_bytes_, address)));
   const View prefix(start);
   const bool second = start.starts_with("OHDR");
   const auto flags = second ? prefix.number(5, 1) : 0;
-  const size_t head = second ? 4 + ((flags & 4) ? 2 : 0) : 8;  // of a message
+  const size_t head = second ? 4 + ((flags & 4) ? 2 : 0) : 8;  // bytes before the content of a message
   std::vector<Piece> blocks;
   if (second) {
     const size_t width = size_t{1} << (flags & 3), size_at = 6 + ((flags & 0x20) ? 16 : 0) + ((flags & 0x10) ? 4 : 0);
@@ -120,8 +121,8 @@ void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
     blocks.push_back({address + 16, prefix.number(8, 4)});
   }
 
-  std::uint64_t total = 0;       // overlapping blocks may be more than the file has
-  std::set<std::uint64_t> seen;  // blocks that lead back to each other have no end
+  std::uint64_t total = 0;       // overlapping blocks could have more bytes in total than the file
+  std::set<std::uint64_t> seen;  // blocks that refer to each other would never end
   for (size_t i = 0; i < blocks.size(); ++i) {
     total += blocks[i].bytes;
     if ((i > 0 && blocks[i].bytes < head) || total > file_bytes_ || !seen.insert(blocks[i].offset).second)
@@ -146,7 +147,7 @@ void Hdf5Bytes::each_message(std::uint64_t address, const Use& see) const {
   }
 }
 
-// Bytes of one value of a type that has a name of its own in the file.
+// Bytes of one value of a type that is stored under a name of its own in the file.
 std::optional<std::uint64_t> Hdf5Bytes::committed_bytes(std::string_view reference) const {
   const View at(reference);
   const std::uint64_t header = at.number(at.number(0, 1) == 1 ? 8 : 2, 8);
@@ -161,7 +162,7 @@ std::optional<std::uint64_t> Hdf5Bytes::committed_bytes(std::string_view referen
 }
 
 void Hdf5Bytes::each_attribute(const std::function<void(std::string_view, const Piece&)>& see) const {
-  std::map<std::string, std::optional<std::uint64_t>, std::less<>> committed;  // thousands may share one type
+  std::map<std::string, std::optional<std::uint64_t>, std::less<>> committed;  // many attributes may share a type
   each_message(address(), [&](unsigned type, unsigned flags, const Piece& piece) {
     if (type != attribute_message || (flags & is_shared)) return;
     const std::string bytes = read(piece.offset, piece.bytes);
@@ -176,7 +177,7 @@ void Hdf5Bytes::each_attribute(const std::function<void(std::string_view, const 
     if (values_at > message.size() || !name.ends_with('\0')) damaged("attribute");
     name = name.substr(0, name.find('\0'));
     constexpr unsigned shared_type = 1, shared_space = 2;
-    if (shared & shared_space) fail("attribute '{}': a size that lies elsewhere found, its own needed", name);
+    if (shared & shared_space) fail("attribute '{}': its size is stored in another object, its own size needed", name);
     const std::string_view type_part = message.part(type_at, type_bytes);
     const auto shared_bytes = [&] {
       auto known = committed.find(type_part);
@@ -200,7 +201,7 @@ std::optional<Hdf5Bytes::Piece> Hdf5Bytes::attribute(std::string_view name) cons
   std::optional<Piece> found;
   each_attribute([&](std::string_view other, const Piece& values) {
     if (other != name) return;
-    if (found) damaged("attribute");  // twice: the library may read the unchecked one
+    if (found) damaged("attribute");  // two of one name: the library could read the unchecked one
     found = values;
   });
   return found;
@@ -225,7 +226,7 @@ std::optional<Hdf5Bytes::Piece> Hdf5Bytes::values() const {
     if (const haddr_t offset = H5Dget_offset(object_); offset != HADDR_UNDEF)
       found = Piece{offset, H5Dget_storage_size(object_)};
   } else if (layout == H5D_COMPACT) {
-    constexpr size_t values_at = 4;  // after version, class and size, from version 3 on
+    constexpr size_t values_at = 4;  // from version 3 on: after version, class and size
     const Piece piece = layout_piece();
     const std::string bytes = read(piece.offset, piece.bytes);
     const View message(bytes);
@@ -240,15 +241,15 @@ void Hdf5Bytes::check_chunks(std::uint64_t needed) const {
   const std::string bytes = read(piece.offset, piece.bytes);
   const View message(bytes);
   const auto version = message.number(0, 1);
-  if (version > 3) return;                                    // without filters their indexes hold addresses only
-  const auto rank = message.number(version == 3 ? 2 : 1, 1);  // one more than that of the data set
+  if (version > 3) return;  // without filters, these indexes contain addresses only and no sizes
+  const auto rank = message.number(version == 3 ? 2 : 1, 1);  // one more than the rank of the data set
   constexpr std::uint64_t nowhere = ~std::uint64_t{0};
   const std::uint64_t root = message.number(version == 3 ? 3 : 8, 8);
   if (root == nowhere) return;
 
-  constexpr size_t head = 24, child = 8;  // of a node; an address in it
-  const size_t key = 8 + 8 * rank;        // bytes, mask of omitted filters, place
-  std::uint64_t total = 0;                // nodes that lead back to each other have no end
+  constexpr size_t head = 24, child = 8;  // bytes of the head of a node, and of an address in the node
+  const size_t key = 8 + 8 * rank;        // stored bytes, mask of omitted filters, place of the chunk
+  std::uint64_t total = 0;                // nodes that refer to each other would never end
   std::vector<std::uint64_t> nodes(1, root);
   while (!nodes.empty()) {
     const std::uint64_t address = nodes.back();
@@ -265,7 +266,7 @@ void Hdf5Bytes::check_chunks(std::uint64_t needed) const {
       if (level > 0)
         nodes.push_back(entry.number(key, child));
       else if (const auto stored = entry.number(0, 4); stored < needed)
-        fail("data set '{}': a chunk of {} stored bytes found, {} needed", name_, stored, needed);
+        fail("data set '{}': damaged, a chunk of {} stored bytes found, {} needed", name_, stored, needed);
     }
   }
 }
@@ -273,7 +274,7 @@ void Hdf5Bytes::check_chunks(std::uint64_t needed) const {
 // ---- texts ----
 
 void Hdf5Bytes::check_texts(const Piece& entries) const {
-  constexpr size_t entry = 16;  // length, address of the heap, number of the object in it
+  constexpr size_t entry = 16;  // length of the text, address of its heap, number of its object in the heap
   const std::string bytes = read(entries.offset, entries.bytes);
   const View view(bytes);
   std::map<std::uint64_t, std::map<std::uint64_t, std::uint64_t>> heaps;
@@ -284,14 +285,14 @@ void Hdf5Bytes::check_texts(const Piece& entries) const {
     if (!heaps.contains(address)) heaps[address] = heap(address, total);
     const auto object = heaps[address].find(index);
     if (object == heaps[address].end() || object->second != length)
-      fail("data set '{}': a text of {} bytes found, which its heap does not hold", name_, length);
+      fail("data set '{}': damaged, its heap of texts contains no text of {} bytes at the stated place", name_, length);
   }
 }
 
-// The bytes of each object by its number. Overlapping heaps can be larger in all than the file, and would each take the
-// memory of the whole.
+// The number of bytes of each object of a heap, by the number of the object. `total` counts the bytes of all heaps:
+// overlapping heaps could be larger in total than the file, and each of them is read into memory as a whole.
 std::map<std::uint64_t, std::uint64_t> Hdf5Bytes::heap(std::uint64_t address, std::uint64_t& total) const {
-  constexpr size_t head = 16;  // of a heap, and of an object
+  constexpr size_t head = 16;  // bytes of the head of a heap, and of the head of an object
   if (address > file_bytes_) damaged("heap of texts");
   const std::string start = read(base_ + address, head);
   const std::uint64_t bytes = View(start).number(8, 8);
@@ -304,7 +305,7 @@ std::map<std::uint64_t, std::uint64_t> Hdf5Bytes::heap(std::uint64_t address, st
   for (size_t at = head; at + head <= bytes;) {
     const std::uint64_t index = view.number(at, 2), size = view.number(at + 8, 8), left = bytes - at;
     if (size > left) damaged("heap of texts");
-    const std::uint64_t step = index == 0 ? size : head + to_eight(size);  // 0: free space, with its head
+    const std::uint64_t step = index == 0 ? size : head + to_eight(size);  // 0: free space; its size includes its head
     if (step < head || step > left) damaged("heap of texts");
     if (index > 0) found[index] = size;
     at += step;

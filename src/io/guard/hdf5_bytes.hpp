@@ -1,5 +1,5 @@
-// Reads the bytes of an HDF5 file directly. It checks the values that the library trusts, before the library decodes
-// them. Terms and layouts are those of the HDF5 File Format Specification, version 3.
+// Reads the bytes of an HDF5 file directly. It checks the sizes that the HDF5 library uses without a check, before the
+// library decodes them. Terms and layouts are those of the HDF5 File Format Specification, version 3.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -20,27 +20,28 @@ class Hdf5Bytes {
     std::uint64_t offset = 0, bytes = 0;
   };
 
-  // Takes an object, and the size of its file. \throws IoError for a file whose addresses or sizes are not the usual
-  // ones of 8 bytes
+  // `object`: an open object of the file. `file_bytes`: the size of the file. \throws IoError if the addresses or sizes
+  // in the file do not have 8 bytes
   Hdf5Bytes(hid_t object, std::string name, std::uint64_t file_bytes);
 
-  // Checks the attributes of the object. The library takes as many bytes for an attribute as its type and size claim,
-  // even beyond the header of the object. \throws IoError for an attribute that claims more than it has
+  // Checks the attributes of the object. The library reads as many bytes of an attribute as its type and size state,
+  // even beyond the end of the object's header. \throws IoError for an attribute that states more bytes than it has
   void check_attributes() const;
 
   // Position of the values of an attribute of the object; empty if it is not in the object's header.
   std::optional<Piece> attribute(std::string_view name) const;
 
-  // Position of the values of a data set in one piece; empty for one in chunks, and for one that was never written.
+  // Position of the values of a data set that is stored in one piece. Empty for a data set in chunks, and for a data
+  // set whose values were never written.
   std::optional<Piece> values() const;
 
-  // Checks a data set whose chunks have no filters. The library reads each chunk as if it had all of its bytes. If it
-  // has fewer, the library reads the bytes beside it. \throws IoError for a chunk with fewer bytes than needed
+  // Checks a data set whose chunks have no filters. The library always reads a whole chunk. If fewer bytes are stored,
+  // the library reads other bytes behind them. \throws IoError for a chunk with fewer bytes than `needed`
   void check_chunks(std::uint64_t needed) const;
 
-  // Checks texts of variable length, which are in heaps. The library takes memory for the length that an entry claims.
-  // It follows the sizes of the objects in a heap wherever they lead, and copies as much as an object claims. \throws
-  // IoError for a text that its heap does not hold
+  // Checks texts of variable length, which are stored in heaps. The library allocates as much memory as an entry
+  // states, and it copies as many bytes as the object in the heap states. It uses the sizes of these objects to find
+  // the next object, even beyond the end of the heap. \throws IoError for a text that its heap does not contain
   void check_texts(const Piece& entries) const;
 
  private:
@@ -58,7 +59,7 @@ class Hdf5Bytes {
   hid_t object_;
   std::string name_;
   std::uint64_t file_bytes_;
-  hsize_t base_ = 0;  // after the user block, such as MATLAB's: addresses count from here
+  hsize_t base_ = 0;  // addresses count from the end of the user block, which MATLAB's files have
   int descriptor_ = -1;
 };
 

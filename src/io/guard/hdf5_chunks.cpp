@@ -12,7 +12,7 @@ namespace {
 
 constexpr size_t checksum_bytes = 4;
 
-// Visits each place from `begin` to `end` by steps. The last axis changes fastest.
+// Calls `use` with each place from `begin` to `end`, in steps of `step`. The last axis changes fastest.
 template <typename Use>
 void each_place(const std::vector<hsize_t>& begin, const std::vector<hsize_t>& end, const std::vector<hsize_t>& step,
                 size_t axes, Use&& use) {
@@ -25,11 +25,13 @@ void each_place(const std::vector<hsize_t>& begin, const std::vector<hsize_t>& e
   }
 }
 
-// Fletcher's sum over words of two bytes, the high byte first. The last byte of an odd count is a high byte. Both sums
-// are modulo 65535. There, words with swapped bytes give sums with swapped bytes, so words are read as they lie in
-// memory. Several sums side by side take every lanes-th word. The second sum follows from them.
+// Fletcher's checksum: the sum of all words of two bytes, and the sum of all intermediate sums, both modulo 65535. The
+// format puts the high byte of a word first; the last byte of an odd number of bytes is a high byte. Modulo 65535,
+// swapping the bytes of all words swaps the bytes of the sums. So the words are added with their low byte first, and
+// the bytes of the sums are swapped at the end. For speed, there are `lanes` partial sums; each of them adds every
+// lanes-th word.
 std::uint32_t fletcher32(const char* bytes, size_t count) {
-  constexpr size_t lanes = 16, most_rounds = 360;  // for sums that fit into 32 bits
+  constexpr size_t lanes = 16, most_rounds = 360;  // so that the partial sums fit into 32 bits
   constexpr auto fold = [](std::uint64_t sum) {
     while (sum > 0xFFFF) sum = (sum & 0xFFFF) + (sum >> 16);
     return sum;
@@ -61,7 +63,7 @@ std::uint32_t fletcher32(const char* bytes, size_t count) {
   return swapped(fold(second)) << 16 | swapped(fold(first));
 }
 
-// The sum as a library of 2005 wrote it, with the bytes of each half swapped.
+// The checksum as HDF5 before 1.6.3 wrote it on some machines: the bytes of each half are swapped.
 std::uint32_t with_bytes_of_halves_swapped(std::uint32_t sum) {
   return ((sum & 0x00FF00FFU) << 8) | ((sum & 0xFF00FF00U) >> 8);
 }
@@ -91,11 +93,11 @@ std::vector<hsize_t> chunk_shape(hid_t properties, size_t rank, const std::strin
 
 namespace {
 
-// Empty for a chunk that is not in the index.
+// The stored bytes of a chunk; empty if the chunk is not in the index.
 std::optional<hsize_t> stored_bytes_of(hid_t data, const std::string& name, const std::vector<hsize_t>& place) {
   hsize_t stored = 0;
   if (H5Dget_chunk_storage_size(data, place.data(), &stored) < 0) {
-    // HDF5 1.10 reports an error; newer versions report 0 bytes.
+    // For such a chunk, HDF5 1.10 reports an error; newer versions report 0 bytes.
     if (const std::string reason = hdf5_reason(); reason != "chunk storage is not allocated")
       fail("data set '{}': HDF5: {}", name, reason);
     return std::nullopt;
@@ -115,13 +117,14 @@ void check_index(hid_t data, const std::string& name, const Shape& shape, const 
     });
   if (found < needed)
     fail(
-        "data set '{}': {} of its {} chunks are missing. They were never written, or the index of chunks is damaged. "
+        "data set '{}': {} of its {} chunks are missing, because they were never written or the index of chunks "
+        "is damaged. "
         "Write all values, NaN for missing samples",
         name, needed - found, needed);
   const Handle space(H5Dget_space(data), H5Sclose, name);
   checked(H5Dget_num_chunks(data, space, &indexed), name);
   if (indexed != needed)
-    fail("data set '{}': {} chunks found, {} needed for shape {}. Its size or its index of chunks is damaged", name,
+    fail("data set '{}': {} chunks found, {} needed for shape {}: its size or its index of chunks is damaged", name,
          indexed, needed, text(shape));
 }
 
@@ -201,12 +204,12 @@ void PackedChunks::fetch(const Place& place) {
   const auto found = stored_bytes_of(data_, name_, place);
   if (!found) fail("data set '{}': a chunk is missing, all needed", name_);
   const hsize_t stored = *found;
-  // Packing makes random bytes longer, but only a little.
+  // Compression can make random bytes longer, but only a little.
   constexpr std::uint64_t little = 65536;
   if (stored > std::min(file_bytes_, 2 * std::uint64_t{items_} * stored_item_ + little))
     damaged(fmt::format("of {} stored bytes", stored));
   bytes_.resize(size_t(stored));
-  std::uint32_t left_out = 0;  // a bit for each filter
+  std::uint32_t left_out = 0;  // a bit for each filter that was omitted for this chunk
 #if H5_VERSION_GE(2, 0, 0)
   size_t room = bytes_.size();
   checked(H5Dread_chunk2(data_, H5P_DEFAULT, place.data(), &left_out, bytes_.data(), &room), name_);
@@ -226,7 +229,7 @@ void PackedChunks::unpack(std::uint32_t left_out) {
       if (filters_[i].kind == kind && holds(i)) return true;
     return false;
   };
-  // Sizes before each filter. The size after deflate is unknown.
+  // The number of bytes before each filter when it packed the chunk. The number after deflate is unknown.
   std::vector<std::optional<size_t>> packs(filters_.size());
   std::optional<size_t> size = items_ * stored_item_;
   for (size_t i = 0; i < filters_.size(); ++i) {
@@ -236,7 +239,8 @@ void PackedChunks::unpack(std::uint32_t left_out) {
     if (filters_[i].kind == H5Z_FILTER_FLETCHER32 && size) *size += checksum_bytes;
   }
 
-  // The library omits deflate if it does not make a chunk smaller. It never omits a filter before deflate.
+  // The library omits deflate for a chunk that deflate does not make smaller. It never omits a filter that comes before
+  // deflate.
   const bool deflated = any_of(H5Z_FILTER_DEFLATE, [&](size_t i) { return !is_left_out(i); });
   if (deflated && any_of(H5Z_FILTER_SHUFFLE, is_left_out)) damaged("packed without its filter shuffle");
 
@@ -259,7 +263,7 @@ void PackedChunks::unpack(std::uint32_t left_out) {
                                      reinterpret_cast<const Bytef*>(bytes_.data()), &from);
       if (status == Z_MEM_ERROR) throw std::bad_alloc();
       if (status == Z_BUF_ERROR) damaged("that unpacks to more bytes");
-      if (status == Z_OK && from != bytes_.size()) damaged("that is shorter than its stored bytes");
+      if (status == Z_OK && from != bytes_.size()) damaged("with unused bytes after its compressed data");
       if (status != Z_OK || count != other_.size()) damaged(fmt::format("that unpacks to {} bytes", count));
       bytes_.swap(other_);
     } else if (const size_t width = filters_[i].parameter, count = bytes_.size() / std::max<size_t>(1, width);
@@ -283,9 +287,9 @@ void PackedChunks::convert() {
   bytes_.resize(items_ * item_);
 }
 
-// Returns bytes_, here or among the kept chunks.
+// Moves bytes_ to the kept chunks, if there is room for them. Returns the bytes in their final place.
 const PackedChunks::Bytes& PackedChunks::keep(const Place& place) {
-  constexpr size_t beside = 256;  // bytes for its place and its containers
+  constexpr size_t beside = 256;  // bytes for the place of a chunk and for the containers
   const size_t size = bytes_.size() + beside;
   if (size > kept_bytes_) return bytes_;
   while ((order_.size() + 1) * size > kept_bytes_) {
@@ -301,7 +305,8 @@ const PackedChunks::Bytes& PackedChunks::keep(const Place& place) {
 
 // ---- from chunks to a part of the data set ----
 
-// Copies the runs of values that chunk and part share. Trailing axes that are whole in both form one run.
+// Copies the values that the chunk and the part have in common. Trailing axes that are complete in both are copied in
+// one run.
 void PackedChunks::copy(const Bytes& chunk, const Place& place, const Hyperslab& part, char* to) const {
   const size_t rank = place.size();
   Place begin(rank), end(rank);

@@ -33,7 +33,7 @@ bool is_hdf5(std::istream& file) {
 class Source {
  public:
   virtual ~Source() = default;
-  virtual void read(char* to, size_t bytes) = 0;  // \throws IoError if there are fewer
+  virtual void read(char* to, size_t bytes) = 0;  // \throws IoError if fewer bytes are left
   virtual void skip(std::uint64_t bytes) = 0;
 };
 
@@ -72,8 +72,8 @@ class Inflated : public Source {
     for (; bytes > 0; bytes -= std::min<std::uint64_t>(bytes, unused_.size()))
       read(unused_.data(), size_t(std::min<std::uint64_t>(bytes, unused_.size())));
   }
-  // zlib compares its checksum, Adler-32, only at the end. \throws IoError for another checksum, and unless the packed
-  // bytes end there too
+  // Reads to the end, where zlib compares its checksum (Adler-32). \throws IoError if the checksum is wrong, or if the
+  // packed bytes do not end there
   void finish() {
     for (int status = Z_OK; status != Z_STREAM_END;) {
       stream_.next_out = reinterpret_cast<Bytef*>(unused_.data());
@@ -81,7 +81,7 @@ class Inflated : public Source {
       if (stream_.avail_in == 0 && left_ > 0) refill();
       status = inflate(&stream_, Z_NO_FLUSH);
       if (status != Z_OK && status != Z_STREAM_END)
-        fail("compressed data that {}", status == Z_BUF_ERROR ? "end too early" : "don't have their checksum");
+        fail("compressed data that {}", status == Z_BUF_ERROR ? "end too early" : "do not match their checksum");
     }
     if (stream_.avail_in > 0 || left_ > 0) fail("compressed data that end too early");
   }
@@ -115,12 +115,13 @@ enum Class : std::uint32_t {
   opaque = 17
 };
 
-// The elements of one variable, which may hold others. Each element is taken from the rest of the one around it.
+// Checks the elements of one variable, which may contain further elements. `left`: bytes that are left in the element
+// around the current one.
 class Walker {
  public:
   Walker(Source& source, bool swap) : source_(source), swap_(swap) {}
 
-  // A variable or a cell, after its tag.
+  // Checks a variable or a cell, from behind its tag on.
   void check_matrix(std::uint64_t bytes, int depth) {
     constexpr int deepest = 32;
     constexpr std::uint32_t most_dimensions = 32, longest_name = 4096, is_complex = 1 << 11;
@@ -140,18 +141,20 @@ class Walker {
     const Tag name = tag(left);
     if (name.type != int8 || name.bytes > longest_name) fail("a name of type {} with {} bytes", name.type, name.bytes);
     skip(left);
-    if (kind >= function) return source_.skip(left);  // an object of MATLAB, which is not used
+    if (kind >= function) return source_.skip(left);  // tokid does not use functions and objects of MATLAB
     if (kind == cell) return check_matrices(count, left, depth);
     if (kind == structure || kind == object) return check_structure(kind, count, left, depth);
-    // Numbers follow, whose size alone matters. The numbers of a sparse matrix come after its indices.
+    // Now numbers follow, of which only the size is checked. A sparse matrix has two lists of indices before its
+    // numbers.
     const int parts = (kind == sparse ? 3 : 1) + ((flags[0] & is_complex) != 0 ? 1 : 0);
     if (count > 0 && left == 0 && kind != characters) fail("no values, {} needed", count);
     for (int part = 0; part < parts && left > 0; ++part) {
       const Tag found = tag(left);
-      // A character of UTF-8 takes at least one byte. Other numbers may be stored in one byte each.
+      // Numbers take at least one byte each. An array of characters may be stored with fewer bytes than it has
+      // characters.
       if (part == 0 && kind != sparse && kind != characters && found.bytes < count)
         fail("{} values of {} needed", found.bytes, count);
-      if (depth == 0 && part + 1 == parts) return;  // the rest of a large variable is not read here
+      if (depth == 0 && part + 1 == parts) return;  // the numbers of a variable may be many; they are not read
       skip(left);
     }
     source_.skip(left);
@@ -162,7 +165,8 @@ class Walker {
     std::uint32_t type, bytes;
   };
 
-  // Reads a tag. A few values lie in the tag itself, more values after it. skip() continues after the values.
+  // Reads a tag. Up to four bytes of values are in the tag itself, more bytes follow the tag. skip() continues after
+  // the values.
   Tag tag(std::uint64_t& left) {
     std::array<char, 8> raw{};
     take(left, raw.size());
@@ -214,7 +218,7 @@ class Walker {
 
   void check_structure(std::uint32_t kind, std::uint64_t count, std::uint64_t left, int depth) {
     constexpr std::uint32_t longest_field = 4096;
-    if (kind == object) tag(left), skip(left);  // the name of its class
+    if (kind == object) tag(left), skip(left);  // the name of the object's class
     const std::uint32_t length = words(left, int32, 1, 1)[0];
     const std::uint32_t names = tag(left).bytes;
     skip(left);
@@ -232,7 +236,7 @@ class Walker {
   Source& source_;
   bool swap_;
   std::array<char, 4> within_{};
-  std::uint64_t pending_ = 0;  // bytes of the last element that are not read yet
+  std::uint64_t pending_ = 0;  // bytes of the current element that are not read yet
 };
 
 // An element of the file, after its tag.
@@ -254,8 +258,8 @@ void check_variable(std::istream& file, const Element& element, bool swap) {
   Walker(source, swap).check_matrix(load_bytes<std::uint32_t>(inner.data() + 4, swap), 0);
 }
 
-// A file of version 5 is a header and a chain of elements with their sizes. The last element ends where the file does.
-// matio takes a broken chain for the end of the file.
+// A file of version 5 is a header and a chain of elements with their sizes. The last element must end at the end of the
+// file. This check is needed because matio reports no error for a broken chain: it assumes that the file ends there.
 template <typename Check>
 void each_element(std::istream& file, std::uint64_t size, bool swap, Check&& check) {
   std::uint64_t at = mat_header_bytes;

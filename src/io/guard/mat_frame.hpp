@@ -1,4 +1,4 @@
-// Checks the structure of a .mat and its sizes, before a library trusts them.
+// Checks the structure and the sizes of a .mat file, before a library uses them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace tokid::io {
 
-// The whole number in these bytes, which have the other byte order if `swap`.
+// The whole number in these bytes. It has its lowest byte first, or its highest byte first if `swap`.
 template <typename T>
 T load_bytes(const char* bytes, bool swap) {
   T value = 0;
@@ -19,15 +19,17 @@ T load_bytes(const char* bytes, bool swap) {
   return value;
 }
 
-inline constexpr std::uint64_t mat_header_bytes = 128;  // of the file; a variable has fewer
+inline constexpr std::uint64_t mat_header_bytes = 128;  // of the file; the header of a variable is smaller
 
 enum class MatContainer { version5, hdf5 };
 
-// \throws IoError for a file of neither kind, and for elements of version 5 or 7 whose sizes do not match
+// \throws IoError for a file of another kind, and for a file of version 5 or 7 in which the sizes of the elements
+// contradict each other
 MatContainer check_mat(const std::filesystem::path& path);
 
-// Checks all compressed variables of such a file, because matio stops at the last number, before the checksum. Even a
-// variable that is not wanted is checked: damage may have changed a wanted name. \throws IoError
+// Checks the checksums of all compressed variables of a file of version 7. matio does not compare them, because it
+// stops at the last number. Even variables that are not wanted are checked, because damage may have changed the name of
+// a wanted one. \throws IoError
 void check_mat_checksums(const std::filesystem::path& path);
 
 }  // namespace tokid::io

@@ -16,7 +16,7 @@ struct TextChecksum::State {
   void update(std::string_view bytes) { XXH3_64bits_update(&hash, bytes.data(), bytes.size()); }
 
   XXH3_state_t hash;
-  bool ends_with_return = false;  // this byte counts unless "\n" follows
+  bool ends_with_return = false;  // the last byte was "\r"; it is counted unless "\n" follows
 };
 
 TextChecksum::TextChecksum() : state_(std::make_unique<State>()) {}

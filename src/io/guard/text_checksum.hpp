@@ -1,4 +1,4 @@
-// A checksum of text that ignores the kind of line ends, which editors and version control change.
+// A checksum of a text that does not depend on the kind of line ends, because editors and version control change them.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -8,14 +8,14 @@
 
 namespace tokid::io {
 
-// XXH3 of the pieces of a text, one after the other, with "\n" for every "\r\n".
+// The hash XXH3 of a text that is added piece by piece. "\r\n" counts as "\n".
 class TextChecksum {
  public:
   TextChecksum();
   ~TextChecksum();
 
   void add(std::string_view piece);
-  std::string digits();  // 16 hexadecimal digits in lower case, of all pieces; must be the last call
+  std::string digits();  // 16 hexadecimal digits in lower case, for all pieces; must be the last call
 
  private:
   struct State;

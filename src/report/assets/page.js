@@ -31,7 +31,7 @@
     apply();
   });
   system.addEventListener("change", apply);
-  // Printed pages are white.
+  // Pages are printed in the light colours.
   const paper = window.matchMedia("print");
   const print = on => { printing = on; apply(); };
   paper.addEventListener("change", event => print(event.matches));
@@ -40,7 +40,7 @@
   printing = paper.matches;
   apply();
 
-  // Only tables that scroll take the keyboard's focus.
+  // The keyboard reaches only those tables that can be scrolled.
   const scrolls = [...document.querySelectorAll(".scroll")];
   const reachable = () => {
     for (const scroll of scrolls)
@@ -52,7 +52,7 @@
   }
   reachable();
 
-  // The navigation marks the section on the screen.
+  // The navigation marks the section that is on the screen.
   const links = new Map([...document.querySelectorAll("nav a")].map(a => [a.hash.slice(1), a]));
   if (links.size && "IntersectionObserver" in window) {
     const seen = new Set();

@@ -19,7 +19,7 @@ const tokid = (() => {
     return element;
   };
 
-  // Formats numbers for readers.
+  // Formats numbers for people.
   const raised = exponent => "10" + [...String(exponent)].map(c => c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(c)]).join("");
   function short(value) {
     if (value === null || value === undefined || !Number.isFinite(value)) return "–";
@@ -40,10 +40,10 @@ const tokid = (() => {
     return String(Number(value.toPrecision(6))).replace("-", "−");
   }
 
-  // Plots over time share one range of steps.
+  // All plots over time show the same range of steps.
   const plots = new Map();  // name → plot
   const first_step = 0, last_step = Math.max(data.steps - 1, (data.end || 0) - 1, 1);
-  let view = null;  // [from, to], or null for all
+  let view = null;  // the steps [from, to] that are shown; null: all steps
   const full = () => {
     const margin = Math.max(0.5, (last_step - first_step) * 0.01);
     return [first_step - margin, last_step + margin];
@@ -69,15 +69,15 @@ const tokid = (() => {
   function width_of(place) {
     return printing() ? Math.min(printed_width, place.clientWidth || printed_width) : Math.max(200, place.clientWidth);
   }
-  // The room for the axes and the margins. The vertical axis has the same room with a label as without, so that steps
-  // stand below each other.
+  // The space for the axes and the margins. The vertical axis has the same width with and without a label, so that the
+  // same steps of different plots are one below the other.
   const margin = {top: 10, right: 18}, below = 48, beside = plot => plot.square ? 58 : narrow() ? 68 : 78;
   function height_of(plot) {
     if (plot.square) return width_of(at(plot.place)) - beside(plot) - margin.right + below + margin.top;
     return printing() ? 200 : Math.round((plot.tall || 250) * (narrow() ? 0.84 : 1));
   }
 
-  // Single samples between gaps would vanish from a line.
+  // A line would not show a single sample between two gaps.
   function lone(u, i, show) {
     if (show) return null;
     const y = u.data[i], found = [];
@@ -111,7 +111,7 @@ const tokid = (() => {
     for (const [element, curve] of plot.values) element.textContent = k == null ? "" : short((curve.shown || curve.values)[k]);
     if (k == null) plot.where.textContent = "";
     else if (plot.shared) {
-      // Each thinned curve has the least or the largest value of a stretch, from any place in it.
+      // A point of a thinned curve is the least or the largest value of its stretch, from any step of the stretch.
       if (plot.stretch > 1) {
         const begin = plot.step_of ? plot.step_of(k) : plot.x[k - k % 2];
         const end = Math.min(begin + plot.stretch - 1, last_step);
@@ -124,10 +124,11 @@ const tokid = (() => {
     else plot.where.textContent = `${plot.x_label}: ${short(plot.x[k])}`;
   }
 
-  // Touch: a movement across zooms, a movement down scrolls the page, and a double tap shows the whole range again.
+  // Touch: a horizontal movement zooms, a vertical movement scrolls the page, and a double tap shows the whole range
+  // again.
   function touch(u) {
     const over = u.over, fingers = new Set();
-    let start = null, tap = null;  // where the only finger went down; the last tap
+    let start = null, tap = null;  // where a single finger touched; the last tap
     const left = event => Math.min(over.clientWidth, Math.max(0, event.clientX - over.getBoundingClientRect().left));
     const between = (a, b) => Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
     const unselect = () => u.setSelect({left: 0, width: 0, top: 0, height: 0}, false);
@@ -159,7 +160,7 @@ const tokid = (() => {
     over.addEventListener("pointercancel", end);
   }
 
-  // Keyboard: arrows read the values, + and − zoom about the cursor, Escape undoes it.
+  // Keyboard: arrows read the values, + and − zoom about the cursor, Escape shows the whole range again.
   const spoken = make("div", undefined, document.body);
   spoken.className = "unseen";
   spoken.setAttribute("role", "status");
@@ -209,7 +210,7 @@ const tokid = (() => {
   }
 
   function listen(plot, place) {
-    if (place.tabIndex === 0) return;  // another curve in the same place
+    if (place.tabIndex === 0) return;  // the place already has these handlers, from an earlier curve
     place.tabIndex = 0;
     place.setAttribute("role", "application");  // otherwise a screen reader keeps the arrow keys
     place.setAttribute("aria-roledescription", "plot");
@@ -218,7 +219,7 @@ const tokid = (() => {
     place.addEventListener("blur", () => leave(plots.get(plot.name)));
   }
 
-  // A text beneath a plot says what the plot does not show.
+  // A text below a plot states what the plot does not show.
   function remark(place, text) {
     let note = at(`${place}-remark`);
     if (!note && !text) return;
@@ -232,7 +233,7 @@ const tokid = (() => {
     note.hidden = !text;
   }
 
-  // Values with some room around them. A single one gets a width of its own.
+  // A range around the values. If all values are equal, the range still has a width.
   function roomy(min, max) {
     const room = (max - min) * 0.06 || Math.abs(max) * 0.1 || 1;
     return [min - room, max + room];
@@ -254,7 +255,7 @@ const tokid = (() => {
     }};
   }
 
-  // A logarithmic axis shows decades only; less than three decades show 1, 2 and 5.
+  // A logarithmic axis has labels at powers of ten. If it shows less than three decades, it also has labels at 2 and 5.
   function decades(u, ticks) {
     const exponents = ticks.map(v => Math.log10(v)), whole = exponents.map(e => Math.abs(e - Math.round(e)) < 1e-6);
     const count = whole.filter(is => is).length, stride = Math.ceil(count / 6);
@@ -276,7 +277,7 @@ const tokid = (() => {
     return [
       {...look, ...lines({}), incrs: plot.square ? incrs : whole, size: below - 18, label: plot.shared ? "Step" : plot.x_label, labelSize: 18, space: narrow() ? 48 : 64, values: (u, ticks) => ticks.map(tick)},
       {...look, ...lines(filter), ...filter, incrs, label, labelSize: 20, space: 34,
-        // Wide numbers need more room.
+        // Long numbers need more space.
         size: (u, texts) => Math.max(beside(plot) - (label ? 20 : 0), 13 + 6.2 * Math.max(0, ...(texts || []).map(text => [...text].length))),
         values: (u, ticks) => ticks.map(plot.tick || (v => plot.log && v >= 1e4 ? raised(Math.round(Math.log10(v))) : tick(v)))}
     ];
@@ -288,7 +289,8 @@ const tokid = (() => {
     else { c.moveTo(x, y - size); c.lineTo(x + size, y); c.lineTo(x, y + size); c.lineTo(x - size, y); c.closePath(); }
   }
 
-  // The axes of the complex plane, the unit circle, and the points of every cloud: many are faint, so that they add up.
+  // Draws the axes of the complex plane, the unit circle, and the points of each cloud. Many points are drawn faintly,
+  // so that dense places become darker.
   function plane(u, plot) {
     const canvas = document.createElement("canvas"), c = canvas.getContext("2d"), pixel = devicePixelRatio;
     const {left, top, width, height} = u.bbox, x = re => u.valToPos(re, "x", true), y = im => u.valToPos(im, "y", true);
@@ -331,7 +333,7 @@ const tokid = (() => {
     const place = at(plot.place);
     if (plot.u) plot.u.destroy();
     place.classList.toggle("square", Boolean(plot.square));
-    let picture = null;  // of the plane, which takes long where points are many
+    let picture = null;  // a copy of the drawn plane, because drawing many points takes long
     const options = {
       width: width_of(place), height: height_of(plot), padding: [margin.top, margin.right, 0, 0],
       legend: {show: false},
@@ -396,7 +398,7 @@ const tokid = (() => {
 
   return {
     data, at, make, colour, palette, raised, short, tick, add, remark, mark, set_view,
-    // For tests and for users of the console.
+    // For tests and for the console of the browser.
     plots: () => [...plots.values()].map(plot => ({
       name: plot.name, shared: Boolean(plot.shared), from: plot.u.scales.x.min, to: plot.u.scales.x.max,
       place: plot.place, x: plot.x, area: plot.u.bbox,

@@ -19,7 +19,8 @@
     const j = Number(output.value), i = Number(input.value), x = traces.x;
     const nominal = traces.nominal;
     const few = traces.stretch === 1;
-    // The nominal trajectory may be so much larger than the differences between experiments that it hides every error.
+    // The nominal trajectory may be much larger than the differences between experiments, and would then hide every
+    // error.
     const departures = nominal && motion && motion.value === "departures";
     const less = (values, mean) => departures ? values.map((v, k) => v === null || mean[k] === null ? null : v - mean[k]) : values;
     const of_output = values => less(values, nominal && nominal.y[j]), of_input = values => less(values, nominal && nominal.u[i]);
@@ -44,7 +45,7 @@
     if (!few) remark("plot-outputs", `Of every ${traces.stretch} steps the least and the largest value are drawn.`);
     place.setAttribute("aria-label", `${e.label}, output ${named(data.outputs[j])}: measured, simulated and predicted over the steps`);
   }
-  // Samples are marked if there is room.
+  // Samples are marked if there is enough space.
   const undefined_points = (u, i, i0, i1) => (i1 - i0) * 8 < u.bbox.width / devicePixelRatio;
 
   function setup_traces() {
@@ -52,7 +53,8 @@
     fill(output, data.outputs.map(named), 0);
     fill(input, data.inputs.length ? data.inputs.map(named) : ["none"], 0);
     if (motion) {
-      // The least and largest values of a stretch cannot be compared with the nominal ones.
+      // The points of a stretch are its least and largest values, from different steps than those of the nominal
+      // trajectory, so their difference has no meaning.
       make("option", "whole motion", motion).value = "whole";
       make("option", "departures from nominal", motion).value = "departures";
       motion.disabled = data.traces.stretch > 1;
@@ -68,7 +70,7 @@
     draw_traces();
   }
 
-  // Singular values: dark is small and bright is large. The lightness of the scale rises evenly.
+  // Singular values: dark means small and bright means large. The lightness of the scale increases evenly.
 
   const scale = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137], [53, 183, 121], [110, 206, 88], [181, 222, 43], [253, 231, 37]];
   function shade(share) {
@@ -79,7 +81,7 @@
   function draw_order() {
     const sigma = data.sigma;
     if (!sigma || !sigma.log.length) return;
-    // Values at rounding level are grey, so that the colours are left to the rest.
+    // Values at rounding level are grey, so that all colours are used for the other values.
     const rounding = value => value === null || sigma.rounding === null || value < sigma.rounding;
     const all = sigma.log.flat(), sizes = all.filter(value => !rounding(value));
     let most = sizes.reduce((a, b) => Math.max(a, b), -Infinity), least = sizes.reduce((a, b) => Math.min(a, b), Infinity);
@@ -150,7 +152,7 @@
     }
   }
 
-  // Quality of the regression of each step
+  // The quality of the regression of each step
 
   function draw_steps() {
     const p = data.per_step, x = p.x;
@@ -184,7 +186,7 @@
   }
 
   function setup_entries(name, symbol, table, select) {
-    if (!select) return;  // no states
+    if (!select) return;  // the model has no states
     const all = table.rows * table.cols <= 8;
     if (all || table.rows === 0) make("option", "all", select).value = "all";
     for (let i = 0; i < table.rows; ++i) make("option", `row ${i + 1}`, select).value = String(i);
@@ -218,7 +220,7 @@
     remark("plot-poles", texts.join(" "));
   }
 
-  // The eigenvalues of the chosen step, over those of all steps.
+  // Draws the eigenvalues of the chosen step over those of all steps.
   function draw_chosen(u) {
     const c = u.ctx, pixel = devicePixelRatio, clamp = v => Math.max(-extent, Math.min(extent, v));
     c.save();
@@ -230,7 +232,7 @@
       for (let i = 0; i + 1 < values.length; i += 2) {
         const [re, im] = [values[i], values[i + 1]], size = in_square([re, im]) ? 6.5 : 3.5;
         mark(c, cloud.mark, u.valToPos(clamp(re), "x", true), u.valToPos(clamp(im), "y", true), size * pixel);
-        c.globalAlpha = 0.4;  // the other steps shine through
+        c.globalAlpha = 0.4;  // transparent, so that the other steps remain visible
         c.fill();
         c.globalAlpha = 1;
         c.stroke();
