@@ -132,7 +132,7 @@ TEST(TimeAxis, RefusesExperimentsThatShareNoSteps) {
   apart.experiment("a").add(0.0, 0.1, range(0, 20)).experiment("b").add(5.0, 0.1, range(0, 20));
   between.experiment("a").add(0.0, 0.1, range(0, 20)).experiment("b").add(0.05, 0.1, range(0, 20));
   expect_words(refusal(apart.rows()), {"column 'time'", "'a'", "'b'"});
-  expect_words(refusal(between.rows()), {"line ", "column 'time'", "off the even steps of"});
+  expect_words(refusal(between.rows()), {"line ", "column 'time'", "from even steps of"});
 }
 
 // Seconds, whatever the unit of the column.
