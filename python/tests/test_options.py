@@ -57,3 +57,19 @@ def test_tool_and_package_take_the_same_values(key, tmp_path):
         complaint = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True).stderr
         assert ("none.npz" in complaint) == taken, (value, complaint)
         assert (option in complaint) != taken, (value, complaint)
+
+
+@pytest.mark.parametrize("key", [key for key, (_, words) in TABLE.items() if "yes" in words])
+def test_switches(key, tmp_path):
+    """The package takes True and False, the tool --key and --no-key, and both refuse a value beside."""
+    for value in (True, False):
+        checked({key: value})
+    automatic = "auto" in TABLE[key][1]
+    needed = "one of True, False, None, 'auto' needed" if automatic else "True or False needed"
+    for value in [0, 1, "maybe", *([] if automatic else ["auto"])]:
+        with pytest.raises(ValueError, match=f"{key}: .* found, {needed}"):
+            checked({key: value})
+    for option, taken in ((f"--{key}", True), (f"--no-{key}", True), (f"--{key}=no", False), (f"--{key}=1", False)):
+        call = [os.environ["TOKID"], "identify", "none.npz", "-o", "m.npz", option]
+        complaint = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True).stderr
+        assert ("none.npz" in complaint) == taken, (option, complaint)

@@ -415,12 +415,11 @@ Findings moving_together(const Ensemble& e) {
   return result;
 }
 
-}  // namespace
+using Groups = std::vector<std::vector<Index>>;
 
-Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
-  const Inspection inspect(e, o);
-  const Index steps = e.steps(), r = e.inputs();
-  std::vector<std::vector<Index>> groups;
+// The steps that share their effects: each step alone, or some phases of a period.
+Groups groups_of(Index steps, const ExcitationOptions& o) {
+  Groups groups;
   if (o.period > 0 && o.period < steps) {
     const Index phases = std::min<Index>(o.period, 8);
     for (Index i = 0; i < phases; ++i) {
@@ -432,70 +431,93 @@ Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
   } else {
     for (Index k = 0; k < steps; ++k) groups.push_back({k});
   }
-  const bool each = o.period == 0;
+  return groups;
+}
 
-  Cases together, before;
+// Inputs of one step that depend on each other.
+Cases dependent_together(const Ensemble& e, const Inspection& inspect, const Groups& groups,
+                         const ExcitationOptions& o) {
+  const bool each = o.period == 0;
   const auto repeats = [&](Index k) {
-    for (Index i = 0; each && k > 0 && i < r; ++i)
+    for (Index i = 0; each && k > 0 && i < e.inputs(); ++i)
       if (e.input(k).col(i) != e.input(k - 1).col(i)) return false;
     return each && k > 0;
   };
-  if (r > 1)
-    for (const auto& group : groups)
-      if (o.period > 0 || inspect.may_be(group.front()))
-        for (auto& found : inspect.of(group, false))
-          together.add(std::move(found), group.front(), repeats(group.front()));
+  Cases cases;
+  if (e.inputs() < 2) return cases;
+  for (const auto& group : groups)
+    if (o.period > 0 || inspect.may_be(group.front()))
+      for (auto& found : inspect.of(group, false)) cases.add(std::move(found), group.front(), repeats(group.front()));
+  return cases;
+}
 
-  // Dependence on earlier samples is first checked at `dependent_steps`, at steps where a few values suggest it, and at
-  // some other steps. If one of these steps is dependent, all steps are checked.
-  std::vector<Index> few = each ? spread(1, steps, sampled_steps) : spread(0, Index(groups.size()), sampled_steps);
-  if (each) {
+// Inputs that depend on earlier samples. The check begins at `dependent_steps`, at steps where a few values suggest a
+// dependence, and at some other steps. If one of these steps is dependent, all steps are checked.
+Cases dependent_on_past(const Ensemble& e, const Inspection& inspect, const Groups& groups,
+                        const ExcitationOptions& o) {
+  const Index steps = e.steps();
+  std::vector<Index> few;
+  if (o.period == 0) {
+    few = spread(1, steps, sampled_steps);
     few.insert(few.end(), o.dependent_steps.begin(), o.dependent_steps.end());
     for (Index k = 1; k < steps; ++k)
-      for (Index i = 0; i < r; ++i)
+      for (Index i = 0; i < e.inputs(); ++i)
         if (looks_equal(e.samples(), k * e.channels() + i, (k - 1) * e.channels() + i)) few.push_back(k);
     std::sort(few.begin(), few.end());
     few.erase(std::unique(few.begin(), few.end()), few.end());
+  } else {
+    few = spread(0, Index(groups.size()), sampled_steps);
   }
-  bool any = false;
-  for (const Index g : few)
-    if (any = any || !inspect.of(groups[size_t(g)], true).empty(); any) break;
-  if (any)
-    for (const auto& group : groups)
-      if (group.front() > 0)
-        for (auto& found : inspect.of(group, true)) before.add(std::move(found), group.front(), false);
+  Cases cases;
+  if (std::none_of(few.begin(), few.end(), [&](Index g) { return !inspect.of(groups[size_t(g)], true).empty(); }))
+    return cases;
+  for (const auto& group : groups)
+    if (group.front() > 0)
+      for (auto& found : inspect.of(group, true)) cases.add(std::move(found), group.front(), false);
+  return cases;
+}
 
-  Excitation result;
-  const auto report = [&](const std::vector<Case>& cases, bool with_past) {
-    for (size_t i = 0; i < std::min(most_cases, cases.size()); ++i) {
-      const Case& c = cases[i];
-      // The windows of later steps contain this dependence too.
-      for (const Index k : c.steps)
-        for (Index later = k; later < std::min(steps, k + std::max<Index>(1, o.lags - c.found.depth() + 1)); ++later)
-          result.named.push_back(later);
-      Finding finding{.kind = !with_past         ? Finding::Kind::inputs_dependent
-                              : c.found.feedback ? Finding::Kind::input_feedback
-                                                 : Finding::Kind::input_predictable,
-                      .channels = with_past ? std::vector{c.found.terms.front().channel} : channels_of(c.found.terms),
-                      .steps = c.steps,
-                      .numbers = {{"constant", c.found.constant}, {"varying", !c.same}, {"period", double(o.period)}},
-                      .terms = c.found.terms};
-      for (Index& k : finding.steps) k += o.origin;
-      if (o.period == 1) finding.steps.clear();  // all of them
-      if (const Index sines = with_past ? inspect.sines(c.found) : 0; sines > 0) {
-        finding.numbers["sines"] = double(sines);
-        finding.numbers["sines_needed"] = double((2 + o.lags * e.channels()) / 2);
-        finding.numbers["lags"] = double(o.lags);
-      }
-      result.findings.push_back(std::move(finding));
+// Adds the findings of these cases, and the steps whose windows contain them.
+void report(const std::vector<Case>& cases, bool with_past, const Ensemble& e, const Inspection& inspect,
+            const ExcitationOptions& o, Excitation& result) {
+  for (size_t i = 0; i < std::min(most_cases, cases.size()); ++i) {
+    const Case& c = cases[i];
+    // The windows of later steps contain this dependence too.
+    for (const Index k : c.steps)
+      for (Index later = k; later < std::min(e.steps(), k + std::max<Index>(1, o.lags - c.found.depth() + 1)); ++later)
+        result.named.push_back(later);
+    Finding finding{.kind = !with_past         ? Finding::Kind::inputs_dependent
+                            : c.found.feedback ? Finding::Kind::input_feedback
+                                               : Finding::Kind::input_predictable,
+                    .channels = with_past ? std::vector{c.found.terms.front().channel} : channels_of(c.found.terms),
+                    .steps = c.steps,
+                    .numbers = {{"constant", c.found.constant}, {"varying", !c.same}, {"period", double(o.period)}},
+                    .terms = c.found.terms};
+    for (Index& k : finding.steps) k += o.origin;
+    if (o.period == 1) finding.steps.clear();  // all of them
+    if (const Index sines = with_past ? inspect.sines(c.found) : 0; sines > 0) {
+      finding.numbers["sines"] = double(sines);
+      finding.numbers["sines_needed"] = double((2 + o.lags * e.channels()) / 2);
+      finding.numbers["lags"] = double(o.lags);
     }
-    if (cases.size() > most_cases)
-      result.findings.push_back(
-          {.kind = Finding::Kind::more_dependent_inputs, .numbers = {{"count", double(cases.size() - most_cases)}}});
-  };
+    result.findings.push_back(std::move(finding));
+  }
+  if (cases.size() > most_cases)
+    result.findings.push_back(
+        {.kind = Finding::Kind::more_dependent_inputs, .numbers = {{"count", double(cases.size() - most_cases)}}});
+}
+
+}  // namespace
+
+Excitation excitation(const Ensemble& e, const ExcitationOptions& o) {
+  const Inspection inspect(e, o);
+  const Groups groups = groups_of(e.steps(), o);
   const Index all = Index(groups.size());
-  report(together.most(all, o.shared), false);
-  report(before.most(all, o.shared), true);
+  const std::vector<Case> together = dependent_together(e, inspect, groups, o).most(all, o.shared);
+  const std::vector<Case> on_past = dependent_on_past(e, inspect, groups, o).most(all, o.shared);
+  Excitation result;
+  report(together, false, e, inspect, o, result);
+  report(on_past, true, e, inspect, o, result);
   std::sort(result.named.begin(), result.named.end());
   result.named.erase(std::unique(result.named.begin(), result.named.end()), result.named.end());
   return result;

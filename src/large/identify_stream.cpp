@@ -210,34 +210,11 @@ void replay(stream::Journal& journal, const EnsembleFile& file, const BlockLayou
   }
 }
 
-}  // namespace
-
-Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& path, const StreamOptions& options) {
-  const auto start = std::chrono::steady_clock::now();
+// Identifies the blocks `todo`, shared among the processes of the team. The first process has the record and, with
+// options.resume, the journal; both get the blocks of all processes.
+void identify_blocks(const EnsembleFile& file, const BlockLayout& layout, const std::vector<Index>& todo,
+                     const StreamOptions& options, std::optional<Record>& record, stream::Journal* journal) {
   const Team& team = options.team;
-  std::optional<ModelFile> model;
-  std::shared_ptr<stream::Journal> journal;
-  if (team.rank == 0) {
-    model.emplace(path);
-    if (options.resume) journal = std::make_shared<stream::Journal>(path);
-  }
-  if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
-  stream::Decision decision;
-  if (team.rank == 0) decision = stream::decide(file, options.identify);
-  // All processes use exactly the decision of the first process.
-  const std::string plan = team.broadcast(archive::packed(decision.plan));
-  const BlockLayout layout = layout_of(file, options, archive::unpacked<Plan>(plan));
-  std::optional<Record> record;
-  std::vector<Index> todo;
-  if (model) {
-    record.emplace(file, layout, *model);
-    if (journal) {
-      journal->begin(about_blocks(file, layout, plan, options));
-      replay(*journal, file, layout, *record);
-    }
-    todo = record->missing();
-  }
-  todo = archive::unpacked<std::vector<Index>>(team.broadcast(archive::packed(todo)));
   const Index count = Index(todo.size()), resumed = layout.count - count;
   std::vector<Index> share;
   for (Index i = team.rank; i < count; i += team.size) share.push_back(todo[size_t(i)]);
@@ -271,12 +248,43 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
         options.identify.execution.progress(double(resumed + to) / double(layout.count));
     }
   }
+}
+
+}  // namespace
+
+Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& path, const StreamOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const Team& team = options.team;
+  std::optional<ModelFile> model;
+  std::shared_ptr<stream::Journal> journal;
+  if (team.rank == 0) {
+    model.emplace(path);
+    if (options.resume) journal = std::make_shared<stream::Journal>(path);
+  }
+  if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
+  stream::Decision decision;
+  if (team.rank == 0) decision = stream::decide(file, options.identify);
+  // All processes use exactly the decision of the first process.
+  const std::string plan = team.broadcast(archive::packed(decision.plan));
+  const BlockLayout layout = layout_of(file, options, archive::unpacked<Plan>(plan));
+  std::optional<Record> record;
+  std::vector<Index> todo;
+  if (model) {
+    record.emplace(file, layout, *model);
+    if (journal) {
+      journal->begin(about_blocks(file, layout, plan, options));
+      replay(*journal, file, layout, *record);
+    }
+    todo = record->missing();
+  }
+  todo = archive::unpacked<std::vector<Index>>(team.broadcast(archive::packed(todo)));
+  identify_blocks(file, layout, todo, options, record, journal.get());
   Streamed result;
   result.identification = std::move(decision.evidence);
   result.block = layout.longest();
   result.blocks = layout.count;
   result.overlap = layout.before + layout.after;
-  result.resumed = resumed;
+  result.resumed = layout.count - Index(todo.size());
   if (record) record->finish(options, *model, result);
   if (model)  // without options.resume, an earlier call may have left a journal
     io::AtomicFile::when_published([path, journal] { journal ? journal->remove() : stream::Journal::discard(path); });

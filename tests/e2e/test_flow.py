@@ -323,3 +323,10 @@ def test_reference_step(tokid, tmp_path, oscillator):
     raw = load(oscillator / "model.npz")
     np.testing.assert_allclose(model["C"][20], raw["C"][20], rtol=0, atol=1e-10 * np.abs(raw["C"][20]).max())
     assert np.abs(model["C"][21] - raw["C"][21]).max() > 1e-6
+
+
+def test_no_feedthrough(tokid, tmp_path, oscillator):
+    tokid("identify", oscillator / "data.npz", "-o", tmp_path / "model.npz", "--no-feedthrough")
+    model = load(tmp_path / "model.npz")
+    assert np.all(model["D"] == 0) and np.any(model["B"] != 0)
+    assert '"feedthrough":"no"' in str(model["options"])
