@@ -116,13 +116,13 @@ class StepRegression {
       step.condition = size * inverse_.norm();
       is_clear = step.condition < linalg::certain_rank;
     }
-    if (is_clear) {
+    if (is_clear) {  // M_kᵀ = S R_WW⁻¹ R_Wy, with the scales S
       step.rank = left;
       x_ = r_y_;
       linalg::back_substitute(r_, x_, false);
       arx_.coefficients(k) = (scales_.asDiagonal() * x_.leftCols(outputs_)).transpose();
       if (options_.noise_shape) arx_.noise_shape(k) = scales_.asDiagonal() * inverse_.leftCols(left);
-    } else {
+    } else {  // M_kᵀ = S R_WW⁺ R_Wy
       const Matrix a = r_.leftCols(left), b = r_y_.leftCols(outputs_);
       const linalg::MinimumNorm solution = linalg::minimum_norm(a, b, options_.tolerance * std::sqrt(double(left)));
       step.rank = solution.rank;

@@ -38,7 +38,8 @@ void in_groups(Index begin, Index end, Index size, const Execution& execution,
                [&](Index from, Index to) { body(begin + from * size, std::min(end, begin + to * size)); });
 }
 
-// Forms H_k of every step (37) and computes its left singular vectors.
+// Forms H_k of every step and computes its left singular vectors. H_k, A_k, B_k and C_k are those of the companion
+// paper on TVERA; the paper itself does not number them.
 class Hankel {
  public:
   Hankel(const Markov& markov, const FreeResponse& free, const TveraOptions& options, const Units& units)
@@ -214,7 +215,7 @@ class Realisation {
       target.col(shape.left + i) = factor(s).u.col(i).tail(shape.rows) * root(s, i);
   }
 
-  // A_k of one step (38)
+  // A_k of one step by shift: (O_{k+1}↑)⁺ O_k↓
   void transition(Index s, const Shape& shape) {
     Matrix both(shape.rows, shape.left + shape.right);
     equations(s, shape, both);
@@ -241,7 +242,8 @@ class Realisation {
     }
   }
 
-  // C_k, D_k, and B_k, G_k = O_{k+1}⁺ [h_{k+1,k}; …], O_{k+1}⁺ [h°_{k+1,k}; …]                          (38), (40)
+  // C_k is the first block row of O_k. With O⁺ = Σ^{-1/2} Uᵀ, B_k = O_{k+1}⁺ [h_{k+1,k}; …], and G_k = O_{k+1}⁺ P_{k+1}
+  // from the stack P_{k+1} = [h°_{k+1,k}; …]                                                  (37), (38), (40)
   void B_C_D_G(Index s) {
     const Index m = markov_.outputs, r = markov_.inputs, k = model_.k_begin + s, n = states(s), next = states(s + 1);
     Step& step = model_.step[size_t(s)];

@@ -22,6 +22,7 @@ constexpr double frame_condition = 1e-8;
 
 }  // namespace
 
+// Â_k = S_{k+1} A_k S_k⁻¹ and so on: (41) with S = T⁻¹, which leaves the Markov parameters as they are (42).
 Model transform(const Model& model, const std::vector<Matrix>& S) {
   if (static_cast<Index>(S.size()) != model.steps() + 1)
     throw std::invalid_argument(

@@ -20,7 +20,7 @@ void propagate(const Matrix& p, const Matrix& f, const ConstMatrixRef& q, Matrix
   linalg::symmetrise(result);
 }
 
-// S = H P Hᵀ + R,   K = P Hᵀ S⁻¹,   P' = (I - K H) P (I - K H)ᵀ + K R Kᵀ
+// S = H P Hᵀ + R,   K = P Hᵀ S⁻¹ (69),   P' = (I - K H) P (I - K H)ᵀ + K R Kᵀ. Then A P' Aᵀ + Q is (61).
 void correct(const Matrix& p, const Matrix& h, const Matrix& r, Workspace& work, Correction& c) {
   propagate(p, h, r, work.hp, work.innovation);
   c.log_det = linalg::inverse_root(work.innovation, c.whitener);
@@ -44,7 +44,8 @@ void leave_out_missing(const std::vector<Index>& there, Matrix& h, Matrix& r) {
   });
 }
 
-// The gain K of the best prediction of `rest` by `seen`: Kᵀ = seen⁺ rest
+// The gain K of the best prediction of `rest` by `seen` (69), for roots of covariances: Kᵀ = seen⁺ rest. What it cannot
+// predict remains in `rest`, the root of the covariance after the update, which (61) propagates.
 Matrix prediction_gain(const Matrix& seen, Matrix& rest) {
   Vector scale = seen.colwise().norm();  // makes the result independent of the units of the outputs
   scale = (scale.array() > 0).select(scale.cwiseInverse(), 1.0);
