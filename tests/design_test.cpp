@@ -194,7 +194,7 @@ TEST(Design, NumbersHaveTheirReasons) {
   noisy.lags = 3;
   p = plan(noisy);
   EXPECT_EQ(p.minimum, 14);
-  EXPECT_TRUE(mentions(p.findings, "p·m = 6 exceeds n = 4"));
+  EXPECT_TRUE(mentions(p.findings, "p·m = 6 (lag order times outputs) exceeds n = 4"));
 
   PlanOptions unknown = oscillator_options();
   unknown.initial_state = InitialState::unknown;

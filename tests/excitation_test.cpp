@@ -97,7 +97,7 @@ TEST(Excitation, OutputsThatMoveTogetherOrRest) {
   for (Index k = 0; k < 20; ++k) e.output(k).col(1) = 3.0 - 2 * e.output(k).col(0).array();
   EXPECT_EQ(in_words(findings_of_dependent_outputs(e)),
             (Texts{"outputs y1 and y2 move together (y1 + 0.5 y2 is constant) at all steps: y2 adds no information to "
-                   "the others"}));
+                   "the other outputs"}));
   e = inputs(2);
   for (Index k = 0; k < 20; ++k) {
     if (k < 3 || k == 7) e.output(k).col(0).setConstant(1.0);  // the first steps may well be at rest
@@ -134,8 +134,9 @@ TEST(Excitation, FeedbackOfTheSameStepIsSeen) {
   for (Index k = 3; k < 20; ++k) fed.input(k) = 0.5 * fed.output(k).col(0) - fed.output(k).col(1);
   const Texts found = in_words(excitation(fed, {.lags = 2, .noisy = true}).findings);
   ASSERT_EQ(found.size(), 1u);
-  EXPECT_NE(found.front().find("(u1(k) - 0.5 y1(k) + y2(k) is zero) in every experiment at steps 3–19: a feedback"),
-            std::string::npos)
+  EXPECT_NE(
+      found.front().find("(u1(k) - 0.5 y1(k) + y2(k) is zero) in every experiment at steps 3–19: it is a feedback"),
+      std::string::npos)
       << found.front();
 }
 

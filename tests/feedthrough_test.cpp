@@ -216,7 +216,7 @@ TEST(Feedthrough, UpdatesAndRefinementsKeepTheStatement) {
 TEST(Feedthrough, BlocksKeepTheStatement) {
   const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "tokid_feedthrough_blocks";
   std::filesystem::create_directories(folder);
-  save_ensemble(under_feedback(reacting_plant(300), 40, 0.0, 71), folder / "data.h5");
+  save_ensemble(random_experiments(reacting_plant(300), 40, 71), folder / "data.h5");
   StreamOptions options;
   options.block = 100;
   options.identify.feedthrough = false;

@@ -53,7 +53,8 @@ void check_method(const Ensemble& data, const IdentifyOptions& options) {
         "method: tvera found, subspace needed for the refinement of an identification; refine() refines any model");
   if (options.period == 1 && options.smoothing && !std::isinf(*options.smoothing))
     throw std::invalid_argument(
-        fmt::format("smoothing: {} found, none needed where one model serves all steps", *options.smoothing));
+        fmt::format("smoothing: {} found, but one model serves all steps, so that nothing varies. Use 0 or infinity",
+                    *options.smoothing));
   if (options.period > 1 && options.period >= data.steps())
     throw std::invalid_argument(
         fmt::format("period: {} found, less than the {} steps of the data needed", options.period, data.steps()));

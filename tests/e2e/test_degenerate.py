@@ -564,6 +564,7 @@ def test_streams_look_at_the_stretches_that_decide(tokid, tmp_path):
     u[7], y[7] = u[3], y[3]
     with h5py.File(tmp_path / "data.h5", "w") as file:
         file["u"], file["y"], file["initial_state"] = u, y, "zero"
-    assert ("in the deciding stretches, 1 of 40 experiments is a copy of another, within rounding: 7 of 3. Blocks use "
-            "them all, so cross-validation errors look too small. Delete them, or call with --block all") in messages(
+    assert ("in the deciding stretches, 1 of 40 experiments is a copy of another, within rounding: 7 of 3. The blocks "
+            "use all experiments, so cross-validation errors look too small. Delete these experiments, or call with --block "
+            "all") in messages(
                 tokid, ["identify", tmp_path / "data.h5", "-o", tmp_path / "model.h5", "--block", 400])

@@ -102,7 +102,7 @@ def test_noise_beyond_reach(tokid, tmp_path, oscillator):
     """A stated number of experiments is drawn whatever the noise asks for; an automatic one has its limits."""
     arguments = ["plan", "--model", oscillator / "model.npz", "--noise", "0:1e6", "-o", tmp_path / "inputs.npz"]
     result = tokid(*arguments, status=2)
-    needed = re.fullmatch(r"tokid: experiments: (\d+) recommended, which would take .*\(--experiments\), 10 at least\n",
+    needed = re.fullmatch(r"tokid: experiments: (\d+) recommended, but a plan .*\(--experiments\), at least 10\n",
                           result.stderr)
     assert needed
     assert list(tmp_path.iterdir()) == []

@@ -136,11 +136,11 @@ void fit_grid(double usual, bool stated, double apart, double meant, Fit& fit) {
       fit.wrong = i, fit.off = off;
 }
 
-// Is the first time wrong, and not the second? The times from the second on are even then.
+// Is the first time wrong, and not the second? It is if the first gap is long and the second one is usual.
 bool first_is_wrong(const Fit& fit, double usual) {
   if (fit.rows > 1 || *fit.wrong + 1 >= fit.time.size()) return false;
-  const double gap = fit.time[*fit.wrong + 1] - fit.time[*fit.wrong];
-  return gap > 0.5 * usual && gap < 1.5 * usual;
+  const double before = fit.time[*fit.wrong] - fit.time[0], after = fit.time[*fit.wrong + 1] - fit.time[*fit.wrong];
+  return before > 1.5 * usual && after > 0.5 * usual && after < 1.5 * usual;
 }
 
 [[noreturn]] void fail_uneven(const TimeColumn& rows, const Fit& fit, double usual, bool stated) {
