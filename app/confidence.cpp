@@ -74,8 +74,8 @@ Widths output_widths(const OutputBounds& bounds, const Model& model) {
 
 struct Eigenvalues {
   Index total = 0, bounded = 0;
-  Index fixed = 0;  // bounded eigenvalues that are zero and that noise does not move
-  // median half width of the real parts of all other bounded eigenvalues
+  Index fixed = 0;  // eigenvalues with bounds that are zero, whatever the noise is
+  // median half width of the bounds of the real parts of all other eigenvalues
   double width = std::numeric_limits<double>::quiet_NaN();
 };
 Eigenvalues eigenvalues(const SpectrumBounds& spectrum) {

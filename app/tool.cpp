@@ -89,7 +89,12 @@ std::string complaint(const CLI::App& tool, const CLI::ParseError& error) {
   }
   const CLI::App& command = *tool.get_subcommands().front();
   const std::string see = fmt::format("ee 'tokid {} --help'", command.get_name());
-  if (unexpected.empty()) return fmt::format("{}; s{}", error.what(), see);
+  if (unexpected.empty()) {
+    const std::string what = error.what();
+    if (const size_t end = what.find(" was given a disallowed flag override"); end != std::string::npos)
+      return fmt::format("option '--{}' takes no value. S{}", what.substr(0, end), see);
+    return fmt::format("{}; s{}", what, see);
+  }
   const std::string& first = unexpected.front();
   if (!first.starts_with('-')) return fmt::format("unexpected argument '{}'; s{}", first, see);
   const std::string name = first.substr(0, first.find('='));

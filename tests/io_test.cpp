@@ -892,7 +892,7 @@ TEST_F(Csv, ChannelsByName) {
   EXPECT_EQ(e.names.input_units, (std::vector<std::string>{"", "V"}));
   EXPECT_EQ(e.names.output_names, std::vector<std::string>{"b"});
   expect_error(text, {"'c'", "'time', 'a', 'b', 'y'"}, {{"c"}, {"y"}, true});
-  expect_error(text, {"'a'", "inputs and outputs"}, {{"a"}, {"a"}, true});
+  expect_error(text, {"'a'", "as an output"}, {{"a"}, {"a"}, true});
   expect_error("time,u,u,y\n0,1,2,3\n", {"header", "2 columns 'u'"});
   expect_error("time,a,y\n0,1,2\n", {"begins with u", "'time', 'a', 'y'"});
   expect_error("time,u,b\n0,1,2\n", {"begins with y", "'time', 'u', 'b'"});

@@ -255,7 +255,7 @@ TEST_F(Stream, NoisyModelsDifferLittleFromThoseOfAllStepsAtOnce) {
 
 TEST_F(Stream, WhatNeedsAllStepsIsRefused) {
   const Ensemble e = experiments(slow_system(200), {.experiments = 25});
-  EXPECT_NE(message([&] { stream(e, 50, {.period = 5}); }).find("no period is needed"), std::string::npos);
+  EXPECT_NE(message([&] { stream(e, 50, {.period = 5}); }).find("needs all steps at once"), std::string::npos);
   EXPECT_NE(message([&] { stream(e, 50, {.frame = Frame::reference}); }).find("raw or smooth"), std::string::npos);
   EXPECT_NE(message([&] { stream(e, 3); }).find("block: 3 steps found"), std::string::npos);
   EXPECT_FALSE(fs::exists(model()));

@@ -32,7 +32,7 @@ struct Plan {
   std::optional<Index> rows = {}, cols = {};  // blocks of H_k; empty: the number that p lags and n states need
   Vector output_size, input_size;             // (m), (r): units in which TVERA forms H_k
   Frame frame = Frame::raw;                   // coordinates of the model
-  std::optional<Index> reference_step = {};   // s of the reference frame; empty: the first step of full dimension
+  std::optional<Index> reference_step = {};   // step of the reference frame; empty: the first with all n states
 };
 
 // The regressions (16)-(19), of each step alone or of all steps coupled. \throws std::invalid_argument as gtv_arx() and

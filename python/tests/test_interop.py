@@ -475,7 +475,7 @@ BAD = {
     "both": (
         {"u1": [1.0], "y1": [1.0]},
         {"outputs": ["u1"], "inputs": ["u1"]},
-        "column 'u1' found among inputs and outputs, one of them needed",
+        "column 'u1' is listed both as an input and as an output. List it only once",
     ),
     "text": ({"u1": ["1", "x"], "y1": [1.0, 2.0]}, {}, "row 1, column 'u1': 'x' found, a number needed"),
     "dates": ({"k": pd.to_datetime(["2026-01-01"]), "u1": [1.0]}, {}, "column 'k': datetime64"),

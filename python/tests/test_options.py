@@ -73,3 +73,4 @@ def test_switches(key, tmp_path):
         call = [os.environ["TOKID"], "identify", "none.npz", "-o", "m.npz", option]
         complaint = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True).stderr
         assert ("none.npz" in complaint) == taken, (option, complaint)
+        assert ("takes no value" in complaint) != taken, (option, complaint)

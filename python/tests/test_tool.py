@@ -251,7 +251,7 @@ def test_update(files, tool):
     assert same_bytes(files / "all.npz", files / "python.npz")
     state = tokid.UpdateState.load(files / "python.h5")
     assert (state.experiments, state.steps, state.inputs, state.outputs) == (40, 30, 2, 2)
-    with pytest.warns(tokid.TokidWarning, match="all 10 experiments are in the state already. Nothing is added"):
+    with pytest.warns(tokid.TokidWarning, match="all 10 experiments are in the update state already. Nothing is added"):
         again = tokid.update(state, more)
     assert again.updated.added.known == [list(range(10))] and again.updated.added.experiments == [0]
     assert again.updated.experiments == 40 and np.isnan(again.updated.added.one_step.fit).all()

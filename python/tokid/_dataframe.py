@@ -304,7 +304,7 @@ def from_dataframe(
     y = table.channels("output", outputs, "y", () if inputs is None else inputs)
     for column in u:
         if column in y:
-            raise ValueError(f"column '{table.names[column]}' found among inputs and outputs, one of them needed")
+            raise ValueError(f"column '{table.names[column]}' is listed both as an input and as an output. List it only once")
     if not u:
         raise ValueError(f"no column whose name begins with u found among {_quoted(table.names)}; name the inputs")
     if not y and outputs_required:

@@ -181,11 +181,11 @@ std::string as_read(const Finding& f) {
                      words::plural(count(f, "inputs"), "input"), words::plural(count(f, "outputs"), "output"));
 }
 
-// Lists the experiments that are in the state already: the word "all", the first few names, or ranges of rows.
+// Lists the experiments that the update state contains already: the word "all", the first few names, or ranges of rows.
 std::string known(const Finding& f) {
   const Index found = Index(f.experiments.size()), all = count(f, "experiments");
   if (found == all)
-    return fmt::format("{} in the state already. Nothing is added",
+    return fmt::format("{} in the update state already. Nothing is added",
                        found == 1 ? "the experiment is" : fmt::format("all {} experiments are", found));
   std::vector<Index> rows;
   bool named = false;
@@ -193,7 +193,7 @@ std::string known(const Finding& f) {
     rows.push_back(e.row);
     named = named || !e.name.empty();
   }
-  return fmt::format("{} of {} experiments {} in the state already: {}. {} not added again", found, all,
+  return fmt::format("{} of {} experiments {} in the update state already: {}. {} not added again", found, all,
                      found == 1 ? "is" : "are", named ? listed(f.experiments, 6) : words::ranges(rows),
                      found == 1 ? "It is" : "They are");
 }
@@ -424,7 +424,7 @@ constexpr Entry table[] = {
     {Kind::smoothing_by_gaps, "smoothing_by_gaps", warning,
      [](const Finding& f) {
        return fmt::format(
-           "missing samples leave too few windows to find variation over time. lambda = {} is used, and EM chooses another lambda",
+           "missing samples leave too few windows of successive steps to find variation over time. The regressions use lambda = {}; EM chooses its own lambda",
            number(f, "smoothing"));
      }},
     {Kind::no_variation, "no_variation", note,
@@ -643,7 +643,7 @@ constexpr Entry table[] = {
      }},
     {Kind::bounds_without_free_responses, "bounds_without_free_responses", note,
      [](const Finding&) {
-       return std::string("the factors contain no free responses: bounds of the eigenvalues need the bootstrap");
+       return std::string("the factors of the regressions contain no free responses, which the eigenvalues depend on. Use the bootstrap for bounds of the eigenvalues");
      }},
     {Kind::no_eigenvalue_bounds, "no_eigenvalue_bounds", warning,
      [](const Finding& f) { return fmt::format("no bounds of eigenvalues: {}", f.detail); }},

@@ -86,7 +86,8 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
 constexpr double least_counted = 1e-3;
 
 Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) {
-  const Matrix none = Matrix::Zero(data.steps(), data.outputs());  // errors are relative to the departures
+  const Matrix none =
+      Matrix::Zero(data.steps(), data.outputs());  // `data` are departures, so errors are relative to zero
   // Outputs that are always zero do not count.
   std::vector<Index> moving;
   for (Index j = 0; j < data.outputs(); ++j)

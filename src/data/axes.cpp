@@ -72,8 +72,8 @@ struct Neighbours {
   double rank = 0.5, deviation = 0.0, of_half = 0.0;
 };
 
-// Ranks are uniform between 0 and 1, with variance 1/12. The two ranks of a pair are nearly equal, so they count as one
-// rank.
+// The difference between the mean rank and 0.5, in standard deviations. Ranks are uniform between 0 and 1, with
+// variance 1/12. Each pair of neighbours has two ranks, which are nearly equal and count as one.
 double deviation(double sum, Index ranks) {
   return ranks > 0 ? (sum / double(ranks) - 0.5) * std::sqrt(12 * double(ranks) / 2) : 0.0;
 }

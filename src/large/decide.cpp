@@ -31,13 +31,13 @@ constexpr Index fewest_steps = 160, most_steps = 512;
 constexpr double stiff = 1e3;
 
 void check(const IdentifyOptions& o) {
-  const auto refuse = [](const char* what, const std::string& found, const char* needed) {
+  const auto refuse = [](const char* what, const std::string& found, const char* remedy) {
     throw std::invalid_argument(
-        fmt::format("{}: {} found, but to identify in blocks, {} is needed", what, found, needed));
+        fmt::format("{}: {} found, which needs all steps at once. To identify in blocks, {}", what, found, remedy));
   };
-  if (o.period > 0) refuse("period", std::to_string(o.period), "no period");
-  if (o.smoothing && std::isinf(*o.smoothing)) refuse("smoothing", "infinity", "a finite penalty");
-  if (o.frame == Frame::reference) refuse("frame", "reference", "raw or smooth");
+  if (o.period > 0) refuse("period", std::to_string(o.period), "state no period");
+  if (o.smoothing && std::isinf(*o.smoothing)) refuse("smoothing", "infinity", "state a finite penalty");
+  if (o.frame == Frame::reference) refuse("frame", "reference", "use the frame raw or smooth");
 }
 
 struct Part {

@@ -106,7 +106,7 @@ void Model::check() const {
   if ((u_nominal.size() > 0 || y_nominal.size() > 0) &&
       (u_nominal.cols() != inputs || y_nominal.cols() != outputs || u_nominal.rows() != y_nominal.rows()))
     throw std::invalid_argument(fmt::format(
-        "model: u_nominal is {} x {} and y_nominal {} x {}, equal steps with {} inputs and {} outputs needed",
+        "model: u_nominal is {} x {} and y_nominal {} x {}, equal numbers of rows (steps) with {} columns (inputs) and {} columns (outputs) needed",
         u_nominal.rows(), u_nominal.cols(), y_nominal.rows(), y_nominal.cols(), inputs, outputs));
   if (!u_nominal.allFinite() || !y_nominal.allFinite() || !x0_mean.allFinite() || !x0_cov.allFinite())
     throw std::invalid_argument("model: u_nominal, y_nominal, x0_mean or x0_cov has a value that is not finite");

@@ -172,9 +172,9 @@ class Report {
             "then predictions decide, over as many steps as an exact model would predict well, up to 100.",
             bounds::expected_fit, bounds::like_one_step),
         fmt::format(
-            "Good: the deciding fit of every output is {:.0f} % or more, on experiments that the identification did "
-            "not use, or on at least three times as many of its own as there are unknowns per output and step; "
-            "and none of the following.",
+            "Good: every output has a deciding fit of {:.0f} % or more, and no problem listed below applies. The fit is "
+            "that on experiments that the identification did not use. If it used at least three times as many "
+            "experiments as there are unknowns per output and step, their fit counts too.",
             bounds::good_fit),
         fmt::format(
             "Look closer: a deciding fit from {:.0f} to {:.0f} %; a lower one from {:.0f} % on, where the errors are at most "
@@ -500,8 +500,9 @@ class Report {
                      paragraph("The model has no states: neither gains nor A, the outputs follow the inputs at once."));
     return section(
         "matrices", "Gain history and A",
-        paragraph(fmt::format("The gains {}; the entries of A in the smooth frame. A system that varies smoothly "
-                              "should have smooth curves; scatter is noise.",
+        paragraph(fmt::format("The plots show the gains {}, and the entries of A in the smooth frame, whose "
+                              "coordinates vary slowly from step to step. A system that varies smoothly has smooth "
+                              "curves; scatter around them comes from noise.",
                               frame_text())) +
             controls(choice("gain-row", "Rows of G") + choice("a-row", "Rows of A")) +
             plot_place("gain", "Entries of the observer gain over the steps", "Observer gain G") +

@@ -130,7 +130,7 @@ def test_memory_without_blocks(tokid, tmp_path):
 @pytest.mark.parametrize("arguments, words", [
     (["--block", "0"], ["--block", "'0' found"]),
     (["--block", "4"], ["data.h5", "block: 4 steps found", "needed"]),
-    (["--block", "100", "--period", "5"], ["period: 5 found", "no period is needed"]),
+    (["--block", "100", "--period", "5"], ["period: 5 found", "needs all steps at once"]),
     (["--block", "100", "--time-invariant"], ["period: 1 found"]),
     (["--block", "100", "--smoothing", "infinity"], ["smoothing: infinity found"]),
     (["--block", "100", "--frame", "reference"], ["frame: reference found", "raw or smooth"]),

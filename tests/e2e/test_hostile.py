@@ -490,7 +490,7 @@ def test_characters_of_many_bytes(refused, tmp_path):
 def test_options_that_are_deep(tokid, refused, tmp_path, oscillator):
     with np.load(oscillator / "model.npz") as file:
         values = {name: file[name] for name in file.files}
-    for options, words in (('{"states":' + "[" * 300000 + "]" * 300000 + "}", "300001 brackets"),
+    for options, words in (('{"states":' + "[" * 300000 + "]" * 300000 + "}", "300001 levels of brackets"),
                            ("{" + ",".join(f'"{n}":1' for n in range(50000)) + "}", "50000 keys")):
         np.savez(tmp_path / "model.npz", **{**values, "options": options})
         refused("model.npz", "'options'", words)

@@ -159,7 +159,7 @@ def test_experiments_of_the_state_are_not_added_again(tokid, campaign):
     assert (told["experiments"], told["new_experiments"]) == (60, 20)
     assert told["known_experiments"] == [list(range(20))] and plain["known_experiments"] == [[]]
     assert told["warnings"] == [
-        f"{campaign / 'today.npz'}: 20 of 40 experiments are in the state already: 0–19. They are not added again"]
+        f"{campaign / 'today.npz'}: 20 of 40 experiments are in the update state already: 0–19. They are not added again"]
     for name in "simulation_fit", "one_step_fit", "states", "condition_max":
         assert told[name] == plain[name], name
     one, other = np.load(campaign / "model.npz"), np.load(campaign / "plain.npz")
@@ -180,7 +180,7 @@ def test_files_that_add_nothing_leave_the_state_as_it_is(tokid, campaign):
     model.unlink()
     again = tokid("update", state, campaign / "later.npz", "-o", model)
     assert again.stderr.splitlines() == [
-        f"tokid: warning: {campaign / 'later.npz'}: all 20 experiments are in the state already. Nothing is added"]
+        f"tokid: warning: {campaign / 'later.npz'}: all 20 experiments are in the update state already. Nothing is added"]
     assert "60, 0 of them new" in again.stdout and "Fit" not in again.stdout
     assert state.read_bytes() == before and model.read_bytes() == content
     told = tokid.json("update", state, campaign / "first.npz", campaign / "tuesday.npz")
@@ -228,7 +228,7 @@ def test_states_of_earlier_versions_say_that_they_cannot_tell(tokid, campaign):
     del values["experiment_digests"], values["without_digest"]
     np.savez(state, **values)
     said = tokid("update", state, campaign / "first.npz").stderr  # a whole file is known by its fingerprint
-    assert said.count("\n") == 1 and "all 40 experiments are in the state already. Nothing is added" in said
+    assert said.count("\n") == 1 and "all 40 experiments are in the update state already. Nothing is added" in said
     for name, new in ("tuesday", 12), ("later", 8), ("wednesday", 0):
         told = tokid.json("update", state, campaign / f"{name}.npz")
         assert told["new_experiments"] == new

@@ -339,7 +339,7 @@ Columns columns_of(const Row& header, const Names& inputs, const Names& outputs)
   const std::unordered_set<size_t> outputs_found(columns.outputs.begin(), columns.outputs.end());
   for (const size_t c : columns.inputs)
     if (outputs_found.count(c) > 0)
-      fail("column '{}' found among inputs and outputs, one of them needed", columns.names[c]);
+      fail("column '{}' is listed both as an input and as an output. List it only once", columns.names[c]);
   return columns;
 }
 

@@ -154,8 +154,9 @@ FreeResponse free_response_of(const Fields& fields, Index outputs) {
 Provenance checked_provenance(const std::string& options, const std::string& program_version) {
   if (is_modest(options)) return provenance_of(options, program_version);
   const JsonMeasure found = measure_json(options);
-  fail("data set 'options': {} bytes, {} brackets deep, with {} keys found; at most {}, {} and {} needed",
-       options.size(), found.depth, found.keys, longest_options, deepest_options, most_options);
+  fail(
+      "data set 'options': too large, with {} bytes, {} levels of brackets and {} keys. At most {}, {} and {} are allowed",
+      options.size(), found.depth, found.keys, longest_options, deepest_options, most_options);
 }
 
 Array scalar(double value) { return {{}, std::vector<double>{value}}; }
