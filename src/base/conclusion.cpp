@@ -8,6 +8,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "base/enum_table.hpp"
 #include "base/words.hpp"
 
 namespace tokid {
@@ -138,12 +139,7 @@ constexpr ReasonEntry reasons[] = {
      }},
 };
 
-constexpr bool reasons_are_in_order() {
-  for (size_t i = 0; i < std::size(reasons); ++i)
-    if (reasons[i].reason != Reason(i)) return false;
-  return std::size(reasons) == size_t(Reason::last) + 1;
-}
-static_assert(reasons_are_in_order());
+static_assert(lists_each_in_order(reasons, &ReasonEntry::reason));
 
 }  // namespace
 

@@ -9,6 +9,7 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "base/enum_table.hpp"
 #include "base/words.hpp"
 
 namespace tokid {
@@ -643,7 +644,8 @@ constexpr Entry table[] = {
      }},
     {Kind::bounds_without_free_responses, "bounds_without_free_responses", note,
      [](const Finding&) {
-       return std::string("the factors of the regressions contain no free responses, which the eigenvalues depend on. Use the bootstrap for bounds of the eigenvalues");
+       return std::string(
+           "the factors of the regressions contain no free responses, which the eigenvalues depend on. Use the bootstrap for bounds of the eigenvalues");
      }},
     {Kind::no_eigenvalue_bounds, "no_eigenvalue_bounds", warning,
      [](const Finding& f) { return fmt::format("no bounds of eigenvalues: {}", f.detail); }},
@@ -728,12 +730,7 @@ constexpr Entry table[] = {
      }},
 };
 
-constexpr bool is_in_order() {
-  for (size_t k = 0; k < std::size(table); ++k)
-    if (table[k].kind != Kind(k)) return false;
-  return std::size(table) == size_t(Kind::last) + 1;
-}
-static_assert(is_in_order());
+static_assert(lists_each_in_order(table, &Entry::kind));
 
 const Entry& entry(Kind kind) { return table[size_t(kind)]; }
 
@@ -847,11 +844,7 @@ constexpr ExplanationEntry explanations[] = {
 
 }  // namespace
 
-static_assert(std::size(explanations) == size_t(Cause::last) + 1 && [] {
-  for (size_t i = 0; i < std::size(explanations); ++i)
-    if (explanations[i].kind != Cause(i)) return false;
-  return true;
-}());
+static_assert(lists_each_in_order(explanations, &ExplanationEntry::kind));
 
 const char* to_string(Explanation::Kind kind) { return explanations[size_t(kind)].name; }
 

@@ -88,12 +88,10 @@ class Moesp {
         if (end > begin) rows.add(stretch_rows(n, begin, end, b));
       }
     const Matrix factor = rows.factor();
-    Vector norm = factor.leftCols(unknowns).colwise().norm().transpose();
-    norm = (norm.array() > 0).select(norm, 1.0);
-    const Vector theta = norm.cwiseInverse().asDiagonal() *
-                         linalg::minimum_norm(factor.leftCols(unknowns) * norm.cwiseInverse().asDiagonal(),
-                                              factor.rightCols(1), rounding::negligible)
-                             .x;
+    const Vector scale = linalg::inverse_norms(factor.leftCols(unknowns));
+    const Vector theta = scale.asDiagonal() * linalg::minimum_norm(factor.leftCols(unknowns) * scale.asDiagonal(),
+                                                                   factor.rightCols(1), rounding::negligible)
+                                                  .x;
     for (Index g = 0; g < groups_; ++g) {
       Step& step = model_.step[size_t(g)];
       step.B() = theta.segment(g * n_ * r_, n_ * r_).reshaped(n_, r_);
@@ -241,7 +239,7 @@ PredictorFactors projection_factors(const Ensemble& e, const GtvArx& arx, const 
       const Index q = svd.s.size() > 0 ? (svd.s.array() > rounding::negligible * svd.s(0)).count() : 0;
       const Vector root = svd.s.head(q).cwiseSqrt();
       result_of.observability = svd.u.leftCols(q) * root.asDiagonal();
-      const Vector unit = r_zz.colwise().norm().unaryExpr([](double norm) { return norm > 0 ? 1 / norm : 1.0; });
+      const Vector unit = linalg::inverse_norms(r_zz);
       const Matrix predictor =
           linalg::minimum_norm(r_zz * unit.asDiagonal(), r_zy, rounding::negligible).x.transpose() * unit.asDiagonal();
       result_of.state = root.cwiseInverse().asDiagonal() * (svd.u.leftCols(q).transpose() * predictor);

@@ -276,9 +276,7 @@ struct Fitted {
 // on units.
 void examine(const ConstMatrixRef& regressors, Fitted& fitted) {
   if (regressors.size() == 0) return;
-  Vector norm = regressors.colwise().norm().transpose();
-  norm = (norm.array() > 0).select(norm, 1.0);
-  const Vector sigma = linalg::singular_values(regressors * norm.cwiseInverse().asDiagonal());
+  const Vector sigma = linalg::singular_values(regressors * linalg::inverse_norms(regressors).asDiagonal());
   fitted.rank = sigma.size() > 0 ? (sigma.array() > rounding::negligible * sigma(0)).count() : 0;
   fitted.condition = fitted.rank > 0 ? sigma(0) / sigma(fitted.rank - 1) : 0.0;
 }
