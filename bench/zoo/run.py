@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Measures how well `tokid identify` does on plants whose truth is known.
+
+    bench/zoo/run.py --tool build/bin/tokid -o results.jsonl [--cells REGEX] [--grid] [--short] [--jobs J]
+
+Appends one JSON line for each cell and each set of options. Those that are in the file already are skipped, so a study
+that was stopped goes on. bench/zoo/table.py prints the tables.
+"""
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from pathlib import Path
+from zlib import crc32
+
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+
+import numpy as np  # noqa: E402 - after the number of threads is set
+
+from conditions import cells, scales, short_cells  # noqa: E402
+from measures import evaluate, read_model  # noqa: E402
+from truth import experiments, truth_of  # noqa: E402
+
+
+def grid(states):
+    """Sets of stated options, by name. states: true number of states of the plant."""
+    chosen = {}
+    for lags in (1, 2, 3, 4, 6, 8, 12, 16):
+        chosen[f"p{lags}"] = ["--lags", lags]
+    for smoothing in ("0", "1", "10", "100", "1000", "infinity"):
+        chosen[f"lambda-{smoothing}"] = ["--smoothing", smoothing]
+        chosen[f"lambda-{smoothing}-n"] = ["--smoothing", smoothing, "--states", states]
+    for lags in (4, 8, 12):
+        chosen[f"p{lags}-n-no-em"] = ["--lags", lags, "--states", states, "--no-refine"]
+    chosen["n"] = ["--states", states]
+    chosen["tvera"] = ["--method", "tvera"]
+    chosen["tvera-n"] = ["--method", "tvera", "--states", states]
+    return {name: [str(word) for word in words] for name, words in chosen.items()}
+
+
+def make_data(cell, condition, truth, path):
+    """Write the experiments of a cell, in the units of its data. Returns the factors from the units of the plant."""
+    u, y, _ = experiments(truth, condition.experiments, crc32(cell.encode()), nonlinear=True)
+    u_scale, y_scale = scales(cell, condition, u.shape[2], y.shape[2])
+    np.savez(path, u=(u * u_scale).transpose(1, 0, 2), y=(y * y_scale).transpose(1, 0, 2), dt=truth.plant.dt)
+    return u_scale, y_scale
+
+
+def chosen_by(report):
+    """The choices of the tool, from its report."""
+    refinement = report.get("refinement") or {}
+    return {"method": report["method"], "states": report["states"], "lags": report["lags"],
+            "smoothing": report["smoothing"], "period": report["period"], "iterations": refinement.get("iterations"),
+            "em_smoothing": refinement.get("smoothing"), "initial_state": report["initial_state"],
+            "nominal": report.get("nominal"), "warnings": [f["kind"] for f in report.get("findings", [])]}
+
+
+def measure(tool, cell, plant, condition, name, options, limit):
+    """The line of one cell with one set of options."""
+    line = {"cell": cell, "plant": plant, **asdict(condition), "options": name}
+    truth = truth_of(plant, condition)
+    with tempfile.TemporaryDirectory() as folder:
+        data, model = Path(folder, "data.npz"), Path(folder, "model.npz")
+        factors = make_data(cell, condition, truth, data)
+        begin = time.monotonic()
+        try:
+            done = subprocess.run([tool, "identify", data, "-o", model, "--json", *options], capture_output=True,
+                                  text=True, check=False, timeout=limit)
+        except subprocess.TimeoutExpired:
+            return {**line, "error": f"more than {limit:g} s"}
+        line["seconds"] = round(time.monotonic() - begin, 2)
+        if done.returncode != 0:
+            return {**line, "error": done.stderr.strip().splitlines()[-1]}
+        line.update(chosen_by(json.loads(done.stdout)))
+        predictor, nominal = read_model(model, *factors)
+    with np.errstate(all="ignore"):
+        return {**line, **evaluate(predictor, truth, crc32(cell.encode()) + 1, nominal)}
+
+
+def finished(path):
+    """Cells and options that the file has."""
+    if not path.exists():
+        return set()
+    lines = [json.loads(text) for text in path.read_text().splitlines()]
+    return {(line["cell"], line["options"]) for line in lines}
+
+
+def tasks(chosen, with_grid):
+    for cell, (plant, condition) in chosen.items():
+        yield cell, plant, condition, "default", []
+        if with_grid:
+            states = truth_of(plant, condition).plant.x.shape[1]
+            for name, options in grid(states).items():
+                yield cell, plant, condition, name, options
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tool", required=True, help="path of tokid")
+    parser.add_argument("--cells", default="", help="regular expression of the names of cells")
+    parser.add_argument("--grid", action="store_true", help="stated options beside the default")
+    parser.add_argument("--short", action="store_true", help="a few quick cells")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--limit", type=float, default=600, help="seconds for one identification")
+    parser.add_argument("-o", "--output", type=Path, default=Path("results.jsonl"))
+    given = parser.parse_args()
+
+    chosen = short_cells() if given.short else cells()
+    chosen = {cell: found for cell, found in chosen.items() if re.search(given.cells, cell)}
+    known = finished(given.output)
+    todo = [task for task in tasks(chosen, given.grid) if (task[0], task[3]) not in known]
+    with ProcessPoolExecutor(given.jobs) as pool, given.output.open("a") as file:
+        for done in as_completed([pool.submit(measure, given.tool, *task, given.limit) for task in todo]):
+            line = done.result()
+            file.write(json.dumps(line) + "\n")
+            file.flush()
+            print(line["cell"], line["options"], line.get("error") or f"{line['ahead']:.3f}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
