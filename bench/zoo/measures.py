@@ -52,7 +52,7 @@ def of_truth(system):
 
 
 def read_model(path, u_scale, y_scale):
-    """The model in a file of tokid (.npz), from the units of the data to those of the plant. Its nominal: u, y (T, ...)."""
+    """A model of tokid (.npz), from the units of the data to those of the plant, and its nominal inputs and outputs."""
     file = np.load(path)
     a, b, c, d, g = (file[name] for name in "ABCDG")
     begin, n = int(file["k_begin"]), a.shape[2]
@@ -80,8 +80,8 @@ def first_state(p, u, y):
     """States (N, n) at the first step of the model, from the samples of its window."""
     steps, n = min(p.window, len(p.A)), p.A.shape[2]
     x, effect, rows, targets = np.zeros((y.shape[1], n)), np.eye(n), [], []
+    weight = np.eye(y.shape[2]) if p.S is None else np.linalg.inv(np.linalg.cholesky(p.S[:steps].sum(0)))
     for s in range(steps):
-        weight = np.eye(y.shape[2]) if p.S is None else np.linalg.inv(np.linalg.cholesky(p.S[s]))
         e, x = correct(p, s, x, u[p.begin + s], y[p.begin + s])
         rows.append(weight @ p.C[s] @ effect)
         targets.append(e @ weight.T)
@@ -163,7 +163,7 @@ def pulse_error(model, truth, begin, end):
 
 
 def control_cost(p, truth, begin, end):
-    """Exact expected cost, on the linear truth, of the LQG controller designed on a model for the steps begin ... end-1.
+    """Exact expected cost, on the linear truth, of the LQG controller designed on a model for the steps begin to end-1.
 
     u = -K x_hat, with x_hat predicted from outputs up to the step before. Before, there is no input, or the feedback of
     the experiments if the plant is unstable. Second moments of (x, x of that feedback, x_hat) are propagated.

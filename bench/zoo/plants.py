@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Plants whose truth is known.
 
-Every plant is a nonlinear discrete-time system with a nominal trajectory. The data of the study are deviations from that
-trajectory, small enough that its linearisation is the truth. Continuous plants are integrated by RK4 with held inputs.
-States, inputs and outputs have the units of the plant, and one row for each experiment.
+Every plant is a nonlinear discrete-time system with a nominal trajectory. The data of the study are deviations from
+that trajectory, small enough that its linearisation is the truth. Continuous plants are integrated by RK4 with held
+inputs. States, inputs and outputs have the units of the plant, and one row for each experiment.
 """
 
 from dataclasses import dataclass
@@ -107,9 +107,8 @@ def oscillator():
     dt, steps = 0.05, 80
     a = np.zeros((steps, 4, 4))
     for k in range(steps):
-        s, c = np.sin(10 * k * dt), np.cos(10 * k * dt)
-        rate = np.block([[np.zeros((2, 2)), np.eye(2)], [np.array([[-4 - 3 * s, 1], [1, -7 - 3 * c]]), np.zeros((2, 2))]])
-        a[k] = scipy.linalg.expm(rate * dt)
+        stiffness = np.array([[4 + 3 * np.sin(10 * k * dt), -1], [-1, 7 + 3 * np.cos(10 * k * dt)]])
+        a[k] = scipy.linalg.expm(dt * second_order(np.eye(2), np.zeros((2, 2)), stiffness, np.eye(2))[0])
     b = np.array([[1, 0], [1, -1], [0, 1], [-1, 0.0]])
     return Plant("oscillator", "coupled oscillators with periodic stiffness", dt,
                  lambda x, u, k: x @ a[k].T + u @ b.T,
@@ -295,8 +294,9 @@ def rotor():
         s, c = np.sin(azimuth), np.cos(azimuth)
         damping = lock / 8 * (1 + 4 / 3 * advance * s)
         stiffness = 1.1 + lock / 8 * advance * c * (4 / 3 + 2 * advance * s)
-        pitch = lock / 8 * (1 + 8 / 3 * advance * s + 2 * (advance * s) ** 2)
-        return np.array([[0, 1], [-stiffness, -damping]]), np.array([[0, 0], [pitch, -lock / 6 * (1 + 1.5 * advance * s)]])
+        pitch, inflow = 1 + 8 / 3 * advance * s + 2 * (advance * s) ** 2, 1 + 1.5 * advance * s
+        b = np.array([[0, 0], [lock / 8 * pitch, -lock / 6 * inflow]])
+        return np.array([[0, 1], [-stiffness, -damping]]), b
 
     return Plant("rotor", "flapping blade in forward flight, periodic", dt, rk4(linear(matrices), dt, 4),
                  measured([[1, 0]]), **at_rest(2, 2, 144), **sizes([0.02, 0.01], [0.01, 0.01]))
@@ -324,8 +324,8 @@ def mass_chain():
     dt = 0.1
 
     def matrices(t):
-        mass = np.diag([0.6 + 1.4 / (1 + np.exp(t - 5)), 1.0])
-        return second_order(mass, np.array([[0.2, -0.2], [-0.2, 0.2]]), np.array([[4.0, -4], [-4, 4]]), np.eye(2)[:, :1])
+        mass, between = np.diag([0.6 + 1.4 / (1 + np.exp(t - 5)), 1.0]), np.array([[1.0, -1], [-1, 1]])
+        return second_order(mass, 0.2 * between, 4 * between, np.eye(2)[:, :1])
 
     return Plant("mass_chain", "two free bodies, one of which loses mass", dt, rk4(linear(matrices), dt),
                  measured(np.eye(2, 4)), **at_rest(4, 1, 100), **sizes([1], [0.1, 0.1, 0.1, 0.1]), closed=True)
@@ -353,8 +353,8 @@ def stage_separation():
     carried = np.kron(np.eye(2), np.array([[0.8, 0.3], [-0.2, 0.9]]))
 
     def stage(low, high, gain):
-        stiffness = np.diag([low**2, high**2])
-        matrices = second_order(np.eye(2), np.diag([0.04 * low, 0.04 * high]), stiffness, gain * np.array([[1.0], [1.5]]))
+        rates = np.diag([low, high])
+        matrices = second_order(np.eye(2), 0.04 * rates, rates**2, gain * np.array([[1.0], [1.5]]))
         return rk4(linear(lambda t: matrices), dt, 3)
 
     before, after = stage(6, 14, 1.0), stage(9, 21, 2.0)

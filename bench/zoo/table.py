@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Prints the results of bench/zoo/run.py as Markdown tables.
+
+    bench/zoo/table.py results.jsonl [older.jsonl]
+
+Regret: the error 20 steps ahead of the default over that of the best set of options in the grid. Of an older file, the
+error 20 steps ahead stands beside the others.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+MEASURES = {"ahead": "20 steps", "one_step": "one step", "one_step_start": "start", "one_step_jump": "jump",
+            "pulse": "pulse", "control": "LQG", "regret": "regret"}
+
+
+def read(path):
+    """Results by cell and options. Infinite ratios are in them; a run that failed counts as infinite."""
+    lines = [json.loads(line) for line in Path(path).read_text().splitlines()]
+    return {(line["cell"], line["options"]): line for line in lines}
+
+
+def value(line, measure):
+    """A measure of a line; infinite where the run failed, NaN where it was not measured."""
+    found = line.get(measure, np.inf if "error" in line else None)
+    return np.nan if found is None else found
+
+
+def regret(results, cell):
+    """The default's error over the best of the grid and the default; NaN without a grid."""
+    errors = [value(line, "ahead") for (name, _), line in results.items() if name == cell]
+    default, best = value(results[cell, "default"], "ahead"), min(errors)
+    return np.nan if len(errors) == 1 else 1.0 if default == best else default / best
+
+
+def shown(number):
+    return "–" if np.isnan(number) else f"{number:.3g}"
+
+
+def row(*fields):
+    print("|", " | ".join(fields), "|")
+
+
+def cell_table(defaults, older):
+    row("cell", *MEASURES.values(), *(["older"] if older else []), "n", "p", "λ", "EM", "s")
+    row(*["---"] * (len(MEASURES) + 6 + bool(older)))
+    for cell, line in sorted(defaults.items(), key=lambda item: -item[1]["ahead"]):
+        before = [shown(value(older.get((cell, "default"), {}), "ahead"))] if older else []
+        choices = [str(line.get(name, "–")) for name in ("states", "lags", "smoothing", "iterations", "seconds")]
+        row(cell, *(shown(value(line, name)) for name in MEASURES), *before, *choices)
+
+
+def percentiles(defaults):
+    row("", "median", "95th percentile", "worst", "cells")
+    row(*["---"] * 5)
+    for name, words in MEASURES.items():
+        values = np.array([value(line, name) for line in defaults.values()])
+        values = np.sort(values[~np.isnan(values)])
+        if len(values):
+            places = (len(values) // 2, int(np.ceil(0.95 * len(values))) - 1, -1)
+            row(words, *(shown(values[place]) for place in places), str(len(values)))
+
+
+def main():
+    results, older = read(sys.argv[1]), read(sys.argv[2]) if len(sys.argv) > 2 else {}
+    defaults = {cell: {"ahead": value(line, "ahead"), **line, "regret": regret(results, cell)}
+                for (cell, options), line in results.items() if options == "default"}
+    cell_table(defaults, older)
+    print()
+    percentiles(defaults)
+
+
+if __name__ == "__main__":
+    main()

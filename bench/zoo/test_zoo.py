@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tests of the study itself. None but the last needs tokid; that one needs the environment variable TOKID."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conditions import Condition, cells, short_cells
+from measures import HORIZON, ahead, evaluate, filtered, first_state, of_truth, read_model
+from plants import PLANTS
+from run import make_data
+from table import read
+from truth import experiments, truth_of
+
+BROAD = Condition(noise="high", coloured=True, initial="unknown")
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_deviations_are_linear(name):
+    truth = truth_of(name, Condition(initial="unknown"))
+    quiet = replace(truth, system=replace(truth.system, Q=0 * truth.system.Q, R=0 * truth.system.R))
+    linear, plant = (experiments(quiet, 50, 3, nonlinear)[1] for nonlinear in (False, True))
+    remainder = np.sqrt(((plant - linear) ** 2).mean((0, 1)) / (linear**2).mean((0, 1)))
+    assert remainder.max() < 0.03
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_unknown_states_matter_and_the_loop_is_stable(name):
+    truth = truth_of(name, Condition(initial="unknown"))
+    u, y, _ = experiments(truth, 200, 5)
+    assert np.abs(u).max() < 20 * truth.plant.u_std.max()
+    assert np.all(np.sqrt((y**2).mean((0, 1))) < 6 * truth.y_rms)
+
+
+@pytest.mark.parametrize("name", ["cart_pole", "battery", "stage_separation"])
+def test_innovations_are_white_and_of_the_stated_size(name):
+    truth, count = truth_of(name, BROAD), 2000
+    u, y, _ = experiments(truth, count, 7)
+    best = of_truth(truth.system)
+    e, _ = filtered(best, u, y)
+    white = np.linalg.solve(np.linalg.cholesky(best.S), e.transpose(0, 2, 1))  # (T, m, N)
+    steps, m, _ = white.shape
+    covariance = (white @ white.transpose(0, 2, 1)).mean(0) / count
+    assert np.allclose(covariance, np.eye(m), atol=6 / np.sqrt(steps * count))
+    for lag in (1, 2, 5):
+        correlation = (white[lag:] @ white[:-lag].transpose(0, 2, 1)).mean(0) / count
+        assert np.abs(correlation).max() < 6 / np.sqrt(steps * count)
+
+
+def in_other_coordinates(p, seed=1):
+    """The same predictor with the states S[k] x[k]."""
+    rng = np.random.default_rng(seed)
+    s = np.eye(p.A.shape[2]) + 0.2 * rng.normal(size=(len(p.A) + 1, *p.A.shape[1:]))
+    inverse = np.linalg.inv(s)
+    return replace(p, A=s[1:] @ p.A @ inverse[:-1], B=s[1:] @ p.B, C=p.C @ inverse[:-1], L=s[1:] @ p.L, x0=s[0] @ p.x0)
+
+
+@pytest.mark.parametrize("loop", ["natural", "delayed", "same-step"])
+@pytest.mark.parametrize("name", ["quadrotor", "gear_shift"])
+def test_the_truth_measures_one(name, loop):
+    truth = truth_of(name, replace(BROAD, loop=loop))
+    best = of_truth(truth.system)
+    for model in (best, in_other_coordinates(best)):
+        found = evaluate(model, truth, 1)
+        for measure in ("one_step", "one_step_start", "ahead", "control"):
+            assert found[measure] == pytest.approx(1, abs=1e-6), measure
+        assert found["pulse"] < 1e-6
+
+
+def test_errors_count():
+    truth = truth_of("launch_vehicle", Condition())
+    best = of_truth(truth.system)
+    wrong = evaluate(replace(best, B=-best.B), truth, 1)
+    assert wrong["control"] == np.inf and wrong["pulse"] == pytest.approx(2) and wrong["ahead"] > 2
+    diverged = evaluate(replace(best, A=1e3 * best.A), truth, 1)
+    assert diverged["one_step"] > 1e3 and diverged["control"] == np.inf
+
+
+def test_late_models_are_compared_from_their_first_prediction_on():
+    truth = truth_of("stiffness_jump", Condition(noise="high", initial="unknown"))
+    late = evaluate(replace(of_truth(truth.system), x0=None, window=5), truth, 1)
+    assert late["begin"] == 5 and late["one_step_start"] > 1.01 and 1 <= late["ahead"] < 1.1
+
+
+def test_first_states_are_exact_without_noise():
+    truth = truth_of("oscillator", Condition(initial="unknown"))
+    quiet = replace(truth, system=replace(truth.system, Q=0 * truth.system.Q, R=0 * truth.system.R))
+    u, y, x = experiments(quiet, 10, 1)
+    assert np.allclose(first_state(replace(of_truth(truth.system), x0=None, window=4), u, y), x[0], rtol=1e-8)
+
+
+def test_cells():
+    names = [plant for plant, _ in cells().values()]
+    assert set(names) == set(PLANTS) and set(short_cells()) <= set(cells())
+    assert all(f"{plant}/N40-low-white" in cells() for plant in PLANTS)
+
+
+@pytest.mark.skipif("TOKID" not in os.environ, reason="TOKID is not set")
+def test_the_tool(tmp_path):
+    run, results = Path(__file__).with_name("run.py"), tmp_path / "results.jsonl"
+    words = ["--tool", os.environ["TOKID"], "--cells", "stiffness_jump/N40-low-white$", "-o", results]
+    for _ in range(2):  # the second time there is nothing to do
+        subprocess.run([sys.executable, run, *words], check=True)
+    (line,) = read(results).values()
+    assert 0.99 < line["ahead"] < 1.5 and line["control"] < 1.5 and line["states"] == 2
+
+    condition = Condition(noise="high", initial="unknown", units="scaled")
+    truth, (data, model) = truth_of("stiffness_jump", condition), (tmp_path / "data.npz", tmp_path / "model.npz")
+    factors = make_data("cell", condition, truth, data)
+    subprocess.run([os.environ["TOKID"], "identify", data, "-o", model, "--nominal", "mean"], check=True)
+    predictor, nominal = read_model(model, *factors)
+    u, y, _ = experiments(truth, condition.experiments, 1)
+    np.savez(data, u=(u * factors[0]).transpose(1, 0, 2), y=(y * factors[1]).transpose(1, 0, 2))
+    subprocess.run([os.environ["TOKID"], "predict", model, data, "-o", tmp_path / "out.npz", "--horizon", str(HORIZON)],
+                   check=True)
+    u, y = u - nominal[0][:, None], y - nominal[1][:, None]
+    branches = np.array([10, 25])
+    mine = ahead(predictor, branches, filtered(predictor, u, y)[1][branches + 1],
+                 u[branches + np.arange(1, HORIZON + 1)[:, None]]) + nominal[1][branches + HORIZON, None]
+    theirs = np.load(tmp_path / "out.npz")["y"].transpose(1, 0, 2)[branches + HORIZON] / factors[1]
+    assert np.allclose(mine, theirs, atol=1e-9 * truth.y_rms)
