@@ -70,6 +70,19 @@ def read_model(path, u_scale, y_scale):
                      window, s), nominal
 
 
+def write_truth(path, truth, u_scale, y_scale):
+    """The truth as a model of tokid (.npz), from the units of the plant to those of the data. States of size one."""
+    system, (gains, corrections, s) = truth.system, kalman(truth.system)
+    size = np.sqrt((experiments(truth, FRESH, 1)[2] ** 2).mean((0, 1)))
+    inner, outer, across = size / size[:, None], np.outer(y_scale, y_scale), np.outer(size, size)
+    steps, n = len(system.A), len(size)
+    np.savez(path, A=system.A * inner, B=system.B / u_scale / size[:, None], C=system.C * y_scale[:, None] * size,
+             D=system.D * y_scale[:, None] / u_scale, G=-gains / y_scale / size[:, None], Q=system.Q / across,
+             R=system.R * outer, K=corrections / y_scale / size[:, None], innovation_cov=s * outer,
+             x0_mean=np.zeros(n), x0_cov=system.P0 / across, state_dim=np.full(steps + 1, n), k_begin=0,
+             dt=truth.plant.dt, frame="raw", method="known", initial_state="unknown" if system.P0.any() else "zero")
+
+
 def correct(p, s, x, u, y):
     """Innovation of step begin + s, and the next state."""
     e = y - x @ p.C[s].T - u @ p.D[s].T
@@ -203,6 +216,7 @@ def control_ratio(model, truth, begin, end):
     return quotient if quotient < USELESS else np.inf
 
 
+@np.errstate(all="ignore")
 def evaluate(model, truth, seed, nominal=(0.0, 0.0)):
     """All measures of a model on fresh experiments. nominal: inputs (T, r) and outputs (T, m) that it was freed of."""
     best, steps = of_truth(truth.system), len(truth.system.A)

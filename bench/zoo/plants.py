@@ -118,7 +118,7 @@ def oscillator():
 
 def cart_pole():
     """States: position [m], angle from upright [rad] and their rates. Input [N]. Barto, Sutton, Anderson, 1983."""
-    cart, pole, length, g, dt = 1.0, 0.2, 0.5, 9.81, 0.02
+    cart, pole, length, g, dt = 1.0, 0.2, 1.0, 9.81, 0.02
 
     def rate(x, u, t):
         _, angle, speed, turn = x.T
@@ -130,12 +130,12 @@ def cart_pole():
     def policy(x, k):
         t = k * dt
         aim = np.array([0.35 * (1 - np.cos(4 * t)), 0, 1.4 * np.sin(4 * t), 0])
-        return [np.array([-4.0, -50.0, -8.0, -9.0]) @ (aim - x)]
+        return [np.array([-5.5, -65, -9, -20]) @ (aim - x)]
 
     step = rk4(rate, dt)
     return Plant("cart_pole", "inverted pendulum on a cart that moves to and fro", dt, step,
                  measured(np.eye(2, 4)), **along(step, np.zeros(4), policy, 150),
-                 **sizes([0.4], [0.003, 0.002, 0.01, 0.01]), closed=True)
+                 **sizes([0.4], [0.002, 0.001, 0.005, 0.005]), closed=True)
 
 
 def two_link_arm():

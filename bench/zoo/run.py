@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Measures how well `tokid identify` does on plants whose truth is known.
 
-    bench/zoo/run.py --tool build/bin/tokid -o results.jsonl [--cells REGEX] [--grid] [--short] [--jobs J]
+    bench/zoo/run.py --tool build/bin/tokid -o results.jsonl [--cells REGEX] [--reference] [--grid] [--short] [--jobs J]
 
 Appends one JSON line for each cell and each set of options. Those that are in the file already are skipped, so a study
 that was stopped goes on. bench/zoo/table.py prints the tables.
@@ -25,8 +25,11 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 import numpy as np  # noqa: E402 - after the number of threads is set
 
 from conditions import cells, scales, short_cells  # noqa: E402
-from measures import evaluate, read_model  # noqa: E402
+from measures import evaluate, read_model, write_truth  # noqa: E402
 from truth import experiments, truth_of  # noqa: E402
+
+REFERENCE = "from-truth"  # `tokid refine` from the truth: about the best that the data allow
+CHOICES = ("method", "states", "lags", "smoothing", "period", "initial_state", "nominal")
 
 
 def grid(states):
@@ -40,6 +43,7 @@ def grid(states):
     for lags in (4, 8, 12):
         chosen[f"p{lags}-n-no-em"] = ["--lags", lags, "--states", states, "--no-refine"]
     chosen["n"] = ["--states", states]
+    chosen["n-no-em"] = ["--states", states, "--no-refine"]
     chosen["tvera"] = ["--method", "tvera"]
     chosen["tvera-n"] = ["--method", "tvera", "--states", states]
     return {name: [str(word) for word in words] for name, words in chosen.items()}
@@ -56,10 +60,9 @@ def make_data(cell, condition, truth, path):
 def chosen_by(report):
     """The choices of the tool, from its report."""
     refinement = report.get("refinement") or {}
-    return {"method": report["method"], "states": report["states"], "lags": report["lags"],
-            "smoothing": report["smoothing"], "period": report["period"], "iterations": refinement.get("iterations"),
-            "em_smoothing": refinement.get("smoothing"), "initial_state": report["initial_state"],
-            "nominal": report.get("nominal"), "warnings": [f["kind"] for f in report.get("findings", [])]}
+    choices = {name: report.get(name) for name in CHOICES}
+    return {**choices, "iterations": refinement.get("iterations"), "em_smoothing": refinement.get("smoothing"),
+            "warnings": [found["kind"] for found in report.get("findings", [])]}
 
 
 def measure(tool, cell, plant, condition, name, options, limit):
@@ -69,10 +72,15 @@ def measure(tool, cell, plant, condition, name, options, limit):
     with tempfile.TemporaryDirectory() as folder:
         data, model = Path(folder, "data.npz"), Path(folder, "model.npz")
         factors = make_data(cell, condition, truth, data)
+        command = ["identify", data, *options]
+        if name == REFERENCE:
+            known = Path(folder, "truth.npz")
+            write_truth(known, truth, *factors)
+            command = ["refine", known, data, "--initial-state", str(np.load(known)["initial_state"])]
         begin = time.monotonic()
         try:
-            done = subprocess.run([tool, "identify", data, "-o", model, "--json", *options], capture_output=True,
-                                  text=True, check=False, timeout=limit)
+            done = subprocess.run([tool, *command, "-o", model, "--json"], capture_output=True, text=True, check=False,
+                                  timeout=limit)
         except subprocess.TimeoutExpired:
             return {**line, "error": f"more than {limit:g} s"}
         line["seconds"] = round(time.monotonic() - begin, 2)
@@ -80,8 +88,7 @@ def measure(tool, cell, plant, condition, name, options, limit):
             return {**line, "error": done.stderr.strip().splitlines()[-1]}
         line.update(chosen_by(json.loads(done.stdout)))
         predictor, nominal = read_model(model, *factors)
-    with np.errstate(all="ignore"):
-        return {**line, **evaluate(predictor, truth, crc32(cell.encode()) + 1, nominal)}
+    return {**line, **evaluate(predictor, truth, crc32(cell.encode()) + 1, nominal)}
 
 
 def finished(path):
@@ -92,9 +99,11 @@ def finished(path):
     return {(line["cell"], line["options"]) for line in lines}
 
 
-def tasks(chosen, with_grid):
+def tasks(chosen, with_reference, with_grid):
     for cell, (plant, condition) in chosen.items():
         yield cell, plant, condition, "default", []
+        if with_reference or with_grid:
+            yield cell, plant, condition, REFERENCE, []
         if with_grid:
             states = truth_of(plant, condition).plant.x.shape[1]
             for name, options in grid(states).items():
@@ -106,6 +115,7 @@ def main():
     parser.add_argument("--tool", required=True, help="path of tokid")
     parser.add_argument("--cells", default="", help="regular expression of the names of cells")
     parser.add_argument("--grid", action="store_true", help="stated options beside the default")
+    parser.add_argument("--reference", action="store_true", help="maximum likelihood from the truth beside the default")
     parser.add_argument("--short", action="store_true", help="a few quick cells")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--limit", type=float, default=600, help="seconds for one identification")
@@ -115,7 +125,7 @@ def main():
     chosen = short_cells() if given.short else cells()
     chosen = {cell: found for cell, found in chosen.items() if re.search(given.cells, cell)}
     known = finished(given.output)
-    todo = [task for task in tasks(chosen, given.grid) if (task[0], task[3]) not in known]
+    todo = [task for task in tasks(chosen, given.reference, given.grid) if (task[0], task[3]) not in known]
     with ProcessPoolExecutor(given.jobs) as pool, given.output.open("a") as file:
         for done in as_completed([pool.submit(measure, given.tool, *task, given.limit) for task in todo]):
             line = done.result()

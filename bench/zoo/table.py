@@ -3,8 +3,8 @@
 
     bench/zoo/table.py results.jsonl [older.jsonl]
 
-Regret: the error 20 steps ahead of the default over that of the best set of options in the grid. Of an older file, the
-error 20 steps ahead stands beside the others.
+Regret: the error 20 steps ahead of the default over the least one that is known of the cell: that of the best options
+of the grid, or of maximum likelihood from the truth. Of an older file, the error 20 steps ahead stands beside the others.
 """
 
 import json
@@ -30,7 +30,7 @@ def value(line, measure):
 
 
 def regret(results, cell):
-    """The default's error over the best of the grid and the default; NaN without a grid."""
+    """The default's error over the least one that is known; NaN if there is no other."""
     errors = [value(line, "ahead") for (name, _), line in results.items() if name == cell]
     default, best = value(results[cell, "default"], "ahead"), min(errors)
     return np.nan if len(errors) == 1 else 1.0 if default == best else default / best
