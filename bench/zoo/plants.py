@@ -231,8 +231,8 @@ def launch_vehicle():
     dt = 0.05
 
     def matrices(t):
-        aerodynamic, gimbal = 3 * np.exp(-(((t - 5) / 2.5) ** 2)), 3 + 0.3 * t
-        slosh, bend = 4 + 0.15 * t, 12 + 0.8 * t
+        aerodynamic, gimbal = 3 * np.exp(-(((t - 3.5) / 2) ** 2)), 3 + 0.4 * t
+        slosh, bend = 4 + 0.2 * t, 12 + 1.2 * t
         a = np.zeros((6, 6))
         a[:3, 3:] = np.eye(3)
         a[3] = [aerodynamic, 6, 0, -0.02 * t, 0, 0]
@@ -242,7 +242,7 @@ def launch_vehicle():
 
     return Plant("launch_vehicle", "pitch with slosh and bending through maximum dynamic pressure", dt,
                  rk4(linear(matrices), dt, 2), measured([[1, 0, 0.1, 0, 0, 0], [0, 0, 0, 1, 0, -0.15]]),
-                 **at_rest(6, 1, 200), **sizes([0.01], [0.003, 0.003, 0.001, 0.01, 0.01, 0.01]), closed=True)
+                 **at_rest(6, 1, 140), **sizes([0.01], [0.003, 0.003, 0.001, 0.01, 0.01, 0.01]), closed=True)
 
 
 def batch_reactor():
