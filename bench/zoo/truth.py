@@ -165,7 +165,7 @@ def experiments(truth, count, seed, nonlinear=False):
 
 def deviations(plant, coloured):
     """step and output of deviations from the nominal trajectory; behind the states stand those of coloured noise."""
-    n, m = plant.x.shape[1], len(plant.output(plant.x[:1], plant.u[:1], 0)[0])
+    n = plant.x.shape[1]
     nominal = [plant.output(plant.x[k : k + 1], plant.u[k : k + 1], k) for k in range(plant.steps)]
 
     def step(z, u, k):
@@ -176,7 +176,7 @@ def deviations(plant, coloured):
         y = plant.output(plant.x[k] + z[:, :n], plant.u[k] + u, k) - nominal[k]
         return y + z[:, n:] if coloured else y
 
-    return step, output, m
+    return step, output
 
 
 @lru_cache(maxsize=None)
@@ -204,22 +204,20 @@ def calibrated(name, loop):
 def truth_of(name, condition):
     """The truth of a plant under a condition, in the units of the plant."""
     loop = condition.loop_of(PLANTS[name]())
-    plant, (a, b, c, d), law, y_rms, w_std = calibrated(name, loop)
+    plant, matrices, law, y_rms, w_std = calibrated(name, loop)
+    (a, b, c, d), y_scale = matrices, output_scale(plant, matrices)
     process, measurement = SHARES[condition.noise]
     steps, n, m = len(a), a.shape[1], len(y_rms)
     q, r = np.diag((process * w_std) ** 2), np.diag((measurement * y_rms) ** 2)
     p0 = np.diag(plant.x_std**2) if condition.initial == "unknown" else np.zeros((n, n))
     if condition.coloured:  # nine tenths of the variance
-        blank = np.zeros((steps, n, m))
-        a = np.concatenate([np.concatenate([a, blank], 2),
-                            np.concatenate([blank.transpose(0, 2, 1), np.tile(POLE * np.eye(m), (steps, 1, 1))], 2)], 1)
+        a = np.array([block(each, POLE * np.eye(m)) for each in a])
         b = np.concatenate([b, np.zeros((steps, m, b.shape[2]))], 1)
         c = np.concatenate([c, np.tile(np.eye(m), (steps, 1, 1))], 2)
         q, p0 = block(q, 0.9 * (1 - POLE**2) * r), block(p0, 0.9 * r)
         r = 0.1 * r
     system = System(a, b, c, d, np.tile(q, (steps, 1, 1)), np.tile(r, (steps, 1, 1)), p0)
-    step, output, _ = deviations(plant, condition.coloured)
-    return Truth(plant, system, law, step, output, y_rms, output_scale(plant, calibrated(name, loop)[1]))
+    return Truth(plant, system, law, *deviations(plant, condition.coloured), y_rms, y_scale)
 
 
 def block(first, second):
