@@ -18,14 +18,14 @@ MEASURES = {"ahead": "20 steps", "one_step": "one step", "one_step_start": "star
 
 
 def read(path):
-    """Results by cell and options. Infinite ratios are in them; a run that failed counts as infinite."""
+    """Results by cell and options."""
     lines = [json.loads(line) for line in Path(path).read_text().splitlines()]
     return {(line["cell"], line["options"]): line for line in lines}
 
 
 def value(line, measure):
-    """A measure of a line; infinite where the run failed, NaN where it was not measured."""
-    found = line.get(measure, np.inf if "error" in line else None)
+    """A measure of a line; NaN where it was not measured. A run that failed has an infinite error 20 steps ahead."""
+    found = line.get(measure, np.inf if "error" in line and measure == "ahead" else None)
     return np.nan if found is None else found
 
 
@@ -40,6 +40,11 @@ def shown(number):
     return "–" if np.isnan(number) else f"{number:.3g}"
 
 
+def choice(line, name):
+    found = line.get(name)
+    return "–" if found is None else f"{found:.3g}" if isinstance(found, float) else str(found)
+
+
 def row(*fields):
     print("|", " | ".join(fields), "|")
 
@@ -49,7 +54,7 @@ def cell_table(defaults, older):
     row(*["---"] * (len(MEASURES) + 6 + bool(older)))
     for cell, line in sorted(defaults.items(), key=lambda item: -item[1]["ahead"]):
         before = [shown(value(older.get((cell, "default"), {}), "ahead"))] if older else []
-        choices = [str(line.get(name, "–")) for name in ("states", "lags", "smoothing", "iterations", "seconds")]
+        choices = [choice(line, name) for name in ("states", "lags", "smoothing", "iterations", "seconds")]
         row(cell, *(shown(value(line, name)) for name in MEASURES), *before, *choices)
 
 
