@@ -165,7 +165,7 @@ def two_link_arm():
 
     step = rk4(rate, dt)
     return Plant("two_link_arm", "arm of two links that swings up", dt, step, measured(np.eye(2, 4)),
-                 **along(step, np.zeros(4), policy, steps), **sizes([0.3, 0.1], [0.01, 0.01, 0.05, 0.08]), closed=True)
+                 **along(step, np.zeros(4), policy, steps), **sizes([0.15, 0.05], [0.005, 0.005, 0.025, 0.04]), closed=True)
 
 
 def quadrotor():
@@ -190,7 +190,7 @@ def quadrotor():
     step = rk4(rate, dt)
     return Plant("quadrotor", "planar quadrotor on a fast figure eight", dt, step, measured(np.eye(6)[[0, 1, 2, 5]]),
                  **along(step, [0, 0, 0, 3.1, 0.6, 0], policy, 300),
-                 **sizes([0.02, 0.02], [0.01, 0.01, 0.01, 0.02, 0.02, 0.05]), closed=True)
+                 **sizes([0.01, 0.01], [0.004, 0.004, 0.004, 0.01, 0.01, 0.02]), closed=True)
 
 
 def aircraft():

@@ -106,14 +106,17 @@ def lqr(matrices, wy, wu, extend=0):
 
 
 def feedback(plant, matrices, same_step):
-    """An LQG law designed on the linearisation for moderate gains, from the usual sizes of the deviations."""
+    """An LQG law designed on the linearisation, from the usual sizes of the deviations.
+
+    Its gains are low, so that the record still shows the motion that the plant has without feedback.
+    """
     a, b, c, d = matrices
     p0, y_scale = np.diag(plant.x_std**2), output_scale(plant, matrices)
     q = 0.01 * (p0 + (b * plant.u_std**2) @ b.transpose(0, 2, 1))
     r = np.broadcast_to(np.diag(0.01 * y_scale**2), (len(a), len(y_scale), len(y_scale)))
     design = System(a, b, c, d, q, r, p0)
     gains, corrections, _ = kalman(design)
-    return Law(design, lqr(matrices, y_scale**-2, plant.u_std**-2, 200), gains, corrections, same_step)
+    return Law(design, lqr(matrices, y_scale**-2, 10 * plant.u_std**-2, 200), gains, corrections, same_step)
 
 
 def output_scale(plant, matrices):
