@@ -28,7 +28,7 @@ from conditions import cells, scales, short_cells  # noqa: E402
 from measures import evaluate, read_model, write_truth  # noqa: E402
 from truth import experiments, truth_of  # noqa: E402
 
-REFERENCE = "from-truth"  # `tokid refine` from the truth: about the best that the data allow
+REFERENCE = "from-truth"  # `tokid refine` from the truth, which may well end elsewhere
 CHOICES = ("method", "states", "lags", "smoothing", "period", "initial_state", "nominal")
 
 
