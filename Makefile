@@ -36,7 +36,7 @@ configure = cmake --log-level=WARNING $(if $(TOKID_WARNINGS_AS_ERRORS),-DTOKID_W
 # Debian's own, which has the packages above; another one may come first on the path.
 python := $(firstword $(wildcard /usr/bin/python3) python3)
 
-.PHONY: help build demo test wheel wheels wheel-test package release-test portability bench studies sbom install-test asan tsan valgrind coverage fuzz tidy format clean
+.PHONY: help build demo test wheel wheels wheel-test package release-test portability bench studies zoo sbom install-test asan tsan valgrind coverage fuzz tidy format clean
 
 help:
 	@echo 'make demo          the tool, then the main job on the example of the paper (files in build/demo)'
@@ -49,6 +49,7 @@ help:
 	@echo 'make portability   builds and tests the last commit on other systems (docs/portability.md); as root, for hours'
 	@echo 'make bench         measures time and memory for ten minutes, writes the tables of docs/performance.md'
 	@echo 'make studies       rounding errors, coverage, noise, outliers: prints the tables of docs/ (tests/studies/README.md)'
+	@echo 'make zoo           identifies the plants of docs/plants.md under all conditions, for an hour: prints its tables'
 	@echo 'make sbom          what tokid consists of, with versions, in CycloneDX (build/tokid.cdx.json)'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
 	@echo 'make install-test  only the tests of the installed package'
@@ -117,6 +118,12 @@ studies:
 	@$(configure) test >/dev/null
 	@cmake --build build --target $(STUDIES:%=tokid_%)
 	@set -e; for study in $(STUDIES); do echo; echo "$$study"; build/bin/tokid_$$study; done
+
+# Goes on where it was stopped. ZOO: arguments of bench/zoo/run.py, like --grid or --cells REGEX
+zoo: build
+	$(call install,python3 python3-numpy python3-scipy)
+	@$(python) bench/zoo/run.py --tool build/bin/tokid --jobs 2 -o build/zoo.jsonl $(ZOO)
+	@$(python) bench/zoo/table.py build/zoo.jsonl
 
 sbom: build
 	@$(python) cmake/sbom.py . build build/tokid.cdx.json
