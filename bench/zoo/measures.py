@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import Optional
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from truth import block, experiments, kalman, lqr, normal
+from truth import experiments, kalman, lqr, normal
 
 HORIZON = 20  # steps ahead, and longest pulse response
 FRESH = 200  # experiments
@@ -186,7 +187,7 @@ def control_cost(p, truth, begin, end):
     gains = lqr([part[begin - p.begin : end - p.begin] for part in (p.A, p.B, p.C, p.D)], wy, wu)
     n, other = len(system.P0), before.K.shape[2] if before else 0
     size, first = n + other + p.A.shape[2], np.zeros(p.A.shape[2]) if p.x0 is None else p.x0
-    moments, cost = block(block(system.P0, np.zeros((other, other))), np.outer(first, first)), 0.0
+    moments, cost = block_diag(system.P0, np.zeros((other, other)), np.outer(first, first)), 0.0
     for k in range(end):
         observers = [(slice(n, n + other), before.system, before.L, k)] if before else []
         observers += [(slice(n + other, size), p, p.L, k - p.begin)] if k >= p.begin else []

@@ -26,6 +26,7 @@ import numpy as np  # noqa: E402 - after the number of threads is set
 
 from conditions import cells, scales, short_cells  # noqa: E402
 from measures import evaluate, read_model, write_truth  # noqa: E402
+from table import read  # noqa: E402
 from truth import experiments, truth_of  # noqa: E402
 
 REFERENCE = "from-truth"  # `tokid refine` from the truth, which may well end elsewhere
@@ -91,14 +92,6 @@ def measure(tool, cell, plant, condition, name, options, limit):
     return {**line, **evaluate(predictor, truth, crc32(cell.encode()) + 1, nominal)}
 
 
-def finished(path):
-    """Cells and options that the file has."""
-    if not path.exists():
-        return set()
-    lines = [json.loads(text) for text in path.read_text().splitlines()]
-    return {(line["cell"], line["options"]) for line in lines}
-
-
 def tasks(chosen, with_reference, with_grid):
     for cell, (plant, condition) in chosen.items():
         yield cell, plant, condition, "default", []
@@ -124,7 +117,7 @@ def main():
 
     chosen = short_cells() if given.short else cells()
     chosen = {cell: found for cell, found in chosen.items() if re.search(given.cells, cell)}
-    known = finished(given.output)
+    known = read(given.output) if given.output.exists() else {}
     todo = [task for task in tasks(chosen, given.reference, given.grid) if (task[0], task[3]) not in known]
     with ProcessPoolExecutor(given.jobs) as pool, given.output.open("a") as file:
         for done in as_completed([pool.submit(measure, given.tool, *task, given.limit) for task in todo]):

@@ -20,10 +20,14 @@ from truth import experiments, truth_of
 BROAD = Condition(noise="high", coloured=True, initial="unknown")
 
 
+def without_noise(truth):
+    return replace(truth, system=replace(truth.system, Q=0 * truth.system.Q, R=0 * truth.system.R))
+
+
 @pytest.mark.parametrize("name", PLANTS)
 def test_deviations_are_linear(name):
     truth = truth_of(name, Condition(initial="unknown"))
-    quiet = replace(truth, system=replace(truth.system, Q=0 * truth.system.Q, R=0 * truth.system.R))
+    quiet = without_noise(truth)
     linear, plant = (experiments(quiet, 50, 3, nonlinear)[1] for nonlinear in (False, True))
     remainder = np.sqrt(((plant - linear) ** 2).mean((0, 1)) / (linear**2).mean((0, 1)))
     assert remainder.max() < 0.03
@@ -89,7 +93,7 @@ def test_late_models_are_compared_from_their_first_prediction_on():
 
 def test_first_states_are_exact_without_noise():
     truth = truth_of("oscillator", Condition(initial="unknown"))
-    quiet = replace(truth, system=replace(truth.system, Q=0 * truth.system.Q, R=0 * truth.system.R))
+    quiet = without_noise(truth)
     u, y, x = experiments(quiet, 10, 1)
     assert np.allclose(first_state(replace(of_truth(truth.system), x0=None, window=4), u, y), x[0], rtol=1e-8)
 

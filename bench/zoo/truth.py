@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import Callable, Optional
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from plants import PLANTS
 
@@ -183,12 +184,17 @@ def deviations(plant, coloured):
 
 
 @lru_cache(maxsize=None)
+def plant_of(name):
+    return PLANTS[name]()
+
+
+@lru_cache(maxsize=None)
 def calibrated(name, loop):
     """The plant, its linearisation and its law; rms of outputs without noise, and sizes that process noise has there.
 
     The process noise is white in every state, in proportion to its rms under excitation.
     """
-    plant = PLANTS[name]()
+    plant = plant_of(name)
     matrices = linearise(plant)
     law = None if loop == "open" else feedback(plant, matrices, loop == "same-step")
     rng, (a, b, c, d), count = np.random.default_rng(1), matrices, 200
@@ -206,7 +212,7 @@ def calibrated(name, loop):
 
 def truth_of(name, condition):
     """The truth of a plant under a condition, in the units of the plant."""
-    loop = condition.loop_of(PLANTS[name]())
+    loop = condition.loop_of(plant_of(name))
     plant, matrices, law, y_rms, w_std = calibrated(name, loop)
     (a, b, c, d), y_scale = matrices, output_scale(plant, matrices)
     process, measurement = SHARES[condition.noise]
@@ -214,16 +220,10 @@ def truth_of(name, condition):
     q, r = np.diag((process * w_std) ** 2), np.diag((measurement * y_rms) ** 2)
     p0 = np.diag(plant.x_std**2) if condition.initial == "unknown" else np.zeros((n, n))
     if condition.coloured:  # nine tenths of the variance
-        a = np.array([block(each, POLE * np.eye(m)) for each in a])
+        a = np.array([block_diag(each, POLE * np.eye(m)) for each in a])
         b = np.concatenate([b, np.zeros((steps, m, b.shape[2]))], 1)
         c = np.concatenate([c, np.tile(np.eye(m), (steps, 1, 1))], 2)
-        q, p0 = block(q, 0.9 * (1 - POLE**2) * r), block(p0, 0.9 * r)
+        q, p0 = block_diag(q, 0.9 * (1 - POLE**2) * r), block_diag(p0, 0.9 * r)
         r = 0.1 * r
     system = System(a, b, c, d, np.tile(q, (steps, 1, 1)), np.tile(r, (steps, 1, 1)), p0)
     return Truth(plant, system, law, *deviations(plant, condition.coloured), y_rms, y_scale)
-
-
-def block(first, second):
-    """The block diagonal matrix of two square matrices."""
-    n, m = len(first), len(second)
-    return np.block([[first, np.zeros((n, m))], [np.zeros((m, n)), second]])
