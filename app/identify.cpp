@@ -123,8 +123,11 @@ Json json(const RefinementChoice& choice) {
          {"iterations", choice.iterations},
          {"trials", Json::array()}};
   for (const RefinementTrial& t : choice.trials)
-    j["trials"].push_back(
-        {{"states", t.states}, {"smoothing", t.smoothing}, {"iterations", t.iterations}, {"error", std::exp(t.error)}});
+    j["trials"].push_back({{"states", t.states},
+                           {"smoothing", t.smoothing},
+                           {"iterations", t.iterations},
+                           {"error", std::exp(t.error)},
+                           {"log_likelihood", t.log_likelihood}});
   return j;
 }
 
@@ -197,14 +200,14 @@ void add_refinement(const Identification& result, Page& page) {
   const RefinementChoice& choice = result.refinement;
   if (choice.trials.empty()) return;
   const double before = std::exp(choice.trials.front().error), after = std::exp(choice.error);
-  const bool lowered = std::any_of(choice.trials.begin(), choice.trials.end(), [&](const RefinementTrial& t) {
-    return t.error < choice.trials.front().error - std::log(RefinementChoice::worth_it);
+  const bool dropped = std::any_of(result.findings.begin(), result.findings.end(), [](const Finding& finding) {
+    return finding.kind == Finding::Kind::em_worse_one_step || finding.kind == Finding::Kind::em_worse_simulation;
   });
   page.row("Refinement", choice.iterations > 0
                              ? fmt::format("{} of EM with lambda = {}: mean cross-validation error {} instead of {}",
                                            plural(choice.iterations, "iteration"), penalty(choice.smoothing),
                                            share(after), share(before))
-                         : lowered
+                         : dropped
                              ? "none: EM helped in cross-validation but not on the full data; its result was dropped"
                              : "none: EM did not lower the cross-validation error");
 }

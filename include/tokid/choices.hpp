@@ -47,20 +47,20 @@ struct OrderScores {
 struct RefinementTrial {
   Index states = 0;        // n
   double smoothing = 0.0;  // λ of EM
-  Index iterations = 0;    // 0: the subspace model without EM
+  Index iterations = 0;    // most iterations of EM; 0: the subspace model without EM
   double error = 0.0;      // mean() of the logs of its errors, as in OrderScores
+  // Mean over the held-out experiments. NaN without EM; -∞ if EM failed.
+  double log_likelihood = std::numeric_limits<double>::quiet_NaN();
 };
-// The choice between all trials. Filled if EM was tried.
+// The choice between all trials, by the log-likelihood of the held-out experiments. Filled if EM was tried.
 struct RefinementChoice {
-  static constexpr double worth_it = 1.005;  // EM is used only if it lowers the error by this factor
   std::vector<RefinementTrial> trials;
-  // n: OrderScores::best, or another number that EM tried: fewer states if the error is about the same after EM; more
-  // states if missing samples leave few windows and the error is clearly smaller.
+  // n: OrderScores::best, or another number that EM tried: more states if they raise the likelihood significantly,
+  // fewer if they do not reduce it significantly.
   Index states = 0;
   double smoothing = 0.0;
-  Index iterations = 0;  // 0: no refinement
+  Index iterations = 0;  // most iterations of EM; 0: no refinement
   double error = 0.0;
   double one_step = 0.0;  // log of the one-step error alone; set if there are iterations
 };
-
 }  // namespace tokid

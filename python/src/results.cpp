@@ -106,8 +106,11 @@ nb::any object_of(const OrderScores& s) {
 }
 
 nb::any object_of(const RefinementTrial& t) {
-  return make("RefinementTrial",
-              {{"states", t.states}, {"smoothing", t.smoothing}, {"iterations", t.iterations}, {"error", t.error}});
+  return make("RefinementTrial", {{"states", t.states},
+                                  {"smoothing", t.smoothing},
+                                  {"iterations", t.iterations},
+                                  {"error", t.error},
+                                  {"log_likelihood", t.log_likelihood}});
 }
 
 nb::any object_of(const RefinementChoice& c) {

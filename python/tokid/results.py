@@ -582,17 +582,20 @@ class RefinementTrial(_Result):
         Iterations of EM. 0: the model before EM.
     error : float
         Mean log of the errors, as in `OrderScores`.
+    log_likelihood : float
+        Mean over the held-out experiments. NaN without EM.
     """
 
     states: int
     smoothing: float
     iterations: int
     error: float
+    log_likelihood: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RefinementChoice(_Result):
-    """The cross-validation of EM; without trials if EM was not tried.
+    """The cross-validation of EM, by the likelihood of held-out experiments; without trials if EM was not tried.
 
     Attributes
     ----------

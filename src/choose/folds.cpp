@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <memory>
+#include <numeric>
 #include <span>
 
 #include "tokid/em.hpp"
@@ -13,22 +16,29 @@ namespace tokid {
 
 namespace {
 
-// Number of orders that are tried after the best order so far, without EM and with EM.
-constexpr Index patience = 4, refined_patience = 2;
+// Number of orders that are tried after the best order so far.
+constexpr Index patience = 4;
+// A larger order must raise the likelihood by `significant` standard errors, and a smaller order may reduce it by
+// `noticeable` ones. The search for λ goes on while the likelihood rises by more than `noticeable` ones.
+constexpr double significant = 2.0, noticeable = 1.0;
 // Most folds that validate EM. EM takes longer than all other choices.
 constexpr size_t most_refined = 3;
-// Iterations of EM between two evaluations of the cross-validation error. With a penalty on variation, few iterations
-// are sometimes the best. If steps share their matrices, EM needs more iterations, but an iteration takes less time.
-constexpr Index varying_stages[] = {1, 2, 5, 15, 40}, pooled_stages[] = {10, 30, 100};
+// Iterations of EM, after those of the warm-up, between two evaluations. For few experiments, few iterations are often
+// the best. If steps share their matrices, EM needs more iterations, but an iteration takes less time.
+constexpr Index varying_stages[] = {3, 5, 40, 120}, pooled_stages[] = {10, 30, 100};
+// Further stages follow only for the best λ.
+constexpr size_t stages_of_all = 3;
 std::span<const Index> refinement_stages(Index period) {
   if (period > 0) return pooled_stages;
   return varying_stages;
 }
-// A refinement or a larger order must reduce the error by the factor `worth_it`. If the errors are uncertain, the
-// required factor of a larger order is higher, but at most `most_uncertain`.
-constexpr double worth_it = RefinementChoice::worth_it, most_uncertain = 1.02;
-// The search for the λ of EM starts at this share of the ARX model's λ.
-constexpr double refined_share = 0.1;
+// A usual λ of EM, bounds of its first λ, and the largest λ. With a larger one EM does not converge in these stages.
+constexpr double usual = 3.0, first_least = 1e-2, first_most = 1e2, largest = 320.0;
+// The most half decades that a search goes in one direction.
+constexpr Index most_moves = 6;
+// A larger order must reduce the error of subspace models by the factor `worth_it`. If the errors are uncertain, the
+// required factor is higher, but at most `most_uncertain`.
+constexpr double worth_it = 1.005, most_uncertain = 1.02;
 
 Errors mean_of(const std::vector<Errors>& folds) {
   Errors mean;
@@ -139,7 +149,7 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
 }
 
 template <class MakeModel>
-std::optional<std::vector<Errors>> Folds::errors_of_folds(size_t count, Index states, MakeModel&& make,
+std::optional<std::vector<Errors>> Folds::errors_of_folds(size_t count, Index states, MakeModel&& make, Index first,
                                                           const std::vector<Computed>& like) const {
   std::vector<Errors> found(count);
   std::vector<char> complete(count, 0);
@@ -148,7 +158,7 @@ std::optional<std::vector<Errors>> Folds::errors_of_folds(size_t count, Index st
       Model model = make(size_t(f));
       if (model.steps() == 0 || model.states() != states) continue;
       const Ensemble& held_out = folds_[size_t(f)].data.held_out;
-      found[size_t(f)] = errors_of(computed_by(std::move(model), held_out, options_.initial_state, first_), held_out,
+      found[size_t(f)] = errors_of(computed_by(std::move(model), held_out, options_.initial_state, first), held_out,
                                    size_t(f) < like.size() ? &like[size_t(f)] : nullptr);
       complete[size_t(f)] = 1;
     }
@@ -176,7 +186,8 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
   size_t best = 0;
   std::vector<std::vector<Errors>> of_order;
   for (Index n = least; n <= most && n <= least + Index(best) + patience; ++n) {
-    const auto found = errors_of_folds(folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); });
+    const auto found = errors_of_folds(
+        folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); }, first_);
     if (!found) break;
     of_order.push_back(*found);
     const Errors errors = mean_of(*found);
@@ -217,48 +228,149 @@ OrderScores Folds::choose_states(std::optional<Index> states, Index most) const 
   return all;
 }
 
-// The cross-validation of EM for one number of states: EM with several λ, from subspace models with the same λ.
+// Log-likelihoods of the held-out experiments of all folds.
+class Folds::Likelihood {
+ public:
+  Likelihood() = default;
+  explicit Likelihood(const std::vector<Vector>& folds) {
+    for (const Vector& fold : folds) of_experiment_.insert(of_experiment_.end(), fold.begin(), fold.end());
+  }
+
+  // -∞ if there is none, or not a finite one.
+  double sum() const {
+    const double all = std::accumulate(of_experiment_.begin(), of_experiment_.end(), 0.0);
+    return of_experiment_.empty() || !std::isfinite(all) ? -std::numeric_limits<double>::infinity() : all;
+  }
+  double mean() const { return sum() / std::max(1.0, double(of_experiment_.size())); }
+  // The difference of the sums, in units of its standard error over the experiments. ±∞ if one sum is not finite.
+  double advantage(const Likelihood& other) const {
+    if (!std::isfinite(sum())) return -std::numeric_limits<double>::infinity();
+    if (!std::isfinite(other.sum())) return std::numeric_limits<double>::infinity();
+    const double count = double(of_experiment_.size()), difference = sum() - other.sum();
+    double square = 0.0;
+    for (size_t i = 0; i < of_experiment_.size(); ++i)
+      square += std::pow(of_experiment_[i] - other.of_experiment_[i] - difference / count, 2);
+    return difference / std::sqrt(std::max(square * count / std::max(1.0, count - 1), 1e-300));
+  }
+
+ private:
+  std::vector<double> of_experiment_;
+};
+
+namespace {
+
+// The least variance of each output's noise that counts in a likelihood, from one-step predictions. Otherwise an output
+// that is exact, or exact up to a few digits, would decide alone.
+Vector least_variance(const Computed& start, const Ensemble& data) {
+  Vector error = Vector::Zero(data.outputs()), size = error;
+  for (Index k = 0; k < data.steps(); ++k)
+    for (Index j = 0; j < data.outputs(); ++j) {
+      const Eigen::ArrayXd y = data.output(k).col(j), e = y - start.one_step.output(k).col(j).array();
+      error(j) += e.isFinite().select(e.square(), 0.0).sum();
+      size(j) += e.isFinite().select(y.square(), 0.0).sum() / double(data.steps() * data.experiments());
+    }
+  const Vector relative = (size.array() > 0).select(error.array() / size.array(), 0.0);
+  return least_counted * least_counted * relative.maxCoeff() / double(data.steps() * data.experiments()) * size;
+}
+
+// Log-likelihoods of the experiments if the outputs had additional noise with these variances.
+Vector log_likelihoods_with(const Vector& variances, Model model, const Ensemble& data) {
+  for (Step& step : model.step) step.set_R(step.R() + Matrix(variances.asDiagonal()));
+  return log_likelihoods(model, data);
+}
+
+}  // namespace
+
+// The cross-validation of EM for one number of states.
 class Folds::RefinementSearch {
  public:
   RefinementSearch(const Folds& folds, Index states, const OrderScores& scores)
-      : folds_(folds), scores_(scores), count_(std::min(folds.folds_.size(), most_refined)), models_(count_) {
+      : folds_(folds),
+        count_(std::min(folds.folds_.size(), most_refined)),
+        starts_(count_),
+        like_(count_),
+        least_variance_(count_) {
     choice_.states = states;
-    start(scores.smoothing);
-    choice_.error = evaluate().mean();
-    // EM can predict samples after missing samples that subspace models cannot predict. These samples are not compared.
-    like_.resize(count_);
     for_each_fold([&](size_t f) {
-      like_[f] = computed_by(models_[f], folds_.folds_[f].data.held_out, folds_.options_.initial_state, folds_.first_);
+      starts_[f] = folds_.start(f, states, scores.weighting, scores.smoothing);
+      // EM can predict samples after missing samples that subspace models cannot predict. These samples are not
+      // compared.
+      like_[f] = computed_by(starts_[f], folds_.folds_[f].data.held_out, folds_.options_.initial_state, folds_.first_);
+      least_variance_[f] = least_variance(like_[f], folds_.folds_[f].data.held_out);
     });
-    choice_.trials.push_back({states, 0.0, 0, choice_.error});
+    choice_.error = errors(starts_, folds.first_).mean();
+    choice_.trials.push_back({.states = states, .error = choice_.error});
   }
 
-  // Runs EM with this λ. Returns the smallest error of all stages.
-  double climb(double smoothing) {
-    start(smoothing);
-    double least = std::numeric_limits<double>::infinity();
-    Index done = 0;
-    for (const Index stage : refinement_stages(folds_.options_.variation.period)) {
-      refine_all(smoothing, stage);
-      done += stage;
-      const Errors errors = evaluate();
-      const double error = errors.mean();
-      choice_.trials.push_back({choice_.states, smoothing, done, error});
-      if (error < choice_.error - (choice_.iterations > 0 ? 0.0 : std::log(worth_it))) {
-        choice_.error = error;
-        choice_.one_step = errors.one_step;
-        choice_.smoothing = smoothing;
-        choice_.iterations = done;
-      }
-      if (!(error < least)) break;
-      least = error;
+  // Tries λ, or only the given one. The last stage follows only for the best λ.
+  void run(std::optional<double> smoothing_given) {
+    if (folds_.options_.variation.period == 1) smoothing_given = 0.0;
+    if (smoothing_given)
+      attempt(*smoothing_given);
+    else
+      choose_smoothing();
+    continue_best();
+  }
+
+  bool empty() const { return attempts_.empty(); }
+  // Of the best λ.
+  const Likelihood& likelihood() const { return chosen()->likelihood; }
+  double smoothing() const { return chosen()->smoothing; }
+  double error() const { return chosen()->error; }
+  const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
+
+  // EM is used if it predicts the samples that subspace models predict, too, clearly better than they do. With unknown
+  // initial states, models of EM begin earlier, and may be a little worse at the later steps. If the best attempt is
+  // not used, the attempt with the smallest errors may be.
+  RefinementChoice choice() && {
+    if (empty()) return std::move(choice_);
+    choice_.smoothing = smoothing();
+    const bool begins_earlier = folds_.first_ > 0 && !pooled();
+    const double limit = choice_.error + std::log(begins_earlier ? most_uncertain : 1 / worth_it);
+    for (const Attempt* attempt : {chosen(), least_error()}) {
+      const Errors common = errors(attempt->models, folds_.first_, like_);
+      if (common.mean() > limit) continue;
+      choice_.smoothing = attempt->smoothing;
+      choice_.iterations = attempt->iterations;
+      choice_.one_step = common.one_step;
+      choice_.error = attempt->error;
+      break;
     }
-    return least;
+    return std::move(choice_);
   }
-
-  RefinementChoice choice() && { return std::move(choice_); }
 
  private:
+  // EM that did not fail.
+  struct Attempt {
+    double smoothing = 0.0;
+    Index iterations = 0;
+    double error = 0.0;
+    Likelihood likelihood;
+    std::vector<Model> models;
+  };
+
+  bool pooled() const { return folds_.options_.variation.period > 0; }
+
+  const Attempt* least_error() const {
+    const auto smaller = [](const Attempt& a, const Attempt& b) { return a.error < b.error; };
+    return &*std::min_element(attempts_.begin(), attempts_.end(), smaller);
+  }
+
+  // The attempt with the smallest errors of those whose likelihood does not differ significantly from the largest. With
+  // few experiments, or noise that is not normal, the likelihood alone would decide too finely. If steps share their
+  // matrices, there may be very few experiments. Their initial states would decide the likelihood, so the errors
+  // decide.
+  const Attempt* chosen() const {
+    if (pooled()) return least_error();
+    const Attempt* likeliest = &attempts_.front();
+    for (const Attempt& a : attempts_)
+      if (a.likelihood.sum() > likeliest->likelihood.sum()) likeliest = &a;
+    const Attempt* best = likeliest;
+    for (const Attempt& a : attempts_)
+      if (a.error < best->error && likeliest->likelihood.advantage(a.likelihood) < significant) best = &a;
+    return best;
+  }
+
   template <class Change>
   void for_each_fold(Change&& change) {
     parallel_for(0, Index(count_), {folds_.options_.threads, {}}, [&](Index begin, Index end) {
@@ -266,89 +378,145 @@ class Folds::RefinementSearch {
     });
   }
 
-  void start(double smoothing) {
-    for_each_fold([&](size_t f) { models_[f] = folds_.start(f, choice_.states, scores_.weighting, smoothing); });
+  void choose_smoothing() {
+    double best = std::clamp(folds_.options_.variation.smoothing, first_least, first_most);
+    Likelihood most = attempt(best);
+    const auto try_other = [&](double smoothing) {
+      Likelihood found = attempt(smoothing);
+      if (!(found.advantage(most) > noticeable)) return false;
+      most = std::move(found);
+      best = smoothing;
+      return true;
+    };
+    // The λ of the ARX model may be far from the best λ of EM. The likelihood may then have a second maximum.
+    if (std::abs(std::log10(best / usual)) > 0.9) try_other(usual);
+    for (const double factor : {std::sqrt(10.0), std::sqrt(0.1)}) {
+      Index moves = 0;
+      while (moves < most_moves && best * factor < largest && try_other(best * factor)) ++moves;
+      if (moves > 0) break;
+    }
+    if (!empty() && least_error()->error > choice_.error) approach_start();
   }
 
-  void refine_all(double smoothing, Index iterations) {
+  // If no attempt predicts better than the subspace models, attempts with less penalty may: they stay closer to them.
+  void approach_start() {
+    const auto weaker = [](const Attempt& a, const Attempt& b) { return a.smoothing < b.smoothing; };
+    double smoothing = std::min_element(attempts_.begin(), attempts_.end(), weaker)->smoothing;
+    for (Index moves = 0; moves < most_moves; ++moves) {
+      const double least = least_error()->error;
+      attempt(smoothing *= std::sqrt(0.1));
+      if (!(least_error()->error < least)) return;
+    }
+  }
+
+  // The further stages, if EM has not been best before.
+  void continue_best() {
+    if (attempts_.empty()) return;
+    Attempt now = *chosen();
+    const auto stages = refinement_stages(folds_.options_.variation.period), first = stages.first(stages_of_all);
+    if (now.iterations < std::accumulate(first.begin(), first.end(), Index{0})) return;
+    for (const Index stage : stages.subspan(stages_of_all)) {
+      now = refined(std::move(now), stage);
+      if (std::isfinite(now.likelihood.sum())) attempts_.push_back(now);
+    }
+  }
+
+  // EM with this λ, from subspace models. Returns the largest log-likelihood of the held-out experiments.
+  Likelihood attempt(double smoothing) {
+    Attempt now{smoothing, 0, 0.0, {}, starts_};
+    Likelihood most;
+    for (const Index stage : refinement_stages(folds_.options_.variation.period).first(stages_of_all)) {
+      now = refined(std::move(now), stage);
+      if (now.likelihood.sum() > most.sum()) most = now.likelihood;
+      if (std::isfinite(now.likelihood.sum())) attempts_.push_back(now);
+    }
+    return most;
+  }
+
+  Attempt refined(Attempt start, Index iterations) {
+    std::vector<Vector> found(count_);
+    for_each_fold([&](size_t f) {
+      const Split& data = folds_.folds_[f].data;
+      start.models[f] = refined_by(start.smoothing, iterations, data.training, std::move(start.models[f]));
+      if (start.models[f].steps() > 0)
+        found[f] = log_likelihoods_with(least_variance_[f], start.models[f], data.held_out);
+    });
+    const bool all = std::all_of(found.begin(), found.end(), [](const Vector& fold) { return fold.size() > 0; });
+    start.likelihood = all ? Likelihood(found) : Likelihood();
+    start.error = (pooled() ? errors(start.models, folds_.first_, like_) : errors(start.models, 0)).mean();
+    start.iterations += iterations;
+    choice_.trials.push_back({choice_.states, start.smoothing, start.iterations, start.error, start.likelihood.mean()});
+    return start;
+  }
+
+  // Empty if EM fails: this λ is ruled out.
+  Model refined_by(double smoothing, Index iterations, const Ensemble& training, Model start) const {
+    if (start.steps() == 0) return start;
     RefineOptions o;
     o.smoothing = smoothing;
     o.period = folds_.options_.variation.period;
     o.iterations = iterations;
     o.initial_state = folds_.options_.initial_state;
     o.feedthrough = folds_.options_.feedthrough;
-    for_each_fold([&](size_t f) {
-      try {
-        if (models_[f].steps() > 0) models_[f] = refine(models_[f], folds_.folds_[f].data.training, o).model;
-      } catch (const std::runtime_error&) {
-        models_[f] = {};  // EM failed: this λ is ruled out
-      }
-    });
+    try {
+      return refine(start, training, o).model;
+    } catch (const std::runtime_error&) {
+      return {};
+    }
   }
 
-  Errors evaluate() {
+  Errors errors(const std::vector<Model>& models, Index first, const std::vector<Computed>& like = {}) const {
     const auto found = folds_.errors_of_folds(
-        count_, choice_.states, [&](size_t f) { return models_[f]; }, like_);
+        count_, choice_.states, [&](size_t f) { return models[f]; }, first, like);
     constexpr double none = std::numeric_limits<double>::infinity();
     return found ? mean_of(*found) : Errors{none, none, none};
   }
 
   const Folds& folds_;
-  const OrderScores& scores_;
   size_t count_;
-  std::vector<Model> models_;
+  std::vector<Model> starts_;  // subspace models
   std::vector<Computed> like_;
+  std::vector<Vector> least_variance_;  // as in least_variance, of each fold
+  std::vector<Attempt> attempts_;
   RefinementChoice choice_;
 };
 
-RefinementChoice Folds::choose_refinement(Index states, const OrderScores& scores,
+RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
                                           std::optional<double> smoothing_given) const {
-  RefinementSearch search(*this, states, scores);
-  if (options_.variation.period == 1) smoothing_given = 0.0;
-  if (smoothing_given) {
-    search.climb(*smoothing_given);
-    return std::move(search).choice();
-  }
-  const double first = std::clamp(refined_share * options_.variation.smoothing, 1e-2, 1e2);
-  double least = search.climb(first);
-  for (const double factor : {std::sqrt(10.0), std::sqrt(0.1)}) {
-    double smoothing = first;
-    for (int step = 0; step < 6; ++step) {
-      smoothing *= factor;
-      const double error = search.climb(smoothing);
-      if (!(error < least)) break;
-      least = error;
-    }
-    if (smoothing != first * factor) break;
-  }
-  return std::move(search).choice();
-}
-
-RefinementChoice Folds::reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most,
-                                          std::optional<double> smoothing_given) const {
-  const Index first = choice.states;
-  double least = choice.error;
-  const auto try_order = [&](Index n, std::optional<double> smoothing, double limit) {
-    RefinementChoice other = choose_refinement(n, scores, smoothing);
-    other.trials.insert(other.trials.begin(), choice.trials.begin(), choice.trials.end());
-    least = std::min(least, other.error);
-    if (other.iterations > 0 && other.error < limit)
-      choice = std::move(other);
-    else
-      choice.trials = std::move(other.trials);
+  auto best = std::make_unique<RefinementSearch>(*this, states, scores);
+  best->run(smoothing_given);
+  std::vector<RefinementTrial> trials = best->trials();
+  const bool pooled = options_.variation.period > 0;
+  // Takes the other number of states if its likelihood has this advantage, in standard errors, and its error is below
+  // the present one times `allowed`.
+  const auto take_if = [&](std::unique_ptr<RefinementSearch> other, double advantage, double allowed) {
+    trials.insert(trials.end(), other->trials().begin(), other->trials().end());
+    if (other->empty() || !(other->error() < best->error() + std::log(allowed))) return false;
+    if (!pooled && !(other->likelihood().advantage(best->likelihood()) > advantage)) return false;
+    best = std::move(other);
+    return true;
   };
-  for (Index n = first + 1; n <= std::min(choice.states + refined_patience, most); ++n)
-    try_order(n, choice.smoothing, choice.error - std::log(most_uncertain));
-  for (Index n = first - 1; choice.states <= first && n >= std::max<Index>(1, choice.states - refined_patience); --n)
-    try_order(n, choice.smoothing, least + std::log(worth_it));
-  // The best λ may differ for this number of states.
-  if (choice.states != first && options_.variation.period != 1 && !smoothing_given)
-    try_order(choice.states, std::nullopt, choice.error);
+  const auto try_order = [&](Index n, double advantage, double allowed) {
+    auto other = std::make_unique<RefinementSearch>(*this, n, scores);
+    other->run(best->smoothing());
+    return take_if(std::move(other), advantage, allowed);
+  };
+  const double larger = pooled ? 1 / most_uncertain : 1.0;
+  Index n = states;
+  while (!best->empty() && n < orders.most && try_order(n + 1, significant, larger)) ++n;
+  if (n == states)
+    while (!best->empty() && n > orders.fewest && try_order(n - 1, -noticeable, worth_it)) --n;
+  if (n != states && !smoothing_given) {  // the best λ may differ for this number of states
+    auto again = std::make_unique<RefinementSearch>(*this, n, scores);
+    again->run({});
+    take_if(std::move(again), -noticeable, 1.0);
+  }
+  RefinementChoice choice = std::move(*best).choice();
+  choice.trials = std::move(trials);
   return choice;
 }
 
-Model refined(Model model, const Ensemble& data, double smoothing, Index iterations, RefineOptions options) {
-  options.smoothing = smoothing;
+Model refined(Model model, const Ensemble& data, Index iterations, RefineOptions options) {
   Index done = 0;
   for (const Index stage : refinement_stages(options.period.value_or(0))) {
     if (done >= iterations) break;

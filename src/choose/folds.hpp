@@ -32,8 +32,13 @@ Errors errors_of(Computed computed, const Ensemble& data, const Computed* like =
 // this step on is used to estimate an initial state.
 Index first_scored(InitialState initial, Index lags, Index period);
 
-// Runs this many iterations of EM with this λ, in the same stages as cross-validation does.
-Model refined(Model model, const Ensemble& data, double smoothing, Index iterations, RefineOptions options);
+// Runs this many iterations of EM, in the same stages as cross-validation does.
+Model refined(Model model, const Ensemble& data, Index iterations, RefineOptions options);
+
+// The range of numbers of states to choose from.
+struct OrderRange {
+  Index fewest = 1, most = 1;
+};
 
 class Folds {
  public:
@@ -51,18 +56,14 @@ class Folds {
 
   // Chooses n, the weighting and the λ of the regressions on states. `states`: n, if it is given.
   OrderScores choose_states(std::optional<Index> states, Index most) const;
-  // Chooses the number of EM iterations and, unless it is given, the λ of EM. EM starts from subspace models with this
-  // number of states, the weighting of the scores, and the λ of EM. The errors after EM are compared with the errors of
-  // subspace models with the λ of the scores.
-  RefinementChoice choose_refinement(Index states, const OrderScores& scores,
-                                     std::optional<double> smoothing = std::nullopt) const;
-  // Tries EM with other numbers of states. Takes fewer states if the error after EM is about the same, because subspace
-  // models need extra states for dynamics that are longer than their lags. Takes more states, up to `most`, if the
-  // error after EM is clearly smaller.
-  RefinementChoice reconsider_states(RefinementChoice choice, const OrderScores& scores, Index most,
+  // Chooses n and the λ of EM by the likelihood of held-out experiments. EM starts from subspace models with the
+  // weighting of the scores. It begins with `states`. Then it tries more states, which must raise the likelihood
+  // significantly, or fewer, which must not reduce it significantly.
+  RefinementChoice choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
                                      std::optional<double> smoothing = std::nullopt) const;
 
  private:
+  class Likelihood;
   class RefinementSearch;
   struct Fold {
     Split data;
@@ -73,7 +74,7 @@ class Folds {
   OrderScores scores(Weighting weighting, double smoothing, Index least, Index most) const;
   // The errors of the models of the first `count` folds; empty if a model does not have this number of states.
   template <class MakeModel>
-  std::optional<std::vector<Errors>> errors_of_folds(size_t count, Index states, MakeModel&& make,
+  std::optional<std::vector<Errors>> errors_of_folds(size_t count, Index states, MakeModel&& make, Index first,
                                                      const std::vector<Computed>& like = {}) const;
 
   Options options_;

@@ -78,18 +78,14 @@ void realise_in_scored_order(const Ensemble& data, GtvArx arx, const Execution& 
   result.model = completed(realise(parameters, factors, o), data, arx, plan);
 }
 
-RefineOptions refine_options(const Plan& plan, const Execution& execution) {
+Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Execution& execution) {
   RefineOptions o;
+  o.smoothing = plan.choices.refinement_smoothing;
   o.period = plan.choices.variation.period;
   o.initial_state = plan.initial_state;
   o.feedthrough = plan.feedthrough;
   o.execution.threads = execution.threads;
-  return o;
-}
-
-Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Execution& execution) {
-  return refined(std::move(model), data, plan.choices.refinement_smoothing, plan.choices.refinement_iterations,
-                 refine_options(plan, execution));
+  return refined(std::move(model), data, plan.choices.refinement_iterations, o);
 }
 
 // The weightings to choose from. Projection needs many windows of 2p steps: more than the number of samples in one
@@ -120,10 +116,10 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   const Errors before = errors_of(start, data);
   result.refinement = choice;
 
-  // EM starts from the subspace model with the λ of EM. If this result is not accepted, EM starts from the plain
-  // subspace model.
-  std::vector<double> starts{choice.smoothing};
-  if (plain.choices.state_smoothing != choice.smoothing) starts.push_back(plain.choices.state_smoothing);
+  // EM starts from the subspace model, as in cross-validation. If this result is not accepted, EM starts from the
+  // subspace model with the λ of EM.
+  std::vector<double> starts{plain.choices.state_smoothing};
+  if (plain.choices.state_smoothing != choice.smoothing) starts.push_back(choice.smoothing);
   bool one_step = true;
   Errors best = before;
   std::optional<std::pair<Model, Plan>> fallback;
@@ -185,13 +181,9 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
   if (!options.refine.value_or(true) || result.model.states() == 0 || result.model.states() < plan.states) return;
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
-  RefinementChoice choice = folds.choose_refinement(plan.states, scores, stated);
+  const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
+  RefinementChoice choice = folds.choose_refinement(plan.states, orders, scores, stated);
   if (choice.iterations > 0) {
-    // If few windows have no missing sample, subspace models may lack states. EM uses every sample, so it may find more
-    // states.
-    if (!options.states)
-      choice = folds.reconsider_states(std::move(choice), scores,
-                                       windows_are_scarce(selection, plan.lags) ? most : plan.states, stated);
     refine_if_better(data, arx, choice, options.execution, result);
   } else {
     plan.choices.refinement_smoothing = choice.smoothing;

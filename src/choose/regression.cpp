@@ -23,6 +23,11 @@ namespace {
 constexpr Index most_lags = 16;
 // Most coefficients per output and step that a choice for noisy data tries: the time grows with their cube.
 constexpr Index most_regressors = 160;
+// Largest lag order of a model that varies and from which EM starts. EM does not depend on the lag order, and its start
+// needs only the right states. The time of larger orders is better spent on EM.
+constexpr Index enough_for_em = 12;
+// Windows without a missing sample for each unknown, from which EM starts.
+constexpr Index enough_windows = 16;
 // Most steps that the choices for noisy data use.
 constexpr Index most_selection_steps = 256;
 // `stiff`: λ if missing samples leave too few windows to choose λ. `moderate`: λ if a periodic record is too short to
@@ -116,13 +121,18 @@ std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& dat
   if (options.lags) return {*options.lags};
   const Index needed = least_lags(data, options), first = first_scored(initial, 1, period);
   const bool coupled = period > 0 || options.smoothing != 0.0;
+  const bool starts_em = period == 0 && options.refine.value_or(true);
+  // A start from few windows leads EM to a wrong maximum.
+  const Index windows_each = starts_em && selection.missing() > 0 ? enough_windows : 2;
   std::vector<Index> candidates;
-  for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48})
-    if (const Index unknowns = unknowns_of(data, p, options.feedthrough);
-        p >= needed && 2 * std::max<Index>(1, first) * p < selection.steps() && p + period <= selection.steps() &&
-        (candidates.empty() || unknowns <= most_regressors) && whole_windows(selection, p) >= 2 * unknowns &&
+  for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48}) {
+    const Index unknowns = unknowns_of(data, p, options.feedthrough);
+    const bool small = unknowns <= most_regressors && !(starts_em && p > enough_for_em);
+    if (p >= needed && 2 * std::max<Index>(1, first) * p < selection.steps() && p + period <= selection.steps() &&
+        (candidates.empty() || small) && whole_windows(selection, p) >= windows_each * unknowns &&
         (coupled || unknowns < effective_experiments(data, nominal)))
       candidates.push_back(p);
+  }
   if (candidates.empty()) candidates.push_back(needed);
   return candidates;
 }

@@ -31,8 +31,10 @@ constexpr double samples_per_entry = 20;
 constexpr double noise_spread = 0.1;
 // The variance that outputs keep if a model predicts them exactly, relative to their mean square.
 constexpr double exact = 1e-12;
-// The warm-up uses these shares of the penalty. It skips penalties below `weak`.
-constexpr double warm_up[] = {1.0 / 9, 1.0 / 3}, weak = 0.1;
+// The warm-up uses these shares of the penalty, each for a third of the iterations, but at most `warm_up_iterations`.
+// It skips penalties below `weak`.
+constexpr double warm_up[] = {1.0 / 30, 1.0 / 9, 1.0 / 3}, weak = 0.03;
+constexpr Index warm_up_iterations = 15;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
@@ -393,7 +395,7 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
     if (!options.warm_up || !std::isfinite(options.smoothing) || options.smoothing * share < weak) continue;
     RefineOptions o = options;
     o.smoothing *= share;
-    o.iterations = options.iterations / 3;
+    o.iterations = std::min(options.iterations / 3, warm_up_iterations);
     o.execution.progress = {};
     start = kalman_observer(Climb(start, data, o, initial).run().model);
   }

@@ -43,7 +43,7 @@ def test_the_model_is_that_of_the_independent_experiments(tokid, tmp_path):
     for name in "ABCDG":
         assert np.array_equal(model[name], expected[name])
     judged = tokid.json("validate", tmp_path / "found.npz", fresh)
-    assert min(judged["simulation_fit"]) > 80
+    assert min(judged["simulation_fit"]) > 75  # noise of a tenth, in 20 experiments
     assert "20 of 40 experiments are sums or multiples of others" in (tmp_path / "page.html").read_text()
 
     # What was made of training experiments is on neither side of a fold, and judges no model.
