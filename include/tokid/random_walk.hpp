@@ -16,4 +16,10 @@ namespace tokid {
 // the wrong size, negative entries, or zero entries beside positive ones
 std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness);
 
+// The same for right-hand sides that differ in their stiffness (L × q, all entries positive and finite): column j of
+// each X_g is the solution for column j of the Z_g and of the stiffness. R_g (L × L) must be upper triangular. The
+// columns are solved together, one in each lane of the vector instructions. O(G·q·L³) time, O(G·q·L²) memory.
+// 	hrows std::invalid_argument for rows or a stiffness of the wrong size, or entries that are not positive and finite
+std::vector<Matrix> random_walk_regressions(const std::vector<Matrix>& rows, const Matrix& stiffness);
+
 }  // namespace tokid

@@ -346,7 +346,7 @@ Refinement Climb::run() {
   int small_gains = 0;
   while (result.iterations < options_.iterations && !result.converged) {
     ++result.iterations;
-    em::Parameters plain = estimator_.maximise(now.moments, now.parameters, silent_);
+    em::Parameters plain = estimator_.maximise(now.moments, now.parameters);
     Point next;
     if (options_.accelerate) {
       const std::optional<Vector> guess =

@@ -287,7 +287,7 @@ AccuracyFindings likelihoods(int cases) {
     em::Estimator estimator(model, samples,
                             {.estimate_x0 = true, .innovation_cov = Matrix::Identity(m, m)});
     estimator.set_scales(found.moments, samples);
-    const em::Parameters next = estimator.maximise(found.moments, estimator.start(), {});
+    const em::Parameters next = estimator.maximise(found.moments, estimator.start());
     Accuracy matrices = stage_of("EM: maximising A, B, C, D", "Cholesky roots");
     Accuracy noise = stage_of("EM: maximising Q, R", "Cholesky roots");
     const auto see_regression = [&](const Matrix& moment, double count, const Matrix& coefficients,

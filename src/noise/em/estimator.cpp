@@ -223,8 +223,8 @@ std::vector<Matrix> Estimator::phase_roots(const std::vector<Matrix>& moments, c
 // T makes T V̄ Tᵀ = diag(w) for the noise and T V Tᵀ = I for the penalty, so that the rows of T Θ are independent
 // problems. Only the first `l` of the n + r coefficients are estimated, and the others keep their values.
 std::vector<Matrix> Estimator::regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before,
-                                       const Noise& noise, Index l, const Matrix& reference, const Vector& weight,
-                                       const Execution& execution) const {
+                                       const Noise& noise, Index l, const Matrix& reference,
+                                       const Vector& weight) const {
   const Index q = reference.rows();
   std::vector<Matrix> result(before);
   if (q == 0 || l == 0) return result;
@@ -243,25 +243,18 @@ std::vector<Matrix> Estimator::regress(const std::vector<Matrix>& roots, const s
   const Matrix whitener = whitener_of(reference);
   const linalg::Svd eigen = linalg::svd(whitener * noise.shape[0] * whitener.transpose());
   const Matrix t = eigen.u.transpose() * whitener;
-  std::vector<Matrix> rotated(size_t(phases_), Matrix(q, l));
-  const Execution silent{execution.threads, {}};
-  parallel_for(0, q, silent, [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) {
-      std::vector<Matrix> rows;
-      for (Index g = 0; g < phases_; ++g) {
-        const Matrix& root = roots[size_t(g)];
-        Matrix& block = rows.emplace_back(l, l + 1);
-        block.leftCols(l) = root.topLeftCorner(l, l);
-        block.col(l) = root.topRightCorner(l, q) * t.row(i).transpose();
-        block /= std::sqrt(noise.scale(noise.segment[size_t(g)]));
-      }
-      const std::vector<Matrix> x =
-          random_walk_regression(rows, l, (options_.smoothing * eigen.s(i) * weight.head(l)).cwiseSqrt());
-      for (size_t g = 0; g < x.size(); ++g) rotated[g].row(i) = x[g].transpose();
-    }
-  });
+  std::vector<Matrix> rows;
+  for (Index g = 0; g < phases_; ++g) {
+    const Matrix& root = roots[size_t(g)];
+    Matrix& block = rows.emplace_back(l, l + q);
+    block.leftCols(l) = root.topLeftCorner(l, l);
+    block.rightCols(q).noalias() = root.topRightCorner(l, q) * t.transpose();
+    block /= std::sqrt(noise.scale(noise.segment[size_t(g)]));
+  }
+  const Matrix stiffness = (options_.smoothing * weight.head(l) * eigen.s.transpose()).cwiseSqrt();
+  const std::vector<Matrix> rotated = random_walk_regressions(rows, stiffness);
   const Matrix back = linalg::pseudo_inverse(t);
-  for (size_t g = 0; g < result.size(); ++g) result[g].leftCols(l) = back * rotated[g];
+  for (size_t g = 0; g < result.size(); ++g) result[g].leftCols(l) = back * rotated[g].transpose();
   return result;
 }
 
@@ -299,14 +292,14 @@ void Estimator::update_noise(const std::vector<Matrix>& roots, const Vector& cou
     if (samples(i) > 0) noise.scale(i) = std::max(least, squares(i) / (double(q) * samples(i) * (1 - spent)));
 }
 
-Parameters Estimator::maximise(const kalman::Moments& moments, const Parameters& p, const Execution& execution) const {
+Parameters Estimator::maximise(const kalman::Moments& moments, const Parameters& p) const {
   Parameters next = p;
   Vector moved, measured;
   const std::vector<Matrix> process = phase_roots(moments.moved, moments.moved_count, moved);
   const std::vector<Matrix> output = phase_roots(moments.measured, moments.measured_count, measured);
   const Index all = n_ + r_, of_outputs = options_.feedthrough ? all : n_;
-  next.ab = regress(process, p.ab, p.process, all, process_reference_, process_weight_, execution);
-  next.cd = regress(output, p.cd, p.measurement, of_outputs, measurement_reference_, measurement_weight_, execution);
+  next.ab = regress(process, p.ab, p.process, all, process_reference_, process_weight_);
+  next.cd = regress(output, p.cd, p.measurement, of_outputs, measurement_reference_, measurement_weight_);
   update_noise(process, moved, next.ab, process_floor_, process_spent_, next.process);
   update_noise(output, measured, next.cd, measurement_floor_, measurement_spent_, next.measurement);
   if (options_.estimate_x0 && moments.x0_count > 0) {

@@ -51,7 +51,7 @@ class Estimator {
   double penalty(const Parameters& p) const;  // to be subtracted from the log-likelihood
   // The M-step: increases the expected log-likelihood minus the penalty to its maximum, first over the matrices, then
   // over each covariance with these matrices, and last over the scales with this covariance as shape.
-  Parameters maximise(const kalman::Moments& moments, const Parameters& p, const Execution& execution) const;
+  Parameters maximise(const kalman::Moments& moments, const Parameters& p) const;
   // Gives each segment of this many phases its own noise scale.
   void split_noise(Index phases, Parameters& p) const;
   bool noise_is_pooled() const { return pooled_; }
@@ -67,8 +67,7 @@ class Estimator {
  private:
   std::vector<Matrix> phase_roots(const std::vector<Matrix>& moments, const Vector& counts, Vector& totals) const;
   std::vector<Matrix> regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before, const Noise& noise,
-                              Index regressors, const Matrix& reference, const Vector& weight,
-                              const Execution& execution) const;
+                              Index regressors, const Matrix& reference, const Vector& weight) const;
   void update_noise(const std::vector<Matrix>& roots, const Vector& counts, const std::vector<Matrix>& coefficients,
                     const Vector& floor, double spent, Noise& noise) const;
 
