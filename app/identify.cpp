@@ -121,13 +121,17 @@ Json json(const RefinementChoice& choice) {
   Json j{{"states", choice.states},
          {"smoothing", choice.smoothing},
          {"iterations", choice.iterations},
+         {"jumps", Json::array()},
          {"trials", Json::array()}};
+  for (const Jump& jump : choice.jumps)
+    j["jumps"].push_back({{"step", jump.step}, {"loss", jump.loss ? Json(*jump.loss) : Json()}});
   for (const RefinementTrial& t : choice.trials)
     j["trials"].push_back({{"states", t.states},
                            {"smoothing", t.smoothing},
                            {"iterations", t.iterations},
                            {"error", std::exp(t.error)},
-                           {"log_likelihood", t.log_likelihood}});
+                           {"log_likelihood", t.log_likelihood},
+                           {"jumps", t.jumps}});
   return j;
 }
 
@@ -212,6 +216,18 @@ void add_refinement(const Identification& result, Page& page) {
                              : "none: EM did not lower the cross-validation error");
 }
 
+void add_jumps(const Call& call, const Identification& result, Page& page) {
+  const std::vector<Jump>& jumps = result.refinement.jumps;
+  if (jumps.empty() || result.refinement.iterations == 0) return;
+  std::vector<std::string> texts;
+  for (const Jump& jump : jumps)
+    texts.push_back(jump.loss ? fmt::format("{} ({:.1f} standard errors)", jump.step, *jump.loss)
+                              : std::to_string(jump.step));
+  page.row("Jumps", fmt::format("the matrices jump at {} {}, {}", jumps.size() > 1 ? "the steps" : "step",
+                                fmt::join(texts, ", "),
+                                call.options.jumps ? "as asked" : "by the likelihood in cross-validation"));
+}
+
 void add_states(const Call& call, const Identification& result, Page& page) {
   const Model& model = result.model;
   const bool tried = !result.order_scores.states.empty();
@@ -230,6 +246,7 @@ void add_states(const Call& call, const Identification& result, Page& page) {
   if (decided_after_em(result)) trial.best = result.refinement.states;
   add_trial(trial, page);
   add_refinement(result, page);
+  add_jumps(call, result, page);
   page.row("Model",
            fmt::format("{}, {} frame, steps {} to {}, all {} from {} to {}", model.method, model.frame, model.k_begin,
                        model.k_end() - 1, plural(model.states(), "state"), model.full_begin(), model.full_end() - 1));

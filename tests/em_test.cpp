@@ -549,4 +549,69 @@ TEST(Refine, BadInputs) {
 }
 
 }  // namespace
+// A system of constant matrices until the step `at`, and of others from there on.
+Model jumping_system(const SystemSize& size, Index steps, Index at) {
+  Model system = noisy_system(size, steps, InitialState::zero, 1, true);
+  const Model other = noisy_system(size, steps, InitialState::zero, 2, true);
+  for (Index k = at; k < steps; ++k) {
+    Step& step = system.step[size_t(k)];
+    step.A() = other.step[size_t(k)].A();
+    step.B() = other.step[size_t(k)].B();
+  }
+  return kalman_observer(std::move(system));
+}
+
+TEST(Jumps, MatricesFollowAJumpAtOnce) {
+  const Index steps = 40, at = 18;
+  const Model system = jumping_system({2, 1, 2}, steps, at);
+  const Ensemble data = noisy_experiments(system, 200, 3);
+  RefineOptions options;
+  options.smoothing = 100;
+  const Model smeared = refine(system, data, options).model;
+  options.jumps = {at};
+  const Model sharp = refine(system, data, options).model;
+  // The pulse responses across the jump, relative to those of the system, with 1 % noise of 200 experiments.
+  const auto error = [&](const Model& model) {
+    double square = 0.0, size = 0.0;
+    for (Index k = at - 3; k < at + 3; ++k)
+      for (Index i = 1; i <= 4; ++i) {
+        square += (pulse_response(model, k + i, k) - pulse_response(system, k + i, k)).squaredNorm();
+        size += pulse_response(system, k + i, k).squaredNorm();
+      }
+    return std::sqrt(square / size);
+  };
+  EXPECT_LT(error(sharp), 0.05);
+  EXPECT_GT(error(smeared), 3 * error(sharp));
+}
+
+TEST(Jumps, GainsAreTheLargestAtTheJump) {
+  const Index steps = 40;
+  for (const Index at : {7, 18, 31}) {
+    const Model system = jumping_system({2, 1, 2}, steps, at);
+    const Ensemble data = noisy_experiments(system, 100, std::uint64_t(at));
+    RefineOptions options;
+    options.smoothing = 10;
+    const Model model = refine(system, data, options).model;
+    const Vector gains = jump_gains(model, data, options);
+    ASSERT_EQ(gains.size(), steps);
+    Index largest = 0;
+    gains.maxCoeff(&largest);
+    EXPECT_LE(std::abs(largest - at), 1) << at;
+    options.jumps = {at};
+    const Vector others = jump_gains(refine(model, data, options).model, data, options);
+    EXPECT_EQ(others(at), 0.0);
+    EXPECT_LT(others.maxCoeff(), 0.2 * gains.maxCoeff());
+  }
+}
+
+TEST(Jumps, BadInputs) {
+  const Model system = jumping_system({2, 1, 1}, 10, 5);
+  const Ensemble data = noisy_experiments(system, 20, 3);
+  for (const std::vector<Index>& jumps : {std::vector<Index>{0}, {10}, {4, 4}, {6, 3}})
+    EXPECT_THROW(refine(system, data, {.smoothing = 1, .jumps = jumps}), std::invalid_argument);
+  EXPECT_THROW(refine(system, data, {.smoothing = 1, .period = 3, .jumps = {5}}), std::invalid_argument);
+  EXPECT_THROW(jump_gains(system, data, {.smoothing = 0}), std::invalid_argument);
+  EXPECT_THROW(jump_gains(system, data, {.smoothing = 1, .period = 3}), std::invalid_argument);
+}
+
 }  // namespace tokid::testing

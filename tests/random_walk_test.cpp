@@ -113,6 +113,31 @@ TEST(RandomWalk, columns_are_the_same_bits_with_every_instruction_set) {
   simd::limit_target(simd::Target::avx512);
 }
 
+TEST(RandomWalk, jump_gains_are_the_decrease_of_the_least_squares) {
+  for (const Index l : {1, 3})
+    for (const double weight : {0.1, 1.0, 10.0}) {
+      Random random(std::uint64_t(10 * l));
+      const std::vector<Matrix> rows = random_rows(random, {2, l + 1, 0, 4, 1, 2 * l}, l + 1);
+      const Vector stiffness = weight * (Vector::Ones(l) + random.matrix(l, 1).cwiseAbs());
+      const auto minimum = [&](const std::vector<Matrix>& of) {
+        double sum = 0.0;
+        const auto x = random_walk_regression(of, l, stiffness);
+        for (size_t g = 0; g < of.size(); ++g) sum += (of[g].leftCols(l) * x[g] - of[g].col(l)).squaredNorm();
+        for (size_t g = 1; g < of.size(); ++g) sum += (stiffness.asDiagonal() * (x[g] - x[g - 1])).squaredNorm();
+        return sum;
+      };
+      const Vector gains = jump_gains(rows, stiffness);
+      ASSERT_EQ(gains.size(), Index(rows.size()));
+      EXPECT_EQ(gains(0), 0.0);
+      for (size_t g = 1; g < rows.size(); ++g) {
+        const auto split = rows.begin() + std::ptrdiff_t(g);
+        const double apart = minimum({rows.begin(), split}) + minimum({split, rows.end()});
+        // Differences of sums of squares, with rounding errors relative to the sums.
+        EXPECT_NEAR(gains(Index(g)), minimum(rows) - apart, 1e3 * epsilon * (1 + minimum(rows))) << l << " " << g;
+      }
+    }
+}
+
 TEST(RandomWalk, refuses_columns_of_wrong_sizes_or_stiffness) {
   Random random(6);
   const std::vector<Matrix> rows = triangular_rows(random, 3, 4, 2);

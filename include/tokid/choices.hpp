@@ -3,6 +3,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -51,6 +52,14 @@ struct RefinementTrial {
   double error = 0.0;      // mean() of the logs of its errors, as in OrderScores
   // Mean over the held-out experiments. NaN without EM; -∞ if EM failed.
   double log_likelihood = std::numeric_limits<double>::quiet_NaN();
+  std::vector<Index> jumps = {};  // steps at which the matrices could jump
+};
+// A step at which the matrices jump.
+struct Jump {
+  Index step = 0;
+  // Found by cross-validation: by how many standard errors the log-likelihood of the held-out experiments is smaller
+  // without this jump. Empty if the jump was stated.
+  std::optional<double> loss = {};
 };
 // The choice between all trials, by the log-likelihood of the held-out experiments. Filled if EM was tried.
 struct RefinementChoice {
@@ -61,6 +70,7 @@ struct RefinementChoice {
   double smoothing = 0.0;
   Index iterations = 0;  // most iterations of EM; 0: no refinement
   double error = 0.0;
-  double one_step = 0.0;  // log of the one-step error alone; set if there are iterations
+  double one_step = 0.0;         // log of the one-step error alone; set if there are iterations
+  std::vector<Jump> jumps = {};  // ascending
 };
 }  // namespace tokid

@@ -27,6 +27,9 @@ struct RefineOptions {
   double tolerance = 1e-6;
   std::optional<InitialState> initial_state = {};  // empty: as the data state it, else as the model was identified
   bool feedthrough = true;                         // false: D_k = 0 is known, and a D of the model is ignored
+  // Ascending steps K at which the matrices may jump: no penalty couples the steps K-1 and K. The state is carried
+  // across. Only if the model varies and has no period.
+  std::vector<Index> jumps = {};
   bool accelerate = true;  // Anderson acceleration; a step is used only if it raises the likelihood
   bool warm_up = true;     // EM first uses weaker penalties than λ, each with a third of the iterations
   Execution execution = {};
@@ -55,6 +58,11 @@ struct Refinement {
 // \throws std::invalid_argument where channels disagree, the model has too few steps of its full dimension, there is no
 // output sample, or an option is out of range; std::runtime_error where the start has no finite likelihood
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options = {});
+
+// (T) By how much, in one iteration from this model, EM would raise twice the penalised log-likelihood if the matrices
+// could also jump at step k: large where the matrices change faster than the penalty expects. Zero at step 0 and at
+// `jumps`. `smoothing` must be positive and finite. Arguments and errors as refine()
+Vector jump_gains(const Model& model, const Ensemble& data, const RefineOptions& options);
 
 // (N) log-likelihood of each experiment: log of the density of its outputs given its inputs. The model needs Q and R,
 // and for initial states that are not zero x0_mean and x0_cov. \throws std::invalid_argument if one is missing

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "tokid/ensemble.hpp"
 #include "tokid/parallel.hpp"
@@ -42,6 +43,7 @@ struct NoisyChoices {
   Weighting weighting = Weighting::one_step;
   double refinement_smoothing = 0.0;  // λ of EM
   Index refinement_iterations = 0;    // 0: no refinement
+  std::vector<Index> jumps = {};      // ascending steps at which the matrices jump in EM
 };
 
 // The identification chooses every option that is empty.
@@ -58,6 +60,9 @@ struct IdentifyOptions {
   std::optional<double> smoothing = {};
   bool feedthrough = true;  // false: D_k = 0 is known, because inputs do not act on the outputs of the same step
   Index period = 0;         // P: the steps k, k+P, … share one model; 1: time-invariant; 0: each step has its own
+  // Ascending steps K at which the matrices jump: the penalty of EM does not couple the steps K-1 and K. Empty: the
+  // steps that cross-validation finds. No steps: no jumps.
+  std::optional<std::vector<Index>> jumps = {};
   // Weighting of the subspace realisation. Empty: by cross-validation if steps share a model, else one_step.
   std::optional<Weighting> weighting = {};
   // true: EM refines the model, if this lowers the cross-validation error. Empty: true for noisy data with the subspace

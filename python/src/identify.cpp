@@ -39,8 +39,8 @@ bool is_numpy_bool(nb::handle value) {
   return name == "bool_" || name == "bool";
 }
 
-// Converts a value of Python: a truth value, a number (also of NumPy), a word, or None for "auto". Any other value
-// becomes null.
+// Converts a value of Python: a truth value, a number (also of NumPy), a word, a sequence of these, or None for "auto".
+// Any other value becomes null.
 Json json_of(nb::handle value) {
   PyObject* object = value.ptr();
   if (value.is_none()) return "auto";
@@ -49,6 +49,11 @@ Json json_of(nb::handle value) {
   if (PyIndex_Check(object)) {
     const Py_ssize_t whole = PyNumber_AsSsize_t(object, nullptr);  // too large numbers become the largest one
     return std::int64_t(whole);
+  }
+  if (PySequence_Check(object)) {
+    Json list = Json::array();
+    for (const nb::handle entry : nb::borrow<nb::sequence>(value)) list.push_back(json_of(entry));
+    return list;
   }
   if (PyFloat_Check(object) || nb::hasattr(value, "__float__")) {
     const double number = PyFloat_AsDouble(object);
@@ -87,6 +92,7 @@ NoisyChoices choices_of(nb::handle choices) {
   result.weighting = options.weighting.value_or(Weighting::one_step);
   result.refinement_smoothing = number(choices, "refinement_smoothing");
   result.refinement_iterations = nb::cast<Index>(choices.attr("refinement_iterations"));
+  result.jumps = nb::cast<std::vector<Index>>(choices.attr("jumps"));
   return result;
 }
 

@@ -110,18 +110,24 @@ nb::any object_of(const RefinementTrial& t) {
                                   {"smoothing", t.smoothing},
                                   {"iterations", t.iterations},
                                   {"error", t.error},
-                                  {"log_likelihood", t.log_likelihood}});
+                                  {"log_likelihood", t.log_likelihood},
+                                  {"jumps", t.jumps}});
 }
+
+nb::any object_of(const Jump& j) { return make("Jump", {{"step", j.step}, {"loss", j.loss}}); }
 
 nb::any object_of(const RefinementChoice& c) {
   nb::list trials;
   for (const RefinementTrial& t : c.trials) trials.append(object_of(t));
+  nb::list jumps;
+  for (const Jump& j : c.jumps) jumps.append(object_of(j));
   return make("RefinementChoice", {{"trials", trials},
                                    {"states", c.states},
                                    {"smoothing", c.smoothing},
                                    {"iterations", c.iterations},
                                    {"error", c.error},
-                                   {"one_step", c.one_step}});
+                                   {"one_step", c.one_step},
+                                   {"jumps", jumps}});
 }
 
 nb::any object_of(const DependentExperiment& c) {
@@ -248,7 +254,8 @@ nb::any object_of(const NoisyChoices& c) {
                                {"state_smoothing", c.state_smoothing},
                                {"weighting", name(c.weighting)},
                                {"refinement_smoothing", c.refinement_smoothing},
-                               {"refinement_iterations", c.refinement_iterations}});
+                               {"refinement_iterations", c.refinement_iterations},
+                               {"jumps", c.jumps}});
 }
 
 nb::any object_of(const LikelihoodChoice& c) {

@@ -33,6 +33,7 @@ def identify(
     smoothing: Union[float, str] = "auto",
     feedthrough: Union[bool, str] = True,
     period: Union[int, str] = 0,
+    jumps: Union[int, str, Sequence[int]] = "auto",
     weighting: str = "auto",
     refine: Union[bool, str, None] = None,
     initial_state: str = "auto",
@@ -82,6 +83,9 @@ def identify(
     period : int or "invariant", default 0
         P: the steps k, k + P, … share one model. "invariant" or 1: all steps do, and one record is enough. 0: each step
         has its own model.
+    jumps : list of int, int, "none" or "auto"
+        Ascending steps from which on the matrices are others, such as the step of a gear shift: the penalty of EM does
+        not couple a step K with the step before. "auto": the steps that cross-validation finds, if the data are noisy.
     weighting : {"auto", "one-step", "many-steps", "projection"}
         The outputs that the states explain best: one step ahead, many steps ahead, or by projection (PO-MOESP). "auto":
         by cross-validation if steps share a model, else "one-step".

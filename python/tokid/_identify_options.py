@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional, TypedDict, Union, cast
+from typing import Any, Optional, Sequence, TypedDict, Union, cast
 
 from . import _tokid
 from .results import NoisyChoices
@@ -18,6 +18,7 @@ class IdentifyOptions(TypedDict, total=False):
     smoothing: Union[float, str]
     feedthrough: Union[bool, str]
     period: Union[int, str]
+    jumps: Union[int, str, Sequence[int]]
     weighting: str
     refine: Union[bool, str, None]
     initial_state: str

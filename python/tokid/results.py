@@ -401,6 +401,8 @@ class NoisyChoices(_Result):
         λ of EM.
     refinement_iterations : int
         Iterations of EM. 0: no refinement.
+    jumps : list of int
+        Steps at which the matrices jump in EM.
     """
 
     variation: TimeVariation
@@ -408,6 +410,7 @@ class NoisyChoices(_Result):
     weighting: str
     refinement_smoothing: float
     refinement_iterations: int
+    jumps: list[int]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -584,6 +587,8 @@ class RefinementTrial(_Result):
         Mean log of the errors, as in `OrderScores`.
     log_likelihood : float
         Mean over the held-out experiments. NaN without EM.
+    jumps : list of int
+        Steps at which the matrices could jump.
     """
 
     states: int
@@ -591,6 +596,23 @@ class RefinementTrial(_Result):
     iterations: int
     error: float
     log_likelihood: float
+    jumps: list[int]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Jump(_Result):
+    """A step at which the matrices jump.
+
+    Attributes
+    ----------
+    step : int
+    loss : float or None
+        By how many standard errors the log-likelihood of the held-out experiments is smaller without this jump. None if
+        the jump was stated.
+    """
+
+    step: int
+    loss: Optional[float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -607,6 +629,8 @@ class RefinementChoice(_Result):
     error : float
     one_step : float
         Log of the one-step error alone, if there are iterations.
+    jumps : list of Jump
+        Steps at which the matrices jump, ascending.
     """
 
     trials: list[RefinementTrial]
@@ -615,6 +639,7 @@ class RefinementChoice(_Result):
     iterations: int
     error: float
     one_step: float
+    jumps: list[Jump]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Callable, Optional, Union
 
@@ -34,7 +34,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
     ----------
     dt : float, default 1.0
         Sample time [s].
-    states, lags, method, smoothing, feedthrough, period, weighting, refine, initial_state, nominal
+    states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal
         As in `tokid.identify`.
     frame, reference_step, rows, cols, threads
         As in `tokid.identify`.
@@ -86,6 +86,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         smoothing: Union[float, str] = "auto",
         feedthrough: Union[bool, str] = True,
         period: Union[int, str] = 0,
+        jumps: Union[int, str, Sequence[int]] = "auto",
         weighting: str = "auto",
         refine: Optional[bool] = None,
         initial_state: str = "auto",
@@ -104,6 +105,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         self.smoothing = smoothing
         self.feedthrough = feedthrough
         self.period = period
+        self.jumps = jumps
         self.weighting = weighting
         self.refine = refine
         self.initial_state = initial_state

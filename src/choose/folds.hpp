@@ -33,11 +33,17 @@ Errors errors_of(Computed computed, const Ensemble& data, const Computed* like =
 Index first_scored(InitialState initial, Index lags, Index period);
 
 // Runs this many iterations of EM, in the same stages as cross-validation does.
-Model refined(Model model, const Ensemble& data, Index iterations, RefineOptions options);
+Model refined(Model model, const Ensemble& data, Index iterations, const RefineOptions& options);
 
 // The range of numbers of states to choose from.
 struct OrderRange {
   Index fewest = 1, most = 1;
+};
+
+// What the caller states about EM.
+struct StatedRefinement {
+  std::optional<double> smoothing = {};
+  std::optional<std::vector<Index>> jumps = {};  // ascending steps at which the matrices jump
 };
 
 class Folds {
@@ -56,11 +62,12 @@ class Folds {
 
   // Chooses n, the weighting and the λ of the regressions on states. `states`: n, if it is given.
   OrderScores choose_states(std::optional<Index> states, Index most) const;
-  // Chooses n and the λ of EM by the likelihood of held-out experiments. EM starts from subspace models with the
-  // weighting of the scores. It begins with `states`. Then it tries more states, which must raise the likelihood
-  // significantly, or fewer, which must not reduce it significantly.
+  // Chooses n, the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
+  // subspace models with the weighting of the scores. It begins with `states`. Then it tries more states, which must
+  // raise the likelihood significantly, or fewer, which must not reduce it significantly.
+  // If jumps are not stated, they are looked for.
   RefinementChoice choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
-                                     std::optional<double> smoothing = std::nullopt) const;
+                                     const StatedRefinement& stated = {}) const;
 
  private:
   class Likelihood;
@@ -70,6 +77,8 @@ class Folds {
     GtvArx arx;
     std::map<Weighting, PredictorFactors> factors;
   };
+  // The steps share their matrices.
+  bool pooled() const { return options_.variation.period > 0; }
   Model start(size_t f, Index states, Weighting weighting, double smoothing) const;
   OrderScores scores(Weighting weighting, double smoothing, Index least, Index most) const;
   // The errors of the models of the first `count` folds; empty if a model does not have this number of states.

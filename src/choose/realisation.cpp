@@ -84,6 +84,7 @@ Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Exec
   o.period = plan.choices.variation.period;
   o.initial_state = plan.initial_state;
   o.feedthrough = plan.feedthrough;
+  o.jumps = plan.choices.jumps;
   o.execution.threads = execution.threads;
   return refined(std::move(model), data, plan.choices.refinement_iterations, o);
 }
@@ -129,6 +130,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     plan.choices.state_smoothing = smoothing;
     plan.choices.refinement_smoothing = choice.smoothing;
     plan.choices.refinement_iterations = choice.iterations;
+    for (const Jump& jump : choice.jumps) plan.choices.jumps.push_back(jump.step);
     Model likelier;
     try {
       likelier = refined_by(plan, data, realise(data, arx, {}, plan, {execution.threads, {}}), execution);
@@ -182,7 +184,8 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
-  RefinementChoice choice = folds.choose_refinement(plan.states, orders, scores, stated);
+  RefinementChoice choice =
+      folds.choose_refinement(plan.states, orders, scores, {.smoothing = stated, .jumps = options.jumps});
   if (choice.iterations > 0) {
     refine_if_better(data, arx, choice, options.execution, result);
   } else {

@@ -185,6 +185,8 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
     variation.smoothing = stiff;
     result.findings.push_back({.kind = Finding::Kind::smoothing_by_gaps, .numbers = {{"smoothing", stiff}}});
   }
+  // With stated jumps the matrices do vary. In the regressions, which know no jumps, at least a little.
+  if (options.jumps && !options.jumps->empty() && std::isinf(variation.smoothing)) variation.smoothing = stiff;
   if (!options.choices) variation.period = options.period;
   if (!std::isinf(variation.smoothing) && options.period != 1) return;
   if (options.period == 0 && !options.smoothing) result.findings.push_back({.kind = Finding::Kind::no_variation});

@@ -41,6 +41,19 @@ void count_in_phases(NominalTest& test, Index period) {
 }
 
 // Checks the options against this ensemble.
+void check_jumps(const Ensemble& data, const IdentifyOptions& options) {
+  const Index last = options.jumps->back();
+  if (last >= data.steps())
+    throw std::invalid_argument(
+        fmt::format("jumps: {} found, steps from 1 to {} needed", last, std::max<Index>(1, data.steps() - 1)));
+  if (options.period > 0)
+    throw std::invalid_argument("jumps: steps found, but the steps of a period share a model. State no period");
+  if (options.smoothing && std::isinf(*options.smoothing))
+    throw std::invalid_argument("jumps: steps found, but one model serves all steps. State a finite smoothing");
+  if (options.method == Method::tvera || !options.refine.value_or(true))
+    throw std::invalid_argument("jumps: steps found, which only EM uses. Use method subspace with refine");
+}
+
 void check_method(const Ensemble& data, const IdentifyOptions& options) {
   const bool tvera = options.method == Method::tvera;
   if (tvera && options.period > 0)
@@ -51,6 +64,7 @@ void check_method(const Ensemble& data, const IdentifyOptions& options) {
   if (tvera && options.refine.value_or(false))
     throw std::invalid_argument(
         "method: tvera found, subspace needed for the refinement of an identification; refine() refines any model");
+  if (options.jumps && !options.jumps->empty()) check_jumps(data, options);
   if (options.period == 1 && options.smoothing && !std::isinf(*options.smoothing))
     throw std::invalid_argument(
         fmt::format("smoothing: {} found, but one model serves all steps, so that nothing varies. Use 0 or infinity",

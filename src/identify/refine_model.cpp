@@ -2,6 +2,7 @@
 #include "tokid/refine_model.hpp"
 
 #include <fmt/format.h>
+#include <cmath>
 
 #include <algorithm>
 
@@ -73,10 +74,13 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   }
   RefineModelOptions part = options;
   part.refine.feedthrough = options.refine.feedthrough && has_feedthrough(model.provenance);
+  if (model.provenance.choices && options.refine.period.value_or(model.period) == 0)
+    part.refine.jumps = model.provenance.choices->jumps;
   part.refine.execution = share(options.refine.execution, 0.0, 0.5);
   choose(model, data, part, result);
   part.refine.execution = share(options.refine.execution, 0.5, 1.0);
   part.refine.smoothing = result.smoothing;
+  if (std::isinf(result.smoothing)) part.refine.jumps.clear();
   result.refinement = refine(model, data, part.refine);
   Provenance& provenance = result.refinement.model.provenance;
   note_data(provenance, fingerprint(data));

@@ -37,6 +37,7 @@ void check(const IdentifyOptions& o) {
   };
   if (o.period > 0) refuse("period", std::to_string(o.period), "state no period");
   if (o.smoothing && std::isinf(*o.smoothing)) refuse("smoothing", "infinity", "state a finite penalty");
+  if (o.jumps && !o.jumps->empty()) refuse("jumps", std::to_string(o.jumps->front()), "state no jumps");
   if (o.frame == Frame::reference) refuse("frame", "reference", "use the frame raw or smooth");
 }
 

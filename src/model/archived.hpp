@@ -30,7 +30,7 @@ void fields(Archive& archive, S& step) {
 template <class Archive, class C>
 requires std::is_same_v<std::remove_const_t<C>, NoisyChoices>
 void fields(Archive& archive, C& c) {
-  archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_iterations);
+  archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_iterations, c.jumps);
 }
 
 // The options that a provenance contains.
@@ -38,9 +38,9 @@ template <class Archive, class O>
 requires std::is_same_v<std::remove_const_t<O>, IdentifyOptions>
 void fields(Archive& archive, O& o) {
   // A field more does not compile here until it is archived.
-  auto& [states, lags, method, smoothing, feedthrough, period, weighting, refine, initial_state, nominal, frame,
+  auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal, frame,
          reference_step, hold_out, rows, cols, choices, execution] = o;
-  archive(states, lags, method, smoothing, feedthrough, period, weighting, refine, initial_state, nominal, frame,
+  archive(states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal, frame,
           reference_step, hold_out, rows, cols);
   static_cast<void>(choices), static_cast<void>(execution);  // not part of a provenance
 }

@@ -71,6 +71,34 @@ Values<double> penalties() {
           .read = [](const Json& json) { return penalty(json == "inf" ? Json("infinity") : json); }};
 }
 
+std::optional<Index> jump_of(const Json& json) {
+  if (!json.is_number_integer() || json < 1 || json > last_step) return std::nullopt;
+  return json.get<Index>();
+}
+
+// A step, or ascending steps in a list or in a text with commas.
+std::optional<std::vector<Index>> jumps_of(const Json& json) {
+  if (json == "none") return std::vector<Index>{};
+  Json list = json.is_array() ? json : Json::array({json});
+  if (json.is_string()) list = Json::parse("[" + json.get<std::string>() + "]", nullptr, false);
+  if (!list.is_array() || list.empty()) return std::nullopt;
+  std::vector<Index> steps;
+  for (const Json& entry : list) {
+    const std::optional<Index> step = jump_of(entry);
+    if (!step || (!steps.empty() && *step <= steps.back())) return std::nullopt;
+    steps.push_back(*step);
+  }
+  return steps;
+}
+
+Values<std::vector<Index>> ascending_steps() {
+  return {.placeholder = "K[,K...]|none",
+          .range = fmt::format("ascending steps from 1 to {}", last_step),
+          .words = {"none"},
+          .write = [](const std::vector<Index>& steps) { return steps.empty() ? Json("none") : Json(steps); },
+          .read = jumps_of};
+}
+
 Values<double> fraction() {
   return {.placeholder = "FRACTION",
           .range = "a number from 0 to below 1",
@@ -130,6 +158,8 @@ std::vector<Option> table() {
       option("feedthrough", &O::feedthrough, yes_or_no(),
              "Outputs may respond to the inputs of the same step (default)", "D = 0 at all steps"),
       option("period", &O::period, period_of_steps(), "Steps k, k+P, ... share one model"),
+      option("jumps", &O::jumps, or_auto(ascending_steps()),
+             "Steps from which on the matrices are others (auto: found by cross-validation)"),
       option("weighting", &O::weighting,
              or_auto(one_of<Weighting>({{"one-step", Weighting::one_step},
                                         {"many-steps", Weighting::many_steps},

@@ -139,6 +139,10 @@ void check(const RefineOptions& o, Index steps) {
     throw std::invalid_argument(fmt::format("iterations: {} found, 0 or more needed", o.iterations));
   if (!(o.tolerance >= 0))
     throw std::invalid_argument(fmt::format("tolerance: {} found, 0 or more needed", o.tolerance));
+  for (size_t i = 0; i < o.jumps.size(); ++i)
+    if (o.jumps[i] < 1 || o.jumps[i] >= steps || (i > 0 && o.jumps[i] <= o.jumps[i - 1]))
+      throw std::invalid_argument(
+          fmt::format("jumps: {} found, ascending steps from 1 to {} needed", o.jumps[i], steps - 1));
   if (o.period.value_or(0) > 1 && *o.period >= steps)
     throw std::invalid_argument(
         fmt::format("period: {} found, less than the {} steps of the data needed", *o.period, steps));
@@ -252,8 +256,9 @@ struct Point {
 // this scaling, a second refinement does not change a refined model.
 em::EstimatorOptions estimator_options(const Model& start, const RefineOptions& o, InitialState initial) {
   const bool constant = o.smoothing == infinity;
-  return {constant ? 1.0 : o.smoothing, period_of(start, o), initial == InitialState::unknown, o.feedthrough,
-          mean_innovation_cov(start)};
+  return {constant ? 1.0 : o.smoothing,     period_of(start, o),
+          initial == InitialState::unknown, o.feedthrough,
+          mean_innovation_cov(start),       o.jumps};
 }
 
 class Climb {
@@ -267,8 +272,10 @@ class Climb {
   }
 
   Refinement run();
+  Vector jump_gains();
 
  private:
+  void set_scales();
   Point point(em::Parameters parameters) const;
   bool split_noise(Point& now);
   void report(const Point& now, Refinement& result) const;
@@ -327,12 +334,20 @@ void Climb::report(const Point& now, Refinement& result) const {
     add(Kind::em_fewer_than_unknowns, {{"experiments", double(samples_.experiments)}, {"unknowns", double(unknowns)}});
 }
 
+void Climb::set_scales() {
+  const kalman::Smoothed first = kalman::smooth(estimator_.model(estimator_.start()), samples_, silent_);
+  estimator_.set_scales(first.moments, samples_);
+}
+
+Vector Climb::jump_gains() {
+  set_scales();
+  const Point now = point(estimator_.start());
+  return estimator_.jump_gains(now.moments, now.parameters);
+}
+
 Refinement Climb::run() {
   Refinement result;
-  {
-    const kalman::Smoothed first = kalman::smooth(estimator_.model(estimator_.start()), samples_, silent_);
-    estimator_.set_scales(first.moments, samples_);
-  }
+  set_scales();
   Point now = point(estimator_.start());
   if (!std::isfinite(now.penalised))
     throw std::runtime_error("the likelihood of the starting model is not finite: it does not fit the data at all");
@@ -381,6 +396,9 @@ Refinement Climb::run() {
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options) {
   if (data.steps() < 1) throw std::invalid_argument("data: no step found, at least one needed");
   check(options, data.steps());
+  if (period_of(model, options) > 0 && !options.jumps.empty())
+    throw std::invalid_argument(
+        "jumps: steps found, but the steps share their matrices. Jumps need a model that varies");
   if (period_of(model, options) == 1 && options.smoothing > 0 && std::isfinite(options.smoothing))
     throw std::invalid_argument(
         fmt::format("smoothing: {} found, but one model serves all steps, so that nothing varies. Use 0 or infinity",
@@ -421,6 +439,15 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
          .numbers = {{"steps", double(data.steps())}, {"last", double(model.k_end() - 1)}}});
   if (options.execution.progress) options.execution.progress(1.0);
   return result;
+}
+
+Vector jump_gains(const Model& model, const Ensemble& data, const RefineOptions& options) {
+  check(options, data.steps());
+  if (period_of(model, options) > 0) throw std::invalid_argument("model: shared steps found, none may be shared");
+  if (!(options.smoothing > 0))
+    throw std::invalid_argument(fmt::format("smoothing: {} found, more than 0 needed", options.smoothing));
+  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  return Climb(starting_model(model, data, options, initial), data, options, initial).jump_gains();
 }
 
 Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution& execution) {
@@ -475,6 +502,7 @@ class CrossValidation {
         const Fold& part = folds_[size_t(i / count)];
         RefineOptions o = options_;
         o.smoothing = smoothing[size_t(i % count)];
+        if (std::isinf(o.smoothing)) o.jumps.clear();  // one model for all steps
         o.execution = {};
         const Model model = refine(starts_[size_t(i / count)], part.training, o).model;
         found(part.rows, i % count) = log_likelihoods(model, part.held_out);

@@ -177,4 +177,47 @@ std::vector<Matrix> random_walk_regressions(const std::vector<Matrix>& rows, con
   return x;
 }
 
+namespace {
+
+// What each step and the steps before it say about its coefficients: rows [R z].
+std::vector<Matrix> known_up_to(const std::vector<Matrix>& rows, const Vector& stiffness) {
+  const Index l = stiffness.size();
+  std::vector<Matrix> known;
+  Eliminator eliminator(stiffness, rows[0].cols() - l);
+  Matrix next(0, rows[0].cols());
+  for (const Matrix& own : rows) {
+    Matrix both = linalg::stacked(next, own);
+    both = linalg::triangular_factor(both);
+    known.emplace_back(both.topRows(std::min(both.rows(), l)));
+    eliminator.run(known.back(), next);
+  }
+  return known;
+}
+
+// The least Σ of squares of the rows about X_{g-1}, the rows about X_g, and the penalty on their difference.
+double coupled_residual(const Matrix& before, const Matrix& after, const Vector& stiffness) {
+  const Index l = stiffness.size(), q = before.cols() - l;
+  Matrix all = Matrix::Zero(before.rows() + after.rows() + l, 2 * l + q);
+  all.topLeftCorner(before.rows(), l) = before.leftCols(l);
+  all.topRightCorner(before.rows(), q) = before.rightCols(q);
+  all.block(before.rows(), l, after.rows(), l + q) = after;
+  all.block(before.rows() + after.rows(), 0, l, l).diagonal() = -stiffness;
+  all.block(before.rows() + after.rows(), l, l, l).diagonal() = stiffness;
+  const Matrix triangle = linalg::triangular_factor(all);
+  return triangle.bottomRightCorner(std::max<Index>(0, triangle.rows() - 2 * l), q).squaredNorm();
+}
+
+}  // namespace
+
+Vector jump_gains(const std::vector<Matrix>& rows, const Vector& stiffness) {
+  check(rows, stiffness.size(), stiffness);
+  const size_t steps = rows.size();
+  Vector gains = Vector::Zero(Index(steps));
+  if (steps < 2) return gains;
+  const std::vector<Matrix> before = known_up_to(rows, stiffness);
+  const std::vector<Matrix> after = known_up_to({rows.rbegin(), rows.rend()}, stiffness);
+  for (size_t g = 1; g < steps; ++g) gains(Index(g)) = coupled_residual(before[g - 1], after[steps - 1 - g], stiffness);
+  return gains;
+}
+
 }  // namespace tokid

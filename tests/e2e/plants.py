@@ -115,6 +115,14 @@ def drift(steps=100):
                  np.array([[1.0, 0]]) + 0 * k, np.zeros((1, 1)) + 0 * k)
 
 
+def valve(steps=60, at=30):
+    """A mass on a spring; at one step the spring, the damper and the drive become others."""
+    before, after = (discrete(np.array([[0, 1], [-spring, -damper]]), np.array([[0], [drive]]), 0.1)
+                     for spring, damper, drive in ((9.0, 0.3, 1.0), (36.0, 1.2, 2.5)))
+    A, B = (np.array([(before if k < at else after)[i] for k in range(steps)]) for i in (0, 1))
+    return Plant(A, B, np.repeat([[[1.0, 0]]], steps, 0), np.zeros((steps, 1, 1)))
+
+
 def experiments(plant, count, seed, Q=None, R=None, same=False):
     """Inputs, outputs and states; `same`: the inputs of all experiments are the same, and there is no feedback."""
     rng = np.random.default_rng(seed)

@@ -33,7 +33,8 @@ Json json_of(const NoisyChoices& choices) {
           {"state_smoothing", penalty(choices.state_smoothing)},
           {"weighting", weighting_option().write(with_weighting)},
           {"refinement_smoothing", penalty(choices.refinement_smoothing)},
-          {"refinement_iterations", choices.refinement_iterations}};
+          {"refinement_iterations", choices.refinement_iterations},
+          {"jumps", choices.jumps}};
 }
 
 // The members as JSON; `text`, from which they were read, is left out.
@@ -61,10 +62,14 @@ std::optional<NoisyChoices> choices_of(const Json& json) {
   const auto smoothing = penalty(at("smoothing")), states = penalty(at("state_smoothing")),
              em = penalty(at("refinement_smoothing"));
   const auto period = count_of(at("period")), iterations = count_of(at("refinement_iterations"));
-  IdentifyOptions with_weighting;
-  weighting_option().read(with_weighting, at("weighting"));
-  if (!smoothing || !states || !em || !period || !iterations || !with_weighting.weighting) return std::nullopt;
-  return NoisyChoices{{*smoothing, *period}, *states, *with_weighting.weighting, *em, *iterations};
+  IdentifyOptions others;
+  weighting_option().read(others, at("weighting"));
+  // Models of older versions have no jumps, and models without jumps an empty list.
+  const Json jumps = at("jumps");
+  if (jumps.is_array() && !jumps.empty()) find_option("jumps")->read(others, jumps);
+  if (!smoothing || !states || !em || !period || !iterations || !others.weighting) return std::nullopt;
+  return NoisyChoices{
+      {*smoothing, *period}, *states, *others.weighting, *em, *iterations, others.jumps.value_or(std::vector<Index>{})};
 }
 
 std::optional<EmRun> refinement_of(const Json& json) {

@@ -26,13 +26,13 @@ Noise separate(std::vector<Matrix> of_phase) {
   return {std::move(of_phase), Vector::Ones(1), std::vector<Index>(phases, 0)};
 }
 
-// The degrees of freedom per phase that a random-walk coefficient uses: the mean of 1 / (1 + λ μ) over the eigenvalues
-// μ of the second difference.
-double freedom_per_phase(Index phases, double smoothing) {
+// The degrees of freedom that a random-walk coefficient uses in this many phases: the sum of 1 / (1 + λ μ) over the
+// eigenvalues μ of the second difference.
+double freedom_of(Index phases, double smoothing) {
   double sum = 0.0;
   for (Index j = 0; j < phases; ++j)
     sum += 1 / (1 + smoothing * 2 * (1 - std::cos(std::numbers::pi * double(j) / double(phases))));
-  return sum / double(phases);
+  return sum;
 }
 
 Matrix whitener_of(const Matrix& covariance) {
@@ -156,7 +156,8 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   // most 0.5. Each noise gets half of this share, or less of it for n > m states. A change of the size of Q or R then
   // never gains more by the share than it loses in likelihood.
   const Index free = n_ * r_ + m_ * (n_ + (options_.feedthrough ? r_ : 0));
-  const double used = double(phases_ * free) * freedom_per_phase(phases_, options_.smoothing);
+  double used = 0.0;
+  for (const auto& [begin, end] : stretches()) used += double(free) * freedom_of(end - begin, options_.smoothing);
   const double share = std::min(0.5, used / std::max(1.0, samples.outputs));
   measurement_spent_ = share / 2;
   process_spent_ = n_ > 0 ? share / 2 * std::min(1.0, double(m_) / double(n_)) : 0.0;
@@ -171,11 +172,13 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
 
 namespace {
 
-double variation(const std::vector<Matrix>& theta, const Matrix& reference, const Vector& weight) {
+double variation(const std::vector<Matrix>& theta, const std::vector<Index>& jumps, const Matrix& reference,
+                 const Vector& weight) {
   const Matrix w = whitener_of(reference);
   double sum = 0.0;
-  for (size_t g = 0; g + 1 < theta.size(); ++g)
-    sum += (w * (theta[g + 1] - theta[g]) * weight.cwiseSqrt().asDiagonal()).squaredNorm();
+  for (size_t g = 1; g < theta.size(); ++g)
+    if (!std::binary_search(jumps.begin(), jumps.end(), Index(g)))
+      sum += (w * (theta[g] - theta[g - 1]) * weight.cwiseSqrt().asDiagonal()).squaredNorm();
   return sum;
 }
 
@@ -195,8 +198,8 @@ double Estimator::penalty(const Parameters& p) const {
   double sum = 0.0;
   if (options_.smoothing > 0 && phases_ > 1)
     sum += 0.5 * options_.smoothing *
-           (variation(p.ab, process_reference_, process_weight_) +
-            variation(p.cd, measurement_reference_, measurement_weight_));
+           (variation(p.ab, options_.jumps, process_reference_, process_weight_) +
+            variation(p.cd, options_.jumps, measurement_reference_, measurement_weight_));
   if (pooled_)
     sum -= 0.5 * (process_spent_ * log_determinants(p.process, moved_) +
                   measurement_spent_ * log_determinants(p.measurement, measured_));
@@ -220,8 +223,33 @@ std::vector<Matrix> Estimator::phase_roots(const std::vector<Matrix>& moments, c
   return sums;
 }
 
-// T makes T V̄ Tᵀ = diag(w) for the noise and T V Tᵀ = I for the penalty, so that the rows of T Θ are independent
-// problems. Only the first `l` of the n + r coefficients are estimated, and the others keep their values.
+// The phases between two jumps: begin and end of each stretch.
+std::vector<std::pair<Index, Index>> Estimator::stretches() const {
+  std::vector<std::pair<Index, Index>> result;
+  Index begin = 0;
+  for (const Index jump : options_.jumps) result.emplace_back(begin, jump), begin = jump;
+  result.emplace_back(begin, phases_);
+  return result;
+}
+
+Estimator::Walks Estimator::walks_of(const std::vector<Matrix>& roots, const Noise& noise, Index l,
+                                     const Matrix& reference, const Vector& weight) const {
+  const Index q = reference.rows();
+  const Matrix whitener = whitener_of(reference);
+  const linalg::Svd eigen = linalg::svd(whitener * noise.shape[0] * whitener.transpose());
+  Walks walks{eigen.u.transpose() * whitener, eigen.s, {}, {}};
+  walks.stiffness = (options_.smoothing * weight.head(l) * eigen.s.transpose()).cwiseSqrt();
+  for (Index g = 0; g < phases_; ++g) {
+    const Matrix& root = roots[size_t(g)];
+    Matrix& block = walks.rows.emplace_back(l, l + q);
+    block.leftCols(l) = root.topLeftCorner(l, l);
+    block.rightCols(q).noalias() = root.topRightCorner(l, q) * walks.t.transpose();
+    block /= std::sqrt(noise.scale(noise.segment[size_t(g)]));
+  }
+  return walks;
+}
+
+// Only the first `l` of the n + r coefficients are estimated, and the others keep their values.
 std::vector<Matrix> Estimator::regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before,
                                        const Noise& noise, Index l, const Matrix& reference,
                                        const Vector& weight) const {
@@ -240,22 +268,35 @@ std::vector<Matrix> Estimator::regress(const std::vector<Matrix>& roots, const s
       if (has_data(g)) result[g].leftCols(l) = theta[g].transpose();
     return result;
   }
-  const Matrix whitener = whitener_of(reference);
-  const linalg::Svd eigen = linalg::svd(whitener * noise.shape[0] * whitener.transpose());
-  const Matrix t = eigen.u.transpose() * whitener;
-  std::vector<Matrix> rows;
-  for (Index g = 0; g < phases_; ++g) {
-    const Matrix& root = roots[size_t(g)];
-    Matrix& block = rows.emplace_back(l, l + q);
-    block.leftCols(l) = root.topLeftCorner(l, l);
-    block.rightCols(q).noalias() = root.topRightCorner(l, q) * t.transpose();
-    block /= std::sqrt(noise.scale(noise.segment[size_t(g)]));
+  const Walks walks = walks_of(roots, noise, l, reference, weight);
+  const Matrix back = linalg::pseudo_inverse(walks.t);
+  for (const auto& [begin, end] : stretches()) {
+    const std::vector<Matrix> rotated =
+        random_walk_regressions({walks.rows.begin() + begin, walks.rows.begin() + end}, walks.stiffness);
+    for (Index g = begin; g < end; ++g) result[size_t(g)].leftCols(l) = back * rotated[size_t(g - begin)].transpose();
   }
-  const Matrix stiffness = (options_.smoothing * weight.head(l) * eigen.s.transpose()).cwiseSqrt();
-  const std::vector<Matrix> rotated = random_walk_regressions(rows, stiffness);
-  const Matrix back = linalg::pseudo_inverse(t);
-  for (size_t g = 0; g < result.size(); ++g) result[g].leftCols(l) = back * rotated[g].transpose();
   return result;
+}
+
+Vector Estimator::jump_gains(const kalman::Moments& moments, const Parameters& p) const {
+  Vector gains = Vector::Zero(phases_);
+  const auto add = [&](const std::vector<Matrix>& sums, const Vector& counts, const Noise& noise, Index l,
+                       const Matrix& reference, const Vector& weight) {
+    Vector totals;
+    const Index q = reference.rows();
+    const Walks walks = walks_of(phase_roots(sums, counts, totals), noise, l, reference, weight);
+    for (const auto& [begin, end] : stretches())
+      for (Index i = 0; i < q; ++i) {
+        std::vector<Matrix> own;
+        for (Index g = begin; g < end; ++g)
+          own.push_back(linalg::beside(walks.rows[size_t(g)].leftCols(l), walks.rows[size_t(g)].col(l + i)));
+        gains.segment(begin, end - begin) += tokid::jump_gains(own, walks.stiffness.col(i)) / walks.noise(i);
+      }
+  };
+  add(moments.moved, moments.moved_count, p.process, n_ + r_, process_reference_, process_weight_);
+  add(moments.measured, moments.measured_count, p.measurement, options_.feedthrough ? n_ + r_ : n_,
+      measurement_reference_, measurement_weight_);
+  return gains;
 }
 
 void Estimator::update_noise(const std::vector<Matrix>& roots, const Vector& counts,

@@ -32,6 +32,8 @@ struct EstimatorOptions {
   bool estimate_x0 = false;
   bool feedthrough = true;  // false: D = 0 is known, and the start model has D = 0
   Matrix innovation_cov;    // (m × m)
+  // Ascending phases g > 0: no penalty couples the matrices of the phases g-1 and g.
+  std::vector<Index> jumps = {};
 };
 
 // A phase is a set of steps that share their matrices. With 0 < λ < ∞ a penalty couples the matrices of neighbouring
@@ -52,6 +54,9 @@ class Estimator {
   // The M-step: increases the expected log-likelihood minus the penalty to its maximum, first over the matrices, then
   // over each covariance with these matrices, and last over the scales with this covariance as shape.
   Parameters maximise(const kalman::Moments& moments, const Parameters& p) const;
+  // (phases) Twice the increase of the expected log-likelihood minus the penalty if [A B] and [C D] may jump between
+  // the phases g-1 and g; zero at phase 0 and at jumps.
+  Vector jump_gains(const kalman::Moments& moments, const Parameters& p) const;
   // Gives each segment of this many phases its own noise scale.
   void split_noise(Index phases, Parameters& p) const;
   bool noise_is_pooled() const { return pooled_; }
@@ -65,6 +70,17 @@ class Estimator {
   Parameters parameters(const Vector& coordinates, const Parameters& like) const;
 
  private:
+  // The rows of T Θ as independent random walks, for Θ = [A B] or [C D]. T makes T V̄ Tᵀ = diag(w) for the noise V̄ and
+  // T V Tᵀ = I for the penalty.
+  struct Walks {
+    Matrix t;
+    Vector noise;              // w
+    std::vector<Matrix> rows;  // (phases) [R Z] (l × (l+q))
+    Matrix stiffness;          // (l × q)
+  };
+  Walks walks_of(const std::vector<Matrix>& roots, const Noise& noise, Index regressors, const Matrix& reference,
+                 const Vector& weight) const;
+  std::vector<std::pair<Index, Index>> stretches() const;
   std::vector<Matrix> phase_roots(const std::vector<Matrix>& moments, const Vector& counts, Vector& totals) const;
   std::vector<Matrix> regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before, const Noise& noise,
                               Index regressors, const Matrix& reference, const Vector& weight) const;
