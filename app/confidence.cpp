@@ -120,6 +120,12 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
                                  c.freedom)
                    : fmt::format("by {} over experiments; {:.0f} degrees of freedom",
                                  plural(c.replicates, "bootstrap replicate"), c.freedom));
+  if (c.smoothing > 0) {
+    const std::vector<double> bias(c.bias.begin(), c.bias.end());
+    page.row("Smoothing",
+             fmt::format("the bias of lambda = {:.3g} is included: {} times the scatter at the median step",
+                         c.smoothing, number(median(bias))));
+  }
   page.row("Half widths", "over the size of the estimates: median over the steps, and largest");
   const Widths markov = markov_widths(c), simulated = output_widths(c.simulated, model),
                predicted = output_widths(c.predicted, model);
@@ -160,6 +166,10 @@ Json json(const Call& call, const Model& model, const Confidence& c) {
   j["lags"] = c.lags;
   j["freedom"] = c.freedom;
   if (c.method == BoundsMethod::bootstrap) j["replicates"] = c.replicates;
+  if (c.smoothing > 0) {
+    j["smoothing"] = c.smoothing;
+    j["bias"] = numbers(c.bias);
+  }
   j["band"] = c.markov.band;
   j["k_begin"] = c.markov.k_begin;
   j["output_names"] = Json::array();
@@ -217,7 +227,7 @@ void add_confidence(CLI::App& tool) {
       "--method", o.method,
       Choices<std::optional<BoundsMethod>>{
           {"auto", std::nullopt}, {"factors", BoundsMethod::factors}, {"bootstrap", BoundsMethod::bootstrap}},
-      "From the factors of the regressions, or by a bootstrap (auto: the bootstrap only if steps share a model)");
+      "From the factors of the regressions, or by a bootstrap (auto: the bootstrap if steps are smoothed, refined or pooled)");
   command.number<Index>("--replicates", call->replicates, "B", "Replicates of the bootstrap (default 200)", 2,
                         1'000'000);
   command.count_or_auto("--band", o.band,

@@ -6,6 +6,8 @@
 #include "studies/coverage.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/refine_model.hpp"
+#include "uncertainty/replicate.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -276,6 +278,153 @@ TEST(Confidence, OtherDataAreRefusedOrRemarkedOn) {
   EXPECT_THROW(confidence(c.found.model, experiments(oscillator(21), o)), std::invalid_argument);
   EXPECT_THROW(confidence(oscillator(20), c.data), std::invalid_argument);  // was not identified
   EXPECT_THROW(confidence(c.found.model, Ensemble(60, 20, 1, 2)), std::invalid_argument);
+}
+
+// ---- smoothing over time, and EM ----
+
+// Two outputs of an oscillator whose frequency jumps at step 20 of 40, or does not.
+Model jumping_oscillator(double change) {
+  Model system = constant_system({2, 2, 1}, 40, 0.95, 7);
+  for (Index k = 0; k < 40; ++k) {
+    const double angle = k < 20 ? 0.4 : 0.4 + change;
+    system.at(k).A() << 0.95 * std::cos(angle), -0.95 * std::sin(angle), 0.95 * std::sin(angle), 0.95 * std::cos(angle);
+  }
+  return system;
+}
+
+const IdentifyOptions few_choices{.states = 2, .lags = 3, .smoothing = 1.0, .refine = false};
+
+Case refined_case(double change, double smoothing, std::uint64_t seed) {
+  ExperimentOptions o;
+  o.experiments = 40;
+  o.process_noise = 0.05;
+  o.measurement_noise = 0.2;
+  o.seed = seed;
+  Case c{experiments(jumping_oscillator(change), o), {}};
+  c.found = identify(c.data, few_choices);
+  RefineModelOptions refinement;
+  refinement.smoothing = smoothing;
+  c.found.model = refine_model(c.found.model, c.data, refinement).refinement.model;
+  return c;
+}
+
+bool has(const Findings& findings, Finding::Kind kind) {
+  return std::any_of(findings.begin(), findings.end(), [&](const Finding& f) { return f.kind == kind; });
+}
+
+TEST(Confidence, AModelOfEmGetsFiniteBoundsOfItsOwn) {
+  const Case c = refined_case(0.0, 3.0, 1);
+  ConfidenceOptions options;
+  options.replicates = 20;
+  const Confidence found = confidence(c.found.model, c.data, options);
+  EXPECT_EQ(found.method, BoundsMethod::bootstrap);
+  EXPECT_EQ(found.replicates, 20);
+  EXPECT_EQ(found.smoothing, 3.0);
+  EXPECT_TRUE(found.findings.empty()) << in_words(found.findings).front();
+  for (Index k = 0; k < 40; ++k) {
+    const Interval& step = found.markov.step[size_t(k)];
+    const Matrix own = pulse_row(c.found.model, k, found.markov.band);
+    for (Index i = 0; i < own.size(); ++i) {
+      if (std::isnan(own.reshaped()(i))) continue;
+      EXPECT_NEAR(step.estimate.reshaped()(i), own.reshaped()(i), 1e-9);
+      EXPECT_TRUE(std::isfinite(step.upper.reshaped()(i) - step.lower.reshaped()(i)));
+    }
+  }
+}
+
+// Replicates that start from the model scatter as identifications of their own do.
+TEST(Confidence, ReplicatesOfEmScatterAsWholeIdentifications) {
+  const Case c = refined_case(0.2, 0.3, 2);
+  RefineModelOptions refinement;
+  refinement.smoothing = 0.3;
+  const Identifier whole = [&](const Ensemble& e) {
+    return refine_model(identify(e, few_choices).model, e, refinement).refinement.model;
+  };
+  const Functional functional = [](const Model& model) {
+    Matrix all(2 * 7, 40);
+    for (Index k = 0; k < 40; ++k) all.col(k) = pulse_row(model, k, 6).reshaped();
+    return Vector(all.reshaped());
+  };
+  BootstrapOptions options;
+  options.replicates = 40;
+  options.unknowns = 3;
+  const Vector expected = bootstrap(c.data, whole, functional, options).interval.deviation.col(0);
+  const Identifier from_model = uncertainty::identifier(c.found.model, identify_options(c.found.model.provenance), 1.0);
+  const Vector found = bootstrap(c.found.model, c.data, from_model, functional, options).interval.deviation.col(0);
+  double sum = 0.0, count = 0.0;
+  for (Index i = 0; i < expected.size(); ++i) {
+    if (!(expected(i) > 0) || !(found(i) > 0)) continue;
+    sum += std::log(found(i) / expected(i));
+    count += 1;
+  }
+  ASSERT_GT(count, 400);
+  EXPECT_NEAR(std::exp(sum / count), 1.0, 0.1);
+}
+
+// A jump that too much smoothing hides: the intervals widen there, and the text says where.
+TEST(Confidence, BoundsContainTheBiasOfSmoothing) {
+  const Case c = refined_case(0.6, 30.0, 3);
+  const Model truth = jumping_oscillator(0.6);
+  ConfidenceOptions options;
+  options.replicates = 40;
+  const Confidence found = confidence(c.found.model, c.data, options);
+  Coverage near;
+  for (Index k = 15; k < 26; ++k) near.add(pulse_row(truth, k, found.markov.band), found.markov.step[size_t(k)]);
+  EXPECT_GE(near.percent(), 90);
+  ASSERT_TRUE(has(found.findings, Finding::Kind::bounds_with_bias));
+  const Finding& finding = found.findings.back();
+  EXPECT_TRUE(std::find(finding.steps.begin(), finding.steps.end(), 20) != finding.steps.end());
+  EXPECT_FALSE(std::find(finding.steps.begin(), finding.steps.end(), 3) != finding.steps.end());
+  EXPECT_GT(found.bias(20), found.bias(5));
+}
+
+TEST(Confidence, AConstantSystemIsAnAssumption) {
+  ExperimentOptions o;
+  o.experiments = 12;
+  o.measurement_noise = 0.3;
+  const Ensemble data = experiments(constant_system({2, 2, 1}, 30, 0.9, 7), o);
+  IdentifyOptions options = few_choices;
+  RefineModelOptions constant;
+  constant.smoothing = std::numeric_limits<double>::infinity();
+  const Model found = refine_model(identify(data, options).model, data, constant).refinement.model;
+  ASSERT_EQ(found.period, 1);
+  ConfidenceOptions quick;
+  quick.replicates = 10;
+  EXPECT_TRUE(has(confidence(found, data, quick).findings, Finding::Kind::bounds_of_constant_system));
+  options.smoothing = std::numeric_limits<double>::infinity();  // stated
+  EXPECT_FALSE(
+      has(confidence(identify(data, options).model, data, quick).findings, Finding::Kind::bounds_of_constant_system));
+}
+
+// With fewer experiments than unknowns of the states, nothing tells the scatter, and a sentence says so.
+TEST(Confidence, TooFewExperimentsLeaveInfiniteBoundsAndAReason) {
+  ExperimentOptions o;
+  o.experiments = 3;
+  o.measurement_noise = 0.3;
+  const Ensemble data = experiments(jumping_oscillator(0.0), o);
+  const Confidence found = confidence(identify(data, few_choices).model, data);
+  EXPECT_EQ(found.method, BoundsMethod::factors);
+  EXPECT_TRUE(has(found.findings, Finding::Kind::infinite_bounds));
+}
+
+// Half of the experiments are those of another system: the factors take the difference for noise of each sample.
+TEST(Confidence, HalvesThatDisagreeAreReported) {
+  ExperimentOptions o;
+  o.experiments = 60;
+  o.process_noise = 0.01;
+  o.measurement_noise = 0.03;
+  Ensemble data = experiments(oscillator(20), o);
+  IdentifyOptions options;
+  options.lags = 3;
+  options.states = 4;
+  options.method = Method::tvera;
+  options.nominal = NominalChoice::none;
+  EXPECT_TRUE(confidence(identify(data, options).model, data).findings.empty());
+  for (Index n = 0; n < 60; n += 2)
+    for (Index k = 0; k < 20; ++k) data.output(k).row(n) *= 1.2;
+  const Findings found = confidence(identify(data, options).model, data).findings;
+  ASSERT_TRUE(has(found, Finding::Kind::bounds_too_narrow));
+  EXPECT_LT(found.front().numbers.at("agreement"), 85);
 }
 
 TEST(Uncertainty, WrongOptionsAreRefused) {

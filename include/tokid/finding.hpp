@@ -160,7 +160,10 @@ struct Finding {
     infinite_bounds,        // steps
     replicates_failed,      // numbers: failed, replicates
     bounds_of_other_model,  // the options and the data do not reproduce the model
-    bounds_without_bias,    // numbers: experiments, regressors
+    bounds_too_narrow,      // numbers: agreement [%]
+    bounds_with_bias,       // steps; numbers: smoothing, largest
+    bounds_without_bias,    // numbers: smoothing
+    bounds_of_constant_system,
     option_without_effect,  // detail: the option that bounds from the factors ignore
     // plans of experiments
     plan_of_departures,

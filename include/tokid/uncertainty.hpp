@@ -1,5 +1,6 @@
 // Confidence bounds of estimates, from the factors of the regressions or by a bootstrap over experiments. The bounds
-// measure random errors only. They do not include a bias, for example of a lag order that is too small.
+// measure random errors, and confidence() adds the bias of smoothing over time. They do not include another bias, for
+// example of a lag order that is too small.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -139,6 +140,10 @@ struct Bootstrap {
 // std::runtime_error where fewer than half of the replicates could be identified
 Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional& functional,
                     const BootstrapOptions& options = {});
+// The same for a model that is known already. Its values are the estimates. `f` may therefore start from the model, and
+// need not reproduce it: the replicates are compared with their mean.
+Bootstrap bootstrap(const Model& model, const Ensemble& data, const Identifier& f, const Functional& functional,
+                    const BootstrapOptions& options = {});
 
 // Multiplies the experiments by the square roots of their weights (N), and the free responses by the square root of the
 // mean weight. \throws std::invalid_argument for negative weights or a wrong number of weights
@@ -155,8 +160,8 @@ const char* to_string(BoundsMethod method);
 
 struct ConfidenceOptions {
   double level = 0.95;
-  // Empty: the factors. If steps share a model, the bootstrap, because the factors of single steps do not describe such
-  // a model.
+  // Empty: the factors if the model follows from regressions of single steps. Otherwise the bootstrap, if there are more
+  // experiments than states, inputs and a mean motion.
   std::optional<BoundsMethod> method = {};
   Index replicates = 200;  // B of the bootstrap
   std::uint64_t seed = 1;
@@ -171,6 +176,9 @@ struct Confidence {
   Index experiments = 0, lags = 0;
   Index replicates = 0;  // successful replicates of the bootstrap
   double freedom = 0.0;  // degrees of freedom of Student's t, at the median step or of the bootstrap
+  // λ whose bias widens the intervals of the bootstrap; 0: no bias is included
+  double smoothing = 0.0;
+  Vector bias;  // (T) bias of the Markov parameters over their scatter, RMS at each step; empty if not included
   Channels names;
   MarkovBounds markov;
   // Mean outputs (N × m) for the inputs of the N experiments used.
@@ -182,8 +190,10 @@ struct Confidence {
 };
 
 // Computes the bounds of a model. With the factors, the estimates come from the regressions, which the model
-// approximates. With the bootstrap, the estimates come from the model, and each replicate is identified with the
-// options and the orders of the model. `data` must be the ensemble of the identification, including the held-out
+// approximates. With the bootstrap, the estimates come from the model. If EM made the model, each replicate continues EM
+// from the model; otherwise it is identified with the options and the orders of the model. With smoothing over time, a
+// model with a tenth of λ is identified as well. The squared differences from it, averaged over five steps, add to the
+// variances, because λ has a bias. `data` must be the ensemble of the identification, including the held-out
 // experiments, which the function does not use.
 // \throws std::invalid_argument for options out of range, a number of experiments that differs from the identification,
 // or a model that was not identified

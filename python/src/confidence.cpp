@@ -115,7 +115,8 @@ nb::any bounds_of(const Model& model, const Ensemble& data, double level, std::o
   const nb::list findings = list_of(c.findings);
   const char* how = to_string(c.method);
   const Index experiments = c.experiments, lags = c.lags, found = c.replicates;
-  const double freedom = c.freedom, dt = c.dt;
+  const double freedom = c.freedom, dt = c.dt, smoothing = c.smoothing;
+  const nb::object bias = c.bias.size() > 0 ? nb::cast(array_of(c.bias)) : nb::none();
   return make("Confidence", {{"method", how},
                              {"level", level},
                              {"dt", dt},
@@ -123,6 +124,8 @@ nb::any bounds_of(const Model& model, const Ensemble& data, double level, std::o
                              {"lags", lags},
                              {"replicates", found},
                              {"freedom", freedom},
+                             {"smoothing", smoothing},
+                             {"bias", bias},
                              {"markov", markov},
                              {"simulated", simulated},
                              {"predicted", predicted},

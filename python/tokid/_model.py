@@ -479,7 +479,7 @@ class Model(StateSpace):
             Probability that an interval contains the true value.
         method : {"auto", "factors", "bootstrap"}
             "factors": from the factors of the regressions. "bootstrap": from repeated identifications. "auto": the
-            bootstrap if steps share a model, else the factors.
+            factors if the model follows from regressions of single steps, else the bootstrap.
         replicates : int, optional
             Number of bootstrap replicates, by default 200.
         band : int or "auto"

@@ -968,6 +968,10 @@ class Confidence(_Found):
         Number of bootstrap replicates with a successful identification.
     freedom : float
         Degrees of freedom of Student's t.
+    smoothing : float
+        The λ whose bias the intervals include; 0 if they include none.
+    bias : ndarray of shape (T,), or None
+        Bias of the Markov parameters over their scatter, RMS at each step.
     markov : MarkovBounds
     simulated : Interval of shape (N, T, m), or None
         Mean outputs for the inputs of the data.
@@ -984,6 +988,8 @@ class Confidence(_Found):
     lags: int
     replicates: int
     freedom: float
+    smoothing: float
+    bias: Optional[Array]
     markov: MarkovBounds
     simulated: Optional[Interval]
     predicted: Optional[Interval]

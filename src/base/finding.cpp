@@ -651,8 +651,9 @@ constexpr Entry table[] = {
      [](const Finding& f) { return fmt::format("no bounds of eigenvalues: {}", f.detail); }},
     {Kind::infinite_bounds, "infinite_bounds", warning,
      [](const Finding& f) {
-       return fmt::format("no degree of freedom is left at {}: bounds that depend on these steps are infinite",
-                          words::step_list(f.steps));
+       return fmt::format(
+           "no degree of freedom is left at {}: bounds that depend on these steps are infinite. Use more experiments or a smaller lag order",
+           words::step_list(f.steps));
      }},
     {Kind::replicates_failed, "replicates_failed", warning,
      [](const Finding& f) {
@@ -663,11 +664,28 @@ constexpr Entry table[] = {
        return std::string(
            "the options and these data do not reproduce the model. The bounds are those of the model that the options and the data give");
      }},
+    {Kind::bounds_too_narrow, "bounds_too_narrow", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the bounds are too narrow: {:.0f} % of the Markov parameters of two halves of the experiments agree within their 95 % bounds. The regressions do not describe these data fully. Use the bootstrap",
+           number(f, "agreement"));
+     }},
+    {Kind::bounds_with_bias, "bounds_with_bias", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "do not rely on the bounds at {}: there, the smoothing lambda = {:.3g} changes the estimates more than the noise does. The system may change faster than lambda permits, for example at a jump",
+           words::step_list(f.steps), number(f, "smoothing"));
+     }},
     {Kind::bounds_without_bias, "bounds_without_bias", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} experiments are not more than the {} regressors: the model depends on its regularisation. The bounds do not include the bias of the regularisation",
-           count(f, "experiments"), count(f, "regressors"));
+           "the bounds do not include the bias of the smoothing lambda = {:.3g}, because no model with weaker smoothing could be identified. They are too narrow where the system changes fast",
+           number(f, "smoothing"));
+     }},
+    {Kind::bounds_of_constant_system, "bounds_of_constant_system", note,
+     [](const Finding&) {
+       return std::string(
+           "the bounds suppose that nothing varies over time. They do not contain a variation that is too small to be found");
      }},
     {Kind::option_without_effect, "option_without_effect", note,
      [](const Finding& f) { return fmt::format("{} has no effect on bounds from the factors", f.detail); }},

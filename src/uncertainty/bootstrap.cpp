@@ -134,8 +134,13 @@ Eigen::VectorXcd matched(const Eigen::VectorXcd& found, const Eigen::VectorXcd& 
 Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional& functional,
                     const BootstrapOptions& options) {
   check_options(options);
+  return bootstrap(identified(data, Vector::Ones(data.experiments()), f, options), data, f, functional, options);
+}
+
+Bootstrap bootstrap(const Model& original, const Ensemble& data, const Identifier& f, const Functional& functional,
+                    const BootstrapOptions& options) {
+  check_options(options);
   const Index experiments = data.experiments();
-  const Model original = identified(data, Vector::Ones(experiments), f, options);
   const Index mean = options.nominal ? 1 : 0;
   Index unknowns = (options.unknowns > 0 ? options.unknowns : median_unknowns(original)) + mean;
   // With so few experiments, plain regressions would fit any data exactly, and the other methods are regularised. These

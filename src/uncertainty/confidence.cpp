@@ -8,12 +8,14 @@
 
 #include "base/nan.hpp"
 #include "data/channel_sizes.hpp"
-#include "identify/identify.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
 #include "tokid/validate.hpp"
+#include "uncertainty/halves.hpp"
 #include "uncertainty/interval.hpp"
+#include "uncertainty/replicate.hpp"
+#include "uncertainty/smoothing_bias.hpp"
 
 namespace tokid {
 
@@ -24,6 +26,12 @@ namespace {
 // Models count as the same if they differ by less than this. They may differ by rounding errors, which noisy Hankel
 // matrices amplify.
 constexpr double same = 1e-6;
+// Weaker smoothing for the bias: this share of λ. The bias that is left is about the same share.
+constexpr double weaker = 0.1;
+// A step is reported if the bias of its Markov parameters is larger than their scatter by this factor.
+constexpr double reported_bias = 2.0;
+// Bounds from the factors are reported as too narrow if fewer Markov parameters of two halves agree.
+constexpr double least_agreement = 0.85;
 
 // The experiments that the identification used, as they were measured.
 Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyOptions& identification) {
@@ -44,19 +52,6 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
         fmt::format("steps: {} found, the model ends with step {}: bounds need the ensemble of the identification",
                     training.steps(), model.k_end() - 1));
   return training;
-}
-
-// The options of the identification with all its choices fixed, for departures from the nominal trajectory.
-IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
-  options.states = model.states();
-  options.lags = model.max_lags();
-  options.initial_state = model.initial_state;
-  options.nominal = NominalChoice::none;
-  options.frame = Frame::raw;
-  options.hold_out = 0.0;
-  options.choices = model.provenance.choices;
-  options.execution = {};
-  return options;
 }
 
 // The blocks and units of the realisation, as in identify().
@@ -102,7 +97,7 @@ class Bounds {
     band_ = std::clamp<Index>(options.band > 0 ? options.band : 2 * estimation_window(model), 1,
                               std::max<Index>(1, data_.steps() - 1));
     loop_ = {options.level, options.reference_step, 0, {options.execution.threads, {}}};
-    result_.method = options.method.value_or(model.period > 0 ? BoundsMethod::bootstrap : BoundsMethod::factors);
+    result_.method = options.method.value_or(automatic_method());
     result_.level = options.level;
     result_.dt = model.dt;
     result_.names = model.names;
@@ -120,6 +115,13 @@ class Bounds {
   }
 
  private:
+  // The factors describe regressions of single steps. Other models need the bootstrap, if there are enough experiments.
+  BoundsMethod automatic_method() const {
+    const bool of_single_steps = uncertainty::smoothing_of(model_) == 0 && !uncertainty::by_em(model_);
+    const Index needed = uncertainty::unknowns_of_states(model_, data_.steps()) + (with_nominal() ? 1 : 0);
+    return of_single_steps || data_.experiments() <= needed ? BoundsMethod::factors : BoundsMethod::bootstrap;
+  }
+
   bool with_nominal() const { return model_.y_nominal.rows() > 0; }
   void report(Finding finding) { result_.findings.push_back(std::move(finding)); }
 
@@ -142,6 +144,10 @@ class Bounds {
     result_.predicted = prediction_bounds(arx, departing_, {options_.level, share(0.8, 0.9)});
     add_nominal(model_, result_.simulated);
     add_nominal(model_, result_.predicted);
+    const std::optional<double> agreement =
+        uncertainty::agreement_of_halves(departing_, o, band_, {options_.execution.threads, {}});
+    if (agreement && *agreement < least_agreement)
+      report({.kind = Finding::Kind::bounds_too_narrow, .numbers = {{"agreement", 100 * *agreement}}});
     if (model_.method != "tvera")
       return report({.kind = Finding::Kind::bounds_of_regressions, .detail = model_.method});
     if (data_.free.experiments > 0) return report({.kind = Finding::Kind::bounds_without_free_responses});
@@ -176,9 +182,6 @@ class Bounds {
   }
 
   void by_bootstrap() {
-    const IdentifyOptions held = held_options(model_, identification_);
-    const Identifier f = [&held](const Ensemble& e) { return identify_part(e, held, false).model; };
-
     std::optional<Spectrum> spectrum;
     with_frame([&] { spectrum = closed_loop_spectrum(model_, loop_); });
     const Functional functional = [&](const Model& model) { return everything(model, spectrum); };
@@ -189,21 +192,83 @@ class Bounds {
     o.nominal = with_nominal();
     o.period = model_.period;
     o.execution = options_.execution;
-    const Bootstrap found = bootstrap(data_, f, functional, o);
+    const bool by_em = uncertainty::by_em(model_);
+    if (by_em || model_.provenance.choices) o.unknowns = uncertainty::unknowns_of_states(model_, data_.steps());
+    const Identifier f = uncertainty::identifier(model_, identification_);
+    Bootstrap found = by_em ? bootstrap(model_, data_, f, functional, o) : bootstrap(data_, f, functional, o);
     result_.replicates = found.replicates;
     result_.freedom = found.freedom;
     if (found.replicates < options_.replicates)
       report({.kind = Finding::Kind::replicates_failed,
               .numbers = {{"failed", double(options_.replicates - found.replicates)},
                           {"replicates", double(options_.replicates)}}});
-    if (differ(functional(model_), found.interval.estimate.col(0)))
+    if (!by_em && differ(functional(model_), found.interval.estimate.col(0)))
       report({.kind = Finding::Kind::bounds_of_other_model});
-    const Index regressors =
-        minimum_experiments(model_.inputs, model_.outputs, model_.max_lags(), has_feedthrough(model_.provenance));
-    if (data_.experiments() <= regressors)
-      report({.kind = Finding::Kind::bounds_without_bias,
-              .numbers = {{"experiments", double(data_.experiments())}, {"regressors", double(regressors)}}});
+    add_bias(functional, spectrum, found);
     scatter(found, spectrum);
+  }
+
+  // Widens the intervals by the bias of the smoothing over time: the change of the estimates with weaker smoothing.
+  void add_bias(const Functional& functional, const std::optional<Spectrum>& spectrum, Bootstrap& found) {
+    const double smoothing = uncertainty::smoothing_of(model_);
+    if (std::isinf(smoothing)) {
+      const bool stated = identification_.period > 0 || std::isinf(identification_.smoothing.value_or(0.0));
+      if (!stated) report({.kind = Finding::Kind::bounds_of_constant_system});
+      return;
+    }
+    if (smoothing == 0) return;
+    Vector change;
+    try {
+      Model weak = uncertainty::identifier(model_, identification_, weaker)(departing_);
+      weak.u_nominal = model_.u_nominal;
+      weak.y_nominal = model_.y_nominal;
+      change = functional(weak) - found.interval.estimate.col(0);
+    } catch (const std::runtime_error&) {
+      return report({.kind = Finding::Kind::bounds_without_bias, .numbers = {{"smoothing", smoothing}}});
+    }
+    result_.smoothing = smoothing;
+    Vector squares = Vector::Zero(change.size());
+    for (const uncertainty::PerStep& place : places(spectrum)) uncertainty::add_local_squares(change, place, squares);
+    report_bias(squares, found.interval);
+    uncertainty::widen(found.interval, squares, uncertainty::StudentT(options_.level)(found.freedom));
+  }
+
+  // The places of Markov parameters, outputs and eigenvalues in the list of everything().
+  std::vector<uncertainty::PerStep> places(const std::optional<Spectrum>& spectrum) const {
+    const Index steps = data_.steps(), m = model_.outputs, parameters = m * (band_ + 1) * model_.inputs;
+    std::vector<uncertainty::PerStep> result{{0, steps, parameters},
+                                             {steps * parameters, steps, data_.experiments() * m}};
+    Index begin = steps * (parameters + data_.experiments() * m);
+    for (size_t i = 0; spectrum && i < spectrum->eigenvalues.size();) {
+      uncertainty::PerStep same_size{begin, 0, 2 * spectrum->eigenvalues[i].size()};
+      for (; i < spectrum->eigenvalues.size() && 2 * spectrum->eigenvalues[i].size() == same_size.size; ++i)
+        ++same_size.steps;
+      begin += same_size.steps * same_size.size;
+      result.push_back(same_size);
+    }
+    return result;
+  }
+
+  // Stores the size of the bias of the Markov parameters over their scatter, and reports the steps where it is large.
+  void report_bias(const Vector& squares, const Interval& interval) {
+    const Index steps = data_.steps(), size = model_.outputs * (band_ + 1) * model_.inputs;
+    result_.bias = Vector::Constant(steps, nan);
+    std::vector<Index> large;
+    for (Index k = 0; k < steps; ++k) {
+      double bias = 0.0, scatter = 0.0;
+      for (Index i = k * size; i < (k + 1) * size; ++i)
+        if (std::isfinite(interval.deviation(i))) {
+          bias += squares(i);
+          scatter += interval.deviation(i) * interval.deviation(i);
+        }
+      if (scatter > 0) result_.bias(k) = std::sqrt(bias / scatter);
+      if (result_.bias(k) > reported_bias) large.push_back(k);
+    }
+    if (!large.empty())
+      report({.kind = Finding::Kind::bounds_with_bias,
+              .steps = std::move(large),
+              .numbers = {{"smoothing", result_.smoothing},
+                          {"largest", result_.bias.array().isNaN().select(0, result_.bias).maxCoeff()}}});
   }
 
   // Lists Markov parameters, outputs, and the real and imaginary parts of eigenvalues.

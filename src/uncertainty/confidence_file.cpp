@@ -80,6 +80,10 @@ Arrays arrays_of(const Confidence& c, Layout layout) {
   arrays.emplace_back("lags", scalar(c.lags));
   if (c.method == BoundsMethod::bootstrap) arrays.emplace_back("replicates", scalar(c.replicates));
   arrays.emplace_back("freedom", scalar(c.freedom));
+  if (c.smoothing > 0) {
+    arrays.emplace_back("smoothing", scalar(c.smoothing));
+    arrays.emplace_back("bias", Array{{size(c.bias.size())}, std::vector<double>(c.bias.begin(), c.bias.end())});
+  }
   arrays.emplace_back("dt", scalar(c.dt));
   add_channels(c.names, arrays);
   if (!c.spectrum.step.empty()) add_spectrum(c.spectrum, arrays);
