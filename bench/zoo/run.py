@@ -50,9 +50,9 @@ def grid(states):
     return {name: [str(word) for word in words] for name, words in chosen.items()}
 
 
-def make_data(cell, condition, truth, path):
+def make_data(cell, condition, truth, path, nonlinear=True):
     """Write the experiments of a cell, in the units of its data. Returns the factors from the units of the plant."""
-    u, y, _ = experiments(truth, condition.experiments, crc32(cell.encode()), nonlinear=True)
+    u, y, _ = experiments(truth, condition.experiments, crc32(cell.encode()), nonlinear)
     u_scale, y_scale = scales(cell, condition, u.shape[2], y.shape[2])
     np.savez(path, u=(u * u_scale).transpose(1, 0, 2), y=(y * y_scale).transpose(1, 0, 2), dt=truth.plant.dt)
     return u_scale, y_scale

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from conditions import Condition, cells, short_cells
+from intervals import measure
 from measures import HORIZON, ahead, evaluate, filtered, first_state, of_truth, read_model
 from plants import PLANTS
 from run import make_data
@@ -128,6 +129,17 @@ def test_defaults_of_the_short_cells(tmp_path):
     assert set(found) == set(LIMITS) == set(short_cells())
     worse = {cell: values for cell, values in found.items() if any(v > most for v, most in zip(values, LIMITS[cell]))}
     assert not worse
+
+
+@needs_tool
+@pytest.mark.parametrize("noise", ["low", "high"])
+def test_intervals_hold_the_truth_near_jumps_too(noise):
+    condition = Condition(experiments=15, noise=noise)
+    found = [measure(os.environ["TOKID"], "stiffness_jump", condition, seed, replicates=40)["auto"][0]
+             for seed in (1, 2, 3)]
+    held, judged, finite = sum(found)[:, :3].T
+    assert (judged == finite).all()
+    assert (held / judged >= 0.9).all()
 
 
 @needs_tool
