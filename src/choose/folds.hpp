@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <vector>
@@ -12,6 +13,10 @@
 
 namespace tokid {
 
+// A larger order must reduce the error of subspace models by the factor `worth_it`. If the errors are uncertain, the
+// required factor is higher, but at most `most_uncertain`.
+inline constexpr double worth_it = 1.005, most_uncertain = 1.02;
+
 // Errors of a model of departures: the logarithm of error divided by departure, averaged over the outputs. The errors
 // of predictions over many steps and of simulations are at most 0, the error of predicting a departure of zero.
 struct Errors {
@@ -21,6 +26,11 @@ struct Errors {
   // weights, the chosen models predicted measured data worse, one step ahead and many steps ahead.
   double mean() const { return (3 * one_step + ahead + simulation) / 5; }
 };
+Errors mean_of(const std::vector<Errors>& folds);
+// Smaller relative errors of an output are raised to this share of the largest relative error. Otherwise the logarithm
+// of an exact output, such as a recorded command, would outweigh the errors of all other outputs.
+inline constexpr double least_counted = 1e-3;
+
 // Outputs that a model of departures computes. The outputs are NaN before step `first`, see first_scored().
 struct Computed {
   Ensemble one_step, ahead, simulation;
@@ -82,8 +92,8 @@ class Folds {
   Model start(size_t f, Index states, Weighting weighting, double smoothing) const;
   OrderScores scores(Weighting weighting, double smoothing, Index least, Index most) const;
   // The errors of the models of the first `count` folds; empty if a model does not have this number of states.
-  template <class MakeModel>
-  std::optional<std::vector<Errors>> errors_of_folds(size_t count, Index states, MakeModel&& make, Index first,
+  std::optional<std::vector<Errors>> errors_of_folds(size_t count, Index states,
+                                                     const std::function<Model(size_t)>& make, Index first,
                                                      const std::vector<Computed>& like = {}) const;
 
   Options options_;

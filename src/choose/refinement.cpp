@@ -1,0 +1,524 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <numeric>
+#include <span>
+#include <utility>
+
+#include "choose/folds.hpp"
+#include "tokid/em.hpp"
+
+namespace tokid {
+
+namespace {
+
+// A larger order must raise the likelihood by `significant` standard errors, and a smaller order may reduce it by
+// `noticeable` ones. The search for λ goes on while the likelihood rises by more than `noticeable` ones.
+constexpr double significant = 2.0, noticeable = 1.0;
+// Most folds that validate EM. EM takes longer than all other choices.
+constexpr size_t most_refined = 3;
+// EM runs in stages. Each has a number of iterations, after those of its warm-up, and ends with an evaluation. For few
+// experiments, few iterations are often the best. If steps share their matrices, EM needs more iterations, but an
+// iteration takes less time. If matrices jump, EM first follows them without jumps. It then goes on with them, and
+// without a warm-up, so that a comparison of jumps starts from the same models.
+struct Stage {
+  Index iterations = 0;
+  bool jumps = false;
+};
+constexpr Stage pooled_stages[] = {{10}, {30}, {100}}, first_stages[] = {{3}, {5}, {40}}, last_stage[] = {{120}},
+                jump_stages[] = {{48, true}}, last_jump_stage[] = {{120, true}};
+// For every λ the stages `first`, then with jumps also `jumping`. Only for the best λ the stages `last`.
+struct Schedule {
+  std::span<const Stage> first, jumping, last;
+};
+Schedule schedule_of(const RefineOptions& o) {
+  if (o.period.value_or(0) > 0) return {pooled_stages, {}, {}};
+  if (!o.jumps.empty()) return {first_stages, jump_stages, last_jump_stage};
+  return {first_stages, {}, last_stage};
+}
+Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, RefineOptions o) {
+  o.iterations = stage.iterations;
+  o.warm_up = !stage.jumps;
+  if (!stage.jumps) o.jumps.clear();
+  return refine(start, data, o).model;
+}
+// A usual λ of EM, bounds of its first λ, and the largest λ. With a larger one EM does not converge in these stages.
+constexpr double usual = 3.0, first_least = 1e-2, first_most = 1e2, largest = 320.0;
+// The most half decades that a search goes in one direction.
+constexpr Index most_moves = 6;
+// A jump is tried where its gain exceeds the gains two steps before and after by the factor `sharp`, and the median
+// gain by another factor. Gains vary slowly over time if the matrices do.
+constexpr double sharp = 1.25, above_median = 2.0;
+constexpr size_t most_jumps = 8;
+
+}  // namespace
+
+// Log-likelihoods of the held-out experiments of all folds.
+class Folds::Likelihood {
+ public:
+  Likelihood() = default;
+  explicit Likelihood(const std::vector<Vector>& folds) {
+    for (const Vector& fold : folds) of_experiment_.insert(of_experiment_.end(), fold.begin(), fold.end());
+  }
+
+  // -∞ if there is none, or not a finite one.
+  double sum() const {
+    const double all = std::accumulate(of_experiment_.begin(), of_experiment_.end(), 0.0);
+    return of_experiment_.empty() || !std::isfinite(all) ? -std::numeric_limits<double>::infinity() : all;
+  }
+  double mean() const { return sum() / std::max(1.0, double(of_experiment_.size())); }
+  // The difference of the sums, in units of its standard error over the experiments. ±∞ if one sum is not finite.
+  double advantage(const Likelihood& other) const {
+    if (!std::isfinite(sum())) return -std::numeric_limits<double>::infinity();
+    if (!std::isfinite(other.sum())) return std::numeric_limits<double>::infinity();
+    const double count = double(of_experiment_.size()), difference = sum() - other.sum();
+    double square = 0.0;
+    for (size_t i = 0; i < of_experiment_.size(); ++i)
+      square += std::pow(of_experiment_[i] - other.of_experiment_[i] - difference / count, 2);
+    return difference / std::sqrt(std::max(square * count / std::max(1.0, count - 1), 1e-300));
+  }
+
+ private:
+  std::vector<double> of_experiment_;
+};
+
+namespace {
+
+// The least variance of each output's noise that counts in a likelihood, from one-step predictions. Otherwise an output
+// that is exact, or exact up to a few digits, would decide alone.
+Vector least_variance(const Computed& start, const Ensemble& data) {
+  Vector error = Vector::Zero(data.outputs()), size = error;
+  for (Index k = 0; k < data.steps(); ++k)
+    for (Index j = 0; j < data.outputs(); ++j) {
+      const Eigen::ArrayXd y = data.output(k).col(j), e = y - start.one_step.output(k).col(j).array();
+      error(j) += e.isFinite().select(e.square(), 0.0).sum();
+      size(j) += e.isFinite().select(y.square(), 0.0).sum() / double(data.steps() * data.experiments());
+    }
+  const Vector relative = (size.array() > 0).select(error.array() / size.array(), 0.0);
+  return least_counted * least_counted * relative.maxCoeff() / double(data.steps() * data.experiments()) * size;
+}
+
+// Log-likelihoods of the experiments if the outputs had additional noise with these variances.
+Vector log_likelihoods_with(const Vector& variances, Model model, const Ensemble& data) {
+  for (Step& step : model.step) step.set_R(step.R() + Matrix(variances.asDiagonal()));
+  return log_likelihoods(model, data);
+}
+
+}  // namespace
+
+// The cross-validation of EM for one number of states.
+class Folds::RefinementSearch {
+ public:
+  RefinementSearch(const Folds& folds, Index states, const OrderScores& scores, std::vector<Jump> jumps)
+      : folds_(folds),
+        jumps_(std::move(jumps)),
+        count_(std::min(folds.folds_.size(), most_refined)),
+        starts_(count_),
+        like_(count_),
+        least_variance_(count_) {
+    choice_.states = states;
+    for_each_fold([&](size_t f) {
+      starts_[f] = folds_.start(f, states, scores.weighting, scores.smoothing);
+      // EM can predict samples after missing samples that subspace models cannot predict. These samples are not
+      // compared.
+      like_[f] = computed_by(starts_[f], folds_.folds_[f].data.held_out, folds_.options_.initial_state, folds_.first_);
+      least_variance_[f] = least_variance(like_[f], folds_.folds_[f].data.held_out);
+    });
+    choice_.error = errors(starts_, folds.first_).mean();
+    choice_.trials.push_back({.states = states, .error = choice_.error});
+  }
+
+  // Tries λ, or only the given one. The last stage follows only for the best λ.
+  void run(std::optional<double> smoothing_given, bool look_for_jumps) {
+    if (folds_.options_.variation.period == 1) smoothing_given = 0.0;
+    if (smoothing_given)
+      attempt(*smoothing_given);
+    else
+      choose_smoothing();
+    if (!smoothing_given && !empty() && least_error()->error > choice_.error) approach_start();
+    if (look_for_jumps && !empty() && !folds_.pooled()) find_jumps();
+    continue_best();
+  }
+
+  bool empty() const { return attempts_.empty(); }
+  // Of the best λ.
+  const Likelihood& likelihood() const { return chosen()->likelihood; }
+  double smoothing() const { return chosen()->smoothing; }
+  double error() const { return chosen()->error; }
+  const std::vector<Jump>& jumps() const { return jumps_; }
+  const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
+
+  // EM is used if it predicts the samples that subspace models predict, too, clearly better than they do. With unknown
+  // initial states, models of EM begin earlier, and may be a little worse at the later steps. If the best attempt is
+  // not used, the attempt with the smallest errors may be.
+  RefinementChoice choice() && {
+    if (empty()) return std::move(choice_);
+    choice_.smoothing = smoothing();
+    choice_.jumps = jumps_;
+    const bool begins_earlier = folds_.first_ > 0 && !folds_.pooled();
+    const double limit = choice_.error + std::log(begins_earlier ? most_uncertain : 1 / worth_it);
+    for (const Attempt* attempt : {chosen(), least_error()}) {
+      const Errors common = errors(attempt->models, folds_.first_, like_);
+      if (common.mean() > limit) continue;
+      choice_.smoothing = attempt->smoothing;
+      choice_.iterations = attempt->iterations;
+      choice_.one_step = common.one_step;
+      choice_.error = attempt->error;
+      break;
+    }
+    return std::move(choice_);
+  }
+
+ private:
+  // EM that did not fail.
+  struct Attempt {
+    double smoothing = 0.0;
+    Index iterations = 0;
+    double error = 0.0;
+    Likelihood likelihood;
+    std::vector<Model> models;
+  };
+
+  const Attempt* least_error() const {
+    const auto smaller = [](const Attempt& a, const Attempt& b) { return a.error < b.error; };
+    return &*std::min_element(attempts_.begin(), attempts_.end(), smaller);
+  }
+
+  const Attempt* likeliest() const {
+    const auto less = [](const Attempt& a, const Attempt& b) { return a.likelihood.sum() < b.likelihood.sum(); };
+    return &*std::max_element(attempts_.begin(), attempts_.end(), less);
+  }
+
+  // The attempt with the smallest errors of those whose likelihood does not differ significantly from the largest. With
+  // few experiments, or noise that is not normal, the likelihood alone would decide too finely. If steps share their
+  // matrices, there may be very few experiments. Their initial states would decide the likelihood, so the errors
+  // decide.
+  const Attempt* chosen() const {
+    if (folds_.pooled()) return least_error();
+    const Attempt *const most = likeliest(), *best = most;
+    for (const Attempt& a : attempts_)
+      if (a.error < best->error && most->likelihood.advantage(a.likelihood) < significant) best = &a;
+    return best;
+  }
+
+  template <class Change>
+  void for_each_fold(Change&& change) {
+    parallel_for(0, Index(count_), {folds_.options_.threads, {}}, [&](Index begin, Index end) {
+      for (Index f = begin; f < end; ++f) change(size_t(f));
+    });
+  }
+
+  void choose_smoothing() {
+    double best = std::clamp(folds_.options_.variation.smoothing, first_least, first_most);
+    Likelihood most = attempt(best);
+    // The λ of the ARX model may be far from the best λ of EM. The likelihood may then have a second maximum.
+    if (std::abs(std::log10(best / usual)) > 0.9) try_smoothing(usual, noticeable, best, most);
+    climb(best, most);
+  }
+
+  // With one more jump, the best λ may be larger by decades.
+  void choose_larger_smoothing(double best) {
+    const double before = best;
+    Likelihood most = attempt(before);
+    for (const double factor : {10.0, 100.0})
+      if (before * factor < largest) try_smoothing(before * factor, 0.0, best, most);
+    climb(best, most);
+  }
+
+  // Makes this λ the best one if it raises the likelihood by more than this number of standard errors.
+  bool try_smoothing(double smoothing, double advantage, double& best, Likelihood& most) {
+    Likelihood found = attempt(smoothing);
+    if (!(found.advantage(most) > advantage)) return false;
+    most = std::move(found);
+    best = smoothing;
+    return true;
+  }
+
+  void climb(double best, Likelihood most) {
+    for (const double factor : {std::sqrt(10.0), std::sqrt(0.1)}) {
+      Index moves = 0;
+      while (moves < most_moves && best * factor < largest && try_smoothing(best * factor, noticeable, best, most))
+        ++moves;
+      if (moves > 0) break;
+    }
+  }
+
+  // If no attempt predicts better than the subspace models, attempts with less penalty may: they stay closer to them.
+  void approach_start() {
+    const auto weaker = [](const Attempt& a, const Attempt& b) { return a.smoothing < b.smoothing; };
+    double smoothing = std::min_element(attempts_.begin(), attempts_.end(), weaker)->smoothing;
+    for (Index moves = 0; moves < most_moves; ++moves) {
+      const double least = least_error()->error;
+      attempt(smoothing *= std::sqrt(0.1));
+      if (!(least_error()->error < least)) return;
+    }
+  }
+
+  // Adds jumps one by one where the gains of a jump are sharp. Each must raise the likelihood significantly, with the λ
+  // that is then the best, and moves to the step of the largest likelihood. At last, jumps that are not needed are
+  // removed: one that is a few steps away from the true one may have been found before it.
+  void find_jumps() {
+    while (jumps_.size() < most_jumps && add_jump()) continue;
+    for (size_t i = jumps_.size(); jumps_.size() > 1 && i-- > 0;) {
+      const double advantage = take_at_same_smoothing(without_jump(i), -significant);
+      if (!(advantage > -significant)) jumps_[i].loss = -advantage;
+    }
+  }
+
+  bool add_jump() {
+    const std::vector<Index> candidates = sharp_steps();
+    if (candidates.empty()) return false;
+    const double smoothing = chosen()->smoothing;
+    // A jump is compared with as many iterations without it.
+    Likelihood before = likeliest()->likelihood;
+    if (jumps_.empty()) {
+      Likelihood longer = refined(*chosen(), jump_stages[0]).likelihood;
+      if (longer.sum() > before.sum()) before = std::move(longer);
+    }
+    const auto search = [&] { choose_larger_smoothing(smoothing); };
+    for (Index step : candidates)
+      if (take_jumps(with_jump(jumps_, step), before, significant, search) > significant) {
+        step = moved_jump(step);
+        const auto same = [&](const Jump& jump) { return jump.step == step; };
+        std::find_if(jumps_.begin(), jumps_.end(), same)->loss = likeliest()->likelihood.advantage(before);
+        return true;
+      }
+    return false;
+  }
+
+  // Moves the jump at this step, while the likelihood rises. Returns its last step.
+  Index moved_jump(Index step) {
+    const auto at = [&](Index k) {
+      return std::any_of(jumps_.begin(), jumps_.end(), [&](const Jump& jump) { return jump.step == k; });
+    };
+    const auto moves = [&](Index to) {
+      if (to < 1 || to >= steps() || at(to)) return false;
+      std::vector<Jump> jumps = jumps_;
+      std::erase_if(jumps, [&](const Jump& jump) { return jump.step == step; });
+      return take_at_same_smoothing(with_jump(std::move(jumps), to), 0.0) > 0.0;
+    };
+    for (const Index by : {-1, 1}) {
+      const Index first = step;
+      while (moves(step + by)) step += by;
+      if (step != first) break;
+    }
+    return step;
+  }
+
+  static std::vector<Jump> with_jump(std::vector<Jump> jumps, Index step) {
+    const auto later = [&](const Jump& jump) { return jump.step > step; };
+    jumps.insert(std::find_if(jumps.begin(), jumps.end(), later), Jump{step});
+    return jumps;
+  }
+
+  std::vector<Jump> without_jump(size_t i) const {
+    std::vector<Jump> jumps = jumps_;
+    jumps.erase(jumps.begin() + std::ptrdiff_t(i));
+    return jumps;
+  }
+
+  double take_at_same_smoothing(std::vector<Jump> jumps, double advantage) {
+    const Attempt before = *likeliest();
+    return take_jumps(std::move(jumps), before.likelihood, advantage, [&] { attempt(before.smoothing); });
+  }
+
+  // Searches with other jumps. Keeps them if the likelihood of the best attempt then exceeds `before` by more than
+  // `least` standard errors. Returns by how many it does.
+  template <class Search>
+  double take_jumps(std::vector<Jump> jumps, const Likelihood& before, double least, Search&& search) {
+    std::vector<Attempt> attempts = std::exchange(attempts_, {});
+    std::swap(jumps, jumps_);
+    search();
+    const double advantage = (empty() ? Likelihood() : likeliest()->likelihood).advantage(before);
+    if (advantage > least) return advantage;
+    std::swap(jumps, jumps_);
+    attempts_ = std::move(attempts);
+    return advantage;
+  }
+
+  Index steps() const { return folds_.folds_.front().data.training.steps(); }
+
+  // The steps at which the gain of a jump is the sharpest, for each λ that was tried from the chosen one on, the
+  // largest λ first. A model that varies more freely follows a jump by itself, so that its gains are smaller and less
+  // sharp.
+  std::vector<Index> sharp_steps() {
+    std::map<double, const Attempt*, std::greater<>> last;  // for each λ, the attempt with the most iterations
+    const double least = chosen()->smoothing;
+    for (const Attempt& a : attempts_)
+      if (a.smoothing >= least && a.smoothing > 0) last[a.smoothing] = &a;
+    std::vector<Index> steps;
+    for (const auto& [smoothing, attempt] : last) {
+      const std::optional<Index> step = sharpest(jump_gains_of(*attempt));
+      if (step && std::find(steps.begin(), steps.end(), *step) == steps.end()) steps.push_back(*step);
+    }
+    return steps;
+  }
+
+  // (T) Summed over the folds.
+  Vector jump_gains_of(const Attempt& attempt) {
+    std::vector<Vector> gains(count_);
+    for_each_fold([&](size_t f) {
+      gains[f] = jump_gains(attempt.models[f], folds_.folds_[f].data.training, options(attempt.smoothing));
+    });
+    return std::accumulate(gains.begin() + 1, gains.end(), gains.front());
+  }
+
+  static std::optional<Index> sharpest(const Vector& gains) {
+    constexpr Index aside = 2;
+    std::vector<double> sorted(gains.begin(), gains.end());
+    const auto middle = sorted.begin() + std::ptrdiff_t(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    std::optional<Index> best;
+    double most = 0.0;
+    for (Index k = aside + 1; k + aside < gains.size(); ++k) {
+      const double excess = gains(k) - sharp * std::max(gains(k - aside), gains(k + aside));
+      if (gains(k) > above_median * *middle && excess > most) most = excess, best = k;
+    }
+    return best;
+  }
+
+  // The further stages, if EM has not been best before.
+  void continue_best() {
+    if (empty()) return;
+    Attempt now = *chosen();
+    const Schedule schedule = schedule_of(options(now.smoothing));
+    const auto total = [](Index sum, const Stage& stage) { return sum + stage.iterations; };
+    if (now.iterations < std::accumulate(schedule.first.begin(), schedule.first.end(), Index{0}, total)) return;
+    for (const Stage& stage : schedule.last) {
+      now = refined(std::move(now), stage);
+      keep(now);
+    }
+  }
+
+  // EM with this λ, from subspace models. Returns the largest log-likelihood of the held-out experiments.
+  Likelihood attempt(double smoothing) {
+    const auto schedule = schedule_of(options(smoothing));
+    Likelihood most;
+    const auto compare = [&](const Attempt& now) {
+      if (now.likelihood.sum() > most.sum()) most = now.likelihood;
+      keep(now);
+    };
+    auto plain = plain_.find(smoothing);
+    if (plain == plain_.end()) {
+      Attempt now{smoothing, 0, 0.0, {}, starts_};
+      for (const Stage& stage : schedule.first) {
+        now = refined(std::move(now), stage);
+        if (jumps_.empty()) compare(now);
+      }
+      plain = plain_.emplace(smoothing, std::move(now)).first;
+    }
+    for (const Stage& stage : schedule.jumping) compare(refined(plain->second, stage));
+    return most;
+  }
+
+  void keep(const Attempt& attempt) {
+    if (std::isfinite(attempt.likelihood.sum())) attempts_.push_back(attempt);
+  }
+
+  Attempt refined(Attempt start, const Stage& stage) {
+    std::vector<Vector> found(count_);
+    for_each_fold([&](size_t f) {
+      const Split& data = folds_.folds_[f].data;
+      start.models[f] = refined_fold(start.smoothing, stage, data.training, start.models[f]);
+      if (start.models[f].steps() > 0)
+        found[f] = log_likelihoods_with(least_variance_[f], start.models[f], data.held_out);
+    });
+    const bool all = std::all_of(found.begin(), found.end(), [](const Vector& fold) { return fold.size() > 0; });
+    start.likelihood = all ? Likelihood(found) : Likelihood();
+    start.error = (folds_.pooled() ? errors(start.models, folds_.first_, like_) : errors(start.models, 0)).mean();
+    start.iterations += stage.iterations;
+    choice_.trials.push_back({choice_.states, start.smoothing, start.iterations, start.error, start.likelihood.mean(),
+                              stage.jumps ? options(start.smoothing).jumps : std::vector<Index>{}});
+    return start;
+  }
+
+  RefineOptions options(double smoothing) const {
+    RefineOptions o;
+    o.smoothing = smoothing;
+    o.period = folds_.options_.variation.period;
+    o.initial_state = folds_.options_.initial_state;
+    o.feedthrough = folds_.options_.feedthrough;
+    for (const Jump& jump : jumps_) o.jumps.push_back(jump.step);
+    return o;
+  }
+
+  // Empty if EM fails: this λ is ruled out.
+  Model refined_fold(double smoothing, const Stage& stage, const Ensemble& training, const Model& start) const {
+    if (start.steps() == 0) return start;
+    try {
+      return refined_in(stage, start, training, options(smoothing));
+    } catch (const std::runtime_error&) {
+      return {};
+    }
+  }
+
+  Errors errors(const std::vector<Model>& models, Index first, const std::vector<Computed>& like = {}) const {
+    const auto found = folds_.errors_of_folds(
+        count_, choice_.states, [&](size_t f) { return models[f]; }, first, like);
+    constexpr double none = std::numeric_limits<double>::infinity();
+    return found ? mean_of(*found) : Errors{none, none, none};
+  }
+
+  const Folds& folds_;
+  std::vector<Jump> jumps_;  // of all attempts
+  size_t count_;
+  std::vector<Model> starts_;  // subspace models
+  std::vector<Computed> like_;
+  std::vector<Vector> least_variance_;  // as in least_variance, of each fold
+  std::vector<Attempt> attempts_;
+  std::map<double, Attempt> plain_;  // for each λ, the attempt after the stages without jumps
+  RefinementChoice choice_;
+};
+
+RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
+                                          const StatedRefinement& stated) const {
+  std::vector<Jump> stated_jumps;
+  for (const Index step : stated.jumps.value_or(std::vector<Index>{})) stated_jumps.push_back({step});
+  auto best = std::make_unique<RefinementSearch>(*this, states, scores, stated_jumps);
+  best->run(stated.smoothing, !stated.jumps);
+  std::vector<RefinementTrial> trials = best->trials();
+  // Takes the other number of states if its likelihood has this advantage, in standard errors, and its error is below
+  // the present one times `allowed`.
+  const auto take_if = [&](std::unique_ptr<RefinementSearch> other, double advantage, double allowed) {
+    trials.insert(trials.end(), other->trials().begin(), other->trials().end());
+    if (other->empty() || !(other->error() < best->error() + std::log(allowed))) return false;
+    if (!pooled() && !(other->likelihood().advantage(best->likelihood()) > advantage)) return false;
+    best = std::move(other);
+    return true;
+  };
+  const auto try_order = [&](Index n, double advantage, double allowed) {
+    auto other = std::make_unique<RefinementSearch>(*this, n, scores, best->jumps());
+    other->run(best->smoothing(), false);
+    return take_if(std::move(other), advantage, allowed);
+  };
+  const double larger = pooled() ? 1 / most_uncertain : 1.0;
+  Index n = states;
+  while (!best->empty() && n < orders.most && try_order(n + 1, significant, larger)) ++n;
+  if (n == states)
+    while (!best->empty() && n > orders.fewest && try_order(n - 1, -noticeable, worth_it)) --n;
+  if (n != states && !stated.smoothing) {  // the best λ may differ for this number of states
+    auto again = std::make_unique<RefinementSearch>(*this, n, scores, best->jumps());
+    again->run({}, !stated.jumps && best->jumps().empty());
+    take_if(std::move(again), -noticeable, 1.0);
+  }
+  RefinementChoice choice = std::move(*best).choice();
+  choice.trials = std::move(trials);
+  return choice;
+}
+
+Model refined(Model model, const Ensemble& data, Index iterations, const RefineOptions& options) {
+  const Schedule schedule = schedule_of(options);
+  Index done = 0;
+  for (const auto& stages : {schedule.first, schedule.jumping, schedule.last})
+    for (const Stage& stage : stages) {
+      if (done >= iterations) return model;
+      model = refined_in(stage, model, data, options);
+      done += stage.iterations;
+    }
+  return model;
+}
+
+}  // namespace tokid
