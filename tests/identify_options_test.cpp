@@ -27,6 +27,7 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
                               .method = Method::subspace,
                               .smoothing = 0.25,
                               .period = 4,
+                              .jumps = std::vector<Index>{3, 20},
                               .weighting = Weighting::projection,
                               .refine = false,
                               .initial_state = InitialState::unknown,
@@ -40,17 +41,19 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
   one_model.method = Method::tvera;
   one_model.smoothing = std::numeric_limits<double>::infinity();
   one_model.refine = true;
+  one_model.jumps = std::vector<Index>{};
   for (const IdentifyOptions& written : {other, one_model, IdentifyOptions{}}) {
     const IdentifyOptions read = identify_options(io::provenance_of(io::provenance_text({.options = written})));
     // A field more does not compile here until it stands in the list, and belongs into the table of the text too.
-    const auto& [states, lags, method, smoothing, feedthrough, period, weighting, refine, initial_state, nominal, frame,
-                 reference_step, hold_out, rows, cols, choices, execution] = read;
+    const auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal,
+                 frame, reference_step, hold_out, rows, cols, choices, execution] = read;
     EXPECT_EQ(states, written.states);
     EXPECT_EQ(lags, written.lags);
     EXPECT_EQ(method, written.method);
     EXPECT_EQ(smoothing, written.smoothing);
     EXPECT_EQ(feedthrough, written.feedthrough);
     EXPECT_EQ(period, written.period);
+    EXPECT_EQ(jumps, written.jumps);
     EXPECT_EQ(weighting, written.weighting);
     EXPECT_EQ(refine, written.refine);
     EXPECT_EQ(initial_state, written.initial_state);
@@ -101,7 +104,7 @@ TEST(Provenance, ReturnsFromItsText) {
                              .experiments = 30,
                              .data = {"97d64adfcd832056", "a"},
                              .dt_stated = false,
-                             .choices = NoisyChoices{{smoothing, 4}, 0.1, Weighting::projection, smoothing, 7},
+                             .choices = NoisyChoices{{smoothing, 4}, 0.1, Weighting::projection, smoothing, 7, {2, 9}},
                              .refinement = EmRun{smoothing, 12}};
     const Provenance read = io::provenance_of(io::provenance_text(written), "1.2.3");
     // A field more does not compile here until it stands in the list, and belongs into the text, too.
@@ -118,6 +121,7 @@ TEST(Provenance, ReturnsFromItsText) {
     EXPECT_EQ(choices->weighting, Weighting::projection);
     EXPECT_EQ(choices->refinement_smoothing, smoothing);
     EXPECT_EQ(choices->refinement_iterations, 7);
+    EXPECT_EQ(choices->jumps, written.choices->jumps);
     EXPECT_EQ(refinement->smoothing, smoothing);
     EXPECT_EQ(refinement->iterations, 12);
     EXPECT_EQ(program, "1.2.3");

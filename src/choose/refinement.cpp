@@ -223,7 +223,7 @@ class Folds::RefinementSearch {
   void choose_larger_smoothing(double best) {
     const double before = best;
     Likelihood most = attempt(before);
-    for (const double factor : {10.0, 100.0})
+    for (const double factor : {10.0, 100.0, 1000.0})
       if (before * factor < largest) try_smoothing(before * factor, 0.0, best, most);
     climb(best, most);
   }

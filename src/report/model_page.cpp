@@ -229,6 +229,9 @@ class Report {
     model.row("Sample time", fmt::format("{:.6g} s", model_.dt));
     if (found_.lags > 0) model.row("Lag order", fmt::format("p = {}", found_.lags));
     model.row("Initial states", to_string(model_.initial_state));
+    if (const auto& choices = model_.provenance.choices; choices && !choices->jumps.empty())
+      model.row("Jumps", fmt::format("the matrices jump at {} {}", choices->jumps.size() > 1 ? "the steps" : "step",
+                                     fmt::join(choices->jumps, ", ")));
     model.row("Nominal trajectory", model_.y_nominal.rows() > 0 ? "removed before, added back after" : "none");
     if (const std::string text = option_text(); !text.empty()) model.row("Options", text);
     if (const std::string& by = model_.provenance.version; !by.empty()) model.row("Made by", "tokid " + by);

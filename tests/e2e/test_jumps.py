@@ -65,8 +65,8 @@ def test_a_smooth_system_has_no_jumps(tokid, tmp_path):
 
 
 @pytest.mark.parametrize("options, complaint", [
-    (["--jumps", "0"], "--jumps: 0 found, ascending steps from 1 to 1000000000, none or auto needed"),
-    (["--jumps", "30,20"], "--jumps: 30,20 found, ascending steps"),
+    (["--jumps", "0"], "--jumps: '0' found, ascending steps from 1 to 1000000000, none or auto needed"),
+    (["--jumps", "30,20"], "--jumps: '30,20' found, ascending steps"),
     (["--jumps", "60"], "jumps: 60 found, steps from 1 to 59 needed"),
     (["--jumps", "30", "--time-invariant"], "jumps: steps found, but the steps of a period share a model"),
     (["--jumps", "30", "--smoothing", "infinity"], "jumps: steps found, but one model serves all steps"),
