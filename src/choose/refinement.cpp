@@ -380,17 +380,25 @@ class Folds::RefinementSearch {
     return best;
   }
 
-  // The further stages, if EM has not been best before.
+  // The further stages, if EM has not been best before. With a jump and a large λ, EM may leave a good model again. On
+  // all experiments it might do so earlier, so that another λ is then chosen.
   void continue_best() {
     if (empty()) return;
-    Attempt now = *chosen();
-    const Schedule schedule = schedule_of(options(now.smoothing));
+    const Attempt best = *chosen();
+    const Schedule schedule = schedule_of(options(best.smoothing));
     const auto total = [](Index sum, const Stage& stage) { return sum + stage.iterations; };
-    if (now.iterations < std::accumulate(schedule.first.begin(), schedule.first.end(), Index{0}, total)) return;
+    if (best.iterations < std::accumulate(schedule.first.begin(), schedule.first.end(), Index{0}, total)) return;
+    Attempt now = best;
     for (const Stage& stage : schedule.last) {
       now = refined(std::move(now), stage);
       keep(now);
     }
+    const auto same = [&](const Attempt& attempt) { return attempt.smoothing == best.smoothing; };
+    if (jumps_.empty() || now.likelihood.advantage(best.likelihood) > -significant ||
+        std::all_of(attempts_.begin(), attempts_.end(), same))
+      return;
+    std::erase_if(attempts_, same);
+    continue_best();
   }
 
   // EM with this λ, from subspace models. Returns the largest log-likelihood of the held-out experiments.
