@@ -114,7 +114,9 @@ nb::any object_of(const RefinementTrial& t) {
                                   {"jumps", t.jumps}});
 }
 
-nb::any object_of(const Jump& j) { return make("Jump", {{"step", j.step}, {"loss", j.loss ? nb::object(nb::float_(*j.loss)) : nb::none()}}); }
+nb::any object_of(const Jump& j) {
+  return make("Jump", {{"step", j.step}, {"loss", j.loss ? nb::object(nb::float_(*j.loss)) : nb::none()}});
+}
 
 nb::any object_of(const RefinementChoice& c) {
   nb::list trials;

@@ -8,20 +8,14 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "linalg/lanes-inl.hpp"
+
 // clang-format off
 HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 namespace random_walk {
 
-namespace hn = hwy::HWY_NAMESPACE;
-using Tag = hn::ScalableTag<double>;
-using Vec = hn::Vec<Tag>;
-
-constexpr size_t lanes = HWY_LANES(double);
-
-HWY_INLINE Vec load(const double* list, size_t entry) { return hn::Load(Tag(), list + entry * lanes); }
-HWY_INLINE void store(Vec v, double* list, size_t entry) { hn::Store(v, Tag(), list + entry * lanes); }
 // c + a b and c - a b, each operation rounded.
 HWY_INLINE Vec plus(Vec c, Vec a, Vec b) { return hn::Add(c, hn::Mul(a, b)); }
 HWY_INLINE Vec minus(Vec c, Vec a, Vec b) { return hn::Sub(c, hn::Mul(a, b)); }
