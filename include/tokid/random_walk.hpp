@@ -19,8 +19,7 @@ std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Inde
 // The same for right-hand sides that differ in their stiffness (L × q, all entries positive and finite): column j of
 // each X_g is the solution for column j of the Z_g and of the stiffness. R_g (L × L) must be upper triangular. The
 // columns are solved together, one in each lane of the vector instructions. O(G·q·L³) time, O(G·q·L²) memory.
-// 	hrows std::invalid_argument for rows or a stiffness of the wrong size, or entries that are not positive and
-// finite
+// \throws std::invalid_argument for rows or a stiffness of the wrong size, or entries that are not positive and finite
 std::vector<Matrix> random_walk_regressions(const std::vector<Matrix>& rows, const Matrix& stiffness);
 
 // (G) By how much the minimum falls for one column q = 1 if X may jump between the steps g-1 and g; 0 at step 0. The

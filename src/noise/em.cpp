@@ -183,6 +183,10 @@ Matrix innovation_covariance(const Model& model, const Ensemble& data, InitialSt
   return count > 0 ? Matrix(sum / count + exact * size) : size;
 }
 
+InitialState initial_state_of(const Model& model, const Ensemble& data, const RefineOptions& o) {
+  return o.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+}
+
 Model starting_model(const Model& model, const Ensemble& data, const RefineOptions& o, InitialState initial) {
   Model start = with_constant_states(model, data.steps());
   if (!o.feedthrough)
@@ -403,7 +407,7 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
     throw std::invalid_argument(
         fmt::format("smoothing: {} found, but one model serves all steps, so that nothing varies. Use 0 or infinity",
                     options.smoothing));
-  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  const InitialState initial = initial_state_of(model, data, options);
   kalman::samples_of(model, data, kalman::Tail::drop, 0);  // checks the channels
   Model start = starting_model(model, data, options, initial);
   const double likelihood = log_likelihoods(start, data, {options.execution.threads, {}}).sum();
@@ -446,7 +450,7 @@ Vector jump_gains(const Model& model, const Ensemble& data, const RefineOptions&
   if (period_of(model, options) > 0) throw std::invalid_argument("model: shared steps found, none may be shared");
   if (!(options.smoothing > 0))
     throw std::invalid_argument(fmt::format("smoothing: {} found, more than 0 needed", options.smoothing));
-  const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
+  const InitialState initial = initial_state_of(model, data, options);
   return Climb(starting_model(model, data, options, initial), data, options, initial).jump_gains();
 }
 
