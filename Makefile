@@ -48,7 +48,7 @@ help:
 	@echo 'make release-test  installs these on a Debian that debootstrap makes; as root, for some minutes'
 	@echo 'make portability   builds and tests the last commit on other systems (docs/portability.md); as root, for hours'
 	@echo 'make bench         measures time and memory for ten minutes, writes the tables of docs/performance.md'
-	@echo 'make studies       rounding errors, coverage, noise, outliers: prints the tables of docs/ (tests/studies/README.md)'
+	@echo 'make studies       rounding errors, coverage, defects, noise, outliers: prints the tables of docs/ (tests/studies/README.md)'
 	@echo 'make zoo           identifies the plants of docs/plants.md under all conditions, for an hour: prints its tables'
 	@echo 'make sbom          what tokid consists of, with versions, in CycloneDX (build/tokid.cdx.json)'
 	@echo 'make build         the tool (build/bin/tokid), the library, the examples'
@@ -111,7 +111,7 @@ bench:
 	@$(python) bench/performance.py build
 
 # STUDIES: some of those of tests/studies/README.md, all unless told otherwise
-STUDIES ?= accuracy coverage noise outliers
+STUDIES ?= accuracy coverage defects noise outliers
 
 studies:
 	$(call install,$(test_packages))

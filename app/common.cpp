@@ -204,6 +204,19 @@ void add_findings(Json& j, const Findings& findings) {
   j["warnings"] = in_words(findings);
 }
 
+Json json_of(const std::vector<OutlyingSamples>& outlying) {
+  Json list = Json::array();
+  for (const OutlyingSamples& o : outlying)
+    list.push_back({{"experiment", o.experiment},
+                    {"name", o.name.empty() ? Json() : Json(o.name)},
+                    {"output", o.output},
+                    {"steps", o.steps},
+                    {"error", o.error},
+                    {"usual", o.usual},
+                    {"weight", o.weight}});
+  return list;
+}
+
 namespace {
 
 constexpr int bar_width = 30;

@@ -87,6 +87,7 @@ void warn(const std::vector<std::string>& warnings);  // on stderr
 void warn(const Findings& findings);
 // Adds "findings", as values, and "warnings", the same findings as sentences.
 void add_findings(Json& json, const Findings& findings);
+Json json_of(const std::vector<OutlyingSamples>& outlying);
 
 // A progress bar on stderr. It appears only if stderr is a terminal and the work takes longer than 0.1 s. The
 // destructor erases it.

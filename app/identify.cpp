@@ -252,9 +252,28 @@ void add_states(const Call& call, const Identification& result, Page& page) {
                        model.k_end() - 1, plural(model.states(), "state"), model.full_begin(), model.full_end() - 1));
 }
 
+Index dropped_experiments(const Identification& result) {
+  return std::count_if(result.outliers.begin(), result.outliers.end(), [](const Outlier& o) { return o.weight == 0; });
+}
+
+// What was done about experiments and samples that do not fit.
+void add_outliers(const Call& call, const Identification& result, Page& page) {
+  if (call.options.outliers == OutlierChoice::keep) return;
+  const Corrections& made = result.model.provenance.corrections;
+  const Index dropped = dropped_experiments(result), samples = Index(made.samples.size());
+  std::vector<std::string> parts;
+  if (dropped > 0) parts.push_back(plural(dropped, "experiment") + " dropped");
+  if (const Index less = Index(made.experiments.size()) - dropped; less > 0)
+    parts.push_back(plural(less, "experiment") + " downweighted");
+  if (samples > 0)
+    parts.push_back(plural(samples, "sample") +
+                    (call.options.outliers == OutlierChoice::drop ? " dropped" : " moved towards the prediction"));
+  page.row("Outliers", parts.empty() ? "none found" : fmt::format("{}", fmt::join(parts, ", ")));
+}
+
 void add_fit(const Data& data, const Identification& result, Page& page) {
   const Model& model = result.model;
-  const Index held_out = data.experiments - result.experiments;
+  const Index held_out = data.experiments - result.experiments - dropped_experiments(result);
   page.row("Fit", !result.held_out ? "on the training data; --hold-out tests it on other data"
                   : held_out > 0   ? fmt::format("on {} held out", plural(held_out, "experiment"))
                                  : fmt::format("on the last {}, held out", plural(data.steps - result.steps, "step")));
@@ -281,6 +300,7 @@ std::string report(const Call& call, const Data& data, const Identification& res
                              data.blocks));
   page.row("Initial state", fmt::format("{}: {}", to_string(model.initial_state), result.initial_state_test.reason));
   page.row("Nominal", nominal_text(call, data, result));
+  add_outliers(call, result, page);
   add_lag_order(call, data, result, page);
   add_states(call, result, page);
   if (!result.plan.coupled)
@@ -319,7 +339,7 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["block"] = data.blocks > 0 ? Json(data.block) : Json();
   j["resumed_blocks"] = call.resume ? Json(data.resumed) : Json();
   j["experiments"] = result.experiments;
-  j["held_out_experiments"] = data.experiments - result.experiments;
+  j["held_out_experiments"] = data.experiments - result.experiments - dropped_experiments(result);
   j["steps"] = result.steps;
   j["inputs"] = data.inputs;
   j["outputs"] = data.outputs;
@@ -369,7 +389,11 @@ Json json(const Call& call, const Data& data, const Identification& result) {
     j["outliers"].push_back({{"experiment", o.experiment},
                              {"name", o.name.empty() ? Json() : Json(o.name)},
                              {"ratio", o.ratio},
-                             {"explanation", json_of(o.explanation)}});
+                             {"explanation", json_of(o.explanation)},
+                             {"outputs", json_of(o.outputs)},
+                             {"weight", o.weight},
+                             {"held_out", o.held_out}});
+  j["outlying_samples"] = json_of(result.validation.outlying);
   j["copies"] = result.copies.groups;
   j["dependent"] = Json::array();
   for (const DependentExperiment& c : result.dependent.combinations)
@@ -407,7 +431,8 @@ bool in_blocks(const Call& call) {
   if (call.block != automatic) return call.block > 0;
   const IdentifyOptions& o = call.options;
   const bool possible = is_hdf5(call.model) && call.page.empty() && call.state.empty() && o.period == 0 &&
-                        o.smoothing != std::numeric_limits<double>::infinity() && o.frame != Frame::reference;
+                        o.smoothing != std::numeric_limits<double>::infinity() && o.frame != Frame::reference &&
+                        o.outliers == OutlierChoice::keep;
   const std::optional<double> bytes = possible ? bytes_in_blocks(call.data) : std::nullopt;
   return bytes && (*bytes > much || team().size > 1);
 }

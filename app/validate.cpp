@@ -151,14 +151,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
   j["tested_over"] = name(v.whiteness.over);
   j["gain_errors"] = numbers(v.gains.error);
   j["gain_deviations"] = numbers(v.gains.deviation);
-  j["outlying_samples"] = Json::array();
-  for (const OutlyingSamples& o : v.outlying)
-    j["outlying_samples"].push_back({{"experiment", o.experiment},
-                                     {"name", o.name.empty() ? Json() : Json(o.name)},
-                                     {"output", o.output},
-                                     {"steps", o.steps},
-                                     {"error", o.error},
-                                     {"usual", o.usual}});
+  j["outlying_samples"] = json_of(v.outlying);
   j["conclusions"] = json_of(conclusions(v, model.names));
   j["cross_validation"] = cross ? json(*cross) : Json();
   add_findings(j, v.findings);

@@ -35,18 +35,20 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
                               .frame = Frame::reference,
                               .reference_step = 0,
                               .hold_out = 0.1,
+                              .outliers = OutlierChoice::downweight,
                               .rows = 7,
                               .cols = 9};
   IdentifyOptions one_model = other;
   one_model.method = Method::tvera;
   one_model.smoothing = std::numeric_limits<double>::infinity();
   one_model.refine = true;
+  one_model.outliers = OutlierChoice::drop;
   one_model.jumps = std::vector<Index>{};
   for (const IdentifyOptions& written : {other, one_model, IdentifyOptions{}}) {
     const IdentifyOptions read = identify_options(io::provenance_of(io::provenance_text({.options = written})));
     // A field more does not compile here until it stands in the list, and belongs into the table of the text too.
     const auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal,
-                 frame, reference_step, hold_out, rows, cols, choices, execution] = read;
+                 frame, reference_step, hold_out, outliers, rows, cols, choices, execution] = read;
     EXPECT_EQ(states, written.states);
     EXPECT_EQ(lags, written.lags);
     EXPECT_EQ(method, written.method);
@@ -61,6 +63,7 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
     EXPECT_EQ(frame, written.frame);
     EXPECT_EQ(reference_step, written.reference_step);
     EXPECT_EQ(hold_out, written.hold_out);
+    EXPECT_EQ(outliers, written.outliers);
     EXPECT_EQ(rows, written.rows);
     EXPECT_EQ(cols, written.cols);
     EXPECT_FALSE(choices);            // stands beside the options
@@ -105,10 +108,11 @@ TEST(Provenance, ReturnsFromItsText) {
                              .data = {"97d64adfcd832056", "a"},
                              .dt_stated = false,
                              .choices = NoisyChoices{{smoothing, 4}, 0.1, Weighting::projection, smoothing, 7, {2, 9}},
-                             .refinement = EmRun{smoothing, 12}};
+                             .refinement = EmRun{smoothing, 12},
+                             .corrections = {{{"7", 0.5}}, {}}};
     const Provenance read = io::provenance_of(io::provenance_text(written), "1.2.3");
     // A field more does not compile here until it stands in the list, and belongs into the text, too.
-    const auto& [options, experiments, data, dt_stated, choices, refinement, program, text, unread] = read;
+    const auto& [options, experiments, data, dt_stated, choices, refinement, corrections, program, text, unread] = read;
     ASSERT_TRUE(options && choices && refinement);
     EXPECT_EQ(options->states, 3);
     EXPECT_EQ(options->hold_out, 0.25);
@@ -124,6 +128,7 @@ TEST(Provenance, ReturnsFromItsText) {
     EXPECT_EQ(choices->jumps, written.choices->jumps);
     EXPECT_EQ(refinement->smoothing, smoothing);
     EXPECT_EQ(refinement->iterations, 12);
+    EXPECT_EQ(corrections.experiments, written.corrections.experiments);
     EXPECT_EQ(program, "1.2.3");
     EXPECT_EQ(text, "");  // the members say all of it
     EXPECT_EQ(unread, "");
@@ -239,6 +244,7 @@ TEST(IdentifyOptions, OthersThanTheKnownAreRefused) {
   EXPECT_NE(refusal(R"({"lags": 2.5})").find("2.5 found"), std::string::npos);
   EXPECT_NE(refusal(R"({"reference_step": -1})").find("a whole number from 0 to 1000000000 or"), std::string::npos);
   EXPECT_NE(refusal(R"({"hold_out": "much"})").find("a number from 0 to below 1 needed"), std::string::npos);
+  EXPECT_NE(refusal(R"({"outliers": "hide"})").find("one of \"keep\", \"drop\", \"downweight\""), std::string::npos);
   EXPECT_NE(refusal(R"({"frame": "golden"})").find("one of \"raw\", \"reference\", \"smooth\""), std::string::npos);
   EXPECT_NE(refusal(R"({"method": "era"})").find("one of \"auto\", \"tvera\", \"subspace\""), std::string::npos);
   EXPECT_NE(refusal(R"({"smoothing": -1})").find("a number from 0 on, \"infinity\" or \"auto\" needed"),

@@ -93,10 +93,11 @@ struct Finding {
     experiments_copied,            // experiments, groups: the original of each copy; numbers: experiments
     experiments_dependent,         // experiments, groups: the terms of each sum; numbers: experiments
     inputs_repeated,               // numbers: experiments, courses, needed, lags
-    experiment_outlying,           // experiments; numbers: ratio; explanation
+    experiment_outlying,           // experiments, channels; numbers: ratio, weight, held_out; explanation
     more_outlying_experiments,     // numbers: count
-    samples_outlying,              // channels, experiments, steps; numbers: error, usual
+    samples_outlying,              // channels, experiments, steps; numbers: error, usual, weight
     more_outlying_samples,         // numbers: count
+    outliers_undecided,            // numbers: count, most: more experiments do not fit than may be dropped
     // regressions
     ill_conditioned,         // steps; numbers: condition
     too_few_complete,        // steps; numbers: unknowns

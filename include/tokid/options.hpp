@@ -13,6 +13,12 @@ namespace tokid {
 enum class Frame { raw, reference, smooth };
 enum class Method { tvera, subspace };
 enum class NominalChoice { none, mean };
+// What an identification does about experiments and single samples that do not fit the others.
+enum class OutlierChoice {
+  keep,        // it uses them as they are
+  drop,        // it leaves the experiments out, and the samples count as missing
+  downweight,  // the experiments count less, and the samples are moved towards their predictions
+};
 
 // The weighting. Because of noise, data have more states than the model can have. The weighting decides which outputs
 // the states of the model explain best.
@@ -73,6 +79,7 @@ struct IdentifyOptions {
   Frame frame = Frame::raw;
   std::optional<Index> reference_step = {};  // s of the reference frame; empty: the first step of full dimension
   double hold_out = 0.0;                     // held-out share of the experiments, for validation, 0 ≤ share < 1
+  OutlierChoice outliers = OutlierChoice::keep;
   // Block rows and columns of H_k. Empty: max(p, ⌈n/m⌉)+1 rows, and max(p, n) columns, or max(p, 48) with noise.
   std::optional<Index> rows = {}, cols = {};
   // Choices of an earlier identification. If they are given, `lags` and `states` must be those of that identification

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "tokid/corrections.hpp"
 #include "tokid/options.hpp"
 
 namespace tokid {
@@ -23,6 +24,7 @@ struct Provenance {
   bool dt_stated = true;                        // true: the data stated their sample time
   std::optional<NoisyChoices> choices = {};     // from noisy data, where all steps are in one regression
   std::optional<EmRun> refinement = {};         // the last refinement by EM
+  Corrections corrections = {};                 // what was done about outliers before the identification
   std::string version = {};                     // version of the program that made the model
 
   // The text of a file, if the members above do not give the same text. It may contain options of a newer version.

@@ -145,10 +145,6 @@ Bootstrap bootstrap(const Ensemble& data, const Identifier& f, const Functional&
 Bootstrap bootstrap(const Model& model, const Ensemble& data, const Identifier& f, const Functional& functional,
                     const BootstrapOptions& options = {});
 
-// Multiplies the experiments by the square roots of their weights (N), and the free responses by the square root of the
-// mean weight. \throws std::invalid_argument for negative weights or a wrong number of weights
-Ensemble weighted(Ensemble data, const Vector& weights);
-
 // The eigenvalues of `found` in the order of `reference`. The two nearest eigenvalues form the first pair, the two
 // nearest of the rest the second pair, and so on.
 Eigen::VectorXcd matched(const Eigen::VectorXcd& found, const Eigen::VectorXcd& reference);

@@ -28,14 +28,17 @@ struct Fit {
 };
 Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nominal = {});
 
-// Outlying samples of one output of one experiment. Their one-step prediction errors exceed both 20 times the median
-// error of the experiments at this step, and 5 % of the spread of the output. The cause is a sensor fault, or a motion
-// that differs from those of the other experiments.
+// Outlying samples of one output of one experiment. Their one-step prediction errors exceed the usual error of the
+// experiments at these steps by 6 standard deviations of a normal distribution, or more if the errors have heavier
+// tails. The cause is a sensor fault, or a motion that differs from those of the other experiments.
 struct OutlyingSamples {
   Index experiment = 0, output = 0;
   std::vector<Index> steps;
   double error = 0.0, usual = 0.0;  // largest error, and median error at its step; in the unit of the output
   std::string name;                 // name of the experiment; empty where the data give none
+  // Weight in the identification: 1: as any other, 0: counted as missing. In between: moved towards the prediction, to
+  // this share of the error.
+  double weight = 1.0;
 };
 
 struct Validation {

@@ -177,7 +177,10 @@ nb::any object_of(const Outlier& o) {
   return make("Outlier", {{"experiment", o.experiment},
                           {"name", o.name.empty() ? nb::object(nb::none()) : results::cast(o.name)},
                           {"ratio", o.ratio},
-                          {"explanation", object_of(o.explanation)}});
+                          {"explanation", object_of(o.explanation)},
+                          {"outputs", objects_of(o.outputs)},
+                          {"weight", o.weight},
+                          {"held_out", o.held_out}});
 }
 
 nb::any object_of(const Conclusion& c) {
@@ -226,7 +229,8 @@ nb::any object_of(const OutlyingSamples& o) {
                                   {"output", o.output},
                                   {"steps", o.steps},
                                   {"error", o.error},
-                                  {"usual", o.usual}});
+                                  {"usual", o.usual},
+                                  {"weight", o.weight}});
 }
 
 nb::any object_of(const Validation& v, const Channels& names) {

@@ -41,6 +41,7 @@ def identify(
     frame: str = "raw",
     reference_step: Optional[int] = None,
     hold_out: float = 0.0,
+    outliers: str = "keep",
     rows: Union[int, str] = "auto",
     cols: Union[int, str] = "auto",
     choices: Optional[NoisyChoices] = None,
@@ -102,6 +103,10 @@ def identify(
         Step of the reference frame; by default the first one of full dimension.
     hold_out : float, default 0.0
         Share of the experiments to hold out for validation, 0 ≤ share < 1.
+    outliers : {"keep", "drop", "downweight"}
+        What to do about experiments and single samples that do not fit. "keep": name them, and use them. "drop": leave
+        the experiments out, count the samples as missing, and identify again. "downweight": let the experiments count
+        less, move the samples towards their predictions, and identify again.
     rows, cols : int or "auto"
         Blocks of the Hankel matrices of TVERA.
     choices : NoisyChoices, optional

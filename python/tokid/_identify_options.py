@@ -26,6 +26,7 @@ class IdentifyOptions(TypedDict, total=False):
     frame: str
     reference_step: Optional[int]
     hold_out: float
+    outliers: str
     rows: Union[int, str]
     cols: Union[int, str]
     choices: Optional[NoisyChoices]

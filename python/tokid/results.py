@@ -314,6 +314,9 @@ class OutlyingSamples(_Result):
         Steps of the samples.
     error, usual : float
         Largest one-step prediction error, and the median over the experiments at that step.
+    weight : float
+        Weight in the identification. 1: as any other sample. 0: counted as missing. In between: moved towards its
+        prediction, to this share of the error.
     """
 
     experiment: int
@@ -322,6 +325,7 @@ class OutlyingSamples(_Result):
     steps: list[int]
     error: float
     usual: float
+    weight: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -644,7 +648,7 @@ class RefinementChoice(_Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Outlier(_Result):
-    """An experiment whose residuals show that it does not fit the model of the others.
+    """An experiment that does not fit the model of the others: its residuals, or its innovations, are too large.
 
     Attributes
     ----------
@@ -653,15 +657,24 @@ class Outlier(_Result):
     name : str or None
         Name of the experiment, if the data give one.
     ratio : float
-        Size of its leave-one-out residuals over the usual size.
+        Size of its residuals by a model of the other experiments, over the usual size.
     explanation : Explanation or None
         Possible cause. None if none was found.
+    outputs : list of FindingChannel
+        The outputs with innovations that are too large, the worst first. Empty if regressions found the experiment.
+    weight : float
+        Weight in the identification. 1: as any other experiment. 0: dropped.
+    held_out : bool
+        The experiment was held out for validation.
     """
 
     experiment: int
     name: Optional[str]
     ratio: float
     explanation: Optional[Explanation]
+    outputs: list[FindingChannel]
+    weight: float
+    held_out: bool
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -36,7 +36,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         Sample time [s].
     states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal
         As in `tokid.identify`.
-    frame, reference_step, rows, cols, threads
+    frame, reference_step, outliers, rows, cols, threads
         As in `tokid.identify`.
     horizon : int or None, default None
         None: `predict` and `score` use simulations from the inputs alone. A number: they use predictions this number of
@@ -93,6 +93,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         nominal: str = "auto",
         frame: str = "raw",
         reference_step: Optional[int] = None,
+        outliers: str = "keep",
         rows: Union[int, str] = "auto",
         cols: Union[int, str] = "auto",
         horizon: Optional[int] = None,
@@ -112,6 +113,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         self.nominal = nominal
         self.frame = frame
         self.reference_step = reference_step
+        self.outliers = outliers
         self.rows = rows
         self.cols = cols
         self.horizon = horizon

@@ -164,6 +164,29 @@ std::string consequence(const Finding& f) {
                                    : "They add no information and were not used";
 }
 
+// What is known of an experiment that does not fit, and what was done about it.
+std::string misfit_details(const Finding& f) {
+  std::string text;
+  if (!f.channels.empty() && !f.explanation) text += fmt::format(", most in output {}", channel(f));
+  if (f.explanation) text += "; " + in_words(*f.explanation);
+  const double weight = number(f, "weight");
+  if (weight == 0)
+    text += ". It was dropped";
+  else if (weight < 1)
+    text += fmt::format(". It counts with the weight {:.2g}", weight);
+  else if (is(f, "held_out"))
+    text += ". It is held out: the fit on held-out data includes its errors";
+  return text;
+}
+
+std::string about_samples(const Finding& f) {
+  const bool one = f.steps.size() == 1;
+  const double weight = number(f, "weight");
+  if (weight == 1) return "Mark faulty samples as missing, because faulty samples make the model worse";
+  if (weight == 0) return one ? "It was dropped" : "They were dropped";
+  return one ? "It was moved towards its prediction" : "They were moved towards their predictions";
+}
+
 // A ratio with two digits.
 std::string times(double ratio) {
   if (ratio >= 1e4) return "more than 10000";
@@ -348,8 +371,7 @@ constexpr Entry table[] = {
      [](const Finding& f) {
        return fmt::format(
            "experiment {} does not fit the others: its leave-one-out residuals are {} times as large as those of the others{}",
-           experiment(f.experiments[0]), times(number(f, "ratio")),
-           f.explanation ? "; " + in_words(*f.explanation) : "");
+           experiment(f.experiments[0]), times(number(f, "ratio")), misfit_details(f));
      }},
     {Kind::more_outlying_experiments, "more_outlying_experiments", warning,
      [](const Finding& f) {
@@ -360,14 +382,21 @@ constexpr Entry table[] = {
     {Kind::samples_outlying, "samples_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {}, output {}: {} up to {:.3g} off {} (median of all experiments: {:.2g}), at {}. Mark faulty samples as missing, because faulty samples make the model worse",
+           "experiment {}, output {}: {} up to {:.3g} off {} (median of all experiments: {:.2g}), at {}. {}",
            experiment(f.experiments[0]), channel(f), words::plural(Index(f.steps.size()), "sample"), number(f, "error"),
-           f.steps.size() == 1 ? "its prediction" : "their predictions", number(f, "usual"), words::step_list(f.steps));
+           f.steps.size() == 1 ? "its prediction" : "their predictions", number(f, "usual"), words::step_list(f.steps),
+           about_samples(f));
      }},
     {Kind::more_outlying_samples, "more_outlying_samples", warning,
      [](const Finding& f) {
        return fmt::format("{} with samples far off their predictions, not listed here",
                           words::plural(count(f, "count"), "more output"));
+     }},
+    {Kind::outliers_undecided, "outliers_undecided", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} more do not fit the others, but were used: at most a quarter of the experiments ({}) is left out or counted less. Check whether the data come from one system",
+           words::plural(count(f, "count"), "experiment"), count(f, "most"));
      }},
     {Kind::ill_conditioned, "ill_conditioned", warning,
      [](const Finding& f) {

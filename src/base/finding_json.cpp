@@ -74,6 +74,8 @@ Json json_of(const Finding& finding) {
 
 Json json_of(const Findings& findings) { return list(findings); }
 
+Json json_of(const std::vector<FindingChannel>& channels) { return list(channels); }
+
 Json json_of(const Conclusions& conclusions) {
   Json j = Json::object();
   for (const Conclusion& conclusion : conclusions.all()) j[to_string(conclusion.test)] = json_of(conclusion);

@@ -12,14 +12,16 @@ constexpr size_t most_reported = 5;
 }  // namespace
 
 Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& reported) {
-  std::erase_if(outliers,
-                [&](const Outlier& o) { return std::count(reported.begin(), reported.end(), o.experiment) > 0; });
+  std::erase_if(outliers, [&](const Outlier& o) {
+    return o.weight == 1 && std::count(reported.begin(), reported.end(), o.experiment) > 0;
+  });
   Findings result;
   for (size_t i = 0; i < std::min(most_reported, outliers.size()); ++i) {
     const Outlier& o = outliers[i];
     result.push_back({.kind = Finding::Kind::experiment_outlying,
+                      .channels = o.outputs,
                       .experiments = {{o.experiment, o.name}},
-                      .numbers = {{"ratio", o.ratio}},
+                      .numbers = {{"ratio", o.ratio}, {"weight", o.weight}, {"held_out", double(o.held_out)}},
                       .explanation = o.explanation});
   }
   if (outliers.size() > most_reported)

@@ -31,7 +31,11 @@ std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& op
 // are wrong, none is found.
 std::vector<Outlier> outliers_without_noise(const Ensemble& ensemble, const OutlierOptions& options);
 
-// `reported`: experiments that are already reported; they are left out.
+// Searches for explanations of these outliers. `wrong`: all experiments that do not fit (rows).
+void explain(std::vector<Outlier>& outliers, const Ensemble& ensemble, const OutlierOptions& options,
+             const std::vector<Index>& wrong);
+
+// `reported`: experiments that are already reported; they are left out, unless they were dropped or downweighted.
 Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& reported = {});
 
 }  // namespace tokid

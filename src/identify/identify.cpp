@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
+#include <numeric>
 #include <stdexcept>
 
 #include "base/statistics.hpp"
@@ -19,6 +20,7 @@
 #include "diagnose/outliers.hpp"
 #include "diagnose/regressions.hpp"
 #include "diagnose/repeats.hpp"
+#include "identify/examine.hpp"
 #include "identify/identify.hpp"
 #include "model/comparison.hpp"
 #include "model/options.hpp"
@@ -96,7 +98,8 @@ struct NominalDecision {
   Findings findings;
 };
 
-NominalDecision decide_nominal(const Ensemble& measured, const IdentifyOptions& options) {
+// `weights`: of the experiments.
+NominalDecision decide_nominal(const Ensemble& measured, const Vector& weights, const IdentifyOptions& options) {
   NominalDecision result;
   if (options.nominal == NominalChoice::none) return result;
   if (!options.nominal) {
@@ -106,7 +109,7 @@ NominalDecision decide_nominal(const Ensemble& measured, const IdentifyOptions& 
   }
   if (measured.experiments() < 2 && options.period == 0)
     throw std::invalid_argument("nominal: one experiment equals its own mean motion, at least 2 experiments needed");
-  Nominal nominal = nominal_trajectory(measured);
+  Nominal nominal = weights.minCoeff() < 1 ? weighted_nominal(measured, weights) : nominal_trajectory(measured);
   if (options.period > 0) share_phases(nominal, options.period);
   Ensemble data = departures(measured, nominal);
   if (data.free.experiments == 1) result.findings.push_back({.kind = Finding::Kind::free_response_single});
@@ -175,9 +178,30 @@ struct ExperimentFindings {
   std::vector<std::string> labels;  // of the experiments that are stuck or outliers
 };
 
-// `used`: the experiments of `measured` with these rows.
-ExperimentFindings experiment_findings(const Ensemble& used, const Ensemble& measured, const std::vector<Index>& rows,
-                                       const Model& model, const Plan& plan, const IdentifyOptions& options) {
+// All measured experiments, and what was done about outliers among them.
+struct Measured {
+  const Ensemble& all;
+  std::vector<Index> rows;  // of the used experiments; the others are copies, sums of the used ones, or dropped
+  Treatment treatment = {};
+};
+
+// Outliers among the used experiments, and those that were found before. Rows are those of all measured experiments.
+// `held_out`: rows of the used experiments that are held out.
+std::vector<Outlier> outliers_among(const Ensemble& used, const Measured& measured, const std::vector<Index>& held_out,
+                                    const Model& model, const Plan& plan, const Execution& execution) {
+  std::vector<Outlier> result = measured.treatment.outliers;
+  for (Outlier& outlier : examined(used, model, plan, execution)) {
+    outlier.held_out = std::count(held_out.begin(), held_out.end(), outlier.experiment) > 0;
+    outlier.experiment = measured.rows[size_t(outlier.experiment)];
+    outlier.name = measured.all.experiment_name(outlier.experiment);
+    if (!measured.treatment.knows(measured.all, outlier.experiment)) result.push_back(std::move(outlier));
+  }
+  return result;
+}
+
+ExperimentFindings experiment_findings(const Ensemble& used, const Measured& measured,
+                                       const std::vector<Index>& held_out, const Model& model, const Plan& plan,
+                                       const IdentifyOptions& options) {
   const bool exact = !plan.noisy && plan.initial_state == InitialState::zero;
   const Index r = used.inputs(), p = plan.lags;
   // With unknown initial states, or with noise, states also vary without inputs. Fewer different inputs are then
@@ -188,22 +212,13 @@ ExperimentFindings experiment_findings(const Ensemble& used, const Ensemble& mea
                                           : r * (p + 1);
   ExperimentFindings result;
   result.findings = findings_of_repeats(used, needed, p);
-  StuckOutputs stuck = stuck_outputs(measured);
+  StuckOutputs stuck = stuck_outputs(measured.all);
   append(result.findings, std::move(stuck.findings));
-  const OutlierOptions o{.lags = p,
-                         .nominal = plan.nominal,
-                         .zero_start = plan.initial_state == InitialState::zero,
-                         .threads = options.execution.threads,
-                         .period = plan.choices.variation.period,
-                         .model = &model};
-  result.outliers = plan.noisy ? outliers(used, o) : outliers_without_noise(used, o);
-  for (Outlier& outlier : result.outliers) {
-    outlier.experiment = rows[size_t(outlier.experiment)];
-    outlier.name = measured.experiment_name(outlier.experiment);
-  }
+  result.outliers = outliers_among(used, measured, held_out, model, plan, options.execution);
   append(result.findings, findings_of(result.outliers, stuck.experiments));
-  for (const Index n : stuck.experiments) result.labels.push_back(measured.experiment_label(n));
-  for (const Outlier& outlier : result.outliers) result.labels.push_back(measured.experiment_label(outlier.experiment));
+  for (const Index n : stuck.experiments) result.labels.push_back(measured.all.experiment_label(n));
+  for (const Outlier& outlier : result.outliers)
+    result.labels.push_back(measured.all.experiment_label(outlier.experiment));
   return result;
 }
 
@@ -230,30 +245,27 @@ Findings findings_of_states(const Model& model, const Ensemble& data, const Plan
   return result;
 }
 
-// Validates with the held-out experiments or, if there are none, with the training data. `measured`: all experiments,
-// with their names. `misfits` of the options: labels of experiments that are known to be wrong.
-Validation validated(const Model& model, const Ensemble& training, const Ensemble* held_out, const Ensemble* measured,
+// Validates with the held-out experiments or, if there are none, with the training data. `misfits` of the options:
+// labels of experiments that are known to be wrong.
+Validation validated(const Model& model, const Ensemble& training, const Ensemble* held_out, const Measured* measured,
                      ValidateOptions o) {
   const Ensemble& tested = held_out ? *held_out : training;
   Validation result = validate_in_numbers(model, tested, o);
   if (measured) {
     // The held-out part of a single record is its end.
-    const Index first = held_out ? measured->steps() - held_out->steps() : 0;
-    result.outlying = outlying_in(*measured, tested, first, std::move(result.outlying));
+    const Ensemble& all = measured->all;
+    const Index first = held_out ? all.steps() - held_out->steps() : 0;
+    result.outlying = outlying_in(all, tested, first, std::move(result.outlying));
     if (held_out && result.noisy) {
-      auto more = outlying_in(*measured, training, 0, outlying_samples(model, training, o));
+      auto more = outlying_in(all, training, 0, outlying_samples(model, training, o));
       std::move(more.begin(), more.end(), std::back_inserter(result.outlying));
     }
+    const std::vector<OutlyingSamples>& before = measured->treatment.samples;
+    result.outlying.insert(result.outlying.begin(), before.begin(), before.end());
   }
   append(result.findings, findings_of(result.outlying, tested.names));
   return result;
 }
-
-// All measured experiments, and the rows of the used ones. The other experiments are copies and sums of the used ones.
-struct Measured {
-  const Ensemble& all;
-  std::vector<Index> rows;
-};
 
 // Surveys the samples. \throws std::invalid_argument if they do not permit an identification
 Survey checked_channels(const Ensemble& data) {
@@ -290,8 +302,17 @@ void take_evidence(NominalTest nominal, Regressed regression, const RegressionSu
   result.singular_value_gap = statistics::median(singular_value_gaps(result.model));
 }
 
-// `measured`: the source of the names of single experiments; null: no findings about single experiments.
-Identification identified(const Ensemble& used, const Measured* measured, bool validating,
+// The experiments that are not held out; all of them if the end of a single record is held out.
+std::vector<Index> training_rows(Index experiments, const std::vector<Index>& held_out) {
+  std::vector<Index> rows;
+  for (Index n = 0; n < experiments; ++n)
+    if (std::find(held_out.begin(), held_out.end(), n) == held_out.end()) rows.push_back(n);
+  return rows;
+}
+
+// `weights`: of the used experiments, between 0 and 1. `measured`: the source of the names of single experiments; null:
+// no findings about single experiments.
+Identification identified(const Ensemble& used, const Vector& weights, const Measured* measured, bool validating,
                           const IdentifyOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
   check_options(options);
@@ -309,10 +330,17 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   if (measured && options.period == 0 && all_samples.missing > 0) append(findings, findings_of_overlap(measured->all));
   append(findings, findings_of_dependent_outputs(training));
 
-  NominalDecision decision = decide_nominal(training, options);
+  // A single record is split in time. Its weight is that of its first part.
+  const Vector of_training = training.experiments() == used.experiments()
+                                 ? weights
+                                 : Vector(weights(training_rows(used.experiments(), parts.held_out_rows)));
+  NominalDecision decision = decide_nominal(training, of_training, options);
   append(findings, std::move(decision.findings));
   const bool nominal = decision.departures.has_value();
-  const Ensemble& data = nominal ? decision.departures->data : training;
+  const Ensemble& unweighted = nominal ? decision.departures->data : training;
+  std::optional<Ensemble> scaled;
+  if (of_training.minCoeff() < 1) scaled = weighted(unweighted, of_training);
+  const Ensemble& data = scaled ? *scaled : unweighted;
   check_method(data, options);
   append(findings, findings_of_lags(data, options));
 
@@ -337,7 +365,7 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   validation.initial_state = result.plan.initial_state;
   if (measured) {
     ExperimentFindings found =
-        experiment_findings(used, measured->all, measured->rows, result.model, result.plan, options);
+        experiment_findings(used, *measured, parts.held_out_rows, result.model, result.plan, options);
     append(findings, std::move(found.findings));
     result.outliers = std::move(found.outliers);
     validation.misfits = std::move(found.labels);
@@ -356,14 +384,56 @@ Identification identified(const Ensemble& used, const Measured* measured, bool v
   result.model.provenance.data = {fingerprint(training)};
   result.model.provenance.dt_stated = training.dt_stated;
   if (validating) {
-    decision.departures.reset();  // frees memory for the validation
-    result.validation = validated(result.model, training, holding_out ? &parts.held_out : nullptr,
-                                  measured ? &measured->all : nullptr, validation);
+    scaled.reset();  // frees memory for the validation
+    decision.departures.reset();
+    result.validation =
+        validated(result.model, training, holding_out ? &parts.held_out : nullptr, measured, validation);
     append(findings, result.validation.findings);
     append(findings, findings_of_fit(result.validation.one_step.fit, training.names));
   }
   if (options.execution.progress) options.execution.progress(1.0);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
+}
+
+// Rounds of an identification that drops or downweights what the round before has found.
+constexpr int most_rounds = 6;
+
+// Identifies after the corrections of measured.treatment. `used`: the experiments in measured.rows.
+Identification identified_after(const Ensemble& used, Measured measured, const IdentifyOptions& options) {
+  const Treatment& treatment = measured.treatment;
+  if (treatment.corrections.empty())
+    return identified(used, Vector::Ones(used.experiments()), &measured, true, options);
+  const Corrected remaining = corrected(measured.all, measured.rows, treatment.corrections);
+  measured.rows = remaining.rows;
+  try {
+    Identification result = identified(remaining.data, remaining.weights, &measured, true, options);
+    result.model.provenance.corrections = treatment.corrections;
+    if (options.hold_out == 0) note_data(result.model.provenance, fingerprint(measured.all));
+    return result;
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(
+        fmt::format("outliers: {} of {} experiments remain after those that do not fit were dropped: {}",
+                    measured.rows.size(), used.experiments(), error.what()));
+  }
+}
+
+// Identifies again until no more experiments or samples are found that do not fit.
+Identification identified_with_outliers(const Ensemble& used, Measured measured, const IdentifyOptions& options) {
+  IdentifyOptions of_round = options;
+  of_round.execution = share(options.execution, 0.0, options.outliers == OutlierChoice::keep ? 1.0 : 0.5);
+  Identification result = identified_after(used, measured, of_round);
+  if (options.outliers == OutlierChoice::keep) return result;
+  double done = 0.5;
+  for (int round = 1; round < most_rounds; ++round) {
+    const Found found{result.model, result.outliers, result.validation.outlying};
+    if (!treat(measured.all, found, options.outliers, measured.treatment)) break;
+    of_round.execution = share(options.execution, done, (1 + done) / 2);
+    done = (1 + done) / 2;
+    result = identified_after(used, measured, of_round);
+  }
+  append(result.findings, findings_of_untreated(result.outliers, used.experiments()));
+  if (options.execution.progress) options.execution.progress(1.0);
   return result;
 }
 
@@ -373,9 +443,9 @@ Identification identify(const Ensemble& ensemble, const IdentifyOptions& options
   return with_remark_on_axes(ensemble, [&] {
     UsedExperiments used = used_experiments(ensemble);
     const Measured measured{ensemble, used.rows()};
-    if (used.all(ensemble)) return identified(ensemble, &measured, true, options);
+    if (used.all(ensemble)) return identified_with_outliers(ensemble, measured, options);
     ensemble.check();  // reports errors with the rows of the caller
-    Identification result = identified(ensemble.subset(measured.rows), &measured, true, options);
+    Identification result = identified_with_outliers(ensemble.subset(measured.rows), measured, options);
     note_data(result.model.provenance, fingerprint(ensemble));
     const Findings dropped = findings_of(used, ensemble);
     result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
@@ -398,7 +468,19 @@ Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identifi
 }
 
 Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated) {
-  return identified(ensemble, nullptr, validated, options);
+  if (options.outliers == OutlierChoice::keep)
+    return identified(ensemble, Vector::Ones(ensemble.experiments()), nullptr, validated, options);
+  std::vector<Index> rows(size_t(ensemble.experiments()), 0);
+  std::iota(rows.begin(), rows.end(), Index{0});
+  IdentifyOptions half = options;
+  half.execution = share(options.execution, 0.0, 0.5);
+  const Corrections corrections =
+      identified_with_outliers(ensemble, {ensemble, rows}, half).model.provenance.corrections;
+  const Corrected remaining = corrected(ensemble, corrections);
+  half.execution = share(options.execution, 0.5, 1.0);
+  Identification result = identified(remaining.data, remaining.weights, nullptr, validated, half);
+  result.model.provenance.corrections = corrections;
+  return result;
 }
 
 }  // namespace tokid

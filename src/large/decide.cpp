@@ -15,6 +15,7 @@
 #include "diagnose/model_states.hpp"
 #include "diagnose/outliers.hpp"
 #include "identify/identify.hpp"
+#include "model/options.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/remarks.hpp"
 #include "tokid/subspace.hpp"
@@ -38,6 +39,8 @@ void check(const IdentifyOptions& o) {
   if (o.period > 0) refuse("period", std::to_string(o.period), "state no period");
   if (o.smoothing && std::isinf(*o.smoothing)) refuse("smoothing", "infinity", "state a finite penalty");
   if (o.jumps && !o.jumps->empty()) refuse("jumps", std::to_string(o.jumps->front()), "state no jumps");
+  if (o.outliers != OutlierChoice::keep)
+    refuse("outliers", find_option("outliers")->write(o).get<std::string>(), "keep outliers, which are then named");
   if (o.frame == Frame::reference) refuse("frame", "reference", "use the frame raw or smooth");
 }
 

@@ -42,6 +42,11 @@ void remember(std::vector<Digest>& known, std::vector<Digest> given) {
 UpdateState update_state(const Ensemble& data, const Identification& result, const IdentifyOptions& options) {
   if (result.held_out)
     throw std::invalid_argument("hold-out fraction: found, but an update state needs all experiments; use no hold-out");
+  for (const Corrections::Experiment& e : result.model.provenance.corrections.experiments)
+    if (e.weight > 0)
+      throw std::invalid_argument(
+          "outliers: downweight found, and experiments that count less than others, but an update state needs "
+          "experiments of equal weight; use drop or keep");
   if (data.free.experiments > 0 && result.plan.method == Method::tvera)
     throw std::invalid_argument(
         "free responses: found, but an update state of the method tvera can't contain them; only forced "
@@ -67,8 +72,10 @@ UpdateState update_state(const Ensemble& data, const Identification& result, con
         "one-step or many-steps");
   const std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
   const bool all = Index(rows.size()) == data.experiments();
-  const Ensemble own = all ? Ensemble() : data.subset(rows);
-  const Ensemble& used = all ? data : own;
+  const Corrections& corrections = result.model.provenance.corrections;
+  Ensemble own = all ? Ensemble() : data.subset(rows);
+  if (!corrections.empty()) own = corrected(all ? data : own, corrections).data;
+  const Ensemble& used = all && corrections.empty() ? data : own;
   state.provenance = result.model.provenance;
   state.provenance.experiments = used.experiments();
   state.provenance.refinement.reset();

@@ -39,16 +39,29 @@ requires std::is_same_v<std::remove_const_t<O>, IdentifyOptions>
 void fields(Archive& archive, O& o) {
   // A field more does not compile here until it is archived.
   auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal, frame,
-         reference_step, hold_out, rows, cols, choices, execution] = o;
+         reference_step, hold_out, outliers, rows, cols, choices, execution] = o;
   archive(states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal, frame,
-          reference_step, hold_out, rows, cols);
+          reference_step, hold_out, outliers, rows, cols);
   static_cast<void>(choices), static_cast<void>(execution);  // not part of a provenance
 }
+
+template <class Archive, class C>
+requires std::is_same_v<std::remove_const_t<C>, Corrections::Experiment>
+void fields(Archive& archive, C& c) { archive(c.label, c.weight); }
+
+template <class Archive, class C>
+requires std::is_same_v<std::remove_const_t<C>, Corrections::Sample>
+void fields(Archive& archive, C& c) { archive(c.label, c.output, c.step, c.value); }
+
+template <class Archive, class C>
+requires std::is_same_v<std::remove_const_t<C>, Corrections>
+void fields(Archive& archive, C& c) { archive(c.experiments, c.samples); }
 
 template <class Archive, class P>
 requires std::is_same_v<std::remove_const_t<P>, Provenance>
 void fields(Archive& archive, P& p) {
-  archive(p.options, p.experiments, p.data, p.dt_stated, p.choices, p.refinement, p.version, p.text, p.unread);
+  archive(p.options, p.experiments, p.data, p.dt_stated, p.choices, p.refinement, p.corrections, p.version, p.text,
+          p.unread);
 }
 
 template <class Archive, class M>

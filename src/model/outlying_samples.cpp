@@ -18,13 +18,22 @@ namespace tokid {
 
 namespace {
 
-// The number of samples that a median needs for an accuracy of about a fifth.
-constexpr Index enough = 40;
-// Samples with an error above this multiple of the median error are outlying. This is 13 standard deviations of a
-// normal distribution.
-constexpr double far = 20.0;
+// The number of samples that a median needs for an accuracy of about 6 %.
+constexpr Index enough = 400;
+// The median of a single step counts by this share, because it has fewer samples. It matters at steps with more noise
+// than their neighbours.
+constexpr double share_of_step = 0.75;
+// Median error of a normal distribution with the standard deviation 1.
+constexpr double normal_median = 0.674489750196;
+// Samples with an error above a multiple of the median error are outlying. The multiple is 6 standard deviations of a
+// normal distribution. It is larger for distributions with heavier tails, but at most 13.5 standard deviations.
+constexpr double far = 6.0 / normal_median, farthest = 20.0;
+// One normal error in a hundred is above this multiple of the median error. The share of such errors shows the tails.
+constexpr double in_tail = 2.5758293035489 / normal_median;
+// Errors of a distribution with these tails are outlying in one ensemble of a thousand.
+constexpr double false_alarms = 1e-3;
 // Errors below this share of the output's spread are too small to matter.
-constexpr double of_consequence = 0.05;
+constexpr double of_consequence = 0.002;
 // A fault can hide the next one, so faults are found one after the other. After this number of rounds, all samples that
 // are far off count as outlying.
 constexpr int most_rounds = 20;
@@ -34,6 +43,23 @@ double median_size(const Eigen::Ref<const Vector>& errors) {
   for (const double e : errors)
     if (!std::isnan(e)) sizes.push_back(std::abs(e));
   return statistics::median(std::move(sizes));
+}
+
+// Median of |t| for Student's t.
+double student_median(double freedom) { return statistics::student_quantile(0.75, freedom); }
+
+// Multiple of the median error that one of `samples` errors exceeds in one ensemble of a thousand. The errors have the
+// distribution of Student's t with the given share above `in_tail`.
+double far_in_tails(double share, double samples) {
+  double least = 1.0, most = 1e3;  // degrees of freedom
+  const auto share_of = [](double nu) { return statistics::student_two_sided(in_tail * student_median(nu), nu); };
+  if (!(share > share_of(most))) return far;
+  for (int i = 0; i < 40; ++i) {
+    const double middle = std::sqrt(least * most);
+    (share_of(middle) > share ? least : most) = middle;
+  }
+  const double multiple = statistics::student_quantile(1 - false_alarms / samples / 2, most) / student_median(most);
+  return std::clamp(multiple, far, farthest);
 }
 
 }  // namespace
@@ -71,7 +97,10 @@ OutlyingSampleCollector::OutlyingSampleCollector(const Model& model, const Ensem
       gap_(size_t(data.experiments()), -1),
       until_certain_(size_t(data.experiments()), 0),
       unreliable_(size_t(data.experiments())),
-      usual_(Matrix::Constant(data.steps(), data.outputs(), nan)) {
+      usual_(Matrix::Constant(data.steps(), data.outputs(), nan)),
+      far_(Vector::Constant(data.outputs(), far)),
+      in_tail_(Matrix::Zero(data.experiments(), data.outputs())),
+      tested_(in_tail_) {
   const auto& misfits = options.misfits;
   for (Index n = 0; n < data.experiments(); ++n)
     is_misfit_[size_t(n)] = std::find(misfits.begin(), misfits.end(), data.experiment_label(n)) != misfits.end();
@@ -102,7 +131,7 @@ void OutlyingSampleCollector::add(Index k, const Matrix& innovation) {
 }
 
 bool OutlyingSampleCollector::is_far(Index k, Index j, double error) const {
-  return error > far * usual_(k, j) && error > of_consequence * spread_(j);
+  return error > far_(j) * usual_(k, j) && error > of_consequence * spread_(j);
 }
 
 // Tests the steps of the block from `from` on. The steps before `from` are tested already. They are still part of the
@@ -112,12 +141,15 @@ void OutlyingSampleCollector::test_block(size_t from) {
   Vector own(N * Index(block_.size()));
   for (Index j = 0; j < m; ++j) {
     for (size_t i = 0; i < block_.size(); ++i) own.segment(Index(i) * N, N) = block_[i].col(j);
-    // Most data have no error that is large enough. Then the medians are not needed.
-    if (!(own.array().isNaN().select(0.0, own.array().abs()).maxCoeff() > of_consequence * spread_(j))) continue;
     const double of_block = median_size(own);
     // The median over two experiments can't show which of the two errors is wrong.
-    for (size_t i = from; i < block_.size(); ++i)
-      usual_(begin_ + Index(i), j) = std::fmax(of_block, N > 2 ? median_size(block_[i].col(j)) : nan);
+    for (size_t i = from; i < block_.size(); ++i) {
+      double& usual = usual_(begin_ + Index(i), j);
+      usual = std::fmax(of_block, N > 2 ? share_of_step * median_size(block_[i].col(j)) : nan);
+      const auto errors = block_[i].col(j).array().abs();
+      tested_.col(j).array() += (errors >= 0).cast<double>();  // false for NaN
+      in_tail_.col(j).array() += (errors > in_tail * usual).cast<double>();
+    }
   }
   for (size_t i = from; i < block_.size(); ++i) {
     const Index k = begin_ + Index(i);
@@ -138,6 +170,23 @@ void OutlyingSampleCollector::test_block(size_t from) {
       }
     }
   }
+}
+
+void OutlyingSampleCollector::adapt_to_tails() {
+  const Index N = data_.experiments();
+  for (Index j = 0; j < data_.outputs(); ++j) {
+    // The experiments with the largest shares are left out, because something else may be wrong with them.
+    std::vector<std::pair<double, Index>> shares;
+    for (Index n = 0; n < N; ++n)
+      if (tested_(n, j) > 0) shares.emplace_back(in_tail_(n, j) / tested_(n, j), n);
+    std::sort(shares.begin(), shares.end());
+    shares.resize(shares.size() - shares.size() / 10);
+    double above = 0.0, all = 0.0;
+    for (const auto& [share, n] : shares) above += in_tail_(n, j), all += tested_(n, j);
+    // Two standard errors are subtracted, so that a normal distribution is not taken for another.
+    if (all > 0) far_(j) = far_in_tails((above - 2 * std::sqrt(above)) / all, tested_.sum());
+  }
+  std::erase_if(flags_, [&](const Flag& flag) { return !is_far(flag.step, flag.output, flag.error); });
 }
 
 std::vector<OutlyingSampleCollector::Flag> OutlyingSampleCollector::first_of(std::vector<Flag> flags) const {
@@ -176,6 +225,7 @@ std::vector<OutlyingSamples> OutlyingSampleCollector::found() {
     test_block(tested);
     block_.clear();
   }
+  adapt_to_tails();
   std::vector<Index> rows;
   for (const Flag& flag : flags_) rows.push_back(flag.experiment);
   std::sort(rows.begin(), rows.end());
@@ -234,7 +284,7 @@ Findings findings_of(const std::vector<OutlyingSamples>& outlying, const Channel
                       .channels = {output_channel(names, o.output)},
                       .experiments = {{o.experiment, o.name}},
                       .steps = o.steps,
-                      .numbers = {{"error", o.error}, {"usual", o.usual}}});
+                      .numbers = {{"error", o.error}, {"usual", o.usual}, {"weight", o.weight}}});
   }
   if (outlying.size() > most_reported)
     result.push_back({.kind = Finding::Kind::more_outlying_samples,

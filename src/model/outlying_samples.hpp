@@ -11,8 +11,8 @@
 
 namespace tokid {
 
-// Collects outlying samples step by step. The usual error is the larger of two medians. The first median is over the
-// experiments at one step, the second over as many steps as give enough samples.
+// Collects outlying samples step by step. The usual error is a median over the experiments and over as many steps as
+// give enough samples. At a step with much larger errors, it follows from the median of this step.
 class OutlyingSampleCollector {
  public:
   // Ignores the experiments in options.misfits. Model and data must outlive the collector.
@@ -32,6 +32,8 @@ class OutlyingSampleCollector {
   };
   bool is_far(Index k, Index j, double error) const;
   void test_block(size_t from);
+  // Raises the thresholds of outputs whose errors have heavier tails than a normal distribution.
+  void adapt_to_tails();
   // The first flags of each experiment, and later flags that the first ones can't have caused.
   std::vector<Flag> first_of(std::vector<Flag> flags) const;
   std::vector<Flag> predicted_again(const Ensemble& part, const std::vector<Index>& rows) const;
@@ -51,7 +53,9 @@ class OutlyingSampleCollector {
   std::vector<std::vector<Index>> restarts_;    // for each step of the block: experiments whose state becomes uncertain
   std::vector<Matrix> block_, previous_;        // innovations, NaN where they are not tested
   Index begin_ = 0;                             // first step of the block
-  Matrix usual_;                                // (T × m) usual errors, NaN where no error of the block is large
+  Matrix usual_;                                // (T × m) usual errors
+  Vector far_;                                  // (m) errors above this multiple of the usual error are far off
+  Matrix in_tail_, tested_;                     // (N × m) number of errors in the tails, and of all tested errors
   std::vector<Flag> flags_;
 };
 

@@ -612,9 +612,15 @@ ReportPage identification_page(const Identification& result, const Ensemble& dat
   options.identified_from = result.experiments;
   options.findings = result.findings;
   options.initial_state = result.model.initial_state;
-  const std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
-  const bool all = Index(rows.size()) == data.experiments();
-  const Ensemble own = all ? Ensemble() : data.subset(rows);
+  std::vector<Index> rows = used_experiments(data.experiments(), result.copies, result.dependent);
+  const Corrections& corrections = result.model.provenance.corrections;
+  const bool all = Index(rows.size()) == data.experiments() && corrections.empty();
+  Ensemble own;
+  if (!all) {
+    Corrected remaining = corrected(data, rows, corrections);
+    own = std::move(remaining.data);
+    rows = std::move(remaining.rows);
+  }
   const Ensemble& used = all ? data : own;
   if (!result.held_out && all) return report_page(result.model, data, options);
   if (!result.held_out) return page_of(result.model, report::tested_part(data, own, rows, std::move(options)));

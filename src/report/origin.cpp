@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "report/origin.hpp"
 
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -15,17 +16,32 @@ Tested tested_part(const Ensemble& data, Ensemble part, std::vector<Index> rows,
   return result;
 }
 
+namespace {
+
+// The part of the data of an identification that remains after the corrections of its outliers, if there were
+// any.
+std::optional<Tested> after_corrections(const Model& model, const Ensemble& data, const Tested& all) {
+  if (model.provenance.corrections.empty()) return std::nullopt;
+  Corrected remaining = corrected(data, all.rows, model.provenance.corrections);
+  return tested_part(data, std::move(remaining.data), std::move(remaining.rows), all.options);
+}
+
+}  // namespace
+
 Tested tested(const Model& model, const Ensemble& data, const ReportOptions& options) {
   const UsedExperiments used = used_experiments(data);
   Tested result = tested_part(data, used.all(data) ? data : data.subset(used.rows()), used.rows(), options);
   append(result.options.findings, findings_of(used, data));
   if (options.evaluation != Evaluation::automatic) return result;
   result.options.evaluation = has_seen(model.provenance, data) ? Evaluation::training : Evaluation::given;
+  const std::optional<Tested> remaining = after_corrections(model, data, result);
+  const Tested& own = remaining ? *remaining : result;
+  if (result.options.evaluation == Evaluation::training) return own;
   try {
     const IdentifyOptions identification = identify_options(model.provenance);
-    Split parts = split(result.data, identification.hold_out, identification.period);
-    if (result.options.evaluation == Evaluation::given && has_seen(model.provenance, parts.training)) {
-      for (Index& n : parts.held_out_rows) n = used.rows()[size_t(n)];
+    Split parts = split(own.data, identification.hold_out, identification.period);
+    if (has_seen(model.provenance, parts.training)) {
+      for (Index& n : parts.held_out_rows) n = own.rows[size_t(n)];
       result = tested_part(data, std::move(parts.held_out), std::move(parts.held_out_rows), std::move(result.options));
       result.options.evaluation = Evaluation::held_out;
     }

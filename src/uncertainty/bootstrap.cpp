@@ -37,25 +37,6 @@ Vector draw_weights(Index experiments, double spread, std::uint64_t seed) {
   return weights;
 }
 
-// The mean motion of weighted experiments.
-Nominal weighted_nominal(const Ensemble& data, const Vector& weights) {
-  Nominal nominal{Matrix(data.steps(), data.inputs()), Matrix(data.steps(), data.outputs())};
-  const auto mean = [&](const auto& samples) {
-    double result = 0.0, total = 0.0;  // keeps constant values exact
-    for (Index n = 0; n < samples.size(); ++n)
-      if (!std::isnan(samples(n)) && weights(n) > 0) {
-        total += weights(n);
-        result += (samples(n) - result) * (weights(n) / total);
-      }
-    return result;
-  };
-  for (Index k = 0; k < data.steps(); ++k) {
-    for (Index i = 0; i < data.inputs(); ++i) nominal.u(k, i) = mean(data.input(k).col(i));
-    for (Index j = 0; j < data.outputs(); ++j) nominal.y(k, j) = mean(data.output(k).col(j));
-  }
-  return nominal;
-}
-
 Model identified(const Ensemble& data, const Vector& weights, const Identifier& f, const BootstrapOptions& o) {
   if (!o.nominal) return f(weighted(data, weights));
   Nominal nominal = weighted_nominal(data, weights);
@@ -98,19 +79,6 @@ struct Moments {
 };
 
 }  // namespace
-
-Ensemble weighted(Ensemble data, const Vector& weights) {
-  if (weights.size() != data.experiments() || !(weights.array() >= 0).all())
-    throw std::invalid_argument(
-        fmt::format("weights: {} found, {} needed, all 0 or more", weights.size(), data.experiments()));
-  const Vector roots = weights.cwiseSqrt();
-  for (Index k = 0; k < data.steps(); ++k) {
-    data.input(k) = roots.asDiagonal() * data.input(k);
-    data.output(k) = roots.asDiagonal() * data.output(k);
-  }
-  if (data.free.experiments > 0 && weights.size() > 0) data.free.y *= std::sqrt(weights.mean());
-  return data;
-}
 
 Eigen::VectorXcd matched(const Eigen::VectorXcd& found, const Eigen::VectorXcd& reference) {
   struct Pair {

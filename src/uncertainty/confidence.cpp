@@ -39,7 +39,12 @@ Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyO
     throw std::invalid_argument(fmt::format("channels: {} inputs and {} outputs found, the model has {} and {}",
                                             data.inputs(), data.outputs(), model.inputs, model.outputs));
   const UsedExperiments used = used_experiments(data);
-  Ensemble training = used.all(data) ? data : data.subset(used.rows());
+  Corrected remaining = corrected(used.all(data) ? data : data.subset(used.rows()), model.provenance.corrections);
+  if (remaining.weights.minCoeff() < 1)
+    throw std::invalid_argument(
+        "outliers: downweight found in the options of the model, and experiments that count less than others. Bounds "
+        "need experiments of equal weight. Identify with the option outliers drop or keep");
+  Ensemble training = std::move(remaining.data);
   if (identification.hold_out > 0) training = split(training, identification.hold_out, identification.period).training;
   const Index recorded = model.provenance.experiments;
   if (recorded > 0 && recorded != training.experiments())

@@ -27,6 +27,7 @@ IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
   options.nominal = NominalChoice::none;
   options.frame = Frame::raw;
   options.hold_out = 0.0;
+  options.outliers = OutlierChoice::keep;  // the data are corrected already
   options.choices = model.provenance.choices;
   options.execution = {};
   return options;

@@ -204,10 +204,8 @@ inline std::vector<Campaign> various_campaigns() {
           {30, 12, {2, 1, 1}, 0.1, 2},  {10, 200, {2, 1, 1}, 0.3, 4}, {100, 40, {3, 3, 1}, 0.01, 6}};
 }
 
-// The outliers that identify() finds with stated orders. A model clears experiments, and never flags others, so that
-// most campaigns need none.
+// The outliers that identify() finds with stated orders.
 inline std::vector<Outlier> identified_outliers(const Ensemble& e, const Campaign& c) {
-  if (outliers(e, {.lags = c.lags}).empty()) return {};
   IdentifyOptions options{.states = c.size.n, .lags = c.lags, .smoothing = 100.0, .refine = false};
   options.nominal = NominalChoice::none;
   return identify(e, options).outliers;

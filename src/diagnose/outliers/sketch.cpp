@@ -42,6 +42,19 @@ double trimmed_mean(std::vector<double> sizes) {
   return kept > 0 ? sum / double(kept) : nan;
 }
 
+LogScatter log_scatter(std::vector<double> deviations, double tests) {
+  const double freedom = efficiency * double(Index(deviations.size()) - 1),
+               scatter = 1.4826 * statistics::median(std::move(deviations));
+  return {(own_freedom * own_scatter * own_scatter + freedom * scatter * scatter) / (own_freedom + freedom),
+          statistics::student_quantile(1 - false_alarms / tests, own_freedom + freedom)};
+}
+
+// The mean size of n residuals has a relative standard deviation of 0.76/√n. Experiments with fewer residuals therefore
+// have a higher threshold.
+double variance_of_few(double count, double usual_count) {
+  return 0.57 * std::max(0.0, 1.0 / count - 1.0 / usual_count);
+}
+
 Sketch::Sketch(const Ensemble& e, const OutlierOptions& o, const Layout& layout) : e_(e), o_(o), layout_(layout) {
   for (const Index begin : begins()) {
     Place p;
@@ -94,10 +107,7 @@ void Sketch::evaluate(const std::vector<char>& out) {
       deviation.push_back(std::abs(std::log(score_[i] / typical_)));
       counts.push_back(double(count_[i]));
     }
-  const double freedom = efficiency * double(Index(deviation.size()) - 1),
-               scatter = 1.4826 * statistics::median(deviation);
-  variance_ = (own_freedom * own_scatter * own_scatter + freedom * scatter * scatter) / (own_freedom + freedom);
-  quantile_ = statistics::student_quantile(1 - false_alarms / double(n), own_freedom + freedom);
+  scatter_ = log_scatter(std::move(deviation), double(n));
   usual_count_ = statistics::median(counts);
 }
 
@@ -127,10 +137,8 @@ Vector Sketch::usual_residual() const {
 bool Sketch::is_evaluated(Index n) const { return !std::isnan(score_[size_t(n)]); }
 
 double Sketch::threshold(Index n) const {
-  // The mean size of n residuals has a relative standard deviation of 0.76/√n. Experiments with fewer residuals
-  // therefore have a higher threshold.
-  const double own = std::max(0.0, 1.0 / double(count_[size_t(n)]) - 1.0 / usual_count_);
-  return std::max(of_consequence, std::exp(quantile_ * std::sqrt(variance_ + 0.57 * own)));
+  const double own = variance_of_few(double(count_[size_t(n)]), usual_count_);
+  return std::max(of_consequence, std::exp(scatter_.quantile * std::sqrt(scatter_.variance + own)));
 }
 
 std::optional<Index> Sketch::output(Index n) const {

@@ -22,6 +22,16 @@ inline constexpr double rows_each = 3.0;
 // The mean without the largest quarter: a few wrong samples do not make an experiment wrong.
 double trimmed_mean(std::vector<double> sizes);
 
+// The scatter of healthy experiments: the variance of the logarithms of their sizes, and the number of standard
+// deviations that one of `tests` sizes exceeds in one ensemble of a thousand. `deviations`: sizes of the logarithms,
+// relative to their median. `quantile` is that of Student's t.
+struct LogScatter {
+  double variance = 0.0, quantile = 0.0;
+};
+LogScatter log_scatter(std::vector<double> deviations, double tests);
+// Variance of the logarithm of the mean size of `count` residuals, beyond that of `usual` residuals.
+double variance_of_few(double count, double usual);
+
 class Sketch {
  public:
   // Number of lags, and of successive steps at each place.
@@ -90,7 +100,8 @@ class Sketch {
   std::vector<double> score_, plain_;
   std::vector<Index> count_;
   Matrix share_;
-  double typical_ = 1.0, typical_plain_ = 1.0, variance_ = 0.0, quantile_ = 0.0, usual_count_ = 1.0;
+  double typical_ = 1.0, typical_plain_ = 1.0, usual_count_ = 1.0;
+  LogScatter scatter_;
 };
 
 }  // namespace tokid

@@ -113,6 +113,19 @@ std::vector<Outlier> confirmed(std::vector<Outlier> flagged, const Ensemble& e, 
 
 }  // namespace
 
+void explain(std::vector<Outlier>& outliers, const Ensemble& e, const OutlierOptions& o,
+             const std::vector<Index>& wrong) {
+  if (outliers.empty()) return;
+  for (const Sketch::Layout& layout : layouts(e, o)) {
+    Sketch sketch(e, o, layout);
+    if (!sketch.usable()) continue;
+    sketch.evaluate(members(e.experiments(), wrong));
+    for (size_t i = 0; i < std::min(outliers.size(), most_explained); ++i)
+      if (!outliers[i].explanation && sketch.is_evaluated(outliers[i].experiment))
+        outliers[i].explanation = explanation(e, sketch, outliers[i].experiment);
+  }
+}
+
 std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
   if (e.experiments() < fewest_experiments(o)) return {};
   const auto evaluated = [&](const Sketch::Layout& layout) {

@@ -4,11 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <optional>
 #include <string_view>
 
 #include "base/json.hpp"
+#include "base/nan.hpp"
 #include "model/options.hpp"
 #include "tokid/version.hpp"
 
@@ -17,10 +19,11 @@ namespace tokid::io {
 namespace {
 
 constexpr const char *experiments_key = "experiments", *data_key = "data", *dt_key = "dt_stated",
-                     *choices_key = "choices", *refinement_key = "refined";
+                     *choices_key = "choices", *refinement_key = "refined", *corrections_key = "corrections";
 
 bool is_option(std::string_view key) {
-  constexpr std::string_view others[] = {experiments_key, data_key, dt_key, choices_key, refinement_key};
+  constexpr std::string_view others[] = {experiments_key, data_key,       dt_key,
+                                         choices_key,     refinement_key, corrections_key};
   return std::find(std::begin(others), std::end(others), key) == std::end(others);
 }
 
@@ -37,6 +40,18 @@ Json json_of(const NoisyChoices& choices) {
           {"jumps", choices.jumps}};
 }
 
+Json json_of(const Corrections& corrections) {
+  Json json = {{"experiments", Json::array()}, {"samples", Json::array()}};
+  for (const Corrections::Experiment& e : corrections.experiments)
+    json["experiments"].push_back({{"label", e.label}, {"weight", e.weight}});
+  for (const Corrections::Sample& s : corrections.samples)
+    json["samples"].push_back({{"label", s.label},
+                               {"output", s.output},
+                               {"step", s.step},
+                               {"value", std::isnan(s.value) ? Json() : Json(s.value)}});
+  return json;
+}
+
 // The members as JSON; `text`, from which they were read, is left out.
 Json json_of(const Provenance& provenance) {
   Json json = Json::object();
@@ -49,6 +64,7 @@ Json json_of(const Provenance& provenance) {
   if (provenance.refinement)
     json[refinement_key] = {{"smoothing", penalty(provenance.refinement->smoothing)},
                             {"iterations", provenance.refinement->iterations}};
+  if (!provenance.corrections.empty()) json[corrections_key] = json_of(provenance.corrections);
   return json;
 }
 
@@ -77,6 +93,31 @@ std::optional<EmRun> refinement_of(const Json& json) {
   const std::optional<double> smoothing = penalty(json.value("smoothing", Json()));
   if (!smoothing) return std::nullopt;
   return EmRun{*smoothing, count_of(json.value("iterations", Json())).value_or(0)};
+}
+
+// The objects of the list with this name.
+Json objects_in(const Json& json, const char* name) {
+  Json result = Json::array();
+  if (!json.is_object() || !json.contains(name) || !json.at(name).is_array()) return result;
+  for (const Json& value : json.at(name))
+    if (value.is_object()) result.push_back(value);
+  return result;
+}
+
+Corrections corrections_of(const Json& json) {
+  Corrections result;
+  for (const Json& e : objects_in(json, "experiments")) {
+    const Json label = e.value("label", Json()), weight = e.value("weight", Json());
+    if (label.is_string() && weight.is_number() && weight >= 0 && weight <= 1)
+      result.experiments.push_back({label.get<std::string>(), weight.get<double>()});
+  }
+  for (const Json& s : objects_in(json, "samples")) {
+    const Json label = s.value("label", Json()), value = s.value("value", Json());
+    const auto output = count_of(s.value("output", Json())), step = count_of(s.value("step", Json()));
+    if (label.is_string() && output && step && (value.is_null() || value.is_number()))
+      result.samples.push_back({label.get<std::string>(), *output, *step, value.is_null() ? nan : value.get<double>()});
+  }
+  return result;
 }
 
 std::vector<std::string> texts_of(const Json& list) {
@@ -133,6 +174,7 @@ Provenance provenance_of(const std::string& text, const std::string& program_ver
     result.dt_stated = at(dt_key) != Json(false);
     result.choices = choices_of(at(choices_key));
     result.refinement = refinement_of(at(refinement_key));
+    result.corrections = corrections_of(at(corrections_key));
   } else {
     result.unread = "options of the model: other text found, the text of a JSON object needed, as identify() writes it";
   }

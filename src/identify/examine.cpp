@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "identify/examine.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <optional>
+#include <utility>
+
+#include "base/nan.hpp"
+#include "choose/unseen.hpp"
+#include "data/subjects.hpp"
+#include "diagnose/misfits.hpp"
+#include "diagnose/outliers.hpp"
+#include "tokid/smooth_arx.hpp"
+
+namespace tokid {
+
+namespace {
+
+// Rounds of models without the experiments that were found so far.
+constexpr int most_searches = 5;
+// Fewest experiments of a fold that are compared with each other.
+constexpr Index fewest_in_fold = 5;
+// Fewer experiments do not show which one is wrong.
+constexpr Index fewest_experiments = 5, fewest_of_one_model = 3;
+// An experiment with a larger ratio than this, among those of its fold, is examined by further models.
+constexpr double conspicuous = 2.0;
+// An experiment with a smaller weight is dropped.
+constexpr double least_weight = 1e-6;
+// A downweighted sample is moved to this many standard deviations from its prediction (Huber).
+constexpr double huber = 1.345, median_of_normal = 0.674489750196;
+
+// If the innovations of more experiments are too large, the model may be too simple for their kind of inputs. Nothing
+// then shows that the experiments are wrong.
+Index most_found(Index experiments) { return std::max<Index>(1, experiments / 8); }
+Index most_treated(Index experiments) { return experiments / 4; }
+
+std::vector<char> members(Index experiments, const std::vector<Index>& rows) {
+  std::vector<char> result(size_t(experiments), 0);
+  for (const Index n : rows) result[size_t(n)] = 1;
+  return result;
+}
+
+// (N) The largest entry of each row; NaN entries do not count.
+Vector largest_of_rows(const Matrix& a) {
+  return a.array().isNaN().select(0.0, a.array()).matrix().rowwise().maxCoeff();
+}
+
+// These rows, the largest first, at most `most`.
+std::vector<Index> largest_of(std::vector<Index> rows, const Vector& sizes, Index most) {
+  std::stable_sort(rows.begin(), rows.end(), [&](Index a, Index b) { return sizes(a) > sizes(b); });
+  if (Index(rows.size()) > most) rows.resize(size_t(most));
+  return rows;
+}
+
+std::vector<Index> rows_above(const Vector& sizes, double bound) {
+  std::vector<Index> rows;
+  for (Index n = 0; n < sizes.size(); ++n)
+    if (sizes(n) > bound) rows.push_back(n);
+  return rows;
+}
+
+struct Misfits {
+  Unseen unseen;         // by models without the suspected experiments
+  Matrix misfit, ratio;  // (N × m)
+
+  // The experiments that do not fit, the largest ratio first.
+  std::vector<Index> rows() const {
+    return largest_of(rows_above(largest_of_rows(misfit), 1.0), largest_of_rows(ratio), misfit.rows());
+  }
+};
+
+// The experiments that may not fit. Each fold is compared with itself, because an experiment that does not fit distorts
+// the models of all folds but its own.
+std::vector<Index> suspects(const Ensemble& used, const Plan& plan, const Execution& execution) {
+  const Index N = used.experiments(), groups = fold_count(N);
+  const std::vector<char> none(size_t(N), 0);
+  const std::optional<Unseen> first = unseen(used, plan, none, execution);
+  if (!first) return {};
+  const Sizes sizes = innovation_sizes(first->innovations, none, N / groups >= fewest_in_fold ? groups : 0);
+  const Vector ratio = largest_of_rows(sizes.ratio);
+  return largest_of(rows_above(ratio, conspicuous), ratio, std::max<Index>(1, N / 5));
+}
+
+// Examines all experiments by models without the suspected ones.
+std::optional<Misfits> misfits_without(const Ensemble& used, const Plan& plan, const std::vector<Index>& suspected,
+                                       const Execution& execution) {
+  const std::vector<char> out = members(used.experiments(), suspected);
+  std::optional<Unseen> found = unseen(used, plan, out, execution);
+  if (!found) return std::nullopt;
+  const Sizes sizes = innovation_sizes(found->innovations, out);
+  Matrix misfits = misfit(sizes, found->response, out);
+  return Misfits{std::move(*found), std::move(misfits), sizes.ratio};
+}
+
+// Examines all experiments by models without those that are suspected, until the same experiments are found again.
+std::optional<Misfits> misfits_of(const Ensemble& used, const Plan& plan, std::vector<Index> suspected,
+                                  const Execution& execution) {
+  const Index N = used.experiments();
+  std::optional<Misfits> result;
+  for (int round = 0; round < most_searches; ++round) {
+    std::optional<Misfits> now = misfits_without(used, plan, suspected, execution);
+    if (!now) return result;
+    result = std::move(now);
+    std::vector<Index> found =
+        largest_of(result->rows(), largest_of_rows(result->ratio), std::max<Index>(1, most_treated(N)));
+    if (found.empty() || members(N, found) == members(N, suspected)) break;
+    suspected = std::move(found);
+  }
+  return result;
+}
+
+// Clears experiments that do not fit only because all experiments of their kind were suspected. Half of the suspects
+// are predicted by models that were identified with the other half. If these models predict them as well as the models
+// without suspects predict the other experiments, nothing is wrong with them.
+void clear(const Ensemble& used, const Plan& plan, const Execution& execution, Misfits& found) {
+  const Index N = used.experiments();
+  const std::vector<Index> rows = found.rows();
+  if (rows.size() < 2) return;
+  Innovations innovations = found.unseen.innovations;
+  for (const size_t half : {0, 1}) {
+    std::vector<Index> left_out;
+    for (size_t i = half; i < rows.size(); i += 2) left_out.push_back(rows[i]);
+    const std::optional<Unseen> now = unseen(used, plan, members(N, left_out), execution);
+    if (!now) return;
+    for (size_t k = 0; k < innovations.size(); ++k)
+      for (const Index n : left_out) innovations[k].row(n) = now->innovations[k].row(n);
+  }
+  const std::vector<char> out = members(N, rows);
+  const Matrix again = misfit(innovation_sizes(innovations, out), found.unseen.response, out);
+  for (const Index n : rows)
+    if (largest_of_rows(again.row(n))(0) <= 1) found.misfit.row(n).setZero();
+}
+
+// The outputs where the innovations of an experiment are too large, the largest first; at least the one with the
+// largest innovations.
+std::vector<FindingChannel> wrong_outputs(const Misfits& found, Index n, const Channels& names) {
+  std::vector<Index> outputs;
+  for (Index j = 0; j < found.ratio.cols(); ++j)
+    if (!std::isnan(found.ratio(n, j))) outputs.push_back(j);
+  std::sort(outputs.begin(), outputs.end(), [&](Index a, Index b) { return found.ratio(n, a) > found.ratio(n, b); });
+  std::vector<FindingChannel> result;
+  for (const Index j : outputs)
+    if (result.empty() || found.misfit(n, j) > 1) result.push_back(output_channel(names, j));
+  return result;
+}
+
+// Adds the experiments that do not fit, and the outputs where they do not.
+void add(const Misfits& found, const Ensemble& used, const OutlierOptions& options, std::vector<Outlier>& outliers) {
+  const std::vector<Index> rows = found.rows();
+  if (Index(rows.size()) > most_found(used.experiments())) return;
+  const Vector ratio = largest_of_rows(found.ratio);
+  std::vector<Outlier> more;
+  for (const Index n : rows) {
+    const auto known =
+        std::find_if(outliers.begin(), outliers.end(), [n](const Outlier& o) { return o.experiment == n; });
+    Outlier& outlier =
+        known != outliers.end()
+            ? *known
+            : more.emplace_back(Outlier{.experiment = n, .ratio = ratio(n), .name = used.experiment_name(n)});
+    outlier.outputs = wrong_outputs(found, n, used.names);
+  }
+  explain(more, used, options, rows);
+  std::move(more.begin(), more.end(), std::back_inserter(outliers));
+}
+
+}  // namespace
+
+std::vector<Outlier> examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution) {
+  const Execution quiet{execution.threads, {}};
+  const OutlierOptions options{.lags = plan.lags,
+                               .nominal = plan.nominal,
+                               .zero_start = plan.initial_state == InitialState::zero,
+                               .threads = execution.threads,
+                               .period = plan.choices.variation.period,
+                               .model = &model};
+  if (!plan.noisy) return outliers_without_noise(used, options);
+  std::vector<Outlier> result = outliers(used, options);
+  if (used.experiments() < (options.period == 1 ? fewest_of_one_model : fewest_experiments)) return result;
+  std::vector<Index> suspected = suspects(used, plan, quiet);
+  for (const Outlier& o : result)
+    if (std::find(suspected.begin(), suspected.end(), o.experiment) == suspected.end())
+      suspected.push_back(o.experiment);
+  if (suspected.empty()) return result;
+  if (auto found = misfits_of(used, plan, std::move(suspected), quiet)) {
+    clear(used, plan, quiet, *found);
+    add(*found, used, options, result);
+  }
+  std::stable_sort(result.begin(), result.end(), [](const Outlier& a, const Outlier& b) { return a.ratio > b.ratio; });
+  return result;
+}
+
+bool Treatment::knows(const Ensemble& measured, Index experiment) const {
+  const std::string label = measured.experiment_label(experiment);
+  return std::any_of(corrections.experiments.begin(), corrections.experiments.end(),
+                     [&](const Corrections::Experiment& e) { return e.label == label; });
+}
+
+namespace {
+
+double weight_of(const Outlier& outlier, OutlierChoice choice) {
+  if (choice == OutlierChoice::drop) return 0.0;
+  const double weight = 1 / (outlier.ratio * outlier.ratio);
+  return weight > least_weight ? std::min(weight, 1.0) : 0.0;
+}
+
+bool treat_experiments(const Ensemble& measured, const std::vector<Outlier>& found, OutlierChoice choice,
+                       Treatment& treatment) {
+  bool any = false;
+  for (Outlier outlier : found) {
+    if (treatment.knows(measured, outlier.experiment)) continue;
+    if (Index(treatment.corrections.experiments.size()) >= most_treated(measured.experiments())) break;
+    outlier.weight = weight_of(outlier, choice);
+    treatment.corrections.experiments.push_back({measured.experiment_label(outlier.experiment), outlier.weight});
+    treatment.outliers.push_back(std::move(outlier));
+    any = true;
+  }
+  return any;
+}
+
+// The predictions of these experiments by a model, without their outlying samples (rows × T·m).
+Ensemble predicted_without(const Ensemble& measured, const Model& model, const std::vector<OutlyingSamples>& found,
+                           const Treatment& treatment, std::vector<Index>& rows) {
+  for (const OutlyingSamples& o : found) rows.push_back(o.experiment);
+  std::sort(rows.begin(), rows.end());
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  Corrections samples;
+  samples.samples = treatment.corrections.samples;
+  for (const OutlyingSamples& o : found)
+    for (const Index k : o.steps)
+      samples.samples.push_back({measured.experiment_label(o.experiment), o.output, k, nan});
+  const Ensemble part = corrected(measured.subset(rows), samples).data;
+  return predict(ends_early(model, part.steps()) ? continued(model, part.steps()) : model, part,
+                 {1, model.initial_state})
+      .y;
+}
+
+bool treat_samples(const Ensemble& measured, const Found& all, OutlierChoice choice, Treatment& treatment) {
+  std::vector<OutlyingSamples> found = all.samples;
+  std::erase_if(found, [](const OutlyingSamples& o) { return o.weight < 1; });
+  if (found.empty()) return false;
+  std::vector<Index> rows;
+  std::optional<Ensemble> predicted;
+  if (choice == OutlierChoice::downweight) predicted = predicted_without(measured, all.model, found, treatment, rows);
+  for (OutlyingSamples& o : found) {
+    const double kept = huber / median_of_normal * o.usual;
+    o.weight = predicted ? kept / o.error : 0.0;
+    const auto row = std::lower_bound(rows.begin(), rows.end(), o.experiment) - rows.begin();
+    for (const Index k : o.steps) {
+      const double expected = predicted ? predicted->y(Index(row), k, o.output) : nan;
+      const double value = expected + std::copysign(kept, measured.y(o.experiment, k, o.output) - expected);
+      treatment.corrections.samples.push_back({measured.experiment_label(o.experiment), o.output, k, value});
+    }
+    treatment.samples.push_back(std::move(o));
+  }
+  return true;
+}
+
+}  // namespace
+
+bool treat(const Ensemble& measured, const Found& found, OutlierChoice choice, Treatment& treatment) {
+  const bool experiments = treat_experiments(measured, found.outliers, choice, treatment);
+  return treat_samples(measured, found, choice, treatment) || experiments;
+}
+
+Findings findings_of_untreated(const std::vector<Outlier>& outliers, Index experiments) {
+  const auto count = std::count_if(outliers.begin(), outliers.end(), [](const Outlier& o) { return o.weight == 1; });
+  if (count == 0) return {};
+  return {{.kind = Finding::Kind::outliers_undecided,
+           .numbers = {{"count", double(count)}, {"most", double(most_treated(experiments))}}}};
+}
+
+}  // namespace tokid

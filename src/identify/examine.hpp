@@ -1,0 +1,43 @@
+// Ensemble, model and plan → experiments that do not fit; and what is done about them and about single samples.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tokid/corrections.hpp"
+#include "tokid/outlier.hpp"
+#include "tokid/plan.hpp"
+#include "tokid/validate.hpp"
+
+namespace tokid {
+
+// The experiments that do not fit, with their rows in `used`, the largest ratio first. They are found by regressions
+// (outliers.hpp) and by the innovations of models that did not see them (misfits.hpp).
+std::vector<Outlier> examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution);
+
+// What was found and corrected so far. Rows are those of all measured experiments.
+struct Treatment {
+  Corrections corrections;
+  std::vector<Outlier> outliers;
+  std::vector<OutlyingSamples> samples;
+
+  // Is this experiment in `outliers`?
+  bool knows(const Ensemble& measured, Index experiment) const;
+};
+
+// What an identification has found; `model` is its model.
+struct Found {
+  const Model& model;
+  const std::vector<Outlier>& outliers;
+  const std::vector<OutlyingSamples>& samples;
+};
+
+// Adds what is newly found, at most a quarter of the experiments in total. Returns false if there is nothing new.
+// `choice`: drop or downweight.
+bool treat(const Ensemble& measured, const Found& found, OutlierChoice choice, Treatment& treatment);
+
+// The finding about experiments that `treat` does not correct because they are too many. Empty if there are none.
+Findings findings_of_untreated(const std::vector<Outlier>& outliers, Index experiments);
+
+}  // namespace tokid
