@@ -151,7 +151,7 @@ std::string nominal_text(const Call& call, const Data& data, const Identificatio
 // experiment is subtracted.
 Index largest_lags(const Data& data, const Identification& result) {
   const Index spent = result.plan.nominal ? 1 : 0;
-  return largest_lag_order(result.experiments - spent, data.inputs, data.outputs, result.plan.feedthrough);
+  return largest_lag_order(result.experiments - spent, data.inputs, data.outputs, result.plan.feedthrough.present);
 }
 
 std::string smoothing_text(const Call& call, const Identification& result) {
@@ -302,6 +302,7 @@ std::string report(const Call& call, const Data& data, const Identification& res
   page.row("Nominal", nominal_text(call, data, result));
   add_outliers(call, result, page);
   add_lag_order(call, data, result, page);
+  page.row("Feedthrough", in_words(result.plan.feedthrough));
   add_states(call, result, page);
   if (!result.plan.coupled)
     page.row("Regressions", fmt::format("condition up to {:.3g}, {} of {} rank deficient", result.condition_max,
@@ -368,6 +369,11 @@ Json json(const Call& call, const Data& data, const Identification& result) {
                              {"threshold", tested ? Json(initial.threshold) : Json()},
                              {"decision", to_string(initial.decision)},
                              {"reason", initial.reason}};
+  const FeedthroughChoice& feedthrough = result.plan.feedthrough;
+  j["feedthrough"] = feedthrough.present;
+  j["feedthrough_choice"] = {{"reason", to_string(feedthrough.reason)},
+                             {"response_p", feedthrough.response_p},
+                             {"feedback_p", feedthrough.feedback_p}};
   j["nominal"] = result.plan.nominal;
   j["nominal_test"] = nullptr;
   if (!call.options.nominal) j["nominal_test"] = json(result.nominal_test, model, data.inputs);

@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 
+#include "io/formats/provenance_text.hpp"
 #include "oracle.hpp"
 #include "testing.hpp"
 #include "tokid/em.hpp"
@@ -23,6 +25,12 @@
 
 namespace tokid::testing {
 namespace {
+
+using Reason = FeedthroughChoice::Reason;
+
+bool has_kind(const Findings& findings, Finding::Kind kind) {
+  return std::any_of(findings.begin(), findings.end(), [&](const Finding& f) { return f.kind == kind; });
+}
 
 Model without_feedthrough(Model system) {
   for (Step& step : system.step) step.D().setZero();
@@ -186,12 +194,17 @@ TEST(Feedthrough, FeedbackInTheSameStepIsNotTakenForFeedthroughIfItIsStated) {
   const Model plant = reacting_plant(60);
   for (const std::uint64_t seed : {51, 52, 53}) {
     const Ensemble e = under_feedback(plant, 100, 0.8, seed);
-    const Model stated = identify(e, {.feedthrough = false, .initial_state = InitialState::zero}).model;
-    const Model free = identify(e, {.initial_state = InitialState::zero}).model;
-    for (const Step& step : stated.step) EXPECT_TRUE(step.D().isZero(0.0));
-    EXPECT_LE(error_of_first_response(plant, stated), 0.05) << seed;
-    // Without the statement, D takes up noise of the sensor: the data cannot tell the two apart.
-    EXPECT_GE(error_of_first_response(plant, free), 0.2) << seed;
+    const Identification stated = identify(e, {.feedthrough = false, .initial_state = InitialState::zero});
+    const Identification free = identify(e, {.initial_state = InitialState::zero});
+    for (const Step& step : stated.model.step) EXPECT_TRUE(step.D().isZero(0.0));
+    EXPECT_LE(error_of_first_response(plant, stated.model), 0.05) << seed;
+    EXPECT_EQ(stated.plan.feedthrough.reason, Reason::stated);
+    EXPECT_FALSE(has_kind(stated.findings, Finding::Kind::feedthrough_or_feedback));
+    // Without the statement, D takes up noise of the sensor: the data cannot tell the two apart, and a warning says so.
+    EXPECT_GE(error_of_first_response(plant, free.model), 0.2) << seed;
+    EXPECT_TRUE(free.plan.feedthrough.present);
+    EXPECT_EQ(free.plan.feedthrough.reason, Reason::feedback);
+    EXPECT_TRUE(has_kind(free.findings, Finding::Kind::feedthrough_or_feedback));
   }
 }
 
@@ -200,14 +213,14 @@ TEST(Feedthrough, UpdatesAndRefinementsKeepTheStatement) {
   const Ensemble first = under_feedback(plant, 40, 0.0, 62), second = under_feedback(plant, 40, 0.0, 63);
   const IdentifyOptions options{.states = 2, .feedthrough = false, .initial_state = InitialState::zero};
   const Identification found = identify(first, options);
-  EXPECT_FALSE(found.plan.feedthrough);
-  EXPECT_FALSE(identify_options(found.model.provenance).feedthrough);
+  EXPECT_FALSE(found.plan.feedthrough.present);
+  EXPECT_EQ(identify_options(found.model.provenance).feedthrough, false);
   UpdateState state = update_state(first, found, options);
   update(state, second);
   for (const Step& step : identify(state).model.step) EXPECT_TRUE(step.D().isZero(0.0));
   const std::filesystem::path path = std::filesystem::path(::testing::TempDir()) / "tokid_without_feedthrough.h5";
   save_update_state(state, path);
-  EXPECT_FALSE(load_update_state(path).plan.feedthrough);
+  EXPECT_FALSE(load_update_state(path).plan.feedthrough.present);
   for (const Step& step : identify(load_update_state(path)).model.step) EXPECT_TRUE(step.D().isZero(0.0));
   // EM goes on without feedthrough from a model that was identified without it.
   for (const Step& step : refine_model(found.model, first, {}).refinement.model.step) EXPECT_TRUE(step.D().isZero(0.0));
@@ -251,6 +264,80 @@ TEST(Feedthrough, FeedbackInTheSameStepIsNoSignAgainstTheModel) {
   EXPECT_EQ(found.independence.first, 1);
   EXPECT_GT(found.independence.p, 1e-4);
   EXPECT_LT(found.feedback.p, 1e-10);  // the feedback is seen at lag 0
+}
+
+TEST(Feedthrough, DataWithoutNoiseHaveAnExactOne) {
+  const Identification found =
+      identify(random_experiments(without_feedthrough(random_system({3, 2, 1}, 30, 1.0, 101)), 40, 102));
+  EXPECT_TRUE(found.plan.feedthrough.present);
+  EXPECT_EQ(found.plan.feedthrough.reason, Reason::exact);
+}
+
+// The plant with feedthrough of this size, identified from noisy experiments in open loop.
+Identification in_open_loop(double feedthrough, Index period, std::uint64_t seed) {
+  Model plant = period == 1 ? constant_system({2, 2, 1}, 60, 0.9, seed) : reacting_plant(60);
+  for (Index k = 0; k < plant.steps(); ++k)
+    plant.step[size_t(k)].D().setConstant(feedthrough * (period == 1 ? 1.0 : std::cos(0.1 * double(k))));
+  const IdentifyOptions options{.period = period, .initial_state = InitialState::zero};
+  return identify(with_noise(random_experiments(plant, 60, seed + 1), 0.1, seed + 2), options);
+}
+
+TEST(Feedthrough, IsFoundInOpenLoopWhereThereIsSome) {
+  for (const Index period : {0, 1})
+    for (const std::uint64_t seed : {111, 121, 131}) {
+      const Identification with = in_open_loop(0.3, period, seed), none = in_open_loop(0.0, period, seed);
+      EXPECT_TRUE(with.plan.feedthrough.present) << seed;
+      EXPECT_EQ(with.plan.feedthrough.reason, Reason::response) << seed;
+      EXPECT_FALSE(none.plan.feedthrough.present) << seed;
+      EXPECT_EQ(none.plan.feedthrough.reason, Reason::no_response) << seed;
+      for (const Step& step : none.model.step) EXPECT_TRUE(step.D().isZero(0.0));
+    }
+}
+
+TEST(Feedthrough, UpdatesAndFilesKeepTheChoice) {
+  const Ensemble e = under_feedback(reacting_plant(40), 60, 0.0, 141);
+  const IdentifyOptions options{.lags = 3, .initial_state = InitialState::zero};
+  const Identification found = identify(e, options);
+  ASSERT_EQ(found.plan.feedthrough.reason, Reason::no_response);
+  EXPECT_FALSE(identify_options(found.model.provenance).feedthrough);
+  const std::filesystem::path folder = ::testing::TempDir();
+  save_model(found.model, folder / "tokid_feedthrough_choice.npz");
+  const FeedthroughChoice loaded = feedthrough_choice(load_model(folder / "tokid_feedthrough_choice.npz").provenance);
+  EXPECT_FALSE(loaded.present);
+  EXPECT_EQ(loaded.reason, Reason::no_response);
+  save_update_state(update_state(e, found, options), folder / "tokid_feedthrough_choice.h5");
+  UpdateState state = load_update_state(folder / "tokid_feedthrough_choice.h5");
+  EXPECT_EQ(state.plan.feedthrough.reason, Reason::no_response);
+  update(state, under_feedback(reacting_plant(40), 30, 0.0, 142));
+  for (const Step& step : identify(state).model.step) EXPECT_TRUE(step.D().isZero(0.0));
+  for (const Step& step : refine_model(found.model, e, {}).refinement.model.step) EXPECT_TRUE(step.D().isZero(0.0));
+}
+
+TEST(Feedthrough, BlocksDecideFromTheirStretches) {
+  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "tokid_feedthrough_stretches";
+  std::filesystem::create_directories(folder);
+  for (const double gain : {0.0, 0.8}) {
+    save_ensemble(under_feedback(reacting_plant(400), 40, gain, 151), folder / "data.h5");
+    StreamOptions options;
+    options.block = 200;
+    options.identify.lags = 3;
+    options.identify.refine = false;
+    const Streamed found = identify_stream(EnsembleFile(folder / "data.h5"), folder / "model.h5", options);
+    EXPECT_EQ(found.identification.plan.feedthrough.reason, gain > 0 ? Reason::feedback : Reason::no_response);
+    EXPECT_EQ(has_kind(found.identification.findings, Finding::Kind::feedthrough_or_feedback), gain > 0);
+    EXPECT_EQ(has_feedthrough(load_model(folder / "model.h5").provenance), gain > 0);
+  }
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Feedthrough, OptionOfEarlierFilesIsTheirChoice) {
+  for (const bool yes : {true, false}) {
+    const Provenance old = io::provenance_of(yes ? R"({"feedthrough":"yes"})" : R"({"feedthrough":"no"})");
+    EXPECT_EQ(identify_options(old).feedthrough, yes);
+    EXPECT_EQ(feedthrough_choice(old).reason, Reason::stated);
+    EXPECT_EQ(has_feedthrough(old), yes);
+  }
+  EXPECT_TRUE(has_feedthrough(io::provenance_of(R"({"lags":3})")));
 }
 
 }  // namespace

@@ -109,11 +109,13 @@ TEST(Provenance, ReturnsFromItsText) {
                              .dt_stated = false,
                              .choices = NoisyChoices{{smoothing, 4}, 0.1, Weighting::projection, smoothing, 7, {2, 9}},
                              .refinement = EmRun{smoothing, 12},
-                             .corrections = {{{"7", 0.5}}, {}}};
+                             .corrections = {{{"7", 0.5}}, {}},
+                             .feedthrough = FeedthroughChoice{false, FeedthroughChoice::Reason::no_response}};
     const Provenance read = io::provenance_of(io::provenance_text(written), "1.2.3");
     // A field more does not compile here until it stands in the list, and belongs into the text, too.
-    const auto& [options, experiments, data, dt_stated, choices, refinement, corrections, program, text, unread] = read;
-    ASSERT_TRUE(options && choices && refinement);
+    const auto& [options, experiments, data, dt_stated, choices, refinement, corrections, feedthrough, program, text,
+                 unread] = read;
+    ASSERT_TRUE(options && choices && refinement && feedthrough);
     EXPECT_EQ(options->states, 3);
     EXPECT_EQ(options->hold_out, 0.25);
     EXPECT_EQ(experiments, 30);
@@ -129,6 +131,8 @@ TEST(Provenance, ReturnsFromItsText) {
     EXPECT_EQ(refinement->smoothing, smoothing);
     EXPECT_EQ(refinement->iterations, 12);
     EXPECT_EQ(corrections.experiments, written.corrections.experiments);
+    EXPECT_FALSE(feedthrough->present);
+    EXPECT_EQ(feedthrough->reason, FeedthroughChoice::Reason::no_response);
     EXPECT_EQ(program, "1.2.3");
     EXPECT_EQ(text, "");  // the members say all of it
     EXPECT_EQ(unread, "");

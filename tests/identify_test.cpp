@@ -333,12 +333,14 @@ TEST(Identify, StatesOfSlowSystemsStandOutFromTheNoise) {
 
 TEST(Identify, FewExperimentsForManyUnknownsAreSaid) {
   const Ensemble e = experiments(oscillator(40), {.experiments = 15, .measurement_noise = 0.1});
-  EXPECT_TRUE(mentions(identify(e, {.lags = 3, .method = Method::tvera}).findings,
+  EXPECT_TRUE(mentions(identify(e, {.lags = 3, .method = Method::tvera, .feedthrough = true}).findings,
                        "15 experiments are few for the 14 unknowns"));
   EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10}), {.states = 4}).findings,
                        "leave no degree of freedom to test lag order 2"));
-  EXPECT_TRUE(mentions(identify(experiments(oscillator(40), {.experiments = 10}), {.method = Method::tvera}).findings,
-                       "lag order 1 is the largest that 10 experiments can test"));
+  EXPECT_TRUE(mentions(
+      identify(experiments(oscillator(40), {.experiments = 10}), {.method = Method::tvera, .feedthrough = true})
+          .findings,
+      "lag order 1 is the largest that 10 experiments can test"));
 }
 
 TEST(Identify, AskingForMoreStatesThanThereAreIsAnswered) {

@@ -99,22 +99,23 @@ struct Finding {
     more_outlying_samples,         // numbers: count
     outliers_undecided,            // numbers: count, most: more experiments do not fit than may be dropped
     // regressions
-    ill_conditioned,         // steps; numbers: condition
-    too_few_complete,        // steps; numbers: unknowns
-    inputs_unexcited,        // steps
-    no_freedom,              // numbers: experiments, lags, sufficient
-    few_experiments,         // numbers: experiments, unknowns, lags, sufficient, largest_lags
-    lags_at_limit,           // numbers: lags, experiments
-    lags_untested,           // numbers: lags, experiments
-    lags_below_states,       // numbers: lags, outputs, most, states
-    smoothing_untested,      // numbers: smoothing
-    smoothing_by_gaps,       // numbers: smoothing
-    no_variation,            // one model is used for all steps
-    few_windows,             // numbers: windows, length, gaps, unknowns, lags
-    few_for_states,          // numbers: experiments, unknowns
-    free_response_single,    // the free response was not used
-    free_responses_unused,   // numbers: count
-    free_responses_partial,  // numbers: count, states, wanted, step
+    ill_conditioned,          // steps; numbers: condition
+    too_few_complete,         // steps; numbers: unknowns
+    inputs_unexcited,         // steps
+    no_freedom,               // numbers: experiments, lags, sufficient
+    few_experiments,          // numbers: experiments, unknowns, lags, sufficient, largest_lags
+    lags_at_limit,            // numbers: lags, experiments
+    lags_untested,            // numbers: lags, experiments
+    lags_below_states,        // numbers: lags, outputs, most, states
+    smoothing_untested,       // numbers: smoothing
+    smoothing_by_gaps,        // numbers: smoothing
+    no_variation,             // one model is used for all steps
+    feedthrough_or_feedback,  // channels: the input and output that are correlated most
+    few_windows,              // numbers: windows, length, gaps, unknowns, lags
+    few_for_states,           // numbers: experiments, unknowns
+    free_response_single,     // the free response was not used
+    free_responses_unused,    // numbers: count
+    free_responses_partial,   // numbers: count, states, wanted, step
     // model
     no_states,
     states_below_asked,       // numbers: asked, found

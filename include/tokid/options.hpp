@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "tokid/ensemble.hpp"
@@ -52,6 +54,28 @@ struct NoisyChoices {
   std::vector<Index> jumps = {};      // ascending steps at which the matrices jump in EM
 };
 
+// Do the outputs respond to the inputs of the same step? If not, D_k = 0.
+struct FeedthroughChoice {
+  enum class Reason {
+    stated,       // by the user
+    exact,        // yes: in data without noise, D is exact
+    no_response,  // no: no correlation between inputs and outputs of a step, apart from what the past explains
+    response,     // yes: such a correlation, and no sign of feedback
+    feedback,     // yes: such a correlation and feedback, so the inputs may respond to the outputs of the same step
+    untested,     // yes: too few samples for a test
+    last = untested
+  };
+  bool present = true;
+  Reason reason = Reason::stated;
+  // Probabilities of correlations at least this significant if there are none: between inputs and outputs of a step,
+  // and between inputs and earlier innovations. NaN if not tested.
+  double response_p = std::numeric_limits<double>::quiet_NaN();
+  double feedback_p = std::numeric_limits<double>::quiet_NaN();
+  Index input = 0, output = 0;  // the pair with the most significant correlation within a step
+};
+const char* to_string(FeedthroughChoice::Reason reason);  // "no_response": the stable name in JSON and Python
+std::string in_words(const FeedthroughChoice& choice);    // the decision and its reason
+
 // The identification chooses every option that is empty.
 struct IdentifyOptions {
   // n. Empty: the rank of each H_k if the data are free of noise, else the order with the smallest prediction and
@@ -64,8 +88,10 @@ struct IdentifyOptions {
   // λ of the penalty on variation over time. Infinity: one model for all steps. TVERA has no λ. Empty: by
   // cross-validation if the data are noisy or too few for a regression at each step.
   std::optional<double> smoothing = {};
-  bool feedthrough = true;  // false: D_k = 0 is known, because inputs do not act on the outputs of the same step
-  Index period = 0;         // P: the steps k, k+P, … share one model; 1: time-invariant; 0: each step has its own
+  // false: D_k = 0 is known, because inputs do not act on the outputs of the same step. Empty: true for data without
+  // noise, else by a test.
+  std::optional<bool> feedthrough = {};
+  Index period = 0;  // P: the steps k, k+P, … share one model; 1: time-invariant; 0: each step has its own
   // Ascending steps K at which the matrices jump: the penalty of EM does not couple the steps K-1 and K. Empty: the
   // steps that cross-validation finds. No steps: no jumps.
   std::optional<std::vector<Index>> jumps = {};
@@ -82,8 +108,8 @@ struct IdentifyOptions {
   OutlierChoice outliers = OutlierChoice::keep;
   // Block rows and columns of H_k. Empty: max(p, ⌈n/m⌉)+1 rows, and max(p, n) columns, or max(p, 48) with noise.
   std::optional<Index> rows = {}, cols = {};
-  // Choices of an earlier identification. If they are given, `lags` and `states` must be those of that identification
-  // too. Empty: the identification chooses.
+  // Choices of an earlier identification. If they are given, `lags`, `states` and `feedthrough` must be those of that
+  // identification too. Empty: the identification chooses.
   std::optional<NoisyChoices> choices = {};
   Execution execution = {};
 };

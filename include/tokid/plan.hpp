@@ -23,7 +23,7 @@ struct Plan {
   // with its regressions. Blocks in the middle of a record use false, because the block before contains the earlier
   // steps.
   bool from_full_dimension = true;
-  bool feedthrough = true;   // false: D_k = 0 is known
+  FeedthroughChoice feedthrough = {};
   bool nominal = false;      // a mean motion was removed, which uses one degree of freedom
   Index nominal_period = 0;  // P: the steps k, k+P, … share this mean motion; 0: each step has its own
   bool noisy = false;        // true: residuals exceed rounding errors
@@ -34,6 +34,9 @@ struct Plan {
   Frame frame = Frame::raw;                   // coordinates of the model
   std::optional<Index> reference_step = {};   // step of the reference frame; empty: the first with all n states
 };
+
+// Was a mean motion removed that was estimated from all experiments at each step?
+bool is_centred(const Plan& plan);
 
 // The regressions (16)-(19), of each step alone or of all steps coupled. \throws std::invalid_argument as gtv_arx() and
 // smooth_arx()

@@ -25,7 +25,9 @@ struct Provenance {
   std::optional<NoisyChoices> choices = {};     // from noisy data, where all steps are in one regression
   std::optional<EmRun> refinement = {};         // the last refinement by EM
   Corrections corrections = {};                 // what was done about outliers before the identification
-  std::string version = {};                     // version of the program that made the model
+  // The choice of the identification. Empty: the choice is the option; earlier versions stored no choice.
+  std::optional<FeedthroughChoice> feedthrough = {};
+  std::string version = {};  // version of the program that made the model
 
   // The text of a file, if the members above do not give the same text. It may contain options of a newer version.
   std::string text = {};
@@ -40,7 +42,9 @@ IdentifyOptions identify_options(const Provenance& provenance);
 // note_data() adds the fingerprint of data. has_seen() is true if the fingerprint of these data was added.
 void note_data(Provenance& provenance, const std::string& fingerprint);
 bool has_seen(const Provenance& provenance, const Ensemble& data);
-// False: the model was identified with D = 0 as a known fact.
+// The choice about feedthrough. Of models of earlier versions only the option is known, and of a known model nothing.
+FeedthroughChoice feedthrough_choice(const Provenance& provenance);
+// False: the model was identified with D = 0, as the user stated or the data decided.
 bool has_feedthrough(const Provenance& provenance);
 
 }  // namespace tokid

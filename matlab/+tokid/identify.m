@@ -20,7 +20,7 @@ function [model, evidence] = identify(varargin)
 %   'states', 'lags'      n and p, or 'auto'
 %   'method'              'auto', 'tvera' or 'subspace'
 %   'smoothing'           lambda, Inf for one model, or 'auto'
-%   'feedthrough'         false: D = 0 is known
+%   'feedthrough'         true, false (D = 0 is known) or 'auto': by a test where the data are noisy
 %   'time_invariant'      true: one model for all steps
 %   'period'              P: steps k, k+P, ... share one model
 %   'jumps'               steps from which on the matrices are others, 'none' or 'auto'

@@ -264,6 +264,13 @@ nb::any object_of(const NoisyChoices& c) {
                                {"jumps", c.jumps}});
 }
 
+nb::any object_of(const FeedthroughChoice& c) {
+  return make("FeedthroughChoice", {{"present", c.present},
+                                    {"reason", to_string(c.reason)},
+                                    {"response_p", c.response_p},
+                                    {"feedback_p", c.feedback_p}});
+}
+
 nb::any object_of(const LikelihoodChoice& c) {
   return make("LikelihoodChoice",
               {{"smoothing", c.smoothing}, {"log_likelihood", c.log_likelihood}, {"error", c.error}, {"best", c.best}});
@@ -289,6 +296,7 @@ nb::any object_of(const Identification& i) {
                                  {"condition_max", i.condition_max},
                                  {"nominal_test", object_of(i.nominal_test)},
                                  {"initial_state_test", object_of(i.initial_state_test)},
+                                 {"feedthrough", object_of(i.plan.feedthrough)},
                                  {"lag_order_errors", object_of(i.lag_order_errors)},
                                  {"smoothing_choice", object_of(i.smoothing_choice)},
                                  {"order_scores", object_of(i.order_scores)},

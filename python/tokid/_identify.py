@@ -31,7 +31,7 @@ def identify(
     lags: Union[int, str] = "auto",
     method: str = "auto",
     smoothing: Union[float, str] = "auto",
-    feedthrough: Union[bool, str] = True,
+    feedthrough: Union[bool, str, None] = None,
     period: Union[int, str] = 0,
     jumps: Union[int, str, Sequence[int]] = "auto",
     weighting: str = "auto",
@@ -78,9 +78,10 @@ def identify(
     smoothing : float or "auto"
         λ of the penalty on variation over time. 0: no penalty. "infinity": one model for all steps. "auto": by
         cross-validation if the data are noisy or too few for a regression at each step.
-    feedthrough : bool, default True
+    feedthrough : bool, "auto" or None
         False: the outputs are known not to respond to the inputs of the same step, D = 0. State this where the inputs
-        respond to the outputs of the same step: the data cannot distinguish such feedback from feedthrough.
+        respond to the outputs of the same step: the data cannot distinguish such feedback from feedthrough. "auto" or
+        None: true for data without noise, else by a test.
     period : int or "invariant", default 0
         P: the steps k, k + P, … share one model. "invariant" or 1: all steps do, and one record is enough. 0: each step
         has its own model.
@@ -110,8 +111,8 @@ def identify(
     rows, cols : int or "auto"
         Blocks of the Hankel matrices of TVERA.
     choices : NoisyChoices, optional
-        `Identification.choices` of an earlier identification of the same kind, to use again with its `lags` and
-        `states`.
+        `Identification.choices` of an earlier identification of the same kind, to use again with its `lags`,
+        `states` and `feedthrough.present`.
     keep_state : bool, default False
         Keep the factors of all regressions in `Model.state`. `tokid.update` adds later experiments to them.
     report : path, optional

@@ -16,7 +16,7 @@ class IdentifyOptions(TypedDict, total=False):
     lags: Union[int, str]
     method: str
     smoothing: Union[float, str]
-    feedthrough: Union[bool, str]
+    feedthrough: Union[bool, str, None]
     period: Union[int, str]
     jumps: Union[int, str, Sequence[int]]
     weighting: str

@@ -696,6 +696,30 @@ class DependentExperiment(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class FeedthroughChoice(_Result):
+    """Whether the outputs respond to the inputs of the same step.
+
+    Attributes
+    ----------
+    present : bool
+        False: D = 0.
+    reason : {"stated", "exact", "no_response", "response", "feedback", "untested"}
+        "stated": by the option. "exact": data without noise. "no_response": inputs and outputs of a step are not
+        correlated, apart from what earlier samples explain. "response": they are, and there is no sign of feedback.
+        "feedback": they are, and there is feedback, so the inputs may respond to the outputs of the same step.
+        "untested": too few samples.
+    response_p, feedback_p : float
+        Probabilities of correlations at least this significant if there are none: between inputs and outputs of a step,
+        and between inputs and earlier innovations. NaN if not tested.
+    """
+
+    present: bool
+    reason: str
+    response_p: float
+    feedback_p: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification(_Found):
     """The choices of an identification, and the evidence for them.
 
@@ -716,6 +740,7 @@ class Identification(_Found):
         Largest condition number of the regressions of single steps. 0 if all steps are in one regression.
     nominal_test : NominalTest
     initial_state_test : InitialStateTest
+    feedthrough : FeedthroughChoice
     lag_order_errors : LagOrderErrors
     smoothing_choice : SmoothingChoice
     order_scores : OrderScores
@@ -754,6 +779,7 @@ class Identification(_Found):
     condition_max: float
     nominal_test: NominalTest
     initial_state_test: InitialStateTest
+    feedthrough: FeedthroughChoice
     lag_order_errors: LagOrderErrors
     smoothing_choice: SmoothingChoice
     order_scores: OrderScores

@@ -84,7 +84,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         lags: Union[int, str] = "auto",
         method: str = "auto",
         smoothing: Union[float, str] = "auto",
-        feedthrough: Union[bool, str] = True,
+        feedthrough: Union[bool, str, None] = None,
         period: Union[int, str] = 0,
         jumps: Union[int, str, Sequence[int]] = "auto",
         weighting: str = "auto",

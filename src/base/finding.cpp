@@ -459,6 +459,12 @@ constexpr Entry table[] = {
      }},
     {Kind::no_variation, "no_variation", note,
      [](const Finding&) { return std::string("no variation over time found: one model is used for all steps"); }},
+    {Kind::feedthrough_or_feedback, "feedthrough_or_feedback", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "input {} and output {} are correlated within a step, and the inputs depend on earlier outputs: the data can't tell feedthrough from feedback in the same step, so D may be wrong. State feedthrough = no if the controller uses the output of the same step, else feedthrough = yes",
+           f.channels[0].name, f.channels[1].name);
+     }},
     {Kind::few_windows, "few_windows", warning,
      [](const Finding& f) {
        return fmt::format(

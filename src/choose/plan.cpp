@@ -20,7 +20,7 @@ GtvArx regressions_of_each_step(const Windows& windows, const Plan& plan, const 
   GtvArxOptions o;
   o.lags = {plan.lags};
   o.initial_state = plan.initial_state;
-  o.feedthrough = plan.feedthrough;
+  o.feedthrough = plan.feedthrough.present;
   o.spent = plan.nominal ? 1 : 0;
   o.execution = execution;
   return windows.ensemble() ? gtv_arx(*windows.ensemble(), o) : gtv_arx(windows, o);
@@ -56,7 +56,8 @@ Model from_where_it_is_followed(Model model, const Plan& plan) {
 
 GtvArx regressions(const Windows& windows, const Plan& plan, const Execution& execution) {
   if (!plan.coupled) return regressions_of_each_step(windows, plan, execution);
-  return smooth_arx(windows, {plan.lags, plan.initial_state, plan.feedthrough, plan.choices.variation, execution});
+  return smooth_arx(windows,
+                    {plan.lags, plan.initial_state, plan.feedthrough.present, plan.choices.variation, execution});
 }
 
 Model realise(const Windows& windows, GtvArx arx, const FreeResponse& free, const Plan& plan,
@@ -78,6 +79,8 @@ TveraOptions tvera_options(const Plan& plan, Index outputs) {
   o.input_size = plan.input_size;
   return o;
 }
+
+bool is_centred(const Plan& plan) { return plan.nominal && plan.nominal_period == 0; }
 
 Model completed(Model model, const Windows& windows, const GtvArx& arx, const Plan& plan) {
   model.dt = windows.dt;

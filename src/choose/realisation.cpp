@@ -83,7 +83,7 @@ Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Exec
   o.smoothing = plan.choices.refinement_smoothing;
   o.period = plan.choices.variation.period;
   o.initial_state = plan.initial_state;
-  o.feedthrough = plan.feedthrough;
+  o.feedthrough = plan.feedthrough.present;
   o.jumps = plan.choices.jumps;
   o.execution.threads = execution.threads;
   return refined(std::move(model), data, plan.choices.refinement_iterations, o);
@@ -169,7 +169,7 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
   Plan& plan = result.plan;
   const Folds folds(selection, {.lags = plan.lags,
                                 .initial_state = &selection == &data ? plan.initial_state : InitialState::unknown,
-                                .feedthrough = plan.feedthrough,
+                                .feedthrough = plan.feedthrough.present,
                                 .variation = plan.choices.variation,
                                 .weightings = weightings(selection, plan, options),
                                 .centred = is_centred(plan),

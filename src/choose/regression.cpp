@@ -11,6 +11,7 @@
 
 #include "base/integers.hpp"
 #include "base/words.hpp"
+#include "choose/feedthrough.hpp"
 #include "choose/folds.hpp"
 #include "choose/initial_state.hpp"
 #include "diagnose/regressions.hpp"
@@ -66,7 +67,7 @@ void choose_lags(const Ensemble& data, const IdentifyOptions& options, Regressed
   const Index needed = least_lags(data, options);
   LagOrderOptions o;
   o.p_min = needed;
-  o.feedthrough = result.plan.feedthrough;
+  o.feedthrough = result.plan.feedthrough.present;
   // The order is chosen by residuals, so each step needs at least one degree of freedom.
   const Index testable = largest_lag_order(effective_experiments(data, result.plan.nominal) - 1, data.inputs(),
                                            data.outputs(), o.feedthrough);
@@ -89,10 +90,10 @@ void check_size(const Ensemble& data, const Plan& plan, bool tvera_asked) {
   const Index r = data.inputs(), m = data.outputs(), p = plan.lags, found = data.experiments();
   const Index needed = experiments_for(data, p, plan);
   if (found < needed) {
-    const Index would_do = largest_lag_order(effective_experiments(data, plan.nominal), r, m, plan.feedthrough);
+    const Index would_do = largest_lag_order(effective_experiments(data, plan.nominal), r, m, plan.feedthrough.present);
     throw std::invalid_argument(fmt::format(
         "experiments: {} found, lag order {} with {} inputs and {} outputs needs at least {} ({}{}); {}{}", found, p, r,
-        m, needed, plan.feedthrough ? "r + p(r+m)" : "p(r+m)", plan.nominal ? " + 1 for the mean motion" : "",
+        m, needed, plan.feedthrough.present ? "r + p(r+m)" : "p(r+m)", plan.nominal ? " + 1 for the mean motion" : "",
         would_do > 0
             ? fmt::format("{} suffice for lag orders up to {}", found, would_do)
             : fmt::format("too few for any lag order, {} are needed for lag order 1", experiments_for(data, 1, plan)),
@@ -104,7 +105,8 @@ void check_size(const Ensemble& data, const Plan& plan, bool tvera_asked) {
 
 // Throws if there are fewer windows than unknowns, because a model then fits any data. Returns the number of windows.
 Index checked_windows(const Ensemble& data, const Plan& plan) {
-  const Index lags = plan.lags, needed = unknowns_of(data, lags, plan.feedthrough), whole = whole_windows(data, lags);
+  const Index lags = plan.lags, needed = unknowns_of(data, lags, plan.feedthrough.present),
+              whole = whole_windows(data, lags);
   const bool gaps = data.missing() > 0;
   if (whole < needed)
     throw std::invalid_argument(fmt::format(
@@ -126,7 +128,7 @@ std::vector<Index> lag_candidates(const Ensemble& selection, const Ensemble& dat
   const Index windows_each = starts_em && selection.missing() > 0 ? enough_windows : 2;
   std::vector<Index> candidates;
   for (const Index p : {1, 2, 3, 4, 6, 8, 12, 16, 24, 36, 48}) {
-    const Index unknowns = unknowns_of(data, p, options.feedthrough);
+    const Index unknowns = unknowns_of(data, p, options.feedthrough.value_or(true));
     const bool small = unknowns <= most_regressors && !(starts_em && p > enough_for_em);
     if (p >= needed && 2 * std::max<Index>(1, first) * p < selection.steps() && p + period <= selection.steps() &&
         (candidates.empty() || small) && whole_windows(selection, p) >= windows_each * unknowns &&
@@ -213,13 +215,13 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& s
   plan.nominal_period = nominal ? options.period : 0;
   SmoothingOptions o;
   o.period = options.period;
-  o.feedthrough = plan.feedthrough;
+  o.feedthrough = plan.feedthrough.present;
   o.initial_state = known && &selection == &data ? known->decision : InitialState::unknown;
   o.lags = lag_candidates(selection, data, nominal, o.initial_state, o.period, options);
   o.smoothing = options.smoothing;
   o.centred = is_centred(plan);
   o.execution = share(options.execution, 0.4, 0.6);
-  const Index regressors = unknowns_of(data, o.lags.back(), plan.feedthrough);
+  const Index regressors = unknowns_of(data, o.lags.back(), plan.feedthrough.present);
   o.folds = regressors > 100 ? 3 : fold_count(selection.experiments());
   o.steps = std::clamp<Index>(Index{256} * 60 * 60 / (regressors * regressors), 64, 256);
   if (o.lags.back() >= selection.steps())
@@ -227,7 +229,7 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& s
                                             o.lags.back(), o.lags.back() + 1));
   choose_variation(data, selection, options, o, result);
 
-  const Index whole = checked_windows(data, plan), unknowns = unknowns_of(data, plan.lags, plan.feedthrough);
+  const Index whole = checked_windows(data, plan), unknowns = unknowns_of(data, plan.lags, plan.feedthrough.present);
   if (whole < 2 * unknowns)
     result.findings.push_back({.kind = Finding::Kind::few_windows,
                                .numbers = {{"windows", double(whole)},
@@ -239,7 +241,7 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& s
   if (variation.period == 0 && variation.smoothing == 0) {
     const RegressionSizes sizes{data.experiments(), effective_experiments(data, nominal),
                                 data.inputs(),      data.outputs(),
-                                plan.lags,          plan.feedthrough};
+                                plan.lags,          plan.feedthrough.present};
     RegressionSurvey survey;
     survey.freedom = std::max<Index>(0, sizes.effective_experiments - unknowns);
     append(result.findings, findings_of(survey, sizes, true));
@@ -268,13 +270,13 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& s
   return result;
 }
 
-}  // namespace
-
-Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nominal, const IdentifyOptions& options) {
+// The regressions with the feedthrough that is stated, or with feedthrough.
+Regressed with_stated_feedthrough(const Ensemble& data, const Ensemble& selection, bool nominal,
+                                  const IdentifyOptions& options) {
   const Index needed = options.lags.value_or(least_lags(data, options));
   Plan stated;
   stated.nominal = nominal;
-  stated.feedthrough = options.feedthrough;
+  stated.feedthrough.present = options.feedthrough.value_or(true);
   const bool asked = options.method == Method::tvera, together = options.period > 0 || options.smoothing > 0.0;
   if (!asked && (together || data.experiments() < experiments_for(data, needed, stated)))
     return coupled(data, selection, stated, options, stated_initial_state(data, options));
@@ -289,6 +291,17 @@ Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nomina
   // initial states, so only stated ones are used.
   return coupled(data, selection, stated, options,
                  freedom > 0 ? alone.initial_state_test : stated_initial_state(data, options));
+}
+
+}  // namespace
+
+Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nominal, const IdentifyOptions& options) {
+  Regressed result = with_stated_feedthrough(data, selection, nominal, options);
+  if (options.feedthrough) return result;
+  result.plan.feedthrough = choose_feedthrough(selection, result.plan, {options.execution.threads, {}});
+  if (!result.plan.feedthrough.present) result.arx = regressions(data, result.plan, {options.execution.threads, {}});
+  append(result.findings, findings_of(result.plan.feedthrough, data.names));
+  return result;
 }
 
 GtvArx regressed_as(const Ensemble& data, const Plan& plan, const Execution& execution) {
@@ -315,10 +328,8 @@ bool windows_are_scarce(const Ensemble& data, Index lags) {
          double(whole_windows(data, lags)) < enough * double(data.experiments() * (data.steps() - lags));
 }
 
-bool is_centred(const Plan& plan) { return plan.nominal && plan.nominal_period == 0; }
-
 Index experiments_for(const Ensemble& data, Index lags, const Plan& plan) {
-  return unknowns_of(data, lags, plan.feedthrough) + (plan.nominal ? 1 : 0);
+  return unknowns_of(data, lags, plan.feedthrough.present) + (plan.nominal ? 1 : 0);
 }
 
 }  // namespace tokid

@@ -38,9 +38,6 @@ std::shared_ptr<const Ensemble> selection_samples(const Ensemble& data, const Id
 // Are fewer than half of all windows of p+1 steps free of missing samples?
 bool windows_are_scarce(const Ensemble& data, Index lags);
 
-// Was a mean motion removed that was estimated from all experiments at each step?
-bool is_centred(const Plan& plan);
-
 // N_min at this lag order, plus one if a mean motion is subtracted, because estimating it uses one degree of freedom.
 Index experiments_for(const Ensemble& data, Index lags, const Plan& plan);
 

@@ -161,7 +161,7 @@ Findings findings_of_regressions(const Ensemble& data, const Survey& samples, co
   const Index spent = plan.nominal ? 1 : 0;
   append(found.findings, findings_of(survey,
                                      {data.experiments(), data.experiments() - spent, data.inputs(), data.outputs(),
-                                      plan.lags, plan.feedthrough},
+                                      plan.lags, plan.feedthrough.present},
                                      plan.noisy));
   return std::move(found.findings);
 }
@@ -463,6 +463,7 @@ Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identifi
   origin.experiments = result.experiments;
   if (result.plan.coupled && chosen) origin.choices = result.plan.choices;
   if (result.refinement.iterations > 0) origin.refinement = {result.refinement.smoothing, result.refinement.iterations};
+  origin.feedthrough = result.plan.feedthrough;
   origin.version = version;
   return origin;
 }

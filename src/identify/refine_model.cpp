@@ -85,7 +85,7 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   Provenance& provenance = result.refinement.model.provenance;
   note_data(provenance, fingerprint(data));
   provenance.refinement = {result.smoothing, result.refinement.iterations};
-  if (provenance.options) provenance.options->feedthrough = part.refine.feedthrough;
+  if (!options.refine.feedthrough) provenance.feedthrough = FeedthroughChoice{.present = false};
   provenance.version = version;
   compare(model, data, options.refine.initial_state, result);
   result.findings = differences(model, data);

@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "choose/feedthrough.hpp"
 #include "choose/realisation.hpp"
 #include "data/axes.hpp"
 #include "data/channel_sizes.hpp"
@@ -187,6 +188,9 @@ Plan joint_plan(const std::vector<const Identification*>& found, const Identific
   for (const Identification* own : found) {
     plan.noisy = plan.noisy || own->plan.noisy;
     plan.coupled = plan.coupled || own->plan.coupled;
+    const bool doubtful = own->plan.feedthrough.reason == FeedthroughChoice::Reason::feedback;
+    if (doubtful || (own->plan.feedthrough.present && !plan.feedthrough.present))
+      plan.feedthrough = own->plan.feedthrough;
   }
   plan.initial_state = found.front()->model.initial_state;
   plan.method = options.method.value_or(automatic_method(plan));
@@ -243,6 +247,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   const bool constant = result.plan.coupled && result.plan.choices.variation.period > 0;
   if (constant)
     result.evidence.findings.push_back({.kind = Finding::Kind::constant_stretches, .numbers = {{"smoothing", stiff}}});
+  append(result.evidence.findings, findings_of(result.plan.feedthrough, file.names()));
   examine(parts, of_stretches, options.states.has_value(), result.evidence);
   if (constant) result.plan.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
   result.evidence.plan = result.plan;

@@ -115,8 +115,8 @@ class Record {
     result.experiments = experiments();
     result.held_out = layout_.hold_out > 0;
     const Plan& plan = layout_.plan;
-    result.min_experiments =
-        minimum_experiments(file_.inputs(), file_.outputs(), plan.lags, plan.feedthrough) + (plan.nominal ? 1 : 0);
+    result.min_experiments = minimum_experiments(file_.inputs(), file_.outputs(), plan.lags, plan.feedthrough.present) +
+                             (plan.nominal ? 1 : 0);
     result.singular_value_gap = statistics::median(std::move(gaps_));
     result.condition_max = regressions_.condition_max;
     result.rank_deficient_steps = regressions_.rank_deficient;
@@ -160,7 +160,7 @@ class Record {
       const Index spent = layout_.plan.nominal ? 1 : 0;
       add(findings_of(regressions_,
                       {result.experiments, result.experiments - spent, file_.inputs(), file_.outputs(),
-                       layout_.plan.lags, layout_.plan.feedthrough},
+                       layout_.plan.lags, layout_.plan.feedthrough.present},
                       layout_.plan.noisy));
       if (!layout_.plan.noisy && regressions_.noisy()) add({{.kind = Finding::Kind::exact_stretches}});
     }

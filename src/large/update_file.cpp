@@ -121,7 +121,7 @@ Plan plan_of(const Fields& fields, const Provenance& provenance, const WindowFac
   plan.nominal = fields.integer("nominal") != 0;
   const IdentifyOptions asked = identify_options(provenance);
   plan.nominal_period = plan.nominal ? asked.period : 0;
-  plan.feedthrough = asked.feedthrough;
+  plan.feedthrough = feedthrough_choice(provenance);
   plan.rows = asked.rows, plan.cols = asked.cols;
   plan.frame = asked.frame, plan.reference_step = asked.reference_step;
   plan.choices.weighting = asked.weighting.value_or(Weighting::one_step);

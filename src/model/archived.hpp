@@ -33,6 +33,12 @@ void fields(Archive& archive, C& c) {
   archive(c.variation, c.state_smoothing, c.weighting, c.refinement_smoothing, c.refinement_iterations, c.jumps);
 }
 
+template <class Archive, class C>
+requires std::is_same_v<std::remove_const_t<C>, FeedthroughChoice>
+void fields(Archive& archive, C& c) {
+  archive(c.present, c.reason);  // as in files: the other members are evidence
+}
+
 // The options that a provenance contains.
 template <class Archive, class O>
 requires std::is_same_v<std::remove_const_t<O>, IdentifyOptions>
@@ -60,8 +66,8 @@ void fields(Archive& archive, C& c) { archive(c.experiments, c.samples); }
 template <class Archive, class P>
 requires std::is_same_v<std::remove_const_t<P>, Provenance>
 void fields(Archive& archive, P& p) {
-  archive(p.options, p.experiments, p.data, p.dt_stated, p.choices, p.refinement, p.corrections, p.version, p.text,
-          p.unread);
+  archive(p.options, p.experiments, p.data, p.dt_stated, p.choices, p.refinement, p.corrections, p.feedthrough,
+          p.version, p.text, p.unread);
 }
 
 template <class Archive, class M>

@@ -23,6 +23,12 @@ bool has_seen(const Provenance& provenance, const Ensemble& data) {
   return std::find(provenance.data.begin(), provenance.data.end(), fingerprint(data)) != provenance.data.end();
 }
 
-bool has_feedthrough(const Provenance& provenance) { return !provenance.options || provenance.options->feedthrough; }
+FeedthroughChoice feedthrough_choice(const Provenance& provenance) {
+  if (provenance.feedthrough) return *provenance.feedthrough;
+  const std::optional<bool> asked = provenance.options ? provenance.options->feedthrough : std::nullopt;
+  return {.present = asked.value_or(true)};
+}
+
+bool has_feedthrough(const Provenance& provenance) { return feedthrough_choice(provenance).present; }
 
 }  // namespace tokid

@@ -229,6 +229,7 @@ class Report {
     model.row("Sample time", fmt::format("{:.6g} s", model_.dt));
     if (found_.lags > 0) model.row("Lag order", fmt::format("p = {}", found_.lags));
     model.row("Initial states", to_string(model_.initial_state));
+    if (const auto& feedthrough = model_.provenance.feedthrough) model.row("Feedthrough", in_words(*feedthrough));
     if (const auto& choices = model_.provenance.choices; choices && !choices->jumps.empty())
       model.row("Jumps", fmt::format("the matrices jump at {} {}", choices->jumps.size() > 1 ? "the steps" : "step",
                                      fmt::join(choices->jumps, ", ")));
@@ -257,7 +258,7 @@ class Report {
     if (!json.is_object()) return whole;
     std::vector<std::string> asked, automatic;
     for (const auto& [key, value] : json.items()) {
-      if (key == "experiments") continue;  // has its own row in the table
+      if (key == "experiments" || key == "feedthrough_choice") continue;  // have their own rows in the table
       std::string name = key;
       std::replace(name.begin(), name.end(), '_', ' ');
       const std::string text = value.is_string() ? value.get<std::string>() : text_of(value);

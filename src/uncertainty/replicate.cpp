@@ -23,6 +23,7 @@ constexpr double settled = 1e-5, settled_farther = 1e-6;
 IdentifyOptions held_options(const Model& model, IdentifyOptions options) {
   options.states = model.states();
   options.lags = model.max_lags();
+  options.feedthrough = has_feedthrough(model.provenance);
   options.initial_state = model.initial_state;
   options.nominal = NominalChoice::none;
   options.frame = Frame::raw;

@@ -28,8 +28,11 @@ def test_same_model_as_from_all_steps(tokid, tmp_path, options):
     assert whole["block"] is None
     assert 0 < blocks["block"] <= 90
     for key in set(whole) - {"block", "model", "seconds", "one_step_fit", "simulation_fit", "condition_max",
-                             "singular_value_gap", "lag_order_errors", "nominal_test", "whiteness_p", "warnings"}:
+                             "singular_value_gap", "lag_order_errors", "nominal_test", "whiteness_p", "warnings",
+                             "feedthrough_choice"}:
         assert blocks[key] == whole[key], key
+    for key in ("present", "reason"):
+        assert blocks["feedthrough_choice"][key] == whole["feedthrough_choice"][key], key
     assert blocks["one_step_fit"] == pytest.approx(whole["one_step_fit"], abs=1e-4)
     # Rounded samples leave their rounding errors to each of the two.
     tolerance = 1e-4 if options.get("dtype") == "f4" else 1e-9

@@ -330,3 +330,44 @@ def test_no_feedthrough(tokid, tmp_path, oscillator):
     model = load(tmp_path / "model.npz")
     assert np.all(model["D"] == 0) and np.any(model["B"] != 0)
     assert '"feedthrough":"no"' in str(model["options"])
+
+
+def save_under_feedback(path, gain, seed):
+    """A slowly varying plant without feedthrough, with noise, and the feedback u[k] = w[k] - gain y[k]."""
+    rng, T, N = np.random.default_rng(seed), 60, 60
+    u, y, x = np.zeros((N, T, 1)), np.zeros((N, T, 1)), np.zeros((N, 2))
+    for k in range(T):
+        y[:, k] = x[:, :1] + 0.3 * rng.normal(size=(N, 1))
+        u[:, k] = 0.3 * rng.normal(size=(N, 1)) - gain * y[:, k]
+        A, B = [[0.9, 0.3], [-0.2, 0.7 + 0.1 * np.sin(0.1 * k)]], [1 + 0.3 * np.cos(0.1 * k), 0.5]
+        x = x @ np.transpose(A) + u[:, k] * B + 0.05 * rng.normal(size=(N, 2))
+    np.savez(path, u=u, y=y, dt=1.0, initial_state="zero")
+
+
+def test_feedback_in_the_same_step_is_a_warning_until_feedthrough_is_stated(tokid, tmp_path):
+    data, model = tmp_path / "data.npz", tmp_path / "model.npz"
+    words = ("input u1 and output y1 are correlated within a step, and the inputs depend on earlier outputs: the data "
+             "can't tell feedthrough from feedback in the same step, so D may be wrong. State feedthrough = no if the "
+             "controller uses the output of the same step, else feedthrough = yes")
+    save_under_feedback(data, 0.8, 1)
+    found = tokid("identify", data, "-o", model, "--no-refine")
+    assert words in " ".join(found.stderr.split())
+    assert "Feedthrough    D is estimated, the outputs and inputs of a step are correlated" in found.stdout
+    assert np.any(load(model)["D"] != 0)
+    assert '"feedthrough_choice":{"present":true,"reason":"feedback"}' in str(load(model)["options"])
+    for option, reason, present in (("--no-feedthrough", "stated", False), ("--feedthrough", "stated", True)):
+        found = tokid.json("identify", data, "-o", model, "--no-refine", option)
+        assert (found["feedthrough"], found["feedthrough_choice"]["reason"]) == (present, reason)
+        assert not any("same step" in text for text in found["warnings"])
+        assert np.any(load(model)["D"] != 0) == present
+
+
+def test_feedthrough_that_noisy_data_do_not_show_is_zero(tokid, tmp_path):
+    data, model = tmp_path / "data.npz", tmp_path / "model.npz"
+    save_under_feedback(data, 0.0, 2)
+    found = tokid.json("identify", data, "-o", model, "--no-refine", "--report", tmp_path / "page.html")
+    assert not found["feedthrough"] and found["feedthrough_choice"]["reason"] == "no_response"
+    assert found["feedthrough_choice"]["response_p"] >= 0.01
+    assert found["feedthrough_choice"]["feedback_p"] is None
+    assert np.all(load(model)["D"] == 0)
+    assert "D = 0, no response of the outputs" in (tmp_path / "page.html").read_text()

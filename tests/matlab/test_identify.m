@@ -197,7 +197,7 @@ model = tokid.identify(data, 'method', 'tvera', 'states', 2, 'lags', 2, 'smoothi
 [bounds, evidence] = tokid.confidence(model, data, 'level', 0.9, 'band', 4);
 assert(evidence.level == 0.9 && isequal(size(bounds.markov), [1, 1, 5, size(model.A, 3)]));
 assert(all(bounds.simulated_lower(:) <= bounds.simulated_upper(:)));
-near(bounds.markov(:, :, 1, 6), model.D(:, :, 6), 0.5);
+near(bounds.markov(:, :, 2, 6), model.C(:, :, 6) * model.B(:, :, 5), 0.5);
 end
 
 function case_plans()

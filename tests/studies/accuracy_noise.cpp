@@ -226,6 +226,7 @@ AccuracyFindings predictor_subspaces(int cases) {
     options.refine = false;
     options.initial_state = InitialState::unknown;
     options.nominal = NominalChoice::none;
+    options.feedthrough = true;
     Accuracy whole = stage_of("whole identification with noise", route);
     for (Index k = p; k < steps; ++k) whole.condition = std::max(whole.condition, arx.step[size_t(k)].condition);
     // Every stage rounds by itself: what they are given no longer goes together.

@@ -19,11 +19,12 @@ namespace tokid::io {
 namespace {
 
 constexpr const char *experiments_key = "experiments", *data_key = "data", *dt_key = "dt_stated",
-                     *choices_key = "choices", *refinement_key = "refined", *corrections_key = "corrections";
+                     *choices_key = "choices", *refinement_key = "refined", *corrections_key = "corrections",
+                     *feedthrough_key = "feedthrough_choice";
 
 bool is_option(std::string_view key) {
-  constexpr std::string_view others[] = {experiments_key, data_key,       dt_key,
-                                         choices_key,     refinement_key, corrections_key};
+  constexpr std::string_view others[] = {experiments_key, data_key,        dt_key,         choices_key,
+                                         refinement_key,  corrections_key, feedthrough_key};
   return std::find(std::begin(others), std::end(others), key) == std::end(others);
 }
 
@@ -52,6 +53,10 @@ Json json_of(const Corrections& corrections) {
   return json;
 }
 
+Json json_of(const FeedthroughChoice& choice) {
+  return {{"present", choice.present}, {"reason", to_string(choice.reason)}};
+}
+
 // The members as JSON; `text`, from which they were read, is left out.
 Json json_of(const Provenance& provenance) {
   Json json = Json::object();
@@ -65,6 +70,7 @@ Json json_of(const Provenance& provenance) {
     json[refinement_key] = {{"smoothing", penalty(provenance.refinement->smoothing)},
                             {"iterations", provenance.refinement->iterations}};
   if (!provenance.corrections.empty()) json[corrections_key] = json_of(provenance.corrections);
+  if (provenance.feedthrough) json[feedthrough_key] = json_of(*provenance.feedthrough);
   return json;
 }
 
@@ -118,6 +124,14 @@ Corrections corrections_of(const Json& json) {
       result.samples.push_back({label.get<std::string>(), *output, *step, value.is_null() ? nan : value.get<double>()});
   }
   return result;
+}
+
+std::optional<FeedthroughChoice> feedthrough_of(const Json& json) {
+  if (!json.is_object() || !json.value("present", Json()).is_boolean()) return std::nullopt;
+  for (int i = 0; i <= int(FeedthroughChoice::Reason::last); ++i)
+    if (const auto reason = FeedthroughChoice::Reason(i); json.value("reason", Json()) == to_string(reason))
+      return FeedthroughChoice{.present = json["present"].get<bool>(), .reason = reason};
+  return std::nullopt;
 }
 
 std::vector<std::string> texts_of(const Json& list) {
@@ -175,6 +189,7 @@ Provenance provenance_of(const std::string& text, const std::string& program_ver
     result.choices = choices_of(at(choices_key));
     result.refinement = refinement_of(at(refinement_key));
     result.corrections = corrections_of(at(corrections_key));
+    result.feedthrough = feedthrough_of(at(feedthrough_key));
   } else {
     result.unread = "options of the model: other text found, the text of a JSON object needed, as identify() writes it";
   }
