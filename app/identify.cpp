@@ -121,6 +121,7 @@ Json json(const RefinementChoice& choice) {
   Json j{{"states", choice.states},
          {"smoothing", choice.smoothing},
          {"iterations", choice.iterations},
+         {"ahead_ratio", choice.ahead_ratio},
          {"jumps", Json::array()},
          {"trials", Json::array()}};
   for (const Jump& jump : choice.jumps)

@@ -72,5 +72,8 @@ struct RefinementChoice {
   double error = 0.0;
   double one_step = 0.0;         // log of the one-step error alone; set if there are iterations
   std::vector<Jump> jumps = {};  // ascending
+  // RMS of the errors of held-out experiments, OrderScores::horizon steps ahead, over what the model says. NaN if not
+  // known.
+  double ahead_ratio = std::numeric_limits<double>::quiet_NaN();
 };
 }  // namespace tokid

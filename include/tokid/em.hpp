@@ -30,6 +30,8 @@ struct RefineOptions {
   // Ascending steps K at which the matrices may jump: no penalty couples the steps K-1 and K. The state is carried
   // across. Only if the model varies and has no period.
   std::vector<Index> jumps = {};
+  // false: A, B, C and D are known, and so is their variation. EM then estimates Q, R and the distribution of x_0 alone.
+  bool estimate_matrices = true;
   bool accelerate = true;  // Anderson acceleration; a step is used only if it raises the likelihood
   bool warm_up = true;     // EM first uses weaker penalties than λ, each with a third of the iterations
   Execution execution = {};

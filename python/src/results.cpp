@@ -129,7 +129,8 @@ nb::any object_of(const RefinementChoice& c) {
                                    {"iterations", c.iterations},
                                    {"error", c.error},
                                    {"one_step", c.one_step},
-                                   {"jumps", jumps}});
+                                   {"jumps", jumps},
+                                   {"ahead_ratio", c.ahead_ratio}});
 }
 
 nb::any object_of(const DependentExperiment& c) {

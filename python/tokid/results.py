@@ -635,6 +635,8 @@ class RefinementChoice(_Result):
         Log of the one-step error alone, if there are iterations.
     jumps : list of Jump
         Steps at which the matrices jump, ascending.
+    ahead_ratio : float
+        RMS of the errors of held-out experiments, several steps ahead, over what the model says. NaN if not known.
     """
 
     trials: list[RefinementTrial]
@@ -644,6 +646,7 @@ class RefinementChoice(_Result):
     error: float
     one_step: float
     jumps: list[Jump]
+    ahead_ratio: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -522,6 +522,12 @@ constexpr Entry table[] = {
            "reference frame of step {}: steps {} to {} are in this frame, the other steps keep their own coordinates",
            count(f, "step"), count(f, "begin"), count(f, "end") - 1);
      }},
+    {Kind::uncertain_ahead, "uncertain_ahead", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} steps ahead, the errors on experiments that the models did not see are {:.2g} times as large as the models say. The experiments are few for what varies, or the noise is not white. Use more experiments, and test long predictions and controllers on other data",
+           count(f, "horizon"), number(f, "ratio"));
+     }},
     {Kind::em_unreliable, "em_unreliable", warning,
      [](const Finding&) {
        return std::string(

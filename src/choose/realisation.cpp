@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
 
+#include "choose/first_steps.hpp"
 #include "choose/folds.hpp"
 #include "data/channel_sizes.hpp"
 #include "tokid/em.hpp"
@@ -16,6 +18,9 @@
 namespace tokid {
 
 namespace {
+
+// Above this ratio of errors to what the model says, several steps ahead, controllers designed on a model may be bad.
+constexpr double surely_ahead = 1.5;
 
 // Largest order that is tried for noisy data, and most experiments from which the order of TVERA is chosen.
 constexpr Index most_states = 16, most_scored = 64;
@@ -111,9 +116,8 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
                       const Execution& execution, Realised& result) {
   const Plan plain = result.plan;
   const Index period = plain.choices.variation.period;
-  const Index first = first_scored(plain.initial_state, plain.lags, period);
   const double allowed = std::log(tolerated);
-  const Computed start = computed_by(result.model, data, plain.initial_state, first);
+  const Computed start = computed_by(result.model, data, plain.initial_state, 0);
   const Errors before = errors_of(start, data);
   result.refinement = choice;
 
@@ -137,7 +141,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     } catch (const std::runtime_error&) {
       continue;  // EM failed from this start
     }
-    const Errors after = errors_of(computed_by(likelier, data, plan.initial_state, first), data, &start);
+    const Errors after = errors_of(computed_by(likelier, data, plan.initial_state, 0), data, &start);
     const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
     one_step = after.one_step <= choice.one_step + allowed;
     if (!longer && period > 0) continue;
@@ -159,6 +163,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   result.findings.push_back({.kind = one_step ? Finding::Kind::em_worse_simulation : Finding::Kind::em_worse_one_step});
   result.plan.choices.refinement_smoothing = choice.smoothing;
   result.refinement.iterations = 0;
+  result.refinement.ahead_ratio = std::numeric_limits<double>::quiet_NaN();
   result.refinement.states = result.order_scores.best;
   result.refinement.error = choice.trials.front().error;
 }
@@ -181,6 +186,7 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
   if (!options.states) plan.states = scores.best;
   result.model = realise(data, arx, {}, plan, share(options.execution, 0.7, 0.8));
   if (!options.refine.value_or(true) || result.model.states() == 0 || result.model.states() < plan.states) return;
+  result.model = with_first_steps(std::move(result.model), data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
@@ -192,6 +198,9 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
     plan.choices.refinement_smoothing = choice.smoothing;
     result.refinement = std::move(choice);
   }
+  if (const double ratio = result.refinement.ahead_ratio; ratio > surely_ahead)
+    result.findings.push_back({.kind = Finding::Kind::uncertain_ahead,
+                               .numbers = {{"ratio", ratio}, {"horizon", double(OrderScores::horizon)}}});
 }
 
 }  // namespace
@@ -223,6 +232,10 @@ Realised realised(const Ensemble& data, const Ensemble& selection, const Plan& p
   } else {
     result.model = realise(data, std::move(arx), {}, result.plan, execution);
   }
+  const bool refined = result.plan.choices.refinement_iterations > 0;
+  if (!refined && plan.noisy && result.plan.method == Method::subspace && options.refine.value_or(true))
+    result.model =
+        with_first_steps(std::move(result.model), data, result.plan.initial_state, options.execution.threads);
   return result;
 }
 

@@ -8,6 +8,8 @@
 #include <span>
 #include <utility>
 
+#include "choose/ahead_ratio.hpp"
+#include "choose/first_steps.hpp"
 #include "choose/folds.hpp"
 #include "tokid/em.hpp"
 
@@ -117,17 +119,20 @@ class Folds::RefinementSearch {
         jumps_(std::move(jumps)),
         count_(std::min(folds.folds_.size(), most_refined)),
         starts_(count_),
+        without_em_(count_),
         like_(count_),
         least_variance_(count_) {
     choice_.states = states;
     for_each_fold([&](size_t f) {
       starts_[f] = folds_.start(f, states, scores.weighting, scores.smoothing);
+      const Split& data = folds_.folds_[f].data;
+      without_em_[f] = with_first_steps(starts_[f], data.training, folds_.options_.initial_state, 1);
       // EM can predict samples after missing samples that subspace models cannot predict. These samples are not
       // compared.
-      like_[f] = computed_by(starts_[f], folds_.folds_[f].data.held_out, folds_.options_.initial_state, folds_.first_);
-      least_variance_[f] = least_variance(like_[f], folds_.folds_[f].data.held_out);
+      like_[f] = computed_by(without_em_[f], data.held_out, folds_.options_.initial_state, 0);
+      least_variance_[f] = least_variance(like_[f], data.held_out);
     });
-    choice_.error = errors(starts_, folds.first_).mean();
+    choice_.error = errors(without_em_).mean();
     choice_.trials.push_back({.states = states, .error = choice_.error});
   }
 
@@ -151,22 +156,21 @@ class Folds::RefinementSearch {
   const std::vector<Jump>& jumps() const { return jumps_; }
   const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
 
-  // EM is used if it predicts the samples that subspace models predict, too, clearly better than they do. With unknown
-  // initial states, models of EM begin earlier, and may be a little worse at the later steps. If the best attempt is
-  // not used, the attempt with the smallest errors may be.
+  // EM is used if it predicts clearly better than the subspace models. If the best attempt is not used, the attempt
+  // with the smallest errors may be.
   RefinementChoice choice() && {
+    choice_.ahead_ratio = ahead_ratio(without_em_);
     if (empty()) return std::move(choice_);
     choice_.smoothing = smoothing();
-    choice_.jumps = jumps_;
-    const bool begins_earlier = folds_.first_ > 0 && !folds_.pooled();
-    const double limit = choice_.error + std::log(begins_earlier ? most_uncertain : 1 / worth_it);
+    const double limit = choice_.error - std::log(worth_it);
     for (const Attempt* attempt : {chosen(), least_error()}) {
-      const Errors common = errors(attempt->models, folds_.first_, like_);
-      if (common.mean() > limit) continue;
+      if (attempt->error > limit) continue;
       choice_.smoothing = attempt->smoothing;
       choice_.iterations = attempt->iterations;
-      choice_.one_step = common.one_step;
+      choice_.jumps = jumps_;
+      choice_.one_step = errors(attempt->models).one_step;
       choice_.error = attempt->error;
+      choice_.ahead_ratio = ahead_ratio(attempt->models);
       break;
     }
     return std::move(choice_);
@@ -436,7 +440,7 @@ class Folds::RefinementSearch {
     });
     const bool all = std::all_of(found.begin(), found.end(), [](const Vector& fold) { return fold.size() > 0; });
     start.likelihood = all ? Likelihood(found) : Likelihood();
-    start.error = (folds_.pooled() ? errors(start.models, folds_.first_, like_) : errors(start.models, 0)).mean();
+    start.error = errors(start.models).mean();
     start.iterations += stage.iterations;
     choice_.trials.push_back({choice_.states, start.smoothing, start.iterations, start.error, start.likelihood.mean(),
                               stage.jumps ? options(start.smoothing).jumps : std::vector<Index>{}});
@@ -453,6 +457,16 @@ class Folds::RefinementSearch {
     return o;
   }
 
+  double ahead_ratio(const std::vector<Model>& models) const {
+    AheadErrors sum;
+    for (size_t f = 0; f < count_; ++f) {
+      const Ensemble& held_out = folds_.folds_[f].data.held_out;
+      const Computed computed = computed_by(models[f], held_out, folds_.options_.initial_state, 0);
+      sum += ahead_errors(models[f], computed.ahead, held_out, OrderScores::horizon, 0);
+    }
+    return sum.ratio();
+  }
+
   // Empty if EM fails: this λ is ruled out.
   Model refined_fold(double smoothing, const Stage& stage, const Ensemble& training, const Model& start) const {
     if (start.steps() == 0) return start;
@@ -463,9 +477,9 @@ class Folds::RefinementSearch {
     }
   }
 
-  Errors errors(const std::vector<Model>& models, Index first, const std::vector<Computed>& like = {}) const {
+  Errors errors(const std::vector<Model>& models) const {
     const auto found = folds_.errors_of_folds(
-        count_, choice_.states, [&](size_t f) { return models[f]; }, first, like);
+        count_, choice_.states, [&](size_t f) { return models[f]; }, 0, like_);
     constexpr double none = std::numeric_limits<double>::infinity();
     return found ? mean_of(*found) : Errors{none, none, none};
   }
@@ -473,7 +487,8 @@ class Folds::RefinementSearch {
   const Folds& folds_;
   std::vector<Jump> jumps_;  // of all attempts
   size_t count_;
-  std::vector<Model> starts_;  // subspace models
+  std::vector<Model> starts_;      // subspace models
+  std::vector<Model> without_em_;  // the same, which predict from step 0 on
   std::vector<Computed> like_;
   std::vector<Vector> least_variance_;  // as in least_variance, of each fold
   std::vector<Attempt> attempts_;

@@ -260,9 +260,13 @@ struct Point {
 // this scaling, a second refinement does not change a refined model.
 em::EstimatorOptions estimator_options(const Model& start, const RefineOptions& o, InitialState initial) {
   const bool constant = o.smoothing == infinity;
-  return {constant ? 1.0 : o.smoothing,     period_of(start, o),
-          initial == InitialState::unknown, o.feedthrough,
-          mean_innovation_cov(start),       o.jumps};
+  return {constant ? 1.0 : o.smoothing,
+          period_of(start, o),
+          initial == InitialState::unknown,
+          o.feedthrough,
+          o.estimate_matrices,
+          mean_innovation_cov(start),
+          o.jumps};
 }
 
 class Climb {

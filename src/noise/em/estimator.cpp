@@ -158,7 +158,7 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   const Index free = n_ * r_ + m_ * (n_ + (options_.feedthrough ? r_ : 0));
   double used = 0.0;
   for (const auto& [begin, end] : stretches()) used += double(free) * freedom_of(end - begin, options_.smoothing);
-  const double share = std::min(0.5, used / std::max(1.0, samples.outputs));
+  const double share = options_.estimate_matrices ? std::min(0.5, used / std::max(1.0, samples.outputs)) : 0.0;
   measurement_spent_ = share / 2;
   process_spent_ = n_ > 0 ? share / 2 * std::min(1.0, double(m_) / double(n_)) : 0.0;
   if (options_.estimate_x0) {
@@ -339,8 +339,10 @@ Parameters Estimator::maximise(const kalman::Moments& moments, const Parameters&
   const std::vector<Matrix> process = phase_roots(moments.moved, moments.moved_count, moved);
   const std::vector<Matrix> output = phase_roots(moments.measured, moments.measured_count, measured);
   const Index all = n_ + r_, of_outputs = options_.feedthrough ? all : n_;
-  next.ab = regress(process, p.ab, p.process, all, process_reference_, process_weight_);
-  next.cd = regress(output, p.cd, p.measurement, of_outputs, measurement_reference_, measurement_weight_);
+  if (options_.estimate_matrices) {
+    next.ab = regress(process, p.ab, p.process, all, process_reference_, process_weight_);
+    next.cd = regress(output, p.cd, p.measurement, of_outputs, measurement_reference_, measurement_weight_);
+  }
   update_noise(process, moved, next.ab, process_floor_, process_spent_, next.process);
   update_noise(output, measured, next.cd, measurement_floor_, measurement_spent_, next.measurement);
   if (options_.estimate_x0 && moments.x0_count > 0) {
@@ -397,8 +399,10 @@ Vector Estimator::coordinates(const Parameters& p) const {
   Writer write;
   const Matrix process = whitener_of(process_reference_), measurement = whitener_of(measurement_reference_);
   const Vector process_units = process_weight_.cwiseSqrt(), measurement_units = measurement_weight_.cwiseSqrt();
-  for (const Matrix& ab : p.ab) write(process * ab * process_units.asDiagonal());
-  for (const Matrix& cd : p.cd) write(measurement * cd * measurement_units.asDiagonal());
+  if (options_.estimate_matrices) {
+    for (const Matrix& ab : p.ab) write(process * ab * process_units.asDiagonal());
+    for (const Matrix& cd : p.cd) write(measurement * cd * measurement_units.asDiagonal());
+  }
   for (const Matrix& q : p.process.shape) write(linalg::logarithm(q, process));
   for (const Matrix& r : p.measurement.shape) write(linalg::logarithm(r, measurement));
   write(p.process.scale.array().log().matrix());
@@ -418,8 +422,10 @@ Parameters Estimator::parameters(const Vector& coordinates, const Parameters& li
   const Matrix process = inverse_of(process_reference_), measurement = inverse_of(measurement_reference_);
   const Vector process_units = process_weight_.cwiseSqrt().cwiseInverse();
   const Vector measurement_units = measurement_weight_.cwiseSqrt().cwiseInverse();
-  for (Matrix& ab : p.ab) ab = process * read(n_, n_ + r_) * process_units.asDiagonal();
-  for (Matrix& cd : p.cd) cd = measurement * read(m_, n_ + r_) * measurement_units.asDiagonal();
+  if (options_.estimate_matrices) {
+    for (Matrix& ab : p.ab) ab = process * read(n_, n_ + r_) * process_units.asDiagonal();
+    for (Matrix& cd : p.cd) cd = measurement * read(m_, n_ + r_) * measurement_units.asDiagonal();
+  }
   for (Matrix& q : p.process.shape) q = linalg::exponential(read(n_, n_), process);
   for (Matrix& r : p.measurement.shape) r = linalg::exponential(read(m_, m_), measurement);
   p.process.scale = read(p.process.scale.size(), 1).array().exp();

@@ -30,8 +30,9 @@ struct EstimatorOptions {
   double smoothing = 0.0;  // λ
   Index period = 0;
   bool estimate_x0 = false;
-  bool feedthrough = true;  // false: D = 0 is known, and the start model has D = 0
-  Matrix innovation_cov;    // (m × m)
+  bool feedthrough = true;        // false: D = 0 is known, and the start model has D = 0
+  bool estimate_matrices = true;  // false: A, B, C and D of the start model are known
+  Matrix innovation_cov;          // (m × m)
   // Ascending phases g > 0: no penalty couples the matrices of the phases g-1 and g.
   std::vector<Index> jumps = {};
 };

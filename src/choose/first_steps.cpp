@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "choose/first_steps.hpp"
+
+#include <stdexcept>
+#include <utility>
+
+#include "linalg/symmetric.hpp"
+#include "tokid/em.hpp"
+#include "tokid/linalg.hpp"
+
+namespace tokid {
+
+namespace {
+
+constexpr Index iterations = 40, shared_iterations = 300;
+constexpr double shared_tolerance = 1e-8;
+// Floors of the first covariances, relative to those that the gains alone would give.
+constexpr double least_noise = 0.02;
+
+bool can_begin_earlier(const Model& model, InitialState initial) {
+  return initial == InitialState::unknown && model.x0_mean.size() == 0 && model.states() > 0 &&
+         model.has(&Step::has_innovation_cov) && model.full_end() - model.full_begin() > 1;
+}
+
+// EM converges slowly from covariances that do not fit the gains. In steady state, P Cᵀ = K S gives R = (I - C K) S,
+// and the smallest P with this product gives Q = P - A (P - K S Kᵀ) Aᵀ. The floors keep both positive.
+void set_noise_of_gains(Model& model) {
+  for (Step& step : model.step) {
+    const Matrix s = step.innovation_cov(), k = -linalg::pseudo_inverse(step.A()) * step.G(), pc = k * s,
+                 shown = step.C() * pc;
+    Matrix r = s - shown;
+    linalg::symmetrise(r);
+    r = linalg::bounded_below(r, least_noise * s.diagonal());
+    const Matrix p = pc * linalg::pseudo_inverse((shown + shown.transpose()) / 2) * pc.transpose();
+    Matrix q = p - step.A() * (p - k * s * k.transpose()) * step.A().transpose();
+    linalg::symmetrise(q);
+    step.set_R(r);
+    step.set_Q(
+        linalg::bounded_below(q, (least_noise * step.G() * s * step.G().transpose()).diagonal().cwiseMax(1e-300)));
+  }
+}
+
+}  // namespace
+
+Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
+  if (!can_begin_earlier(late, initial)) return late;
+  Model start = late;
+  set_noise_of_gains(start);
+  RefineOptions o;
+  o.smoothing = late.period == 1 ? 0.0 : 1.0;  // one covariance for all steps
+  o.initial_state = initial;
+  o.estimate_matrices = false;
+  o.iterations = late.period > 0 ? shared_iterations : iterations;
+  if (late.period > 0) o.tolerance = shared_tolerance;
+  o.warm_up = false;
+  o.execution.threads = threads;
+  try {
+    Model model = refine(start, departures, o).model;
+    model.method = late.method;
+    return model;
+  } catch (const std::runtime_error&) {
+    return late;
+  }
+}
+
+}  // namespace tokid
