@@ -439,7 +439,7 @@ bool in_blocks(const Call& call) {
   const IdentifyOptions& o = call.options;
   const bool possible = is_hdf5(call.model) && call.page.empty() && call.state.empty() && o.period == 0 &&
                         o.smoothing != std::numeric_limits<double>::infinity() && o.frame != Frame::reference &&
-                        o.outliers == OutlierChoice::keep;
+                        o.outliers == OutlierChoice::keep && (!o.jumps || o.jumps->empty());
   const std::optional<double> bytes = possible ? bytes_in_blocks(call.data) : std::nullopt;
   return bytes && (*bytes > much || team().size > 1);
 }

@@ -81,10 +81,11 @@ TEST(Plan, RegressionsAreOfEachStepUntilNoiseOrFewExperimentsAskForMore) {
 
 TEST(Plan, LongRecordsAreJudgedByAStretchAndShortOnesWhole) {
   const Ensemble e = random_experiments(constant_system({2, 1, 1}, 600, 0.9, 3), 2, 4);
-  EXPECT_EQ(selection_samples(e, {})->steps(), 256);
+  EXPECT_EQ(selection_samples(e, {}).samples->steps(), 256);
+  EXPECT_EQ(selection_samples(e, {}).begin, 172);
   const Ensemble whole = stretch(e, 0, 500);
-  EXPECT_EQ(selection_samples(whole, {}).get(), &whole);
-  const auto pieces = selection_samples(e, {.period = 10});
+  EXPECT_EQ(selection_samples(whole, {}).samples.get(), &whole);
+  const auto pieces = selection_samples(e, {.period = 10}).samples;
   EXPECT_EQ(pieces->steps(), 200);  // a multiple of the period, five pieces at least of all experiments
   EXPECT_EQ(pieces->experiments(), 6);
 }

@@ -136,6 +136,9 @@ TEST(RandomWalk, jump_gains_are_the_decrease_of_the_least_squares) {
         EXPECT_NEAR(gains(Index(g)), minimum(rows) - apart, 1e3 * epsilon * (1 + minimum(rows))) << l << " " << g;
       }
     }
+  for (const double wrong : {0.0, -1.0, std::numeric_limits<double>::infinity()})
+    EXPECT_THROW(jump_gains({Matrix::Identity(1, 2), Matrix::Identity(1, 2)}, Vector::Constant(1, wrong)),
+                 std::invalid_argument);
 }
 
 TEST(RandomWalk, refuses_columns_of_wrong_sizes_or_stiffness) {

@@ -63,6 +63,7 @@ def chosen_by(report):
     refinement = report.get("refinement") or {}
     choices = {name: report.get(name) for name in CHOICES}
     return {**choices, "iterations": refinement.get("iterations"), "em_smoothing": refinement.get("smoothing"),
+            "ahead_ratio": refinement.get("ahead_ratio"), "jumps": refinement.get("jumps"),
             "warnings": [found["kind"] for found in report.get("findings", [])]}
 
 
@@ -118,13 +119,14 @@ def main():
     chosen = short_cells() if given.short else cells()
     chosen = {cell: found for cell, found in chosen.items() if re.search(given.cells, cell)}
     known = read(given.output) if given.output.exists() else {}
-    todo = [task for task in tasks(chosen, given.reference, given.grid) if (task[0], task[3]) not in known]
+    todo = [task for task in tasks(chosen, given.reference, given.grid)
+            if "error" in known.get((task[0], task[3]), {"error": "not run"})]
     with ProcessPoolExecutor(given.jobs) as pool, given.output.open("a") as file:
         for done in as_completed([pool.submit(measure, given.tool, *task, given.limit) for task in todo]):
             line = done.result()
             file.write(json.dumps(line) + "\n")
             file.flush()
-            print(line["cell"], line["options"], line.get("error") or f"{line['ahead']:.3f}", file=sys.stderr)
+            print(line["cell"], line["options"], line.get("error") or line["ahead"], file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -24,8 +24,8 @@ def read(path):
 
 
 def value(line, measure):
-    """A measure of a line; NaN where it was not measured. A run that failed has an infinite error 20 steps ahead."""
-    found = line.get(measure, np.inf if "error" in line and measure == "ahead" else None)
+    """A measure of a line; NaN where it was not measured. Those of a run that failed are infinite."""
+    found = line.get(measure, np.inf if "error" in line else None)
     return np.nan if found is None else found
 
 
@@ -52,7 +52,7 @@ def row(*fields):
 def cell_table(defaults, older):
     row("cell", *MEASURES.values(), *(["older"] if older else []), "n", "p", "λ", "EM", "s")
     row(*["---"] * (len(MEASURES) + 6 + bool(older)))
-    for cell, line in sorted(defaults.items(), key=lambda item: -item[1]["ahead"]):
+    for cell, line in sorted(defaults.items(), key=lambda item: -np.nan_to_num(item[1]["ahead"], nan=np.inf)):
         before = [shown(value(older.get((cell, "default"), {}), "ahead"))] if older else []
         choices = [choice(line, name) for name in ("states", "lags", "smoothing", "iterations", "seconds")]
         row(cell, *(shown(value(line, name)) for name in MEASURES), *before, *choices)
@@ -71,7 +71,7 @@ def percentiles(defaults):
 
 def main():
     results, older = read(sys.argv[1]), read(sys.argv[2]) if len(sys.argv) > 2 else {}
-    defaults = {cell: {"ahead": value(line, "ahead"), **line, "regret": regret(results, cell)}
+    defaults = {cell: {**line, "ahead": value(line, "ahead"), "regret": regret(results, cell)}
                 for (cell, options), line in results.items() if options == "default"}
     cell_table(defaults, older)
     print()

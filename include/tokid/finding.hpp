@@ -122,6 +122,7 @@ struct Finding {
     states_hidden,            // steps; numbers: states
     late_begin,               // numbers: step
     frame_limits,             // numbers: step, begin, end
+    jumps_unused,             // steps
     uncertain_ahead,          // numbers: ratio, horizon
     em_unreliable,            // EM predicts all experiments worse than it predicted the held-out ones
     em_worse_one_step,        // the result of EM was dropped

@@ -62,8 +62,9 @@ struct FeedthroughChoice {
     no_response,  // no: no correlation between inputs and outputs of a step, apart from what the past explains
     response,     // yes: such a correlation, and no sign of feedback
     feedback,     // yes: such a correlation and feedback, so the inputs may respond to the outputs of the same step
-    untested,     // yes: too few samples for a test
-    last = untested
+    untested,     // yes: the samples do not tell
+    unknown,      // yes: nothing is known of the identification
+    last = unknown
   };
   bool present = true;
   Reason reason = Reason::stated;

@@ -48,7 +48,8 @@ Json json_of(nb::handle value) {
   if (is_numpy_bool(value)) return PyObject_IsTrue(object) == 1;
   if (PyIndex_Check(object)) {
     const Py_ssize_t whole = PyNumber_AsSsize_t(object, nullptr);  // too large numbers become the largest one
-    return std::int64_t(whole);
+    if (!PyErr_Occurred()) return std::int64_t(whole);
+    PyErr_Clear();  // an array
   }
   if (PySequence_Check(object)) {
     Json list = Json::array();

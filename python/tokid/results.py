@@ -706,11 +706,11 @@ class FeedthroughChoice(_Result):
     ----------
     present : bool
         False: D = 0.
-    reason : {"stated", "exact", "no_response", "response", "feedback", "untested"}
+    reason : {"stated", "exact", "no_response", "response", "feedback", "untested", "unknown"}
         "stated": by the option. "exact": data without noise. "no_response": inputs and outputs of a step are not
         correlated, apart from what earlier samples explain. "response": they are, and there is no sign of feedback.
         "feedback": they are, and there is feedback, so the inputs may respond to the outputs of the same step.
-        "untested": too few samples.
+        "untested": the samples do not tell.
     response_p, feedback_p : float
         Probabilities of correlations at least this significant if there are none: between inputs and outputs of a step,
         and between inputs and earlier innovations. NaN if not tested.

@@ -370,7 +370,7 @@ constexpr Entry table[] = {
     {Kind::experiment_outlying, "experiment_outlying", warning,
      [](const Finding& f) {
        return fmt::format(
-           "experiment {} does not fit the others: its leave-one-out residuals are {} times as large as those of the others{}",
+           "experiment {} does not fit the others: its residuals by models of the others are {} times as large as those of the others{}",
            experiment(f.experiments[0]), times(number(f, "ratio")), misfit_details(f));
      }},
     {Kind::more_outlying_experiments, "more_outlying_experiments", warning,
@@ -462,7 +462,7 @@ constexpr Entry table[] = {
     {Kind::feedthrough_or_feedback, "feedthrough_or_feedback", warning,
      [](const Finding& f) {
        return fmt::format(
-           "input {} and output {} are correlated within a step, and the inputs depend on earlier outputs: the data can't tell feedthrough from feedback in the same step, so D may be wrong. State feedthrough = no if the controller uses the output of the same step, else feedthrough = yes",
+           "input {} and output {} are correlated within a step, and the inputs depend on earlier outputs. The data can't tell feedthrough from feedback in the same step, so D may be wrong. If the controller uses the output of the same step, state that there is no feedthrough (--no-feedthrough). If it does not, state that there is (--feedthrough)",
            f.channels[0].name, f.channels[1].name);
      }},
     {Kind::few_windows, "few_windows", warning,
@@ -521,6 +521,12 @@ constexpr Entry table[] = {
        return fmt::format(
            "reference frame of step {}: steps {} to {} are in this frame, the other steps keep their own coordinates",
            count(f, "step"), count(f, "begin"), count(f, "end") - 1);
+     }},
+    {Kind::jumps_unused, "jumps_unused", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the stated jumps at {} are not used: only EM uses jumps, and EM was not used. The matrices vary smoothly there",
+           words::step_list(f.steps));
      }},
     {Kind::uncertain_ahead, "uncertain_ahead", warning,
      [](const Finding& f) {

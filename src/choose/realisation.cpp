@@ -163,15 +163,38 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   result.findings.push_back({.kind = one_step ? Finding::Kind::em_worse_simulation : Finding::Kind::em_worse_one_step});
   result.plan.choices.refinement_smoothing = choice.smoothing;
   result.refinement.iterations = 0;
+  result.refinement.jumps.clear();
   result.refinement.ahead_ratio = std::numeric_limits<double>::quiet_NaN();
   result.refinement.states = result.order_scores.best;
   result.refinement.error = choice.trials.front().error;
 }
 
+// The stated jumps within the selected samples, in their steps.
+std::optional<std::vector<Index>> jumps_within(const IdentifyOptions& options, const Selection& selected) {
+  if (!options.jumps) return std::nullopt;
+  std::vector<Index> result;
+  for (const Index step : *options.jumps)
+    if (step > selected.begin && step < selected.begin + selected.samples->steps())
+      result.push_back(step - selected.begin);
+  return result;
+}
+
+// The jumps of the choice as steps of the record: those that were stated, or those that were found from step `begin`
+// on.
+void take_steps_of_record(const IdentifyOptions& options, Index begin, RefinementChoice& choice) {
+  for (RefinementTrial& trial : choice.trials)
+    for (Index& step : trial.jumps) step += begin;
+  for (Jump& jump : choice.jumps) jump.step += begin;
+  if (!options.jumps || choice.iterations == 0) return;
+  choice.jumps.clear();
+  for (const Index step : *options.jumps) choice.jumps.push_back({step});
+}
+
 // Subspace realisation. n, the weighting, λ and EM are chosen by cross-validation error.
-void realise_by_folds(const Ensemble& data, const Ensemble& selection, const GtvArx& arx,
+void realise_by_folds(const Ensemble& data, const Selection& selected, const GtvArx& arx,
                       const IdentifyOptions& options, Realised& result) {
   Plan& plan = result.plan;
+  const Ensemble& selection = *selected.samples;
   const Folds folds(selection, {.lags = plan.lags,
                                 .initial_state = &selection == &data ? plan.initial_state : InitialState::unknown,
                                 .feedthrough = plan.feedthrough.present,
@@ -191,7 +214,8 @@ void realise_by_folds(const Ensemble& data, const Ensemble& selection, const Gtv
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
   RefinementChoice choice =
-      folds.choose_refinement(plan.states, orders, scores, {.smoothing = stated, .jumps = options.jumps});
+      folds.choose_refinement(plan.states, orders, scores, {.smoothing = stated, .jumps = jumps_within(options, selected)});
+  take_steps_of_record(options, selected.begin, choice);
   if (choice.iterations > 0) {
     refine_if_better(data, arx, choice, options.execution, result);
   } else {
@@ -210,7 +234,7 @@ Method automatic_method(const Plan& plan) {
   return exact ? Method::tvera : Method::subspace;
 }
 
-Realised realised(const Ensemble& data, const Ensemble& selection, const Plan& plan, GtvArx arx,
+Realised realised(const Ensemble& data, const Selection& selection, const Plan& plan, GtvArx arx,
                   const IdentifyOptions& options) {
   Realised result;
   result.plan = as_asked(data, plan, options);
@@ -227,11 +251,13 @@ Realised realised(const Ensemble& data, const Ensemble& selection, const Plan& p
     result.refinement.smoothing = result.plan.choices.refinement_smoothing;
     result.refinement.iterations = result.plan.choices.refinement_iterations;
     result.model = realised_as(data, std::move(arx), result.plan, execution);
-  } else if (plan.noisy && plan.coupled && selection.experiments() > 1) {
+  } else if (plan.noisy && plan.coupled && selection.samples->experiments() > 1) {
     realise_by_folds(data, selection, arx, options, result);
   } else {
     result.model = realise(data, std::move(arx), {}, result.plan, execution);
   }
+  if (options.jumps && !options.jumps->empty() && plan.coupled && result.plan.choices.jumps.empty())
+    result.findings.push_back({.kind = Finding::Kind::jumps_unused, .steps = *options.jumps});
   const bool refined = result.plan.choices.refinement_iterations > 0;
   if (!refined && plan.noisy && result.plan.method == Method::subspace && options.refine.value_or(true))
     result.model =

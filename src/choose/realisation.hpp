@@ -18,7 +18,7 @@ struct Realised {
 };
 
 // `selection`: see selection_samples(). \throws as realise() and refine()
-Realised realised(const Ensemble& departures, const Ensemble& selection, const Plan& plan, GtvArx arx,
+Realised realised(const Ensemble& departures, const Selection& selection, const Plan& plan, GtvArx arx,
                   const IdentifyOptions& options);
 
 // Returns the model of a decided plan, with the EM iterations of the plan. \throws as above

@@ -312,14 +312,15 @@ GtvArx regressed_as(const Ensemble& data, const Plan& plan, const Execution& exe
   return regressions(data, plan, execution);
 }
 
-std::shared_ptr<const Ensemble> selection_samples(const Ensemble& data, const IdentifyOptions& options) {
+Selection selection_samples(const Ensemble& data, const IdentifyOptions& options) {
   const Index period = options.period, pieces = ceil_div(5, data.experiments()), steps = data.steps();
-  if (period == 0 && steps > 2 * most_selection_steps)
-    return std::make_shared<Ensemble>(
-        stretch(data, (steps - most_selection_steps) / 2, (steps + most_selection_steps) / 2));
+  if (period == 0 && steps > 2 * most_selection_steps) {
+    const Index begin = (steps - most_selection_steps) / 2;
+    return {std::make_shared<Ensemble>(stretch(data, begin, begin + most_selection_steps)), begin};
+  }
   if (period > 0 && pieces > 1 && steps / pieces >= 2 * std::max(period, options.lags.value_or(0)))
-    return std::make_shared<Ensemble>(cut(data, steps / pieces / period * period));
-  return {std::shared_ptr<const Ensemble>(), &data};
+    return {std::make_shared<Ensemble>(cut(data, steps / pieces / period * period))};
+  return {{std::shared_ptr<const Ensemble>(), &data}};
 }
 
 bool windows_are_scarce(const Ensemble& data, Index lags) {

@@ -30,10 +30,13 @@ Regressed regressed(const Ensemble& departures, const Ensemble& selection, bool 
 // Fits the regression of a decided plan. \throws std::invalid_argument as above
 GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Execution& execution);
 
-// Returns the samples for cross-validation: all experiments, or a stretch in the middle of long ones. If steps share a
-// model and the experiments are few, the experiments are cut into pieces. The result refers to `data` if all samples
-// are used.
-std::shared_ptr<const Ensemble> selection_samples(const Ensemble& data, const IdentifyOptions& options);
+// The samples for cross-validation: all experiments, or a stretch in the middle of long ones. If steps share a model and
+// the experiments are few, the experiments are cut into pieces.
+struct Selection {
+  std::shared_ptr<const Ensemble> samples;  // refers to the data if all samples are used
+  Index begin = 0;                          // step of the data at which the samples begin
+};
+Selection selection_samples(const Ensemble& data, const IdentifyOptions& options);
 
 // Are fewer than half of all windows of p+1 steps free of missing samples?
 bool windows_are_scarce(const Ensemble& data, Index lags);

@@ -15,6 +15,8 @@ Findings findings_of(std::vector<Outlier> outliers, const std::vector<Index>& re
   std::erase_if(outliers, [&](const Outlier& o) {
     return o.weight == 1 && std::count(reported.begin(), reported.end(), o.experiment) > 0;
   });
+  // Those that are still used come first.
+  std::stable_partition(outliers.begin(), outliers.end(), [](const Outlier& o) { return o.weight == 1; });
   Findings result;
   for (size_t i = 0; i < std::min(most_reported, outliers.size()); ++i) {
     const Outlier& o = outliers[i];

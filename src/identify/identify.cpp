@@ -103,7 +103,7 @@ NominalDecision decide_nominal(const Ensemble& measured, const Vector& weights, 
   NominalDecision result;
   if (options.nominal == NominalChoice::none) return result;
   if (!options.nominal) {
-    result.test = test_nominal(options.period > 0 ? *selection_samples(measured, options) : measured);
+    result.test = test_nominal(options.period > 0 ? *selection_samples(measured, options).samples : measured);
     if (options.period > 0) count_in_phases(result.test, options.period);
     if (!result.test.significant) return result;
   }
@@ -344,14 +344,14 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   check_method(data, options);
   append(findings, findings_of_lags(data, options));
 
-  const std::shared_ptr<const Ensemble> selection = selection_samples(data, options);
-  Regressed regression = regressed(data, *selection, nominal, options);
+  const Selection selection = selection_samples(data, options);
+  Regressed regression = regressed(data, *selection.samples, nominal, options);
   append(findings, std::move(regression.findings));
   const RegressionSurvey survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
   append(findings, findings_of_regressions(data, samples, regression, survey, options));
 
   const Index regressed_from = regression.arx.k_begin;
-  Realised realisation = realised(data, *selection, regression.plan, std::move(regression.arx), options);
+  Realised realisation = realised(data, selection, regression.plan, std::move(regression.arx), options);
   append(findings, std::move(realisation.findings));
   result.plan = std::move(realisation.plan);
   result.model = std::move(realisation.model);
@@ -413,7 +413,7 @@ Identification identified_after(const Ensemble& used, Measured measured, const I
     return result;
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument(
-        fmt::format("outliers: {} of {} experiments remain after those that do not fit were dropped: {}",
+        fmt::format("outliers: {} of {} experiments remain after the correction of those that do not fit: {}",
                     measured.rows.size(), used.experiments(), error.what()));
   }
 }

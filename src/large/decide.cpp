@@ -222,6 +222,7 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
   IdentifyOptions o = options;
   o.hold_out = 0.0;
   o.frame = Frame::raw;
+  o.jumps = std::vector<Index>{};  // the steps of a stretch are not those of the blocks
   o.execution.progress = {};
 
   NominalTest nominal;

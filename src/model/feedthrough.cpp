@@ -7,7 +7,7 @@
 namespace tokid {
 
 const char* to_string(FeedthroughChoice::Reason reason) {
-  static constexpr const char* names[] = {"stated", "exact", "no_response", "response", "feedback", "untested"};
+  static constexpr const char* names[] = {"stated", "exact", "no_response", "response", "feedback", "untested", "unknown"};
   return names[size_t(reason)];
 }
 
@@ -25,8 +25,10 @@ std::string in_words(const FeedthroughChoice& choice) {
         return "the outputs respond to the inputs of the same step";
       case Reason::feedback:
         return "the outputs and inputs of a step are correlated, by feedthrough or by feedback within the step";
+      case Reason::unknown:
+        return "nothing is known of the choice";
       default:
-        return "too few samples for a test";
+        return "the samples do not tell whether it is zero";
     }
   };
   return fmt::format("{}, {}", choice.present ? "D is estimated" : "D = 0", because());

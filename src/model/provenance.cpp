@@ -26,7 +26,8 @@ bool has_seen(const Provenance& provenance, const Ensemble& data) {
 FeedthroughChoice feedthrough_choice(const Provenance& provenance) {
   if (provenance.feedthrough) return *provenance.feedthrough;
   const std::optional<bool> asked = provenance.options ? provenance.options->feedthrough : std::nullopt;
-  return {.present = asked.value_or(true)};
+  using Reason = FeedthroughChoice::Reason;
+  return {.present = asked.value_or(true), .reason = asked ? Reason::stated : Reason::unknown};
 }
 
 bool has_feedthrough(const Provenance& provenance) { return feedthrough_choice(provenance).present; }

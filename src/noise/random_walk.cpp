@@ -211,6 +211,8 @@ double coupled_residual(const Matrix& before, const Matrix& after, const Vector&
 
 Vector jump_gains(const std::vector<Matrix>& rows, const Vector& stiffness) {
   check(rows, stiffness.size(), stiffness);
+  if (!(stiffness.array() > 0).all() || !stiffness.allFinite())
+    throw std::invalid_argument("stiffness: zero, negative or infinite entries found, positive and finite needed");
   const size_t steps = rows.size();
   Vector gains = Vector::Zero(Index(steps));
   if (steps < 2) return gains;

@@ -230,7 +230,8 @@ class Report {
     if (found_.lags > 0) model.row("Lag order", fmt::format("p = {}", found_.lags));
     model.row("Initial states", to_string(model_.initial_state));
     if (const auto& feedthrough = model_.provenance.feedthrough) model.row("Feedthrough", in_words(*feedthrough));
-    if (const auto& choices = model_.provenance.choices; choices && !choices->jumps.empty())
+    const bool follows_jumps = model_.method == "em" && model_.period == 0;  // an update smooths them
+    if (const auto& choices = model_.provenance.choices; follows_jumps && choices && !choices->jumps.empty())
       model.row("Jumps", fmt::format("the matrices jump at {} {}", choices->jumps.size() > 1 ? "the steps" : "step",
                                      fmt::join(choices->jumps, ", ")));
     model.row("Nominal trajectory", model_.y_nominal.rows() > 0 ? "removed before, added back after" : "none");

@@ -346,9 +346,10 @@ def save_under_feedback(path, gain, seed):
 
 def test_feedback_in_the_same_step_is_a_warning_until_feedthrough_is_stated(tokid, tmp_path):
     data, model = tmp_path / "data.npz", tmp_path / "model.npz"
-    words = ("input u1 and output y1 are correlated within a step, and the inputs depend on earlier outputs: the data "
-             "can't tell feedthrough from feedback in the same step, so D may be wrong. State feedthrough = no if the "
-             "controller uses the output of the same step, else feedthrough = yes")
+    words = ("input u1 and output y1 are correlated within a step, and the inputs depend on earlier outputs. The data "
+             "can't tell feedthrough from feedback in the same step, so D may be wrong. If the controller uses the output "
+             "of the same step, state that there is no feedthrough (--no-feedthrough). If it does not, state that there is "
+             "(--feedthrough)")
     save_under_feedback(data, 0.8, 1)
     found = tokid("identify", data, "-o", model, "--no-refine")
     assert words in " ".join(found.stderr.split())

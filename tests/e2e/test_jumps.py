@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Systems whose matrices jump at one step: found, stated, or denied."""
 
+import h5py
 import numpy as np
 import plants
 import pytest
@@ -54,6 +55,42 @@ def test_refine_keeps_the_jumps_of_the_model(tokid, data, found):
     """Without them, the penalty would smooth the jump over its neighbours."""
     tokid("refine", data.with_name("found.npz"), data, "-o", data.with_name("refined.npz"))
     assert one_step_misfit(tokid, data, "refined.npz") < 1.02 * one_step_misfit(tokid, data, "found.npz")
+
+
+def test_refine_leaves_out_jumps_beyond_its_data(tokid, tmp_path, data, found):
+    whole = np.load(data)
+    np.savez(tmp_path / "short.npz", u=whole["u"][:, :AT - 5], y=whole["y"][:, :AT - 5], dt=0.1, initial_state="zero")
+    tokid("refine", data.with_name("found.npz"), tmp_path / "short.npz", "-o", tmp_path / "refined.npz")
+
+
+def long_record(folder, count, seed):
+    """So long that only its middle decides, with a jump there."""
+    return write(folder / "data.npz", plants.valve(steps=520, at=290), count, seed)
+
+
+def test_jumps_of_long_records_have_the_steps_of_the_record(tokid, tmp_path):
+    found = tokid.json("identify", long_record(tmp_path, 12, 5), "-o", tmp_path / "m.npz", "--states", 2, "--lags", 6)
+    assert 290 in [jump["step"] for jump in found["refinement"]["jumps"]]
+
+
+def test_stated_jumps_are_used_or_told(tokid, tmp_path):
+    """Also outside the samples that decide. EM alone uses them, and with few experiments it may not help."""
+    found = tokid.json("identify", long_record(tmp_path, 8, 4), "-o", tmp_path / "m.npz", "--states", 2, "--lags", 6,
+                       "--jumps", "290,500")
+    used = [jump["step"] for jump in found["refinement"]["jumps"]]
+    told = any("the stated jumps at steps 290 and 500 are not used" in text for text in found["warnings"])
+    assert (used, told) in (([290, 500], False), ([], True)), found["warnings"]
+
+
+def test_blocks_have_no_jumps(tokid, data, tmp_path):
+    with np.load(data) as whole, h5py.File(tmp_path / "data.h5", "w") as file:
+        for name in ("u", "y"):
+            file[name] = np.tile(whole[name][:8], (1, 10, 1))
+        file["dt"] = 0.1
+    tokid("identify", tmp_path / "data.h5", "-o", tmp_path / "m.h5", "--block", 200, "--lags", 6)
+    with h5py.File(tmp_path / "m.h5") as model:
+        options = model["options"][()].decode()
+    assert '"jumps":[]' in options
 
 
 def test_a_smooth_system_has_no_jumps(tokid, tmp_path):

@@ -73,13 +73,13 @@ def test_the_page_says_so(tokid, data, tmp_path):
     assert "It was dropped" in page
     # A page of the model and the same data tests it on the experiments that it was identified from.
     tokid("report", tmp_path / "m.npz", data / "data.npz", "-o", tmp_path / "again.html")
+    assert f"{N - 1} experiments" in (tmp_path / "again.html").read_text()
 
 
 def test_held_out_experiments_are_named(tokid, data, tmp_path):
-    held = next(row for row in range(N) if row % 5 == BAD % 5)
-    found = identified(tokid, data, tmp_path, "--hold-out", 0.2)
-    assert [o["experiment"] for o in found["outliers"]] == [BAD], held
-    dropped = identified(tokid, data, tmp_path, "--hold-out", 0.2, "--outliers", "drop")
+    found = identified(tokid, data, tmp_path, "--hold-out", 0.4)
+    assert [(o["experiment"], o["held_out"]) for o in found["outliers"]] == [(BAD, True)]
+    dropped = identified(tokid, data, tmp_path, "--hold-out", 0.4, "--outliers", "drop")
     assert dropped["experiments"] + dropped["held_out_experiments"] == N - 1
 
 

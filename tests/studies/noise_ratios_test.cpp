@@ -33,7 +33,7 @@ TEST_P(OscillatorWithNoise, IsPredictedNearlyAsWellAsByTheKalmanFilter) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Experiments, OscillatorWithNoise,
-                         ::testing::Values(Size{15, 1.40, 1.189}, Size{50, 1.15, 1.049}, Size{100, 1.08, 1.028}),
+                         ::testing::Values(Size{15, 1.15, 1.115}, Size{50, 1.06, 1.04}, Size{100, 1.03, 1.023}),
                          [](const auto& test) { return "N" + std::to_string(test.param.experiments); });
 
 }  // namespace
