@@ -49,13 +49,14 @@ Json json_of(nb::handle value) {
   if (PyIndex_Check(object)) {
     const Py_ssize_t whole = PyNumber_AsSsize_t(object, nullptr);  // too large numbers become the largest one
     if (!PyErr_Occurred()) return std::int64_t(whole);
-    PyErr_Clear();  // an array
+    PyErr_Clear();  // an array of NumPy
   }
-  if (PySequence_Check(object)) {
+  if (PySequence_Check(object) && PySequence_Size(object) >= 0) {
     Json list = Json::array();
     for (const nb::handle entry : nb::borrow<nb::sequence>(value)) list.push_back(json_of(entry));
     return list;
   }
+  PyErr_Clear();  // an array without dimension has no size
   if (PyFloat_Check(object) || nb::hasattr(value, "__float__")) {
     const double number = PyFloat_AsDouble(object);
     if (PyErr_Occurred()) {

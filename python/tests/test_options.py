@@ -7,6 +7,7 @@ import re
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import tokid
@@ -38,6 +39,14 @@ def test_matlab():
     known = set(re.findall(r"'(\w+)', '(?:value|flag|switch|list)'", text))
     assert set(TABLE) <= known
     assert all(f"'{key}'" in text.split("% SPDX")[0] for key in TABLE)
+
+
+def test_lists_and_numbers_may_be_of_numpy():
+    for value in [3, 20], (3, 20), np.array([3, 20]), np.array([3]), np.array(3):
+        checked({"jumps": value})
+    checked({"states": np.array(2), "smoothing": np.array(0.5), "hold_out": np.float32(0.5)})
+    with pytest.raises(ValueError, match="jumps: array"):
+        checked({"jumps": np.array([20, 3])})
 
 
 @pytest.mark.parametrize("key", [key for key, (_, words) in TABLE.items() if "yes" not in words])
