@@ -287,6 +287,14 @@ void add_fit(const Data& data, const Identification& result, Page& page) {
     page.row("", "each block is simulated separately, from a state that the samples before the block determine");
 }
 
+void add_output_weights(const Call& call, const Identification& result, Page& page) {
+  std::vector<std::string> texts;
+  for (size_t j = 0; j < call.options.output_weights.size(); ++j)
+    texts.push_back(
+        fmt::format("{} for {}", call.options.output_weights[j], output_label(result.model.names, Index(j))));
+  if (!texts.empty()) page.row("Weights", fmt::format("{}, as asked", fmt::join(texts, ", ")));
+}
+
 std::string report(const Call& call, const Data& data, const Identification& result) {
   const Model& model = result.model;
   Page page;
@@ -302,6 +310,7 @@ std::string report(const Call& call, const Data& data, const Identification& res
   page.row("Initial state", fmt::format("{}: {}", to_string(model.initial_state), result.initial_state_test.reason));
   page.row("Nominal", nominal_text(call, data, result));
   add_outliers(call, result, page);
+  add_output_weights(call, result, page);
   add_lag_order(call, data, result, page);
   page.row("Feedthrough", in_words(result.plan.feedthrough));
   add_states(call, result, page);
@@ -356,6 +365,7 @@ Json json(const Call& call, const Data& data, const Identification& result) {
   j["min_experiments"] = result.min_experiments;
   j["smoothing"] = json_penalty(result.plan.choices.variation.smoothing);
   j["state_smoothing"] = json_penalty(result.plan.choices.state_smoothing);
+  j["output_weights"] = call.options.output_weights.empty() ? Json() : Json(call.options.output_weights);
   j["period"] = result.plan.choices.variation.period;
   j["lag_order_errors"] = json(lag_trial(result));
   j["smoothing_trials"] = Json::array();

@@ -29,6 +29,7 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
                               .period = 4,
                               .jumps = std::vector<Index>{3, 20},
                               .weighting = Weighting::projection,
+                              .output_weights = {0, 2.5, 1},
                               .refine = false,
                               .initial_state = InitialState::unknown,
                               .nominal = NominalChoice::mean,
@@ -47,8 +48,9 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
   for (const IdentifyOptions& written : {other, one_model, IdentifyOptions{}}) {
     const IdentifyOptions read = identify_options(io::provenance_of(io::provenance_text({.options = written})));
     // A field more does not compile here until it stands in the list, and belongs into the table of the text too.
-    const auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal,
-                 frame, reference_step, hold_out, outliers, rows, cols, choices, execution] = read;
+    const auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, output_weights, refine,
+                 initial_state, nominal, frame, reference_step, hold_out, outliers, rows, cols, choices, execution] =
+        read;
     EXPECT_EQ(states, written.states);
     EXPECT_EQ(lags, written.lags);
     EXPECT_EQ(method, written.method);
@@ -57,6 +59,7 @@ TEST(IdentifyOptions, EveryOneReturnsFromItsText) {
     EXPECT_EQ(period, written.period);
     EXPECT_EQ(jumps, written.jumps);
     EXPECT_EQ(weighting, written.weighting);
+    EXPECT_EQ(output_weights, written.output_weights);
     EXPECT_EQ(refine, written.refine);
     EXPECT_EQ(initial_state, written.initial_state);
     EXPECT_EQ(nominal, written.nominal);
@@ -236,6 +239,13 @@ TEST(IdentifyOptions, ValuesOutOfTheirRangeAreRefused) {
   EXPECT_EQ(refused({.period = -1}), "period: -1 found, a whole number from 0 to 1000000 or invariant needed");
   EXPECT_EQ(refused({.reference_step = -1}),
             "reference_step: -1 found, a whole number from 0 to 1000000000 or auto needed");
+  const std::string weights = " found, a number from 0 on for each output (not all 0) or equal needed";
+  EXPECT_EQ(refused({.output_weights = {1, -1}}), "output_weights: [1.0,-1.0]" + weights);
+  EXPECT_EQ(refused({.output_weights = {1, std::nan("")}}), "output_weights: [1.0,\"nan\"]" + weights);
+  EXPECT_EQ(refused({.output_weights = {std::numeric_limits<double>::infinity(), 1}}),
+            "output_weights: [\"infinity\",1.0]" + weights);
+  EXPECT_EQ(refused({.output_weights = {0, 0}}), "output_weights: [0.0,0.0]" + weights);
+  EXPECT_EQ(refused({.output_weights = {1, 2, 3}}), "output_weights: 3 found, 2 needed, one for each output");
   EXPECT_EQ(refused({.hold_out = 1}), "hold_out: 1.0 found, a number from 0 to below 1 needed");
 }
 

@@ -24,7 +24,8 @@ struct InitialStateTest {
 struct OrderScores {
   static constexpr Index horizon = 10;  // prediction horizon H of `ahead`
   std::vector<Index> states;
-  // For each entry of `states`: log of the RMS error over the RMS of the departures, mean over the outputs.
+  // For each entry of `states`: log of the RMS error over the RMS of the departures, mean over the outputs with the
+  // weights of the outputs.
   std::vector<double> one_step, ahead, simulation;
   bool cross_validated = false;  // true: cross-validation errors (subspace); false: errors on the training data (TVERA)
   double smoothing = 0.0;        // λ of the regressions on states, used for these errors

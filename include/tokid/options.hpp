@@ -98,6 +98,10 @@ struct IdentifyOptions {
   std::optional<std::vector<Index>> jumps = {};
   // Weighting of the subspace realisation. Empty: by cross-validation if steps share a model, else one_step.
   std::optional<Weighting> weighting = {};
+  // (m) Weights of the outputs: numbers from 0 on, not all 0. Only their ratios matter. Empty: all outputs count alike.
+  // They act on the errors by which p, λ, n, the weighting and the use of EM are chosen, and on which states are kept
+  // if there are more than n. EM itself maximises the likelihood, whatever the weights are.
+  std::vector<double> output_weights = {};
   // true: EM refines the model, if this lowers the cross-validation error. Empty: true for noisy data with the subspace
   // realisation.
   std::optional<bool> refine = {};

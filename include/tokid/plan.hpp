@@ -31,6 +31,7 @@ struct Plan {
   NoisyChoices choices = {};
   std::optional<Index> rows = {}, cols = {};  // blocks of H_k; empty: the number that p lags and n states need
   Vector output_size, input_size;             // (m), (r): units in which TVERA forms H_k
+  Vector output_weights;                      // (m) weights of the outputs over the largest; empty: all alike
   Frame frame = Frame::raw;                   // coordinates of the model
   std::optional<Index> reference_step = {};   // step of the reference frame; empty: the first with all n states
 };

@@ -29,7 +29,8 @@ GtvArx smooth_arx(const Windows& windows, const SmoothArxOptions& options = {});
 struct SmoothingTrial {
   Index lags = 0;
   double smoothing = 0.0;
-  double error = 0.0;  // relative RMS one-step error in cross-validation, geometric mean over the outputs
+  // Relative RMS one-step error in cross-validation, geometric mean over the outputs with `output_weights`.
+  double error = 0.0;
 };
 struct SmoothingChoice {
   std::vector<SmoothingTrial> trials;  // in the order of the search
@@ -44,7 +45,8 @@ struct SmoothingOptions {
   InitialState initial_state = InitialState::zero;
   bool feedthrough = true;  // as in SmoothArxOptions
   Index period = 0;
-  bool centred = false;  // true: the data are departures from a mean motion; see fold()
+  bool centred = false;        // true: the data are departures from a mean motion; see fold()
+  Vector output_weights = {};  // (m) weights of the outputs, 0 or more; empty: all outputs count alike
   // An ensemble without a period that has more steps is tested on four stretches only. Each stretch has steps/4 steps,
   // but at least twice the largest lag order.
   Index steps = 256;
@@ -52,7 +54,7 @@ struct SmoothingOptions {
 };
 // A local search over λ (in half decades) and p: it goes from a trial to a better neighbour until no neighbour is
 // better.
-// \throws std::invalid_argument for fewer than two experiments or no lag order
+// \throws std::invalid_argument for fewer than two experiments, no lag order or another number of weights than m
 SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOptions& options);
 
 // Fold f of F: the held-out experiments n = f, f+F, f+2F … and the training experiments. `centred`: both parts become

@@ -19,6 +19,9 @@ struct SubspaceOptions {
   // enough, because the states of neighbouring steps are in a common frame and vary slowly.
   double state_smoothing = -1.0;
   static constexpr double state_share = 1.0 / 30;
+  // (m) Weights of the outputs, over the largest. Empty: all outputs count alike. An output of weight w counts as if
+  // independent noise increased the variance of its innovations by the factor 1/w.
+  Vector output_weights = {};
   // false: the data have no noise, so their residuals are rounding errors. The outputs are then weighted by their size
   // instead, and the observer comes from the ARX model.
   bool noisy = true;
@@ -28,8 +31,8 @@ struct SubspaceOptions {
 // At step k, the p past samples z_k (oldest first, zeros before the experiment) predict the next f outputs with the ARX
 // coefficients. The predictor M_k (f·m × p·d) has the coefficients of the lags that reach back before step k. With
 // Weighting::many_steps, it also predicts the outputs between step k and the predicted output. Z_k (N × p·d) has the
-// z_k of all experiments, and Σ is the covariance of the innovations, the weight of the outputs. The weighted
-// prediction is
+// z_k of all experiments, and Σ is the covariance of the innovations, the weight of the outputs. With
+// `output_weights`, each diagonal element of Σ is divided by the weight of its output. The weighted prediction is
 //   Σ^{-1/2} M_k Z_kᵀ = U S Vᵀ,   and the state samples are   X_k = S^{-1/2} Uᵀ Σ^{-1/2} M_k Z_k  (n_k × N).
 struct PredictorFactor {
   Vector singular_values;  // (q)

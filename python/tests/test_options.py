@@ -45,6 +45,8 @@ def test_lists_and_numbers_may_be_of_numpy():
     for value in [3, 20], (3, 20), np.array([3, 20]), np.array([3]), np.array(3):
         checked({"jumps": value})
     checked({"states": np.array(2), "smoothing": np.array(0.5), "hold_out": np.float32(0.5)})
+    for value in [1, 10], (1.0, 10.0), np.array([1, 10]), np.array([1.0, 10.0]):
+        checked({"output_weights": value})
     with pytest.raises(ValueError, match="jumps: array"):
         checked({"jumps": np.array([20, 3])})
 

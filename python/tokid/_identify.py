@@ -35,6 +35,7 @@ def identify(
     period: Union[int, str] = 0,
     jumps: Union[int, str, Sequence[int]] = "auto",
     weighting: str = "auto",
+    output_weights: Union[str, Sequence[float]] = "equal",
     refine: Union[bool, str, None] = None,
     initial_state: str = "auto",
     nominal: str = "auto",
@@ -91,6 +92,10 @@ def identify(
     weighting : {"auto", "one-step", "many-steps", "projection"}
         The outputs that the states explain best: one step ahead, many steps ahead, or by projection (PO-MOESP). "auto":
         by cross-validation if steps share a model, else "one-step".
+    output_weights : sequence of m floats or "equal"
+        Weights of the outputs, from 0 on and not all 0; only their ratios matter. They act on the errors by which lags,
+        smoothing, states, weighting and the use of EM are chosen, and on which states are kept if there are more than
+        n. EM itself maximises the likelihood, whatever the weights are. "equal": all outputs count alike.
     refine : bool, "auto" or None
         Maximum likelihood by EM, as far as it lowers the cross-validation error. "auto" or None: for noisy data with the
         subspace realisation.

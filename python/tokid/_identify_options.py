@@ -20,6 +20,7 @@ class IdentifyOptions(TypedDict, total=False):
     period: Union[int, str]
     jumps: Union[int, str, Sequence[int]]
     weighting: str
+    output_weights: Union[str, Sequence[float]]
     refine: Union[bool, str, None]
     initial_state: str
     nominal: str

@@ -34,9 +34,9 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
     ----------
     dt : float, default 1.0
         Sample time [s].
-    states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal
+    states, lags, method, smoothing, feedthrough, period, jumps, weighting, output_weights, refine
         As in `tokid.identify`.
-    frame, reference_step, outliers, rows, cols, threads
+    initial_state, nominal, frame, reference_step, outliers, rows, cols, threads
         As in `tokid.identify`.
     horizon : int or None, default None
         None: `predict` and `score` use simulations from the inputs alone. A number: they use predictions this number of
@@ -88,6 +88,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         period: Union[int, str] = 0,
         jumps: Union[int, str, Sequence[int]] = "auto",
         weighting: str = "auto",
+        output_weights: Union[str, Sequence[float]] = "equal",
         refine: Optional[bool] = None,
         initial_state: str = "auto",
         nominal: str = "auto",
@@ -108,6 +109,7 @@ class LTVIdentifier(RegressorMixin, BaseEstimator):  # type: ignore[misc, unused
         self.period = period
         self.jumps = jumps
         self.weighting = weighting
+        self.output_weights = output_weights
         self.refine = refine
         self.initial_state = initial_state
         self.nominal = nominal

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "data/output_weights.hpp"
 #include "tokid/plan.hpp"
 #include "tokid/validate.hpp"
 
@@ -65,15 +66,16 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
   return result;
 }
 
-Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) {
+Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights, const Computed* like) {
   const Matrix none =
       Matrix::Zero(data.steps(), data.outputs());  // `data` are departures, so errors are relative to zero
-  // Outputs that are always zero do not count.
-  std::vector<Index> moving;
+  // Outputs that are always zero do not count, nor do outputs of weight zero.
+  const Vector of_output = weights_of(weights, data.outputs());
+  std::vector<Index> counted;
   for (Index j = 0; j < data.outputs(); ++j)
     for (Index k = 0; k < data.steps(); ++k)
-      if ((data.output(k).col(j).array().abs() > 0).any()) {  // neither zero nor NaN
-        moving.push_back(j);
+      if (of_output(j) > 0 && (data.output(k).col(j).array().abs() > 0).any()) {  // neither zero nor NaN
+        counted.push_back(j);
         break;
       }
   const auto score = [&](Ensemble Computed::*outputs) {
@@ -81,10 +83,11 @@ Errors errors_of(Computed computed, const Ensemble& data, const Computed* like) 
     if (like)
       for (Index k = 0; k < data.steps(); ++k)
         own.output(k) += 0.0 * (like->*outputs).output(k);  // NaN where `like` is NaN
-    if (moving.empty()) return 0.0;
-    Vector left = 1 - fit(data, own, none).fit(moving).array() / 100;
+    if (counted.empty()) return 0.0;
+    Vector left = 1 - fit(data, own, none).fit(counted).array() / 100;
     left = left.array().isFinite().select(left, 1e12).eval();
-    return left.array().max(std::max(1e-12, least_counted * left.maxCoeff())).log().mean();
+    const Vector logs = left.array().max(std::max(1e-12, least_counted * left.maxCoeff())).log();
+    return weights.size() == 0 ? logs.mean() : logs.dot(of_output(counted)) / of_output(counted).sum();
   };
   return {score(&Computed::one_step), std::min(score(&Computed::ahead), 0.0),
           std::min(score(&Computed::simulation), 0.0)};
@@ -106,6 +109,7 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
   parallel_for(0, count, {options.threads, {}}, [&](Index begin, Index end) {
     SubspaceOptions o;
     o.variation = options.variation;
+    o.output_weights = options.output_weights;
     for (Index f = begin; f < end; ++f) {
       Fold& own = folds_[size_t(f)];
       own.data = fold(ensemble, f, count, options.centred);
@@ -129,7 +133,7 @@ std::optional<std::vector<Errors>> Folds::errors_of_folds(size_t count, Index st
       if (model.steps() == 0 || model.states() != states) continue;
       const Ensemble& held_out = folds_[size_t(f)].data.held_out;
       found[size_t(f)] = errors_of(computed_by(std::move(model), held_out, options_.initial_state, first), held_out,
-                                   size_t(f) < like.size() ? &like[size_t(f)] : nullptr);
+                                   options_.output_weights, size_t(f) < like.size() ? &like[size_t(f)] : nullptr);
       complete[size_t(f)] = 1;
     }
   });
@@ -142,6 +146,7 @@ Model Folds::start(size_t f, Index states, Weighting weighting, double smoothing
   o.variation = options_.variation;
   o.states = states;
   o.weighting = weighting;
+  o.output_weights = options_.output_weights;
   o.state_smoothing = smoothing;
   const Fold& own = folds_[f];
   return from_known_state(realise(own.data.training, own.arx, own.factors.at(weighting), o), options_.initial_state);

@@ -17,8 +17,9 @@ namespace tokid {
 // required factor is higher, but at most `most_uncertain`.
 inline constexpr double worth_it = 1.005, most_uncertain = 1.02;
 
-// Errors of a model of departures: the logarithm of error divided by departure, averaged over the outputs. The errors
-// of predictions over many steps and of simulations are at most 0, the error of predicting a departure of zero.
+// Errors of a model of departures: the logarithm of error divided by departure, averaged over the outputs with their
+// weights. The errors of predictions over many steps and of simulations are at most 0, the error of predicting a
+// departure of zero.
 struct Errors {
   double one_step = 0.0, ahead = 0.0, simulation = 0.0;
 
@@ -36,8 +37,8 @@ struct Computed {
   Ensemble one_step, ahead, simulation;
 };
 Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first);
-// With `like`, the errors cover only the samples that `like` contains too.
-Errors errors_of(Computed computed, const Ensemble& data, const Computed* like = nullptr);
+// `weights`: of the outputs, as in Plan. With `like`, the errors cover only the samples that `like` contains too.
+Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights, const Computed* like = nullptr);
 // First step of the errors. With unknown initial states, every model can predict from this step on, and no output from
 // this step on is used to estimate an initial state.
 Index first_scored(InitialState initial, Index lags, Index period);
@@ -65,6 +66,7 @@ class Folds {
     TimeVariation variation = {};
     std::vector<Weighting> weightings = {Weighting::one_step};  // to choose from
     bool centred = false;                                       // departures from a mean motion: see fold()
+    Vector output_weights = {};                                 // as in Plan
     int threads = 1;
   };
   // Fits an ARX model and predictors to the experiments outside each fold.

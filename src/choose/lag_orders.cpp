@@ -8,6 +8,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "data/output_weights.hpp"
 #include "linalg/orthonormal.hpp"
 
 namespace tokid {
@@ -17,9 +18,10 @@ namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
 
 // Leave-one-out errors of one step for the lag orders 1 … p_max, as logarithms of the ratio of squared errors to
-// squared outputs y, averaged over the outputs.
+// squared outputs y, averaged over the outputs with their weights.
 Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, const LagOrderOptions& options) {
   const Index d = ensemble.channels(), m = ensemble.outputs(), r = options.feedthrough ? ensemble.inputs() : 0;
+  const Vector weights = weights_of(options.output_weights, m);
   const std::vector<Index> rows = ensemble.complete_rows(k, p_max);
   const Index count = static_cast<Index>(rows.size());
   Vector error = Vector::Constant(p_max, inf);
@@ -57,9 +59,9 @@ Vector step_errors(const Ensemble& ensemble, Index k, Index p_max, const LagOrde
       const double scale = y.col(j).squaredNorm();
       // An experiment that alone determines a coefficient (leverage 1) can't be predicted from the others.
       const double loo = (residual.col(j).array() / left.array().max(1e-12)).square().sum();
-      sum += scale > 0 ? std::log(std::max(loo / scale, options.exact * options.exact)) : 0.0;
+      sum += scale > 0 ? weights(j) * std::log(std::max(loo / scale, options.exact * options.exact)) : 0.0;
     }
-    error(p - 1) = sum / double(m);
+    error(p - 1) = sum / weights.sum();
   }
   return error;
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/integers.hpp"
+#include "data/output_weights.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/subspace.hpp"
 #include "tokid/tvera.hpp"
@@ -35,12 +36,24 @@ Model tvera_model(const Windows& windows, GtvArx arx, const FreeResponse& free, 
   return completed(tvera(parameters, free, o), windows, arx, plan);
 }
 
+// The weights of the outputs in a realisation. If n is not stated and there is no noise, the model has all states.
+// Weights could then only falsify their numerical rank.
+Vector realisation_weights(const Plan& plan) { return plan.states > 0 || plan.noisy ? plan.output_weights : Vector(); }
+
+Vector weighted_sizes(const Plan& plan, Index outputs) {
+  const Vector weights = realisation_weights(plan);
+  if (weights.size() == 0) return plan.output_size;
+  const Vector factors = unit_factors(weights, outputs);
+  return plan.output_size.size() > 0 ? Vector(plan.output_size.cwiseProduct(factors)) : factors;
+}
+
 SubspaceOptions subspace_options(const Plan& plan, const Execution& execution) {
   SubspaceOptions o;
   o.states = plan.states;
   o.variation = plan.choices.variation;
   o.state_smoothing = plan.choices.state_smoothing;
   o.weighting = plan.choices.weighting;
+  o.output_weights = realisation_weights(plan);
   o.noisy = plan.noisy;
   o.execution = execution;
   return o;
@@ -75,7 +88,7 @@ TveraOptions tvera_options(const Plan& plan, Index outputs) {
   // With noise, more columns determine the states better, above all slow and unstable states.
   const Index most = plan.noisy ? noisy_columns : n > 0 ? n : p * outputs;
   o.cols = plan.cols.value_or(std::max(p, most));
-  o.output_size = plan.output_size;
+  o.output_size = weighted_sizes(plan, outputs);
   o.input_size = plan.input_size;
   return o;
 }

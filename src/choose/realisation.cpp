@@ -62,7 +62,8 @@ OrderScores score_orders(const Ensemble& data, const GtvArx& arx, const Markov& 
     o.states = n;
     Model model = completed(realise(parameters, factors, o), data, arx, plan);
     if (model.steps() == 0 || model.states() < n) break;
-    const Errors e = errors_of(computed_by(std::move(model), scored, plan.initial_state, first), scored);
+    const Errors e =
+        errors_of(computed_by(std::move(model), scored, plan.initial_state, first), scored, plan.output_weights);
     scores.add(n, e.one_step, e.ahead, e.simulation);
   }
   scores.choose();
@@ -118,7 +119,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   const Index period = plain.choices.variation.period;
   const double allowed = std::log(tolerated);
   const Computed start = computed_by(result.model, data, plain.initial_state, 0);
-  const Errors before = errors_of(start, data);
+  const Errors before = errors_of(start, data, plain.output_weights);
   result.refinement = choice;
 
   // EM starts from the subspace model, as in cross-validation. If this result is not accepted, EM starts from the
@@ -141,7 +142,8 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     } catch (const std::runtime_error&) {
       continue;  // EM failed from this start
     }
-    const Errors after = errors_of(computed_by(likelier, data, plan.initial_state, 0), data, &start);
+    const Errors after =
+        errors_of(computed_by(likelier, data, plan.initial_state, 0), data, plan.output_weights, &start);
     const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
     one_step = after.one_step <= choice.one_step + allowed;
     if (!longer && period > 0) continue;
@@ -201,6 +203,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
                                 .variation = plan.choices.variation,
                                 .weightings = weightings(selection, plan, options),
                                 .centred = is_centred(plan),
+                                .output_weights = plan.output_weights,
                                 .threads = options.execution.threads});
   const Index most = std::min(plan.lags * data.outputs(), most_states);
   const OrderScores& scores = result.order_scores = folds.choose_states(options.states, most);

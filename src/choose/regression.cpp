@@ -14,6 +14,7 @@
 #include "choose/feedthrough.hpp"
 #include "choose/folds.hpp"
 #include "choose/initial_state.hpp"
+#include "data/output_weights.hpp"
 #include "diagnose/regressions.hpp"
 
 namespace tokid {
@@ -67,6 +68,7 @@ void choose_lags(const Ensemble& data, const IdentifyOptions& options, Regressed
   const Index needed = least_lags(data, options);
   LagOrderOptions o;
   o.p_min = needed;
+  o.output_weights = result.plan.output_weights;
   o.feedthrough = result.plan.feedthrough.present;
   // The order is chosen by residuals, so each step needs at least one degree of freedom.
   const Index testable = largest_lag_order(effective_experiments(data, result.plan.nominal) - 1, data.inputs(),
@@ -220,6 +222,7 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& s
   o.lags = lag_candidates(selection, data, nominal, o.initial_state, o.period, options);
   o.smoothing = options.smoothing;
   o.centred = is_centred(plan);
+  o.output_weights = plan.output_weights;
   o.execution = share(options.execution, 0.4, 0.6);
   const Index regressors = unknowns_of(data, o.lags.back(), plan.feedthrough.present);
   o.folds = regressors > 100 ? 3 : fold_count(selection.experiments());
@@ -277,6 +280,7 @@ Regressed with_stated_feedthrough(const Ensemble& data, const Ensemble& selectio
   Plan stated;
   stated.nominal = nominal;
   stated.feedthrough.present = options.feedthrough.value_or(true);
+  stated.output_weights = relative_weights(options.output_weights, data.outputs());
   const bool asked = options.method == Method::tvera, together = options.period > 0 || options.smoothing > 0.0;
   if (!asked && (together || data.experiments() < experiments_for(data, needed, stated)))
     return coupled(data, selection, stated, options, stated_initial_state(data, options));

@@ -14,8 +14,8 @@ template <class Archive, class P>
 requires std::is_same_v<std::remove_const_t<P>, Plan>
 void fields(Archive& archive, P& p) {
   archive(p.method, p.lags, p.states, p.initial_state, p.from_full_dimension, p.feedthrough, p.nominal,
-          p.nominal_period, p.noisy, p.coupled, p.choices, p.rows, p.cols, p.output_size, p.input_size, p.frame,
-          p.reference_step);
+          p.nominal_period, p.noisy, p.coupled, p.choices, p.rows, p.cols, p.output_size, p.input_size,
+          p.output_weights, p.frame, p.reference_step);
 }
 
 template <class Archive, class S>

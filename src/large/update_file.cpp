@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "data/output_weights.hpp"
 #include "io/formats/files.hpp"
 #include "io/formats/provenance_text.hpp"
 #include "io/formats/schema.hpp"
@@ -125,6 +126,9 @@ Plan plan_of(const Fields& fields, const Provenance& provenance, const WindowFac
   plan.rows = asked.rows, plan.cols = asked.cols;
   plan.frame = asked.frame, plan.reference_step = asked.reference_step;
   plan.choices.weighting = asked.weighting.value_or(Weighting::one_step);
+  if (const Index found = Index(asked.output_weights.size()); found != 0 && found != factors.outputs)
+    fail("data set 'options': {} output_weights found, {} needed, one for each output", found, factors.outputs);
+  plan.output_weights = relative_weights(asked.output_weights, factors.outputs);
   if (!plan.coupled) return plan;
   if (!provenance.choices) fail("data set 'options': no 'choices' found, the choices of an identification needed");
   plan.choices = *provenance.choices;

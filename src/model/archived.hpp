@@ -44,10 +44,10 @@ template <class Archive, class O>
 requires std::is_same_v<std::remove_const_t<O>, IdentifyOptions>
 void fields(Archive& archive, O& o) {
   // A field more does not compile here until it is archived.
-  auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal, frame,
-         reference_step, hold_out, outliers, rows, cols, choices, execution] = o;
-  archive(states, lags, method, smoothing, feedthrough, period, jumps, weighting, refine, initial_state, nominal, frame,
-          reference_step, hold_out, outliers, rows, cols);
+  auto& [states, lags, method, smoothing, feedthrough, period, jumps, weighting, output_weights, refine, initial_state,
+         nominal, frame, reference_step, hold_out, outliers, rows, cols, choices, execution] = o;
+  archive(states, lags, method, smoothing, feedthrough, period, jumps, weighting, output_weights, refine, initial_state,
+          nominal, frame, reference_step, hold_out, outliers, rows, cols);
   static_cast<void>(choices), static_cast<void>(execution);  // not part of a provenance
 }
 

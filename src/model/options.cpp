@@ -76,11 +76,16 @@ std::optional<Index> jump_of(const Json& json) {
   return json.get<Index>();
 }
 
-// A step, or ascending steps in a list or in a text with commas.
+// A list, a single value, or a text of values with commas. Not a list if the text has other values than JSON.
+Json list_of(const Json& json) {
+  if (json.is_string()) return Json::parse("[" + json.get<std::string>() + "]", nullptr, false);
+  return json.is_array() ? json : Json::array({json});
+}
+
+// Ascending steps.
 std::optional<std::vector<Index>> jumps_of(const Json& json) {
   if (json == "none") return std::vector<Index>{};
-  Json list = json.is_array() ? json : Json::array({json});
-  if (json.is_string()) list = Json::parse("[" + json.get<std::string>() + "]", nullptr, false);
+  const Json list = list_of(json);
   if (!list.is_array() || list.empty()) return std::nullopt;
   std::vector<Index> steps;
   for (const Json& entry : list) {
@@ -97,6 +102,32 @@ Values<std::vector<Index>> ascending_steps() {
           .words = {"none"},
           .write = [](const std::vector<Index>& steps) { return steps.empty() ? Json("none") : Json(steps); },
           .read = jumps_of};
+}
+
+std::optional<std::vector<double>> output_weights_of(const Json& json) {
+  if (json == "equal") return std::vector<double>{};
+  const Json list = list_of(json);
+  if (!list.is_array()) return std::nullopt;
+  std::vector<double> weights;
+  for (const Json& entry : list) {
+    if (!entry.is_number() || !(entry >= 0) || !std::isfinite(entry.get<double>())) return std::nullopt;
+    weights.push_back(entry.get<double>());
+  }
+  const bool any = std::any_of(weights.begin(), weights.end(), [](double weight) { return weight > 0; });
+  return any ? std::optional(weights) : std::nullopt;
+}
+
+Values<std::vector<double>> output_weights() {
+  const auto write = [](const std::vector<double>& weights) {
+    Json list = Json::array();
+    for (const double weight : weights) list.push_back(penalty(weight));  // a word if it is not a number
+    return weights.empty() ? Json("equal") : list;
+  };
+  return {.placeholder = "W,W[,W...]|equal",
+          .range = "a number from 0 on for each output (not all 0)",
+          .words = {"equal"},
+          .write = write,
+          .read = output_weights_of};
 }
 
 Values<double> fraction() {
@@ -166,6 +197,8 @@ std::vector<Option> table() {
                                         {"many-steps", Weighting::many_steps},
                                         {"projection", Weighting::projection}})),
              "What the states must explain (auto: by cross-validation); projection: PO-MOESP"),
+      option("output_weights", &O::output_weights, output_weights(),
+             "Weights of the outputs in the choices and for the states that are kept (default equal)"),
       option("refine", &O::refine, or_auto(yes_or_no()),
              "Maximum likelihood by EM, as far as it lowers the cross-validation error (default for noisy data)",
              "No EM"),

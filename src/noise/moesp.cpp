@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "data/channel_sizes.hpp"
+#include "data/output_weights.hpp"
 #include "model/kalman_step.hpp"
 #include "model/riccati.hpp"
 #include "noise/rounding.hpp"
@@ -17,6 +18,11 @@ namespace {
 
 // The largest growth of a simulated state. Beyond it, the simulation starts anew.
 constexpr double most_growth = 100.0;
+
+// Units of the outputs. An output with a smaller weight has a larger unit.
+Vector weighted_sizes(const Ensemble& e, const SubspaceOptions& o) {
+  return channel_sizes(e, e.inputs(), e.outputs()).cwiseProduct(unit_factors(o.output_weights, e.outputs()));
+}
 
 class Moesp {
  public:
@@ -31,7 +37,7 @@ class Moesp {
         lags_(factors.lags),
         from_rest_(arx.k_begin == 0),
         noisy_(o.noisy),
-        sizes_(channel_sizes(e, e.inputs(), e.outputs())) {
+        sizes_(weighted_sizes(e, o)) {
     n_ = o.states > 0 ? o.states : factors.future * m_;
     for (const PredictorFactor& f : factors.group) {
       n_ = std::min(n_, f.observability.cols());
@@ -204,7 +210,7 @@ PredictorFactors projection_factors(const Ensemble& e, const GtvArx& arx, const 
   if (e.steps() < lags + f + groups - 1)
     throw std::invalid_argument(fmt::format("steps: {} found, at least {} needed (twice the lag order, and the period)",
                                             e.steps(), lags + f + groups - 1));
-  const Vector sizes = channel_sizes(e, e.inputs(), e.outputs());
+  const Vector sizes = weighted_sizes(e, o);
   const bool every_row = e.missing() == 0;
   PredictorFactors result;
   result.lags = lags;

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "base/integers.hpp"
+#include "data/output_weights.hpp"
 #include "model/kalman_step.hpp"
 #include "model/riccati.hpp"
 #include "noise/moesp.hpp"
@@ -84,9 +85,11 @@ class Steps {
 // with less noise is treated as if it had this much noise. Otherwise such outputs would determine all states.
 constexpr double least_weighed = 1e-5;
 
-// The matrices that weight the errors of the outputs: whiteners of the innovations, pooled if the model is smooth.
+// The matrices that weight the errors of the outputs: whiteners of the innovations, pooled if the model is smooth. An
+// output with a smaller weight has larger innovations here, by independent noise.
 std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
   const Index m = arx.outputs;
+  const Vector factors = unit_factors(o.output_weights, m).cwiseAbs2();
   std::vector<Matrix> result(arx.step.size());
   const bool pooled = o.variation.smoothing > 0 || o.variation.period > 0 || !o.noisy;
   Matrix covariance = Matrix::Zero(m, m);
@@ -100,6 +103,7 @@ std::vector<Matrix> whiteners(const GtvArx& arx, const SubspaceOptions& o) {
         if (squares(j) > 0) noisiest = std::max(noisiest, own(j, j) / squares(j));
       own.diagonal() = own.diagonal().cwiseMax(least_weighed * least_weighed * noisiest * squares);
     }
+    own.diagonal().array() *= factors.array();
     if (pooled)
       covariance += own / double(arx.steps());
     else

@@ -9,6 +9,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "data/output_weights.hpp"
 #include "tokid/random_walk.hpp"
 
 namespace tokid {
@@ -131,7 +132,7 @@ namespace {
 class CandidateErrors {
  public:
   CandidateErrors(const Ensemble& e, const SmoothingOptions& o)
-      : options_(o), folds_(std::min(o.folds, e.experiments())) {
+      : options_(o), folds_(std::min(o.folds, e.experiments())), weights_(weights_of(o.output_weights, e.outputs())) {
     for (Index f = 0; f < folds_; ++f) parts_.push_back(fold(e, f, folds_, o.centred));
     stretches_ = {{0, e.steps()}};
     if (o.period == 0 && e.steps() > o.steps) {
@@ -173,8 +174,8 @@ class CandidateErrors {
     // With missing samples, there may be too few windows of this length. Then the error is infinite.
     if (tested == 0 || trained < 2 * double(pieces.front().training.regressors)) log_error = inf;
     for (Index j = 0; j < m; ++j)
-      log_error += sum(j, 1) > 0 ? 0.5 * std::log(std::max(sum(j, 0) / sum(j, 1), 1e-300)) : 0.0;
-    const double error = std::isfinite(log_error) ? std::exp(log_error / double(m)) : inf;
+      log_error += sum(j, 1) > 0 ? weights_(j) * 0.5 * std::log(std::max(sum(j, 0) / sum(j, 1), 1e-300)) : 0.0;
+    const double error = std::isfinite(log_error) ? std::exp(log_error / weights_.sum()) : inf;
     errors_[key] = error;
     trials.push_back({lags, smoothing, error});
     return error;
@@ -207,6 +208,7 @@ class CandidateErrors {
 
   const SmoothingOptions& options_;
   Index folds_;
+  Vector weights_;  // (m) of the outputs
   std::vector<Split> parts_;
   std::vector<std::pair<Index, Index>> stretches_;
   std::map<Index, std::vector<Piece>> factors_;

@@ -8,6 +8,7 @@
 
 #include "base/nan.hpp"
 #include "data/channel_sizes.hpp"
+#include "data/output_weights.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/identify.hpp"
 #include "tokid/uncertainty.hpp"
@@ -68,6 +69,7 @@ TveraOptions realisation(const Model& model, const Ensemble& departing, const Id
   plan.rows = o.rows, plan.cols = o.cols;
   plan.output_size = channel_sizes(departing, departing.inputs(), model.outputs);
   plan.input_size = channel_sizes(departing, 0, departing.inputs());
+  plan.output_weights = relative_weights(o.output_weights, model.outputs);
   return tvera_options(plan, model.outputs);
 }
 
