@@ -241,11 +241,25 @@ class Folds::RefinementSearch {
     return true;
   }
 
+  // Moves from λ to λ while the likelihood rises. It may not change over half a decade and then rise again, so one
+  // larger λ that is not worse is passed over.
   void climb(double best, Likelihood most) {
     for (const double factor : {std::sqrt(10.0), std::sqrt(0.1)}) {
       Index moves = 0;
-      while (moves < most_moves && best * factor < largest && try_smoothing(best * factor, noticeable, best, most))
-        ++moves;
+      bool flat = false;
+      for (double next = best * factor; moves < most_moves && next < largest; next *= factor) {
+        Likelihood found = attempt(next);
+        const double advantage = found.advantage(most);
+        if (advantage > noticeable) {
+          most = std::move(found);
+          flat = false;
+          ++moves;
+        } else if (factor < 1 || flat || advantage < -noticeable) {
+          break;
+        } else {
+          flat = true;
+        }
+      }
       if (moves > 0) break;
     }
   }
@@ -517,7 +531,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
     other->run(best->smoothing(), false);
     return take_if(std::move(other), advantage, allowed);
   };
-  const double larger = pooled() ? 1 / most_uncertain : 1.0;
+  const double larger = pooled() ? 1 / most_uncertain : worth_it;
   Index n = states;
   while (!best->empty() && n < orders.most && try_order(n + 1, significant, larger)) ++n;
   if (n == states)
