@@ -43,7 +43,7 @@ Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights,
 // this step on is used to estimate an initial state.
 Index first_scored(InitialState initial, Index lags, Index period);
 
-// Runs this many iterations of EM, in the same stages as cross-validation does.
+// Runs this many iterations of EM, in the same stages as cross-validation does. The last stage is repeated if needed.
 Model refined(Model model, const Ensemble& data, Index iterations, const RefineOptions& options);
 
 // The range of numbers of states to choose from.

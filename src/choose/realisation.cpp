@@ -26,6 +26,9 @@ constexpr double surely_ahead = 1.5;
 constexpr Index most_states = 16, most_scored = 64;
 // A refined model may not increase an error by more than this factor.
 constexpr double tolerated = 1.1;
+// EM goes on while the one-step error of all experiments exceeds that of the held-out ones by this factor.
+constexpr double as_expected = 1.02;
+constexpr Index more_iterations = 120, most_iterations = 480;
 
 // Takes the choices about the realisation from the options. The other choices are made later, from the data.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
@@ -137,17 +140,28 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     plan.choices.refinement_iterations = choice.iterations;
     for (const Jump& jump : choice.jumps) plan.choices.jumps.push_back(jump.step);
     Model likelier;
+    Errors after;
     try {
-      likelier = refined_by(plan, data, realise(data, arx, {}, plan, {execution.threads, {}}), execution);
+      const Model begun = realise(data, arx, {}, plan, {execution.threads, {}});
+      const auto go = [&] {
+        likelier = refined_by(plan, data, begun, execution);
+        after = errors_of(computed_by(likelier, data, plan.initial_state, 0), data, plan.output_weights, &start);
+      };
+      go();
+      // A mode may need more iterations to grow out of a saddle of the likelihood than on the folds.
+      while (period == 0 && after.one_step > choice.one_step + std::log(as_expected) &&
+             plan.choices.refinement_iterations < most_iterations) {
+        plan.choices.refinement_iterations += more_iterations;
+        go();
+      }
     } catch (const std::runtime_error&) {
       continue;  // EM failed from this start
     }
-    const Errors after =
-        errors_of(computed_by(likelier, data, plan.initial_state, 0), data, plan.output_weights, &start);
     const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
     one_step = after.one_step <= choice.one_step + allowed;
     if (!longer && period > 0) continue;
     if (one_step) {
+      result.refinement.iterations = plan.choices.refinement_iterations;
       result.model = std::move(likelier);
       result.plan = std::move(plan);
       return;
@@ -160,6 +174,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   if (fallback) {
     result.findings.push_back({.kind = Finding::Kind::em_unreliable});
     std::tie(result.model, result.plan) = std::move(*fallback);
+    result.refinement.iterations = result.plan.choices.refinement_iterations;
     return;
   }
   result.findings.push_back({.kind = one_step ? Finding::Kind::em_worse_simulation : Finding::Kind::em_worse_one_step});
@@ -216,8 +231,8 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
-  RefinementChoice choice =
-      folds.choose_refinement(plan.states, orders, scores, {.smoothing = stated, .jumps = jumps_within(options, selected)});
+  RefinementChoice choice = folds.choose_refinement(plan.states, orders, scores,
+                                                    {.smoothing = stated, .jumps = jumps_within(options, selected)});
   take_steps_of_record(options, selected.begin, choice);
   if (choice.iterations > 0) {
     refine_if_better(data, arx, choice, options.execution, result);

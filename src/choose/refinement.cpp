@@ -549,12 +549,15 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
 Model refined(Model model, const Ensemble& data, Index iterations, const RefineOptions& options) {
   const Schedule schedule = schedule_of(options);
   Index done = 0;
+  Stage farther;
   for (const auto& stages : {schedule.first, schedule.jumping, schedule.last})
     for (const Stage& stage : stages) {
       if (done >= iterations) return model;
       model = refined_in(stage, model, data, options);
       done += stage.iterations;
+      farther = stage;
     }
+  for (; done < iterations; done += farther.iterations) model = refined_in(farther, model, data, options);
   return model;
 }
 
