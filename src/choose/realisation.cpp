@@ -227,7 +227,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
   if (!options.states) plan.states = scores.best;
   result.model = realise(data, arx, {}, plan, share(options.execution, 0.7, 0.8));
   if (!options.refine.value_or(true) || result.model.states() == 0 || result.model.states() < plan.states) return;
-  result.model = with_first_steps(std::move(result.model), data, plan.initial_state, options.execution.threads);
+  result.model = with_first_steps(result.model, data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
@@ -278,8 +278,7 @@ Realised realised(const Ensemble& data, const Selection& selection, const Plan& 
     result.findings.push_back({.kind = Finding::Kind::jumps_unused, .steps = *options.jumps});
   const bool refined = result.plan.choices.refinement_iterations > 0;
   if (!refined && plan.noisy && result.plan.method == Method::subspace && options.refine.value_or(true))
-    result.model =
-        with_first_steps(std::move(result.model), data, result.plan.initial_state, options.execution.threads);
+    result.model = with_first_steps(result.model, data, result.plan.initial_state, options.execution.threads);
   return result;
 }
 

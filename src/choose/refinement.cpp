@@ -159,10 +159,13 @@ class Folds::RefinementSearch {
   // EM is used if it predicts clearly better than the subspace models. If the best attempt is not used, the attempt
   // with the smallest errors may be.
   RefinementChoice choice() && {
-    choice_.ahead_ratio = ahead_ratio(without_em_);
-    if (empty()) return std::move(choice_);
+    if (empty()) {
+      choice_.ahead_ratio = ahead_ratio(without_em_);
+      return std::move(choice_);
+    }
     choice_.smoothing = smoothing();
     const double limit = choice_.error - std::log(worth_it);
+    const std::vector<Model>* used = &without_em_;
     for (const Attempt* attempt : {chosen(), least_error()}) {
       if (attempt->error > limit) continue;
       choice_.smoothing = attempt->smoothing;
@@ -170,9 +173,10 @@ class Folds::RefinementSearch {
       choice_.jumps = jumps_;
       choice_.one_step = errors(attempt->models).one_step;
       choice_.error = attempt->error;
-      choice_.ahead_ratio = ahead_ratio(attempt->models);
+      used = &attempt->models;
       break;
     }
+    choice_.ahead_ratio = ahead_ratio(*used);
     return std::move(choice_);
   }
 
