@@ -22,21 +22,39 @@ bool can_begin_earlier(const Model& model, InitialState initial) {
          model.has(&Step::has_innovation_cov) && model.full_end() - model.full_begin() > 1;
 }
 
+// The covariances of outputs and states that the innovations show on average; zero where the data have no noise.
+struct Usual {
+  Vector outputs;
+  double state = 0.0;
+};
+
+Usual usual_noise(const Model& model) {
+  const double share = 1.0 / double(model.step.size());
+  Usual usual{.outputs = Vector::Zero(model.outputs)};
+  for (const Step& step : model.step) {
+    const Matrix s = step.innovation_cov();
+    usual.outputs += share * s.diagonal();
+    usual.state += share * (step.G() * s * step.G().transpose()).trace() / double(model.states());
+  }
+  return usual;
+}
+
 // EM converges slowly from covariances that do not fit the gains. In steady state, P Cᵀ = K S gives R = (I - C K) S,
-// and the smallest P with this product gives Q = P - A (P - K S Kᵀ) Aᵀ. The floors keep both positive.
-void set_noise_of_gains(Model& model) {
+// and the smallest P with this product gives Q = P - A (P - K S Kᵀ) Aᵀ. The floors keep both positive, also at steps
+// whose outputs are all zero.
+void set_noise_of_gains(Model& model, const Usual& usual) {
   for (Step& step : model.step) {
     const Matrix s = step.innovation_cov(), k = -linalg::pseudo_inverse(step.A()) * step.G(), pc = k * s,
                  shown = step.C() * pc;
     Matrix r = s - shown;
     linalg::symmetrise(r);
-    r = linalg::bounded_below(r, least_noise * s.diagonal());
+    const Vector r_floor = s.diagonal().cwiseMax(least_noise * usual.outputs);
+    step.set_R(linalg::bounded_below(r, least_noise * r_floor));
     const Matrix p = pc * linalg::pseudo_inverse((shown + shown.transpose()) / 2) * pc.transpose();
     Matrix q = p - step.A() * (p - k * s * k.transpose()) * step.A().transpose();
     linalg::symmetrise(q);
-    step.set_R(r);
-    step.set_Q(
-        linalg::bounded_below(q, (least_noise * step.G() * s * step.G().transpose()).diagonal().cwiseMax(1e-300)));
+    const Vector q_floor = (step.G() * s * step.G().transpose()).diagonal().cwiseMax(least_noise * usual.state);
+    step.set_Q(linalg::bounded_below(q, least_noise * q_floor));
   }
 }
 
@@ -44,8 +62,10 @@ void set_noise_of_gains(Model& model) {
 
 Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
   if (!can_begin_earlier(late, initial)) return late;
+  const Usual usual = usual_noise(late);
+  if (usual.outputs.minCoeff() <= 0 || usual.state <= 0) return late;
   Model start = late;
-  set_noise_of_gains(start);
+  set_noise_of_gains(start, usual);
   RefineOptions o;
   o.smoothing = late.period == 1 ? 0.0 : 1.0;  // one covariance for all steps
   o.initial_state = initial;
