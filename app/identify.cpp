@@ -122,6 +122,7 @@ Json json(const RefinementChoice& choice) {
          {"smoothing", choice.smoothing},
          {"iterations", choice.iterations},
          {"ahead_ratio", choice.ahead_ratio},
+         {"ahead_model_share", choice.ahead_model_share},
          {"jumps", Json::array()},
          {"trials", Json::array()}};
   for (const Jump& jump : choice.jumps)

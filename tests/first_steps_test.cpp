@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "choose/ahead_ratio.hpp"
+#include "choose/ahead_errors.hpp"
 #include "noisy.hpp"
 #include "tokid/em.hpp"
 #include "tokid/identify.hpp"
@@ -86,15 +86,19 @@ TEST(FirstSteps, BelongToEveryModelFromUnknownInitialStates) {
   }
 }
 
+AheadErrors errors_of(const Model& model, const Ensemble& predicted, const Ensemble& measured, Index horizon) {
+  return ahead_errors(model, predicted, {predicted}, 2, measured, horizon, 0);
+}
+
 // The errors of a true model are as large as it says, and those of a model with wrong dynamics are larger.
-TEST(AheadRatio, IsOneForTrueModels) {
+TEST(AheadErrors, AreAsLargeAsTrueModelsSay) {
   constexpr Index horizon = 10;
   for (const SystemSize& size : sizes) {
     SCOPED_TRACE(name(size));
     const Model truth = kalman_observer(noisy(size, 10));
     const Ensemble fresh = noisy_experiments(truth, 500, 11);
     const auto ratio = [&](const Model& model) {
-      return ahead_errors(model, predict(model, fresh, {horizon, InitialState::zero}).y, fresh, horizon, 0).ratio();
+      return errors_of(model, predict(model, fresh, {horizon, InitialState::zero}).y, fresh, horizon).ratio();
     };
     // 500 × 30 errors that are correlated over 10 steps: standard errors of about 2 %.
     EXPECT_NEAR(ratio(truth), 1.0, 0.06);
@@ -104,11 +108,50 @@ TEST(AheadRatio, IsOneForTrueModels) {
   }
 }
 
-TEST(AheadRatio, OfOutputsWithoutNoiseIsNotKnown) {
+// A gain at each step, from experiments with inputs of size 1: of the variance 1 + 1 / n of an error, the second part
+// comes from the gain if it was found by n experiments.
+TEST(AheadErrors, ShowHowMuchOfThemComesFromTheModel) {
+  constexpr Index folds = 4, of_fold = 3, steps = 400;
+  Model model = random_system({1, 1, 1}, steps, 0.9, 14);
+  for (Step& step : model.step) {
+    step.G().setZero();
+    step.set_innovation_cov(Matrix::Identity(1, 1));
+  }
+  Ensemble data(folds * of_fold, steps, 1, 1);
+  Random random(15);
+  for (Index k = 0; k < steps; ++k) data.output(k) = random.matrix(folds * of_fold, 1);
+  const auto rows_of = [&](Index fold, bool inside) {
+    std::vector<Index> rows;
+    for (Index n = 0; n < data.experiments(); ++n)
+      if ((n / of_fold == fold) == inside) rows.push_back(n);
+    return rows;
+  };
+  AheadErrors sum;
+  for (Index f = 0; f < folds; ++f) {
+    std::vector<Ensemble> by_others;
+    Ensemble own = data.subset(rows_of(f, true));
+    const Ensemble measured = own;
+    const auto predict_by = [&](Index fold, Ensemble& y) {
+      const Ensemble training = data.subset(rows_of(fold, false));
+      for (Index k = 0; k < steps; ++k) y.output(k).setConstant(training.output(k).mean());
+    };
+    predict_by(f, own);
+    for (Index g = 0; g < folds; ++g)
+      if (g != f) predict_by(g, by_others.emplace_back(own));
+    sum += ahead_errors(model, own, by_others, folds, measured, 1, 0);
+  }
+  constexpr double n = of_fold * (folds - 1);
+  // 400 variances of 4 models: a standard error of 4 %.
+  EXPECT_NEAR(sum.model_share() * (n + 1), 1.0, 0.2);
+  EXPECT_NEAR(sum.ratio(), std::sqrt(1 + 1 / n), 0.05);
+}
+
+TEST(AheadErrors, OfOutputsWithoutNoiseAreNotCounted) {
   Model exact = random_system({2, 1, 1}, 40, 0.9, 12);
   for (Step& step : exact.step) step.set_innovation_cov(Matrix::Zero(1, 1));
   const Ensemble data = random_experiments(exact, 5, 13, 0.0);
-  EXPECT_TRUE(std::isnan(ahead_errors(exact, data, data, 10, 0).ratio()));
+  EXPECT_TRUE(std::isnan(errors_of(exact, data, data, 10).ratio()));
+  EXPECT_TRUE(std::isnan(errors_of(exact, data, data, 10).model_share()));
 }
 
 }  // namespace

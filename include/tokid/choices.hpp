@@ -76,5 +76,8 @@ struct RefinementChoice {
   // RMS of the errors of held-out experiments, OrderScores::horizon steps ahead, over what the model says. NaN if not
   // known.
   double ahead_ratio = std::numeric_limits<double>::quiet_NaN();
+  // Share of the variance of these errors that comes from the model, because its experiments are few: by how much the
+  // models of different folds differ. NaN if not known.
+  double ahead_model_share = std::numeric_limits<double>::quiet_NaN();
 };
 }  // namespace tokid

@@ -124,6 +124,7 @@ struct Finding {
     frame_limits,             // numbers: step, begin, end
     jumps_unused,             // steps
     uncertain_ahead,          // numbers: ratio, horizon
+    model_errs_ahead,         // numbers: share, horizon
     em_unreliable,            // EM predicts all experiments worse than it predicted the held-out ones
     em_worse_one_step,        // the result of EM was dropped
     em_worse_simulation,      // the result of EM was dropped

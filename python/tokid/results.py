@@ -637,6 +637,9 @@ class RefinementChoice(_Result):
         Steps at which the matrices jump, ascending.
     ahead_ratio : float
         RMS of the errors of held-out experiments, several steps ahead, over what the model says. NaN if not known.
+    ahead_model_share : float
+        Share of the variance of these errors that comes from the model, because its experiments are few: by how much
+        the models of different folds differ. NaN if not known.
     """
 
     trials: list[RefinementTrial]
@@ -647,6 +650,7 @@ class RefinementChoice(_Result):
     one_step: float
     jumps: list[Jump]
     ahead_ratio: float
+    ahead_model_share: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -534,6 +534,12 @@ constexpr Entry table[] = {
            "{} steps ahead, the errors on experiments that the models did not see are {:.2g} times as large as the models say. The experiments are few for what varies, or the noise is not white. Use more experiments, and test long predictions and controllers on other data",
            count(f, "horizon"), number(f, "ratio"));
      }},
+    {Kind::model_errs_ahead, "model_errs_ahead", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "{} steps ahead, {:.0f} % of the variance of the errors comes from the model and not from noise: models of different experiments disagree that much. Use more experiments, and test controllers on other data or on models of other experiments",
+           count(f, "horizon"), 100 * number(f, "share"));
+     }},
     {Kind::em_unreliable, "em_unreliable", warning,
      [](const Finding&) {
        return std::string(

@@ -21,6 +21,8 @@ namespace {
 
 // Above this ratio of errors to what the model says, several steps ahead, controllers designed on a model may be bad.
 constexpr double surely_ahead = 1.5;
+// Or above this share of the variance of these errors that comes from the model.
+constexpr double most_of_model = 0.5;
 
 // Largest order that is tried for noisy data, and most experiments from which the order of TVERA is chosen.
 constexpr Index most_states = 16, most_scored = 64;
@@ -181,7 +183,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   result.plan.choices.refinement_smoothing = choice.smoothing;
   result.refinement.iterations = 0;
   result.refinement.jumps.clear();
-  result.refinement.ahead_ratio = std::numeric_limits<double>::quiet_NaN();
+  result.refinement.ahead_ratio = result.refinement.ahead_model_share = std::numeric_limits<double>::quiet_NaN();
   result.refinement.states = result.order_scores.best;
   result.refinement.error = choice.trials.front().error;
 }
@@ -243,6 +245,9 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
   if (const double ratio = result.refinement.ahead_ratio; ratio > surely_ahead)
     result.findings.push_back({.kind = Finding::Kind::uncertain_ahead,
                                .numbers = {{"ratio", ratio}, {"horizon", double(OrderScores::horizon)}}});
+  if (const double share = result.refinement.ahead_model_share; share > most_of_model)
+    result.findings.push_back({.kind = Finding::Kind::model_errs_ahead,
+                               .numbers = {{"share", share}, {"horizon", double(OrderScores::horizon)}}});
 }
 
 }  // namespace

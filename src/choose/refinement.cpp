@@ -8,7 +8,7 @@
 #include <span>
 #include <utility>
 
-#include "choose/ahead_ratio.hpp"
+#include "choose/ahead_errors.hpp"
 #include "choose/first_steps.hpp"
 #include "choose/folds.hpp"
 #include "tokid/em.hpp"
@@ -160,7 +160,7 @@ class Folds::RefinementSearch {
   // with the smallest errors may be.
   RefinementChoice choice() && {
     if (empty()) {
-      choice_.ahead_ratio = ahead_ratio(without_em_);
+      set_certainty(without_em_);
       return std::move(choice_);
     }
     choice_.smoothing = smoothing();
@@ -176,7 +176,7 @@ class Folds::RefinementSearch {
       used = &attempt->models;
       break;
     }
-    choice_.ahead_ratio = ahead_ratio(*used);
+    set_certainty(*used);
     return std::move(choice_);
   }
 
@@ -475,14 +475,24 @@ class Folds::RefinementSearch {
     return o;
   }
 
-  double ahead_ratio(const std::vector<Model>& models) const {
-    AheadErrors sum;
-    for (size_t f = 0; f < count_; ++f) {
+  // Of predictions several steps ahead.
+  void set_certainty(const std::vector<Model>& models) {
+    std::vector<AheadErrors> errors(count_);
+    for_each_fold([&](size_t f) {
       const Ensemble& held_out = folds_.folds_[f].data.held_out;
-      const Computed computed = computed_by(models[f], held_out, folds_.options_.initial_state, 0);
-      sum += ahead_errors(models[f], computed.ahead, held_out, OrderScores::horizon, 0);
-    }
-    return sum.ratio();
+      const auto predicted_by = [&](const Model& model) {
+        return computed_by(model, held_out, folds_.options_.initial_state, 0).ahead;
+      };
+      std::vector<Ensemble> by_others;
+      for (size_t g = 0; g < count_; ++g)
+        if (g != f) by_others.push_back(predicted_by(models[g]));
+      errors[f] = ahead_errors(models[f], predicted_by(models[f]), by_others, Index(folds_.folds_.size()), held_out,
+                               OrderScores::horizon, 0);
+    });
+    AheadErrors sum;
+    for (const AheadErrors& fold : errors) sum += fold;
+    choice_.ahead_ratio = sum.ratio();
+    choice_.ahead_model_share = sum.model_share();
   }
 
   // Empty if EM fails: this λ is ruled out.

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "choose/ahead_errors.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace tokid {
+
+namespace {
+
+// Outputs whose variance is a smaller share of their squared size are exact, and their errors are rounding errors.
+constexpr double least_share = 1e-12;
+
+// The variances (m) of the errors of y_k, predicted from step `begin` on, at which the state is known.
+Vector variances(const Model& model, Index begin, Index k) {
+  Matrix p = Matrix::Zero(model.n(begin), model.n(begin));
+  for (Index j = begin; j < k; ++j) {
+    const Step& step = model.at(j);
+    p = step.A() * p * step.A().transpose() + step.G() * step.innovation_cov() * step.G().transpose();
+  }
+  const Step& last = model.at(k);
+  return (last.C() * p * last.C().transpose() + last.innovation_cov()).diagonal();
+}
+
+// The variance of a prediction over models that were identified with other experiments as many as these. Models of
+// `folds` folds share most experiments, so that they differ less by the factor folds - 1. NaN entries stay NaN.
+Eigen::ArrayXd spread(const Ensemble& predicted, const std::vector<Ensemble>& by_others, Index folds, Index k,
+                      Index output) {
+  const double count = double(by_others.size()) + 1;
+  const Eigen::ArrayXd own = predicted.output(k).col(output);
+  Eigen::ArrayXd mean = own / count, square = Eigen::ArrayXd::Zero(own.size());
+  for (const Ensemble& other : by_others) mean += other.output(k).col(output).array() / count;
+  for (const Ensemble& other : by_others) square += (other.output(k).col(output).array() - mean).square();
+  return (square + (own - mean).square()) * (double(folds - 1) / (count - 1));
+}
+
+}  // namespace
+
+AheadErrors& AheadErrors::operator+=(const AheadErrors& other) {
+  if (square.size() == 0) return *this = other;
+  square += other.square;
+  expected += other.expected;
+  spread += other.spread;
+  return *this;
+}
+
+double AheadErrors::ratio() const {
+  double sum = 0.0;
+  Index count = 0;
+  for (Index j = 0; j < square.size(); ++j)
+    if (square(j) > 0 && expected(j) > 0) sum += std::log(square(j) / expected(j)) / 2, ++count;
+  return count > 0 ? std::exp(sum / double(count)) : std::numeric_limits<double>::quiet_NaN();
+}
+
+double AheadErrors::model_share() const {
+  double sum = 0.0;
+  Index count = 0;
+  for (Index j = 0; j < square.size(); ++j)
+    if (square(j) > 0) sum += std::min(spread(j) / square(j), 1.0), ++count;
+  return count > 0 ? sum / double(count) : std::numeric_limits<double>::quiet_NaN();
+}
+
+AheadErrors ahead_errors(const Model& model, const Ensemble& predicted, const std::vector<Ensemble>& by_others,
+                         Index folds, const Ensemble& measured, Index horizon, Index first) {
+  const Vector none = Vector::Zero(model.outputs);
+  AheadErrors result{none, none, none};
+  const Index end = std::min(model.k_end(), measured.steps());
+  for (Index k = std::max(first, model.k_begin) + horizon; k < end; ++k) {
+    const Vector variance = variances(model, k - horizon + 1, k);
+    for (Index j = 0; j < model.outputs; ++j) {
+      const Eigen::ArrayXd y = measured.output(k).col(j), e = y - predicted.output(k).col(j).array(),
+                           v = spread(predicted, by_others, folds, k, j);
+      const double size = y.isFinite().select(y.square(), 0.0).maxCoeff();
+      if (!(variance(j) > least_share * size)) continue;
+      const auto both = e.isFinite() && v.isFinite();
+      result.square(j) += both.select(e.square(), 0.0).sum();
+      result.expected(j) += double(both.count()) * variance(j);
+      result.spread(j) += both.select(v, 0.0).sum();
+    }
+  }
+  return result;
+}
+
+}  // namespace tokid
