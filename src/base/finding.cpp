@@ -395,8 +395,14 @@ constexpr Entry table[] = {
     {Kind::outliers_undecided, "outliers_undecided", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} more do not fit the others, but were used: at most a quarter of the experiments ({}) is left out or counted less. Check whether the data come from one system",
+           "{} more do not fit the others, but were used: no more than a quarter of the experiments, here {}, is left out or counted less. Check whether the data come from one system",
            words::plural(count(f, "count"), "experiment"), count(f, "most"));
+     }},
+    {Kind::many_misfits, "many_misfits", warning,
+     [](const Finding& f) {
+       return fmt::format(
+           "the innovations of {} are much larger than those of the others. So many are not called wrong: the model may be too simple for their inputs, or the data may come from two systems",
+           words::plural(count(f, "count"), "experiment"));
      }},
     {Kind::ill_conditioned, "ill_conditioned", warning,
      [](const Finding& f) {

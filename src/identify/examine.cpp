@@ -147,9 +147,13 @@ std::vector<FindingChannel> wrong_outputs(const Misfits& found, Index n, const C
 }
 
 // Adds the experiments that do not fit, and the outputs where they do not.
-void add(const Misfits& found, const Ensemble& used, const OutlierOptions& options, std::vector<Outlier>& outliers) {
-  const std::vector<Index> rows = found.rows();
-  if (Index(rows.size()) > most_found(used.experiments())) return;
+void add(const Misfits& found, const Ensemble& used, const OutlierOptions& options, Examined& result) {
+  std::vector<Index> rows = found.rows();
+  if (Index(rows.size()) > most_found(used.experiments())) {
+    result.too_many = std::move(rows);
+    return;
+  }
+  std::vector<Outlier>& outliers = result.outliers;
   const Vector ratio = largest_of_rows(found.ratio);
   std::vector<Outlier> more;
   for (const Index n : rows) {
@@ -167,7 +171,7 @@ void add(const Misfits& found, const Ensemble& used, const OutlierOptions& optio
 
 }  // namespace
 
-std::vector<Outlier> examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution) {
+Examined examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution) {
   const Execution quiet{execution.threads, {}};
   const OutlierOptions options{.lags = plan.lags,
                                .nominal = plan.nominal,
@@ -175,11 +179,11 @@ std::vector<Outlier> examined(const Ensemble& used, const Model& model, const Pl
                                .threads = execution.threads,
                                .period = plan.choices.variation.period,
                                .model = &model};
-  if (!plan.noisy) return outliers_without_noise(used, options);
-  std::vector<Outlier> result = outliers(used, options);
+  if (!plan.noisy) return {outliers_without_noise(used, options)};
+  Examined result{outliers(used, options)};
   if (used.experiments() < (options.period == 1 ? fewest_of_one_model : fewest_experiments)) return result;
   std::vector<Index> suspected = suspects(used, plan, quiet);
-  for (const Outlier& o : result)
+  for (const Outlier& o : result.outliers)
     if (std::find(suspected.begin(), suspected.end(), o.experiment) == suspected.end())
       suspected.push_back(o.experiment);
   if (suspected.empty()) return result;
@@ -187,7 +191,8 @@ std::vector<Outlier> examined(const Ensemble& used, const Model& model, const Pl
     clear(used, plan, quiet, *found);
     add(*found, used, options, result);
   }
-  std::stable_sort(result.begin(), result.end(), [](const Outlier& a, const Outlier& b) { return a.ratio > b.ratio; });
+  std::stable_sort(result.outliers.begin(), result.outliers.end(),
+                   [](const Outlier& a, const Outlier& b) { return a.ratio > b.ratio; });
   return result;
 }
 

@@ -12,9 +12,15 @@
 
 namespace tokid {
 
-// The experiments that do not fit, with their rows in `used`, the largest ratio first. They are found by regressions
-// (outliers.hpp) and by the innovations of models that did not see them (misfits.hpp).
-std::vector<Outlier> examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution);
+struct Examined {
+  std::vector<Outlier> outliers;  // with their rows in `used`, the largest ratio first
+  // Rows of experiments with larger innovations than the others, if they are too many to be called outliers.
+  std::vector<Index> too_many = {};
+};
+
+// The experiments that do not fit. They are found by regressions (outliers.hpp) and by the innovations of models that
+// did not see them (misfits.hpp).
+Examined examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution);
 
 // What was found and corrected so far. Rows are those of all measured experiments.
 struct Treatment {

@@ -185,12 +185,12 @@ struct Measured {
   Treatment treatment = {};
 };
 
-// Outliers among the used experiments, and those that were found before. Rows are those of all measured experiments.
+// The outliers of the used experiments, and those that were found before. Rows are those of all measured experiments.
 // `held_out`: rows of the used experiments that are held out.
-std::vector<Outlier> outliers_among(const Ensemble& used, const Measured& measured, const std::vector<Index>& held_out,
-                                    const Model& model, const Plan& plan, const Execution& execution) {
+std::vector<Outlier> all_outliers(std::vector<Outlier> found, const Measured& measured,
+                                  const std::vector<Index>& held_out) {
   std::vector<Outlier> result = measured.treatment.outliers;
-  for (Outlier& outlier : examined(used, model, plan, execution)) {
+  for (Outlier& outlier : found) {
     outlier.held_out = std::count(held_out.begin(), held_out.end(), outlier.experiment) > 0;
     outlier.experiment = measured.rows[size_t(outlier.experiment)];
     outlier.name = measured.all.experiment_name(outlier.experiment);
@@ -214,7 +214,11 @@ ExperimentFindings experiment_findings(const Ensemble& used, const Measured& mea
   result.findings = findings_of_repeats(used, needed, p);
   StuckOutputs stuck = stuck_outputs(measured.all);
   append(result.findings, std::move(stuck.findings));
-  result.outliers = outliers_among(used, measured, held_out, model, plan, options.execution);
+  Examined found = examined(used, model, plan, options.execution);
+  if (!found.too_many.empty())
+    result.findings.push_back(
+        {.kind = Finding::Kind::many_misfits, .numbers = {{"count", double(found.too_many.size())}}});
+  result.outliers = all_outliers(std::move(found.outliers), measured, held_out);
   append(result.findings, findings_of(result.outliers, stuck.experiments));
   for (const Index n : stuck.experiments) result.labels.push_back(measured.all.experiment_label(n));
   for (const Outlier& outlier : result.outliers)
