@@ -132,5 +132,26 @@ TEST(Moesp, RecoversTimeInvariantSystemsExactly) {
   }
 }
 
+// EM in parts is EM at once, up to any stage and beyond the last one.
+TEST(StagesOfEm, GoOnWhereTheyStopped) {
+  const Model truth = with_noise(random_system({2, 1, 1}, 40, 0.9, 12),
+                                 {.process_noise = process_noise, .measurement_noise = measurement_noise});
+  const Ensemble data = noisy_experiments(truth, 8, 16);
+  for (const std::vector<Index>& jumps : {std::vector<Index>{}, {20}}) {
+    RefineOptions o;
+    o.smoothing = 3.0;
+    o.jumps = jumps;
+    const Index all = jumps.empty() ? 168 : 216, farther = all + 120;
+    const Model whole = refined(truth, data, 0, farther, o);
+    for (const Index part : {Index(3), Index(48), all}) {
+      const Model again = refined(refined(truth, data, 0, part, o), data, part, farther, o);
+      for (Index k = 0; k < whole.k_end(); ++k) EXPECT_EQ(again.at(k).A(), whole.at(k).A()) << part;
+    }
+    EXPECT_NE(refined(truth, data, 0, all, o).at(5).A(), whole.at(5).A());
+    EXPECT_TRUE(stopped_early(8, o));
+    EXPECT_FALSE(stopped_early(48, o));
+  }
+}
+
 }  // namespace
 }  // namespace tokid::testing

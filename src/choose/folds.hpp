@@ -43,8 +43,11 @@ Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights,
 // this step on is used to estimate an initial state.
 Index first_scored(InitialState initial, Index lags, Index period);
 
-// Runs this many iterations of EM, in the same stages as cross-validation does. The last stage is repeated if needed.
-Model refined(Model model, const Ensemble& data, Index iterations, const RefineOptions& options);
+// Goes on with EM from a number of iterations, at the end of a stage, to another one, in the same stages as
+// cross-validation does. The last stage is repeated if needed.
+Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options);
+// Was EM best after so few iterations that more are not tried?
+bool stopped_early(Index iterations, const RefineOptions& options);
 
 // The range of numbers of states to choose from.
 struct OrderRange {

@@ -89,7 +89,7 @@ void realise_in_scored_order(const Ensemble& data, GtvArx arx, const Execution& 
   result.model = completed(realise(parameters, factors, o), data, arx, plan);
 }
 
-Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Execution& execution) {
+RefineOptions refine_options(const Plan& plan, const Execution& execution) {
   RefineOptions o;
   o.smoothing = plan.choices.refinement_smoothing;
   o.period = plan.choices.variation.period;
@@ -97,7 +97,7 @@ Model refined_by(const Plan& plan, const Ensemble& data, Model model, const Exec
   o.feedthrough = plan.feedthrough.present;
   o.jumps = plan.choices.jumps;
   o.execution.threads = execution.threads;
-  return refined(std::move(model), data, plan.choices.refinement_iterations, o);
+  return o;
 }
 
 // The weightings to choose from. Projection needs many windows of 2p steps: more than the number of samples in one
@@ -112,6 +112,33 @@ std::vector<Weighting> weightings(const Ensemble& selection, const Plan& plan, c
   if (windows > 0 && selection.experiments() * windows / period > 2 * p * selection.channels())
     result.push_back(Weighting::projection);
   return result;
+}
+
+struct Refined {
+  Model model;
+  Errors errors;
+  Index iterations = 0;
+};
+
+// EM with the iterations of the plan. A mode may need more iterations to grow out of a saddle of the likelihood than on
+// the folds. If the folds did not stop early, EM therefore goes on while its one-step error is larger than `expected`.
+// The result with the smallest errors is returned.
+Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, const Computed& like, double expected,
+                   const Execution& execution) {
+  const RefineOptions options = refine_options(plan, execution);
+  const auto after = [&](const Model& model, Index from, Index to) {
+    Refined result{refined(model, data, from, to, options), {}, to};
+    result.errors = errors_of(computed_by(result.model, data, plan.initial_state, 0), data, plan.output_weights, &like);
+    return result;
+  };
+  const Index planned = plan.choices.refinement_iterations;
+  Refined now = after(begun, 0, planned), best = now;
+  if (plan.choices.variation.period > 0 || stopped_early(planned, options)) return best;
+  while (now.errors.one_step > expected + std::log(as_expected) && now.iterations < most_iterations) {
+    now = after(now.model, now.iterations, now.iterations + more_iterations);
+    if (now.errors.one_step < best.errors.one_step && now.errors.mean() < best.errors.mean()) best = now;
+  }
+  return best;
 }
 
 // EM on all experiments may converge to another model than EM on the folds. If so, its one-step error on the training
@@ -141,36 +168,27 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     plan.choices.refinement_smoothing = choice.smoothing;
     plan.choices.refinement_iterations = choice.iterations;
     for (const Jump& jump : choice.jumps) plan.choices.jumps.push_back(jump.step);
-    Model likelier;
-    Errors after;
+    Refined found;
     try {
       const Model begun = realise(data, arx, {}, plan, {execution.threads, {}});
-      const auto go = [&] {
-        likelier = refined_by(plan, data, begun, execution);
-        after = errors_of(computed_by(likelier, data, plan.initial_state, 0), data, plan.output_weights, &start);
-      };
-      go();
-      // A mode may need more iterations to grow out of a saddle of the likelihood than on the folds.
-      while (period == 0 && after.one_step > choice.one_step + std::log(as_expected) &&
-             plan.choices.refinement_iterations < most_iterations) {
-        plan.choices.refinement_iterations += more_iterations;
-        go();
-      }
+      found = refined_by(plan, data, begun, start, choice.one_step, execution);
     } catch (const std::runtime_error&) {
       continue;  // EM failed from this start
     }
+    const Errors& after = found.errors;
+    plan.choices.refinement_iterations = found.iterations;
     const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
     one_step = after.one_step <= choice.one_step + allowed;
     if (!longer && period > 0) continue;
     if (one_step) {
-      result.refinement.iterations = plan.choices.refinement_iterations;
-      result.model = std::move(likelier);
+      result.refinement.iterations = found.iterations;
+      result.model = std::move(found.model);
       result.plan = std::move(plan);
       return;
     }
     if (after.one_step < best.one_step && after.mean() < best.mean() - allowed) {
       best = after;
-      fallback.emplace(std::move(likelier), std::move(plan));
+      fallback.emplace(std::move(found.model), std::move(plan));
     }
   }
   if (fallback) {
@@ -290,7 +308,7 @@ Realised realised(const Ensemble& data, const Selection& selection, const Plan& 
 Model realised_as(const Ensemble& data, GtvArx arx, const Plan& plan, const Execution& execution) {
   Model model = realise(data, std::move(arx), data.free, plan, execution);
   if (plan.choices.refinement_iterations == 0) return model;
-  return refined_by(plan, data, std::move(model), execution);
+  return refined(std::move(model), data, 0, plan.choices.refinement_iterations, refine_options(plan, execution));
 }
 
 }  // namespace tokid

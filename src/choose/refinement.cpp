@@ -35,6 +35,13 @@ constexpr Stage pooled_stages[] = {{10}, {30}, {100}}, first_stages[] = {{3}, {5
 // For every λ the stages `first`, then with jumps also `jumping`. Only for the best λ the stages `last`.
 struct Schedule {
   std::span<const Stage> first, jumping, last;
+
+  std::vector<Stage> all() const {
+    std::vector<Stage> stages(first.begin(), first.end());
+    stages.insert(stages.end(), jumping.begin(), jumping.end());
+    stages.insert(stages.end(), last.begin(), last.end());
+    return stages;
+  }
 };
 Schedule schedule_of(const RefineOptions& o) {
   if (o.period.value_or(0) > 0) return {pooled_stages, {}, {}};
@@ -407,11 +414,9 @@ class Folds::RefinementSearch {
   void continue_best() {
     if (empty()) return;
     const Attempt best = *chosen();
-    const Schedule schedule = schedule_of(options(best.smoothing));
-    const auto total = [](Index sum, const Stage& stage) { return sum + stage.iterations; };
-    if (best.iterations < std::accumulate(schedule.first.begin(), schedule.first.end(), Index{0}, total)) return;
+    if (stopped_early(best.iterations, options(best.smoothing))) return;
     Attempt now = best;
-    for (const Stage& stage : schedule.last) {
+    for (const Stage& stage : schedule_of(options(best.smoothing)).last) {
       now = refined(std::move(now), stage);
       keep(now);
     }
@@ -560,19 +565,25 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
   return choice;
 }
 
-Model refined(Model model, const Ensemble& data, Index iterations, const RefineOptions& options) {
-  const Schedule schedule = schedule_of(options);
-  Index done = 0;
-  Stage farther;
-  for (const auto& stages : {schedule.first, schedule.jumping, schedule.last})
-    for (const Stage& stage : stages) {
-      if (done >= iterations) return model;
-      model = refined_in(stage, model, data, options);
-      done += stage.iterations;
-      farther = stage;
-    }
-  for (; done < iterations; done += farther.iterations) model = refined_in(farther, model, data, options);
+Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options) {
+  Index end = 0;
+  Stage last;
+  for (const Stage& stage : schedule_of(options).all()) {
+    end += stage.iterations;
+    last = stage;
+    if (end <= from) continue;
+    if (from >= to) return model;
+    model = refined_in(stage, model, data, options);
+    from = end;
+  }
+  for (; from < to; from += last.iterations) model = refined_in(last, model, data, options);
   return model;
+}
+
+bool stopped_early(Index iterations, const RefineOptions& options) {
+  Index least = 0;
+  for (const Stage& stage : schedule_of(options).first) least += stage.iterations;
+  return iterations < least;
 }
 
 }  // namespace tokid
