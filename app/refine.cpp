@@ -139,6 +139,13 @@ void add_refine(CLI::App& tool) {
                 smoothing, "a number from 0 on, infinity or auto needed");
   command.number<Index>("--period", call->period, "P", "Steps k and k+P share their matrices, 1: all steps", 1,
                         1'000'000'000);
+  command.flag(
+      "--feedthrough", [call] { call->options.feedthrough = true; },
+      "Estimate D, also if the model was identified without it");
+  command.flag(
+      "--no-feedthrough", [call] { call->options.feedthrough = false; },
+      "D is 0: outputs do not respond to the inputs of the same step");
+  command.excludes("--no-feedthrough", "--feedthrough");
   command.number<Index>("--iterations", o.iterations, "N", "At most so many iterations (default 60)", 1, 1'000'000);
   command.choice("--initial-state", o.initial_state,
                  Choices<std::optional<InitialState>>{

@@ -226,6 +226,29 @@ TEST(Feedthrough, UpdatesAndRefinementsKeepTheStatement) {
   for (const Step& step : refine_model(found.model, first, {}).refinement.model.step) EXPECT_TRUE(step.D().isZero(0.0));
 }
 
+// D also where the model was identified without it, and no D where it was identified with it.
+TEST(Feedthrough, RefinementsTakeAStatement) {
+  const Model plant = with_noise(constant_system({2, 1, 1}, 40, 0.95, 64), {.measurement_noise = 0.05});
+  const Ensemble e = experiments(plant, {.experiments = 40, .seed = 65, .measurement_noise = 0.05});
+  const auto refined = [&](const Model& model, std::optional<bool> feedthrough) {
+    const Model result = refine_model(model, e, {.feedthrough = feedthrough}).refinement.model;
+    EXPECT_EQ(has_feedthrough(result.provenance), feedthrough.value_or(has_feedthrough(model.provenance)));
+    if (feedthrough) {
+      EXPECT_EQ(feedthrough_choice(result.provenance).reason, Reason::stated);
+    }
+    return result;
+  };
+  const Model without = identify(e, {.states = 2, .feedthrough = false}).model, found = refined(without, true);
+  for (Index k = 0; k < 40; ++k) {
+    EXPECT_TRUE(without.at(k).D().isZero(0.0));
+    // 40 experiments with noise of 0.05 and inputs of size 1
+    EXPECT_NEAR(found.at(k).D()(0, 0), plant.at(k).D()(0, 0), 0.05);
+    EXPECT_GT(std::abs(plant.at(k).D()(0, 0)), 0.2);
+  }
+  for (const Step& step : refined(found, false).step) EXPECT_TRUE(step.D().isZero(0.0));
+  EXPECT_FALSE(refined(found, {}).at(0).D().isZero(0.0));
+}
+
 TEST(Feedthrough, BlocksKeepTheStatement) {
   const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "tokid_feedthrough_blocks";
   std::filesystem::create_directories(folder);

@@ -10,6 +10,7 @@ function [model, evidence] = refine(model, varargin)
 % 'tokid refine --json' prints. What can be said of data: see tokid.ensemble. Options:
 %   'smoothing'           lambda, Inf for one model, or 'auto'
 %   'period'              P: steps k, k+P, ... share one model, 1: all steps
+%   'feedthrough'         true, false (D = 0 is known) or 'auto': as the model was identified
 %   'iterations'          at most so many (default 60)
 %   'initial_state'       'auto', 'zero' or 'unknown'
 %   'threads'             0 for all of the machine
@@ -20,8 +21,8 @@ function [model, evidence] = refine(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-known = {'smoothing', 'value'; 'period', 'value'; 'iterations', 'value'; 'initial_state', 'value'; ...
-         'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
+known = {'smoothing', 'value'; 'period', 'value'; 'feedthrough', 'switch'; 'iterations', 'value'; ...
+         'initial_state', 'value'; 'threads', 'value'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [start, of_model] = tokid.internal.take_model(folder, model);
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {'initial_state'});

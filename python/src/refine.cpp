@@ -34,13 +34,14 @@ nb::any object_of(const RefinedModel& refined) {
 }
 
 nb::tuple refined(const Model& model, const Ensemble& data, std::optional<double> smoothing,
-                  std::optional<Index> period, Index iterations, double tolerance,
+                  std::optional<Index> period, std::optional<bool> feedthrough, Index iterations, double tolerance,
                   std::optional<InitialState> initial_state, bool accelerate, bool warm_up, int threads,
                   nb::object listener) {
   Call call(std::move(listener));
   RefineModelOptions options;
   options.smoothing = smoothing;
   options.refine.period = period;
+  options.feedthrough = feedthrough;
   options.refine.iterations = iterations;
   options.refine.tolerance = tolerance;
   options.refine.initial_state = initial_state;
@@ -56,8 +57,9 @@ nb::tuple refined(const Model& model, const Ensemble& data, std::optional<double
 
 void bind_refine(nb::module_& module) {
   module.def("refine", &refined, nb::arg("model"), nb::arg("data"), nb::kw_only(), nb::arg("smoothing").none(),
-             nb::arg("period").none(), nb::arg("iterations"), nb::arg("tolerance"), nb::arg("initial_state").none(),
-             nb::arg("accelerate"), nb::arg("warm_up"), nb::arg("threads"), nb::arg("listener").none());
+             nb::arg("period").none(), nb::arg("feedthrough").none(), nb::arg("iterations"), nb::arg("tolerance"),
+             nb::arg("initial_state").none(), nb::arg("accelerate"), nb::arg("warm_up"), nb::arg("threads"),
+             nb::arg("listener").none());
   module.def(
       "log_likelihoods",
       [](const Model& model, const Ensemble& data, int threads, nb::object listener) {

@@ -176,6 +176,9 @@ def test_refine(files, tool):
     assert refined.log_likelihood(data).sum() == pytest.approx(found.log_likelihood[-1], rel=1e-6)
     tool("refine", files / "model.npz", files / "noisy.npz", "-o", files / "tool.npz", "--iterations", 3,
          "--period", 1)
+    assert not any(d.any() for d in model.refine(data, iterations=1, smoothing=0.1, feedthrough=False).D)
+    with pytest.raises(ValueError, match="feedthrough: 'no' found"):
+        model.refine(data, feedthrough="no")
     model.refine(data, iterations=3, period="invariant").save(files / "python.npz")
     assert same_bytes(files / "tool.npz", files / "python.npz")
 

@@ -388,6 +388,7 @@ class Model(StateSpace):
         *,
         smoothing: Union[float, str] = "auto",
         period: Union[int, str, None] = None,
+        feedthrough: Union[bool, str, None] = None,
         iterations: int = 60,
         tolerance: float = 1e-6,
         initial_state: str = "auto",
@@ -406,6 +407,9 @@ class Model(StateSpace):
             λ of the penalty on variation over time. "auto": that of the identification, else by cross-validation.
         period : int or "invariant", optional
             P: the steps k and k + P share their matrices. By default, the period of the model.
+        feedthrough : bool, "auto" or None
+            False: D = 0 is known. True: D is estimated, also if the model was identified without it. "auto" or None: as
+            the model was identified.
         iterations : int, default 60
             Largest number of iterations.
         tolerance : float, default 1e-6
@@ -431,6 +435,7 @@ class Model(StateSpace):
                 data,
                 smoothing=_options.smoothing(smoothing),
                 period=None if period is None else _options.period(period),
+                feedthrough=_options.feedthrough(feedthrough),
                 iterations=_options.integer("iterations", iterations, 1, 1_000_000),
                 tolerance=_options.real("tolerance", tolerance, 0.0),
                 initial_state=_options.initial_state(initial_state),

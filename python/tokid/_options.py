@@ -58,6 +58,15 @@ def smoothing(value: Any) -> Optional[float]:
     return real("smoothing", value, 0.0, or_else=", 'infinity' or 'auto'")
 
 
+def feedthrough(value: Any) -> Optional[bool]:
+    """None for "auto"."""
+    if value is None or (isinstance(value, str) and value == "auto"):
+        return None
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"feedthrough: {value!r} found, True, False or 'auto' needed")
+    return bool(value)
+
+
 def period(value: Any) -> int:
     """The period P: 1 for "invariant", 0 without a period."""
     if isinstance(value, str) and value == "invariant":

@@ -73,7 +73,7 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
     return result;
   }
   RefineModelOptions part = options;
-  part.refine.feedthrough = options.refine.feedthrough && has_feedthrough(model.provenance);
+  part.refine.feedthrough = options.feedthrough.value_or(has_feedthrough(model.provenance));
   if (options.refine.jumps.empty() && model.provenance.choices && options.refine.period.value_or(model.period) == 0)
     for (const Index step : model.provenance.choices->jumps)
       if (step < data.steps()) part.refine.jumps.push_back(step);
@@ -86,7 +86,8 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
   Provenance& provenance = result.refinement.model.provenance;
   note_data(provenance, fingerprint(data));
   provenance.refinement = {result.smoothing, result.refinement.iterations};
-  if (!options.refine.feedthrough) provenance.feedthrough = FeedthroughChoice{.present = false};
+  if (options.feedthrough)
+    provenance.feedthrough = {.present = *options.feedthrough, .reason = FeedthroughChoice::Reason::stated};
   provenance.version = version;
   compare(model, data, options.refine.initial_state, result);
   result.findings = differences(model, data);

@@ -60,6 +60,14 @@ def test_refine(tokid, noisy, refined):
     assert after < before
 
 
+def test_feedthrough_is_as_stated(tokid, noisy, tmp_path):
+    start = noisy / "model.npz"
+    for option, there in (("--no-feedthrough", False), ("--feedthrough", True)):
+        tokid("refine", start, noisy / "data.npz", "-o", tmp_path / "r.npz", "--smoothing", 0.3, "--iterations", 2, option)
+        assert load(tmp_path / "r.npz")["D"].any() == there
+        start = tmp_path / "r.npz"
+
+
 def test_every_format_has_the_same_model(tokid, noisy, tmp_path):
     models = []
     for extension in (".npz", ".h5", ".mat"):
@@ -104,6 +112,7 @@ def test_missing_samples_and_the_text(tokid, noisy, refined, tmp_path):
     (["--smoothing", "much"], ["--smoothing", "much"]),
     (["--period", "0"], ["--period", "0"]),
     (["--iterations", "none"], ["--iterations", "none"]),
+    (["--feedthrough", "--no-feedthrough"], ["--feedthrough", "--no-feedthrough"]),
 ])
 def test_wrong_calls(tokid, noisy, tmp_path, arguments, words):
     result = tokid("refine", noisy / "model.npz", noisy / "data.npz", "-o", tmp_path / "r.npz", *arguments, status=2)
