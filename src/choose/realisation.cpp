@@ -121,8 +121,8 @@ struct Refined {
 };
 
 // EM with the iterations of the plan. A mode may need more iterations to grow out of a saddle of the likelihood than on
-// the folds. If the folds did not stop early, EM therefore goes on while its one-step error is larger than `expected`.
-// The result with the smallest errors is returned.
+// the folds. EM therefore goes on while its one-step error is larger than `expected`. If the folds stopped early, it
+// goes on only if the result would not be accepted. The result with the smallest errors is returned.
 Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, const Computed& like, double expected,
                    const Execution& execution) {
   const RefineOptions options = refine_options(plan, execution);
@@ -133,8 +133,9 @@ Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, c
   };
   const Index planned = plan.choices.refinement_iterations;
   Refined now = after(begun, 0, planned), best = now;
-  if (plan.choices.variation.period > 0 || stopped_early(planned, options)) return best;
-  while (now.errors.one_step > expected + std::log(as_expected) && now.iterations < most_iterations) {
+  if (plan.choices.variation.period > 0) return best;
+  const double limit = expected + std::log(stopped_early(planned, options) ? tolerated : as_expected);
+  while (now.errors.one_step > limit && now.iterations < most_iterations) {
     now = after(now.model, now.iterations, now.iterations + more_iterations);
     if (now.errors.one_step < best.errors.one_step && now.errors.mean() < best.errors.mean()) best = now;
   }
