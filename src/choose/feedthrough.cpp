@@ -10,6 +10,7 @@
 #include "base/integers.hpp"
 #include "base/nan.hpp"
 #include "base/statistics.hpp"
+#include "data/rows.hpp"
 #include "tokid/innovations.hpp"
 #include "tokid/random_walk.hpp"
 #include "tokid/smooth_arx.hpp"
@@ -84,15 +85,18 @@ class HeldOut {
 
   Residuals residuals(const Columns& columns, const Coefficients& x) const {
     Residuals result(size_t(steps_), Matrix::Constant(experiments_, Index(columns.explained.size()), nan));
-    for (size_t f = 0; f < parts_.size(); ++f)
+    for (size_t f = 0; f < parts_.size(); ++f) {
+      const Ensemble& tested = parts_[f].held_out;
+      const std::vector<Index> rows_of_all = rows_of(f);
       for (Index k = lags_; k < steps_; ++k) {
-        const Ensemble& tested = parts_[f].held_out;
         const std::vector<Index> rows = tested.complete_rows(k, lags_);
         const Matrix windows = tested.window_and_output(k, lags_)(rows, Eigen::all) * scales_.asDiagonal();
         const Matrix residual = windows(Eigen::all, columns.explained) -
                                 windows(Eigen::all, columns.regressors) * x[f][size_t(variation_.group(k))];
-        for (size_t i = 0; i < rows.size(); ++i) result[size_t(k)].row(row(rows[i], f)) = residual.row(Index(i));
+        for (size_t i = 0; i < rows.size(); ++i)
+          result[size_t(k)].row(rows_of_all[size_t(rows[i])]) = residual.row(Index(i));
       }
+    }
     return result;
   }
   Residuals residuals(const Columns& columns) const { return residuals(columns, coefficients(columns)); }
@@ -100,11 +104,7 @@ class HeldOut {
   // Calls visit(rows, x) with the rows of each fold and its coefficients at step k.
   template <class Visit>
   void each_fold(Index k, const Coefficients& x, Visit&& visit) const {
-    for (size_t f = 0; f < parts_.size(); ++f) {
-      std::vector<Index> rows;
-      for (Index n = 0; n < parts_[f].held_out.experiments(); ++n) rows.push_back(row(n, f));
-      visit(rows, x[f][size_t(variation_.group(k))]);
-    }
+    for (size_t f = 0; f < parts_.size(); ++f) visit(rows_of(f), x[f][size_t(variation_.group(k))]);
   }
 
   // The mean number of windows of a regression, in the smallest fold.
@@ -120,8 +120,8 @@ class HeldOut {
     double rows = 0.0;             // mean number of windows of a group
   };
 
-  // The row of all experiments of a held-out experiment of fold f.
-  Index row(Index n, size_t f) const { return n * Index(parts_.size()) + Index(f); }
+  // The rows of all experiments that fold f holds out.
+  std::vector<Index> rows_of(size_t f) const { return fold_rows(experiments_, Index(f), Index(parts_.size())); }
 
   Factors factors(const Ensemble& training) const {
     Factors result;

@@ -7,6 +7,7 @@
 #include "base/integers.hpp"
 #include "base/nan.hpp"
 #include "base/statistics.hpp"
+#include "data/rows.hpp"
 #include "diagnose/outliers/sketch.hpp"
 
 namespace tokid {
@@ -60,8 +61,7 @@ Sizes innovation_sizes(const Innovations& innovations, const std::vector<char>& 
               groups = std::max<Index>(1, folds);
   Sizes result{Matrix::Constant(N, m, nan), Matrix::Zero(N, m)};
   for (Index g = 0; g < groups; ++g) {
-    std::vector<Index> rows;
-    for (Index n = g; n < N; n += groups) rows.push_back(n);
+    const std::vector<Index> rows = fold_rows(N, g, groups);
     for (Index j = 0; j < m; ++j) add_sizes(innovations, j, rows, out, result);
   }
   return result;

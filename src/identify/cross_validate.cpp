@@ -12,6 +12,7 @@
 #include "base/nan.hpp"
 #include "base/random.hpp"
 #include "data/check.hpp"
+#include "data/rows.hpp"
 #include "identify/identify.hpp"
 #include "tokid/dependence.hpp"
 
@@ -33,13 +34,6 @@ std::vector<std::vector<Index>> fold_members(Index experiments, const CrossValid
   for (Index n = 0; n < experiments; ++n) members[size_t(n % options.folds)].push_back(order[size_t(n)]);
   for (std::vector<Index>& fold : members) std::sort(fold.begin(), fold.end());
   return members;
-}
-
-std::vector<Index> others(Index experiments, const std::vector<Index>& members) {
-  std::vector<Index> rest;
-  for (Index n = 0; n < experiments; ++n)
-    if (!std::binary_search(members.begin(), members.end(), n)) rest.push_back(n);
-  return rest;
 }
 
 std::vector<std::string> names_of(const Ensemble& e, const std::vector<Index>& members) {
@@ -121,8 +115,8 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
     fold_options.frame = Frame::raw;  // the outputs are the same in any frame
     fold_options.execution =
         share(identify_options.execution, double(i) / double(members.size()), double(i + 1) / double(members.size()));
-    Identification found =
-        identify_without(ensemble.subset(others(ensemble.experiments(), members[i])), fold_options, i, members.size());
+    Identification found = identify_without(ensemble.subset(other_rows(ensemble.experiments(), members[i])),
+                                            fold_options, i, members.size());
     const Model& model = found.model;
     const Ensemble kept = ensemble.subset(members[i]);
     nominal = nominal || model.y_nominal.size() > 0;

@@ -15,6 +15,7 @@
 #include "choose/realisation.hpp"
 #include "data/axes.hpp"
 #include "data/check.hpp"
+#include "data/rows.hpp"
 #include "diagnose/excitation.hpp"
 #include "diagnose/model_states.hpp"
 #include "diagnose/outliers.hpp"
@@ -306,14 +307,6 @@ void take_evidence(NominalTest nominal, Regressed regression, const RegressionSu
   result.singular_value_gap = statistics::median(singular_value_gaps(result.model));
 }
 
-// The experiments that are not held out; all of them if the end of a single record is held out.
-std::vector<Index> training_rows(Index experiments, const std::vector<Index>& held_out) {
-  std::vector<Index> rows;
-  for (Index n = 0; n < experiments; ++n)
-    if (std::find(held_out.begin(), held_out.end(), n) == held_out.end()) rows.push_back(n);
-  return rows;
-}
-
 // `weights`: of the used experiments, between 0 and 1. `measured`: the source of the names of single experiments; null:
 // no findings about single experiments.
 Identification identified(const Ensemble& used, const Vector& weights, const Measured* measured, bool validating,
@@ -337,7 +330,7 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   // A single record is split in time. Its weight is that of its first part.
   const Vector of_training = training.experiments() == used.experiments()
                                  ? weights
-                                 : Vector(weights(training_rows(used.experiments(), parts.held_out_rows)));
+                                 : Vector(weights(other_rows(used.experiments(), parts.held_out_rows)));
   NominalDecision decision = decide_nominal(training, of_training, options);
   append(findings, std::move(decision.findings));
   const bool nominal = decision.departures.has_value();

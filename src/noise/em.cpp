@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "base/statistics.hpp"
+#include "data/rows.hpp"
 #include "linalg/symmetric.hpp"
 #include "model/kalman_step.hpp"
 #include "noise/em/anderson.hpp"
@@ -475,15 +476,9 @@ Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution
 
 namespace {
 
-struct Fold {
-  Ensemble training, held_out;
-  std::vector<Index> rows;  // rows of the held-out experiments
-};
-
-Fold fold_of(const Ensemble& data, Index f, Index folds) {
-  std::vector<Index> training, held_out;
-  for (Index n = 0; n < data.experiments(); ++n) (n % folds == f ? held_out : training).push_back(n);
-  return {data.subset(training), data.subset(held_out), held_out};
+Split fold_of(const Ensemble& data, Index f, Index folds) {
+  const std::vector<Index> held_out = fold_rows(data.experiments(), f, folds);
+  return {data.subset(other_rows(data.experiments(), held_out)), data.subset(held_out), held_out};
 }
 
 // The first candidates, descending by decades. Later, candidates half a decade from the best one are added.
@@ -507,13 +502,13 @@ class CrossValidation {
       execution.progress = [&](double done) { options_.execution.progress(from + (to - from) * done); };
     parallel_for(0, folds * count, execution, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
-        const Fold& part = folds_[size_t(i / count)];
+        const Split& part = folds_[size_t(i / count)];
         RefineOptions o = options_;
         o.smoothing = smoothing[size_t(i % count)];
         if (std::isinf(o.smoothing)) o.jumps.clear();  // one model for all steps
         o.execution = {};
         const Model model = refine(starts_[size_t(i / count)], part.training, o).model;
-        found(part.rows, i % count) = log_likelihoods(model, part.held_out);
+        found(part.held_out_rows, i % count) = log_likelihoods(model, part.held_out);
       }
     });
     for (Index i = 0; i < count; ++i) trials_[smoothing[size_t(i)]] = found.col(i);
@@ -543,7 +538,7 @@ class CrossValidation {
   const std::vector<Model>& starts_;
   const RefineOptions& options_;
   Index experiments_;
-  std::vector<Fold> folds_;
+  std::vector<Split> folds_;
   double samples_ = 0.0;
   std::map<double, Vector, std::greater<>> trials_;  // λ → log-likelihood of each held-out experiment
 };

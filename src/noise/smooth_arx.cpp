@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "data/output_weights.hpp"
+#include "data/rows.hpp"
 #include "tokid/random_walk.hpp"
 
 namespace tokid {
@@ -115,9 +116,8 @@ GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
 Index fold_count(Index experiments) { return experiments <= 10 ? experiments : 5; }
 
 Split fold(const Ensemble& ensemble, Index f, Index folds, bool centred) {
-  std::vector<Index> training, held_out;
-  for (Index n = 0; n < ensemble.experiments(); ++n) (n % folds == f ? held_out : training).push_back(n);
-  Split parts{ensemble.subset(training), ensemble.subset(held_out)};
+  const std::vector<Index> held_out = fold_rows(ensemble.experiments(), f, folds);
+  Split parts{ensemble.subset(other_rows(ensemble.experiments(), held_out)), ensemble.subset(held_out)};
   if (centred) {
     const Nominal nominal = nominal_trajectory(parts.training);
     parts.training = departures(std::move(parts.training), nominal);

@@ -1,0 +1,27 @@
+// Rows of experiments: those of a fold, and all others.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "tokid/types.hpp"
+
+namespace tokid {
+
+// The experiments of fold f of F: f, f + F, f + 2F …
+inline std::vector<Index> fold_rows(Index experiments, Index f, Index folds) {
+  std::vector<Index> rows;
+  for (Index n = f; n < experiments; n += folds) rows.push_back(n);
+  return rows;
+}
+
+// The experiments that are not in `rows`, which ascend.
+inline std::vector<Index> other_rows(Index experiments, const std::vector<Index>& rows) {
+  std::vector<Index> others;
+  for (Index n = 0; n < experiments; ++n)
+    if (!std::binary_search(rows.begin(), rows.end(), n)) others.push_back(n);
+  return others;
+}
+
+}  // namespace tokid
