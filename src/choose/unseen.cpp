@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/nan.hpp"
+#include "data/rows.hpp"
 #include "tokid/parallel.hpp"
 #include "tokid/smooth_arx.hpp"
 
@@ -13,32 +14,18 @@ namespace tokid {
 
 namespace {
 
-struct Part {
-  std::vector<Index> training, tested;  // rows
-};
-
-Part part_of(Index f, Index folds, const std::vector<char>& out) {
-  Part part;
-  for (Index n = 0; n < Index(out.size()); ++n)
-    if (n % folds == f)
-      part.tested.push_back(n);
-    else if (!out[size_t(n)])
-      part.training.push_back(n);
-  return part;
-}
-
-struct Departing {
-  Ensemble training, tested;
-};
-
-Departing departing(const Ensemble& measured, const Part& part, const Plan& plan) {
-  Departing result{measured.subset(part.training), measured.subset(part.tested)};
-  if (!plan.nominal) return result;
-  Nominal nominal = nominal_trajectory(result.training);
+// Fold f as departures. Experiments with 1 in `out` may be held out, but do not train.
+Split fold_without(const std::vector<char>& out, const Ensemble& measured, Index f, Index folds, const Plan& plan) {
+  const std::vector<Index> held_out = fold_rows(measured.experiments(), f, folds);
+  std::vector<Index> training = other_rows(measured.experiments(), held_out);
+  std::erase_if(training, [&](Index n) { return out[size_t(n)] != 0; });
+  Split parts{measured.subset(training), measured.subset(held_out), held_out};
+  if (!plan.nominal) return parts;
+  Nominal nominal = nominal_trajectory(parts.training);
   if (plan.nominal_period > 0) share_phases(nominal, plan.nominal_period);
-  result.training = departures(std::move(result.training), nominal);
-  result.tested = departures(std::move(result.tested), nominal);
-  return result;
+  parts.training = departures(std::move(parts.training), nominal);
+  parts.held_out = departures(std::move(parts.held_out), nominal);
+  return parts;
 }
 
 // RMS of each output of each experiment over the steps that are known; NaN if there are none.
@@ -52,17 +39,14 @@ Matrix root_mean_squares(const Ensemble& e) {
   return (square.array() / count.array()).sqrt();
 }
 
-void add(const Ensemble& measured, const Part& part, const Plan& plan, Unseen& result) {
-  const Departing data = departing(measured, part, plan);
+void add(const Split& data, const Plan& plan, Unseen& result) {
   Model model = realise(data.training, regressions(data.training, plan), data.training.free, plan);
   if (model.steps() == 0) throw std::invalid_argument("experiments: too few found for a model without some of them");
-  const Prediction predicted = predict(model, data.tested, {1, plan.initial_state});
-  const Matrix response = root_mean_squares(simulate_data(model, data.tested, plan.initial_state));
-  for (size_t i = 0; i < part.tested.size(); ++i) {
-    result.response.row(part.tested[i]) = response.row(Index(i));
-    for (size_t k = 0; k < result.innovations.size(); ++k)
-      result.innovations[k].row(part.tested[i]) = predicted.innovations[k].row(Index(i));
-  }
+  const Prediction predicted = predict(model, data.held_out, {1, plan.initial_state});
+  const Matrix response = root_mean_squares(simulate_data(model, data.held_out, plan.initial_state));
+  result.response(data.held_out_rows, Eigen::all) = response;
+  for (size_t k = 0; k < result.innovations.size(); ++k)
+    result.innovations[k](data.held_out_rows, Eigen::all) = predicted.innovations[k];
 }
 
 }  // namespace
@@ -74,8 +58,7 @@ std::optional<Unseen> unseen(const Ensemble& measured, const Plan& plan, const s
   try {
     // Each fold writes rows of its own.
     parallel_for(0, folds, {execution.threads, {}}, [&](Index begin, Index end) {
-      for (Index f = begin; f < end; ++f)
-        if (const Part part = part_of(f, folds, out); !part.tested.empty()) add(measured, part, plan, result);
+      for (Index f = begin; f < end; ++f) add(fold_without(out, measured, f, folds, plan), plan, result);
     });
   } catch (const std::invalid_argument&) {
     return std::nullopt;
