@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <numeric>
 
 #include "base/integers.hpp"
 #include "base/nan.hpp"
@@ -36,21 +35,14 @@ using Residuals = std::vector<Matrix>;
 // Selects columns of the windows [v_{k-p} … v_k]: regressors, and then the samples that they explain.
 struct Columns {
   std::vector<Index> regressors, explained;
-
-  std::vector<Index> all() const {
-    std::vector<Index> result = regressors;
-    result.insert(result.end(), explained.begin(), explained.end());
-    return result;
-  }
 };
 
-Matrix without_gaps(const Matrix& samples) { return samples.array().isNaN().select(0.0, samples); }
-
-std::vector<Index> range(Index begin, Index end) {
-  std::vector<Index> result(size_t(end - begin));
-  std::iota(result.begin(), result.end(), begin);
-  return result;
+std::vector<Index> operator+(std::vector<Index> a, const std::vector<Index>& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
 }
+
+Matrix without_gaps(const Matrix& samples) { return samples.array().isNaN().select(0.0, samples); }
 
 // Regressions of training experiments, applied to held-out experiments. Residuals of the training data would be too
 // small and not independent.
@@ -74,9 +66,10 @@ class HeldOut {
   Coefficients coefficients(const Columns& columns) const {
     Coefficients result;
     const Index count = Index(columns.regressors.size());
+    const std::vector<Index> all = columns.regressors + columns.explained;
     for (const Factors& factors : factors_) {
       std::vector<Matrix> rows;
-      for (const Matrix& factor : factors.of_group) rows.emplace_back(factor(Eigen::all, columns.all()));
+      for (const Matrix& factor : factors.of_group) rows.emplace_back(factor(Eigen::all, all));
       const double stiffness = std::sqrt(variation_.smoothing * factors.rows);
       result.push_back(random_walk_regression(rows, count, Vector::Constant(count, stiffness)));
     }
@@ -265,11 +258,6 @@ struct WindowColumns {
     return result;
   }
 };
-
-std::vector<Index> operator+(std::vector<Index> a, const std::vector<Index>& b) {
-  a.insert(a.end(), b.begin(), b.end());
-  return a;
-}
 
 // The part of the outputs that earlier innovations explain, from the regression of the outputs on past and inputs. It
 // depends on innovations alone. The oldest ones count less, because it would diverge if the plant is unstable.

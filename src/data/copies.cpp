@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
+#include "base/integers.hpp"
 #include "base/random.hpp"
 #include "data/scales.hpp"
 #include "data/subjects.hpp"
@@ -172,8 +172,7 @@ Index samples_of(const Ensemble& e, Index n) {
 Copies find_copies(const Ensemble& e) {
   const Index N = e.experiments();
   Copies result;
-  std::vector<Index> parent(static_cast<size_t>(N));
-  std::iota(parent.begin(), parent.end(), Index{0});
+  std::vector<Index> parent = range(0, N);
   if (N > 1 && e.steps() > 0) {
     const Search search(e);
     search.for_each_pair([&](Index a, Index b) {

@@ -8,9 +8,9 @@
 #include <cstdint>
 #include <limits>
 #include <map>
-#include <numeric>
 #include <stdexcept>
 
+#include "base/integers.hpp"
 #include "base/large_pages.hpp"
 #include "base/statistics.hpp"
 #include "base/words.hpp"
@@ -124,12 +124,6 @@ std::optional<std::vector<Index>> places_of(const std::vector<std::string>& want
   return places;
 }
 
-std::vector<Index> all_places(Index count) {
-  std::vector<Index> places(static_cast<size_t>(count));
-  std::iota(places.begin(), places.end(), Index{0});
-  return places;
-}
-
 }  // namespace
 
 Ensemble Ensemble::select(const std::vector<Index>& inputs, const std::vector<Index>& outputs) const {
@@ -161,7 +155,7 @@ std::optional<Ensemble> in_order(const Ensemble& e, const Channels& wanted) {
   const auto inputs = places_of(wanted.input_names, found.input_names);
   const auto outputs =
       e.outputs() > 0 ? places_of(wanted.output_names, found.output_names) : std::optional(std::vector<Index>());
-  if (!inputs || !outputs || (*inputs == all_places(e.inputs()) && *outputs == all_places(e.outputs())))
+  if (!inputs || !outputs || (*inputs == range(0, e.inputs()) && *outputs == range(0, e.outputs())))
     return std::nullopt;
   return e.select(*inputs, *outputs);
 }

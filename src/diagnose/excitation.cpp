@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <tuple>
 #include <utility>
 
+#include "base/integers.hpp"
 #include "base/nan.hpp"
 #include "data/subjects.hpp"
 #include "diagnose/combination.hpp"
@@ -542,12 +542,10 @@ StuckOutputs stuck_outputs(const Ensemble& e, Index origin) {
     const std::vector<Standstill> stuck = standstills(e, e.inputs() + j);
     for (const Standstill& s : stuck) result.experiments.push_back(s.experiment);
     for (size_t i = 0; i < std::min(most_cases, stuck.size()); ++i) {
-      std::vector<Index> steps(size_t(stuck[i].end - stuck[i].begin), 0);
-      std::iota(steps.begin(), steps.end(), origin + stuck[i].begin);
       result.findings.push_back({.kind = Finding::Kind::output_stuck,
                                  .channels = {output_channel(e.names, j)},
                                  .experiments = {experiment(e, stuck[i].experiment)},
-                                 .steps = std::move(steps),
+                                 .steps = range(origin + stuck[i].begin, origin + stuck[i].end),
                                  .numbers = {{"value", stuck[i].value}}});
     }
     if (stuck.size() > most_cases)

@@ -5,10 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <stdexcept>
 #include <utility>
 
+#include "base/integers.hpp"
 #include "base/nan.hpp"
 #include "base/random.hpp"
 #include "data/check.hpp"
@@ -27,9 +27,8 @@ std::vector<std::vector<Index>> fold_members(Index experiments, const CrossValid
   if (options.folds < 2 || options.folds > experiments)
     throw std::invalid_argument(
         fmt::format("folds: {} found, 2 to {} (one for each experiment) needed", options.folds, experiments));
-  std::vector<Index> order(size_t(experiments), 0);
-  std::iota(order.begin(), order.end(), Index{0});
-  if (options.seed) order = RandomNumbers(*options.seed).permutation(experiments);
+  const std::vector<Index> order =
+      options.seed ? RandomNumbers(*options.seed).permutation(experiments) : range(0, experiments);
   std::vector<std::vector<Index>> members(size_t(options.folds));
   for (Index n = 0; n < experiments; ++n) members[size_t(n % options.folds)].push_back(order[size_t(n)]);
   for (std::vector<Index>& fold : members) std::sort(fold.begin(), fold.end());

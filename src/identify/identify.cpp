@@ -7,9 +7,9 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
-#include <numeric>
 #include <stdexcept>
 
+#include "base/integers.hpp"
 #include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "choose/realisation.hpp"
@@ -468,12 +468,10 @@ Provenance origin_of(const IdentifyOptions& options, bool chosen, const Identifi
 Identification identify_part(const Ensemble& ensemble, const IdentifyOptions& options, bool validated) {
   if (options.outliers == OutlierChoice::keep)
     return identified(ensemble, Vector::Ones(ensemble.experiments()), nullptr, validated, options);
-  std::vector<Index> rows(size_t(ensemble.experiments()), 0);
-  std::iota(rows.begin(), rows.end(), Index{0});
   IdentifyOptions half = options;
   half.execution = share(options.execution, 0.0, 0.5);
-  const Corrections corrections =
-      identified_with_outliers(ensemble, {ensemble, rows}, half).model.provenance.corrections;
+  const Corrections corrections = identified_with_outliers(ensemble, {ensemble, range(0, ensemble.experiments())}, half)
+                                      .model.provenance.corrections;
   const Corrected remaining = corrected(ensemble, corrections);
   half.execution = share(options.execution, 0.5, 1.0);
   Identification result = identified(remaining.data, remaining.weights, nullptr, validated, half);

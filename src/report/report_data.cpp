@@ -8,11 +8,11 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <numeric>
 #include <set>
 #include <stdexcept>
 
 #include "base/finding_json.hpp"
+#include "base/integers.hpp"
 #include "base/nan.hpp"
 #include "base/words.hpp"
 
@@ -115,8 +115,7 @@ Shown shown_experiments(const Evidence& found, Index most) {
   const auto& error = found.experiment_error;
   const Index total = Index(error.size());
   most = std::clamp<Index>(most, 1, std::max<Index>(1, total));
-  std::vector<Index> order(size_t(total), 0);
-  std::iota(order.begin(), order.end(), Index{0});
+  std::vector<Index> order = range(0, total);
   std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
     const double x = error[size_t(a)], y = error[size_t(b)];
     return std::isnan(y) ? !std::isnan(x) : x < y;  // experiments without an error come last
