@@ -150,7 +150,7 @@ class Folds::RefinementSearch {
       attempt(*smoothing_given);
     else
       choose_smoothing();
-    if (!smoothing_given && !empty() && least_error()->error > choice_.error) approach_start();
+    if (!smoothing_given && !empty() && least_error()->error() > choice_.error) approach_start();
     if (look_for_jumps && !empty() && !folds_.pooled()) find_jumps();
     continue_best();
   }
@@ -159,7 +159,7 @@ class Folds::RefinementSearch {
   // Of the best λ.
   const Likelihood& likelihood() const { return chosen()->likelihood; }
   double smoothing() const { return chosen()->smoothing; }
-  double error() const { return chosen()->error; }
+  double error() const { return chosen()->error(); }
   const std::vector<Jump>& jumps() const { return jumps_; }
   const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
 
@@ -174,12 +174,12 @@ class Folds::RefinementSearch {
     const double limit = choice_.error - std::log(worth_it);
     const std::vector<Model>* used = &without_em_;
     for (const Attempt* attempt : {chosen(), least_error()}) {
-      if (attempt->error > limit) continue;
+      if (attempt->error() > limit) continue;
       choice_.smoothing = attempt->smoothing;
       choice_.iterations = attempt->iterations;
       choice_.jumps = jumps_;
-      choice_.one_step = errors(attempt->models).one_step;
-      choice_.error = attempt->error;
+      choice_.one_step = attempt->errors.one_step;
+      choice_.error = attempt->error();
       used = &attempt->models;
       break;
     }
@@ -192,13 +192,15 @@ class Folds::RefinementSearch {
   struct Attempt {
     double smoothing = 0.0;
     Index iterations = 0;
-    double error = 0.0;
+    Errors errors;
     Likelihood likelihood;
     std::vector<Model> models;
+
+    double error() const { return errors.mean(); }
   };
 
   const Attempt* least_error() const {
-    const auto smaller = [](const Attempt& a, const Attempt& b) { return a.error < b.error; };
+    const auto smaller = [](const Attempt& a, const Attempt& b) { return a.error() < b.error(); };
     return &*std::min_element(attempts_.begin(), attempts_.end(), smaller);
   }
 
@@ -215,7 +217,7 @@ class Folds::RefinementSearch {
     if (folds_.pooled()) return least_error();
     const Attempt *const most = likeliest(), *best = most;
     for (const Attempt& a : attempts_)
-      if (a.error < best->error && most->likelihood.advantage(a.likelihood) < significant) best = &a;
+      if (a.error() < best->error() && most->likelihood.advantage(a.likelihood) < significant) best = &a;
     return best;
   }
 
@@ -280,9 +282,9 @@ class Folds::RefinementSearch {
     const auto weaker = [](const Attempt& a, const Attempt& b) { return a.smoothing < b.smoothing; };
     double smoothing = std::min_element(attempts_.begin(), attempts_.end(), weaker)->smoothing;
     for (Index moves = 0; moves < most_moves; ++moves) {
-      const double least = least_error()->error;
+      const double least = least_error()->error();
       attempt(smoothing *= std::sqrt(0.1));
-      if (!(least_error()->error < least)) return;
+      if (!(least_error()->error() < least)) return;
     }
   }
 
@@ -438,7 +440,7 @@ class Folds::RefinementSearch {
     };
     auto plain = plain_.find(smoothing);
     if (plain == plain_.end()) {
-      Attempt now{smoothing, 0, 0.0, {}, starts_};
+      Attempt now{smoothing, 0, {}, {}, starts_};
       for (const Stage& stage : schedule.first) {
         now = refined(std::move(now), stage);
         if (jumps_.empty()) compare(now);
@@ -463,9 +465,9 @@ class Folds::RefinementSearch {
     });
     const bool all = std::all_of(found.begin(), found.end(), [](const Vector& fold) { return fold.size() > 0; });
     start.likelihood = all ? Likelihood(found) : Likelihood();
-    start.error = errors(start.models).mean();
+    start.errors = errors(start.models);
     start.iterations += stage.iterations;
-    choice_.trials.push_back({choice_.states, start.smoothing, start.iterations, start.error, start.likelihood.mean(),
+    choice_.trials.push_back({choice_.states, start.smoothing, start.iterations, start.error(), start.likelihood.mean(),
                               stage.jumps ? options(start.smoothing).jumps : std::vector<Index>{}});
     return start;
   }
