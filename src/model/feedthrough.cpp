@@ -2,36 +2,40 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include "base/enum_table.hpp"
 #include "tokid/options.hpp"
 
 namespace tokid {
 
-const char* to_string(FeedthroughChoice::Reason reason) {
-  static constexpr const char* names[] = {"stated", "exact", "no_response", "response", "feedback", "untested", "unknown"};
-  return names[size_t(reason)];
-}
+namespace {
+
+using FeedthroughReason = FeedthroughChoice::Reason;
+
+struct FeedthroughEntry {
+  FeedthroughReason reason;
+  const char *name, *words;
+};
+
+constexpr FeedthroughEntry feedthrough_reasons[] = {
+    {FeedthroughReason::stated, "stated", "as asked"},
+    {FeedthroughReason::exact, "exact", "exact in data without noise"},
+    {FeedthroughReason::no_response, "no_response", "no response of the outputs to the inputs of the same step found"},
+    {FeedthroughReason::response, "response", "the outputs respond to the inputs of the same step"},
+    {FeedthroughReason::feedback, "feedback",
+     "the outputs and inputs of a step are correlated, by feedthrough or by feedback within the step"},
+    {FeedthroughReason::untested, "untested", "the samples do not tell whether it is zero"},
+    {FeedthroughReason::unknown, "unknown", "nothing is known of the choice"},
+};
+
+static_assert(lists_each_in_order(feedthrough_reasons, &FeedthroughEntry::reason));
+
+}  // namespace
+
+const char* to_string(FeedthroughChoice::Reason reason) { return feedthrough_reasons[size_t(reason)].name; }
 
 std::string in_words(const FeedthroughChoice& choice) {
-  using Reason = FeedthroughChoice::Reason;
-  const auto because = [&]() -> std::string {
-    switch (choice.reason) {
-      case Reason::stated:
-        return "as asked";
-      case Reason::exact:
-        return "exact in data without noise";
-      case Reason::no_response:
-        return "no response of the outputs to the inputs of the same step found";
-      case Reason::response:
-        return "the outputs respond to the inputs of the same step";
-      case Reason::feedback:
-        return "the outputs and inputs of a step are correlated, by feedthrough or by feedback within the step";
-      case Reason::unknown:
-        return "nothing is known of the choice";
-      default:
-        return "the samples do not tell whether it is zero";
-    }
-  };
-  return fmt::format("{}, {}", choice.present ? "D is estimated" : "D = 0", because());
+  return fmt::format("{}, {}", choice.present ? "D is estimated" : "D = 0",
+                     feedthrough_reasons[size_t(choice.reason)].words);
 }
 
 }  // namespace tokid
