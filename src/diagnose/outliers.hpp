@@ -21,8 +21,10 @@ struct OutlierOptions {
   const Model* model = nullptr;  // model of all experiments; can clear outliers that only regressions with one lag find
 };
 
-// Returns outliers, the largest first. Returns none for fewer than five experiments, or fewer than three if one model
-// serves all steps, because they do not show which experiment is wrong.
+// Least number of experiments that show which one is wrong: five, or three if one model serves all steps.
+Index fewest_experiments(const OutlierOptions& options);
+
+// Returns outliers, the largest first. Returns none for fewer than fewest_experiments().
 std::vector<Outlier> outliers(const Ensemble& ensemble, const OutlierOptions& options);
 
 // Finds one wrong experiment in data without noise. At some lag order, a regression fits all other experiments exactly,

@@ -22,8 +22,6 @@ namespace {
 constexpr int most_searches = 5;
 // Fewest experiments of a fold that are compared with each other.
 constexpr Index fewest_in_fold = 5;
-// Fewer experiments do not show which one is wrong.
-constexpr Index fewest_experiments = 5, fewest_of_one_model = 3;
 // An experiment with a larger ratio than this, among those of its fold, is examined by further models.
 constexpr double conspicuous = 2.0;
 // An experiment with a smaller weight is dropped.
@@ -119,7 +117,7 @@ void clear(const Ensemble& used, const Plan& plan, const Execution& execution, M
   const std::vector<Index> rows = found.rows();
   if (rows.size() < 2) return;
   Innovations innovations = found.unseen.innovations;
-  for (const size_t half : {0, 1}) {
+  for (const size_t half : {0u, 1u}) {
     std::vector<Index> left_out;
     for (size_t i = half; i < rows.size(); i += 2) left_out.push_back(rows[i]);
     const std::optional<Unseen> now = unseen(used, plan, members(N, left_out), execution);
@@ -181,7 +179,7 @@ Examined examined(const Ensemble& used, const Model& model, const Plan& plan, co
                                .model = &model};
   if (!plan.noisy) return {outliers_without_noise(used, options)};
   Examined result{outliers(used, options)};
-  if (used.experiments() < (options.period == 1 ? fewest_of_one_model : fewest_experiments)) return result;
+  if (used.experiments() < fewest_experiments(options)) return result;
   std::vector<Index> suspected = suspects(used, plan, quiet);
   for (const Outlier& o : result.outliers)
     if (std::find(suspected.begin(), suspected.end(), o.experiment) == suspected.end())

@@ -12,8 +12,7 @@ namespace tokid {
 // An outlier has residuals of at least this multiple of the median over the experiments.
 inline constexpr double of_consequence = 3.0;
 
-// Least number of experiments that show which one is wrong, and most steps that share a regression.
-Index fewest_experiments(const OutlierOptions& options);
+// Most steps that share a regression.
 Index most_together(const OutlierOptions& options);
 // Least number of places, most regressors, and rows for each regressor.
 inline constexpr Index fewest_places = 4, most_regressors = 40;
