@@ -222,12 +222,18 @@ bool treat_experiments(const Ensemble& measured, const std::vector<Outlier>& fou
   return any;
 }
 
-// The predictions of these experiments by a model, without their outlying samples (rows × T·m).
-Ensemble predicted_without(const Ensemble& measured, const Model& model, const std::vector<OutlyingSamples>& found,
-                           const Treatment& treatment, std::vector<Index>& rows) {
+// Rows of the experiments with outlying samples, ascending.
+std::vector<Index> rows_of(const std::vector<OutlyingSamples>& found) {
+  std::vector<Index> rows;
   for (const OutlyingSamples& o : found) rows.push_back(o.experiment);
   std::sort(rows.begin(), rows.end());
   rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  return rows;
+}
+
+// The predictions of the experiments in these rows by a model, without the outlying samples (rows × T·m).
+Ensemble predicted_without(const Ensemble& measured, const Model& model, const std::vector<OutlyingSamples>& found,
+                           const Treatment& treatment, const std::vector<Index>& rows) {
   Corrections samples;
   samples.samples = treatment.corrections.samples;
   for (const OutlyingSamples& o : found)
@@ -243,7 +249,7 @@ bool treat_samples(const Ensemble& measured, const Found& all, OutlierChoice cho
   std::vector<OutlyingSamples> found = all.samples;
   std::erase_if(found, [](const OutlyingSamples& o) { return o.weight < 1; });
   if (found.empty()) return false;
-  std::vector<Index> rows;
+  const std::vector<Index> rows = rows_of(found);
   std::optional<Ensemble> predicted;
   if (choice == OutlierChoice::downweight) predicted = predicted_without(measured, all.model, found, treatment, rows);
   for (OutlyingSamples& o : found) {
