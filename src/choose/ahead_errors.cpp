@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "base/nan.hpp"
 
 namespace tokid {
 
@@ -50,7 +51,7 @@ double AheadErrors::ratio() const {
   Index count = 0;
   for (Index j = 0; j < square.size(); ++j)
     if (square(j) > 0 && expected(j) > 0) sum += std::log(square(j) / expected(j)) / 2, ++count;
-  return count > 0 ? std::exp(sum / double(count)) : std::numeric_limits<double>::quiet_NaN();
+  return count > 0 ? std::exp(sum / double(count)) : nan;
 }
 
 double AheadErrors::model_share() const {
@@ -58,7 +59,7 @@ double AheadErrors::model_share() const {
   Index count = 0;
   for (Index j = 0; j < square.size(); ++j)
     if (square(j) > 0) sum += std::min(spread(j) / square(j), 1.0), ++count;
-  return count > 0 ? sum / double(count) : std::numeric_limits<double>::quiet_NaN();
+  return count > 0 ? sum / double(count) : nan;
 }
 
 AheadErrors ahead_errors(const Model& model, const Ensemble& predicted, const std::vector<Ensemble>& by_others,

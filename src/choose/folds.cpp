@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "base/nan.hpp"
 #include "data/output_weights.hpp"
 #include "tokid/plan.hpp"
 #include "tokid/validate.hpp"
@@ -61,8 +61,7 @@ Computed computed_by(Model model, const Ensemble& data, InitialState initial, In
   Computed result{predict(model, data, {1, initial}).y, predict(model, data, {horizon, initial}).y,
                   simulate_data(model, data, initial)};
   for (Ensemble* outputs : {&result.one_step, &result.ahead, &result.simulation})
-    for (Index k = 0; k < std::min(first, data.steps()); ++k)
-      outputs->output(k).setConstant(std::numeric_limits<double>::quiet_NaN());
+    for (Index k = 0; k < std::min(first, data.steps()); ++k) outputs->output(k).setConstant(nan);
   return result;
 }
 

@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
 
+#include "base/nan.hpp"
 #include "choose/first_steps.hpp"
 #include "choose/folds.hpp"
 #include "data/channel_sizes.hpp"
@@ -202,7 +202,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   result.plan.choices.refinement_smoothing = choice.smoothing;
   result.refinement.iterations = 0;
   result.refinement.jumps.clear();
-  result.refinement.ahead_ratio = result.refinement.ahead_model_share = std::numeric_limits<double>::quiet_NaN();
+  result.refinement.ahead_ratio = result.refinement.ahead_model_share = nan;
   result.refinement.states = result.order_scores.best;
   result.refinement.error = choice.trials.front().error;
 }

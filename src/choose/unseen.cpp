@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "choose/unseen.hpp"
 
-#include <cmath>
 #include <stdexcept>
 #include <utility>
 

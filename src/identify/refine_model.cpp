@@ -2,9 +2,9 @@
 #include "tokid/refine_model.hpp"
 
 #include <fmt/format.h>
-#include <cmath>
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/nan.hpp"
 #include "tokid/dependence.hpp"
