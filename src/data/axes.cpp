@@ -58,7 +58,10 @@ Lines lines_of(Index lines, Index positions, const std::vector<Index>& channels,
     const Vector norm = x.colwise().norm();
     const double rounding = 1e-9 * norm.maxCoeff();
     for (Index l = 0; l < used_lines; ++l)
-      norm(l) > rounding ? static_cast<void>(x.col(l) /= norm(l)) : static_cast<void>(x.col(l).setZero());
+      if (norm(l) > rounding)
+        x.col(l) /= norm(l);
+      else
+        x.col(l).setZero();
     result.push_back(std::move(x));
   }
   return result;
