@@ -1,4 +1,4 @@
-// Rows of experiments: those of a fold, and all others.
+// Rows of experiments: those of a fold, all others, and their marks.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -22,6 +22,13 @@ inline std::vector<Index> other_rows(Index experiments, const std::vector<Index>
   for (Index n = 0; n < experiments; ++n)
     if (!std::binary_search(rows.begin(), rows.end(), n)) others.push_back(n);
   return others;
+}
+
+// (N) 1 for the experiments in `rows`, 0 for the others.
+inline std::vector<char> marks_of(Index experiments, const std::vector<Index>& rows) {
+  std::vector<char> marks(size_t(experiments), 0);
+  for (const Index n : rows) marks[size_t(n)] = 1;
+  return marks;
 }
 
 }  // namespace tokid

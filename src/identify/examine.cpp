@@ -9,6 +9,7 @@
 
 #include "base/nan.hpp"
 #include "choose/unseen.hpp"
+#include "data/rows.hpp"
 #include "data/subjects.hpp"
 #include "diagnose/misfits.hpp"
 #include "diagnose/outliers.hpp"
@@ -33,12 +34,6 @@ constexpr double huber = 1.345, median_of_normal = 0.674489750196;
 // then shows that the experiments are wrong.
 Index most_found(Index experiments) { return std::max<Index>(1, experiments / 8); }
 Index most_treated(Index experiments) { return experiments / 4; }
-
-std::vector<char> members(Index experiments, const std::vector<Index>& rows) {
-  std::vector<char> result(size_t(experiments), 0);
-  for (const Index n : rows) result[size_t(n)] = 1;
-  return result;
-}
 
 // (N) The largest entry of each row; NaN entries do not count.
 Vector largest_of_rows(const Matrix& a) {
@@ -84,7 +79,7 @@ std::vector<Index> suspects(const Ensemble& used, const Plan& plan, const Execut
 // Examines all experiments by models without the suspected ones.
 std::optional<Misfits> misfits_without(const Ensemble& used, const Plan& plan, const std::vector<Index>& suspected,
                                        const Execution& execution) {
-  const std::vector<char> out = members(used.experiments(), suspected);
+  const std::vector<char> out = marks_of(used.experiments(), suspected);
   std::optional<Unseen> found = unseen(used, plan, out, execution);
   if (!found) return std::nullopt;
   const Sizes sizes = innovation_sizes(found->innovations, out);
@@ -103,7 +98,7 @@ std::optional<Misfits> misfits_of(const Ensemble& used, const Plan& plan, std::v
     result = std::move(now);
     std::vector<Index> found =
         largest_of(result->rows(), largest_of_rows(result->ratio), std::max<Index>(1, most_treated(N)));
-    if (found.empty() || members(N, found) == members(N, suspected)) break;
+    if (found.empty() || marks_of(N, found) == marks_of(N, suspected)) break;
     suspected = std::move(found);
   }
   return result;
@@ -120,12 +115,12 @@ void clear(const Ensemble& used, const Plan& plan, const Execution& execution, M
   for (const size_t half : {0u, 1u}) {
     std::vector<Index> left_out;
     for (size_t i = half; i < rows.size(); i += 2) left_out.push_back(rows[i]);
-    const std::optional<Unseen> now = unseen(used, plan, members(N, left_out), execution);
+    const std::optional<Unseen> now = unseen(used, plan, marks_of(N, left_out), execution);
     if (!now) return;
     for (size_t k = 0; k < innovations.size(); ++k)
       for (const Index n : left_out) innovations[k].row(n) = now->innovations[k].row(n);
   }
-  const std::vector<char> out = members(N, rows);
+  const std::vector<char> out = marks_of(N, rows);
   const Matrix again = misfit(innovation_sizes(innovations, out), found.unseen.response, out);
   for (const Index n : rows)
     if (largest_of_rows(again.row(n))(0) <= 1) found.misfit.row(n).setZero();

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "base/statistics.hpp"
+#include "data/rows.hpp"
 #include "diagnose/outliers/explanation.hpp"
 #include "diagnose/outliers/sketch.hpp"
 
@@ -41,12 +42,6 @@ std::vector<Sketch::Layout> layouts(const Ensemble& e, const OutlierOptions& o) 
   return result;
 }
 
-std::vector<char> members(Index experiments, const std::vector<Index>& list) {
-  std::vector<char> result(size_t(experiments), 0);
-  for (const Index n : list) result[size_t(n)] = 1;
-  return result;
-}
-
 std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   const Index count = e.experiments();
   // The model is fitted to the experiments with the smallest residuals. Large outliers in the fit could hide themselves
@@ -61,7 +56,7 @@ std::vector<Outlier> outliers_of(const Ensemble& e, Sketch& sketch) {
   sort();
   std::vector<Index> out(order.begin(), order.begin() + std::min<Index>(Index(order.size()), (count + 9) / 10)), found;
   for (int round = 0; round < 4; ++round) {
-    sketch.evaluate(members(count, out));
+    sketch.evaluate(marks_of(count, out));
     sort();
     found.clear();
     for (const Index n : order)
@@ -119,7 +114,7 @@ void explain(std::vector<Outlier>& outliers, const Ensemble& e, const OutlierOpt
   for (const Sketch::Layout& layout : layouts(e, o)) {
     Sketch sketch(e, o, layout);
     if (!sketch.usable()) continue;
-    sketch.evaluate(members(e.experiments(), wrong));
+    sketch.evaluate(marks_of(e.experiments(), wrong));
     for (size_t i = 0; i < std::min(outliers.size(), most_explained); ++i)
       if (!outliers[i].explanation && sketch.is_evaluated(outliers[i].experiment))
         outliers[i].explanation = explanation(e, sketch, outliers[i].experiment);
@@ -130,7 +125,7 @@ std::vector<Outlier> outliers(const Ensemble& e, const OutlierOptions& o) {
   if (e.experiments() < fewest_experiments(o)) return {};
   const auto evaluated = [&](const Sketch::Layout& layout) {
     auto sketch = std::make_unique<Sketch>(e, o, layout);
-    if (sketch->usable()) sketch->evaluate(members(e.experiments(), {}));
+    if (sketch->usable()) sketch->evaluate(marks_of(e.experiments(), {}));
     return sketch->usable() ? std::move(sketch) : nullptr;
   };
   std::unique_ptr<Sketch> best, first;
