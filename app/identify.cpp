@@ -121,8 +121,8 @@ Json json(const RefinementChoice& choice) {
   Json j{{"states", choice.states},
          {"smoothing", choice.smoothing},
          {"iterations", choice.iterations},
-         {"ahead_ratio", choice.ahead_ratio},
-         {"ahead_model_share", choice.ahead_model_share},
+         {"ahead_ratio", choice.ahead.ratio},
+         {"ahead_model_share", choice.ahead.model_share},
          {"jumps", Json::array()},
          {"trials", Json::array()}};
   for (const Jump& jump : choice.jumps)

@@ -35,6 +35,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   page.row("Data", call.data.string());
   page.row("", describe(data));
   page.row("Initial state", to_string(result.model.initial_state));
+  page.row("Feedthrough", in_words(feedthrough_choice(result.model.provenance)));
   page.row("Smoothing", fmt::format("{}, {}", penalty(outcome.smoothing), outcome.reason));
   add_choice_table(outcome.choice, page);
   page.row("Likelihood", fmt::format("log-likelihood {} at the start, {} after {}{}",
@@ -70,6 +71,7 @@ Json json(const Call& call, const Ensemble& data, const RefinedModel& outcome) {
   j["steps"] = data.steps();
   j["states"] = result.model.states();
   j["initial_state"] = to_string(result.model.initial_state);
+  j["feedthrough"] = has_feedthrough(result.model.provenance);
   j["smoothing"] = json_penalty(outcome.smoothing);
   j["smoothing_choice"] = nullptr;
   if (!outcome.choice.smoothing.empty()) {

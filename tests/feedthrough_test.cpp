@@ -228,13 +228,14 @@ TEST(Feedthrough, UpdatesAndRefinementsKeepTheStatement) {
 
 // D also where the model was identified without it, and no D where it was identified with it.
 TEST(Feedthrough, RefinementsTakeAStatement) {
-  const Model plant = with_noise(constant_system({2, 1, 1}, 40, 0.95, 64), {.measurement_noise = 0.05});
-  const Ensemble e = experiments(plant, {.experiments = 40, .seed = 65, .measurement_noise = 0.05});
+  const Model plant = constant_system({2, 1, 1}, 40, 0.95, 64);
+  const Ensemble e = with_noise(random_experiments(plant, 40, 65), 0.05, 66);
   const auto refined = [&](const Model& model, std::optional<bool> feedthrough) {
     const Model result = refine_model(model, e, {.feedthrough = feedthrough}).refinement.model;
     EXPECT_EQ(has_feedthrough(result.provenance), feedthrough.value_or(has_feedthrough(model.provenance)));
     if (feedthrough) {
       EXPECT_EQ(feedthrough_choice(result.provenance).reason, Reason::stated);
+      EXPECT_EQ(identify_options(result.provenance).feedthrough, feedthrough);
     }
     return result;
   };
@@ -246,6 +247,7 @@ TEST(Feedthrough, RefinementsTakeAStatement) {
     EXPECT_GT(std::abs(plant.at(k).D()(0, 0)), 0.2);
   }
   for (const Step& step : refined(found, false).step) EXPECT_TRUE(step.D().isZero(0.0));
+  EXPECT_THROW(refine_model(found, e, {.refine = {.feedthrough = false}}), std::invalid_argument);
   EXPECT_FALSE(refined(found, {}).at(0).D().isZero(0.0));
 }
 

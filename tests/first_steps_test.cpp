@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "choose/ahead_errors.hpp"
+#include "data/rows.hpp"
 #include "noisy.hpp"
 #include "tokid/em.hpp"
 #include "tokid/identify.hpp"
@@ -108,42 +109,51 @@ TEST(AheadErrors, AreAsLargeAsTrueModelsSay) {
   }
 }
 
-// A gain at each step, from experiments with inputs of size 1: of the variance 1 + 1 / n of an error, the second part
-// comes from the gain if it was found by n experiments.
+// Regressions on random rows X at each step, by experiments with noise of variance 1. The model of a fold errs at the
+// row x of an experiment that it has not seen with the variance 1 + xᵀ (Xᵀ X)⁻¹ x: the second part comes from the
+// model.
 TEST(AheadErrors, ShowHowMuchOfThemComesFromTheModel) {
-  constexpr Index folds = 4, of_fold = 3, steps = 400;
+  struct Case {
+    Index experiments, folds, used, coefficients;
+  };
+  constexpr Index steps = 1000;
   Model model = random_system({1, 1, 1}, steps, 0.9, 14);
   for (Step& step : model.step) {
     step.G().setZero();
     step.set_innovation_cov(Matrix::Identity(1, 1));
   }
-  Ensemble data(folds * of_fold, steps, 1, 1);
-  Random random(15);
-  for (Index k = 0; k < steps; ++k) data.output(k) = random.matrix(folds * of_fold, 1);
-  const auto rows_of = [&](Index fold, bool inside) {
-    std::vector<Index> rows;
-    for (Index n = 0; n < data.experiments(); ++n)
-      if ((n / of_fold == fold) == inside) rows.push_back(n);
-    return rows;
-  };
-  AheadErrors sum;
-  for (Index f = 0; f < folds; ++f) {
-    std::vector<Ensemble> by_others;
-    Ensemble own = data.subset(rows_of(f, true));
-    const Ensemble measured = own;
-    const auto predict_by = [&](Index fold, Ensemble& y) {
-      const Ensemble training = data.subset(rows_of(fold, false));
-      for (Index k = 0; k < steps; ++k) y.output(k).setConstant(training.output(k).mean());
-    };
-    predict_by(f, own);
-    for (Index g = 0; g < folds; ++g)
-      if (g != f) predict_by(g, by_others.emplace_back(own));
-    sum += ahead_errors(model, own, by_others, folds, measured, 1, 0);
+  for (const Case c : {Case{12, 4, 4, 1}, {10, 10, 3, 4}, {15, 5, 3, 5}, {100, 2, 2, 1}}) {
+    SCOPED_TRACE(c.folds);
+    Random random(15);
+    std::vector<Ensemble> measured, predicted;  // predicted[f * used + g]: fold f by the model of fold g
+    for (Index f = 0; f < c.used; ++f) {
+      measured.emplace_back(c.experiments / c.folds, steps, 1, 1);
+      for (Index g = 0; g < c.used; ++g) predicted.emplace_back(c.experiments / c.folds, steps, 1, 1);
+    }
+    double of_model = 0.0, count = 0.0;
+    for (Index k = 0; k < steps; ++k) {
+      const Matrix x = random.matrix(c.experiments, c.coefficients), y = random.matrix(c.experiments, 1);
+      for (Index g = 0; g < c.used; ++g) {
+        const std::vector<Index> own = fold_rows(c.experiments, g, c.folds), seen = other_rows(c.experiments, own);
+        const Matrix inverse = linalg::pseudo_inverse(x(seen, Eigen::all)), theta = inverse * y(seen, Eigen::all);
+        measured[size_t(g)].output(k) = y(own, Eigen::all);
+        if (k > 0) of_model += (x(own, Eigen::all) * inverse).squaredNorm(), count += double(own.size());
+        for (Index f = 0; f < c.used; ++f)
+          predicted[size_t(f * c.used + g)].output(k) = x(fold_rows(c.experiments, f, c.folds), Eigen::all) * theta;
+      }
+    }
+    AheadErrors sum;
+    for (Index f = 0; f < c.used; ++f) {
+      std::vector<Ensemble> others(predicted.begin() + f * c.used, predicted.begin() + (f + 1) * c.used);
+      const Ensemble own = others[size_t(f)];
+      others.erase(others.begin() + f);
+      sum += ahead_errors(model, own, others, c.folds, measured[size_t(f)], 1, 0);
+    }
+    // 1000 regressions, whose variances spread by up to a factor of two around their mean
+    EXPECT_NEAR(sum.spread(0) / of_model, 1.0, 0.12);
+    EXPECT_NEAR(sum.model_share(), of_model / (of_model + count), 0.05);
+    EXPECT_NEAR(sum.ratio(), std::sqrt(1 + of_model / count), 0.05);
   }
-  constexpr double n = of_fold * (folds - 1);
-  // 400 variances of 4 models: a standard error of 4 %.
-  EXPECT_NEAR(sum.model_share() * (n + 1), 1.0, 0.2);
-  EXPECT_NEAR(sum.ratio(), std::sqrt(1 + 1 / n), 0.05);
 }
 
 TEST(AheadErrors, OfOutputsWithoutNoiseAreNotCounted) {

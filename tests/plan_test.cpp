@@ -148,6 +148,10 @@ TEST(StagesOfEm, GoOnWhereTheyStopped) {
       for (Index k = 0; k < whole.k_end(); ++k) EXPECT_EQ(again.at(k).A(), whole.at(k).A()) << part;
     }
     EXPECT_NE(refined(truth, data, 0, all, o).at(5).A(), whole.at(5).A());
+    Index ends = 0;
+    for (const Index end :
+         jumps.empty() ? std::vector<Index>{3, 8, 48, 168, 288} : std::vector<Index>{3, 8, 48, 96, 216})
+      EXPECT_EQ(ends = next_stage_end(ends, o), end);
     EXPECT_TRUE(stopped_early(8, o));
     EXPECT_FALSE(stopped_early(48, o));
   }

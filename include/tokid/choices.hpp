@@ -62,6 +62,12 @@ struct Jump {
   // without this jump. Empty if the jump was stated.
   std::optional<double> loss = {};
 };
+// How large the errors of predictions are, OrderScores::horizon steps ahead, on held-out experiments. NaN: not known.
+struct AheadCertainty {
+  double ratio = std::numeric_limits<double>::quiet_NaN();  // their RMS over what the model says
+  // The least share of their variance that comes from the model: by how much the models of different folds differ.
+  double model_share = std::numeric_limits<double>::quiet_NaN();
+};
 // The choice between all trials, by the log-likelihood of the held-out experiments. Filled if EM was tried.
 struct RefinementChoice {
   std::vector<RefinementTrial> trials;
@@ -73,11 +79,6 @@ struct RefinementChoice {
   double error = 0.0;
   double one_step = 0.0;         // log of the one-step error alone; set if there are iterations
   std::vector<Jump> jumps = {};  // ascending
-  // RMS of the errors of held-out experiments, OrderScores::horizon steps ahead, over what the model says. NaN if not
-  // known.
-  double ahead_ratio = std::numeric_limits<double>::quiet_NaN();
-  // Share of the variance of these errors that comes from the model, because its experiments are few: by how much the
-  // models of different folds differ. NaN if not known.
-  double ahead_model_share = std::numeric_limits<double>::quiet_NaN();
+  AheadCertainty ahead = {}, ahead_without_em = {};  // of the chosen models of the folds, and of the subspace models
 };
 }  // namespace tokid

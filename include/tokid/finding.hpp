@@ -98,7 +98,7 @@ struct Finding {
     samples_outlying,              // channels, experiments, steps; numbers: error, usual, weight
     more_outlying_samples,         // numbers: count
     outliers_undecided,            // numbers: count, most: more experiments do not fit than may be dropped
-    many_misfits,                  // numbers: count
+    many_misfits,                  // experiments
     // regressions
     ill_conditioned,          // steps; numbers: condition
     too_few_complete,         // steps; numbers: unknowns

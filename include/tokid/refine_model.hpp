@@ -14,7 +14,7 @@ namespace tokid {
 struct RefineModelOptions {
   std::optional<double> smoothing = {};  // λ; empty: the λ of the identification, else by cross-validation
   std::optional<bool> feedthrough = {};  // false: D = 0 is known; empty: as the model was identified
-  RefineOptions refine = {};             // its `smoothing` and `feedthrough` are ignored
+  RefineOptions refine = {};             // its `smoothing` is ignored, its `feedthrough` must be true
 };
 
 // The fits of one model on the data of the refinement.

@@ -130,8 +130,8 @@ nb::any object_of(const RefinementChoice& c) {
                                    {"error", c.error},
                                    {"one_step", c.one_step},
                                    {"jumps", jumps},
-                                   {"ahead_ratio", c.ahead_ratio},
-                                   {"ahead_model_share", c.ahead_model_share}});
+                                   {"ahead_ratio", c.ahead.ratio},
+                                   {"ahead_model_share", c.ahead.model_share}});
 }
 
 nb::any object_of(const DependentExperiment& c) {

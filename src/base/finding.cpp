@@ -395,14 +395,14 @@ constexpr Entry table[] = {
     {Kind::outliers_undecided, "outliers_undecided", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} more do not fit the others, but were used: no more than a quarter of the experiments, here {}, is left out or counted less. Check whether the data come from one system",
+           "{} more do not fit the others, but were used: at most a quarter of the experiments (here {}) are left out or counted less. Check whether the data come from one system",
            words::plural(count(f, "count"), "experiment"), count(f, "most"));
      }},
     {Kind::many_misfits, "many_misfits", warning,
      [](const Finding& f) {
        return fmt::format(
-           "the innovations of {} are much larger than those of the others. So many are not called wrong: the model may be too simple for their inputs, or the data may come from two systems",
-           words::plural(count(f, "count"), "experiment"));
+           "the innovations of {} are much larger than those of the others. They are too many to be outliers, and are used: the model may be too simple for their inputs, or the data may come from two systems. Check them, or identify them separately",
+           (f.experiments.size() == 1 ? "experiment " : "experiments ") + listed(f.experiments, 6));
      }},
     {Kind::ill_conditioned, "ill_conditioned", warning,
      [](const Finding& f) {
@@ -543,7 +543,7 @@ constexpr Entry table[] = {
     {Kind::model_errs_ahead, "model_errs_ahead", warning,
      [](const Finding& f) {
        return fmt::format(
-           "{} steps ahead, {:.0f} % of the variance of the errors comes from the model and not from noise: models of different experiments disagree that much. Use more experiments, and test controllers on other data or on models of other experiments",
+           "{} steps ahead, at least {:.0f} % of the variance of the errors comes from the model: models of different parts of the experiments differ by that much. Use more experiments, and test long predictions and controllers on other data",
            count(f, "horizon"), 100 * number(f, "share"));
      }},
     {Kind::em_unreliable, "em_unreliable", warning,

@@ -24,16 +24,21 @@ Vector variances(const Model& model, Index begin, Index k) {
   return (last.C() * p * last.C().transpose() + last.innovation_cov()).diagonal();
 }
 
-// The variance of a prediction over models that were identified with other experiments as many as these. Models of
-// `folds` folds share most experiments, so that they differ less by the factor folds - 1. NaN entries stay NaN.
+// The variance of predictions of held-out experiments over models of other experiments, as many as these: by the
+// jackknife, the sum of squares over the models of all F folds. It is made of the variance s² of the F - 1 models that
+// have seen the experiments, and of the distance of their mean to the model that has not. This distance is larger, and
+// the others may be only some of the F - 1. NaN entries stay NaN.
 Eigen::ArrayXd spread(const Ensemble& predicted, const std::vector<Ensemble>& by_others, Index folds, Index k,
                       Index output) {
-  const double count = double(by_others.size()) + 1;
+  const double others = double(by_others.size()), all = double(folds) - 1;
   const Eigen::ArrayXd own = predicted.output(k).col(output);
-  Eigen::ArrayXd mean = own / count, square = Eigen::ArrayXd::Zero(own.size());
-  for (const Ensemble& other : by_others) mean += other.output(k).col(output).array() / count;
-  for (const Ensemble& other : by_others) square += (other.output(k).col(output).array() - mean).square();
-  return (square + (own - mean).square()) * (double(folds - 1) / (count - 1));
+  Eigen::ArrayXd mean = Eigen::ArrayXd::Zero(own.size()), variance = mean;
+  for (const Ensemble& other : by_others) mean += other.output(k).col(output).array() / others;
+  if (others > 1)
+    for (const Ensemble& other : by_others)
+      variance += (other.output(k).col(output).array() - mean).square() / (others - 1);
+  const Eigen::ArrayXd distance = (own - mean).square() - variance * (1 / others - 1 / all);
+  return (all - 1) * variance + all / double(folds) * distance;
 }
 
 }  // namespace
@@ -58,7 +63,7 @@ double AheadErrors::model_share() const {
   double sum = 0.0;
   Index count = 0;
   for (Index j = 0; j < square.size(); ++j)
-    if (square(j) > 0) sum += std::min(spread(j) / square(j), 1.0), ++count;
+    if (square(j) > 0) sum += std::clamp(spread(j) / square(j), 0.0, 1.0), ++count;
   return count > 0 ? sum / double(count) : nan;
 }
 
@@ -70,10 +75,10 @@ AheadErrors ahead_errors(const Model& model, const Ensemble& predicted, const st
   for (Index k = std::max(first, model.k_begin) + horizon; k < end; ++k) {
     const Vector variance = variances(model, k - horizon + 1, k);
     for (Index j = 0; j < model.outputs; ++j) {
-      const Eigen::ArrayXd y = measured.output(k).col(j), e = y - predicted.output(k).col(j).array(),
-                           v = spread(predicted, by_others, folds, k, j);
+      const Eigen::ArrayXd y = measured.output(k).col(j), e = y - predicted.output(k).col(j).array();
       const double size = y.isFinite().select(y.square(), 0.0).maxCoeff();
       if (!(variance(j) > least_share * size)) continue;
+      const Eigen::ArrayXd v = spread(predicted, by_others, folds, k, j);
       const auto both = e.isFinite() && v.isFinite();
       result.square(j) += both.select(e.square(), 0.0).sum();
       result.expected(j) += double(both.count()) * variance(j);

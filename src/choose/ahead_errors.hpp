@@ -18,16 +18,16 @@ struct AheadErrors {
   AheadErrors& operator+=(const AheadErrors& other);
   // Root of square / expected: geometric mean over the outputs with noise. NaN if there is none.
   double ratio() const;
-  // Share of the variance of the errors that comes from the model and not from noise, 0 to 1: mean over the outputs
-  // with noise. NaN if there is none.
+  // Share of the variance of the errors that comes from the model, 0 to 1: mean over the outputs with noise. Errors that
+  // the models of all folds share are not in it. NaN if no output has noise.
   double model_share() const;
 };
 
 // `predicted`: y_k from the outputs before step k - H + 1 (H = `horizon`). In innovation form, the error of the model
 // is
 //   e_k + C_k Σ_{k-H < j < k} A_{k-1} ⋯ A_{j+1} K_j e_j ,   K_j = -G_j, cov e_j = innovation_cov.
-// `by_others`: the same by models of other folds, of `folds` in total. Each fold leaves out its own experiments, and
-// the spread is that of the jackknife. The steps from `first` + H on count.
+// `by_others`: the same by models of other folds, of `folds` in total, which have seen these experiments. The spread is
+// that of the jackknife. The steps from `first` + H on count.
 AheadErrors ahead_errors(const Model& model, const Ensemble& predicted, const std::vector<Ensemble>& by_others,
                          Index folds, const Ensemble& measured, Index horizon, Index first);
 

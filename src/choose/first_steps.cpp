@@ -16,6 +16,8 @@ constexpr Index iterations = 40, shared_iterations = 300;
 constexpr double shared_tolerance = 1e-8;
 // Floors of the first covariances, relative to those that the gains alone would give.
 constexpr double least_noise = 0.02;
+// Exact outputs begin with noise of this share of the largest one. EM raises it to its own floor.
+constexpr double of_exact = 1e-20;
 
 bool can_begin_earlier(const Model& model, InitialState initial) {
   return initial == InitialState::unknown && model.x0_mean.size() == 0 && model.states() > 0 &&
@@ -62,9 +64,10 @@ void set_noise_of_gains(Model& model, const Usual& usual) {
 
 Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
   if (!can_begin_earlier(late, initial)) return late;
-  const Usual usual = usual_noise(late);
-  if (usual.outputs.minCoeff() <= 0 || usual.state <= 0) return late;
-  Model start = late;
+  Model start = with_constant_states(late, departures.steps());
+  Usual usual = usual_noise(start);
+  if (usual.outputs.maxCoeff() <= 0 || usual.state <= 0) return late;
+  usual.outputs = usual.outputs.cwiseMax(of_exact * usual.outputs.maxCoeff());
   set_noise_of_gains(start, usual);
   RefineOptions o;
   o.smoothing = late.period == 1 ? 0.0 : 1.0;  // one covariance for all steps

@@ -54,11 +54,24 @@ void OrderScores::choose() {
   }
 }
 
-Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first) {
+namespace {
+
+Model of_departures(Model model, const Ensemble& data) {
   model.y_nominal = Matrix::Zero(data.steps(), data.outputs());
   model.u_nominal = Matrix::Zero(data.steps(), data.inputs());
+  return model;
+}
+
+}  // namespace
+
+Ensemble ahead_by(Model model, const Ensemble& data, InitialState initial) {
   const Index horizon = std::min(OrderScores::horizon, std::max<Index>(1, data.steps() - 1));
-  Computed result{predict(model, data, {1, initial}).y, predict(model, data, {horizon, initial}).y,
+  return predict(of_departures(std::move(model), data), data, {horizon, initial}).y;
+}
+
+Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first) {
+  model = of_departures(std::move(model), data);
+  Computed result{predict(model, data, {1, initial}).y, ahead_by(model, data, initial),
                   simulate_data(model, data, initial)};
   for (Ensemble* outputs : {&result.one_step, &result.ahead, &result.simulation})
     for (Index k = 0; k < std::min(first, data.steps()); ++k) outputs->output(k).setConstant(nan);

@@ -37,15 +37,19 @@ struct Computed {
   Ensemble one_step, ahead, simulation;
 };
 Computed computed_by(Model model, const Ensemble& data, InitialState initial, Index first);
+// The predictions of OrderScores::horizon steps alone.
+Ensemble ahead_by(Model model, const Ensemble& data, InitialState initial);
 // `weights`: of the outputs, as in Plan. With `like`, the errors cover only the samples that `like` contains too.
 Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights, const Computed* like = nullptr);
 // First step of the errors. With unknown initial states, every model can predict from this step on, and no output from
 // this step on is used to estimate an initial state.
 Index first_scored(InitialState initial, Index lags, Index period);
 
-// Goes on with EM from a number of iterations, at the end of a stage, to another one, in the same stages as
-// cross-validation does. The last stage is repeated if needed.
+// Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. The last
+// stage is repeated if needed. `from`, `to`: iterations.
 Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options);
+// The iterations at the end of the next stage.
+Index next_stage_end(Index iterations, const RefineOptions& options);
 // Was EM best after so few iterations that more are not tried?
 bool stopped_early(Index iterations, const RefineOptions& options);
 

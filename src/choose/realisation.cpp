@@ -22,7 +22,7 @@ namespace {
 // Above this ratio of errors to what the model says, several steps ahead, controllers designed on a model may be bad.
 constexpr double surely_ahead = 1.5;
 // Or above this share of the variance of these errors that comes from the model.
-constexpr double most_of_model = 0.5;
+constexpr double much_of_model = 1.0 / 3;
 
 // Largest order that is tried for noisy data, and most experiments from which the order of TVERA is chosen.
 constexpr Index most_states = 16, most_scored = 64;
@@ -30,7 +30,7 @@ constexpr Index most_states = 16, most_scored = 64;
 constexpr double tolerated = 1.1;
 // EM goes on while the one-step error of all experiments exceeds that of the held-out ones by this factor.
 constexpr double as_expected = 1.02;
-constexpr Index more_iterations = 120, most_iterations = 480;
+constexpr Index most_iterations = 480;
 
 // Takes the choices about the realisation from the options. The other choices are made later, from the data.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
@@ -122,7 +122,7 @@ struct Refined {
 
 // EM with the iterations of the plan. A mode may need more iterations to grow out of a saddle of the likelihood than on
 // the folds. EM therefore goes on while its one-step error is larger than `expected`. If the folds stopped early, it
-// goes on only if the result would not be accepted. The result with the smallest errors is returned.
+// goes on only if the result would not be accepted. Of results that stay larger, the best one is returned.
 Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, const Computed& like, double expected,
                    const Execution& execution) {
   const RefineOptions options = refine_options(plan, execution);
@@ -136,10 +136,10 @@ Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, c
   if (plan.choices.variation.period > 0) return best;
   const double limit = expected + std::log(stopped_early(planned, options) ? tolerated : as_expected);
   while (now.errors.one_step > limit && now.iterations < most_iterations) {
-    now = after(now.model, now.iterations, now.iterations + more_iterations);
+    now = after(now.model, now.iterations, next_stage_end(now.iterations, options));
     if (now.errors.one_step < best.errors.one_step && now.errors.mean() < best.errors.mean()) best = now;
   }
-  return best;
+  return now.errors.one_step > limit ? best : now;
 }
 
 // EM on all experiments may converge to another model than EM on the folds. If so, its one-step error on the training
@@ -202,7 +202,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   result.plan.choices.refinement_smoothing = choice.smoothing;
   result.refinement.iterations = 0;
   result.refinement.jumps.clear();
-  result.refinement.ahead_ratio = result.refinement.ahead_model_share = nan;
+  result.refinement.ahead = choice.ahead_without_em;
   result.refinement.states = result.order_scores.best;
   result.refinement.error = choice.trials.front().error;
 }
@@ -261,10 +261,10 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
     plan.choices.refinement_smoothing = choice.smoothing;
     result.refinement = std::move(choice);
   }
-  if (const double ratio = result.refinement.ahead_ratio; ratio > surely_ahead)
+  if (const double ratio = result.refinement.ahead.ratio; ratio > surely_ahead)
     result.findings.push_back({.kind = Finding::Kind::uncertain_ahead,
                                .numbers = {{"ratio", ratio}, {"horizon", double(OrderScores::horizon)}}});
-  if (const double share = result.refinement.ahead_model_share; share > most_of_model)
+  if (const double share = result.refinement.ahead.model_share; share > much_of_model)
     result.findings.push_back({.kind = Finding::Kind::model_errs_ahead,
                                .numbers = {{"share", share}, {"horizon", double(OrderScores::horizon)}}});
 }

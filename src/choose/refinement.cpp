@@ -166,13 +166,10 @@ class Folds::RefinementSearch {
   // EM is used if it predicts clearly better than the subspace models. If the best attempt is not used, the attempt
   // with the smallest errors may be.
   RefinementChoice choice() && {
-    if (empty()) {
-      set_certainty(without_em_);
-      return std::move(choice_);
-    }
+    choice_.ahead = choice_.ahead_without_em = certainty(without_em_);
+    if (empty()) return std::move(choice_);
     choice_.smoothing = smoothing();
     const double limit = choice_.error - std::log(worth_it);
-    const std::vector<Model>* used = &without_em_;
     for (const Attempt* attempt : {chosen(), least_error()}) {
       if (attempt->error() > limit) continue;
       choice_.smoothing = attempt->smoothing;
@@ -180,10 +177,9 @@ class Folds::RefinementSearch {
       choice_.jumps = jumps_;
       choice_.one_step = attempt->errors.one_step;
       choice_.error = attempt->error();
-      used = &attempt->models;
+      choice_.ahead = certainty(attempt->models);
       break;
     }
-    set_certainty(*used);
     return std::move(choice_);
   }
 
@@ -482,13 +478,12 @@ class Folds::RefinementSearch {
     return o;
   }
 
-  // Of predictions several steps ahead.
-  void set_certainty(const std::vector<Model>& models) {
+  AheadCertainty certainty(const std::vector<Model>& models) {
     std::vector<AheadErrors> errors(count_);
     for_each_fold([&](size_t f) {
       const Ensemble& held_out = folds_.folds_[f].data.held_out;
       const auto predicted_by = [&](const Model& model) {
-        return computed_by(model, held_out, folds_.options_.initial_state, 0).ahead;
+        return ahead_by(model, held_out, folds_.options_.initial_state);
       };
       std::vector<Ensemble> by_others;
       for (size_t g = 0; g < count_; ++g)
@@ -498,8 +493,7 @@ class Folds::RefinementSearch {
     });
     AheadErrors sum;
     for (const AheadErrors& fold : errors) sum += fold;
-    choice_.ahead_ratio = sum.ratio();
-    choice_.ahead_model_share = sum.model_share();
+    return {sum.ratio(), sum.model_share()};
   }
 
   // Empty if EM fails: this λ is ruled out.
@@ -580,6 +574,15 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
   }
   for (; from < to; from += last.iterations) model = refined_in(last, model, data, options);
   return model;
+}
+
+Index next_stage_end(Index iterations, const RefineOptions& options) {
+  Index end = 0, last = 0;
+  for (const Stage& stage : schedule_of(options).all()) {
+    end += last = stage.iterations;
+    if (end > iterations) return end;
+  }
+  return iterations + last;
 }
 
 bool stopped_early(Index iterations, const RefineOptions& options) {

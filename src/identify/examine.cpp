@@ -141,12 +141,15 @@ std::vector<FindingChannel> wrong_outputs(const Misfits& found, Index n, const C
 
 // Adds the experiments that do not fit, and the outputs where they do not.
 void add(const Misfits& found, const Ensemble& used, const OutlierOptions& options, Examined& result) {
+  std::vector<Outlier>& outliers = result.outliers;
   std::vector<Index> rows = found.rows();
   if (Index(rows.size()) > most_found(used.experiments())) {
-    result.too_many = std::move(rows);
+    std::erase_if(rows, [&](Index n) {
+      return std::any_of(outliers.begin(), outliers.end(), [n](const Outlier& o) { return o.experiment == n; });
+    });
+    result.unnamed = std::move(rows);
     return;
   }
-  std::vector<Outlier>& outliers = result.outliers;
   const Vector ratio = largest_of_rows(found.ratio);
   std::vector<Outlier> more;
   for (const Index n : rows) {

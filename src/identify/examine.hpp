@@ -14,8 +14,8 @@ namespace tokid {
 
 struct Examined {
   std::vector<Outlier> outliers;  // with their rows in `used`, the largest ratio first
-  // Rows of experiments with larger innovations than the others, if they are too many to be called outliers.
-  std::vector<Index> too_many = {};
+  // Rows of further experiments with larger innovations than the others, if they are too many to be called outliers.
+  std::vector<Index> unnamed = {};
 };
 
 // The experiments that do not fit. They are found by regressions (outliers.hpp) and by the innovations of models that

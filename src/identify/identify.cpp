@@ -216,9 +216,14 @@ ExperimentFindings experiment_findings(const Ensemble& used, const Measured& mea
   StuckOutputs stuck = stuck_outputs(measured.all);
   append(result.findings, std::move(stuck.findings));
   Examined found = examined(used, model, plan, options.execution);
-  if (!found.too_many.empty())
-    result.findings.push_back(
-        {.kind = Finding::Kind::many_misfits, .numbers = {{"count", double(found.too_many.size())}}});
+  if (!found.unnamed.empty()) {
+    Finding misfits{.kind = Finding::Kind::many_misfits};
+    for (const Index n : found.unnamed) {
+      const Index row = measured.rows[size_t(n)];
+      misfits.experiments.push_back({row, measured.all.experiment_name(row)});
+    }
+    result.findings.push_back(std::move(misfits));
+  }
   result.outliers = all_outliers(std::move(found.outliers), measured, held_out);
   append(result.findings, findings_of(result.outliers, stuck.experiments));
   for (const Index n : stuck.experiments) result.labels.push_back(measured.all.experiment_label(n));

@@ -72,6 +72,8 @@ RefinedModel refine_model(const Model& model, const Ensemble& data, const Refine
     result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());
     return result;
   }
+  if (!options.refine.feedthrough)
+    throw std::invalid_argument("refine.feedthrough: false found, true needed. State it by feedthrough of the options");
   RefineModelOptions part = options;
   part.refine.feedthrough = options.feedthrough.value_or(has_feedthrough(model.provenance));
   if (options.refine.jumps.empty() && model.provenance.choices && options.refine.period.value_or(model.period) == 0)

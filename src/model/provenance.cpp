@@ -7,7 +7,12 @@
 namespace tokid {
 
 IdentifyOptions identify_options(const Provenance& provenance) {
-  if (provenance.options) return *provenance.options;
+  if (provenance.options) {
+    IdentifyOptions options = *provenance.options;
+    const std::optional<FeedthroughChoice>& known = provenance.feedthrough;
+    if (known && known->reason == FeedthroughChoice::Reason::stated) options.feedthrough = known->present;
+    return options;
+  }
   if (!provenance.unread.empty()) throw std::invalid_argument(provenance.unread);
   if (provenance.refinement) return {};  // a known model after EM: no option was stated
   throw std::invalid_argument(

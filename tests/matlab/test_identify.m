@@ -168,6 +168,9 @@ assert(all(diff(evidence.penalised_log_likelihood) >= 0));
 [~, evidence] = warns('tokid:refine', 'not converged', ...
                       @() tokid.refine(start, data, 'iterations', 1, 'smoothing', Inf));
 assert(evidence.smoothing == Inf);
+without = warns('tokid:refine', 'not converged', ...
+                @() tokid.refine(start, data, 'iterations', 1, 'smoothing', 0.1, 'feedthrough', false));
+assert(all(without.D(:) == 0));
 tokid.write('start.npz', start);
 tokid.write('data.npz', data);
 again = warns('tokid:refine', 'not converged', ...
