@@ -37,7 +37,7 @@ struct Columns {
   std::vector<Index> regressors, explained;
 };
 
-std::vector<Index> operator+(std::vector<Index> a, const std::vector<Index>& b) {
+std::vector<Index> joined(std::vector<Index> a, const std::vector<Index>& b) {
   a.insert(a.end(), b.begin(), b.end());
   return a;
 }
@@ -66,7 +66,7 @@ class HeldOut {
   Coefficients coefficients(const Columns& columns) const {
     Coefficients result;
     const Index count = Index(columns.regressors.size());
-    const std::vector<Index> all = columns.regressors + columns.explained;
+    const std::vector<Index> all = joined(columns.regressors, columns.explained);
     for (const Factors& factors : factors_) {
       std::vector<Matrix> rows;
       for (const Matrix& factor : factors.of_group) rows.emplace_back(factor(Eigen::all, all));
@@ -262,7 +262,7 @@ struct WindowColumns {
 // The part of the outputs that earlier innovations explain, from the regression of the outputs on past and inputs. It
 // depends on innovations alone. The oldest ones count less, because it would diverge if the plant is unstable.
 Residuals predicted_disturbances(const HeldOut& held_out, const WindowColumns& w) {
-  const Columns columns{w.past() + w.input(), w.output()};
+  const Columns columns{joined(w.past(), w.input()), w.output()};
   const auto x = held_out.coefficients(columns);
   const Residuals innovations = held_out.residuals(columns, x);
   const Index outputs = w.channels - w.inputs;
@@ -287,7 +287,8 @@ double feedback_in_step(const HeldOut& held_out, const MeanTest& test, const Win
   Vector square = Vector::Zero(w.inputs);
   for (const Matrix& u : inputs) square += without_gaps(u).colwise().squaredNorm().transpose();
   const Vector weights = (square.array() > 0).select(square.cwiseInverse(), 0.0);
-  const auto law = held_out.coefficients({w.past() + w.output(), w.input()});  // its last rows: effect of y_k on u_k
+  const auto law =
+      held_out.coefficients({joined(w.past(), w.output()), w.input()});  // its last rows: effect of y_k on u_k
   const Residuals disturbances = predicted_disturbances(held_out, w);
   Residuals expected = inputs;
   for (Index k = w.lags; k < Index(inputs.size()); ++k)

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <algorithm>
 #include <vector>
 
 #include "tokid/types.hpp"
@@ -16,19 +15,20 @@ inline std::vector<Index> fold_rows(Index experiments, Index f, Index folds) {
   return rows;
 }
 
-// The experiments that are not in `rows`, which ascend.
-inline std::vector<Index> other_rows(Index experiments, const std::vector<Index>& rows) {
-  std::vector<Index> others;
-  for (Index n = 0; n < experiments; ++n)
-    if (!std::binary_search(rows.begin(), rows.end(), n)) others.push_back(n);
-  return others;
-}
-
 // (N) 1 for the experiments in `rows`, 0 for the others.
 inline std::vector<char> marks_of(Index experiments, const std::vector<Index>& rows) {
   std::vector<char> marks(size_t(experiments), 0);
   for (const Index n : rows) marks[size_t(n)] = 1;
   return marks;
+}
+
+// The experiments that are not in `rows`.
+inline std::vector<Index> other_rows(Index experiments, const std::vector<Index>& rows) {
+  const std::vector<char> marks = marks_of(experiments, rows);
+  std::vector<Index> others;
+  for (Index n = 0; n < experiments; ++n)
+    if (!marks[size_t(n)]) others.push_back(n);
+  return others;
 }
 
 }  // namespace tokid
