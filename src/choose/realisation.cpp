@@ -22,7 +22,7 @@ namespace {
 // Above this ratio of errors to what the model says, several steps ahead, controllers designed on a model may be bad.
 constexpr double surely_ahead = 1.5;
 // Or above this share of the variance of these errors that comes from the model.
-constexpr double much_of_model = 1.0 / 3;
+constexpr double much_of_model = 0.375;
 
 // Largest order that is tried for noisy data, and most experiments from which the order of TVERA is chosen.
 constexpr Index most_states = 16, most_scored = 64;
