@@ -356,6 +356,18 @@ TEST(Refine, StartsFromRealisationsWithoutNoiseAndWithMissingEnds) {
   EXPECT_LT(log_likelihoods(r.model, fresh).sum() / best, 1.2);
 }
 
+// A model that an unstable plant has driven off, as an earlier stage of EM may leave it.
+TEST(Refine, SaysThatItHasDiverged) {
+  Model model = with_noise(random_system({3, 1, 1}, 30, 0.9, 41), {.process_noise = 0.1, .measurement_noise = 0.1});
+  const Ensemble data =
+      experiments(model, {.experiments = 10, .seed = 42, .process_noise = 0.1, .measurement_noise = 0.1});
+  for (Step& step : model.step) step.set_Q(Vector{{1e36, 1e28, 1.0}}.asDiagonal());
+  RefineOptions options;
+  options.smoothing = 100.0;
+  EXPECT_THROW(refine(model, data, options), std::runtime_error);
+  EXPECT_THROW(jump_gains(model, data, options), std::runtime_error);
+}
+
 TEST(Refine, SaysThatDataHaveNoNoise) {
   const Model system = random_system({3, 2, 2}, 12, 0.9, 91);
   for (const double smoothing : {0.0, infinity}) {

@@ -59,7 +59,8 @@ struct Refinement {
 // With smoothing = 0, Q_k and R_k differ from step to step. Otherwise Q_k and R_k are constant matrices times a noise
 // size. The noise size is constant, unless the size of the innovations varies significantly.
 // \throws std::invalid_argument where channels disagree, the model has too few steps of its full dimension, there is no
-// output sample, or an option is out of range; std::runtime_error where the start has no finite likelihood
+// output sample, or an option is out of range; std::runtime_error where the start has no finite likelihood or
+// EM diverges
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options = {});
 
 // (T) By how much, in one iteration from this model, EM would raise twice the penalised log-likelihood if the matrices

@@ -384,11 +384,16 @@ class Folds::RefinementSearch {
     return steps;
   }
 
-  // (T) Summed over the folds.
+  // (T) Summed over the folds. A model that has diverged shows no jump.
   Vector jump_gains_of(const Attempt& attempt) {
     std::vector<Vector> gains(count_);
     for_each_fold([&](size_t f) {
-      gains[f] = jump_gains(attempt.models[f], folds_.folds_[f].data.training, options(attempt.smoothing));
+      const Ensemble& training = folds_.folds_[f].data.training;
+      try {
+        gains[f] = jump_gains(attempt.models[f], training, options(attempt.smoothing));
+      } catch (const std::runtime_error&) {
+        gains[f] = Vector::Zero(training.steps());
+      }
     });
     return std::accumulate(gains.begin() + 1, gains.end(), gains.front());
   }

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <stdexcept>
 
 #include "linalg/symmetric.hpp"
 #include "tokid/random_walk.hpp"
@@ -237,6 +239,8 @@ Estimator::Walks Estimator::walks_of(const std::vector<Matrix>& roots, const Noi
   const Index q = reference.rows();
   const Matrix whitener = whitener_of(reference);
   const linalg::Svd eigen = linalg::svd(whitener * noise.shape[0] * whitener.transpose());
+  if (q > 0 && !(eigen.s(q - 1) > std::numeric_limits<double>::epsilon() * eigen.s(0) && std::isfinite(eigen.s(0))))
+    throw std::runtime_error("EM has diverged: the covariance of the noise is singular. Start from another model");
   Walks walks{eigen.u.transpose() * whitener, eigen.s, {}, {}};
   walks.stiffness = (options_.smoothing * weight.head(l) * eigen.s.transpose()).cwiseSqrt();
   for (Index g = 0; g < phases_; ++g) {
