@@ -88,7 +88,7 @@ TEST(FirstSteps, BelongToEveryModelFromUnknownInitialStates) {
 }
 
 AheadErrors errors_of(const Model& model, const Ensemble& predicted, const Ensemble& measured, Index horizon) {
-  return ahead_errors(model, predicted, {predicted}, 2, measured, horizon, 0);
+  return ahead_errors(model, predicted, {predicted}, 2, measured, horizon);
 }
 
 // The errors of a true model are as large as it says, and those of a model with wrong dynamics are larger.
@@ -147,7 +147,7 @@ TEST(AheadErrors, ShowHowMuchOfThemComesFromTheModel) {
       std::vector<Ensemble> others(predicted.begin() + f * c.used, predicted.begin() + (f + 1) * c.used);
       const Ensemble own = others[size_t(f)];
       others.erase(others.begin() + f);
-      sum += ahead_errors(model, own, others, c.folds, measured[size_t(f)], 1, 0);
+      sum += ahead_errors(model, own, others, c.folds, measured[size_t(f)], 1);
     }
     // 1000 regressions, whose variances spread by up to a factor of two around their mean
     EXPECT_NEAR(sum.spread(0) / of_model, 1.0, 0.12);

@@ -68,11 +68,11 @@ double AheadErrors::model_share() const {
 }
 
 AheadErrors ahead_errors(const Model& model, const Ensemble& predicted, const std::vector<Ensemble>& by_others,
-                         Index folds, const Ensemble& measured, Index horizon, Index first) {
+                         Index folds, const Ensemble& measured, Index horizon) {
   const Vector none = Vector::Zero(model.outputs);
   AheadErrors result{none, none, none};
   const Index end = std::min(model.k_end(), measured.steps());
-  for (Index k = std::max(first, model.k_begin) + horizon; k < end; ++k) {
+  for (Index k = model.k_begin + horizon; k < end; ++k) {
     const Vector variance = variances(model, k - horizon + 1, k);
     for (Index j = 0; j < model.outputs; ++j) {
       const Eigen::ArrayXd y = measured.output(k).col(j), e = y - predicted.output(k).col(j).array();

@@ -18,8 +18,8 @@ struct AheadErrors {
   AheadErrors& operator+=(const AheadErrors& other);
   // Root of square / expected: geometric mean over the outputs with noise. NaN if there is none.
   double ratio() const;
-  // Share of the variance of the errors that comes from the model, 0 to 1: mean over the outputs with noise. Errors that
-  // the models of all folds share are not in it. NaN if no output has noise.
+  // Share of the variance of the errors that comes from the model, 0 to 1: mean over the outputs with noise. Errors
+  // that the models of all folds share are not in it. NaN if no output has noise.
   double model_share() const;
 };
 
@@ -27,8 +27,8 @@ struct AheadErrors {
 // is
 //   e_k + C_k Σ_{k-H < j < k} A_{k-1} ⋯ A_{j+1} K_j e_j ,   K_j = -G_j, cov e_j = innovation_cov.
 // `by_others`: the same by models of other folds, of `folds` in total, which have seen these experiments. The spread is
-// that of the jackknife. The steps from `first` + H on count.
+// that of the jackknife. The steps from the first one of the model + H on count.
 AheadErrors ahead_errors(const Model& model, const Ensemble& predicted, const std::vector<Ensemble>& by_others,
-                         Index folds, const Ensemble& measured, Index horizon, Index first);
+                         Index folds, const Ensemble& measured, Index horizon);
 
 }  // namespace tokid

@@ -494,7 +494,7 @@ class Folds::RefinementSearch {
       for (size_t g = 0; g < count_; ++g)
         if (g != f) by_others.push_back(predicted_by(models[g]));
       errors[f] = ahead_errors(models[f], predicted_by(models[f]), by_others, Index(folds_.folds_.size()), held_out,
-                               OrderScores::horizon, 0);
+                               OrderScores::horizon);
     });
     AheadErrors sum;
     for (const AheadErrors& fold : errors) sum += fold;
