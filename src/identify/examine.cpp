@@ -142,19 +142,19 @@ std::vector<FindingChannel> wrong_outputs(const Misfits& found, Index n, const C
 // Adds the experiments that do not fit, and the outputs where they do not.
 void add(const Misfits& found, const Ensemble& used, const OutlierOptions& options, Examined& result) {
   std::vector<Outlier>& outliers = result.outliers;
+  const auto find = [&](Index n) {
+    return std::find_if(outliers.begin(), outliers.end(), [n](const Outlier& o) { return o.experiment == n; });
+  };
   std::vector<Index> rows = found.rows();
   if (Index(rows.size()) > most_found(used.experiments())) {
-    std::erase_if(rows, [&](Index n) {
-      return std::any_of(outliers.begin(), outliers.end(), [n](const Outlier& o) { return o.experiment == n; });
-    });
+    std::erase_if(rows, [&](Index n) { return find(n) != outliers.end(); });
     result.unnamed = std::move(rows);
     return;
   }
   const Vector ratio = largest_of_rows(found.ratio);
   std::vector<Outlier> more;
   for (const Index n : rows) {
-    const auto known =
-        std::find_if(outliers.begin(), outliers.end(), [n](const Outlier& o) { return o.experiment == n; });
+    const auto known = find(n);
     Outlier& outlier =
         known != outliers.end()
             ? *known
