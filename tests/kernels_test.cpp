@@ -71,6 +71,55 @@ TEST_P(Kernels, ARowDoesNotDependOnTheOthers) {
     }
 }
 
+TEST_P(Kernels, SumsRoundedAtEachOperationHaveTheBitsOfPlainLoops) {
+  Random random(3);
+  for (const Index rows : {1, 8, 21, 40})
+    for (const Index inner : {1, 4, 9})
+      for (const Index columns : {1, 2, 7}) {
+        const Matrix x = random.matrix(rows, inner), w = random.matrix(columns, inner),
+                     start = random.matrix(rows, columns);
+        Matrix result(rows, columns), expected = start;
+        linalg::tall_products(start, {{x, w}, {x, w, true}}, result, linalg::Rounding::each);
+        for (const bool minus : {false, true})
+          for (Index i = 0; i < inner; ++i)
+            for (Index j = 0; j < columns; ++j)
+              for (Index k = 0; k < rows; ++k) {
+                const volatile double product = x(k, i) * w(j, i);  // not fused with the sum
+                expected(k, j) = minus ? expected(k, j) - product : expected(k, j) + product;
+              }
+        EXPECT_EQ(result, expected);
+      }
+}
+
+TEST_P(Kernels, GramSumsHaveTheBitsOfEightPartialSums) {
+  Random random(4);
+  for (const Index rows : {0, 8, 40, 104})
+    for (const Index count : {0, 1, 3, 4, 9}) {
+      const Matrix x = random.matrix(rows, count), start = random.matrix(count, count);
+      const Matrix before = start + start.transpose();
+      std::vector<const double*> columns;
+      for (Index j = 0; j < count; ++j) columns.push_back(x.col(j).data());
+      Matrix sum = before;
+      linalg::add_gram(columns, rows, sum);
+      for (Index j = 0; j < count; ++j)
+        for (Index i = 0; i < count; ++i) {
+          double part[8] = {};
+          for (Index k = 0; k < rows; ++k) {
+            const volatile double product = x(k, i) * x(k, j);
+            part[k % 8] += product;
+          }
+          for (const int apart : {4, 2, 1})
+            for (int l = 0; l < apart; ++l) part[l] += part[l + apart];
+          EXPECT_EQ(sum(i, j), before(i, j) + part[0]);
+        }
+    }
+  Matrix sum = Matrix::Zero(2, 2);
+  const Matrix x = random.matrix(12, 3);
+  const std::vector<const double*> two = {x.col(0).data(), x.col(1).data()};
+  EXPECT_THROW(linalg::add_gram(two, 12, sum), std::logic_error);
+  EXPECT_THROW(linalg::add_gram(std::vector<const double*>(3, x.data()), 8, sum), std::logic_error);
+}
+
 TEST_P(Kernels, BasesAreOrthonormalWhateverTheCondition) {
   Random random(5);
   for (const Index rows : {12, 50, 300, 601})

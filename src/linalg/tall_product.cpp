@@ -35,6 +35,16 @@ struct Sum {
   size_t rows, columns, start_stride, out_stride;
 };
 
+struct Gram {
+  const double* const* columns;
+  size_t count, rows;
+  double* out;
+  size_t stride;
+};
+
+// The sum over rows is made of so many partial sums, for every length of vectors.
+constexpr size_t partial_sums = 8;
+
 }  // namespace
 }  // namespace tokid::linalg
 #endif
@@ -44,8 +54,17 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
+// sum ± w x, rounded once or after each operation.
+template <Rounding rounding, bool minus, class V>
+HWY_INLINE V with_product(V sum, V w, V x) {
+  if constexpr (rounding == Rounding::once)
+    return minus ? hn::NegMulAdd(w, x, sum) : hn::MulAdd(w, x, sum);
+  else
+    return minus ? hn::Sub(sum, hn::Mul(w, x)) : hn::Add(sum, hn::Mul(w, x));
+}
+
 // Adds the product f to the tile of `sum` that begins at `row` and `column`.
-template <bool minus, size_t vectors, size_t columns>
+template <Rounding rounding, bool minus, size_t vectors, size_t columns>
 HWY_INLINE void add(const Factors& f, size_t row, size_t column, Vec (&sum)[vectors][columns]) {
   const Tag tag;
   for (size_t i = 0; i < f.inner; ++i) {
@@ -56,13 +75,12 @@ HWY_INLINE void add(const Factors& f, size_t row, size_t column, Vec (&sum)[vect
     for (size_t c = 0; c < columns; ++c) {
       const Vec w = hn::Set(tag, f.w[i * f.w_stride + column + c]);
 #pragma GCC unroll 2
-      for (size_t v = 0; v < vectors; ++v)
-        sum[v][c] = minus ? hn::NegMulAdd(w, x[v], sum[v][c]) : hn::MulAdd(w, x[v], sum[v][c]);
+      for (size_t v = 0; v < vectors; ++v) sum[v][c] = with_product<rounding, minus>(sum[v][c], w, x[v]);
     }
   }
 }
 
-template <size_t vectors, size_t columns>
+template <Rounding rounding, size_t vectors, size_t columns>
 HWY_INLINE void tile(const Sum& s, size_t row, size_t column) {
   const Tag tag;
   Vec sum[vectors][columns];
@@ -73,9 +91,9 @@ HWY_INLINE void tile(const Sum& s, size_t row, size_t column) {
       sum[v][c] = s.start ? hn::LoadU(tag, s.start + row + (column + c) * s.start_stride + v * lanes) : hn::Zero(tag);
   for (size_t p = 0; p < s.count; ++p)
     if (s.products[p].minus)
-      add<true>(s.products[p], row, column, sum);
+      add<rounding, true>(s.products[p], row, column, sum);
     else
-      add<false>(s.products[p], row, column, sum);
+      add<rounding, false>(s.products[p], row, column, sum);
 #pragma GCC unroll 4
   for (size_t c = 0; c < columns; ++c)
 #pragma GCC unroll 2
@@ -83,19 +101,20 @@ HWY_INLINE void tile(const Sum& s, size_t row, size_t column) {
       hn::StoreU(sum[v][c], tag, s.out + row + (column + c) * s.out_stride + v * lanes);
 }
 
-template <size_t vectors>
+template <Rounding rounding, size_t vectors>
 HWY_INLINE void columns_of(const Sum& s, size_t row) {
   size_t column = 0;
-  for (; column + 4 <= s.columns; column += 4) tile<vectors, 4>(s, row, column);
-  for (; column + 2 <= s.columns; column += 2) tile<vectors, 2>(s, row, column);
-  for (; column < s.columns; ++column) tile<vectors, 1>(s, row, column);
+  for (; column + 4 <= s.columns; column += 4) tile<rounding, vectors, 4>(s, row, column);
+  for (; column + 2 <= s.columns; column += 2) tile<rounding, vectors, 2>(s, row, column);
+  for (; column < s.columns; ++column) tile<rounding, vectors, 1>(s, row, column);
 }
 
-void SumOfProducts(const Sum& s) {
+template <Rounding rounding>
+HWY_INLINE void sum_of_products(const Sum& s) {
   const hn::CappedTag<double, 1> one;  // rounds like whole vectors, so that a row has the same result at any place
   size_t row = 0;
-  for (; row + 2 * lanes <= s.rows; row += 2 * lanes) columns_of<2>(s, row);
-  for (; row + lanes <= s.rows; row += lanes) columns_of<1>(s, row);
+  for (; row + 2 * lanes <= s.rows; row += 2 * lanes) columns_of<rounding, 2>(s, row);
+  for (; row + lanes <= s.rows; row += lanes) columns_of<rounding, 1>(s, row);
   for (; row < s.rows; ++row)
     for (size_t c = 0; c < s.columns; ++c) {
       auto sum = hn::Set(one, s.start ? s.start[row + c * s.start_stride] : 0.0);
@@ -103,11 +122,55 @@ void SumOfProducts(const Sum& s) {
         const Factors& f = s.products[p];
         for (size_t i = 0; i < f.inner; ++i) {
           const auto x = hn::Set(one, f.x[i * f.x_stride + row]), w = hn::Set(one, f.w[i * f.w_stride + c]);
-          sum = f.minus ? hn::NegMulAdd(w, x, sum) : hn::MulAdd(w, x, sum);
+          sum = f.minus ? with_product<rounding, true>(sum, w, x) : with_product<rounding, false>(sum, w, x);
         }
       }
       s.out[row + c * s.out_stride] = hn::GetLane(sum);
     }
+}
+
+void SumOfProducts(const Sum& s) { sum_of_products<Rounding::once>(s); }
+void RoundedSumOfProducts(const Sum& s) { sum_of_products<Rounding::each>(s); }
+
+// The sum of the partial sums, always in the same order: those that are 4 apart, then 2, then 1.
+template <size_t vectors>
+HWY_INLINE double total(Vec (&sum)[vectors]) {
+  for (size_t apart = vectors / 2; apart > 0; apart /= 2)
+    for (size_t v = 0; v < apart; ++v) sum[v] = hn::Add(sum[v], sum[v + apart]);
+  alignas(64) double part[lanes];
+  hn::Store(sum[0], Tag(), part);
+  for (size_t apart = lanes / 2; apart > 0; apart /= 2)
+    for (size_t l = 0; l < apart; ++l) part[l] += part[l + apart];
+  return part[0];
+}
+
+// Column i times the columns j … j+columns-1.
+template <size_t columns>
+HWY_INLINE void add_squares(const Gram& g, size_t i, size_t j) {
+  constexpr size_t vectors = partial_sums / lanes;
+  const Tag tag;
+  Vec sum[columns][vectors];
+#pragma GCC unroll 4
+  for (size_t c = 0; c < columns; ++c)
+#pragma GCC unroll 8
+    for (size_t v = 0; v < vectors; ++v) sum[c][v] = hn::Zero(tag);
+  for (size_t k = 0; k < g.rows; k += partial_sums)
+#pragma GCC unroll 8
+    for (size_t v = 0; v < vectors; ++v) {
+      const Vec x = hn::LoadU(tag, g.columns[i] + k + v * lanes);
+#pragma GCC unroll 4
+      for (size_t c = 0; c < columns; ++c)
+        sum[c][v] = hn::Add(sum[c][v], hn::Mul(x, hn::LoadU(tag, g.columns[j + c] + k + v * lanes)));
+    }
+  for (size_t c = 0; c < columns; ++c) g.out[i + (j + c) * g.stride] = g.out[j + c + i * g.stride] += total(sum[c]);
+}
+
+void AddGram(const Gram& g) {
+  for (size_t i = 0; i < g.count; ++i) {
+    size_t j = i;
+    for (; j + 4 <= g.count; j += 4) add_squares<4>(g, i, j);
+    for (; j < g.count; ++j) add_squares<1>(g, i, j);
+  }
 }
 
 }  // namespace tokid::linalg::HWY_NAMESPACE
@@ -120,7 +183,8 @@ namespace tokid::linalg {
 
 namespace {
 
-void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
+void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out,
+            Rounding rounding) {
   if (products.size() > most_products)
     throw std::logic_error(
         fmt::format("tall_products: {} products found, up to {} possible", products.size(), most_products));
@@ -142,17 +206,28 @@ void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> prod
     sum.start = start->data();
     sum.start_stride = size_t(start->outerStride());
   }
-  TOKID_KERNEL(SumOfProducts)(sum);
+  if (rounding == Rounding::once)
+    TOKID_KERNEL(SumOfProducts)(sum);
+  else
+    TOKID_KERNEL(RoundedSumOfProducts)(sum);
 }
 
 }  // namespace
 
-void tall_products(std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
-  sum_up(nullptr, products, out);
+void tall_products(std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out, Rounding rounding) {
+  sum_up(nullptr, products, out, rounding);
 }
 
-void tall_products(const ConstMatrixRef& start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out) {
-  sum_up(&start, products, out);
+void tall_products(const ConstMatrixRef& start, std::initializer_list<TallProduct> products, Eigen::Ref<Matrix> out,
+                   Rounding rounding) {
+  sum_up(&start, products, out, rounding);
+}
+
+void add_gram(std::span<const double* const> columns, Index rows, Eigen::Ref<Matrix> sum) {
+  const Index count = Index(columns.size());
+  if (sum.rows() < count || sum.cols() < count || rows % Index(partial_sums) != 0)
+    throw std::logic_error("add_gram: the columns do not fit the sum, or the number of rows is no multiple of 8");
+  TOKID_KERNEL(AddGram)({columns.data(), columns.size(), size_t(rows), sum.data(), size_t(sum.outerStride())});
 }
 
 }  // namespace tokid::linalg

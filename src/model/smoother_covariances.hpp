@@ -1,0 +1,49 @@
+// The part of the Kalman filter and smoother that depends on no sample: the gains and covariances of all steps.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "model/kalman_step.hpp"
+#include "model/samples.hpp"
+
+namespace tokid::kalman {
+
+// The covariances of one step and one pattern of missing samples. The latent vector l_k = [x_k; missing inputs] has q
+// entries. F = [A B], with those columns of B that belong to missing inputs.
+struct StepCovariance : Correction {
+  Matrix transition;  // F (n⁺ × q)
+  Matrix predicted;   // (n⁺ × n⁺) of x_{k+1} given the samples up to k
+  Matrix smoother;    // J (q × n⁺): the gain from an error of x_{k+1} to l_k
+  Matrix smoothed;    // (q × q) of l_k given all samples
+  // Of [x_k; u_k; x_{k+1}; y_k] given all samples. Without x_{k+1} at the last step.
+  Matrix joint;
+  // Where some outputs are missing, the expected y_k is L y_k + M [x_k; u_k]: L (m × m) and M (m × (n+r)).
+  Matrix from_outputs, from_states;
+};
+
+// True if some outputs are available, and others are not.
+inline bool partly_missing(const std::vector<Index>& there, Index outputs) {
+  return !there.empty() && Index(there.size()) < outputs;
+}
+
+class Covariances {
+ public:
+  // Runs the filter, and with `smooth` also the smoother.
+  void compute(const Model& model, const Samples& samples, const Alike& group, bool smooth);
+
+  std::vector<StepCovariance> step;
+
+ private:
+  void correct_step(const Step& own, const std::vector<Index>& there, const std::vector<Index>& unknown,
+                    StepCovariance& c);
+  void smooth_backwards(const Model& model, const Alike& group);
+  void join(const Step& own, const StepCovariance* next, const std::vector<Index>& there,
+            const std::vector<Index>& unknown, StepCovariance& c);
+  void fill_in_outputs(const Step& own, const std::vector<Index>& there, StepCovariance& c);
+
+  Matrix prior_, fp_, w_, wfp_, h_, r_, left_, product_, known_, rest_, with_states_;  // kept to reuse their memory
+  Workspace work_;
+};
+
+}  // namespace tokid::kalman
