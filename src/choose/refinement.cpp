@@ -48,6 +48,12 @@ Schedule schedule_of(const RefineOptions& o) {
   if (!o.jumps.empty()) return {first_stages, jump_stages, last_jump_stage};
   return {first_stages, {}, last_stage};
 }
+// λ times 10^exponent, rounded, so that every way to a λ ends at the same number.
+double times_ten_to(double exponent, double smoothing) {
+  constexpr double digits = 1e9;
+  return std::pow(10.0, std::round((std::log10(smoothing) + exponent) * digits) / digits);
+}
+
 Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, RefineOptions o) {
   o.iterations = stage.iterations;
   o.warm_up = !stage.jumps;
@@ -58,6 +64,8 @@ Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, R
 constexpr double usual = 3.0, first_least = 1e-2, first_most = 1e2, largest = 320.0;
 // The most half decades that a search goes in one direction.
 constexpr Index most_moves = 6;
+// An order whose errors are larger than the best ones by this factor after the first stages is given up.
+constexpr double hopeless = 2.0;
 // A jump is tried where its gain exceeds the gains two steps before and after by the factor `sharp`, and the median
 // gain by another factor. Gains vary slowly over time if the matrices do.
 constexpr double sharp = 1.25, above_median = 2.0;
@@ -143,8 +151,10 @@ class Folds::RefinementSearch {
     choice_.trials.push_back({.states = states, .error = choice_.error});
   }
 
-  // Tries λ, or only the given one. The last stage follows only for the best λ.
-  void run(std::optional<double> smoothing_given, bool look_for_jumps) {
+  // Tries λ, or only the given one. The last stage follows only for the best λ, and only if errors are not above
+  // `most`.
+  void run(std::optional<double> smoothing_given, bool look_for_jumps,
+           double most = std::numeric_limits<double>::infinity()) {
     if (folds_.options_.variation.period == 1) smoothing_given = 0.0;
     if (smoothing_given)
       attempt(*smoothing_given);
@@ -152,7 +162,7 @@ class Folds::RefinementSearch {
       choose_smoothing();
     if (!smoothing_given && !empty() && least_error()->error() > choice_.error) approach_start();
     if (look_for_jumps && !empty() && !folds_.pooled()) find_jumps();
-    continue_best();
+    if (!empty() && least_error()->error() <= most) continue_best();
   }
 
   bool empty() const { return attempts_.empty(); }
@@ -232,38 +242,38 @@ class Folds::RefinementSearch {
     climb(best, most);
   }
 
-  // With one more jump, the best λ may be larger by decades.
+  // With one more jump, the best λ may be larger by decades, and worse in between.
   void choose_larger_smoothing(double best) {
-    const double before = best;
-    Likelihood most = attempt(before);
-    for (const double factor : {10.0, 100.0, 1000.0})
-      if (before * factor < largest) try_smoothing(before * factor, 0.0, best, most);
+    const double first = best;
+    Likelihood most = attempt(first);
+    for (const double decades : {1.0, 2.0, 3.0})
+      if (const double next = times_ten_to(decades, first); next < largest) try_smoothing(next, 0.0, best, most);
     climb(best, most);
   }
 
   // Makes this λ the best one if it raises the likelihood by more than this number of standard errors.
-  bool try_smoothing(double smoothing, double advantage, double& best, Likelihood& most) {
+  void try_smoothing(double smoothing, double advantage, double& best, Likelihood& most) {
     Likelihood found = attempt(smoothing);
-    if (!(found.advantage(most) > advantage)) return false;
+    if (!(found.advantage(most) > advantage)) return;
     most = std::move(found);
     best = smoothing;
-    return true;
   }
 
   // Moves from λ to λ while the likelihood rises. It may not change over half a decade and then rise again, so one
   // larger λ that is not worse is passed over.
   void climb(double best, Likelihood most) {
-    for (const double factor : {std::sqrt(10.0), std::sqrt(0.1)}) {
+    for (const double direction : {0.5, -0.5}) {
       Index moves = 0;
       bool flat = false;
-      for (double next = best * factor; moves < most_moves && next < largest; next *= factor) {
+      for (double next = times_ten_to(direction, best); moves < most_moves && next < largest;
+           next = times_ten_to(direction, next)) {
         Likelihood found = attempt(next);
         const double advantage = found.advantage(most);
         if (advantage > noticeable) {
           most = std::move(found);
           flat = false;
           ++moves;
-        } else if (factor < 1 || flat || advantage < -noticeable) {
+        } else if (direction < 0 || flat || advantage < -noticeable) {
           break;
         } else {
           flat = true;
@@ -279,7 +289,8 @@ class Folds::RefinementSearch {
     double smoothing = std::min_element(attempts_.begin(), attempts_.end(), weaker)->smoothing;
     for (Index moves = 0; moves < most_moves; ++moves) {
       const double least = least_error()->error();
-      attempt(smoothing *= std::sqrt(0.1));
+      smoothing = times_ten_to(-0.5, smoothing);
+      attempt(smoothing);
       if (!(least_error()->error() < least)) return;
     }
   }
@@ -415,7 +426,6 @@ class Folds::RefinementSearch {
   // The further stages, if EM has not been best before. With a jump and a large λ, EM may leave a good model again. On
   // all experiments it might do so earlier, so that another λ is then chosen.
   void continue_best() {
-    if (empty()) return;
     const Attempt best = *chosen();
     if (stopped_early(best.iterations, options(best.smoothing))) return;
     Attempt now = best;
@@ -431,24 +441,26 @@ class Folds::RefinementSearch {
     continue_best();
   }
 
-  // EM with this λ, from subspace models. Returns the largest log-likelihood of the held-out experiments.
+  // EM with this λ, from subspace models, unless it was tried before. Returns the largest log-likelihood of the
+  // held-out experiments.
   Likelihood attempt(double smoothing) {
-    const auto schedule = schedule_of(options(smoothing));
-    Likelihood most;
-    const auto compare = [&](const Attempt& now) {
-      if (now.likelihood.sum() > most.sum()) most = now.likelihood;
-      keep(now);
-    };
-    auto plain = plain_.find(smoothing);
-    if (plain == plain_.end()) {
-      Attempt now{smoothing, 0, {}, {}, starts_};
-      for (const Stage& stage : schedule.first) {
-        now = refined(std::move(now), stage);
-        if (jumps_.empty()) compare(now);
+    const auto same = [&](const Attempt& a) { return a.smoothing == smoothing; };
+    if (std::none_of(attempts_.begin(), attempts_.end(), same)) {
+      const Schedule schedule = schedule_of(options(smoothing));
+      auto plain = plain_.find(smoothing);
+      if (plain == plain_.end()) {
+        Attempt now{smoothing, 0, {}, {}, starts_};
+        for (const Stage& stage : schedule.first) {
+          now = refined(std::move(now), stage);
+          if (jumps_.empty()) keep(now);
+        }
+        plain = plain_.emplace(smoothing, std::move(now)).first;
       }
-      plain = plain_.emplace(smoothing, std::move(now)).first;
+      for (const Stage& stage : schedule.jumping) keep(refined(plain->second, stage));
     }
-    for (const Stage& stage : schedule.jumping) compare(refined(plain->second, stage));
+    Likelihood most;
+    for (const Attempt& a : attempts_)
+      if (same(a) && a.likelihood.sum() > most.sum()) most = a.likelihood;
     return most;
   }
 
@@ -548,7 +560,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
   };
   const auto try_order = [&](Index n, double advantage, double allowed) {
     auto other = std::make_unique<RefinementSearch>(*this, n, scores, best->jumps());
-    other->run(best->smoothing(), false);
+    other->run(best->smoothing(), false, best->error() + std::log(hopeless));
     return take_if(std::move(other), advantage, allowed);
   };
   const double larger = pooled() ? 1 / most_uncertain : worth_it;
