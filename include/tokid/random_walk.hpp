@@ -16,12 +16,6 @@ namespace tokid {
 // the wrong size, negative entries, or zero entries beside positive ones
 std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness);
 
-// The same for right-hand sides that differ in their stiffness (L × q, all entries positive and finite): column j of
-// each X_g is the solution for column j of the Z_g and of the stiffness. R_g (L × L) must be upper triangular. The
-// columns are solved together, one in each lane of the vector instructions. O(G·q·L³) time, O(G·q·L²) memory.
-// \throws std::invalid_argument for rows or a stiffness of the wrong size, or entries that are not positive and finite
-std::vector<Matrix> random_walk_regressions(const std::vector<Matrix>& rows, const Matrix& stiffness);
-
 // (G) By how much the minimum falls for one column q = 1 if X may jump between the steps g-1 and g; 0 at step 0. The
 // steps before g alone give X_{g-1} with the covariance P₁, the steps from g on alone give X_g with P₂, for rows of
 // unit noise. Then the decrease is

@@ -12,7 +12,7 @@ namespace {
 constexpr double rounding = 4 * std::numeric_limits<double>::epsilon();
 
 // Replaces l by its lower Cholesky factor. A column becomes zero if its pivot is a rounding error.
-void cholesky(Matrix& l) {
+void cholesky(Eigen::Ref<Matrix> l) {
   const Index n = l.rows();
   for (Index j = 0; j < n; ++j) {
     const double variance = l(j, j), pivot = variance - l.row(j).head(j).squaredNorm();
@@ -56,10 +56,9 @@ double inverse_root(const Matrix& s, Matrix& w) {
   return log_det;
 }
 
-Matrix upper_root(const Matrix& s) {
-  Matrix l = s;
-  cholesky(l);
-  return l.transpose();
+void take_upper_root(Eigen::Ref<Matrix> s) {
+  cholesky(s);
+  s.transposeInPlace();
 }
 
 Matrix bounded_below(const Matrix& s, const Vector& floor, bool* raised) {

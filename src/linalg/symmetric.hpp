@@ -13,9 +13,9 @@ void symmetrise(Matrix& a);
 // error, has a zero row in W and does not count in the determinant. Wᵀ·W is then a generalised inverse of S.
 double inverse_root(const Matrix& s, Matrix& w);
 
-// U (n × n, upper triangular) with Uᵀ·U = S, for a positive semidefinite S. The row of a direction without variance is
-// zero.
-Matrix upper_root(const Matrix& s);
+// Replaces a positive semidefinite S (n × n) by U, upper triangular with Uᵀ·U = S. The row of a direction without
+// variance is zero.
+void take_upper_root(Eigen::Ref<Matrix> s);
 
 // The most likely covariance for the sample covariance S that has at least the variance of F = diag(floor) in every
 // direction. The eigenvalues of F^{-1/2} S F^{-1/2} below 1 are raised to 1. `raised` is set to true if any eigenvalue

@@ -23,22 +23,24 @@ constexpr Index together = 64;
 // The kernels work on so many experiments at once. Rows of zeros are added.
 constexpr Index multiple = 8;
 
+}  // namespace
+
 // Filters and smooths the means of experiments of one group. Experiments are rows.
 // This is the observer (9), split so that the state after its correction by y_k is also available. Products are rounded
 // before they are added: EM amplifies rounding errors, and its results must not depend on the instruction set.
 class Means {
  public:
-  Means(const Model& model, const Samples& samples) : model_(model), samples_(samples) {}
+  explicit Means(const Samples& samples) : samples_(&samples) {}
 
   // The rows first … first+count-1 of the samples.
-  void filter(const Alike& group, const Covariances& covariances, Index first, Index count, Vector& log_likelihood,
-              Matrix* squares = nullptr) {
-    arrange(group, first, count);
+  void filter(const Model& model, const Alike& group, const Covariances& covariances, Index first, Index count,
+              Vector& log_likelihood, Matrix* squares = nullptr) {
+    arrange(model, group, first, count);
     const double log_two_pi = std::log(2 * std::numbers::pi);
     log_likelihood.segment(first, count).setZero();
     for (Index t = 0; t < group.end; ++t) {
       const size_t s = size_t(t);
-      const Step& step = model_.step[s];
+      const Step& step = model.step[s];
       const StepCovariance& c = covariances.step[s];
       const std::vector<Index>& there = group.outputs[s];
       auto l = estimated(s);
@@ -47,7 +49,7 @@ class Means {
       if (!there.empty()) {
         linalg::tall_products(outputs(s), {{predicted(s), step.C(), true}, {inputs(s), step.D(), true}}, innovation_,
                               each);
-        each_missing(there, model_.outputs, [this](Index j) { innovation_.col(j).setZero(); });
+        each_missing(there, model.outputs, [this](Index j) { innovation_.col(j).setZero(); });
         linalg::tall_products({{innovation_, c.whitener}}, white_, each);
         squares_ = white_.array().square().rowwise().sum();
         log_likelihood.segment(first, count).array() -=
@@ -60,11 +62,11 @@ class Means {
   }
 
   // Replaces filtered means by smoothed ones, and missing samples by their means.
-  void smooth(const Alike& group, const Covariances& covariances) {
+  void smooth(const Model& model, const Alike& group, const Covariances& covariances) {
     for (Index t = group.end; t-- > 0;) {
       const size_t s = size_t(t);
       const StepCovariance& c = covariances.step[s];
-      const Step& step = model_.step[s];
+      const Step& step = model.step[s];
       auto l = estimated(s);
       if (t + 1 < group.end) {
         change_ = estimated(s + 1).leftCols(step.next_states()) - predicted(s + 1);
@@ -72,7 +74,7 @@ class Means {
       }
       for (size_t i = 0; i < group.unknowns[s].size(); ++i)
         inputs(s).col(group.unknowns[s][i]) = l.col(step.states() + Index(i));
-      if (!partly_missing(group.outputs[s], model_.outputs)) continue;
+      if (!partly_missing(group.outputs[s], model.outputs)) continue;
       white_ = outputs(s);
       const auto of_states = c.from_states.leftCols(step.states()), of_inputs = c.from_states.rightCols(step.inputs());
       linalg::tall_products({{white_, c.from_outputs}, {l.leftCols(step.states()), of_states}, {inputs(s), of_inputs}},
@@ -81,18 +83,18 @@ class Means {
   }
 
   // Adds the second moments, which are those of the smoothed means and the covariances.
-  void accumulate(const Alike& group, const Covariances& covariances, Moments& sums) {
+  void accumulate(const Model& model, const Alike& group, const Covariances& covariances, Moments& sums) {
     for (Index t = 0; t < group.end; ++t) {
       const size_t s = size_t(t);
       const bool measured = !group.outputs[s].empty(), goes_on = t + 1 < group.end;
-      const Index n = model_.step[s].states(), m = model_.outputs, l = n + model_.inputs;
-      const Index after = goes_on ? model_.step[s].next_states() : 0;
+      const Index n = model.step[s].states(), m = model.outputs, l = n + model.inputs;
+      const Index after = goes_on ? model.step[s].next_states() : 0;
       columns_.clear();
       const auto add = [&](const auto& list, Index columns) {
         for (Index j = 0; j < columns; ++j) columns_.push_back(list.col(j).data());
       };
       add(estimated(s), n);
-      add(inputs(s), model_.inputs);
+      add(inputs(s), model.inputs);
       if (goes_on) add(estimated(s + 1), after);
       if (measured) add(outputs(s), m);
       total_ = double(count_) * covariances.step[s].joint;
@@ -102,7 +104,7 @@ class Means {
         sums.moved_count(t) += double(count_);
       }
       if (measured) {
-        Matrix& sum = sums.measured[s];
+        auto sum = sums.measured[s];
         sum.topLeftCorner(l, l) += total_.topLeftCorner(l, l);
         sum.bottomLeftCorner(m, l) += total_.bottomLeftCorner(m, l);
         sum.topRightCorner(l, m) += total_.topRightCorner(l, m);
@@ -118,9 +120,7 @@ class Means {
   }
 
   // E[x_k | samples before k], the rows of the experiments and then zeros.
-  Eigen::Map<Matrix> predicted(size_t s) {
-    return {memory_.data() + place_[s].predicted, rows_, model_.n(model_.k_begin + Index(s))};
-  }
+  Eigen::Map<Matrix> predicted(size_t s) { return {memory_.data() + place_[s].predicted, rows_, place_[s].states}; }
   // E[l_k | samples up to k], or given all samples.
   Eigen::Map<Matrix> estimated(size_t s) { return {memory_.data() + place_[s].estimated, rows_, place_[s].latent}; }
 
@@ -129,14 +129,14 @@ class Means {
 
   // Where the numbers of a step begin. The latent vector l_k = [x_k; missing inputs] has `latent` entries.
   struct Place {
-    Index inputs = 0, outputs = 0, predicted = 0, estimated = 0, latent = 0;
+    Index inputs = 0, outputs = 0, predicted = 0, estimated = 0, states = 0, latent = 0;
   };
 
-  Eigen::Map<Matrix> inputs(size_t s) { return {memory_.data() + place_[s].inputs, rows_, model_.inputs}; }
-  Eigen::Map<Matrix> outputs(size_t s) { return {memory_.data() + place_[s].outputs, rows_, model_.outputs}; }
+  Eigen::Map<Matrix> inputs(size_t s) { return {memory_.data() + place_[s].inputs, rows_, samples_->u[s].cols()}; }
+  Eigen::Map<Matrix> outputs(size_t s) { return {memory_.data() + place_[s].outputs, rows_, samples_->y[s].cols()}; }
 
   // Makes room for the experiments, and copies their samples and the mean of x_0.
-  void arrange(const Alike& group, Index first, Index count) {
+  void arrange(const Model& model, const Alike& group, Index first, Index count) {
     count_ = count;
     rows_ = (count + multiple - 1) / multiple * multiple;
     place_.resize(size_t(group.end) + 1);
@@ -144,31 +144,31 @@ class Means {
     const auto room = [&](Index columns) { return std::exchange(size, size + rows_ * columns); };
     for (Index t = 0; t <= group.end; ++t) {
       Place& place = place_[size_t(t)];
-      const Index n = model_.n(model_.k_begin + t);
+      const Index n = model.n(model.k_begin + t);
+      place.states = n;
       place.predicted = room(n);
       if (t == group.end) break;
       place.latent = n + Index(group.unknowns[size_t(t)].size());
       place.estimated = room(place.latent);
-      place.inputs = room(model_.inputs);
-      place.outputs = room(model_.outputs);
+      place.inputs = room(model.inputs);
+      place.outputs = room(model.outputs);
     }
     if (Index(memory_.size()) < size) memory_.resize(size_t(size));
-    innovation_.resize(rows_, model_.outputs);
-    white_.resize(rows_, model_.outputs);
+    innovation_.resize(rows_, model.outputs);
+    white_.resize(rows_, model.outputs);
     const auto put = [&](const auto& samples, Eigen::Map<Matrix> to) {
       to.topRows(count) = samples.middleRows(first, count);
       to.bottomRows(rows_ - count).setZero();
     };
     for (Index t = 0; t < group.end; ++t) {
-      put(samples_.u[size_t(t)], inputs(size_t(t)));
-      put(samples_.y[size_t(t)], outputs(size_t(t)));
+      put(samples_->u[size_t(t)], inputs(size_t(t)));
+      put(samples_->y[size_t(t)], outputs(size_t(t)));
     }
     predicted(0).setZero();
-    if (model_.x0_mean.size() > 0) predicted(0).topRows(count).rowwise() = model_.x0_mean.transpose();
+    if (model.x0_mean.size() > 0) predicted(0).topRows(count).rowwise() = model.x0_mean.transpose();
   }
 
-  const Model& model_;
-  const Samples& samples_;
+  const Samples* samples_;
   Index count_ = 0, rows_ = 0;  // experiments, and these with rows of zeros
   std::vector<Place> place_;
   std::vector<double> memory_;
@@ -177,67 +177,80 @@ class Means {
   std::vector<const double*> columns_;
 };
 
-struct Piece {
-  Index begin = 0, end = 0;  // columns of the samples
+// The experiments in pieces, which threads share, and the memory of each piece. If a group of experiments lies in
+// several pieces, its covariances are computed once.
+class Pieces {
+ public:
+  explicit Pieces(const Samples& samples) : samples_(samples), shared_(samples.groups.size()) {
+    const Index total = samples.experiments, count = std::clamp<Index>(total / smallest_piece, 1, most_pieces);
+    for (Index i = 0; i < count; ++i)
+      pieces_.push_back({i * total / count, (i + 1) * total / count, {}, Means(samples)});
+    for (size_t g = 0; g < samples.groups.size(); ++g) {
+      const Alike& group = samples.groups[g];
+      for (const Piece& piece : pieces_)
+        if (group.first < piece.end && piece.end < group.first + group.count) shared_[g].emplace();
+    }
+  }
+
+  Index count() const { return Index(pieces_.size()); }
+  const Samples& samples() const { return samples_; }
+
+  // Calls body(piece, group, covariances, first, count, means) for the experiments of each group in each piece.
+  template <class Body>
+  void run(const Model& model, bool smooth, const Execution& execution, Body&& body) {
+    const Execution silent{execution.threads, {}};
+    parallel_for(0, Index(shared_.size()), silent, [&](Index begin, Index end) {
+      for (Index g = begin; g < end; ++g)
+        if (shared_[size_t(g)]) shared_[size_t(g)]->compute(model, samples_, samples_.groups[size_t(g)], smooth);
+    });
+    parallel_for(0, count(), execution, [&](Index begin, Index end) {
+      for (Index i = begin; i < end; ++i) run_piece(model, smooth, size_t(i), body);
+    });
+  }
+
+ private:
+  struct Piece {
+    Index begin = 0, end = 0;  // rows of the samples
+    Covariances own;
+    Means means;
+  };
+
+  template <class Body>
+  void run_piece(const Model& model, bool smooth, size_t i, Body&& body) {
+    Piece& piece = pieces_[i];
+    for (size_t g = 0; g < samples_.groups.size(); ++g) {
+      const Alike& group = samples_.groups[g];
+      const Index first = std::max(group.first, piece.begin);
+      const Index last = std::min(group.first + group.count, piece.end);
+      if (first >= last) continue;
+      if (!shared_[g]) piece.own.compute(model, samples_, group, smooth);
+      const Covariances& covariances = shared_[g] ? *shared_[g] : piece.own;
+      for (Index now = first; now < last; now += together)
+        body(i, group, covariances, now, std::min(together, last - now), piece.means);
+    }
+  }
+
+  const Samples& samples_;
+  std::vector<std::optional<Covariances>> shared_;  // of the groups that lie in several pieces
+  std::vector<Piece> pieces_;
 };
 
-std::vector<Piece> pieces_of(const Samples& samples) {
-  const Index total = samples.experiments, count = std::clamp<Index>(total / smallest_piece, 1, most_pieces);
-  std::vector<Piece> pieces;
-  for (Index i = 0; i < count; ++i) pieces.push_back({i * total / count, (i + 1) * total / count});
-  return pieces;
-}
-
-// Calls body(piece, group, covariances, first, count, means) for the experiments of each group in each piece. If a
-// group lies in several pieces, its covariances are computed once.
-template <class Body>
-void run(const Model& model, const Samples& samples, bool smooth, const Execution& execution, Body&& body) {
-  const std::vector<Piece> pieces = pieces_of(samples);
-  std::vector<std::optional<Covariances>> shared(samples.groups.size());
-  for (size_t g = 0; g < samples.groups.size(); ++g) {
-    const Alike& group = samples.groups[g];
-    for (const Piece& piece : pieces)
-      if (group.first < piece.end && piece.end < group.first + group.count) shared[g].emplace();
-  }
-  const Execution silent{execution.threads, {}};
-  parallel_for(0, Index(shared.size()), silent, [&](Index begin, Index end) {
-    for (Index g = begin; g < end; ++g)
-      if (shared[size_t(g)]) shared[size_t(g)]->compute(model, samples, samples.groups[size_t(g)], smooth);
-  });
-  parallel_for(0, Index(pieces.size()), execution, [&](Index begin, Index end) {
-    Covariances own;
-    Means means(model, samples);
-    for (Index i = begin; i < end; ++i)
-      for (size_t g = 0; g < samples.groups.size(); ++g) {
-        const Alike& group = samples.groups[g];
-        const Index first = std::max(group.first, pieces[size_t(i)].begin);
-        const Index last = std::min(group.first + group.count, pieces[size_t(i)].end);
-        if (first >= last) continue;
-        if (!shared[g]) own.compute(model, samples, group, smooth);
-        for (Index now = first; now < last; now += together)
-          body(size_t(i), group, shared[g] ? *shared[g] : own, now, std::min(together, last - now), means);
-      }
-  });
-}
+namespace {
 
 Moments empty_moments(const Model& model, Index steps) {
+  const Index n = model.n(model.k_begin), l = n + model.inputs;
   Moments sums;
-  for (size_t s = 0; s < size_t(steps); ++s) {
-    const Index l = model.step[s].states() + model.inputs, moved = l + model.step[s].next_states();
-    sums.measured.emplace_back(Matrix::Zero(l + model.outputs, l + model.outputs));
-    sums.moved.emplace_back(Matrix::Zero(moved, moved));
-  }
+  sums.measured = {steps, l + model.outputs, l + model.outputs};
+  sums.moved = {steps, l + n, l + n};
   sums.measured_count = sums.moved_count = Vector::Zero(steps);
-  sums.x0 = Vector::Zero(model.n(model.k_begin));
-  sums.x0_square = Matrix::Zero(model.n(model.k_begin), model.n(model.k_begin));
+  sums.x0 = Vector::Zero(n);
+  sums.x0_square = Matrix::Zero(n, n);
   return sums;
 }
 
 void add(const Moments& part, Moments& sum) {
-  for (size_t s = 0; s < sum.moved.size(); ++s) {
-    sum.measured[s] += part.measured[s];
-    sum.moved[s] += part.moved[s];
-  }
+  sum.measured.together() += part.measured.together();
+  sum.moved.together() += part.moved.together();
   sum.measured_count += part.measured_count;
   sum.moved_count += part.moved_count;
   sum.x0 += part.x0;
@@ -247,15 +260,19 @@ void add(const Moments& part, Moments& sum) {
 
 }  // namespace
 
-Smoothed smooth(const Model& model, const Samples& samples, const Execution& execution) {
-  std::vector<Moments> parts(pieces_of(samples).size());
+Smoother::Smoother(const Samples& samples) : pieces_(std::make_unique<Pieces>(samples)) {}
+Smoother::~Smoother() = default;
+
+Smoothed Smoother::smooth(const Model& model, const Execution& execution) {
+  const Samples& samples = pieces_->samples();
+  std::vector<Moments> parts(size_t(pieces_->count()), empty_moments(model, samples.steps));
   Smoothed result{Vector::Zero(samples.experiments), {}};
-  run(model, samples, true, execution,
+  pieces_->run(
+      model, true, execution,
       [&](size_t piece, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
-        if (parts[piece].moved.empty()) parts[piece] = empty_moments(model, samples.steps);
-        means.filter(group, covariances, first, count, result.log_likelihood);
-        means.smooth(group, covariances);
-        means.accumulate(group, covariances, parts[piece]);
+        means.filter(model, group, covariances, first, count, result.log_likelihood);
+        means.smooth(model, group, covariances);
+        means.accumulate(model, group, covariances, parts[piece]);
       });
   result.moments = std::move(parts.front());
   for (size_t i = 1; i < parts.size(); ++i) add(parts[i], result.moments);
@@ -264,19 +281,19 @@ Smoothed smooth(const Model& model, const Samples& samples, const Execution& exe
 
 Vector log_likelihoods(const Model& model, const Samples& samples, const Execution& execution) {
   Vector result = Vector::Zero(samples.experiments);
-  run(model, samples, false, execution,
-      [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
-        means.filter(group, covariances, first, count, result);
-      });
+  Pieces(samples).run(model, false, execution,
+                      [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count,
+                          Means& means) { means.filter(model, group, covariances, first, count, result); });
   return result;
 }
 
 Matrix innovation_squares(const Model& model, const Samples& samples) {
   Matrix squares = Matrix::Constant(samples.steps, samples.experiments, std::numeric_limits<double>::quiet_NaN());
   Vector log_likelihood = Vector::Zero(samples.experiments);
-  run(model, samples, false, {},
+  Pieces(samples).run(
+      model, false, {},
       [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
-        means.filter(group, covariances, first, count, log_likelihood, &squares);
+        means.filter(model, group, covariances, first, count, log_likelihood, &squares);
       });
   return squares;
 }
@@ -286,9 +303,10 @@ std::vector<Matrix> predicted_states(const Model& model, const Samples& samples)
   for (Index t = 0; t <= samples.steps; ++t)
     states.emplace_back(Matrix::Zero(model.n(model.k_begin + t), samples.experiments));
   Vector log_likelihood = Vector::Zero(samples.experiments);
-  run(model, samples, false, {},
+  Pieces(samples).run(
+      model, false, {},
       [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
-        means.filter(group, covariances, first, count, log_likelihood);
+        means.filter(model, group, covariances, first, count, log_likelihood);
         for (Index t = 0; t <= samples.steps; ++t)
           for (Index i = 0; i < count; ++i)
             states[size_t(t)].col(samples.experiment[size_t(first + i)]) =
@@ -300,10 +318,11 @@ std::vector<Matrix> predicted_states(const Model& model, const Samples& samples)
 Matrix smoothed_first_states(const Model& model, const Samples& samples) {
   Matrix states(model.n(model.k_begin), samples.experiments);
   Vector log_likelihood = Vector::Zero(samples.experiments);
-  run(model, samples, true, {},
+  Pieces(samples).run(
+      model, true, {},
       [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
-        means.filter(group, covariances, first, count, log_likelihood);
-        means.smooth(group, covariances);
+        means.filter(model, group, covariances, first, count, log_likelihood);
+        means.smooth(model, group, covariances);
         for (Index i = 0; i < count; ++i)
           states.col(samples.experiment[size_t(first + i)]) =
               (group.end > 0 ? means.estimated(0) : means.predicted(0)).row(i).head(states.rows()).transpose();

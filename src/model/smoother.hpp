@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
 #include <vector>
 
+#include "linalg/matrix_list.hpp"
 #include "model/samples.hpp"
 #include "tokid/parallel.hpp"
 
@@ -11,8 +13,8 @@ namespace tokid::kalman {
 
 // Sums over the experiments of expected second moments, given all samples. z_k = [x_k; u_k].
 struct Moments {
-  std::vector<Matrix> measured;  // (T) of [z_k; y_k], over the experiments with an output at step k
-  std::vector<Matrix> moved;     // (T) of [z_k; x_{k+1}], over the experiments that continue at step k+1
+  linalg::MatrixList measured;  // (T) of [z_k; y_k], over the experiments with an output at step k
+  linalg::MatrixList moved;     // (T) of [z_k; x_{k+1}], over the experiments that continue at step k+1
   Vector measured_count, moved_count;
   Vector x0;         // (n_0) sum of x_0
   Matrix x0_square;  // (n_0 × n_0) of x_0
@@ -24,10 +26,23 @@ struct Smoothed {
   Moments moments;
 };
 
-// Runs the smoother. The model must have Q, R, and either x0_mean and x0_cov or a zero state at its first step. A
-// missing input counts as random: its mean is zero, its variance is the mean square of its channel, and it has no
-// correlation in time. The sums have the same bits for any number of threads.
-Smoothed smooth(const Model& model, const Samples& samples, const Execution& execution = {});
+class Pieces;
+
+// The smoother for models of a constant state dimension. It keeps its memory from model to model.
+class Smoother {
+ public:
+  // Keeps a reference to the samples.
+  explicit Smoother(const Samples& samples);
+  ~Smoother();
+
+  // The model must have Q, R, and either x0_mean and x0_cov or a zero state at its first step. A missing input counts
+  // as random: its mean is zero, its variance is the mean square of its channel, and it has no correlation in time. The
+  // sums have the same bits for any number of threads.
+  Smoothed smooth(const Model& model, const Execution& execution = {});
+
+ private:
+  std::unique_ptr<Pieces> pieces_;
+};
 
 // Runs only the filter. Returns the log-likelihoods (N).
 Vector log_likelihoods(const Model& model, const Samples& samples, const Execution& execution = {});

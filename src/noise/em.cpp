@@ -276,6 +276,8 @@ class Climb {
       : options_(options),
         silent_{options.execution.threads, {}},
         samples_(kalman::samples_of(start, data)),
+        smoother_(samples_),
+        model_(start),
         estimator_(start, samples_, estimator_options(start, options, initial)) {
     if (!(samples_.outputs > 0)) throw std::invalid_argument("data: no output sample found at the steps of the model");
   }
@@ -284,22 +286,43 @@ class Climb {
   Vector jump_gains();
 
  private:
-  void set_scales();
-  Point point(em::Parameters parameters) const;
+  Point first_point();
+  Point point(em::Parameters parameters);
+  Point point_of(em::Parameters parameters, kalman::Smoothed smoothed) const;
+  const Model& model(const em::Parameters& parameters);
   bool split_noise(Point& now);
   void report(const Point& now, Refinement& result) const;
 
   const RefineOptions& options_;
   Execution silent_;
   kalman::Samples samples_;
+  kalman::Smoother smoother_;
+  Model model_;  // with the parameters of the last point
   em::Estimator estimator_;
   Index noise_segments_ = 1;
 };
 
-Point Climb::point(em::Parameters parameters) const {
+const Model& Climb::model(const em::Parameters& parameters) {
+  estimator_.write(parameters, model_);
+  return model_;
+}
+
+// The start, with the scales set by its moments.
+Point Climb::first_point() {
+  const em::Parameters start = estimator_.start();
+  kalman::Smoothed smoothed = smoother_.smooth(model(start), silent_);
+  estimator_.set_scales(smoothed.moments, samples_);
+  return estimator_.start() == start ? point_of(start, std::move(smoothed)) : point(estimator_.start());
+}
+
+Point Climb::point(em::Parameters parameters) {
+  if (!parameters.finite()) return {};
+  kalman::Smoothed smoothed = smoother_.smooth(model(parameters), silent_);
+  return point_of(std::move(parameters), std::move(smoothed));
+}
+
+Point Climb::point_of(em::Parameters parameters, kalman::Smoothed smoothed) const {
   Point result;
-  if (!parameters.finite()) return result;
-  kalman::Smoothed smoothed = kalman::smooth(estimator_.model(parameters), samples_, silent_);
   result.log_likelihood = smoothed.log_likelihood.sum();
   result.penalised = result.log_likelihood - estimator_.penalty(parameters);
   if (!std::isfinite(result.penalised)) result.penalised = -infinity;
@@ -311,7 +334,7 @@ Point Climb::point(em::Parameters parameters) const {
 // Gives each segment its own noise scale, at first 1. The iteration continues from the same point.
 bool Climb::split_noise(Point& now) {
   if (!estimator_.noise_is_pooled() || estimator_.phases() < samples_.steps) return false;
-  const Index length = varying_noise(estimator_.model(now.parameters), samples_);
+  const Index length = varying_noise(model(now.parameters), samples_);
   if (length == 0) return false;
   estimator_.split_noise(length, now.parameters);
   noise_segments_ = now.parameters.process.scale.size();
@@ -343,21 +366,14 @@ void Climb::report(const Point& now, Refinement& result) const {
     add(Kind::em_fewer_than_unknowns, {{"experiments", double(samples_.experiments)}, {"unknowns", double(unknowns)}});
 }
 
-void Climb::set_scales() {
-  const kalman::Smoothed first = kalman::smooth(estimator_.model(estimator_.start()), samples_, silent_);
-  estimator_.set_scales(first.moments, samples_);
-}
-
 Vector Climb::jump_gains() {
-  set_scales();
-  const Point now = point(estimator_.start());
+  const Point now = first_point();
   return estimator_.jump_gains(now.moments, now.parameters);
 }
 
 Refinement Climb::run() {
   Refinement result;
-  set_scales();
-  Point now = point(estimator_.start());
+  Point now = first_point();
   if (!std::isfinite(now.penalised))
     throw std::runtime_error("the likelihood of the starting model is not finite: it does not fit the data at all");
   const auto record = [&] {
@@ -395,7 +411,7 @@ Refinement Climb::run() {
       options_.execution.progress(double(result.iterations) / double(options_.iterations));
   }
   result.noise_segments = noise_segments_;
-  result.model = estimator_.model(now.parameters);
+  result.model = model(now.parameters);
   report(now, result);
   return result;
 }

@@ -6,15 +6,12 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "linalg/lane_random_walk.hpp"
 #include "linalg/reflection.hpp"
+#include "noise/random_walks.hpp"
 
 namespace tokid {
 
 namespace {
-
-// Pivots below this share of the largest contain no information about a coefficient.
-constexpr double unseen = 1.5e-14;
 
 void check(const std::vector<Matrix>& rows, Index regressors, const Vector& stiffness) {
   if (stiffness.size() != regressors || !(stiffness.array() >= 0).all())
@@ -27,13 +24,6 @@ void check(const std::vector<Matrix>& rows, Index regressors, const Vector& stif
     if (block.cols() != rows.front().cols() || block.cols() < regressors)
       throw std::invalid_argument(fmt::format("rows: {} columns found, {} needed in every step, {} or more",
                                               block.cols(), rows.front().cols(), regressors));
-}
-
-Matrix solve(const ConstMatrixRef& rows, Index regressors) {
-  if (regressors == 0) return Matrix(0, rows.cols());
-  return linalg::minimum_norm(rows.leftCols(regressors), rows.rightCols(rows.cols() - regressors),
-                              unseen * std::sqrt(double(std::max<Index>(1, regressors))))
-      .x;
 }
 
 // After the elimination of X_g, these equations give X_g from X_{g+1}: U X_g = w - V X_{g+1}, with U upper and V lower
@@ -95,7 +85,7 @@ std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Inde
   std::vector<Matrix> x(steps);
   if (steps == 0) return x;
   if ((stiffness.array() == 0).all()) {
-    for (size_t g = 0; g < steps; ++g) x[g] = solve(rows[g], regressors);
+    for (size_t g = 0; g < steps; ++g) x[g] = determined_by(rows[g], regressors);
     return x;
   }
   const auto triangular = [](Matrix both) { return linalg::triangular_factor(both); };
@@ -103,7 +93,7 @@ std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Inde
     Matrix all = triangular(rows[0]);
     for (size_t g = 1; g < steps; ++g)
       if (rows[g].rows() > 0) all = triangular(linalg::stacked(all, rows[g]));
-    x.assign(steps, solve(all, regressors));
+    x.assign(steps, determined_by(all, regressors));
     return x;
   }
 
@@ -115,65 +105,13 @@ std::vector<Matrix> random_walk_regression(const std::vector<Matrix>& rows, Inde
     eliminated[g] = eliminator.run(known.topRows(std::min(known.rows(), regressors)), next);
     known = triangular(linalg::stacked(next, rows[g + 1]));
   }
-  x[steps - 1] = solve(known.topRows(std::min(known.rows(), regressors)), regressors);
+  x[steps - 1] = determined_by(known.topRows(std::min(known.rows(), regressors)), regressors);
   for (size_t g = steps - 1; g-- > 0;) {
     const Eliminated& e = eliminated[g];
     x[g] = e.w - e.v_diagonal.asDiagonal() * x[g + 1];
     x[g] -= e.triangles.triangularView<Eigen::StrictlyLower>() * x[g + 1];
     e.triangles.triangularView<Eigen::Upper>().solveInPlace(x[g]);
   }
-  return x;
-}
-
-namespace {
-
-void check(const std::vector<Matrix>& rows, const Matrix& stiffness) {
-  const Index l = stiffness.rows(), q = stiffness.cols();
-  if (!(stiffness.array() > 0).all() || !stiffness.allFinite())
-    throw std::invalid_argument("stiffness: zero, negative or infinite entries found, positive and finite needed");
-  for (const Matrix& block : rows)
-    if (block.rows() != l || block.cols() != l + q)
-      throw std::invalid_argument(
-          fmt::format("rows: {} × {} found, {} × {} needed in every step", block.rows(), block.cols(), l, l + q));
-}
-
-// Solves for the columns first … first+count-1. The regressors are measured in units in which the first column
-// has the stiffness 1. Squares then stay within the range of double precision.
-void solve_together(const std::vector<Matrix>& rows, const Matrix& stiffness, Index first, Index count,
-                    std::vector<Matrix>& x) {
-  const Index steps = Index(rows.size()), l = stiffness.rows();
-  linalg::LaneRandomWalk walk(steps, l);
-  const Vector unit = stiffness.col(0);
-  for (Index lane = 0; lane < walk.lanes(); ++lane)
-    for (Index i = 0; i < l; ++i) walk.stiffness(i, lane) = lane < count ? stiffness(i, first + lane) / unit(i) : 1.0;
-  for (Index g = 0; g < steps; ++g) {
-    const Matrix& block = rows[size_t(g)];
-    for (Index j = 0; j < l; ++j)
-      for (Index i = 0; i <= j; ++i) walk.r(g, i, j) = block(i, j) / unit(j);
-    for (Index i = 0; i < l; ++i)
-      for (Index lane = 0; lane < walk.lanes(); ++lane)
-        walk.z(g, i, lane) = lane < count ? block(i, l + first + lane) : 0.0;
-  }
-  walk.eliminate();
-  for (Index lane = 0; lane < count; ++lane) {
-    const Matrix last = solve(walk.last(lane), l);
-    for (Index i = 0; i < l; ++i) walk.z(steps - 1, i, lane) = last(i, 0);
-  }
-  walk.substitute();
-  for (Index g = 0; g < steps; ++g)
-    for (Index lane = 0; lane < count; ++lane)
-      for (Index i = 0; i < l; ++i) x[size_t(g)](i, first + lane) = walk.z(g, i, lane) / unit(i);
-}
-
-}  // namespace
-
-std::vector<Matrix> random_walk_regressions(const std::vector<Matrix>& rows, const Matrix& stiffness) {
-  check(rows, stiffness);
-  const Index q = stiffness.cols(), lanes = linalg::LaneRandomWalk::lanes();
-  std::vector<Matrix> x(rows.size(), Matrix::Zero(stiffness.rows(), q));
-  if (rows.empty() || stiffness.size() == 0) return x;
-  for (Index first = 0; first < q; first += lanes)
-    solve_together(rows, stiffness, first, std::min(lanes, q - first), x);
   return x;
 }
 

@@ -268,7 +268,7 @@ AccuracyFindings likelihoods(int cases) {
       }
 
     const kalman::Samples samples = kalman::samples_of(model, data);
-    const kalman::Smoothed found = kalman::smooth(model, samples);
+    const kalman::Smoothed found = kalman::Smoother(samples).smooth(model);
     const oracle::Expectation truth = oracle::expectation(model, data);
     const auto moved = every_draw([&] { return oracle::expectation(nudged(model), nudged(data)); });
     Accuracy moments = stage_of("EM: expected moments", "smoother"), density = stage_of("EM: log-likelihood", "filter");

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "linalg/symmetric.hpp"
+#include "noise/random_walks.hpp"
 #include "tokid/random_walk.hpp"
 
 namespace tokid::em {
@@ -49,13 +50,12 @@ bool Parameters::finite() const {
   const auto all = [](const std::vector<Matrix>& list) {
     return std::all_of(list.begin(), list.end(), [](const Matrix& a) { return a.allFinite(); });
   };
-  return all(ab) && all(cd) && all(process.shape) && all(measurement.shape) && process.scale.allFinite() &&
-         measurement.scale.allFinite() && x0_mean.allFinite() && x0_cov.allFinite();
+  return ab.together().allFinite() && cd.together().allFinite() && all(process.shape) && all(measurement.shape) &&
+         process.scale.allFinite() && measurement.scale.allFinite() && x0_mean.allFinite() && x0_cov.allFinite();
 }
 
 Estimator::Estimator(const Model& start, const kalman::Samples& samples, const EstimatorOptions& options)
-    : model_(start),
-      options_(options),
+    : options_(options),
       n_(start.states()),
       r_(start.inputs),
       m_(start.outputs),
@@ -64,8 +64,8 @@ Estimator::Estimator(const Model& start, const kalman::Samples& samples, const E
       pooled_(options.smoothing > 0) {
   // A phase starts with the mean of the matrices of its steps.
   std::vector<Matrix> q(size_t(phases_), Matrix::Zero(n_, n_)), r(size_t(phases_), Matrix::Zero(m_, m_));
-  start_.ab.assign(size_t(phases_), Matrix::Zero(n_, n_ + r_));
-  start_.cd.assign(size_t(phases_), Matrix::Zero(m_, n_ + r_));
+  start_.ab = {phases_, n_, n_ + r_};
+  start_.cd = {phases_, m_, n_ + r_};
   for (Index t = 0; t < steps_; ++t) {
     const size_t s = size_t(t), g = size_t(t % phases_);
     const Index times = (steps_ - 1 - t % phases_) / phases_ + 1;
@@ -81,46 +81,40 @@ Estimator::Estimator(const Model& start, const kalman::Samples& samples, const E
   start_.x0_cov = start.x0_cov.size() > 0 ? start.x0_cov : Matrix::Zero(n_, n_);
 }
 
-Model Estimator::model(const Parameters& p) const {
-  Model model = model_;
+void Estimator::write(const Parameters& p, Model& model) const {
   for (Index t = 0; t < steps_; ++t) {
     const Index g = t % phases_;
-    const size_t s = size_t(t);
-    model.step[s].A() = p.ab[size_t(g)].leftCols(n_);
-    model.step[s].B() = p.ab[size_t(g)].rightCols(r_);
-    model.step[s].C() = p.cd[size_t(g)].leftCols(n_);
-    model.step[s].D() = p.cd[size_t(g)].rightCols(r_);
-    model.step[s].set_Q(p.process.of(g));
-    model.step[s].set_R(p.measurement.of(g));
+    Step& step = model.step[size_t(t)];
+    const auto ab = p.ab[size_t(g)], cd = p.cd[size_t(g)];
+    step.A() = ab.leftCols(n_);
+    step.B() = ab.rightCols(r_);
+    step.C() = cd.leftCols(n_);
+    step.D() = cd.rightCols(r_);
+    step.set_Q(p.process.of(g));
+    step.set_R(p.measurement.of(g));
   }
   model.x0_mean = p.x0_mean;
   model.x0_cov = p.x0_cov;
-  return model;
 }
 
 namespace {
 
-// A typical value of each of the first `size` diagonal entries: the geometric mean over the steps at which the entry is
-// not zero. With this mean, a state that grows by orders of magnitude is not dominated by its last steps.
-Vector typical(const std::vector<Matrix>& moments, Index size) {
+// A typical value of each of the diagonal entries first … first+size-1: the geometric mean over the steps at which the
+// entry is not zero. With this mean, a state that grows by orders of magnitude is not dominated by its last steps.
+Vector typical(const linalg::MatrixList& moments, Index first, Index size) {
   Vector logs = Vector::Zero(size), count = logs;
-  for (const Matrix& a : moments)
+  for (size_t s = 0; s < size_t(moments.size()); ++s)
     for (Index i = 0; i < size; ++i)
-      if (a(i, i) > 0) logs(i) += std::log(a(i, i)), count(i) += 1;
+      if (const double a = moments[s](first + i, first + i); a > 0) logs(i) += std::log(a), count(i) += 1;
   return (count.array() > 0).select((logs.array() / count.array().max(1.0)).exp(), 0.0);
 }
 
 }  // namespace
 
 void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples& samples) {
-  const auto mean_diagonal = [&](const std::vector<Matrix>& list) {
-    Vector sum = Vector::Zero(n_ + r_);
-    for (const Matrix& a : list) sum += a.diagonal().head(n_ + r_);
-    return sum;
-  };
   const double experiments = double(std::max<Index>(1, samples.experiments));
-  const auto weight = [&](const std::vector<Matrix>& list) {
-    Vector w = typical(list, n_ + r_) * double(steps_) / double(phases_);
+  const auto weight = [&](const linalg::MatrixList& list) {
+    Vector w = typical(list, 0, n_ + r_) * double(steps_) / double(phases_);
     for (double& value : w)
       if (!(value > 0)) value = experiments;  // a signal that is zero may have any weight
     return w;
@@ -128,23 +122,19 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   process_weight_ = weight(moments.moved);
   measurement_weight_ = weight(moments.measured);
   const double count = std::max(1.0, moments.measured_count.sum());
-  process_floor_ = (smallest_noise / count * mean_diagonal(moments.measured).head(n_)).array().max(1e-300);
+  Matrix state = Matrix::Zero(n_, n_);  // mean second moment
+  for (size_t s = 0; s < size_t(steps_); ++s) state += moments.measured[s].topLeftCorner(n_, n_) / count;
+  process_floor_ = (smallest_noise * state.diagonal()).array().max(1e-300);
   measurement_floor_ = (smallest_noise * samples.y_square).array().max(1e-300);
   for (Matrix& q : start_.process.shape) q = linalg::bounded_below(q, process_floor_);
   for (Matrix& r : start_.measurement.shape) r = linalg::bounded_below(r, measurement_floor_);
   // The second moment of the state at a typical step, times the ratio of innovations to outputs.
   const double of_step = double(std::max<Index>(1, (moments.measured_count.array() > 0).count())) / count;
-  Matrix state = Matrix::Zero(n_, n_);
-  std::vector<Matrix> outputs;
-  for (const Matrix& a : moments.measured) {
-    state += a.topLeftCorner(n_, n_) / count;
-    outputs.emplace_back(a.bottomRightCorner(m_, m_));
-  }
-  const Vector size = (typical(moments.measured, n_) * of_step).cwiseMax(process_floor_);
+  const Vector size = (typical(moments.measured, 0, n_) * of_step).cwiseMax(process_floor_);
   const Vector scale = (size.array() / state.diagonal().array().max(process_floor_.array())).sqrt();
   state = scale.asDiagonal() * state * scale.asDiagonal();
   measurement_reference_ = linalg::bounded_below(options_.innovation_cov, measurement_floor_);
-  const Vector output = (typical(outputs, m_) * of_step).cwiseMax(measurement_floor_);
+  const Vector output = (typical(moments.measured, n_ + r_, m_) * of_step).cwiseMax(measurement_floor_);
   const double ratio = (measurement_reference_.diagonal().array() / output.array()).mean();
   process_reference_ = linalg::bounded_below(ratio * state, process_floor_);
   const auto per_phase = [&](const Vector& counts) {
@@ -174,13 +164,16 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
 
 namespace {
 
-double variation(const std::vector<Matrix>& theta, const std::vector<Index>& jumps, const Matrix& reference,
+// Σ ‖V^{-1/2} (Θ_g - Θ_{g-1}) W^{1/2}‖² over the phases without jumps, with V = `reference` and W = diag(weight)
+double variation(const linalg::MatrixList& theta, const std::vector<Index>& jumps, const Matrix& reference,
                  const Vector& weight) {
-  const Matrix w = whitener_of(reference);
+  const Index l = theta.cols(), changes = theta.size() - 1;
+  const Matrix& all = theta.together();
+  const Matrix difference = whitener_of(reference) * (all.rightCols(l * changes) - all.leftCols(l * changes));
   double sum = 0.0;
-  for (size_t g = 1; g < theta.size(); ++g)
-    if (!std::binary_search(jumps.begin(), jumps.end(), Index(g)))
-      sum += (w * (theta[g] - theta[g - 1]) * weight.cwiseSqrt().asDiagonal()).squaredNorm();
+  for (Index g = 1; g <= changes; ++g)
+    if (!std::binary_search(jumps.begin(), jumps.end(), g))
+      sum += difference.middleCols(l * (g - 1), l).colwise().squaredNorm().dot(weight);
   return sum;
 }
 
@@ -213,15 +206,15 @@ double Estimator::penalty(const Parameters& p) const {
   return sum;
 }
 
-std::vector<Matrix> Estimator::phase_roots(const std::vector<Matrix>& moments, const Vector& counts,
-                                           Vector& totals) const {
-  std::vector<Matrix> sums(moments.begin(), moments.begin() + phases_);
-  totals = counts.head(phases_);
-  for (Index t = phases_; t < steps_; ++t) {
+linalg::MatrixList Estimator::phase_roots(const linalg::MatrixList& moments, const Vector& counts,
+                                          Vector& totals) const {
+  linalg::MatrixList sums(phases_, moments.rows(), moments.cols());
+  totals = Vector::Zero(phases_);
+  for (Index t = 0; t < steps_; ++t) {
     sums[size_t(t % phases_)] += moments[size_t(t)];
     totals(t % phases_) += counts(t);
   }
-  for (Matrix& sum : sums) sum = linalg::upper_root(sum);
+  for (size_t g = 0; g < size_t(phases_); ++g) linalg::take_upper_root(sums[g]);
   return sums;
 }
 
@@ -234,57 +227,51 @@ std::vector<std::pair<Index, Index>> Estimator::stretches() const {
   return result;
 }
 
-Estimator::Walks Estimator::walks_of(const std::vector<Matrix>& roots, const Noise& noise, Index l,
+Estimator::Walks Estimator::walks_of(const linalg::MatrixList& roots, const Noise& noise, Index l,
                                      const Matrix& reference, const Vector& weight) const {
   const Index q = reference.rows();
   const Matrix whitener = whitener_of(reference);
   const linalg::Svd eigen = linalg::svd(whitener * noise.shape[0] * whitener.transpose());
   if (q > 0 && !(eigen.s(q - 1) > std::numeric_limits<double>::epsilon() * eigen.s(0) && std::isfinite(eigen.s(0))))
     throw std::runtime_error("EM has diverged: the covariance of the noise is singular. Start from another model");
-  Walks walks{eigen.u.transpose() * whitener, eigen.s, {}, {}};
+  Walks walks{eigen.u.transpose() * whitener, eigen.s, {phases_, l, l + q}, {}};
   walks.stiffness = (options_.smoothing * weight.head(l) * eigen.s.transpose()).cwiseSqrt();
   for (Index g = 0; g < phases_; ++g) {
-    const Matrix& root = roots[size_t(g)];
-    Matrix& block = walks.rows.emplace_back(l, l + q);
+    const auto root = roots[size_t(g)];
+    auto block = walks.rows[size_t(g)];
     block.leftCols(l) = root.topLeftCorner(l, l);
-    block.rightCols(q).noalias() = root.topRightCorner(l, q) * walks.t.transpose();
+    block.rightCols(q).noalias() = root.topRightCorner(l, q).lazyProduct(walks.t.transpose());
     block /= std::sqrt(noise.scale(noise.segment[size_t(g)]));
   }
   return walks;
 }
 
 // Only the first `l` of the n + r coefficients are estimated, and the others keep their values.
-std::vector<Matrix> Estimator::regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before,
-                                       const Noise& noise, Index l, const Matrix& reference,
-                                       const Vector& weight) const {
+void Estimator::regress(const linalg::MatrixList& roots, const Noise& noise, Index l, const Matrix& reference,
+                        const Vector& weight, linalg::MatrixList& coefficients) const {
   const Index q = reference.rows();
-  std::vector<Matrix> result(before);
-  if (q == 0 || l == 0) return result;
-  const auto has_data = [&](size_t g) { return !roots[g].topLeftCorner(l, l).isZero(0.0); };
+  if (q == 0 || l == 0) return;
   if (!pooled_ || phases_ == 1) {
-    const std::vector<Matrix> theta = [&] {
-      std::vector<Matrix> rows;
-      for (const Matrix& root : roots)
-        rows.push_back(linalg::beside(root.topLeftCorner(l, l), root.topRightCorner(l, q)));
-      return random_walk_regression(rows, l, Vector::Zero(l));
-    }();
+    std::vector<Matrix> rows;
+    for (size_t g = 0; g < size_t(phases_); ++g)
+      rows.push_back(linalg::beside(roots[g].topLeftCorner(l, l), roots[g].topRightCorner(l, q)));
+    const std::vector<Matrix> theta = random_walk_regression(rows, l, Vector::Zero(l));
     for (size_t g = 0; g < theta.size(); ++g)
-      if (has_data(g)) result[g].leftCols(l) = theta[g].transpose();
-    return result;
+      if (!rows[g].leftCols(l).isZero(0.0)) coefficients[g].leftCols(l) = theta[g].transpose();
+    return;
   }
   const Walks walks = walks_of(roots, noise, l, reference, weight);
   const Matrix back = linalg::pseudo_inverse(walks.t);
   for (const auto& [begin, end] : stretches()) {
-    const std::vector<Matrix> rotated =
-        random_walk_regressions({walks.rows.begin() + begin, walks.rows.begin() + end}, walks.stiffness);
-    for (Index g = begin; g < end; ++g) result[size_t(g)].leftCols(l) = back * rotated[size_t(g - begin)].transpose();
+    const linalg::MatrixList rotated = random_walk_regressions(walks.rows, begin, end, walks.stiffness);
+    for (Index g = begin; g < end; ++g)
+      coefficients[size_t(g)].leftCols(l).noalias() = back.lazyProduct(rotated[size_t(g - begin)]);
   }
-  return result;
 }
 
 Vector Estimator::jump_gains(const kalman::Moments& moments, const Parameters& p) const {
   Vector gains = Vector::Zero(phases_);
-  const auto add = [&](const std::vector<Matrix>& sums, const Vector& counts, const Noise& noise, Index l,
+  const auto add = [&](const linalg::MatrixList& sums, const Vector& counts, const Noise& noise, Index l,
                        const Matrix& reference, const Vector& weight) {
     Vector totals;
     const Index q = reference.rows();
@@ -303,49 +290,53 @@ Vector Estimator::jump_gains(const kalman::Moments& moments, const Parameters& p
   return gains;
 }
 
-void Estimator::update_noise(const std::vector<Matrix>& roots, const Vector& counts,
-                             const std::vector<Matrix>& coefficients, const Vector& floor, double spent,
+void Estimator::update_noise(const linalg::MatrixList& roots, const Vector& counts,
+                             const linalg::MatrixList& coefficients, const Vector& floor, double spent,
                              Noise& noise) const {
   const Index l = n_ + r_, q = floor.size();
   if (q == 0) return;
-  std::vector<Matrix> residual;
-  for (size_t g = 0; g < roots.size(); ++g) {
-    const Matrix misfit = roots[g].topRightCorner(l, q) - roots[g].topLeftCorner(l, l) * coefficients[g].transpose();
-    const Matrix rest = roots[g].bottomRightCorner(q, q);
-    residual.emplace_back(misfit.transpose() * misfit + rest.transpose() * rest);
+  // The sums of squared residuals of the segments, or of the phases.
+  linalg::MatrixList residual(pooled_ ? noise.scale.size() : phases_, q, q);
+  Vector samples = Vector::Zero(residual.size());
+  Matrix misfit(l, q);
+  for (size_t g = 0; g < size_t(phases_); ++g) {
+    const size_t i = pooled_ ? size_t(noise.segment[g]) : g;
+    misfit = roots[g].topRightCorner(l, q);
+    misfit.noalias() -= roots[g].topLeftCorner(l, l).lazyProduct(coefficients[g].transpose());
+    residual[i].noalias() += misfit.transpose().lazyProduct(misfit);
+    const auto rest = roots[g].bottomRightCorner(q, q);
+    residual[i].noalias() += rest.transpose().lazyProduct(rest);
+    samples(Index(i)) += counts(Index(g));
   }
   if (!pooled_) {
-    for (size_t g = 0; g < residual.size(); ++g)
-      if (counts(Index(g)) > 0) noise.shape[g] = linalg::bounded_below(residual[g] / counts(Index(g)), floor);
+    for (size_t g = 0; g < size_t(phases_); ++g)
+      if (samples(Index(g)) > 0) noise.shape[g] = linalg::bounded_below(residual[g] / samples(Index(g)), floor);
     return;
   }
-  if (!(counts.sum() > 0)) return;
+  if (!(samples.sum() > 0)) return;
   Matrix sum = Matrix::Zero(q, q);
-  for (size_t g = 0; g < residual.size(); ++g) sum += residual[g] / noise.scale(noise.segment[g]);
+  for (Index i = 0; i < noise.scale.size(); ++i) sum += residual[size_t(i)] / noise.scale(i);
   Matrix& shape = noise.shape[0];
-  shape = linalg::bounded_below(sum / (counts.sum() * (1 - spent)), floor / noise.scale.minCoeff());
+  shape = linalg::bounded_below(sum / (samples.sum() * (1 - spent)), floor / noise.scale.minCoeff());
   if (noise.scale.size() == 1) return;
   const Matrix w = whitener_of(shape);
   // The smallest scale that keeps all variances above the floor.
   const double least = linalg::singular_values(w * floor.asDiagonal() * w.transpose())(0);
-  Vector squares = Vector::Zero(noise.scale.size()), samples = squares;
-  for (size_t g = 0; g < residual.size(); ++g) {
-    squares(noise.segment[g]) += (w * residual[g] * w.transpose()).trace();
-    samples(noise.segment[g]) += counts(Index(g));
+  for (Index i = 0; i < noise.scale.size(); ++i) {
+    const double squares = (w * residual[size_t(i)] * w.transpose()).trace();
+    if (samples(i) > 0) noise.scale(i) = std::max(least, squares / (double(q) * samples(i) * (1 - spent)));
   }
-  for (Index i = 0; i < noise.scale.size(); ++i)
-    if (samples(i) > 0) noise.scale(i) = std::max(least, squares(i) / (double(q) * samples(i) * (1 - spent)));
 }
 
 Parameters Estimator::maximise(const kalman::Moments& moments, const Parameters& p) const {
   Parameters next = p;
   Vector moved, measured;
-  const std::vector<Matrix> process = phase_roots(moments.moved, moments.moved_count, moved);
-  const std::vector<Matrix> output = phase_roots(moments.measured, moments.measured_count, measured);
+  const linalg::MatrixList process = phase_roots(moments.moved, moments.moved_count, moved);
+  const linalg::MatrixList output = phase_roots(moments.measured, moments.measured_count, measured);
   const Index all = n_ + r_, of_outputs = options_.feedthrough ? all : n_;
   if (options_.estimate_matrices) {
-    next.ab = regress(process, p.ab, p.process, all, process_reference_, process_weight_);
-    next.cd = regress(output, p.cd, p.measurement, of_outputs, measurement_reference_, measurement_weight_);
+    regress(process, p.process, all, process_reference_, process_weight_, next.ab);
+    regress(output, p.measurement, of_outputs, measurement_reference_, measurement_weight_, next.cd);
   }
   update_noise(process, moved, next.ab, process_floor_, process_spent_, next.process);
   update_noise(output, measured, next.cd, measurement_floor_, measurement_spent_, next.measurement);
@@ -376,6 +367,13 @@ bool Estimator::at_floor(const Noise& noise, const Vector& floor) const {
 
 namespace {
 
+// left Θ_g diag(right) for all phases
+Matrix in_units(const linalg::MatrixList& theta, const Matrix& left, const Vector& right) {
+  Matrix result = left * theta.together();
+  result *= right.replicate(theta.size(), 1).asDiagonal();
+  return result;
+}
+
 // Writer and Reader convert matrices to one list of numbers and back, in the same order.
 class Writer {
  public:
@@ -404,8 +402,8 @@ Vector Estimator::coordinates(const Parameters& p) const {
   const Matrix process = whitener_of(process_reference_), measurement = whitener_of(measurement_reference_);
   const Vector process_units = process_weight_.cwiseSqrt(), measurement_units = measurement_weight_.cwiseSqrt();
   if (options_.estimate_matrices) {
-    for (const Matrix& ab : p.ab) write(process * ab * process_units.asDiagonal());
-    for (const Matrix& cd : p.cd) write(measurement * cd * measurement_units.asDiagonal());
+    write(in_units(p.ab, process, process_units));
+    write(in_units(p.cd, measurement, measurement_units));
   }
   for (const Matrix& q : p.process.shape) write(linalg::logarithm(q, process));
   for (const Matrix& r : p.measurement.shape) write(linalg::logarithm(r, measurement));
@@ -427,8 +425,10 @@ Parameters Estimator::parameters(const Vector& coordinates, const Parameters& li
   const Vector process_units = process_weight_.cwiseSqrt().cwiseInverse();
   const Vector measurement_units = measurement_weight_.cwiseSqrt().cwiseInverse();
   if (options_.estimate_matrices) {
-    for (Matrix& ab : p.ab) ab = process * read(n_, n_ + r_) * process_units.asDiagonal();
-    for (Matrix& cd : p.cd) cd = measurement * read(m_, n_ + r_) * measurement_units.asDiagonal();
+    p.ab.together() = read(n_, (n_ + r_) * phases_);
+    p.cd.together() = read(m_, (n_ + r_) * phases_);
+    p.ab.together() = in_units(p.ab, process, process_units);
+    p.cd.together() = in_units(p.cd, measurement, measurement_units);
   }
   for (Matrix& q : p.process.shape) q = linalg::exponential(read(n_, n_), process);
   for (Matrix& r : p.measurement.shape) r = linalg::exponential(read(m_, m_), measurement);

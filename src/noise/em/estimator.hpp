@@ -13,16 +13,18 @@ struct Noise {
   Vector scale;                // (segments)
   std::vector<Index> segment;  // (phases)
 
+  bool operator==(const Noise& other) const = default;
   Matrix of(Index phase) const { return scale(segment[size_t(phase)]) * shape[shape.size() == 1 ? 0 : size_t(phase)]; }
 };
 
 struct Parameters {
-  std::vector<Matrix> ab;  // (phases) [A B]: n × (n+r)
-  std::vector<Matrix> cd;  // (phases) [C D]: m × (n+r)
+  linalg::MatrixList ab;  // (phases) [A B]: n × (n+r)
+  linalg::MatrixList cd;  // (phases) [C D]: m × (n+r)
   Noise process, measurement;
   Vector x0_mean;
   Matrix x0_cov;
 
+  bool operator==(const Parameters& other) const = default;
   bool finite() const;
 };
 
@@ -48,7 +50,8 @@ class Estimator {
   Estimator(const Model& start, const kalman::Samples& samples, const EstimatorOptions& options);
 
   const Parameters& start() const { return start_; }
-  Model model(const Parameters& p) const;  // A, B, C, D, Q, R, x0_mean, x0_cov of every step
+  // Writes A, B, C, D, Q, R of every step, x0_mean and x0_cov to a model with the steps of the start model.
+  void write(const Parameters& p, Model& model) const;
   // Sets units, floors and weights of the penalty from the moments of the start model.
   void set_scales(const kalman::Moments& moments, const kalman::Samples& samples);
   double penalty(const Parameters& p) const;  // to be subtracted from the log-likelihood
@@ -75,20 +78,19 @@ class Estimator {
   // T V Tᵀ = I for the penalty.
   struct Walks {
     Matrix t;
-    Vector noise;              // w
-    std::vector<Matrix> rows;  // (phases) [R Z] (l × (l+q))
-    Matrix stiffness;          // (l × q)
+    Vector noise;             // w
+    linalg::MatrixList rows;  // (phases) [R Z] (l × (l+q))
+    Matrix stiffness;         // (l × q)
   };
-  Walks walks_of(const std::vector<Matrix>& roots, const Noise& noise, Index regressors, const Matrix& reference,
+  Walks walks_of(const linalg::MatrixList& roots, const Noise& noise, Index regressors, const Matrix& reference,
                  const Vector& weight) const;
   std::vector<std::pair<Index, Index>> stretches() const;
-  std::vector<Matrix> phase_roots(const std::vector<Matrix>& moments, const Vector& counts, Vector& totals) const;
-  std::vector<Matrix> regress(const std::vector<Matrix>& roots, const std::vector<Matrix>& before, const Noise& noise,
-                              Index regressors, const Matrix& reference, const Vector& weight) const;
-  void update_noise(const std::vector<Matrix>& roots, const Vector& counts, const std::vector<Matrix>& coefficients,
+  linalg::MatrixList phase_roots(const linalg::MatrixList& moments, const Vector& counts, Vector& totals) const;
+  void regress(const linalg::MatrixList& roots, const Noise& noise, Index regressors, const Matrix& reference,
+               const Vector& weight, linalg::MatrixList& coefficients) const;
+  void update_noise(const linalg::MatrixList& roots, const Vector& counts, const linalg::MatrixList& coefficients,
                     const Vector& floor, double spent, Noise& noise) const;
 
-  Model model_;  // the start model, with everything that EM does not change
   EstimatorOptions options_;
   Index n_, r_, m_, steps_, phases_;
   bool pooled_;
