@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "linalg/simd.hpp"
-#include "noise/random_walks.hpp"
+#include "noise/random_walk_lanes.hpp"
 #include "testing.hpp"
 
 namespace tokid::testing {
@@ -147,10 +147,12 @@ TEST(RandomWalk, jump_gains_are_the_decrease_of_the_least_squares) {
 TEST(RandomWalk, refuses_columns_of_wrong_sizes_or_stiffness) {
   Random random(6);
   const linalg::MatrixList rows = triangular_rows(random, 3, 4, 2);
-  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Ones(4, 3)), std::invalid_argument);
-  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Ones(5, 2)), std::invalid_argument);
-  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Zero(4, 2)), std::invalid_argument);
-  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Constant(4, 2, inf)), std::invalid_argument);
+  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Ones(4, 3)), std::logic_error);
+  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Ones(5, 2)), std::logic_error);
+  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Zero(4, 2)), std::logic_error);
+  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Constant(4, 2, inf)), std::logic_error);
+  EXPECT_THROW(random_walk_regressions(rows, 1, 4, Matrix::Ones(4, 2)), std::logic_error);
+  EXPECT_THROW(random_walk_regressions(rows, 2, 1, Matrix::Ones(4, 2)), std::logic_error);
   EXPECT_EQ(random_walk_regressions(rows, 2, 2, Matrix::Ones(4, 2)).size(), 0);
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <map>
 #include <memory>
@@ -48,11 +49,9 @@ Schedule schedule_of(const RefineOptions& o) {
   if (!o.jumps.empty()) return {first_stages, jump_stages, last_jump_stage};
   return {first_stages, {}, last_stage};
 }
-// λ times 10^exponent, rounded, so that every way to a λ ends at the same number.
-double times_ten_to(double exponent, double smoothing) {
-  constexpr double digits = 1e9;
-  return std::pow(10.0, std::round((std::log10(smoothing) + exponent) * digits) / digits);
-}
+const double half_decade = std::sqrt(10.0);
+// The search comes to a λ on several ways, with different rounding errors.
+bool same_smoothing(double a, double b) { return std::abs(a - b) <= 1e-6 * std::max(a, b); }
 
 Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, RefineOptions o) {
   o.iterations = stage.iterations;
@@ -64,7 +63,8 @@ Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, R
 constexpr double usual = 3.0, first_least = 1e-2, first_most = 1e2, largest = 320.0;
 // The most half decades that a search goes in one direction.
 constexpr Index most_moves = 6;
-// An order whose errors are larger than the best ones by this factor after the first stages is given up.
+// A number of states whose errors are larger by this factor than those of the best number so far does not go on to the
+// last stage.
 constexpr double hopeless = 2.0;
 // A jump is tried where its gain exceeds the gains two steps before and after by the factor `sharp`, and the median
 // gain by another factor. Gains vary slowly over time if the matrices do.
@@ -151,10 +151,10 @@ class Folds::RefinementSearch {
     choice_.trials.push_back({.states = states, .error = choice_.error});
   }
 
-  // Tries λ, or only the given one. The last stage follows only for the best λ, and only if errors are not above
-  // `most`.
+  // Tries λ, or only the given one. The last stage follows only for the best λ, and only if an attempt has an error()
+  // up to `most_error`.
   void run(std::optional<double> smoothing_given, bool look_for_jumps,
-           double most = std::numeric_limits<double>::infinity()) {
+           double most_error = std::numeric_limits<double>::infinity()) {
     if (folds_.options_.variation.period == 1) smoothing_given = 0.0;
     if (smoothing_given)
       attempt(*smoothing_given);
@@ -162,7 +162,7 @@ class Folds::RefinementSearch {
       choose_smoothing();
     if (!smoothing_given && !empty() && least_error()->error() > choice_.error) approach_start();
     if (look_for_jumps && !empty() && !folds_.pooled()) find_jumps();
-    if (!empty() && least_error()->error() <= most) continue_best();
+    if (!empty() && least_error()->error() <= most_error) continue_best();
   }
 
   bool empty() const { return attempts_.empty(); }
@@ -242,12 +242,12 @@ class Folds::RefinementSearch {
     climb(best, most);
   }
 
-  // With one more jump, the best λ may be larger by decades, and worse in between.
+  // With one more jump, the best λ may be larger by decades. A λ in between may be worse than both.
   void choose_larger_smoothing(double best) {
     const double first = best;
     Likelihood most = attempt(first);
-    for (const double decades : {1.0, 2.0, 3.0})
-      if (const double next = times_ten_to(decades, first); next < largest) try_smoothing(next, 0.0, best, most);
+    for (const double factor : {10.0, 100.0, 1000.0})
+      if (first * factor < largest) try_smoothing(first * factor, 0.0, best, most);
     climb(best, most);
   }
 
@@ -262,18 +262,17 @@ class Folds::RefinementSearch {
   // Moves from λ to λ while the likelihood rises. It may not change over half a decade and then rise again, so one
   // larger λ that is not worse is passed over.
   void climb(double best, Likelihood most) {
-    for (const double direction : {0.5, -0.5}) {
+    for (const double factor : {half_decade, 1 / half_decade}) {
       Index moves = 0;
       bool flat = false;
-      for (double next = times_ten_to(direction, best); moves < most_moves && next < largest;
-           next = times_ten_to(direction, next)) {
+      for (double next = best * factor; moves < most_moves && next < largest; next *= factor) {
         Likelihood found = attempt(next);
         const double advantage = found.advantage(most);
         if (advantage > noticeable) {
           most = std::move(found);
           flat = false;
           ++moves;
-        } else if (direction < 0 || flat || advantage < -noticeable) {
+        } else if (factor < 1 || flat || advantage < -noticeable) {
           break;
         } else {
           flat = true;
@@ -289,8 +288,7 @@ class Folds::RefinementSearch {
     double smoothing = std::min_element(attempts_.begin(), attempts_.end(), weaker)->smoothing;
     for (Index moves = 0; moves < most_moves; ++moves) {
       const double least = least_error()->error();
-      smoothing = times_ten_to(-0.5, smoothing);
-      attempt(smoothing);
+      attempt(smoothing /= half_decade);
       if (!(least_error()->error() < least)) return;
     }
   }
@@ -368,12 +366,14 @@ class Folds::RefinementSearch {
   template <class Search>
   double take_jumps(std::vector<Jump> jumps, const Likelihood& before, double least, Search&& search) {
     std::vector<Attempt> attempts = std::exchange(attempts_, {});
+    std::vector<double> tried = std::exchange(tried_, {});
     std::swap(jumps, jumps_);
     search();
     const double advantage = (empty() ? Likelihood() : likeliest()->likelihood).advantage(before);
     if (advantage > least) return advantage;
     std::swap(jumps, jumps_);
     attempts_ = std::move(attempts);
+    tried_ = std::move(tried);
     return advantage;
   }
 
@@ -444,24 +444,28 @@ class Folds::RefinementSearch {
   // EM with this λ, from subspace models, unless it was tried before. Returns the largest log-likelihood of the
   // held-out experiments.
   Likelihood attempt(double smoothing) {
-    const auto same = [&](const Attempt& a) { return a.smoothing == smoothing; };
-    if (std::none_of(attempts_.begin(), attempts_.end(), same)) {
-      const Schedule schedule = schedule_of(options(smoothing));
-      auto plain = plain_.find(smoothing);
-      if (plain == plain_.end()) {
-        Attempt now{smoothing, 0, {}, {}, starts_};
-        for (const Stage& stage : schedule.first) {
-          now = refined(std::move(now), stage);
-          if (jumps_.empty()) keep(now);
-        }
-        plain = plain_.emplace(smoothing, std::move(now)).first;
-      }
-      for (const Stage& stage : schedule.jumping) keep(refined(plain->second, stage));
+    const auto same = [&](double other) { return same_smoothing(other, smoothing); };
+    if (std::none_of(tried_.begin(), tried_.end(), same)) {
+      tried_.push_back(smoothing);
+      const Attempt& plain = plain_attempt(smoothing);
+      for (const Stage& stage : schedule_of(options(smoothing)).jumping) keep(refined(plain, stage));
     }
     Likelihood most;
     for (const Attempt& a : attempts_)
-      if (same(a) && a.likelihood.sum() > most.sum()) most = a.likelihood;
+      if (same(a.smoothing) && a.likelihood.sum() > most.sum()) most = a.likelihood;
     return most;
+  }
+
+  // The attempt after the stages without jumps.
+  const Attempt& plain_attempt(double smoothing) {
+    for (const Attempt& known : plain_)
+      if (same_smoothing(known.smoothing, smoothing)) return known;
+    Attempt now{smoothing, 0, {}, {}, starts_};
+    for (const Stage& stage : schedule_of(options(smoothing)).first) {
+      now = refined(std::move(now), stage);
+      if (jumps_.empty()) keep(now);
+    }
+    return plain_.emplace_back(std::move(now));
   }
 
   void keep(const Attempt& attempt) {
@@ -538,7 +542,8 @@ class Folds::RefinementSearch {
   std::vector<Computed> like_;
   std::vector<Vector> least_variance_;  // as in least_variance, of each fold
   std::vector<Attempt> attempts_;
-  std::map<double, Attempt> plain_;  // for each λ, the attempt after the stages without jumps
+  std::vector<double> tried_;  // λ of all attempts, also of those that failed
+  std::deque<Attempt> plain_;  // for each λ that was tried, the attempt after the stages without jumps
   RefinementChoice choice_;
 };
 

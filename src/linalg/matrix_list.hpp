@@ -22,7 +22,7 @@ class MatrixList {
   }
 
   // All matrices beside each other (rows × cols·count).
-  Matrix& together() { return numbers_; }
+  Eigen::Ref<Matrix> together() { return numbers_; }
   const Matrix& together() const { return numbers_; }
 
   bool operator==(const MatrixList& other) const = default;

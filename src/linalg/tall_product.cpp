@@ -43,7 +43,7 @@ struct Gram {
 };
 
 // The sum over rows is made of so many partial sums, for every length of vectors.
-constexpr size_t partial_sums = 8;
+constexpr size_t partial_sums = size_t(gram_rows);
 
 }  // namespace
 }  // namespace tokid::linalg
@@ -54,10 +54,10 @@ HWY_BEFORE_NAMESPACE();
 // clang-format on
 namespace tokid::linalg::HWY_NAMESPACE {
 
-// sum ± w x, rounded once or after each operation.
+// sum ± w x
 template <Rounding rounding, bool minus, class V>
 HWY_INLINE V with_product(V sum, V w, V x) {
-  if constexpr (rounding == Rounding::once)
+  if constexpr (rounding == Rounding::fused)
     return minus ? hn::NegMulAdd(w, x, sum) : hn::MulAdd(w, x, sum);
   else
     return minus ? hn::Sub(sum, hn::Mul(w, x)) : hn::Add(sum, hn::Mul(w, x));
@@ -129,8 +129,8 @@ HWY_INLINE void sum_of_products(const Sum& s) {
     }
 }
 
-void SumOfProducts(const Sum& s) { sum_of_products<Rounding::once>(s); }
-void RoundedSumOfProducts(const Sum& s) { sum_of_products<Rounding::each>(s); }
+void SumOfProducts(const Sum& s) { sum_of_products<Rounding::fused>(s); }
+void RoundedSumOfProducts(const Sum& s) { sum_of_products<Rounding::separate>(s); }
 
 // The sum of the partial sums, always in the same order: those that are 4 apart, then 2, then 1.
 template <size_t vectors>
@@ -206,7 +206,7 @@ void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> prod
     sum.start = start->data();
     sum.start_stride = size_t(start->outerStride());
   }
-  if (rounding == Rounding::once)
+  if (rounding == Rounding::fused)
     TOKID_KERNEL(SumOfProducts)(sum);
   else
     TOKID_KERNEL(RoundedSumOfProducts)(sum);
@@ -225,8 +225,8 @@ void tall_products(const ConstMatrixRef& start, std::initializer_list<TallProduc
 
 void add_gram(std::span<const double* const> columns, Index rows, Eigen::Ref<Matrix> sum) {
   const Index count = Index(columns.size());
-  if (sum.rows() < count || sum.cols() < count || rows % Index(partial_sums) != 0)
-    throw std::logic_error("add_gram: the columns do not fit the sum, or the number of rows is no multiple of 8");
+  if (sum.rows() < count || sum.cols() < count || rows % gram_rows != 0)
+    throw std::logic_error("add_gram: the columns do not fit the sum, or the number of rows is not a multiple of 8");
   TOKID_KERNEL(AddGram)({columns.data(), columns.size(), size_t(rows), sum.data(), size_t(sum.outerStride())});
 }
 

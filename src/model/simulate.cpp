@@ -255,9 +255,7 @@ bool samples_missing(const Ensemble& data, Index begin, Index end) {
 // E[x_k | samples before k] (N × n_k) from the first step of the model on; samples may be missing.
 std::vector<Matrix> filtered_states(Model model, const Ensemble& data, bool from_zero) {
   if (from_zero) model.x0_mean.resize(0), model.x0_cov.resize(0, 0);
-  std::vector<Matrix> states = kalman::predicted_states(model, kalman::samples_of(model, data, kalman::Tail::keep));
-  for (Matrix& x : states) x = x.transpose().eval();
-  return states;
+  return kalman::predicted_states(model, kalman::samples_of(model, data, kalman::Tail::keep));
 }
 
 }  // namespace
@@ -432,8 +430,7 @@ std::optional<Start> start_of(const Model& model, const Ensemble& data, std::opt
     return Start{model.k_begin, Matrix::Zero(data.experiments(), model.n(model.k_begin))};
   if (has_initial_estimate(model, initial) && knows_noise(model))
     return Start{model.k_begin, kalman::smoothed_first_states(model, kalman::samples_of(model, data, kalman::Tail::drop,
-                                                                                        estimation_window(model)))
-                                    .transpose()};
+                                                                                        estimation_window(model)))};
   const Index k = model.full_begin(), window = estimation_window(model);
   if (k + window > std::min(model.k_end(), data.steps())) return std::nullopt;
   return Start{k, estimate_state(model, data, k, window).transpose()};

@@ -6,8 +6,10 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
+#include "base/integers.hpp"
 #include "linalg/tall_product.hpp"
 #include "model/smoother_covariances.hpp"
 
@@ -18,10 +20,14 @@ namespace {
 // Limits for the number of experiments in one piece of work, and for the number of pieces. The pieces are the same for
 // any number of threads.
 constexpr Index smallest_piece = 32, most_pieces = 16;
-// So many experiments go through all steps together: their numbers should stay in the cache.
-constexpr Index together = 64;
-// The kernels work on so many experiments at once. Rows of zeros are added.
-constexpr Index multiple = 8;
+// At most so many experiments go through all steps together. With many steps they are fewer, so that their numbers
+// stay in the cache.
+constexpr Index most_together = 64, steps_together = 16000;
+Index together(Index steps) {
+  return std::clamp<Index>(steps_together / std::max<Index>(1, steps) / linalg::gram_rows, 1,
+                           most_together / linalg::gram_rows) *
+         linalg::gram_rows;
+}
 
 }  // namespace
 
@@ -48,20 +54,25 @@ class Means {
       l.rightCols(l.cols() - step.states()).setZero();
       if (!there.empty()) {
         linalg::tall_products(outputs(s), {{predicted(s), step.C(), true}, {inputs(s), step.D(), true}}, innovation_,
-                              each);
+                              separate);
         each_missing(there, model.outputs, [this](Index j) { innovation_.col(j).setZero(); });
-        linalg::tall_products({{innovation_, c.whitener}}, white_, each);
+        linalg::tall_products({{innovation_, c.whitener}}, white_, separate);
         squares_ = white_.array().square().rowwise().sum();
         log_likelihood.segment(first, count).array() -=
             0.5 * (squares_.head(count).array() + (c.log_det + double(there.size()) * log_two_pi));
         if (squares) squares->row(t).segment(first, count) = squares_.head(count) / double(there.size());
-        linalg::tall_products(l, {{innovation_, c.gain}}, l, each);
+        linalg::tall_products(l, {{innovation_, c.gain}}, l, separate);
       }
-      linalg::tall_products({{l, c.transition}, {inputs(s), step.B()}}, predicted(s + 1), each);
+      const std::vector<Index>& unknown = group.unknowns[s];
+      of_unknown_ = step.B()(Eigen::all, unknown);
+      linalg::tall_products({{l.leftCols(step.states()), step.A()},
+                             {inputs(s), step.B()},
+                             {l.rightCols(Index(unknown.size())), of_unknown_}},
+                            predicted(s + 1), separate);
     }
   }
 
-  // Replaces filtered means by smoothed ones, and missing samples by their means.
+  // Replaces filtered means by smoothed ones.
   void smooth(const Model& model, const Alike& group, const Covariances& covariances) {
     for (Index t = group.end; t-- > 0;) {
       const size_t s = size_t(t);
@@ -70,15 +81,8 @@ class Means {
       auto l = estimated(s);
       if (t + 1 < group.end) {
         change_ = estimated(s + 1).leftCols(step.next_states()) - predicted(s + 1);
-        linalg::tall_products(l, {{change_, c.smoother}}, l, each);
+        linalg::tall_products(l, {{change_, c.smoother}}, l, separate);
       }
-      for (size_t i = 0; i < group.unknowns[s].size(); ++i)
-        inputs(s).col(group.unknowns[s][i]) = l.col(step.states() + Index(i));
-      if (!partly_missing(group.outputs[s], model.outputs)) continue;
-      white_ = outputs(s);
-      const auto of_states = c.from_states.leftCols(step.states()), of_inputs = c.from_states.rightCols(step.inputs());
-      linalg::tall_products({{white_, c.from_outputs}, {l.leftCols(step.states()), of_states}, {inputs(s), of_inputs}},
-                            outputs(s), each);
     }
   }
 
@@ -87,6 +91,8 @@ class Means {
     for (Index t = 0; t < group.end; ++t) {
       const size_t s = size_t(t);
       const bool measured = !group.outputs[s].empty(), goes_on = t + 1 < group.end;
+      covariances.join(model, group, s, joint_);
+      fill_in(model.step[s], group, s);
       const Index n = model.step[s].states(), m = model.outputs, l = n + model.inputs;
       const Index after = goes_on ? model.step[s].next_states() : 0;
       columns_.clear();
@@ -97,7 +103,7 @@ class Means {
       add(inputs(s), model.inputs);
       if (goes_on) add(estimated(s + 1), after);
       if (measured) add(outputs(s), m);
-      total_ = double(count_) * covariances.step[s].joint;
+      total_ = double(count_) * joint_.covariance;
       linalg::add_gram(columns_, rows_, total_);
       if (goes_on) {
         sums.moved[s] += total_.topLeftCorner(l + after, l + after);
@@ -125,7 +131,7 @@ class Means {
   Eigen::Map<Matrix> estimated(size_t s) { return {memory_.data() + place_[s].estimated, rows_, place_[s].latent}; }
 
  private:
-  static constexpr linalg::Rounding each = linalg::Rounding::each;
+  static constexpr linalg::Rounding separate = linalg::Rounding::separate;
 
   // Where the numbers of a step begin. The latent vector l_k = [x_k; missing inputs] has `latent` entries.
   struct Place {
@@ -135,10 +141,23 @@ class Means {
   Eigen::Map<Matrix> inputs(size_t s) { return {memory_.data() + place_[s].inputs, rows_, samples_->u[s].cols()}; }
   Eigen::Map<Matrix> outputs(size_t s) { return {memory_.data() + place_[s].outputs, rows_, samples_->y[s].cols()}; }
 
+  // Replaces the missing samples of a step by their means given all samples, except where no output is available.
+  void fill_in(const Step& step, const Alike& group, size_t s) {
+    const Index n = step.states(), r = step.inputs();
+    const auto l = estimated(s);
+    for (size_t i = 0; i < group.unknowns[s].size(); ++i) inputs(s).col(group.unknowns[s][i]) = l.col(n + Index(i));
+    if (!partly_missing(group.outputs[s], step.outputs())) return;
+    available_ = outputs(s);
+    const Matrix& map = joint_.from_states_and_inputs;
+    linalg::tall_products(
+        {{available_, joint_.from_outputs}, {l.leftCols(n), map.leftCols(n)}, {inputs(s), map.rightCols(r)}},
+        outputs(s), separate);
+  }
+
   // Makes room for the experiments, and copies their samples and the mean of x_0.
   void arrange(const Model& model, const Alike& group, Index first, Index count) {
     count_ = count;
-    rows_ = (count + multiple - 1) / multiple * multiple;
+    rows_ = ceil_div(count, linalg::gram_rows) * linalg::gram_rows;
     place_.resize(size_t(group.end) + 1);
     Index size = 0;
     const auto room = [&](Index columns) { return std::exchange(size, size + rows_ * columns); };
@@ -172,19 +191,19 @@ class Means {
   Index count_ = 0, rows_ = 0;  // experiments, and these with rows of zeros
   std::vector<Place> place_;
   std::vector<double> memory_;
-  Matrix innovation_, white_, change_, total_;  // kept to reuse their memory
+  JointCovariance joint_;
+  Matrix innovation_, white_, change_, of_unknown_, available_, total_;  // kept to reuse their memory
   Vector squares_;
   std::vector<const double*> columns_;
 };
 
-// The experiments in pieces, which threads share, and the memory of each piece. If a group of experiments lies in
-// several pieces, its covariances are computed once.
+// The experiments in pieces, which threads share. If a group of experiments lies in several pieces, its covariances are
+// computed once. The memory of a thread serves one piece after the other.
 class Pieces {
  public:
   explicit Pieces(const Samples& samples) : samples_(samples), shared_(samples.groups.size()) {
     const Index total = samples.experiments, count = std::clamp<Index>(total / smallest_piece, 1, most_pieces);
-    for (Index i = 0; i < count; ++i)
-      pieces_.push_back({i * total / count, (i + 1) * total / count, {}, Means(samples)});
+    for (Index i = 0; i < count; ++i) pieces_.push_back({i * total / count, (i + 1) * total / count});
     for (size_t g = 0; g < samples.groups.size(); ++g) {
       const Alike& group = samples.groups[g];
       for (const Piece& piece : pieces_)
@@ -203,36 +222,44 @@ class Pieces {
       for (Index g = begin; g < end; ++g)
         if (shared_[size_t(g)]) shared_[size_t(g)]->compute(model, samples_, samples_.groups[size_t(g)], smooth);
     });
-    parallel_for(0, count(), execution, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i) run_piece(model, smooth, size_t(i), body);
+    const Index threads = std::min(thread_count(execution), count());
+    while (Index(memory_.size()) < threads) memory_.push_back({{}, Means(samples_)});
+    parallel_for(0, threads, execution, [&](Index begin, Index end) {
+      for (Index thread = begin; thread < end; ++thread)
+        for (Index i = thread; i < count(); i += threads)
+          run_piece(model, smooth, size_t(i), memory_[size_t(thread)], body);
     });
   }
 
  private:
   struct Piece {
     Index begin = 0, end = 0;  // rows of the samples
-    Covariances own;
+  };
+  struct Memory {
+    Covariances covariances;
     Means means;
   };
 
   template <class Body>
-  void run_piece(const Model& model, bool smooth, size_t i, Body&& body) {
-    Piece& piece = pieces_[i];
+  void run_piece(const Model& model, bool smooth, size_t i, Memory& memory, Body&& body) {
+    const Piece& piece = pieces_[i];
+    const Index most = together(samples_.steps);
     for (size_t g = 0; g < samples_.groups.size(); ++g) {
       const Alike& group = samples_.groups[g];
       const Index first = std::max(group.first, piece.begin);
       const Index last = std::min(group.first + group.count, piece.end);
       if (first >= last) continue;
-      if (!shared_[g]) piece.own.compute(model, samples_, group, smooth);
-      const Covariances& covariances = shared_[g] ? *shared_[g] : piece.own;
-      for (Index now = first; now < last; now += together)
-        body(i, group, covariances, now, std::min(together, last - now), piece.means);
+      if (!shared_[g]) memory.covariances.compute(model, samples_, group, smooth);
+      const Covariances& covariances = shared_[g] ? *shared_[g] : memory.covariances;
+      for (Index now = first; now < last; now += most)
+        body(i, group, covariances, now, std::min(most, last - now), memory.means);
     }
   }
 
   const Samples& samples_;
   std::vector<std::optional<Covariances>> shared_;  // of the groups that lie in several pieces
   std::vector<Piece> pieces_;
+  std::vector<Memory> memory_;  // of each thread
 };
 
 namespace {
@@ -265,11 +292,16 @@ Smoother::~Smoother() = default;
 
 Smoothed Smoother::smooth(const Model& model, const Execution& execution) {
   const Samples& samples = pieces_->samples();
-  std::vector<Moments> parts(size_t(pieces_->count()), empty_moments(model, samples.steps));
+  const Index n = model.n(model.k_begin);
+  for (const Step& step : model.step)
+    if (step.states() != n || step.next_states() != n)
+      throw std::logic_error("Smoother: the state dimension of the model is not constant");
+  std::vector<Moments> parts(size_t(pieces_->count()));
   Smoothed result{Vector::Zero(samples.experiments), {}};
   pieces_->run(
       model, true, execution,
       [&](size_t piece, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
+        if (parts[piece].measured_count.size() == 0) parts[piece] = empty_moments(model, samples.steps);
         means.filter(model, group, covariances, first, count, result.log_likelihood);
         means.smooth(model, group, covariances);
         means.accumulate(model, group, covariances, parts[piece]);
@@ -301,7 +333,7 @@ Matrix innovation_squares(const Model& model, const Samples& samples) {
 std::vector<Matrix> predicted_states(const Model& model, const Samples& samples) {
   std::vector<Matrix> states;
   for (Index t = 0; t <= samples.steps; ++t)
-    states.emplace_back(Matrix::Zero(model.n(model.k_begin + t), samples.experiments));
+    states.emplace_back(Matrix::Zero(samples.experiments, model.n(model.k_begin + t)));
   Vector log_likelihood = Vector::Zero(samples.experiments);
   Pieces(samples).run(
       model, false, {},
@@ -309,14 +341,13 @@ std::vector<Matrix> predicted_states(const Model& model, const Samples& samples)
         means.filter(model, group, covariances, first, count, log_likelihood);
         for (Index t = 0; t <= samples.steps; ++t)
           for (Index i = 0; i < count; ++i)
-            states[size_t(t)].col(samples.experiment[size_t(first + i)]) =
-                means.predicted(size_t(t)).row(i).transpose();
+            states[size_t(t)].row(samples.experiment[size_t(first + i)]) = means.predicted(size_t(t)).row(i);
       });
   return states;
 }
 
 Matrix smoothed_first_states(const Model& model, const Samples& samples) {
-  Matrix states(model.n(model.k_begin), samples.experiments);
+  Matrix states(samples.experiments, model.n(model.k_begin));
   Vector log_likelihood = Vector::Zero(samples.experiments);
   Pieces(samples).run(
       model, true, {},
@@ -324,8 +355,8 @@ Matrix smoothed_first_states(const Model& model, const Samples& samples) {
         means.filter(model, group, covariances, first, count, log_likelihood);
         means.smooth(model, group, covariances);
         for (Index i = 0; i < count; ++i)
-          states.col(samples.experiment[size_t(first + i)]) =
-              (group.end > 0 ? means.estimated(0) : means.predicted(0)).row(i).head(states.rows()).transpose();
+          states.row(samples.experiment[size_t(first + i)]) =
+              (group.end > 0 ? means.estimated(0) : means.predicted(0)).row(i).head(states.cols());
       });
   return states;
 }

@@ -29,10 +29,10 @@ void Covariances::compute(const Model& model, const Samples& samples, const Alik
     prior_.topLeftCorner(n, n) = p;
     for (size_t i = 0; i < unknown.size(); ++i) prior_(n + Index(i), n + Index(i)) = samples.u_square(unknown[i]);
     correct_step(model.step[s], group.outputs[s], unknown, c);
-    with_columns(model.step[s].A(), model.step[s].B(), unknown, c.transition);
     if (t + 1 == group.end) break;
 
-    propagate(c.filtered, c.transition, model.step[s].Q(), fp_, c.predicted);
+    with_columns(model.step[s].A(), model.step[s].B(), unknown, f_);
+    propagate(c.filtered, f_, model.step[s].Q(), fp_, c.predicted);
     p = c.predicted;
     if (!smooth) continue;
     linalg::inverse_root(p, w_);
@@ -66,68 +66,77 @@ void Covariances::smooth_backwards(const Model& model, const Alike& group) {
     c.smoothed = c.filtered;
     if (next) {
       const Index n = c.predicted.rows(), q = c.filtered.rows();
+      with_columns(model.step[s].A(), model.step[s].B(), group.unknowns[s], f_);
       left_.setIdentity(q, q);
-      left_.noalias() -= c.smoother * c.transition;
+      left_.noalias() -= c.smoother * f_;
       product_.noalias() = left_ * c.filtered;
       c.smoothed.noalias() = product_ * left_.transpose();
       r_ = model.step[s].Q() + next->smoothed.topLeftCorner(n, n);
-      product_.noalias() = c.smoother * r_;
-      c.smoothed.noalias() += product_ * c.smoother.transpose();
+      cross_.noalias() = c.smoother * r_;
+      c.smoothed.noalias() += cross_ * c.smoother.transpose();
       linalg::symmetrise(c.smoothed);
     }
-    join(model.step[s], next, group.outputs[s], group.unknowns[s], c);
   }
 }
 
-// The joint covariance of what the M-step regresses on each other. An available sample has none.
-void Covariances::join(const Step& own, const StepCovariance* next, const std::vector<Index>& there,
-                       const std::vector<Index>& unknown, StepCovariance& c) {
-  const Index n = own.states(), r = own.inputs(), m = own.outputs(), l = n + r, after = next ? own.next_states() : 0;
-  c.joint.setZero(l + after + m, l + after + m);
-  c.joint.topLeftCorner(n, n) = c.smoothed.topLeftCorner(n, n);
-  for (size_t i = 0; i < unknown.size(); ++i) {
-    const Index from = n + Index(i), to = n + unknown[i];
-    c.joint.block(to, 0, 1, n) = c.smoothed.block(from, 0, 1, n);
-    c.joint.block(0, to, n, 1) = c.smoothed.block(0, from, n, 1);
-    for (size_t j = 0; j < unknown.size(); ++j) c.joint(to, n + unknown[j]) = c.smoothed(from, n + Index(j));
-  }
-  if (next) {
-    const auto smoothed = next->smoothed.topLeftCorner(after, after);
-    product_.noalias() = smoothed * c.smoother.transpose();  // covariance of x_{k+1} and l_k
-    c.joint.block(l, 0, after, n) = product_.leftCols(n);
-    for (size_t i = 0; i < unknown.size(); ++i) c.joint.block(l, n + unknown[i], after, 1) = product_.col(n + Index(i));
-    c.joint.block(0, l, l, after) = c.joint.block(l, 0, after, l).transpose();
-    c.joint.block(l, l, after, after) = smoothed;
-  }
-  if (partly_missing(there, m)) fill_in_outputs(own, there, c);
-}
+namespace {
 
 // Missing outputs follow from the available ones and z_k = [x_k; u_k]: y = L y + (I - L) [C D] z + noise. L =
 // R_{·,there} R_{there,there}⁻¹ in the columns of the available outputs.
-void Covariances::fill_in_outputs(const Step& own, const std::vector<Index>& there, StepCovariance& c) {
-  const Index m = own.outputs(), l = own.states() + own.inputs(), y = c.joint.rows() - m;
-  known_ = own.R();
-  c.from_outputs = own.R();
+void fill_in_outputs(const Step& own, const std::vector<Index>& there, JointCovariance& joint) {
+  const Index m = own.outputs(), l = own.states() + own.inputs(), y = joint.covariance.rows() - m;
+  Matrix known = own.R(), w;
+  joint.from_outputs = own.R();
   each_missing(there, m, [&](Index j) {
-    known_.row(j).setZero();
-    known_.col(j).setZero();
-    known_(j, j) = 1.0;
-    c.from_outputs.col(j).setZero();
+    known.row(j).setZero();
+    known.col(j).setZero();
+    known(j, j) = 1.0;
+    joint.from_outputs.col(j).setZero();
   });
-  linalg::inverse_root(known_, w_);
-  product_.noalias() = c.from_outputs * w_.transpose();
-  c.from_outputs.noalias() = product_ * w_;
-  rest_.setIdentity(m, m);
-  rest_ -= c.from_outputs;
-  c.from_states.resize(m, l);
-  c.from_states.leftCols(own.states()).noalias() = rest_ * own.C();
-  c.from_states.rightCols(own.inputs()).noalias() = rest_ * own.D();
-  with_states_.noalias() = c.from_states * c.joint.topLeftCorner(l, l);
-  c.joint.block(y, 0, m, l) = with_states_;
-  c.joint.block(0, y, l, m) = with_states_.transpose();
-  c.joint.block(y, y, m, m).noalias() = with_states_ * c.from_states.transpose();
-  product_.noalias() = rest_ * own.R();
-  c.joint.block(y, y, m, m).noalias() += product_ * rest_.transpose();
+  linalg::inverse_root(known, w);
+  const Matrix whitened = joint.from_outputs * w.transpose();
+  joint.from_outputs.noalias() = whitened * w;
+  const Matrix rest = Matrix::Identity(m, m) - joint.from_outputs;
+  Matrix& map = joint.from_states_and_inputs;
+  map.resize(m, l);
+  map.leftCols(own.states()).noalias() = rest * own.C();
+  map.rightCols(own.inputs()).noalias() = rest * own.D();
+  const Matrix with_z = map * joint.covariance.topLeftCorner(l, l);
+  joint.covariance.block(y, 0, m, l) = with_z;
+  joint.covariance.block(0, y, l, m) = with_z.transpose();
+  joint.covariance.block(y, y, m, m).noalias() = with_z * map.transpose();
+  joint.covariance.block(y, y, m, m).noalias() += rest * own.R() * rest.transpose();
+}
+
+}  // namespace
+
+// An available sample has no covariance.
+void Covariances::join(const Model& model, const Alike& group, size_t t, JointCovariance& joint) const {
+  const Step& own = model.step[t];
+  const StepCovariance& c = step[t];
+  const std::vector<Index>&there = group.outputs[t], &unknown = group.unknowns[t];
+  const bool goes_on = Index(t) + 1 < group.end;
+  const Index n = own.states(), r = own.inputs(), m = own.outputs(), l = n + r, next = goes_on ? own.next_states() : 0;
+  joint.covariance.setZero(l + next + m, l + next + m);
+  joint.covariance.topLeftCorner(n, n) = c.smoothed.topLeftCorner(n, n);
+  for (size_t i = 0; i < unknown.size(); ++i) {
+    const Index from = n + Index(i), to = n + unknown[i];
+    joint.covariance.block(to, 0, 1, n) = c.smoothed.block(from, 0, 1, n);
+    joint.covariance.block(0, to, n, 1) = c.smoothed.block(0, from, n, 1);
+    for (size_t j = 0; j < unknown.size(); ++j) joint.covariance(to, n + unknown[j]) = c.smoothed(from, n + Index(j));
+  }
+  if (goes_on) {
+    const auto smoothed = step[t + 1].smoothed.topLeftCorner(next, next);
+    const auto with_x = joint.covariance.block(l, 0, next, l);
+    // The covariance of x_{k+1} and l_k is `smoothed` Jᵀ.
+    joint.covariance.block(l, 0, next, n).noalias() = smoothed.lazyProduct(c.smoother.topRows(n).transpose());
+    for (size_t i = 0; i < unknown.size(); ++i)
+      joint.covariance.col(n + unknown[i]).segment(l, next).noalias() =
+          smoothed.lazyProduct(c.smoother.row(n + Index(i)).transpose());
+    joint.covariance.block(0, l, l, next) = with_x.transpose();
+    joint.covariance.block(l, l, next, next) = smoothed;
+  }
+  if (partly_missing(there, m)) fill_in_outputs(own, there, joint);
 }
 
 }  // namespace tokid::kalman

@@ -12,14 +12,18 @@ namespace tokid::kalman {
 // The covariances of one step and one pattern of missing samples. The latent vector l_k = [x_k; missing inputs] has q
 // entries. F = [A B], with those columns of B that belong to missing inputs.
 struct StepCovariance : Correction {
-  Matrix transition;  // F (n⁺ × q)
-  Matrix predicted;   // (n⁺ × n⁺) of x_{k+1} given the samples up to k
-  Matrix smoother;    // J (q × n⁺): the gain from an error of x_{k+1} to l_k
-  Matrix smoothed;    // (q × q) of l_k given all samples
-  // Of [x_k; u_k; x_{k+1}; y_k] given all samples. Without x_{k+1} at the last step.
-  Matrix joint;
+  Matrix predicted;  // (n⁺ × n⁺) of x_{k+1} given the samples up to k
+  Matrix smoother;   // J (q × n⁺): the gain from an error of x_{k+1} to l_k
+  Matrix smoothed;   // (q × q) of l_k given all samples
+};
+
+// The covariance of what the M-step regresses on each other.
+struct JointCovariance {
+  // Of [x_k; u_k; x_{k+1}; y_k] given all samples. Without x_{k+1} at the last step. Only the lower triangle of the
+  // block of y_k counts.
+  Matrix covariance;
   // Where some outputs are missing, the expected y_k is L y_k + M [x_k; u_k]: L (m × m) and M (m × (n+r)).
-  Matrix from_outputs, from_states;
+  Matrix from_outputs, from_states_and_inputs;
 };
 
 // True if some outputs are available, and others are not.
@@ -31,6 +35,8 @@ class Covariances {
  public:
   // Runs the filter, and with `smooth` also the smoother.
   void compute(const Model& model, const Samples& samples, const Alike& group, bool smooth);
+  // The joint covariance at step t. The smoother must have run.
+  void join(const Model& model, const Alike& group, size_t t, JointCovariance& joint) const;
 
   std::vector<StepCovariance> step;
 
@@ -38,11 +44,8 @@ class Covariances {
   void correct_step(const Step& own, const std::vector<Index>& there, const std::vector<Index>& unknown,
                     StepCovariance& c);
   void smooth_backwards(const Model& model, const Alike& group);
-  void join(const Step& own, const StepCovariance* next, const std::vector<Index>& there,
-            const std::vector<Index>& unknown, StepCovariance& c);
-  void fill_in_outputs(const Step& own, const std::vector<Index>& there, StepCovariance& c);
 
-  Matrix prior_, fp_, w_, wfp_, h_, r_, left_, product_, known_, rest_, with_states_;  // kept to reuse their memory
+  Matrix prior_, f_, fp_, w_, wfp_, h_, r_, left_, product_, cross_;  // kept to reuse their memory
   Workspace work_;
 };
 

@@ -289,7 +289,7 @@ class Climb {
   Point first_point();
   Point point(em::Parameters parameters);
   Point point_of(em::Parameters parameters, kalman::Smoothed smoothed) const;
-  const Model& model(const em::Parameters& parameters);
+  const Model& with(const em::Parameters& parameters);
   bool split_noise(Point& now);
   void report(const Point& now, Refinement& result) const;
 
@@ -302,7 +302,8 @@ class Climb {
   Index noise_segments_ = 1;
 };
 
-const Model& Climb::model(const em::Parameters& parameters) {
+// The model with these parameters. The next call changes it.
+const Model& Climb::with(const em::Parameters& parameters) {
   estimator_.write(parameters, model_);
   return model_;
 }
@@ -310,14 +311,17 @@ const Model& Climb::model(const em::Parameters& parameters) {
 // The start, with the scales set by its moments.
 Point Climb::first_point() {
   const em::Parameters start = estimator_.start();
-  kalman::Smoothed smoothed = smoother_.smooth(model(start), silent_);
+  kalman::Smoothed smoothed = smoother_.smooth(with(start), silent_);
   estimator_.set_scales(smoothed.moments, samples_);
-  return estimator_.start() == start ? point_of(start, std::move(smoothed)) : point(estimator_.start());
+  Point first = estimator_.start() == start ? point_of(start, std::move(smoothed)) : point(estimator_.start());
+  if (!std::isfinite(first.penalised))
+    throw std::runtime_error("the likelihood of the starting model is not finite: it does not fit the data at all");
+  return first;
 }
 
 Point Climb::point(em::Parameters parameters) {
   if (!parameters.finite()) return {};
-  kalman::Smoothed smoothed = smoother_.smooth(model(parameters), silent_);
+  kalman::Smoothed smoothed = smoother_.smooth(with(parameters), silent_);
   return point_of(std::move(parameters), std::move(smoothed));
 }
 
@@ -334,7 +338,7 @@ Point Climb::point_of(em::Parameters parameters, kalman::Smoothed smoothed) cons
 // Gives each segment its own noise scale, at first 1. The iteration continues from the same point.
 bool Climb::split_noise(Point& now) {
   if (!estimator_.noise_is_pooled() || estimator_.phases() < samples_.steps) return false;
-  const Index length = varying_noise(model(now.parameters), samples_);
+  const Index length = varying_noise(with(now.parameters), samples_);
   if (length == 0) return false;
   estimator_.split_noise(length, now.parameters);
   noise_segments_ = now.parameters.process.scale.size();
@@ -374,8 +378,6 @@ Vector Climb::jump_gains() {
 Refinement Climb::run() {
   Refinement result;
   Point now = first_point();
-  if (!std::isfinite(now.penalised))
-    throw std::runtime_error("the likelihood of the starting model is not finite: it does not fit the data at all");
   const auto record = [&] {
     result.log_likelihood.push_back(now.log_likelihood);
     result.penalised.push_back(now.penalised);
@@ -411,7 +413,7 @@ Refinement Climb::run() {
       options_.execution.progress(double(result.iterations) / double(options_.iterations));
   }
   result.noise_segments = noise_segments_;
-  result.model = model(now.parameters);
+  result.model = with(now.parameters);
   report(now, result);
   return result;
 }
@@ -484,9 +486,9 @@ Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution
   needed(&Step::has_Q, "Q");
   needed(&Step::has_R, "R");
   const kalman::Samples samples = kalman::samples_of(model, data);
-  const Vector of_column = kalman::log_likelihoods(model, samples, execution);
-  Vector result(of_column.size());
-  for (Index i = 0; i < result.size(); ++i) result(samples.experiment[size_t(i)]) = of_column(i);
+  const Vector of_row = kalman::log_likelihoods(model, samples, execution);
+  Vector result(of_row.size());
+  for (Index i = 0; i < result.size(); ++i) result(samples.experiment[size_t(i)]) = of_row(i);
   return result;
 }
 

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "linalg/reflection.hpp"
-#include "noise/random_walks.hpp"
+#include "noise/random_walk_lanes.hpp"
 
 namespace tokid {
 

@@ -45,9 +45,22 @@ def test_a_jump_is_found(tokid, data, found):
     assert one_step_misfit(tokid, data, "found.npz") < 0.95 * one_step_misfit(tokid, data, "none.npz")
 
 
+def tried(report):
+    """The trials of EM: number of states, λ, iterations, jumps."""
+    return [(t["states"], f"{t['smoothing']:.4g}", t["iterations"], *t["jumps"]) for t in report["refinement"]["trials"]]
+
+
+def test_orders_that_are_much_worse_are_given_up(found):
+    trials, best = found["refinement"]["trials"], found["refinement"]["states"]
+    chosen = min(t["error"] for t in trials if t["states"] == best)
+    worse = [t for t in trials if t["states"] != best and t["error"] > 2.5 * chosen]
+    assert worse and max(t["iterations"] for t in worse) < 168
+
+
 def test_a_stated_jump_is_used(tokid, data, found):
     stated = tokid.json("identify", data, "-o", data.with_name("stated.npz"), "--jumps", AT, "--states", 2, "--lags", 6)
     assert stated["refinement"]["jumps"] == [{"step": AT, "loss": None}]
+    assert len(set(tried(stated))) == len(tried(stated))
     assert one_step_misfit(tokid, data, "stated.npz") < 1.02 * one_step_misfit(tokid, data, "found.npz")
 
 
@@ -71,6 +84,7 @@ def long_record(folder, count, seed):
 def test_jumps_of_long_records_have_the_steps_of_the_record(tokid, tmp_path):
     found = tokid.json("identify", long_record(tmp_path, 12, 5), "-o", tmp_path / "m.npz", "--states", 2, "--lags", 6)
     assert 290 in [jump["step"] for jump in found["refinement"]["jumps"]]
+    assert len(set(tried(found))) == len(tried(found))
 
 
 def test_stated_jumps_are_used_or_told(tokid, tmp_path):

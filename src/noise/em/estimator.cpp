@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 #include "linalg/symmetric.hpp"
-#include "noise/random_walks.hpp"
+#include "noise/random_walk_lanes.hpp"
 #include "tokid/random_walk.hpp"
 
 namespace tokid::em {

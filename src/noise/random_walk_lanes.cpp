@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "noise/random_walks.hpp"
-
-#include <fmt/format.h>
+#include "noise/random_walk_lanes.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -58,10 +56,9 @@ linalg::MatrixList random_walk_regressions(const linalg::MatrixList& rows, Index
                                            const Matrix& stiffness) {
   const Index l = stiffness.rows(), q = stiffness.cols(), lanes = linalg::LaneRandomWalk::lanes();
   if (!(stiffness.array() > 0).all() || !stiffness.allFinite())
-    throw std::invalid_argument("stiffness: zero, negative or infinite entries found, positive and finite needed");
-  if (rows.rows() != l || rows.cols() != l + q)
-    throw std::invalid_argument(
-        fmt::format("rows: {} × {} found, {} × {} needed in every step", rows.rows(), rows.cols(), l, l + q));
+    throw std::logic_error("random_walk_regressions: a stiffness is not positive and finite");
+  if (rows.rows() != l || rows.cols() != l + q || begin < 0 || end < begin || end > rows.size())
+    throw std::logic_error("random_walk_regressions: the rows do not fit the stiffness or the steps");
   linalg::MatrixList x(end - begin, q, l);
   if (x.size() == 0 || stiffness.size() == 0) return x;
   for (Index first = 0; first < q; first += lanes)

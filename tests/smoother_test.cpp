@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "model/smoother.hpp"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "base/integers.hpp"
+#include "linalg/simd.hpp"
+#include "noisy.hpp"
+
+namespace tokid {
+namespace {
+
+using testing::epsilon;
+using testing::Random;
+
+constexpr Index steps = 12;
+
+Model model_with_noise(std::uint64_t seed, Index states = 3) {
+  Random random(seed);
+  Model model = testing::random_system({states, 2, 2}, steps, 0.9, seed);
+  for (Step& step : model.step) {
+    const Matrix q = random.matrix(states, states), r = random.matrix(2, 2);
+    step.set_Q(q * q.transpose() + Matrix::Identity(states, states));
+    step.set_R(r * r.transpose() + Matrix::Identity(2, 2));
+  }
+  model.x0_mean = random.matrix(states, 1);
+  model.x0_cov = Matrix::Identity(states, states);
+  model.initial_state = InitialState::unknown;
+  return model;
+}
+
+// Complete experiments, and some with missing inputs, missing outputs and an early end.
+Ensemble with_gaps(const Model& model, Index experiments) {
+  Ensemble data = testing::random_experiments(model, experiments, 7, 1.0);
+  for (Index n = 0; n < experiments; n += 9) {
+    data.u(n, 3, 1) = std::nan("");
+    data.y(n, 5, 0) = std::nan("");
+    for (Index j = 0; j < 2; ++j) data.y(n, 7, j) = std::nan("");
+    for (Index k = 10; k < steps && n % 2 == 0; ++k)
+      for (Index j = 0; j < 2; ++j) data.y(n, k, j) = data.u(n, k, j) = std::nan("");
+  }
+  return data;
+}
+
+void expect_same_bits(const kalman::Smoothed& a, const kalman::Smoothed& b) {
+  EXPECT_EQ(a.log_likelihood, b.log_likelihood);
+  EXPECT_EQ(a.moments.moved, b.moments.moved);
+  EXPECT_EQ(a.moments.measured, b.moments.measured);
+  EXPECT_EQ(a.moments.x0, b.moments.x0);
+  EXPECT_EQ(a.moments.x0_square, b.moments.x0_square);
+}
+
+TEST(Smoother, HasTheSameBitsWhateverWasInItsMemoryAndWithAnyThreadsAndInstructions) {
+  const Model model = model_with_noise(1), other = model_with_noise(2, 5);
+  for (const Index experiments : {5, 70, 1200}) {
+    SCOPED_TRACE(experiments);
+    const Ensemble data = with_gaps(model, experiments);
+    const kalman::Samples samples = kalman::samples_of(model, data);
+    const kalman::Smoothed first = kalman::Smoother(samples).smooth(model);
+    kalman::Smoother used(samples);
+    used.smooth(other);
+    for (const int threads : {1, 2, 4}) expect_same_bits(used.smooth(model, {threads, {}}), first);
+    for (const simd::Target target : simd::targets()) {
+      SCOPED_TRACE(simd::to_string(target));
+      simd::limit_target(target);
+      expect_same_bits(used.smooth(model), first);
+      simd::limit_target(simd::Target::avx512);
+    }
+  }
+}
+
+// Groups of experiments that lie in several pieces, and pieces that go through the steps in several parts.
+TEST(Smoother, SumsOfAllExperimentsAreThoseOfTheirParts) {
+  const Model model = model_with_noise(3);
+  constexpr Index experiments = 1200, part = 5;
+  Ensemble data = with_gaps(model, experiments);
+  // The variance of a missing input is the mean square over all experiments.
+  for (Index n = 0; n < experiments; n += 9) data.u(n, 3, 1) = 1.0;
+  const kalman::Moments all = kalman::Smoother(kalman::samples_of(model, data)).smooth(model).moments;
+  Matrix moved = Matrix::Zero(all.moved.rows(), all.moved.cols() * steps);
+  Matrix measured = Matrix::Zero(all.measured.rows(), all.measured.cols() * steps);
+  Vector counts = Vector::Zero(steps);
+  for (Index n = 0; n < experiments; n += part) {
+    const Ensemble few = data.subset(range(n, n + part));
+    const kalman::Samples samples = kalman::samples_of(model, few);
+    const kalman::Moments own = kalman::Smoother(samples).smooth(model).moments;
+    moved += own.moved.together();
+    measured += own.measured.together();
+    counts += own.measured_count;
+  }
+  EXPECT_EQ(counts, all.measured_count);
+  // Sums of 1200 squares in another order.
+  EXPECT_LE((moved - all.moved.together()).norm(), epsilon * experiments * moved.norm());
+  EXPECT_LE((measured - all.measured.together()).norm(), epsilon * experiments * measured.norm());
+}
+
+TEST(Smoother, NeedsAConstantStateDimension) {
+  const Model model = model_with_noise(4);
+  Model varying = model;
+  varying.step.back() = Step(3, 2, 2, 2);
+  varying.step.back().set_Q(Matrix::Identity(2, 2));
+  varying.step.back().set_R(Matrix::Identity(2, 2));
+  const Ensemble data = with_gaps(model, 5);
+  const kalman::Samples samples = kalman::samples_of(model, data);
+  EXPECT_THROW(kalman::Smoother(samples).smooth(varying), std::logic_error);
+}
+
+}  // namespace
+}  // namespace tokid
