@@ -74,15 +74,11 @@ class Means {
 
   // Replaces filtered means by smoothed ones.
   void smooth(const Model& model, const Alike& group, const Covariances& covariances) {
-    for (Index t = group.end; t-- > 0;) {
+    for (Index t = group.end - 1; t-- > 0;) {
       const size_t s = size_t(t);
-      const StepCovariance& c = covariances.step[s];
-      const Step& step = model.step[s];
       auto l = estimated(s);
-      if (t + 1 < group.end) {
-        change_ = estimated(s + 1).leftCols(step.next_states()) - predicted(s + 1);
-        linalg::tall_products(l, {{change_, c.smoother}}, l, separate);
-      }
+      change_ = estimated(s + 1).leftCols(model.step[s].next_states()) - predicted(s + 1);
+      linalg::tall_products(l, {{change_, covariances.step[s].smoother}}, l, separate);
     }
   }
 

@@ -11,7 +11,7 @@ namespace {
 void with_columns(const ConstMatrixRef& a, const ConstMatrixRef& b, const std::vector<Index>& columns, Matrix& both) {
   both.resize(a.rows(), a.cols() + Index(columns.size()));
   both.leftCols(a.cols()) = a;
-  for (size_t i = 0; i < columns.size(); ++i) both.col(a.cols() + Index(i)) = b.col(columns[i]);
+  both.rightCols(Index(columns.size())) = b(Eigen::all, columns);
 }
 
 }  // namespace
@@ -62,20 +62,18 @@ void Covariances::smooth_backwards(const Model& model, const Alike& group) {
   for (Index t = group.end; t-- > 0;) {
     const size_t s = size_t(t);
     StepCovariance& c = step[s];
-    const StepCovariance* const next = t + 1 < group.end ? &step[s + 1] : nullptr;
     c.smoothed = c.filtered;
-    if (next) {
-      const Index n = c.predicted.rows(), q = c.filtered.rows();
-      with_columns(model.step[s].A(), model.step[s].B(), group.unknowns[s], f_);
-      left_.setIdentity(q, q);
-      left_.noalias() -= c.smoother * f_;
-      product_.noalias() = left_ * c.filtered;
-      c.smoothed.noalias() = product_ * left_.transpose();
-      r_ = model.step[s].Q() + next->smoothed.topLeftCorner(n, n);
-      cross_.noalias() = c.smoother * r_;
-      c.smoothed.noalias() += cross_ * c.smoother.transpose();
-      linalg::symmetrise(c.smoothed);
-    }
+    if (t + 1 == group.end) continue;
+    const Index n = c.predicted.rows(), q = c.filtered.rows();
+    with_columns(model.step[s].A(), model.step[s].B(), group.unknowns[s], f_);
+    left_.setIdentity(q, q);
+    left_.noalias() -= c.smoother * f_;
+    product_.noalias() = left_ * c.filtered;
+    c.smoothed.noalias() = product_ * left_.transpose();
+    r_ = model.step[s].Q() + step[s + 1].smoothed.topLeftCorner(n, n);
+    cross_.noalias() = c.smoother * r_;
+    c.smoothed.noalias() += cross_ * c.smoother.transpose();
+    linalg::symmetrise(c.smoothed);
   }
 }
 

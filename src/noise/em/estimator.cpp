@@ -206,14 +206,9 @@ double Estimator::penalty(const Parameters& p) const {
   return sum;
 }
 
-linalg::MatrixList Estimator::phase_roots(const linalg::MatrixList& moments, const Vector& counts,
-                                          Vector& totals) const {
+linalg::MatrixList Estimator::phase_roots(const linalg::MatrixList& moments) const {
   linalg::MatrixList sums(phases_, moments.rows(), moments.cols());
-  totals = Vector::Zero(phases_);
-  for (Index t = 0; t < steps_; ++t) {
-    sums[size_t(t % phases_)] += moments[size_t(t)];
-    totals(t % phases_) += counts(t);
-  }
+  for (Index t = 0; t < steps_; ++t) sums[size_t(t % phases_)] += moments[size_t(t)];
   for (size_t g = 0; g < size_t(phases_); ++g) linalg::take_upper_root(sums[g]);
   return sums;
 }
@@ -271,11 +266,10 @@ void Estimator::regress(const linalg::MatrixList& roots, const Noise& noise, Ind
 
 Vector Estimator::jump_gains(const kalman::Moments& moments, const Parameters& p) const {
   Vector gains = Vector::Zero(phases_);
-  const auto add = [&](const linalg::MatrixList& sums, const Vector& counts, const Noise& noise, Index l,
-                       const Matrix& reference, const Vector& weight) {
-    Vector totals;
+  const auto add = [&](const linalg::MatrixList& sums, const Noise& noise, Index l, const Matrix& reference,
+                       const Vector& weight) {
     const Index q = reference.rows();
-    const Walks walks = walks_of(phase_roots(sums, counts, totals), noise, l, reference, weight);
+    const Walks walks = walks_of(phase_roots(sums), noise, l, reference, weight);
     for (const auto& [begin, end] : stretches())
       for (Index i = 0; i < q; ++i) {
         std::vector<Matrix> own;
@@ -284,9 +278,9 @@ Vector Estimator::jump_gains(const kalman::Moments& moments, const Parameters& p
         gains.segment(begin, end - begin) += tokid::jump_gains(own, walks.stiffness.col(i)) / walks.noise(i);
       }
   };
-  add(moments.moved, moments.moved_count, p.process, n_ + r_, process_reference_, process_weight_);
-  add(moments.measured, moments.measured_count, p.measurement, options_.feedthrough ? n_ + r_ : n_,
-      measurement_reference_, measurement_weight_);
+  add(moments.moved, p.process, n_ + r_, process_reference_, process_weight_);
+  add(moments.measured, p.measurement, options_.feedthrough ? n_ + r_ : n_, measurement_reference_,
+      measurement_weight_);
   return gains;
 }
 
@@ -330,16 +324,15 @@ void Estimator::update_noise(const linalg::MatrixList& roots, const Vector& coun
 
 Parameters Estimator::maximise(const kalman::Moments& moments, const Parameters& p) const {
   Parameters next = p;
-  Vector moved, measured;
-  const linalg::MatrixList process = phase_roots(moments.moved, moments.moved_count, moved);
-  const linalg::MatrixList output = phase_roots(moments.measured, moments.measured_count, measured);
+  const linalg::MatrixList process = phase_roots(moments.moved);
+  const linalg::MatrixList output = phase_roots(moments.measured);
   const Index all = n_ + r_, of_outputs = options_.feedthrough ? all : n_;
   if (options_.estimate_matrices) {
     regress(process, p.process, all, process_reference_, process_weight_, next.ab);
     regress(output, p.measurement, of_outputs, measurement_reference_, measurement_weight_, next.cd);
   }
-  update_noise(process, moved, next.ab, process_floor_, process_spent_, next.process);
-  update_noise(output, measured, next.cd, measurement_floor_, measurement_spent_, next.measurement);
+  update_noise(process, moved_, next.ab, process_floor_, process_spent_, next.process);
+  update_noise(output, measured_, next.cd, measurement_floor_, measurement_spent_, next.measurement);
   if (options_.estimate_x0 && moments.x0_count > 0) {
     const double prior = double(n_ + 1);
     next.x0_mean = moments.x0 / moments.x0_count;

@@ -85,7 +85,7 @@ class Estimator {
   Walks walks_of(const linalg::MatrixList& roots, const Noise& noise, Index regressors, const Matrix& reference,
                  const Vector& weight) const;
   std::vector<std::pair<Index, Index>> stretches() const;
-  linalg::MatrixList phase_roots(const linalg::MatrixList& moments, const Vector& counts, Vector& totals) const;
+  linalg::MatrixList phase_roots(const linalg::MatrixList& moments) const;
   void regress(const linalg::MatrixList& roots, const Noise& noise, Index regressors, const Matrix& reference,
                const Vector& weight, linalg::MatrixList& coefficients) const;
   void update_noise(const linalg::MatrixList& roots, const Vector& counts, const linalg::MatrixList& coefficients,
