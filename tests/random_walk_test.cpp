@@ -80,6 +80,11 @@ linalg::MatrixList triangular_rows(Random& random, Index steps, Index l, Index q
   return rows;
 }
 
+linalg::MatrixList regressions_of(const linalg::MatrixList& rows, Index begin, Index end, const Matrix& stiffness) {
+  const WalkRows walks[] = {{rows, stiffness}};
+  return random_walk_regressions(walks, begin, end).front();
+}
+
 TEST(RandomWalk, solves_columns_of_their_own_stiffness) {
   for (const Index l : {1, 2, 5, 9})
     for (const Index q : {1, 2, 4, 11})
@@ -89,7 +94,14 @@ TEST(RandomWalk, solves_columns_of_their_own_stiffness) {
         const Matrix stiffness = unit * (Matrix::Constant(l, q, 0.5) + random.matrix(l, q).cwiseAbs());
         for (size_t g = 0; g < 9; ++g) rows[g].leftCols(l) *= unit;
         constexpr Index begin = 1, end = 8;
-        const linalg::MatrixList x = random_walk_regressions(rows, begin, end, stiffness);
+        const linalg::MatrixList x = regressions_of(rows, begin, end, stiffness);
+        // Together with a walk of another size, the bits are the same.
+        const linalg::MatrixList others = triangular_rows(random, 9, 3, 2);
+        const Matrix other_stiffness = Matrix::Ones(3, 2);
+        const WalkRows both[] = {{others, other_stiffness}, {rows, stiffness}};
+        const std::vector<linalg::MatrixList> together = random_walk_regressions(both, begin, end);
+        EXPECT_EQ(together[0], regressions_of(others, begin, end, other_stiffness)) << l << " " << q << " " << unit;
+        EXPECT_EQ(together[1], x) << l << " " << q << " " << unit;
         for (Index j = 0; j < q; ++j) {
           std::vector<Matrix> column, found;
           for (size_t g = begin; g < end; ++g) {
@@ -108,10 +120,10 @@ TEST(RandomWalk, columns_are_the_same_bits_with_every_instruction_set) {
   Random random(5);
   const linalg::MatrixList rows = triangular_rows(random, 20, 6, 5);
   const Matrix stiffness = Matrix::Ones(6, 5) + random.matrix(6, 5).cwiseAbs();
-  const linalg::MatrixList x = random_walk_regressions(rows, 0, 20, stiffness);
+  const linalg::MatrixList x = regressions_of(rows, 0, 20, stiffness);
   for (const simd::Target target : simd::targets()) {
     simd::limit_target(target);
-    EXPECT_EQ(random_walk_regressions(rows, 0, 20, stiffness), x) << simd::to_string(target);
+    EXPECT_EQ(regressions_of(rows, 0, 20, stiffness), x) << simd::to_string(target);
   }
   simd::limit_target(simd::Target::avx512);
 }
@@ -147,13 +159,13 @@ TEST(RandomWalk, jump_gains_are_the_decrease_of_the_least_squares) {
 TEST(RandomWalk, refuses_columns_of_wrong_sizes_or_stiffness) {
   Random random(6);
   const linalg::MatrixList rows = triangular_rows(random, 3, 4, 2);
-  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Ones(4, 3)), std::logic_error);
-  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Ones(5, 2)), std::logic_error);
-  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Zero(4, 2)), std::logic_error);
-  EXPECT_THROW(random_walk_regressions(rows, 0, 3, Matrix::Constant(4, 2, inf)), std::logic_error);
-  EXPECT_THROW(random_walk_regressions(rows, 1, 4, Matrix::Ones(4, 2)), std::logic_error);
-  EXPECT_THROW(random_walk_regressions(rows, 2, 1, Matrix::Ones(4, 2)), std::logic_error);
-  EXPECT_EQ(random_walk_regressions(rows, 2, 2, Matrix::Ones(4, 2)).size(), 0);
+  EXPECT_THROW(regressions_of(rows, 0, 3, Matrix::Ones(4, 3)), std::logic_error);
+  EXPECT_THROW(regressions_of(rows, 0, 3, Matrix::Ones(5, 2)), std::logic_error);
+  EXPECT_THROW(regressions_of(rows, 0, 3, Matrix::Zero(4, 2)), std::logic_error);
+  EXPECT_THROW(regressions_of(rows, 0, 3, Matrix::Constant(4, 2, inf)), std::logic_error);
+  EXPECT_THROW(regressions_of(rows, 1, 4, Matrix::Ones(4, 2)), std::logic_error);
+  EXPECT_THROW(regressions_of(rows, 2, 1, Matrix::Ones(4, 2)), std::logic_error);
+  EXPECT_EQ(regressions_of(rows, 2, 2, Matrix::Ones(4, 2)).size(), 0);
 }
 
 TEST(RandomWalk, without_stiffness_each_step_stands_alone) {

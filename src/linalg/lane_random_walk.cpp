@@ -68,22 +68,18 @@ HWY_INLINE Vec make_reflection(double* pivot, double* v, size_t rows) {
 
 // The QR factorisations of a step
 //   [  R   0  z ]     [ U  V  w  ]             [ R_{g+1}  z_{g+1} ]     [ R  z ]
-//   [ -S   S  0 ] = Q [ 0  B  b  ]    and then [    B        b    ] = Q [ 0  * ]
-// `stored` holds a step in each l × (l+2) block, as described in the header. `below` holds [-S 0] and then [B b],
+//   [ -I   I  0 ] = Q [ 0  B  b  ]    and then [    B        b    ] = Q [ 0  * ]
+// `stored` holds a step in each l × (l+2) block, as described in the header. `below` holds [-I 0] and then [B b],
 // l × (l+1) each. The zeros are kept: reflection j of the first one involves the rows 0 … j of its lower block.
-void Eliminate(const double* triangles, size_t steps, size_t l, const double* stiffness, double* stored,
-               double* below) {
+void Eliminate(size_t steps, size_t l, double* stored, double* below) {
   const Tag tag;
-  const Vec zero = hn::Zero(tag);
+  const Vec zero = hn::Zero(tag), one = hn::Set(tag, 1.0);
   double *const a = below, *const b = below + l * (l + 1) * lanes;
   for (size_t g = 0; g < steps; ++g) {
     double* const now = stored + g * l * (l + 2) * lanes;
     const auto entry = [&](size_t i, size_t j) { return now + (j * l + i) * lanes; };
     for (size_t j = 0; j < l; ++j)
-      for (size_t i = 0; i < l; ++i) {
-        if (i <= j) store(hn::Set(tag, triangles[(g * l + j) * l + i]), entry(i, j + 1), 0);
-        if (i >= j) store(zero, entry(i, j), 0);
-      }
+      for (size_t i = j; i < l; ++i) store(zero, entry(i, j), 0);
     if (g > 0)
       for (size_t j = 0; j < l; ++j) {
         double* const v = b + j * l * lanes;
@@ -93,7 +89,7 @@ void Eliminate(const double* triangles, size_t steps, size_t l, const double* st
     if (g + 1 == steps) break;
     for (size_t j = 0; j <= l; ++j)
       for (size_t i = 0; i < l; ++i) {
-        const Vec s = i == j ? load(stiffness, i) : zero;
+        const Vec s = i == j ? one : zero;
         store(hn::Neg(s), a, j * l + i);
         store(s, b, j * l + i);
       }
@@ -137,12 +133,11 @@ LaneRandomWalk::LaneRandomWalk(Index steps, Index regressors)
     : steps_(steps),
       l_(regressors),
       lanes_(lanes()),
-      memory_(lanes_, {{&stored_, steps * l_ * (l_ + 2)}, {&stiffness_, l_}, {&below_, 2 * l_ * (l_ + 1)}}),
-      triangles_(size_t(steps * l_ * l_), 0.0) {}
+      memory_(lanes_, {{&stored_, steps * l_ * (l_ + 2)}, {&below_, 2 * l_ * (l_ + 1)}}) {}
 
 void LaneRandomWalk::eliminate() {
   TOKID_KERNEL(random_walk::Eliminate)
-  (triangles_.data(), size_t(steps_), size_t(l_), stiffness_, stored_, below_);
+  (size_t(steps_), size_t(l_), stored_, below_);
 }
 
 Matrix LaneRandomWalk::last(Index lane) {

@@ -241,26 +241,41 @@ Estimator::Walks Estimator::walks_of(const linalg::MatrixList& roots, const Nois
   return walks;
 }
 
-// Only the first `l` of the n + r coefficients are estimated, and the others keep their values.
-void Estimator::regress(const linalg::MatrixList& roots, const Noise& noise, Index l, const Matrix& reference,
-                        const Vector& weight, linalg::MatrixList& coefficients) const {
-  const Index q = reference.rows();
+namespace {
+
+// Each phase has its own regression. Only the first `l` of the n + r coefficients are estimated, and the others keep
+// their values.
+void regress_each(const linalg::MatrixList& roots, Index l, Index q, linalg::MatrixList& coefficients) {
   if (q == 0 || l == 0) return;
+  std::vector<Matrix> rows;
+  for (size_t g = 0; g < size_t(roots.size()); ++g)
+    rows.push_back(linalg::beside(roots[g].topLeftCorner(l, l), roots[g].topRightCorner(l, q)));
+  const std::vector<Matrix> theta = random_walk_regression(rows, l, Vector::Zero(l));
+  for (size_t g = 0; g < theta.size(); ++g)
+    if (!rows[g].leftCols(l).isZero(0.0)) coefficients[g].leftCols(l) = theta[g].transpose();
+}
+
+}  // namespace
+
+void Estimator::regress(const linalg::MatrixList& process, const linalg::MatrixList& output, const Parameters& p,
+                        Parameters& next) const {
+  const Index all = n_ + r_, of_outputs = options_.feedthrough ? all : n_;
   if (!pooled_ || phases_ == 1) {
-    std::vector<Matrix> rows;
-    for (size_t g = 0; g < size_t(phases_); ++g)
-      rows.push_back(linalg::beside(roots[g].topLeftCorner(l, l), roots[g].topRightCorner(l, q)));
-    const std::vector<Matrix> theta = random_walk_regression(rows, l, Vector::Zero(l));
-    for (size_t g = 0; g < theta.size(); ++g)
-      if (!rows[g].leftCols(l).isZero(0.0)) coefficients[g].leftCols(l) = theta[g].transpose();
+    regress_each(process, all, n_, next.ab);
+    regress_each(output, of_outputs, m_, next.cd);
     return;
   }
-  const Walks walks = walks_of(roots, noise, l, reference, weight);
-  const Matrix back = linalg::pseudo_inverse(walks.t);
+  const Walks walks[] = {walks_of(process, p.process, all, process_reference_, process_weight_),
+                         walks_of(output, p.measurement, of_outputs, measurement_reference_, measurement_weight_)};
+  const Matrix back[] = {linalg::pseudo_inverse(walks[0].t), linalg::pseudo_inverse(walks[1].t)};
+  const WalkRows rows[] = {{walks[0].rows, walks[0].stiffness}, {walks[1].rows, walks[1].stiffness}};
+  linalg::MatrixList* const coefficients[] = {&next.ab, &next.cd};
   for (const auto& [begin, end] : stretches()) {
-    const linalg::MatrixList rotated = random_walk_regressions(walks.rows, begin, end, walks.stiffness);
-    for (Index g = begin; g < end; ++g)
-      coefficients[size_t(g)].leftCols(l).noalias() = back.lazyProduct(rotated[size_t(g - begin)]);
+    const std::vector<linalg::MatrixList> rotated = random_walk_regressions(rows, begin, end);
+    for (const size_t i : {0u, 1u})
+      for (Index g = begin; g < end; ++g)
+        (*coefficients[i])[size_t(g)].leftCols(rotated[i].cols()).noalias() =
+            back[i].lazyProduct(rotated[i][size_t(g - begin)]);
   }
 }
 
@@ -326,11 +341,7 @@ Parameters Estimator::maximise(const kalman::Moments& moments, const Parameters&
   Parameters next = p;
   const linalg::MatrixList process = phase_roots(moments.moved);
   const linalg::MatrixList output = phase_roots(moments.measured);
-  const Index all = n_ + r_, of_outputs = options_.feedthrough ? all : n_;
-  if (options_.estimate_matrices) {
-    regress(process, p.process, all, process_reference_, process_weight_, next.ab);
-    regress(output, p.measurement, of_outputs, measurement_reference_, measurement_weight_, next.cd);
-  }
+  if (options_.estimate_matrices) regress(process, output, p, next);
   update_noise(process, moved_, next.ab, process_floor_, process_spent_, next.process);
   update_noise(output, measured_, next.cd, measurement_floor_, measurement_spent_, next.measurement);
   if (options_.estimate_x0 && moments.x0_count > 0) {

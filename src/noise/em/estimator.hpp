@@ -86,8 +86,8 @@ class Estimator {
                  const Vector& weight) const;
   std::vector<std::pair<Index, Index>> stretches() const;
   linalg::MatrixList phase_roots(const linalg::MatrixList& moments) const;
-  void regress(const linalg::MatrixList& roots, const Noise& noise, Index regressors, const Matrix& reference,
-               const Vector& weight, linalg::MatrixList& coefficients) const;
+  void regress(const linalg::MatrixList& process, const linalg::MatrixList& output, const Parameters& p,
+               Parameters& next) const;
   void update_noise(const linalg::MatrixList& roots, const Vector& counts, const linalg::MatrixList& coefficients,
                     const Vector& floor, double spent, Noise& noise) const;
 
