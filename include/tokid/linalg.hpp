@@ -79,6 +79,7 @@ struct SymmetricEigensystem {
   Matrix vectors;  // (n × n), orthogonal
 };
 SymmetricEigensystem symmetric_eigensystem(const ConstMatrixRef& s);
+Vector symmetric_eigenvalues(const ConstMatrixRef& s);  // ascending
 
 // Eigenvalues (n) of a (n × n), in arbitrary order, with conjugate pairs together. All are NaN if a is not finite or
 // the iteration does not converge. \throws std::invalid_argument where a is not square

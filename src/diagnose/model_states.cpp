@@ -18,9 +18,11 @@ Findings findings_of_begin(const Model& model) {
 }
 
 Findings findings_of_hidden_states(const Model& model, Index origin) {
+  const Index states = model.states();
+  if (states == 0) return {};
   std::vector<Index> fewer;
-  for (Index k = model.full_begin(), waiting = 0; model.states() > 0 && k < model.k_end(); ++k) {
-    if (model.n(k) < model.states()) {
+  for (Index k = model.full_begin(), waiting = 0; k < model.k_end(); ++k) {
+    if (model.n(k) < states) {
       ++waiting;
       continue;
     }
@@ -28,7 +30,7 @@ Findings findings_of_hidden_states(const Model& model, Index origin) {
     waiting = 0;
   }
   if (fewer.empty()) return {};
-  return {{.kind = Finding::Kind::states_hidden, .steps = fewer, .numbers = {{"states", double(model.states())}}}};
+  return {{.kind = Finding::Kind::states_hidden, .steps = fewer, .numbers = {{"states", double(states)}}}};
 }
 
 Findings findings_of_fit(const Vector& one_step_fit, const Channels& names) {

@@ -25,6 +25,9 @@ constexpr int most_searches = 5;
 constexpr Index fewest_in_fold = 5;
 // An experiment with a larger ratio than this, among those of its fold, is examined by further models.
 constexpr double conspicuous = 2.0;
+// With more experiments than this, one of them does not distort its own model, so that no other models are needed. With
+// more than twice as many steps as this, models of the steps in the middle show whether an experiment fits.
+constexpr Index most_held_out = 1000, most_examined_steps = 1024;
 // An experiment with a smaller weight is dropped.
 constexpr double least_weight = 1e-6;
 // A downweighted sample is moved to this many standard deviations from its prediction (Huber).
@@ -165,6 +168,21 @@ void add(const Misfits& found, const Ensemble& used, const OutlierOptions& optio
   std::move(more.begin(), more.end(), std::back_inserter(outliers));
 }
 
+// The steps by which experiments are examined, from a step on that begins a period.
+struct Stretch {
+  Ensemble samples;
+  Plan plan;
+};
+Stretch middle_of(const Ensemble& used, const Plan& plan) {
+  const Index period = std::max<Index>(1, plan.choices.variation.period),
+              length = std::max(most_examined_steps, 2 * period);
+  if (used.steps() <= 2 * length) return {used, plan};
+  const Index begin = (used.steps() - length) / 2 / period * period;
+  Stretch result{stretch(used, begin, begin + length), plan};
+  result.plan.initial_state = InitialState::unknown;
+  return result;
+}
+
 }  // namespace
 
 Examined examined(const Ensemble& used, const Model& model, const Plan& plan, const Execution& execution) {
@@ -177,14 +195,15 @@ Examined examined(const Ensemble& used, const Model& model, const Plan& plan, co
                                .model = &model};
   if (!plan.noisy) return {outliers_without_noise(used, options)};
   Examined result{outliers(used, options)};
-  if (used.experiments() < fewest_experiments(options)) return result;
-  std::vector<Index> suspected = suspects(used, plan, quiet);
+  if (used.experiments() < fewest_experiments(options) || used.experiments() > most_held_out) return result;
+  const Stretch middle = middle_of(used, plan);
+  std::vector<Index> suspected = suspects(middle.samples, middle.plan, quiet);
   for (const Outlier& o : result.outliers)
     if (std::find(suspected.begin(), suspected.end(), o.experiment) == suspected.end())
       suspected.push_back(o.experiment);
   if (suspected.empty()) return result;
-  if (auto found = misfits_of(used, plan, std::move(suspected), quiet)) {
-    clear(used, plan, quiet, *found);
+  if (auto found = misfits_of(middle.samples, middle.plan, std::move(suspected), quiet)) {
+    clear(middle.samples, middle.plan, quiet, *found);
     add(*found, used, options, result);
   }
   std::stable_sort(result.outliers.begin(), result.outliers.end(),

@@ -31,6 +31,10 @@ SymmetricEigensystem symmetric_eigensystem(const ConstMatrixRef& s) {
   return {solver.eigenvalues(), solver.eigenvectors()};
 }
 
+Vector symmetric_eigenvalues(const ConstMatrixRef& s) {
+  return Eigen::SelfAdjointEigenSolver<Matrix>(s, Eigen::EigenvaluesOnly).eigenvalues();
+}
+
 Eigen::VectorXcd eigenvalues(const ConstMatrixRef& a) {
   check_square(a);
   if (a.size() == 0) return {};

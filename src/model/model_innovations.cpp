@@ -68,9 +68,10 @@ class Filter {
 
   Innovations run() {
     Innovations result(size_t(data_.steps()), Matrix::Constant(data_.experiments(), model_.outputs, nan));
+    const Index full_begin = model_.k_begin < end_ ? model_.full_begin() : end_;
     for (Index k = model_.k_begin; k < end_; ++k) {
       checkpoint();
-      if (k >= model_.full_begin()) wake(k);
+      if (k >= full_begin) wake(k);
       result[size_t(k)] = advance(k);
     }
     return result;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 
 #include "base/integers.hpp"
@@ -150,10 +151,14 @@ struct Past {
 std::vector<Past> pasts(const Steps& steps, const SubspaceOptions& o) {
   std::vector<Past> own(size_t(steps.groups()));
   parallel_for(0, steps.groups(), {o.execution.threads, {}}, [&](Index from, Index to) {
-    for (Index g = from; g < to; ++g)
+    for (Index g = from; g < to; ++g) {
+      linalg::RowStack rows(steps.width());
       for (const Index k : steps.of(g)) {
-        own[size_t(g)].add(steps.window(k).leftCols(steps.width()), steps.count(k), 1.0);
+        rows.add(steps.window(k).leftCols(steps.width()));
+        own[size_t(g)].rows += steps.count(k);
       }
+      own[size_t(g)].factor = rows.factor();
+    }
   });
   // Few experiments do not determine the covariance of so many samples. Therefore neighbouring steps contribute with
   // exponentially falling weights.
@@ -277,10 +282,19 @@ struct Fitted {
 };
 
 // Rank and condition number of regressors. The columns are scaled to norm 1, so that rank and condition do not depend
-// on units.
+// on units. The eigenvalues of their products are fast to compute, and accurate if no singular value is small.
 void examine(const ConstMatrixRef& regressors, Fitted& fitted) {
+  constexpr double small = 1e-6;  // square of the ratio of two singular values
   if (regressors.size() == 0) return;
-  const Vector sigma = linalg::singular_values(regressors * linalg::inverse_norms(regressors).asDiagonal());
+  const Matrix scaled = regressors * linalg::inverse_norms(regressors).asDiagonal();
+  const Vector squares = linalg::symmetric_eigenvalues(scaled.transpose() * scaled);
+  const double least = squares(0), largest = squares(squares.size() - 1);
+  if (least > small * largest) {
+    fitted.rank = squares.size();
+    fitted.condition = std::sqrt(largest / least);
+    return;
+  }
+  const Vector sigma = linalg::singular_values(scaled);
   fitted.rank = sigma.size() > 0 ? (sigma.array() > rounding::negligible * sigma(0)).count() : 0;
   fitted.condition = fitted.rank > 0 ? sigma(0) / sigma(fitted.rank - 1) : 0.0;
 }
@@ -294,14 +308,15 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
   std::vector<Fitted> result(groups);
   parallel_for(0, steps.groups(), {o.execution.threads, {}}, [&](Index from, Index to) {
     for (Index g = from; g < to; ++g) {
-      Matrix& r = factor[size_t(g)];
+      std::optional<linalg::RowStack> rows;
       for (const Index k : steps.of(g)) {
         const Matrix block = rows_of(k);
         if (block.cols() == 0) continue;
+        if (!rows) rows.emplace(block.cols());
+        rows->add(block);
         result[size_t(g)].rows += steps.count(k);
-        Matrix both = linalg::stacked(r, block);
-        r = linalg::triangular_factor(both);
       }
+      if (rows) factor[size_t(g)] = rows->factor();
     }
   });
   const double smoothing = !steps.smooth()         ? 0.0
