@@ -106,14 +106,15 @@ TEST(IdentifyOptions, ModelsKnowTheDataThatTheyHaveSeen) {
 
 TEST(Provenance, ReturnsFromItsText) {
   for (const double smoothing : {0.5, std::numeric_limits<double>::infinity()}) {
-    const Provenance written{.options = IdentifyOptions{.states = 3, .hold_out = 0.25},
-                             .experiments = 30,
-                             .data = {"97d64adfcd832056", "a"},
-                             .dt_stated = false,
-                             .choices = NoisyChoices{{smoothing, 4}, 0.1, Weighting::projection, smoothing, 7, {2, 9}},
-                             .refinement = EmRun{smoothing, 12},
-                             .corrections = {{{"7", 0.5}}, {}},
-                             .feedthrough = FeedthroughChoice{false, FeedthroughChoice::Reason::no_response}};
+    const Provenance written{
+        .options = IdentifyOptions{.states = 3, .hold_out = 0.25},
+        .experiments = 30,
+        .data = {"97d64adfcd832056", "a"},
+        .dt_stated = false,
+        .choices = NoisyChoices{{smoothing, 4}, 0.1, Weighting::projection, smoothing, 3.0, 7, {2, 9}},
+        .refinement = EmRun{smoothing, 12},
+        .corrections = {{{"7", 0.5}}, {}},
+        .feedthrough = FeedthroughChoice{false, FeedthroughChoice::Reason::no_response}};
     const Provenance read = io::provenance_of(io::provenance_text(written), "1.2.3");
     // A field more does not compile here until it stands in the list, and belongs into the text, too.
     const auto& [options, experiments, data, dt_stated, choices, refinement, corrections, feedthrough, program, text,
@@ -129,6 +130,7 @@ TEST(Provenance, ReturnsFromItsText) {
     EXPECT_EQ(choices->state_smoothing, 0.1);
     EXPECT_EQ(choices->weighting, Weighting::projection);
     EXPECT_EQ(choices->refinement_smoothing, smoothing);
+    EXPECT_EQ(choices->refinement_first, 3.0);
     EXPECT_EQ(choices->refinement_iterations, 7);
     EXPECT_EQ(choices->jumps, written.choices->jumps);
     EXPECT_EQ(refinement->smoothing, smoothing);

@@ -60,7 +60,9 @@ TEST(Plan, RegressionsAreOfEachStepUntilNoiseOrFewExperimentsAskForMore) {
   const SystemSize size{3, 2, 2};
   const Model system = random_system(size, 20, 0.9, 7);
   const Ensemble exact = random_experiments(system, 30, 8), noisy = with_noise(exact, 0.05, 9);
-  const auto plan_of = [](const Ensemble& e, const IdentifyOptions& o) { return regressed(e, e, false, o).plan; };
+  const auto plan_of = [](const Ensemble& e, const IdentifyOptions& o) {
+    return regressed(e, selection_samples(e, o), false, o).plan;
+  };
   const Plan alone = plan_of(exact, {});
   EXPECT_FALSE(alone.coupled);
   EXPECT_FALSE(alone.noisy);
@@ -137,23 +139,27 @@ TEST(StagesOfEm, GoOnWhereTheyStopped) {
   const Model truth = with_noise(random_system({2, 1, 1}, 40, 0.9, 12),
                                  {.process_noise = process_noise, .measurement_noise = measurement_noise});
   const Ensemble data = noisy_experiments(truth, 8, 16);
-  for (const std::vector<Index>& jumps : {std::vector<Index>{}, {20}}) {
+  struct Case {
+    double first;  // λ of the first stage, 0 without a ladder
+    std::vector<Index> jumps, ends;
+  };
+  for (const auto& [first, jumps, ends] :
+       {Case{0.03, {}, {12, 24, 36, 84, 204, 324}}, Case{0.03, {20}, {12, 24, 36, 84, 204, 324}},
+        Case{0.0, {}, {3, 8, 48, 168, 288}}, Case{0.0, {20}, {3, 8, 48, 96, 216, 336}}}) {
     RefineOptions o;
     o.smoothing = 3.0;
     o.jumps = jumps;
-    const Index all = jumps.empty() ? 168 : 216, farther = all + 120;
-    const Model whole = refined(truth, data, 0, farther, o);
-    for (const Index part : {Index(3), Index(48), all}) {
-      const Model again = refined(refined(truth, data, 0, part, o), data, part, farther, o);
+    const Index all = ends[ends.size() - 2], farther = ends.back();
+    const Model whole = refined(truth, data, 0, farther, o, first);
+    for (const Index part : {ends[0], ends[2], all}) {
+      const Model again = refined(refined(truth, data, 0, part, o, first), data, part, farther, o, first);
       for (Index k = 0; k < whole.k_end(); ++k) EXPECT_EQ(again.at(k).A(), whole.at(k).A()) << part;
     }
-    EXPECT_NE(refined(truth, data, 0, all, o).at(5).A(), whole.at(5).A());
-    Index ends = 0;
-    for (const Index end :
-         jumps.empty() ? std::vector<Index>{3, 8, 48, 168, 288} : std::vector<Index>{3, 8, 48, 96, 216})
-      EXPECT_EQ(ends = next_stage_end(ends, o), end);
-    EXPECT_TRUE(stopped_early(8, o));
-    EXPECT_FALSE(stopped_early(48, o));
+    EXPECT_NE(refined(truth, data, 0, all, o, first).at(5).A(), whole.at(5).A());
+    Index now = 0;
+    for (const Index end : ends) EXPECT_EQ(now = next_stage_end(now, o, first), end);
+    EXPECT_TRUE(stopped_early(ends[1], o, first));
+    EXPECT_FALSE(stopped_early(ends[2], o, first));
   }
 }
 

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "base/integers.hpp"
@@ -94,6 +96,46 @@ TEST(Smoother, SumsOfAllExperimentsAreThoseOfTheirParts) {
   // Sums of 1200 squares in another order.
   EXPECT_LE((moved - all.moved.together()).norm(), epsilon * experiments * moved.norm());
   EXPECT_LE((measured - all.measured.together()).norm(), epsilon * experiments * measured.norm());
+}
+
+// 49 rows stand for many experiments: 1, and two inputs and outputs at each of twelve steps.
+TEST(Smoother, HasTheSameSumsWithFewerRows) {
+  const Model model = model_with_noise(4);
+  for (const Index experiments : {98, 700}) {
+    SCOPED_TRACE(experiments);
+    for (const Index end : {steps, steps - 2}) {
+      Ensemble data = testing::random_experiments(model, experiments, 8, 1.0);
+      for (Index k = end; k < steps; ++k) data.output(k).setConstant(std::nan(""));
+      const kalman::Samples all = kalman::samples_of(model, data);
+      const std::optional<kalman::Samples> fewer = kalman::with_fewer_rows(all);
+      ASSERT_TRUE(fewer);
+      EXPECT_EQ(fewer->rows, 1 + 4 * end);
+      EXPECT_EQ(fewer->experiments, experiments);
+      const kalman::Smoothed expected = kalman::Smoother(all).smooth(model),
+                             found = kalman::Smoother(*fewer).smooth(model);
+      // Rounding errors of a triangular factor and of the sums.
+      const double tolerance = 100 * epsilon * double(experiments);
+      const auto near = [&](const Matrix& a, const Matrix& b) { EXPECT_LE((a - b).norm(), tolerance * b.norm()); };
+      near(found.moments.moved.together(), expected.moments.moved.together());
+      near(found.moments.measured.together(), expected.moments.measured.together());
+      near(found.moments.measured_count, expected.moments.measured_count);
+      near(found.moments.moved_count, expected.moments.moved_count);
+      near(found.moments.x0, expected.moments.x0);
+      near(found.moments.x0_square, expected.moments.x0_square);
+      EXPECT_NEAR(found.moments.x0_count, expected.moments.x0_count, tolerance * double(experiments));
+      EXPECT_NEAR(found.log_likelihood.sum(), expected.log_likelihood.sum(),
+                  tolerance * std::abs(expected.log_likelihood.sum()));
+    }
+  }
+}
+
+TEST(Smoother, KeepsTheRowsOfFewOrIncompleteExperiments) {
+  const Model model = model_with_noise(5);
+  EXPECT_FALSE(kalman::with_fewer_rows(kalman::samples_of(model, testing::random_experiments(model, 97, 9, 1.0))));
+  EXPECT_FALSE(kalman::with_fewer_rows(kalman::samples_of(model, with_gaps(model, 700))));
+  Ensemble same_gap = testing::random_experiments(model, 700, 10, 1.0);
+  same_gap.output(4).col(1).setConstant(std::nan(""));
+  EXPECT_FALSE(kalman::with_fewer_rows(kalman::samples_of(model, same_gap)));
 }
 
 TEST(Smoother, NeedsAConstantStateDimension) {

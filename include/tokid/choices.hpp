@@ -75,10 +75,11 @@ struct RefinementChoice {
   // fewer if they do not reduce it significantly.
   Index states = 0;
   double smoothing = 0.0;
-  Index iterations = 0;  // most iterations of EM; 0: no refinement
+  double first_smoothing = 0.0;  // λ with which EM begins, if steps do not share their matrices
+  Index iterations = 0;          // most iterations of EM; 0: no refinement
   double error = 0.0;
-  double one_step = 0.0;         // log of the one-step error alone; set if there are iterations
-  std::vector<Jump> jumps = {};  // ascending
+  double one_step = 0.0;                             // log of the one-step error alone; set if there are iterations
+  std::vector<Jump> jumps = {};                      // ascending
   AheadCertainty ahead = {}, ahead_without_em = {};  // of the chosen models of the folds, and of the subspace models
 };
 }  // namespace tokid

@@ -50,6 +50,7 @@ struct NoisyChoices {
   double state_smoothing = 0.0;  // λ of the regressions on states
   Weighting weighting = Weighting::one_step;
   double refinement_smoothing = 0.0;  // λ of EM
+  double refinement_first = 0.03;     // λ with which EM begins, if steps do not share their matrices
   Index refinement_iterations = 0;    // 0: no refinement
   std::vector<Index> jumps = {};      // ascending steps at which the matrices jump in EM
 };

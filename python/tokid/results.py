@@ -403,6 +403,8 @@ class NoisyChoices(_Result):
     weighting : {"one-step", "many-steps", "projection"}
     refinement_smoothing : float
         λ of EM.
+    refinement_first : float
+        λ with which EM begins, if steps do not share their matrices.
     refinement_iterations : int
         Iterations of EM. 0: no refinement.
     jumps : list of int
@@ -413,6 +415,7 @@ class NoisyChoices(_Result):
     state_smoothing: float
     weighting: str
     refinement_smoothing: float
+    refinement_first: float
     refinement_iterations: int
     jumps: list[int]
 

@@ -46,12 +46,12 @@ Errors errors_of(Computed computed, const Ensemble& data, const Vector& weights,
 Index first_scored(InitialState initial, Index lags, Index period);
 
 // Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. The last
-// stage is repeated if needed. `from`, `to`: iterations.
-Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options);
+// stage is repeated if needed. `from`, `to`: iterations. `first`: λ with which EM begins.
+Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options, double first);
 // The iterations at the end of the next stage.
-Index next_stage_end(Index iterations, const RefineOptions& options);
+Index next_stage_end(Index iterations, const RefineOptions& options, double first);
 // Was EM best after so few iterations that more are not tried?
-bool stopped_early(Index iterations, const RefineOptions& options);
+bool stopped_early(Index iterations, const RefineOptions& options, double first);
 
 // The range of numbers of states to choose from.
 struct OrderRange {

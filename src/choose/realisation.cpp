@@ -126,17 +126,18 @@ struct Refined {
 Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, const Computed& like, double expected,
                    const Execution& execution) {
   const RefineOptions options = refine_options(plan, execution);
+  const double first = plan.choices.refinement_first;
   const auto after = [&](const Model& model, Index from, Index to) {
-    Refined result{refined(model, data, from, to, options), {}, to};
+    Refined result{refined(model, data, from, to, options, first), {}, to};
     result.errors = errors_of(computed_by(result.model, data, plan.initial_state, 0), data, plan.output_weights, &like);
     return result;
   };
   const Index planned = plan.choices.refinement_iterations;
   Refined now = after(begun, 0, planned), best = now;
   if (plan.choices.variation.period > 0) return best;
-  const double limit = expected + std::log(stopped_early(planned, options) ? tolerated : as_expected);
+  const double limit = expected + std::log(stopped_early(planned, options, first) ? tolerated : as_expected);
   while (now.errors.one_step > limit && now.iterations < most_iterations) {
-    now = after(now.model, now.iterations, next_stage_end(now.iterations, options));
+    now = after(now.model, now.iterations, next_stage_end(now.iterations, options, first));
     if (now.errors.one_step < best.errors.one_step && now.errors.mean() < best.errors.mean()) best = now;
   }
   return now.errors.one_step > limit ? best : now;
@@ -167,6 +168,7 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     plan.states = choice.states;
     plan.choices.state_smoothing = smoothing;
     plan.choices.refinement_smoothing = choice.smoothing;
+    plan.choices.refinement_first = choice.first_smoothing;
     plan.choices.refinement_iterations = choice.iterations;
     for (const Jump& jump : choice.jumps) plan.choices.jumps.push_back(jump.step);
     Refined found;
@@ -234,7 +236,7 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
   Plan& plan = result.plan;
   const Ensemble& selection = *selected.samples;
   const Folds folds(selection, {.lags = plan.lags,
-                                .initial_state = &selection == &data ? plan.initial_state : InitialState::unknown,
+                                .initial_state = selected.from_start ? plan.initial_state : InitialState::unknown,
                                 .feedthrough = plan.feedthrough.present,
                                 .variation = plan.choices.variation,
                                 .weightings = weightings(selection, plan, options),
@@ -309,7 +311,8 @@ Realised realised(const Ensemble& data, const Selection& selection, const Plan& 
 Model realised_as(const Ensemble& data, GtvArx arx, const Plan& plan, const Execution& execution) {
   Model model = realise(data, std::move(arx), data.free, plan, execution);
   if (plan.choices.refinement_iterations == 0) return model;
-  return refined(std::move(model), data, 0, plan.choices.refinement_iterations, refine_options(plan, execution));
+  return refined(std::move(model), data, 0, plan.choices.refinement_iterations, refine_options(plan, execution),
+                 plan.choices.refinement_first);
 }
 
 }  // namespace tokid

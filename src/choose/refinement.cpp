@@ -12,6 +12,7 @@
 #include "choose/ahead_errors.hpp"
 #include "choose/first_steps.hpp"
 #include "choose/folds.hpp"
+#include "noise/em.hpp"
 #include "tokid/em.hpp"
 
 namespace tokid {
@@ -23,49 +24,89 @@ namespace {
 constexpr double significant = 2.0, noticeable = 1.0;
 // Most folds that validate EM. EM takes longer than all other choices.
 constexpr size_t most_refined = 3;
-// EM runs in stages. Each has a number of iterations, after those of its warm-up, and ends with an evaluation. For few
-// experiments, few iterations are often the best. If steps share their matrices, EM needs more iterations, but an
-// iteration takes less time. If matrices jump, EM first follows them without jumps. It then goes on with them, and
-// without a warm-up, so that a comparison of jumps starts from the same models.
+const double half_decade = std::sqrt(10.0);
+// A usual λ of EM if steps share their matrices, bounds of its first λ, and the largest λ. With a larger one EM does
+// not converge in these stages.
+constexpr double usual = 3.0, first_least = 1e-2, first_most = 1e2, largest = 320.0;
+// The first λ of the ladder, and the number of experiments for each unknown of a step from which on EM climbs it. With
+// fewer, the weak penalties of the first rungs spoil the models so much that stronger ones may not repair them.
+constexpr double gentle = 0.03, enough_for_ladder = 8.0;
+// Instead of the first λ: EM does not climb.
+constexpr double no_ladder = 0.0;
+// The search comes to a λ on several ways, with different rounding errors.
+bool same_smoothing(double a, double b) { return std::abs(a - b) <= 1e-6 * std::max(a, b); }
+
+// EM runs in stages. Each has a λ, a number of iterations, and ends with an evaluation. If matrices jump, EM first
+// follows them without jumps, so that a comparison of jumps starts from the same models.
 struct Stage {
   Index iterations = 0;
-  bool jumps = false;
+  double smoothing = 0.0;
+  bool jumps = false, warm_up = false;
 };
-constexpr Stage pooled_stages[] = {{10}, {30}, {100}}, first_stages[] = {{3}, {5}, {40}}, last_stage[] = {{120}},
-                jump_stages[] = {{48, true}}, last_jump_stage[] = {{120, true}};
+constexpr Index pooled_iterations[] = {10, 30, 100}, apart_iterations[] = {3, 5, 40}, rung_iterations = 12, longer = 48,
+                longest = 120;
+
 // For every λ the stages `first`, then with jumps also `jumping`. Only for the best λ the stages `last`.
 struct Schedule {
-  std::span<const Stage> first, jumping, last;
+  std::vector<Stage> first, jumping, last;
 
   std::vector<Stage> all() const {
-    std::vector<Stage> stages(first.begin(), first.end());
+    std::vector<Stage> stages = first;
     stages.insert(stages.end(), jumping.begin(), jumping.end());
     stages.insert(stages.end(), last.begin(), last.end());
     return stages;
   }
 };
-Schedule schedule_of(const RefineOptions& o) {
-  if (o.period.value_or(0) > 0) return {pooled_stages, {}, {}};
-  if (!o.jumps.empty()) return {first_stages, jump_stages, last_jump_stage};
-  return {first_stages, {}, last_stage};
-}
-const double half_decade = std::sqrt(10.0);
-// The search comes to a λ on several ways, with different rounding errors.
-bool same_smoothing(double a, double b) { return std::abs(a - b) <= 1e-6 * std::max(a, b); }
 
-Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, RefineOptions o) {
-  o.iterations = stage.iterations;
-  o.warm_up = !stage.jumps;
-  if (!stage.jumps) o.jumps.clear();
-  return refine(start, data, o).model;
+// The λ of the rung below, on a ladder that begins with `first`.
+std::optional<double> below(double smoothing, double first) {
+  if (smoothing <= 0 || same_smoothing(smoothing, first)) return std::nullopt;
+  double rung = first;
+  while (rung * 10 < smoothing && !same_smoothing(rung * 10, smoothing)) rung *= 10;
+  return rung;
 }
-// A usual λ of EM, bounds of its first λ, and the largest λ. With a larger one EM does not converge in these stages.
-constexpr double usual = 3.0, first_least = 1e-2, first_most = 1e2, largest = 320.0;
+
+// If steps share their matrices, EM needs many iterations, but an iteration takes less time.
+// With enough experiments, EM climbs a ladder of decades of λ up to its own. A weak penalty leaves the coordinates of
+// the subspace model as they are, and a stronger one makes them smooth little by little. From the start on, it would
+// make all steps equal, and EM would need many iterations to recover. The rungs are the first stages of smaller λ, so
+// that each is computed once. With fewer experiments, each λ has its own warm-up, and few iterations are often the
+// best.
+Schedule schedule_of(const RefineOptions& o, double first) {
+  Schedule schedule;
+  if (o.period.value_or(0) > 0) {
+    for (const Index count : pooled_iterations) schedule.first.push_back({count, o.smoothing, false, true});
+    return schedule;
+  }
+  if (first == no_ladder)
+    for (const Index count : apart_iterations) schedule.first.push_back({count, o.smoothing, false, true});
+  else
+    for (std::optional<double> next = o.smoothing; next; next = below(*next, first))
+      schedule.first.push_back({rung_iterations, *next});
+  if (first != no_ladder) std::reverse(schedule.first.begin(), schedule.first.end());
+  if (!o.jumps.empty())
+    schedule.jumping = {{longer, o.smoothing, true}};
+  else if (first != no_ladder)
+    schedule.last = {{longer, o.smoothing}};
+  schedule.last.push_back({longest, o.smoothing, !o.jumps.empty()});
+  return schedule;
+}
+
+Model refined_in(const Stage& stage, const Model& start, const Ensemble& data, std::optional<em::Data>& samples,
+                 RefineOptions o) {
+  o.smoothing = stage.smoothing;
+  o.iterations = stage.iterations;
+  o.warm_up = stage.warm_up;
+  if (!stage.jumps) o.jumps.clear();
+  return em::refine(start, data, samples, o).model;
+}
 // The most half decades that a search goes in one direction.
 constexpr Index most_moves = 6;
 // A number of states whose errors are larger by this factor than those of the best number so far does not go on to the
 // last stage.
 constexpr double hopeless = 2.0;
+// Nor one whose likelihood is lower by this many standard errors than that of the best number after as many iterations.
+constexpr double hopelessly_behind = 5.0;
 // A jump is tried where its gain is larger than twice the median gain, and exceeds `sharp` times the gains two steps
 // before and after by this share of the median. Gains vary slowly over time if the matrices do: the excess was at most
 // 0.44 in smooth plants, and at least 0.82 at the jumps of others (bench/zoo).
@@ -136,9 +177,13 @@ class Folds::RefinementSearch {
         count_(std::min(folds.folds_.size(), most_refined)),
         starts_(count_),
         without_em_(count_),
+        samples_(count_),
         like_(count_),
         least_variance_(count_) {
     choice_.states = states;
+    const Split& all = folds_.folds_.front().data;
+    const Index experiments = all.training.experiments() + all.held_out.experiments();
+    if (double(experiments) < enough_for_ladder * double(states + all.training.inputs())) first_ = no_ladder;
     for_each_fold([&](size_t f) {
       starts_[f] = folds_.start(f, states, scores.weighting, scores.smoothing);
       const Split& data = folds_.folds_[f].data;
@@ -148,14 +193,14 @@ class Folds::RefinementSearch {
       like_[f] = computed_by(without_em_[f], data.held_out, folds_.options_.initial_state, 0);
       least_variance_[f] = least_variance(like_[f], data.held_out);
     });
-    choice_.error = errors(without_em_).mean();
+    const Errors without = errors(without_em_);
+    one_step_without_em_ = without.one_step;
+    choice_.error = without.mean();
     choice_.trials.push_back({.states = states, .error = choice_.error});
   }
 
-  // Tries λ, or only the given one. The last stage follows only for the best λ, and only if an attempt has an error()
-  // up to `most_error`.
-  void run(std::optional<double> smoothing_given, bool look_for_jumps,
-           double most_error = std::numeric_limits<double>::infinity()) {
+  // Tries λ, or only the given one. A longer stage follows only for the best λ.
+  void run(std::optional<double> smoothing_given, bool look_for_jumps) {
     if (folds_.options_.variation.period == 1) smoothing_given = 0.0;
     if (smoothing_given)
       attempt(*smoothing_given);
@@ -163,7 +208,27 @@ class Folds::RefinementSearch {
       choose_smoothing();
     if (!smoothing_given && !empty() && least_error()->error() > choice_.error) approach_start();
     if (look_for_jumps && !empty() && !folds_.pooled()) find_jumps();
-    if (!empty() && least_error()->error() <= most_error) continue_best();
+    if (empty()) return;
+    if (!climbs() || !jumps_.empty())
+      continue_best();
+    else
+      smoothing_given ? go_on(chosen()->smoothing) : choose_longer();
+  }
+
+  // Tries the λ of a search for another number of states, and the λ around it, unless this number is clearly worse.
+  void run_beside(const RefinementSearch& other) {
+    first_ = other.first_;
+    const double from = other.smoothing();
+    Likelihood most = attempt(from);
+    if (empty() || least_error()->error() > other.error() + std::log(hopeless) || far_behind(other)) return;
+    if (!climbs() || !jumps_.empty()) return continue_best();
+    climb(from, std::move(most));
+    go_on(chosen()->smoothing);
+  }
+
+  // The last stages of the number of states that was chosen.
+  void finish() {
+    if (!empty()) continue_best();
   }
 
   bool empty() const { return attempts_.empty(); }
@@ -174,16 +239,18 @@ class Folds::RefinementSearch {
   const std::vector<Jump>& jumps() const { return jumps_; }
   const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
 
-  // EM is used if it predicts clearly better than the subspace models. If the best attempt is not used, the attempt
-  // with the smallest errors may be.
+  // EM is used if it predicts clearly better than the subspace models, and not worse by one step: EM that has spoiled
+  // the likelihood of its start needs more iterations. If the best attempt is not used, the attempt with the smallest
+  // errors may be.
   RefinementChoice choice() && {
     choice_.ahead = choice_.ahead_without_em = certainty(without_em_);
     if (empty()) return std::move(choice_);
     choice_.smoothing = smoothing();
     const double limit = choice_.error - std::log(worth_it);
     for (const Attempt* attempt : {chosen(), least_error()}) {
-      if (attempt->error() > limit) continue;
+      if (attempt->error() > limit || attempt->errors.one_step > one_step_without_em_ - std::log(worth_it)) continue;
       choice_.smoothing = attempt->smoothing;
+      choice_.first_smoothing = first_;
       choice_.iterations = attempt->iterations;
       choice_.jumps = jumps_;
       choice_.one_step = attempt->errors.one_step;
@@ -204,6 +271,12 @@ class Folds::RefinementSearch {
     std::vector<Model> models;
 
     double error() const { return errors.mean(); }
+  };
+
+  // The attempts at the ends of the first stages of a λ that belong to this λ.
+  struct Way {
+    double smoothing = 0.0;
+    std::vector<Attempt> stages;
   };
 
   const Attempt* least_error() const {
@@ -228,6 +301,15 @@ class Folds::RefinementSearch {
     return best;
   }
 
+  // The attempt with the largest λ of those whose likelihood does not differ significantly from the largest. Where
+  // matrices may jump, the best λ is large, and shows it only after many iterations.
+  const Attempt* stiffest() const {
+    const Attempt *const most = likeliest(), *best = most;
+    for (const Attempt& a : attempts_)
+      if (a.smoothing > best->smoothing && most->likelihood.advantage(a.likelihood) < significant) best = &a;
+    return best;
+  }
+
   template <class Change>
   void for_each_fold(Change&& change) {
     parallel_for(0, Index(count_), {folds_.options_.threads, {}}, [&](Index begin, Index end) {
@@ -236,12 +318,25 @@ class Folds::RefinementSearch {
   }
 
   void choose_smoothing() {
+    if (climbs()) return climb_ladder();
     double best = std::clamp(folds_.options_.variation.smoothing, first_least, first_most);
     Likelihood most = attempt(best);
     // The λ of the ARX model may be far from the best λ of EM. The likelihood may then have a second maximum.
     if (std::abs(std::log10(best / usual)) > 0.9) try_smoothing(usual, noticeable, best, most);
-    climb(best, most);
+    climb(best, std::move(most));
   }
+
+  bool climbs() const { return first_ != no_ladder && !folds_.pooled(); }
+
+  void climb_ladder() {
+    double best = first_;
+    Likelihood most = attempt(best);
+    for (double next = 10 * best; next < largest && !lost(); next *= 10) try_smoothing(next, 0.0, best, most);
+    climb(best, std::move(most));
+  }
+
+  // Did the last attempt lose what an earlier one had found?
+  bool lost() const { return !empty() && attempts_.back().error() > least_error()->error() + std::log(hopeless); }
 
   // With one more jump, the best λ may be larger by decades. A λ in between may be worse than both.
   void choose_larger_smoothing(double best) {
@@ -312,8 +407,8 @@ class Folds::RefinementSearch {
     // A jump is compared with as many iterations without it.
     Likelihood before = likeliest()->likelihood;
     if (jumps_.empty()) {
-      Likelihood longer = refined(*chosen(), jump_stages[0]).likelihood;
-      if (longer.sum() > before.sum()) before = std::move(longer);
+      Likelihood more = refined(*chosen(), {longer, smoothing}).likelihood;
+      if (more.sum() > before.sum()) before = std::move(more);
     }
     const auto search = [&] { choose_larger_smoothing(smoothing); };
     for (Index step : candidates)
@@ -424,16 +519,46 @@ class Folds::RefinementSearch {
     return best;
   }
 
+  bool far_behind(const RefinementSearch& rival) const {
+    const Attempt& own = attempts_.back();
+    for (const Attempt& other : rival.attempts_)
+      if (same_smoothing(other.smoothing, own.smoothing) && other.iterations == own.iterations)
+        return own.likelihood.advantage(other.likelihood) < -hopelessly_behind;
+    return false;
+  }
+
+  // With a stronger penalty, EM needs more iterations. It is therefore compared with the best λ once more when both
+  // have had more of them.
+  void choose_longer() {
+    for (double best = chosen()->smoothing;; best *= half_decade) {
+      go_on(best);
+      if (best * half_decade >= largest) return;
+      go_on(best * half_decade);
+      if (!same_smoothing(chosen()->smoothing, best * half_decade)) return;
+    }
+  }
+
+  // The first of the last stages of this λ.
+  void go_on(double smoothing) {
+    const Attempt& first = way_to(smoothing).stages.back();
+    const auto known = [&](const Attempt& a) {
+      return same_smoothing(a.smoothing, smoothing) && a.iterations > first.iterations;
+    };
+    if (std::none_of(attempts_.begin(), attempts_.end(), known)) keep(refined(first, {longer, smoothing}));
+  }
+
   // The further stages, if EM has not been best before. With a jump and a large λ, EM may leave a good model again. On
   // all experiments it might do so earlier, so that another λ is then chosen.
   void continue_best() {
-    const Attempt best = *chosen();
-    if (stopped_early(best.iterations, options(best.smoothing))) return;
+    const Attempt best = jumps_.empty() ? *chosen() : *stiffest();
+    const auto farther = [&](const Attempt& a) {
+      return same_smoothing(a.smoothing, best.smoothing) && a.iterations > best.iterations;
+    };
+    if (std::any_of(attempts_.begin(), attempts_.end(), farther)) return;
     Attempt now = best;
-    for (const Stage& stage : schedule_of(options(best.smoothing)).last) {
-      now = refined(std::move(now), stage);
-      keep(now);
-    }
+    Index end = 0;
+    for (const Stage& stage : schedule_of(options(best.smoothing), first_).all())
+      if (end += stage.iterations; end > best.iterations) keep(now = refined(std::move(now), stage));
     const auto same = [&](const Attempt& attempt) { return attempt.smoothing == best.smoothing; };
     if (jumps_.empty() || now.likelihood.advantage(best.likelihood) > -significant ||
         std::all_of(attempts_.begin(), attempts_.end(), same))
@@ -448,8 +573,11 @@ class Folds::RefinementSearch {
     const auto same = [&](double other) { return same_smoothing(other, smoothing); };
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
-      const Attempt& plain = plain_attempt(smoothing);
-      for (const Stage& stage : schedule_of(options(smoothing)).jumping) keep(refined(plain, stage));
+      const Way& way = way_to(smoothing);
+      if (jumps_.empty())
+        for (const Attempt& stage : way.stages) keep(stage);
+      for (const Stage& stage : schedule_of(options(smoothing), first_).jumping)
+        keep(refined(way.stages.back(), stage));
     }
     Likelihood most;
     for (const Attempt& a : attempts_)
@@ -457,16 +585,21 @@ class Folds::RefinementSearch {
     return most;
   }
 
-  // The attempt after the stages without jumps.
-  const Attempt& plain_attempt(double smoothing) {
-    for (const Attempt& known : plain_)
+  // The first stages of this λ, without jumps. Those of smaller λ, which its ladder shares, are not repeated.
+  const Way& way_to(double smoothing) {
+    for (const Way& known : ways_)
       if (same_smoothing(known.smoothing, smoothing)) return known;
+    const std::vector<Stage> stages = schedule_of(options(smoothing), first_).first;
+    Way way{smoothing, {}};
     Attempt now{smoothing, 0, {}, {}, starts_};
-    for (const Stage& stage : schedule_of(options(smoothing)).first) {
-      now = refined(std::move(now), stage);
-      if (jumps_.empty()) keep(now);
+    size_t known = 0;
+    if (const auto lower = climbs() ? below(smoothing, first_) : std::nullopt) {
+      now = way_to(*lower).stages.back();
+      now.smoothing = smoothing;
+      known = stages.size() - 1;
     }
-    return plain_.emplace_back(std::move(now));
+    for (size_t i = known; i < stages.size(); ++i) way.stages.push_back(now = refined(std::move(now), stages[i]));
+    return ways_.emplace_back(std::move(way));
   }
 
   void keep(const Attempt& attempt) {
@@ -477,7 +610,7 @@ class Folds::RefinementSearch {
     std::vector<Vector> found(count_);
     for_each_fold([&](size_t f) {
       const Split& data = folds_.folds_[f].data;
-      start.models[f] = refined_fold(start.smoothing, stage, data.training, start.models[f]);
+      start.models[f] = refined_fold(start.smoothing, stage, f, start.models[f]);
       if (start.models[f].steps() > 0)
         found[f] = log_likelihoods_with(least_variance_[f], start.models[f], data.held_out);
     });
@@ -519,10 +652,10 @@ class Folds::RefinementSearch {
   }
 
   // Empty if EM fails: this λ is ruled out.
-  Model refined_fold(double smoothing, const Stage& stage, const Ensemble& training, const Model& start) const {
+  Model refined_fold(double smoothing, const Stage& stage, size_t f, const Model& start) {
     if (start.steps() == 0) return start;
     try {
-      return refined_in(stage, start, training, options(smoothing));
+      return refined_in(stage, start, folds_.folds_[f].data.training, samples_[f], options(smoothing));
     } catch (const std::runtime_error&) {
       return {};
     }
@@ -538,13 +671,16 @@ class Folds::RefinementSearch {
   const Folds& folds_;
   std::vector<Jump> jumps_;  // of all attempts
   size_t count_;
-  std::vector<Model> starts_;      // subspace models
-  std::vector<Model> without_em_;  // the same, which predict from step 0 on
+  std::vector<Model> starts_;                     // subspace models
+  std::vector<Model> without_em_;                 // the same, which predict from step 0 on
+  double one_step_without_em_ = 0.0;              // error
+  std::vector<std::optional<em::Data>> samples_;  // of the training data of each fold
   std::vector<Computed> like_;
   std::vector<Vector> least_variance_;  // as in least_variance, of each fold
   std::vector<Attempt> attempts_;
   std::vector<double> tried_;  // λ of all attempts, also of those that failed
-  std::deque<Attempt> plain_;  // for each λ that was tried, the attempt after the stages without jumps
+  double first_ = gentle;      // λ with which EM begins
+  std::deque<Way> ways_;
   RefinementChoice choice_;
 };
 
@@ -566,7 +702,10 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
   };
   const auto try_order = [&](Index n, double advantage, double allowed) {
     auto other = std::make_unique<RefinementSearch>(*this, n, scores, best->jumps());
-    other->run(best->smoothing(), false, best->error() + std::log(hopeless));
+    if (stated.smoothing)
+      other->run(stated.smoothing, false);
+    else
+      other->run_beside(*best);
     return take_if(std::move(other), advantage, allowed);
   };
   const double larger = pooled() ? 1 / most_uncertain : worth_it;
@@ -575,42 +714,46 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
   if (n == states)
     while (!best->empty() && n > orders.fewest && try_order(n - 1, -noticeable, worth_it)) --n;
   if (n != states && !stated.smoothing) {  // the best λ may differ for this number of states
-    auto again = std::make_unique<RefinementSearch>(*this, n, scores, best->jumps());
-    again->run({}, !stated.jumps && best->jumps().empty());
-    take_if(std::move(again), -noticeable, 1.0);
+    const size_t known = best->trials().size();
+    best->run({}, !stated.jumps && best->jumps().empty());
+    trials.insert(trials.end(), best->trials().begin() + std::ptrdiff_t(known), best->trials().end());
   }
+  const size_t known = best->trials().size();
+  best->finish();
+  trials.insert(trials.end(), best->trials().begin() + std::ptrdiff_t(known), best->trials().end());
   RefinementChoice choice = std::move(*best).choice();
   choice.trials = std::move(trials);
   return choice;
 }
 
-Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options) {
+Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options, double first) {
+  std::optional<em::Data> samples;
   Index end = 0;
   Stage last;
-  for (const Stage& stage : schedule_of(options).all()) {
+  for (const Stage& stage : schedule_of(options, first).all()) {
     end += stage.iterations;
     last = stage;
     if (end <= from) continue;
     if (from >= to) return model;
-    model = refined_in(stage, model, data, options);
+    model = refined_in(stage, model, data, samples, options);
     from = end;
   }
-  for (; from < to; from += last.iterations) model = refined_in(last, model, data, options);
+  for (; from < to; from += last.iterations) model = refined_in(last, model, data, samples, options);
   return model;
 }
 
-Index next_stage_end(Index iterations, const RefineOptions& options) {
+Index next_stage_end(Index iterations, const RefineOptions& options, double first) {
   Index end = 0, last = 0;
-  for (const Stage& stage : schedule_of(options).all()) {
+  for (const Stage& stage : schedule_of(options, first).all()) {
     end += last = stage.iterations;
     if (end > iterations) return end;
   }
   return iterations + last;
 }
 
-bool stopped_early(Index iterations, const RefineOptions& options) {
+bool stopped_early(Index iterations, const RefineOptions& options, double first) {
   Index least = 0;
-  for (const Stage& stage : schedule_of(options).first) least += stage.iterations;
+  for (const Stage& stage : schedule_of(options, first).first) least += stage.iterations;
   return iterations < least;
 }
 

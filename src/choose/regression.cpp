@@ -30,8 +30,8 @@ constexpr Index most_regressors = 160;
 constexpr Index enough_for_em = 12;
 // Windows without a missing sample for each unknown, from which EM starts.
 constexpr Index enough_windows = 16;
-// Most steps that the choices for noisy data use.
-constexpr Index most_selection_steps = 256;
+// Most steps that the choices for noisy data use, and most steps of all experiments together.
+constexpr Index most_selection_steps = 256, most_selection_samples = 200000;
 // `stiff`: λ if missing samples leave too few windows to choose λ. `moderate`: λ if a periodic record is too short to
 // choose λ.
 constexpr double stiff = 1e3, moderate = 1.0;
@@ -208,8 +208,9 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
 }
 
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.
-Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& stated, const IdentifyOptions& options,
+Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& stated, const IdentifyOptions& options,
                   const std::optional<InitialStateTest>& known) {
+  const Ensemble& selection = *selected.samples;
   const bool nominal = stated.nominal;
   Regressed result;
   Plan& plan = result.plan = stated;
@@ -218,7 +219,7 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& s
   SmoothingOptions o;
   o.period = options.period;
   o.feedthrough = plan.feedthrough.present;
-  o.initial_state = known && &selection == &data ? known->decision : InitialState::unknown;
+  o.initial_state = known && selected.from_start ? known->decision : InitialState::unknown;
   o.lags = lag_candidates(selection, data, nominal, o.initial_state, o.period, options);
   o.smoothing = options.smoothing;
   o.centred = is_centred(plan);
@@ -274,7 +275,7 @@ Regressed coupled(const Ensemble& data, const Ensemble& selection, const Plan& s
 }
 
 // The regressions with the feedthrough that is stated, or with feedthrough.
-Regressed with_stated_feedthrough(const Ensemble& data, const Ensemble& selection, bool nominal,
+Regressed with_stated_feedthrough(const Ensemble& data, const Selection& selection, bool nominal,
                                   const IdentifyOptions& options) {
   const Index needed = options.lags.value_or(least_lags(data, options));
   Plan stated;
@@ -299,10 +300,10 @@ Regressed with_stated_feedthrough(const Ensemble& data, const Ensemble& selectio
 
 }  // namespace
 
-Regressed regressed(const Ensemble& data, const Ensemble& selection, bool nominal, const IdentifyOptions& options) {
+Regressed regressed(const Ensemble& data, const Selection& selection, bool nominal, const IdentifyOptions& options) {
   Regressed result = with_stated_feedthrough(data, selection, nominal, options);
   if (options.feedthrough) return result;
-  result.plan.feedthrough = choose_feedthrough(selection, result.plan, {options.execution.threads, {}});
+  result.plan.feedthrough = choose_feedthrough(*selection.samples, result.plan, {options.execution.threads, {}});
   if (!result.plan.feedthrough.present) result.arx = regressions(data, result.plan, {options.execution.threads, {}});
   append(result.findings, findings_of(result.plan.feedthrough, data.names));
   return result;
@@ -316,15 +317,32 @@ GtvArx regressed_as(const Ensemble& data, const Plan& plan, const Execution& exe
   return regressions(data, plan, execution);
 }
 
+namespace {
+
+// Evenly spaced experiments, if there are more samples than the choices need.
+Selection with_enough_experiments(Selection selection) {
+  const Ensemble& all = *selection.samples;
+  const Index N = all.experiments(), enough = most_selection_samples / std::max<Index>(1, all.steps());
+  if (N <= enough) return selection;
+  std::vector<Index> rows;
+  for (Index i = 0; i < enough; ++i) rows.push_back(i * N / enough);
+  selection.samples = std::make_shared<Ensemble>(all.subset(rows));
+  return selection;
+}
+
+}  // namespace
+
 Selection selection_samples(const Ensemble& data, const IdentifyOptions& options) {
   const Index period = options.period, pieces = ceil_div(5, data.experiments()), steps = data.steps();
   if (period == 0 && steps > 2 * most_selection_steps) {
     const Index begin = (steps - most_selection_steps) / 2;
-    return {std::make_shared<Ensemble>(stretch(data, begin, begin + most_selection_steps)), begin};
+    return with_enough_experiments(
+        {std::make_shared<Ensemble>(stretch(data, begin, begin + most_selection_steps)), begin, false});
   }
   if (period > 0 && pieces > 1 && steps / pieces >= 2 * std::max(period, options.lags.value_or(0)))
-    return {std::make_shared<Ensemble>(cut(data, steps / pieces / period * period))};
-  return {{std::shared_ptr<const Ensemble>(), &data}};
+    return {std::make_shared<Ensemble>(cut(data, steps / pieces / period * period)), 0, false};
+  const Selection all{{std::shared_ptr<const Ensemble>(), &data}};
+  return period == 0 ? with_enough_experiments(all) : all;
 }
 
 bool windows_are_scarce(const Ensemble& data, Index lags) {

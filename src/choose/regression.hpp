@@ -22,21 +22,22 @@ struct Regressed {
   Findings findings;
 };
 
-// `selection`: the samples for cross-validation, see selection_samples(). `nominal`: a mean motion was removed.
+// The samples for cross-validation: all experiments, or a stretch in the middle of long ones, or some of very many. If
+// steps share a model and the experiments are few, the experiments are cut into pieces.
+struct Selection {
+  std::shared_ptr<const Ensemble> samples;  // refers to the data if all samples are used
+  Index begin = 0;                          // step of the data at which the samples begin
+  bool from_start = true;                   // all experiments begin with step 0 of the data
+};
+Selection selection_samples(const Ensemble& data, const IdentifyOptions& options);
+
+// `nominal`: a mean motion was removed.
 // \throws std::invalid_argument for too few experiments, steps or windows without a gap
-Regressed regressed(const Ensemble& departures, const Ensemble& selection, bool nominal,
+Regressed regressed(const Ensemble& departures, const Selection& selection, bool nominal,
                     const IdentifyOptions& options);
 
 // Fits the regression of a decided plan. \throws std::invalid_argument as above
 GtvArx regressed_as(const Ensemble& departures, const Plan& plan, const Execution& execution);
-
-// The samples for cross-validation: all experiments, or a stretch in the middle of long ones. If steps share a model and
-// the experiments are few, the experiments are cut into pieces.
-struct Selection {
-  std::shared_ptr<const Ensemble> samples;  // refers to the data if all samples are used
-  Index begin = 0;                          // step of the data at which the samples begin
-};
-Selection selection_samples(const Ensemble& data, const IdentifyOptions& options);
 
 // Are fewer than half of all windows of p+1 steps free of missing samples?
 bool windows_are_scarce(const Ensemble& data, Index lags);

@@ -347,7 +347,7 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   append(findings, findings_of_lags(data, options));
 
   const Selection selection = selection_samples(data, options);
-  Regressed regression = regressed(data, *selection.samples, nominal, options);
+  Regressed regression = regressed(data, selection, nominal, options);
   append(findings, std::move(regression.findings));
   const RegressionSurvey survey = survey_of(regression.arx, nominal, 0, regression.arx.steps());
   append(findings, findings_of_regressions(data, samples, regression, survey, options));

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "model/channels.hpp"
+#include "tokid/linalg.hpp"
 
 namespace tokid::kalman {
 
@@ -66,7 +67,8 @@ Matrix arranged(const Matrix& samples, const Matrix& nominal, Index k, const std
 Samples samples_of(const Model& model, const Ensemble& data, Tail tail, Index steps) {
   check_channels(model, data, true);
   Samples samples;
-  samples.experiments = data.experiments();
+  samples.experiments = samples.rows = data.experiments();
+  samples.one = Vector::Ones(samples.rows);
   samples.steps = std::max<Index>(0, std::min(model.k_end(), data.steps()) - model.k_begin);
   if (steps >= 0) samples.steps = std::min(samples.steps, steps);
   const Index begin = model.k_begin, end = begin + samples.steps;
@@ -90,6 +92,39 @@ Samples samples_of(const Model& model, const Ensemble& data, Tail tail, Index st
   samples.u_square.array() /= u_count.array().max(1.0);
   samples.y_square.array() /= y_count.array().max(1.0);
   return samples;
+}
+
+std::optional<Samples> with_fewer_rows(const Samples& samples) {
+  if (samples.groups.size() != 1 || samples.steps == 0) return std::nullopt;
+  const Alike& group = samples.groups.front();
+  const Index r = samples.u[0].cols(), m = samples.y[0].cols(), width = 1 + group.end * (r + m);
+  if (samples.rows < 2 * width) return std::nullopt;
+  for (Index t = 0; t < group.end; ++t)
+    if (!group.unknowns[size_t(t)].empty() || Index(group.outputs[size_t(t)].size()) < m) return std::nullopt;
+  // The rows come in blocks, so that not all samples are copied at once.
+  linalg::RowStack stack(width);
+  for (Index begin = 0; begin < samples.rows; begin += width) {
+    const Index count = std::min(width, samples.rows - begin);
+    Matrix block(count, width);
+    block.col(0) = samples.one.segment(begin, count);
+    for (Index t = 0; t < group.end; ++t) {
+      const Index at = 1 + t * (r + m);
+      block.middleCols(at, r) = samples.u[size_t(t)].middleRows(begin, count);
+      block.middleCols(at + r, m) = samples.y[size_t(t)].middleRows(begin, count);
+    }
+    stack.add(block);
+  }
+  const Matrix factor = stack.factor();
+  Samples fewer = samples;
+  fewer.rows = fewer.groups.front().count = factor.rows();
+  fewer.experiment.clear();
+  fewer.one = factor.col(0);
+  for (Index t = 0; t < samples.steps; ++t) {
+    const Index at = 1 + t * (r + m);
+    fewer.u[size_t(t)] = t < group.end ? Matrix(factor.middleCols(at, r)) : Matrix::Zero(fewer.rows, r);
+    fewer.y[size_t(t)] = t < group.end ? Matrix(factor.middleCols(at + r, m)) : Matrix::Zero(fewer.rows, m);
+  }
+  return fewer;
 }
 
 }  // namespace tokid::kalman

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "tokid/model.hpp"
@@ -17,11 +18,13 @@ struct Alike {
 };
 
 // The samples at the steps of a model, as departures from its nominal trajectory. Step t is step k_begin + t.
+// Each experiment has a row, unless fewer rows have the same second moments, see with_fewer_rows().
 struct Samples {
-  Index experiments = 0, steps = 0;
-  std::vector<Matrix> u, y;  // (steps) N × r and N × m, zero where missing; the experiments of a group are adjacent
+  Index experiments = 0, rows = 0, steps = 0;
+  std::vector<Matrix> u, y;  // (steps) rows × r and rows × m, zero where missing; the rows of a group are adjacent
+  Vector one;                // (rows) what a row has instead of the number 1
   std::vector<Alike> groups;
-  std::vector<Index> experiment;  // (N) experiment of each row
+  std::vector<Index> experiment;  // (rows) experiment of each row, if each experiment has a row
   Vector u_square, y_square;      // (r), (m): mean squares of the available samples
   double outputs = 0;             // number of available output samples
 };
@@ -30,5 +33,10 @@ enum class Tail { drop, keep };
 // Arranges the samples, for the first `steps` steps of the model if `steps` is not negative.
 // \throws std::invalid_argument for wrong numbers of channels
 Samples samples_of(const Model& model, const Ensemble& data, Tail tail = Tail::drop, Index steps = -1);
+
+// The triangular factor of the samples [1 u_0 y_0 u_1 …], whose rows stand for all experiments: means, moments and the
+// likelihood of all experiments are linear in the second moments of their samples. Empty unless the experiments miss no
+// sample and are at least twice as many as the rows.
+std::optional<Samples> with_fewer_rows(const Samples& samples);
 
 }  // namespace tokid::kalman

@@ -59,7 +59,7 @@ class Means {
         linalg::tall_products({{innovation_, c.whitener}}, white_, separate);
         squares_ = white_.array().square().rowwise().sum();
         log_likelihood.segment(first, count).array() -=
-            0.5 * (squares_.head(count).array() + (c.log_det + double(there.size()) * log_two_pi));
+            0.5 * (squares_.head(count).array() + weight_ * (c.log_det + double(there.size()) * log_two_pi));
         if (squares) squares->row(t).segment(first, count) = squares_.head(count) / double(there.size());
         linalg::tall_products(l, {{innovation_, c.gain}}, l, separate);
       }
@@ -84,6 +84,7 @@ class Means {
 
   // Adds the second moments, which are those of the smoothed means and the covariances.
   void accumulate(const Model& model, const Alike& group, const Covariances& covariances, Moments& sums) {
+    const double represented = weight_ * double(count_);  // experiments
     for (Index t = 0; t < group.end; ++t) {
       const size_t s = size_t(t);
       const bool measured = !group.outputs[s].empty(), goes_on = t + 1 < group.end;
@@ -99,11 +100,11 @@ class Means {
       add(inputs(s), model.inputs);
       if (goes_on) add(estimated(s + 1), after);
       if (measured) add(outputs(s), m);
-      total_ = double(count_) * joint_.covariance;
+      total_ = represented * joint_.covariance;
       linalg::add_gram(columns_, rows_, total_);
       if (goes_on) {
         sums.moved[s] += total_.topLeftCorner(l + after, l + after);
-        sums.moved_count(t) += double(count_);
+        sums.moved_count(t) += represented;
       }
       if (measured) {
         auto sum = sums.measured[s];
@@ -111,12 +112,12 @@ class Means {
         sum.bottomLeftCorner(m, l) += total_.bottomLeftCorner(m, l);
         sum.topRightCorner(l, m) += total_.topRightCorner(l, m);
         sum.bottomRightCorner(m, m) += total_.bottomRightCorner(m, m);
-        sums.measured_count(t) += double(count_);
+        sums.measured_count(t) += represented;
       }
       if (t == 0) {
-        sums.x0 += estimated(0).leftCols(n).colwise().sum().transpose();
+        sums.x0 += estimated(0).topLeftCorner(count_, n).transpose() * samples_->one.segment(first_, count_);
         sums.x0_square += total_.topLeftCorner(n, n);
-        sums.x0_count += double(count_);
+        sums.x0_count += represented;
       }
     }
   }
@@ -152,6 +153,8 @@ class Means {
 
   // Makes room for the experiments, and copies their samples and the mean of x_0.
   void arrange(const Model& model, const Alike& group, Index first, Index count) {
+    weight_ = double(samples_->experiments) / double(samples_->rows);
+    first_ = first;
     count_ = count;
     rows_ = ceil_div(count, linalg::gram_rows) * linalg::gram_rows;
     place_.resize(size_t(group.end) + 1);
@@ -180,11 +183,13 @@ class Means {
       put(samples_->y[size_t(t)], outputs(size_t(t)));
     }
     predicted(0).setZero();
-    if (model.x0_mean.size() > 0) predicted(0).topRows(count).rowwise() = model.x0_mean.transpose();
+    if (model.x0_mean.size() > 0)
+      predicted(0).topRows(count).noalias() = samples_->one.segment(first, count) * model.x0_mean.transpose();
   }
 
   const Samples* samples_;
-  Index count_ = 0, rows_ = 0;  // experiments, and these with rows of zeros
+  double weight_ = 1.0;                     // experiments per row of the samples
+  Index first_ = 0, count_ = 0, rows_ = 0;  // first row, number of rows, and these with rows of zeros
   std::vector<Place> place_;
   std::vector<double> memory_;
   JointCovariance joint_;
@@ -198,7 +203,7 @@ class Means {
 class Pieces {
  public:
   explicit Pieces(const Samples& samples) : samples_(samples), shared_(samples.groups.size()) {
-    const Index total = samples.experiments, count = std::clamp<Index>(total / smallest_piece, 1, most_pieces);
+    const Index total = samples.rows, count = std::clamp<Index>(total / smallest_piece, 1, most_pieces);
     for (Index i = 0; i < count; ++i) pieces_.push_back({i * total / count, (i + 1) * total / count});
     for (size_t g = 0; g < samples.groups.size(); ++g) {
       const Alike& group = samples.groups[g];
@@ -293,7 +298,7 @@ Smoothed Smoother::smooth(const Model& model, const Execution& execution) {
     if (step.states() != n || step.next_states() != n)
       throw std::logic_error("Smoother: the state dimension of the model is not constant");
   std::vector<Moments> parts(size_t(pieces_->count()));
-  Smoothed result{Vector::Zero(samples.experiments), {}};
+  Smoothed result{Vector::Zero(samples.rows), {}};
   pieces_->run(
       model, true, execution,
       [&](size_t piece, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
@@ -308,7 +313,7 @@ Smoothed Smoother::smooth(const Model& model, const Execution& execution) {
 }
 
 Vector log_likelihoods(const Model& model, const Samples& samples, const Execution& execution) {
-  Vector result = Vector::Zero(samples.experiments);
+  Vector result = Vector::Zero(samples.rows);
   Pieces(samples).run(model, false, execution,
                       [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count,
                           Means& means) { means.filter(model, group, covariances, first, count, result); });
@@ -316,8 +321,8 @@ Vector log_likelihoods(const Model& model, const Samples& samples, const Executi
 }
 
 Matrix innovation_squares(const Model& model, const Samples& samples) {
-  Matrix squares = Matrix::Constant(samples.steps, samples.experiments, std::numeric_limits<double>::quiet_NaN());
-  Vector log_likelihood = Vector::Zero(samples.experiments);
+  Matrix squares = Matrix::Constant(samples.steps, samples.rows, std::numeric_limits<double>::quiet_NaN());
+  Vector log_likelihood = Vector::Zero(samples.rows);
   Pieces(samples).run(
       model, false, {},
       [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
@@ -329,8 +334,8 @@ Matrix innovation_squares(const Model& model, const Samples& samples) {
 std::vector<Matrix> predicted_states(const Model& model, const Samples& samples) {
   std::vector<Matrix> states;
   for (Index t = 0; t <= samples.steps; ++t)
-    states.emplace_back(Matrix::Zero(samples.experiments, model.n(model.k_begin + t)));
-  Vector log_likelihood = Vector::Zero(samples.experiments);
+    states.emplace_back(Matrix::Zero(samples.rows, model.n(model.k_begin + t)));
+  Vector log_likelihood = Vector::Zero(samples.rows);
   Pieces(samples).run(
       model, false, {},
       [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
@@ -343,8 +348,8 @@ std::vector<Matrix> predicted_states(const Model& model, const Samples& samples)
 }
 
 Matrix smoothed_first_states(const Model& model, const Samples& samples) {
-  Matrix states(samples.experiments, model.n(model.k_begin));
-  Vector log_likelihood = Vector::Zero(samples.experiments);
+  Matrix states(samples.rows, model.n(model.k_begin));
+  Vector log_likelihood = Vector::Zero(samples.rows);
   Pieces(samples).run(
       model, true, {},
       [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {

@@ -14,6 +14,7 @@
 #include "data/rows.hpp"
 #include "linalg/symmetric.hpp"
 #include "model/kalman_step.hpp"
+#include "noise/em.hpp"
 #include "noise/em/anderson.hpp"
 #include "noise/em/estimator.hpp"
 #include "tokid/observer.hpp"
@@ -272,10 +273,11 @@ em::EstimatorOptions estimator_options(const Model& start, const RefineOptions& 
 
 class Climb {
  public:
-  Climb(const Model& start, const Ensemble& data, const RefineOptions& options, InitialState initial)
+  Climb(const Model& start, const em::Data& data, const RefineOptions& options, InitialState initial)
       : options_(options),
         silent_{options.execution.threads, {}},
-        samples_(kalman::samples_of(start, data)),
+        data_(data),
+        samples_(data.summed()),
         smoother_(samples_),
         model_(start),
         estimator_(start, samples_, estimator_options(start, options, initial)) {
@@ -295,7 +297,8 @@ class Climb {
 
   const RefineOptions& options_;
   Execution silent_;
-  kalman::Samples samples_;
+  const em::Data& data_;
+  const kalman::Samples& samples_;
   kalman::Smoother smoother_;
   Model model_;  // with the parameters of the last point
   em::Estimator estimator_;
@@ -338,7 +341,7 @@ Point Climb::point_of(em::Parameters parameters, kalman::Smoothed smoothed) cons
 // Gives each segment its own noise scale, at first 1. The iteration continues from the same point.
 bool Climb::split_noise(Point& now) {
   if (!estimator_.noise_is_pooled() || estimator_.phases() < samples_.steps) return false;
-  const Index length = varying_noise(with(now.parameters), samples_);
+  const Index length = varying_noise(with(now.parameters), data_.all());
   if (length == 0) return false;
   estimator_.split_noise(length, now.parameters);
   noise_segments_ = now.parameters.process.scale.size();
@@ -421,6 +424,12 @@ Refinement Climb::run() {
 }  // namespace
 
 Refinement refine(const Model& model, const Ensemble& data, const RefineOptions& options) {
+  std::optional<em::Data> samples;
+  return em::refine(model, data, samples, options);
+}
+
+Refinement em::refine(const Model& model, const Ensemble& data, std::optional<Data>& samples,
+                      const RefineOptions& options) {
   if (data.steps() < 1) throw std::invalid_argument("data: no step found, at least one needed");
   check(options, data.steps());
   if (period_of(model, options) > 0 && !options.jumps.empty())
@@ -433,7 +442,8 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
   const InitialState initial = initial_state_of(model, data, options);
   kalman::samples_of(model, data, kalman::Tail::drop, 0);  // checks the channels
   Model start = starting_model(model, data, options, initial);
-  const double likelihood = log_likelihoods(start, data, {options.execution.threads, {}}).sum();
+  if (!samples) samples.emplace(start, data);
+  const double likelihood = kalman::log_likelihoods(start, samples->summed(), {options.execution.threads, {}}).sum();
   // A strong penalty makes all steps equal if the start has no smooth coordinates, and EM needs many iterations to
   // recover. EM with weaker penalties first avoids this.
   for (const double share : warm_up) {
@@ -442,9 +452,9 @@ Refinement refine(const Model& model, const Ensemble& data, const RefineOptions&
     o.smoothing *= share;
     o.iterations = std::min(options.iterations / 3, warm_up_iterations);
     o.execution.progress = {};
-    start = kalman_observer(Climb(start, data, o, initial).run().model);
+    start = kalman_observer(Climb(start, *samples, o, initial).run().model);
   }
-  Refinement result = Climb(start, data, options, initial).run();
+  Refinement result = Climb(start, *samples, options, initial).run();
   for (const Step& step : result.model.step)
     if (!linalg::covariance_factor(step.R()) || !linalg::covariance_factor(step.Q()))
       throw std::runtime_error(
@@ -474,7 +484,8 @@ Vector jump_gains(const Model& model, const Ensemble& data, const RefineOptions&
   if (!(options.smoothing > 0))
     throw std::invalid_argument(fmt::format("smoothing: {} found, more than 0 needed", options.smoothing));
   const InitialState initial = initial_state_of(model, data, options);
-  return Climb(starting_model(model, data, options, initial), data, options, initial).jump_gains();
+  const Model start = starting_model(model, data, options, initial);
+  return Climb(start, em::Data(start, data), options, initial).jump_gains();
 }
 
 Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution& execution) {

@@ -37,6 +37,7 @@ Json json_of(const NoisyChoices& choices) {
           {"state_smoothing", penalty(choices.state_smoothing)},
           {"weighting", weighting_option().write(with_weighting)},
           {"refinement_smoothing", penalty(choices.refinement_smoothing)},
+          {"refinement_first", choices.refinement_first},
           {"refinement_iterations", choices.refinement_iterations},
           {"jumps", choices.jumps}};
 }
@@ -90,8 +91,15 @@ std::optional<NoisyChoices> choices_of(const Json& json) {
   const Json jumps = at("jumps");
   if (jumps.is_array() && !jumps.empty()) find_option("jumps")->read(others, jumps);
   if (!smoothing || !states || !em || !period || !iterations || !others.weighting) return std::nullopt;
-  return NoisyChoices{
-      {*smoothing, *period}, *states, *others.weighting, *em, *iterations, others.jumps.value_or(std::vector<Index>{})};
+  // Nor have they the λ with which EM begins.
+  const double first = penalty(at("refinement_first")).value_or(NoisyChoices{}.refinement_first);
+  return NoisyChoices{{*smoothing, *period},
+                      *states,
+                      *others.weighting,
+                      *em,
+                      first,
+                      *iterations,
+                      others.jumps.value_or(std::vector<Index>{})};
 }
 
 std::optional<EmRun> refinement_of(const Json& json) {
