@@ -239,16 +239,17 @@ class Folds::RefinementSearch {
   const std::vector<Jump>& jumps() const { return jumps_; }
   const std::vector<RefinementTrial>& trials() const { return choice_.trials; }
 
-  // EM is used if it predicts clearly better than the subspace models, and not worse by one step: EM that has spoiled
-  // the likelihood of its start needs more iterations. If the best attempt is not used, the attempt with the smallest
-  // errors may be.
+  // EM is used if it predicts clearly better than the subspace models, and not clearly worse by one step: EM that has
+  // spoiled its start needs more iterations. If the best attempt is not used, the attempt with the smallest errors may
+  // be.
   RefinementChoice choice() && {
     choice_.ahead = choice_.ahead_without_em = certainty(without_em_);
     if (empty()) return std::move(choice_);
     choice_.smoothing = smoothing();
     const double limit = choice_.error - std::log(worth_it);
     for (const Attempt* attempt : {chosen(), least_error()}) {
-      if (attempt->error() > limit || attempt->errors.one_step > one_step_without_em_ - std::log(worth_it)) continue;
+      if (attempt->error() > limit || attempt->errors.one_step > one_step_without_em_ + std::log(most_uncertain))
+        continue;
       choice_.smoothing = attempt->smoothing;
       choice_.first_smoothing = first_;
       choice_.iterations = attempt->iterations;
