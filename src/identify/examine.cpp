@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <memory>
 #include <optional>
 #include <utility>
 
@@ -170,15 +171,15 @@ void add(const Misfits& found, const Ensemble& used, const OutlierOptions& optio
 
 // The steps by which experiments are examined, from a step on that begins a period.
 struct Stretch {
-  Ensemble samples;
+  std::shared_ptr<const Ensemble> samples;  // refers to the data if all steps are used
   Plan plan;
 };
 Stretch middle_of(const Ensemble& used, const Plan& plan) {
   const Index period = std::max<Index>(1, plan.choices.variation.period),
               length = std::max(most_examined_steps, 2 * period);
-  if (used.steps() <= 2 * length) return {used, plan};
+  if (used.steps() <= 2 * length) return {{std::shared_ptr<const Ensemble>(), &used}, plan};
   const Index begin = (used.steps() - length) / 2 / period * period;
-  Stretch result{stretch(used, begin, begin + length), plan};
+  Stretch result{std::make_shared<Ensemble>(stretch(used, begin, begin + length)), plan};
   result.plan.initial_state = InitialState::unknown;
   return result;
 }
@@ -197,13 +198,13 @@ Examined examined(const Ensemble& used, const Model& model, const Plan& plan, co
   Examined result{outliers(used, options)};
   if (used.experiments() < fewest_experiments(options) || used.experiments() > most_held_out) return result;
   const Stretch middle = middle_of(used, plan);
-  std::vector<Index> suspected = suspects(middle.samples, middle.plan, quiet);
+  std::vector<Index> suspected = suspects(*middle.samples, middle.plan, quiet);
   for (const Outlier& o : result.outliers)
     if (std::find(suspected.begin(), suspected.end(), o.experiment) == suspected.end())
       suspected.push_back(o.experiment);
   if (suspected.empty()) return result;
-  if (auto found = misfits_of(middle.samples, middle.plan, std::move(suspected), quiet)) {
-    clear(middle.samples, middle.plan, quiet, *found);
+  if (auto found = misfits_of(*middle.samples, middle.plan, std::move(suspected), quiet)) {
+    clear(*middle.samples, middle.plan, quiet, *found);
     add(*found, used, options, result);
   }
   std::stable_sort(result.outliers.begin(), result.outliers.end(),
