@@ -75,7 +75,7 @@ struct RefinementChoice {
   // fewer if they do not reduce it significantly.
   Index states = 0;
   double smoothing = 0.0;
-  double first_smoothing = 0.0;  // λ with which EM begins, if steps do not share their matrices
+  double first_smoothing = 0.0;  // λ with which EM begins, as in NoisyChoices::refinement_first
   Index iterations = 0;          // most iterations of EM; 0: no refinement
   double error = 0.0;
   double one_step = 0.0;                             // log of the one-step error alone; set if there are iterations

@@ -404,7 +404,7 @@ class NoisyChoices(_Result):
     refinement_smoothing : float
         λ of EM.
     refinement_first : float
-        λ with which EM begins, if steps do not share their matrices.
+        λ with which EM begins, if steps do not share their matrices. 0: with a warm-up and its own λ.
     refinement_iterations : int
         Iterations of EM. 0: no refinement.
     jumps : list of int

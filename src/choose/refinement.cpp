@@ -6,7 +6,6 @@
 #include <map>
 #include <memory>
 #include <numeric>
-#include <span>
 #include <utility>
 
 #include "choose/ahead_errors.hpp"
@@ -25,12 +24,13 @@ constexpr double significant = 2.0, noticeable = 1.0;
 // Most folds that validate EM. EM takes longer than all other choices.
 constexpr size_t most_refined = 3;
 const double half_decade = std::sqrt(10.0);
-// A usual λ of EM if steps share their matrices, bounds of its first λ, and the largest λ. With a larger one EM does
-// not converge in these stages.
+// A usual λ of EM, bounds of the first λ of a search without a ladder, and the largest λ. With a larger one EM does not
+// converge in these stages.
 constexpr double usual = 3.0, first_least = 1e-2, first_most = 1e2, largest = 320.0;
 // The first λ of the ladder, and the number of experiments for each unknown of a step from which on EM climbs it. With
 // fewer, the weak penalties of the first rungs spoil the models so much that stronger ones may not repair them.
-constexpr double gentle = 0.03, enough_for_ladder = 8.0;
+constexpr double enough_for_ladder = 8.0;
+const double gentle = NoisyChoices{}.refinement_first;
 // Instead of the first λ: EM does not climb.
 constexpr double no_ladder = 0.0;
 // The search comes to a λ on several ways, with different rounding errors.
