@@ -6,6 +6,7 @@
 
 #include <functional>
 
+#include "data/pooled_windows.hpp"
 #include "testing.hpp"
 
 namespace tokid::testing {
@@ -120,6 +121,69 @@ TEST(Windows, OfFactorsHaveTheProductsOfTheSamples) {
       }
     }
   });
+}
+
+// The products of all windows of the steps begin … end-1.
+Matrix pooled_gram(const Ensemble& e, Index lags, Index begin, Index end) {
+  Matrix sum = Matrix::Zero((lags + 1) * e.channels(), (lags + 1) * e.channels());
+  for (Index k = begin; k < end; ++k) sum += gram(window(e, k, lags));
+  return sum;
+}
+
+void expect_pooled(const Ensemble& e, Index lags, Index begin, Index end) {
+  const Matrix needed = pooled_gram(e, lags, begin, end), found = pooled_window_factor(e, lags, begin, end, {1, {}});
+  EXPECT_TRUE(found.isUpperTriangular(0.0));
+  // Each column is off relative to its own norm: by the roundings of its sums, or of its factorisation.
+  const Vector norm = needed.diagonal().cwiseSqrt();
+  const double most = epsilon * double(e.experiments() * e.steps() + needed.cols());
+  const Matrix off = gram(found) - needed;
+  for (Index i = 0; i < off.rows(); ++i)
+    for (Index j = 0; j < off.cols(); ++j) EXPECT_LE(std::abs(off(i, j)), most * norm(i) * norm(j)) << i << ", " << j;
+  for (const int threads : {2, 3}) EXPECT_EQ(pooled_window_factor(e, lags, begin, end, {threads, {}}), found);
+}
+
+// Enough windows for sums of products, and too few of them; all steps, and those in the middle.
+TEST(PooledWindows, HaveTheProductsOfAllWindows) {
+  for (const Index length : {40, 3000})
+    for (const Index experiments : {1, 7}) {
+      SCOPED_TRACE(length);
+      Ensemble e = random_experiments(random_system({3, 2, 2}, length, 0.9, 5), experiments, 6, 1.0);
+      for (const Index lags : {1, 4}) {
+        expect_pooled(e, lags, 0, length);
+        expect_pooled(e, lags, lags, length);
+        expect_pooled(e, lags, 10, length - 7);
+      }
+      e.y(0, length / 2, 1) = nan;
+      expect_pooled(e, 3, 0, length);
+    }
+}
+
+// Sums of products would lose small differences: those of samples that die out, of an output without noise, and of a
+// channel that is zero.
+TEST(PooledWindows, KeepTheDigitsOfAFactorisation) {
+  constexpr Index length = 2000, lags = 3;
+  Random random(11);
+  Ensemble decaying(2, length, 1, 1), exact = decaying, silent = decaying;
+  for (Index k = 0; k < length; ++k)
+    for (Index n = 0; n < 2; ++n) {
+      const double u = random.uniform(-1, 1), size = std::exp(-0.5 * double(k));
+      decaying.u(n, k, 0) = u * size;
+      decaying.y(n, k, 0) = random.uniform(-1, 1) * size;
+      exact.u(n, k, 0) = silent.u(n, k, 0) = u;
+      exact.y(n, k, 0) = k > 0 ? 0.5 * exact.y(n, k - 1, 0) + exact.u(n, k - 1, 0) : 0.0;
+      silent.y(n, k, 0) = 0.0;
+    }
+  for (const Ensemble* e : {&decaying, &exact, &silent}) expect_pooled(*e, lags, 0, length);
+  const Matrix r = pooled_window_factor(exact, lags, lags, length, {1, {}});
+  // y_k is determined by y_{k-1} and u_{k-1}: its own pivot is a rounding error, not the root of one.
+  EXPECT_LE(std::abs(r(r.rows() - 1, r.cols() - 1)), 1e3 * epsilon * r.col(r.cols() - 1).norm());
+}
+
+TEST(PooledWindows, CountTheExperimentsOfEachStep) {
+  Ensemble e = random_experiments(random_system({2, 1, 1}, 20, 0.9, 5), 4, 6, 1.0);
+  EXPECT_EQ(window_counts(e, 2, 3, 6), (std::vector<Index>{4, 4, 4}));
+  e.u(1, 5, 0) = nan;
+  EXPECT_EQ(window_counts(e, 2, 4, 9), (std::vector<Index>{4, 3, 3, 3, 4}));
 }
 
 TEST(Windows, OfFactorsDepartFromAnyNominal) {

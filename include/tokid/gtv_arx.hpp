@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "tokid/windows.hpp"
@@ -17,8 +18,8 @@ struct GtvArxStep {
   double condition = 0;  // condition number of the part of rank `rank` of the scaled W_k, in Frobenius norms
 };
 
-// The regressions of all steps. The matrices of all steps are stored side by side, in slots for the largest lag order.
-// Each accessor returns a view of the slot of one step.
+// The regressions of all steps. Their matrices are stored side by side, in slots for the largest lag order. Steps that
+// share a model share a slot. Each accessor returns a view of the slot of one step.
 class GtvArx {
  public:
   using View = Eigen::Map<const Matrix>;
@@ -28,11 +29,18 @@ class GtvArx {
   bool feedthrough = true;       // false: D_k = 0 is known, and u_k is not a regressor at step k
   Index k_begin = 0;             // first step with a regression: 0, or p where initial states are unknown
   std::vector<GtvArxStep> step;  // (T), default-constructed before k_begin
+  // If one model serves all steps: the triangular factor of its windows [v_{k-p} … v_k].
+  std::shared_ptr<const Matrix> window_factor;
 
   // Allocates T steps with r inputs, m outputs and at most `lags_max` lags, after `feedthrough` is set. Coefficients
   // and noise shapes are uninitialised. All other numbers are zero, and so is D without feedthrough. Noise shapes are
-  // stored if `noise_shape` is true. Leverages are stored if `experiments`, the largest N_k, is positive.
-  void resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments = 0);
+  // stored if `noise_shape` is true. Leverages are stored if `experiments`, the largest N_k, is positive. With a
+  // positive `period`, the steps k and k+period share a model, unless k < lags_max. Neither noise shapes nor leverages
+  // are then stored.
+  void resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments = 0, Index period = 0);
+  // The slot of step k, and their number.
+  Index slot(Index k) const { return k < single_ + period_ ? k : single_ + (k - single_) % period_; }
+  Index slots() const { return Index(output_rms_.cols()); }
   // Removes the regressions of the steps before k.
   void begin_at(Index k);
   // Frees most of the memory. Call it after the variances of the Markov parameters are computed: nothing later needs
@@ -47,7 +55,7 @@ class GtvArx {
   // M_k (m × L_k), columns as in W_k = [v_{k-p} … v_{k-1} u_k], without u_k where there is no feedthrough          (18)
   View coefficients(Index k) const { return columns(k, 0, regressors(k)); }
   Eigen::Map<Matrix> coefficients(Index k) {
-    return {coefficients_.data() + k * slot_ * outputs, outputs, regressors(k)};
+    return {coefficients_.data() + slot(k) * slot_ * outputs, outputs, regressors(k)};
   }
   View D(Index k) const { return columns(k, step[size_t(k)].lags * (inputs + outputs), inputs); }  // (m × r)
   // h̄¹_{k,k-j} (m × r) and -h̄²_{k,k-j} (m × m), 1 ≤ j ≤ p_k, with the signs that they have in M_k         (15)
@@ -59,8 +67,10 @@ class GtvArx {
   }
 
   // (m × m): EᵀE / freedom; zero without a degree of freedom
-  View residual_cov(Index k) const { return {residual_cov_.data() + k * outputs * outputs, outputs, outputs}; }
-  Eigen::Map<Matrix> residual_cov(Index k) { return {residual_cov_.data() + k * outputs * outputs, outputs, outputs}; }
+  View residual_cov(Index k) const { return {residual_cov_.data() + slot(k) * outputs * outputs, outputs, outputs}; }
+  Eigen::Map<Matrix> residual_cov(Index k) {
+    return {residual_cov_.data() + slot(k) * outputs * outputs, outputs, outputs};
+  }
 
   // Noise shape X (L_k × rank) with X·Xᵀ = (W_kᵀW_k)⁺: the covariance of the coefficients is residual_cov ⊗ X·Xᵀ. (L_k
   // × 0) if noise shapes are not stored.
@@ -75,8 +85,8 @@ class GtvArx {
   void require_noise_shape() const;
 
   // (m): RMS of y_k over the experiments used
-  VectorView output_rms(Index k) const { return {output_rms_.data() + k * outputs, outputs}; }
-  Eigen::Map<Vector> output_rms(Index k) { return {output_rms_.data() + k * outputs, outputs}; }
+  VectorView output_rms(Index k) const { return {output_rms_.data() + slot(k) * outputs, outputs}; }
+  Eigen::Map<Vector> output_rms(Index k) { return {output_rms_.data() + slot(k) * outputs, outputs}; }
 
   // (N_k): diagonal of W_k W_k⁺, for exact leave-one-out errors; empty if leverages are not stored
   VectorView leverages(Index k) const { return {leverages_.data() + k * leverages_.rows(), leverage_count(k)}; }
@@ -84,18 +94,19 @@ class GtvArx {
 
  private:
   View columns(Index k, Index from, Index count) const {  // of M_k
-    return {coefficients_.data() + (k * slot_ + from) * outputs, outputs, count};
+    return {coefficients_.data() + (slot(k) * slot_ + from) * outputs, outputs, count};
   }
   Index shape_rank(Index k) const { return has_noise_shape() ? step[size_t(k)].rank : 0; }
   Index leverage_count(Index k) const { return leverages_.rows() > 0 ? step[size_t(k)].rows : 0; }
 
-  Index slot_ = 0;        // L, the largest L_k
-  Index shape_rows_ = 0;  // L if noise shapes are stored, else 0
-  Matrix coefficients_;   // (m × T·L)
-  Matrix residual_cov_;   // (m × T·m)
-  Matrix noise_shape_;    // (L × T·L)
-  Matrix output_rms_;     // (m × T)
-  Matrix leverages_;      // (largest N_k × T)
+  Index slot_ = 0;                 // L, the largest L_k
+  Index shape_rows_ = 0;           // L if noise shapes are stored, else 0
+  Index single_ = 0, period_ = 0;  // the steps from single_ on share slots with this period
+  Matrix coefficients_;            // (m × slots·L)
+  Matrix residual_cov_;            // (m × slots·m)
+  Matrix noise_shape_;             // (L × T·L)
+  Matrix output_rms_;              // (m × slots)
+  Matrix leverages_;               // (largest N_k × T)
 };
 
 struct GtvArxOptions {

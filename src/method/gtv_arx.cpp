@@ -16,20 +16,24 @@
 
 namespace tokid {
 
-void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments) {
+void GtvArx::resize(Index T, Index r, Index m, Index lags_max, bool noise_shape, Index experiments, Index period) {
   inputs = r;
   outputs = m;
   k_begin = 0;
   step.assign(size_t(T), GtvArxStep{});
   slot_ = lags_max * (r + m) + r;
   shape_rows_ = noise_shape ? slot_ : 0;
-  coefficients_.resize(m, T * slot_);
+  const bool shared = period > 0 && lags_max + period < T;
+  single_ = shared ? lags_max : T;
+  period_ = shared ? period : 0;
+  const Index slots = single_ + period_;
+  coefficients_.resize(m, slots * slot_);
   noise_shape_.resize(shape_rows_, T * shape_rows_);
   for (const Matrix* a : {&coefficients_, &noise_shape_})
     prefer_large_pages(a->data(), size_t(a->size()) * sizeof(double));
   if (!feedthrough) coefficients_.setZero();
-  residual_cov_.setZero(m, T * m);
-  output_rms_.setZero(m, T);
+  residual_cov_.setZero(m, slots * m);
+  output_rms_.setZero(m, slots);
   leverages_.setZero(experiments, T);
 }
 
@@ -40,10 +44,11 @@ void GtvArx::forget_noise_shapes() {
 
 void GtvArx::begin_at(Index k) {
   k_begin = k = std::clamp(k, k_begin, steps());
-  coefficients_.leftCols(k * slot_).setZero();
   std::fill_n(step.begin(), k, GtvArxStep{});
-  residual_cov_.leftCols(k * outputs).setZero();
-  output_rms_.leftCols(k).setZero();
+  const Index own = std::min(k, single_);  // slots that no later step shares
+  coefficients_.leftCols(own * slot_).setZero();
+  residual_cov_.leftCols(own * outputs).setZero();
+  output_rms_.leftCols(own).setZero();
 }
 
 void GtvArx::require_noise_shape() const {

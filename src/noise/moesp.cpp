@@ -3,11 +3,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <memory>
+#include <numeric>
 #include <stdexcept>
 
 #include "data/channel_sizes.hpp"
 #include "data/output_weights.hpp"
+#include "data/pooled_windows.hpp"
 #include "model/kalman_step.hpp"
 #include "model/riccati.hpp"
 #include "noise/rounding.hpp"
@@ -38,6 +42,15 @@ class Moesp {
         from_rest_(arx.k_begin == 0),
         noisy_(o.noisy),
         sizes_(weighted_sizes(e, o)) {
+    if (groups_ == 1) {
+      const Index begin = from_rest_ ? 0 : lags_;
+      windows_ = arx.window_factor;
+      if (!windows_)
+        windows_ =
+            std::make_shared<Matrix>(pooled_window_factor(e, lags_, begin, e.steps(), {o.execution.threads, {}}));
+      const std::vector<Index> counts = window_counts(e, lags_, begin, e.steps());
+      windows_count_ = double(std::accumulate(counts.begin(), counts.end(), Index{0}));
+    }
     n_ = o.states > 0 ? o.states : factors.future * m_;
     for (const PredictorFactor& f : factors.group) {
       n_ = std::min(n_, f.observability.cols());
@@ -151,11 +164,8 @@ class Moesp {
     std::vector<linalg::RowStack> stacks(size_t(groups_), linalg::RowStack(m_ + n_));  // [ε w]
     Vector squares = Vector::Zero(m_);                                                 // sums of the squares of y
     Vector count = Vector::Zero(groups_);
-    const bool every_row = e_.missing() == 0;
-    for (Index k = lags_; k + 1 < e_.steps(); ++k) {
-      const Index g = variation_.group(k), width = lags_ * e_.channels();
-      const auto window = e_.window_and_output(k, lags_);
-      const Matrix rows = every_row ? Matrix(window) : Matrix(window(e_.complete_rows(k, lags_), Eigen::all));
+    const Index width = lags_ * e_.channels();
+    const auto add = [&](Index g, const Matrix& rows, double experiments) {
       const auto u = rows.middleCols(width, r_), y = rows.rightCols(m_);
       const Matrix x = rows.leftCols(width) * state(g).transpose();
       Matrix residuals(rows.rows(), m_ + n_);
@@ -165,7 +175,14 @@ class Moesp {
                                 x * model_.step[s].A().transpose() - u * model_.step[s].B().transpose();
       stacks[s].add(residuals);
       squares += y.colwise().squaredNorm().transpose();
-      count(g) += double(rows.rows());
+      count(g) += experiments;
+    };
+    if (groups_ == 1) add(0, *windows_, windows_count_);
+    const bool every_row = e_.missing() == 0;
+    for (Index k = lags_; groups_ > 1 && k + 1 < e_.steps(); ++k) {
+      const auto window = e_.window_and_output(k, lags_);
+      const Matrix rows = every_row ? Matrix(window) : Matrix(window(e_.complete_rows(k, lags_), Eigen::all));
+      add(variation_.group(k), rows, double(rows.rows()));
     }
     std::vector<Matrix> gain;
     NoiseRoots of_group, noise;
@@ -195,6 +212,8 @@ class Moesp {
   Index groups_, r_, m_, through_, lags_, n_ = 0;  // through_: number of inputs with feedthrough
   bool from_rest_, noisy_;
   Vector sizes_;
+  std::shared_ptr<const Matrix> windows_;  // if there is one group: the factor of its windows
+  double windows_count_ = 0.0;
   Model model_;
 };
 
@@ -221,11 +240,7 @@ PredictorFactors projection_factors(const Ensemble& e, const GtvArx& arx, const 
     for (Index g = from; g < to; ++g) {
       linalg::RowStack stack(width);
       double count = 0.0;
-      for (Index k = g; k + f <= e.steps(); k += groups) {
-        if (k < lags) continue;
-        const auto all = e.samples().middleCols((k - lags) * d, (lags + f) * d);
-        const Matrix window =
-            every_row ? Matrix(all) : Matrix(all(e.complete_rows(k + f - 1, lags + f - 1), Eigen::all));
+      const auto add = [&](const Matrix& window) {
         Matrix rows(window.rows(), width);
         rows.middleCols(f * r, z) = window.leftCols(z);
         for (Index j = 0; j < f; ++j) {
@@ -233,8 +248,18 @@ PredictorFactors projection_factors(const Ensemble& e, const GtvArx& arx, const 
           rows.middleCols(f * r + z + j * m, m) =
               window.middleCols(z + j * d + r, m) * sizes.cwiseInverse().asDiagonal();
         }
-        count += double(rows.rows());
         stack.add(rows);
+      };
+      if (groups == 1) {
+        const Index last = lags + f - 1;  // of the first window
+        add(pooled_window_factor(e, last, last, e.steps(), {o.execution.threads, {}}));
+        for (const Index rows : window_counts(e, last, last, e.steps())) count += double(rows);
+      }
+      for (Index k = g; groups > 1 && k + f <= e.steps(); k += groups) {
+        if (k < lags) continue;
+        const auto all = e.samples().middleCols((k - lags) * d, (lags + f) * d);
+        add(every_row ? Matrix(all) : Matrix(all(e.complete_rows(k + f - 1, lags + f - 1), Eigen::all)));
+        count += double(every_row ? e.experiments() : Index(e.complete_rows(k + f - 1, lags + f - 1).size()));
       }
       const Matrix factor = stack.factor();
       const Index lead = std::min(factor.rows(), f * r + z), own = std::max<Index>(0, lead - f * r);

@@ -6,11 +6,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 
 #include "base/integers.hpp"
 #include "data/output_weights.hpp"
+#include "data/pooled_windows.hpp"
 #include "model/kalman_step.hpp"
 #include "model/riccati.hpp"
 #include "noise/moesp.hpp"
@@ -30,7 +33,7 @@ constexpr double enough_rows = 5.0;
 class Steps {
  public:
   Steps(const Windows& e, const GtvArx& arx, const SubspaceOptions& o)
-      : data(e), variation(o.variation), lags(largest_lags(arx)), begin(arx.k_begin) {
+      : data(e), variation(o.variation), lags(largest_lags(arx)), begin(arx.k_begin), together_(arx.window_factor) {
     if (e.inputs() != arx.inputs || e.outputs() != arx.outputs || e.steps() != arx.steps())
       throw std::invalid_argument(fmt::format("ARX model: {} steps, {} inputs, {} outputs found, {}, {}, {} needed",
                                               arx.steps(), arx.inputs, arx.outputs, e.steps(), e.inputs(),
@@ -38,6 +41,11 @@ class Steps {
     if (variation.period > 0 && e.steps() < lags + std::min(variation.period, e.steps()))
       throw std::invalid_argument(fmt::format("steps: {} found, at least {} needed (lag order and period)", e.steps(),
                                               lags + variation.period));
+    if (groups() != 1) return;
+    if (!together_)
+      together_ = std::make_shared<Matrix>(pooled_window_factor(e, lags, begin, e.steps(), {o.execution.threads, {}}));
+    const std::vector<Index> counts = window_counts(e, lags, begin, e.steps());
+    together_count_ = double(std::accumulate(counts.begin(), counts.end(), Index{0}));
   }
 
   Index groups() const { return variation.groups(data.steps()); }
@@ -66,9 +74,13 @@ class Steps {
 
   Index width() const { return lags * data.channels(); }  // number of columns of the past samples
 
-  // [z_k u_k y_k], and the number of experiments that the rows represent.
-  Matrix window(Index k) const { return data.rows(k, lags); }
-  double count(Index k) const { return double(data.count(k, lags)); }
+  // Calls body(k, window, count) for the steps k of group g that a regression uses, with the rows [z_k u_k y_k] and the
+  // number of experiments that they represent. If there is only one group, its windows come as one factor.
+  template <class Body>
+  void each_window(Index g, Body&& body) const {
+    if (groups() == 1) return body(begin, *together_, together_count_);
+    for (const Index k : of(g)) body(k, data.rows(k, lags), double(data.count(k, lags)));
+  }
 
   const Windows& data;
   TimeVariation variation;
@@ -80,6 +92,9 @@ class Steps {
     for (const GtvArxStep& s : arx.step) p = std::max(p, s.lags);
     return p;
   }
+
+  std::shared_ptr<const Matrix> together_;  // the windows of the only group
+  double together_count_ = 0.0;
 };
 
 // The smallest noise of an output relative to its size, compared with the largest such ratio of all outputs. An output
@@ -153,10 +168,10 @@ std::vector<Past> pasts(const Steps& steps, const SubspaceOptions& o) {
   parallel_for(0, steps.groups(), {o.execution.threads, {}}, [&](Index from, Index to) {
     for (Index g = from; g < to; ++g) {
       linalg::RowStack rows(steps.width());
-      for (const Index k : steps.of(g)) {
-        rows.add(steps.window(k).leftCols(steps.width()));
-        own[size_t(g)].rows += steps.count(k);
-      }
+      steps.each_window(g, [&](Index, const Matrix& window, double count) {
+        rows.add(window.leftCols(steps.width()));
+        own[size_t(g)].rows += count;
+      });
       own[size_t(g)].factor = rows.factor();
     }
   });
@@ -299,7 +314,7 @@ void examine(const ConstMatrixRef& regressors, Fitted& fitted) {
   fitted.condition = fitted.rank > 0 ? sigma(0) / sigma(fitted.rank - 1) : 0.0;
 }
 
-// Regressions of all groups. rows_of(k) gives [regressors right] of a step, or an empty matrix.
+// Regressions of all groups. rows_of(k, window) gives [regressors right] of a step, or an empty matrix.
 template <class Rows>
 std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const std::vector<Index>& regressors,
                             Rows&& rows_of) {
@@ -309,13 +324,13 @@ std::vector<Fitted> regress(const Steps& steps, const SubspaceOptions& o, const 
   parallel_for(0, steps.groups(), {o.execution.threads, {}}, [&](Index from, Index to) {
     for (Index g = from; g < to; ++g) {
       std::optional<linalg::RowStack> rows;
-      for (const Index k : steps.of(g)) {
-        const Matrix block = rows_of(k);
-        if (block.cols() == 0) continue;
+      steps.each_window(g, [&](Index k, const Matrix& window, double count) {
+        const Matrix block = rows_of(k, window);
+        if (block.cols() == 0) return;
         if (!rows) rows.emplace(block.cols());
         rows->add(block);
-        result[size_t(g)].rows += steps.count(k);
-      }
+        result[size_t(g)].rows += count;
+      });
       if (rows) factor[size_t(g)] = rows->factor();
     }
   });
@@ -374,9 +389,9 @@ class StateRegressions {
 
   // y on [x; u], or on x alone without feedthrough. The coefficients are [C D]; without feedthrough, D = 0.
   std::vector<Fitted> outputs() const {
-    std::vector<Fitted> result = fitted(&StateRegressions::output_regressors, [&](Index k) {
+    std::vector<Fitted> result = fitted(&StateRegressions::output_regressors, [&](Index k, const Matrix& window) {
       const Index n = states(steps_.group(k));
-      const Matrix samples = samples_of(steps_.window(k), k);
+      const Matrix samples = samples_of(window, k);
       return linalg::beside(samples.leftCols(n + through_), samples.rightCols(m_));
     });
     for (Index g = 0; g < steps_.groups(); ++g)
@@ -390,10 +405,10 @@ class StateRegressions {
   // x⁺ on [x; u; ε], with ε from the regression of the outputs. Without noise there is no ε, and the observer gain
   // comes from the map of the next state.
   std::vector<Fitted> next_states(const std::vector<Fitted>& outputs) const {
-    return fitted(&StateRegressions::state_regressors, [&](Index k) {
+    return fitted(&StateRegressions::state_regressors, [&](Index k, const Matrix& window) {
       if (k + 1 >= steps_.data.steps() && !steps_.smooth()) return Matrix();
       const Index g = steps_.group(k), known = states(g) + r_;
-      const Matrix window = steps_.window(k), samples = samples_of(window, k);
+      const Matrix samples = samples_of(window, k);
       const Matrix next = window.rightCols(steps_.width()) * maps_.of[size_t(steps_.next(g))].transpose();
       Matrix both(samples.rows(), known + errors_ + next.cols());
       both.leftCols(known) = samples.leftCols(known);

@@ -7,9 +7,12 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <memory>
+#include <numeric>
 #include <stdexcept>
 
 #include "data/output_weights.hpp"
+#include "data/pooled_windows.hpp"
 #include "data/rows.hpp"
 #include "tokid/random_walk.hpp"
 
@@ -32,10 +35,18 @@ Vector window_scales(const Windows& e, Index lags, bool feedthrough) {
 // The regressions of the steps begin … end-1 as triangular factors, one for each group of steps that share a model.
 struct GroupFactors {
   Index regressors = 0;
-  std::vector<Matrix> factor;  // (groups) factor of the scaled [W Y]: (≤ L+m) × (L+m)
-  std::vector<Index> rows;     // (T) number of experiments at each step
-  double mean_rows = 0.0;      // mean number of rows over the groups with at least one row
+  std::vector<Matrix> factor;             // (groups) factor of the scaled [W Y]: (≤ L+m) × (L+m)
+  std::vector<Index> rows;                // (T) number of experiments at each step
+  double mean_rows = 0.0;                 // mean number of rows over the groups with at least one row
+  std::shared_ptr<const Matrix> windows;  // if there is one group: the factor of its windows
 };
+
+// The factor of the scaled [W Y] from that of windows.
+Matrix scaled_factor(const Matrix& windows, const Vector& scales, Index outputs) {
+  Matrix rows(windows.rows(), scales.size() + outputs);
+  rows << windows.leftCols(scales.size()) * scales.asDiagonal(), windows.rightCols(outputs);
+  return linalg::triangular_factor(rows);
+}
 
 GroupFactors group_factors(const Windows& e, const SmoothArxOptions& o, const Vector& scales, Index begin, Index end) {
   const Index p = o.lags, m = e.outputs(), groups = o.variation.groups(end - begin);
@@ -44,6 +55,14 @@ GroupFactors group_factors(const Windows& e, const SmoothArxOptions& o, const Ve
   w.factor.resize(size_t(groups));
   w.rows.assign(size_t(e.steps()), 0);
   const Index first = o.initial_state == InitialState::zero ? begin : std::max(begin, p);
+  if (groups == 1) {
+    w.windows = std::make_shared<Matrix>(pooled_window_factor(e, p, first, std::max(first, end), o.execution));
+    w.factor[0] = scaled_factor(*w.windows, scales, m);
+    const std::vector<Index> counts = window_counts(e, p, first, end);
+    std::copy(counts.begin(), counts.end(), w.rows.begin() + std::ptrdiff_t(first));
+    w.mean_rows = double(std::accumulate(counts.begin(), counts.end(), Index{0}));
+    return w;
+  }
   parallel_for(0, groups, {o.execution.threads, {}}, [&](Index from, Index to) {
     Matrix window;
     for (Index g = from; g < to; ++g) {
@@ -93,7 +112,8 @@ GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
       random_walk_regression(w.factor, w.regressors, stiffness(w, options.variation.smoothing));
   GtvArx arx;
   arx.feedthrough = options.feedthrough;
-  arx.resize(steps, e.inputs(), m, p, false);
+  arx.resize(steps, e.inputs(), m, p, false, 0, options.variation.period);
+  arx.window_factor = w.windows;
   arx.begin_at(options.initial_state == InitialState::zero ? 0 : p);
 
   // The number of rows of each group. All steps of a group share one residual covariance.
@@ -104,6 +124,7 @@ GtvArx smooth_arx(const Windows& e, const SmoothArxOptions& options) {
     GtvArxStep& step = arx.step[size_t(k)];
     step.lags = std::min(p, k);
     step.rows = w.rows[size_t(k)];
+    if (arx.slot(k) != k) continue;
     const Index own = arx.regressors(k);  // number of own regressors: the last rows of x
     arx.coefficients(k) = (scales.tail(own).asDiagonal() * x[g].bottomRows(own)).transpose();
     const double count = double(std::max<Index>(1, rows[g]));
