@@ -64,16 +64,20 @@ void drop_rounding(Matrix& residuals, const Vector& size) {
 void filter_gains(Model& model, const NoiseRoots& noise) {
   Riccati filter(model, noise);
   Matrix before;
-  for (Index round = 0; model.period > 0 && round < most_settling; ++round) {
+  bool steady = false;
+  for (Index round = 0; model.period > 0 && !steady && round < most_settling; ++round) {
     before = filter.covariance();
     for (Index s = 0; s < std::min(model.period, model.steps()); ++s) filter.advance(size_t(s));
-    if ((filter.covariance() - before).norm() <= settled * filter.covariance().norm()) break;
+    steady = (filter.covariance() - before).norm() <= settled * filter.covariance().norm();
   }
-  std::vector<Riccati::Step> steady;
-  for (size_t s = 0; s < model.step.size(); ++s) steady.push_back(filter.advance(s));
-  for (size_t s = 0; s < steady.size(); ++s) {
-    model.step[s].G() = steady[s].gain;
-    model.step[s].set_innovation_cov(steady[s].innovation_cov);
+  // The filter needs the gains of the noise, and the new ones replace them. The steady gains of one period hold for
+  // all.
+  const size_t own = steady ? size_t(model.period) : model.step.size();
+  std::vector<Riccati::Step> found;
+  for (size_t s = 0; s < std::min(own, model.step.size()); ++s) found.push_back(filter.advance(s));
+  for (size_t s = 0; s < model.step.size(); ++s) {
+    model.step[s].G() = found[s % own].gain;
+    model.step[s].set_innovation_cov(found[s % own].innovation_cov);
   }
 }
 
