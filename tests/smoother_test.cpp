@@ -138,6 +138,51 @@ TEST(Smoother, KeepsTheRowsOfFewOrIncompleteExperiments) {
   EXPECT_FALSE(kalman::with_fewer_rows(kalman::samples_of(model, same_gap)));
 }
 
+// Steps with the same matrices share their covariances once these have settled. A change of a matrix in its last digit
+// keeps the steps from sharing them.
+TEST(Smoother, SharesSettledCovariancesOfEqualSteps) {
+  constexpr Index length = 400, middle = 250;
+  Model model = model_with_noise(6);
+  model.step.assign(size_t(length), Step(model.step.front()));
+  Model each = model;
+  for (size_t s = 0; s < each.step.size(); s += 2) each.step[s].D()(0, 0) = std::nextafter(each.step[s].D()(0, 0), 9.0);
+  Ensemble data = testing::random_experiments(model, 9, 12, 1.0);
+  for (Index n : {0, 4}) data.y(n, middle, 0) = data.u(n, middle + 40, 1) = std::nan("");
+  data.output(middle + 90).row(5).setConstant(std::nan(""));
+  for (Index k = length - 3; k < length; ++k) data.output(k).row(7).setConstant(std::nan(""));
+  const kalman::Samples samples = kalman::samples_of(model, data);
+  const kalman::Smoothed found = kalman::Smoother(samples).smooth(model),
+                         expected = kalman::Smoother(samples).smooth(each);
+  // Settled covariances are off by 1e-14 / (1 - ρ²) of their size, for states that are forgotten by ρ < 0.95 a step.
+  const auto near = [](const Matrix& a, const Matrix& b) { EXPECT_LE((a - b).norm(), 1e-12 * b.norm()); };
+  for (size_t s = 0; s < size_t(length); ++s) {
+    near(found.moments.measured[s], expected.moments.measured[s]);
+    near(found.moments.moved[s], expected.moments.moved[s]);
+  }
+  near(found.log_likelihood, expected.log_likelihood);
+  near(found.moments.x0_square, expected.moments.x0_square);
+}
+
+TEST(Smoother, OneSumOfAllStepsIsTheSumOfTheirMoments) {
+  const Model model = model_with_noise(7);
+  for (const Index experiments : {5, 70}) {
+    const kalman::Samples samples = kalman::samples_of(model, with_gaps(model, experiments));
+    const kalman::Smoothed each = kalman::Smoother(samples).smooth(model),
+                           all = kalman::Smoother(samples).smooth(model, {}, true);
+    ASSERT_EQ(all.moments.measured.size(), 1);
+    Matrix measured = Matrix::Zero(all.moments.measured.rows(), all.moments.measured.cols());
+    Matrix moved = Matrix::Zero(all.moments.moved.rows(), all.moments.moved.cols());
+    for (size_t s = 0; s < size_t(steps); ++s) measured += each.moments.measured[s], moved += each.moments.moved[s];
+    const double tolerance = epsilon * double(steps * experiments);
+    EXPECT_LE((all.moments.measured[0] - measured).norm(), tolerance * measured.norm());
+    EXPECT_LE((all.moments.moved[0] - moved).norm(), tolerance * moved.norm());
+    EXPECT_EQ(all.moments.measured_count(0), each.moments.measured_count.sum());
+    EXPECT_EQ(all.moments.moved_count(0), each.moments.moved_count.sum());
+    EXPECT_EQ(all.moments.x0_square, each.moments.x0_square);
+    EXPECT_EQ(all.log_likelihood, each.log_likelihood);
+  }
+}
+
 TEST(Smoother, NeedsAConstantStateDimension) {
   const Model model = model_with_noise(4);
   Model varying = model;

@@ -47,7 +47,7 @@ class Means {
     for (Index t = 0; t < group.end; ++t) {
       const size_t s = size_t(t);
       const Step& step = model.step[s];
-      const StepCovariance& c = covariances.step[s];
+      const StepCovariance& c = covariances.at(s);
       const std::vector<Index>& there = group.outputs[s];
       auto l = estimated(s);
       l.leftCols(step.states()) = predicted(s);
@@ -78,17 +78,22 @@ class Means {
       const size_t s = size_t(t);
       auto l = estimated(s);
       change_ = estimated(s + 1).leftCols(model.step[s].next_states()) - predicted(s + 1);
-      linalg::tall_products(l, {{change_, covariances.step[s].smoother}}, l, separate);
+      linalg::tall_products(l, {{change_, covariances.at(s).smoother}}, l, separate);
     }
   }
 
-  // Adds the second moments, which are those of the smoothed means and the covariances.
+  // Adds the second moments, which are those of the smoothed means and the covariances. If all steps have one sum,
+  // those of successive steps are added up first.
   void accumulate(const Model& model, const Alike& group, const Covariances& covariances, Moments& sums) {
     const double represented = weight_ * double(count_);  // experiments
+    const bool together = sums.measured_count.size() == 1;
+    const auto measured_at = [&](Index t) { return !group.outputs[size_t(t)].empty(); };
+    bool begins = true;
     for (Index t = 0; t < group.end; ++t) {
-      const size_t s = size_t(t);
-      const bool measured = !group.outputs[s].empty(), goes_on = t + 1 < group.end;
-      covariances.join(model, group, s, joint_);
+      const size_t s = size_t(t), place = together ? 0 : s;
+      const bool measured = measured_at(t), goes_on = t + 1 < group.end;
+      const bool ends = !together || t == 0 || t + 2 >= group.end || measured_at(t + 1) != measured;
+      if (!covariances.joint_as_before(s)) covariances.join(model, group, s, joint_);
       fill_in(model.step[s], group, s);
       const Index n = model.step[s].states(), m = model.outputs, l = n + model.inputs;
       const Index after = goes_on ? model.step[s].next_states() : 0;
@@ -100,19 +105,22 @@ class Means {
       add(inputs(s), model.inputs);
       if (goes_on) add(estimated(s + 1), after);
       if (measured) add(outputs(s), m);
-      total_ = represented * joint_.covariance;
+      if (begins)
+        total_ = represented * joint_.covariance;
+      else
+        total_ += represented * joint_.covariance;
       linalg::add_gram(columns_, rows_, total_);
-      if (goes_on) {
-        sums.moved[s] += total_.topLeftCorner(l + after, l + after);
-        sums.moved_count(t) += represented;
-      }
+      if (goes_on) sums.moved_count(Index(place)) += represented;
+      if (measured) sums.measured_count(Index(place)) += represented;
+      begins = ends;
+      if (!ends) continue;
+      if (goes_on) sums.moved[place] += total_.topLeftCorner(l + after, l + after);
       if (measured) {
-        auto sum = sums.measured[s];
+        auto sum = sums.measured[place];
         sum.topLeftCorner(l, l) += total_.topLeftCorner(l, l);
         sum.bottomLeftCorner(m, l) += total_.bottomLeftCorner(m, l);
         sum.topRightCorner(l, m) += total_.topRightCorner(l, m);
         sum.bottomRightCorner(m, m) += total_.bottomRightCorner(m, m);
-        sums.measured_count(t) += represented;
       }
       if (t == 0) {
         sums.x0 += estimated(0).topLeftCorner(count_, n).transpose() * samples_->one.segment(first_, count_);
@@ -291,7 +299,7 @@ void add(const Moments& part, Moments& sum) {
 Smoother::Smoother(const Samples& samples) : pieces_(std::make_unique<Pieces>(samples)) {}
 Smoother::~Smoother() = default;
 
-Smoothed Smoother::smooth(const Model& model, const Execution& execution) {
+Smoothed Smoother::smooth(const Model& model, const Execution& execution, bool together) {
   const Samples& samples = pieces_->samples();
   const Index n = model.n(model.k_begin);
   for (const Step& step : model.step)
@@ -302,7 +310,7 @@ Smoothed Smoother::smooth(const Model& model, const Execution& execution) {
   pieces_->run(
       model, true, execution,
       [&](size_t piece, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
-        if (parts[piece].measured_count.size() == 0) parts[piece] = empty_moments(model, samples.steps);
+        if (parts[piece].measured_count.size() == 0) parts[piece] = empty_moments(model, together ? 1 : samples.steps);
         means.filter(model, group, covariances, first, count, result.log_likelihood);
         means.smooth(model, group, covariances);
         means.accumulate(model, group, covariances, parts[piece]);

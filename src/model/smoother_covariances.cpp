@@ -14,15 +14,40 @@ void with_columns(const ConstMatrixRef& a, const ConstMatrixRef& b, const std::v
   both.rightCols(Index(columns.size())) = b(Eigen::all, columns);
 }
 
+constexpr double settled = 1e-14;
+
+bool close(const ConstMatrixRef& a, const ConstMatrixRef& b) { return (a - b).norm() <= settled * b.norm(); }
+
+// Do the steps t-1 and t have the same matrices and the same missing samples?
+bool as_before(const Model& model, const Alike& group, size_t t) {
+  if (t == 0 || group.outputs[t] != group.outputs[t - 1] || group.unknowns[t] != group.unknowns[t - 1]) return false;
+  const Step &a = model.step[t - 1], &b = model.step[t];
+  return a.states() == b.states() && a.next_states() == b.next_states() && a.next_states() == a.states() &&
+         a.A() == b.A() && a.B() == b.B() && a.C() == b.C() && a.D() == b.D() && a.Q() == b.Q() && a.R() == b.R();
+}
+
 }  // namespace
 
+// A new entry for step t.
+StepCovariance& Covariances::add(size_t t) {
+  if (used_ == distinct_.size()) distinct_.emplace_back();
+  place_[t] = used_;
+  return distinct_[used_++];
+}
+
 void Covariances::compute(const Model& model, const Samples& samples, const Alike& group, bool smooth) {
-  step.resize(size_t(group.end));
+  place_.resize(size_t(group.end));
+  used_ = 0;
+  bool steady = false;
   Matrix p = Matrix::Zero(model.n(model.k_begin), model.n(model.k_begin));
   if (model.x0_cov.size() > 0) p = model.x0_cov;
   for (Index t = 0; t < group.end; ++t) {
     const size_t s = size_t(t);
-    StepCovariance& c = step[s];
+    if (steady && as_before(model, group, s)) {
+      place_[s] = place_[s - 1];
+      continue;
+    }
+    StepCovariance& c = add(s);
     const std::vector<Index>& unknown = group.unknowns[s];
     const Index n = p.rows(), q = n + Index(unknown.size());
     prior_.setZero(q, q);
@@ -33,6 +58,7 @@ void Covariances::compute(const Model& model, const Samples& samples, const Alik
 
     with_columns(model.step[s].A(), model.step[s].B(), unknown, f_);
     propagate(c.filtered, f_, model.step[s].Q(), fp_, c.predicted);
+    steady = p.rows() == c.predicted.rows() && close(c.predicted, p);
     p = c.predicted;
     if (!smooth) continue;
     linalg::inverse_root(p, w_);
@@ -59,21 +85,34 @@ void Covariances::correct_step(const Step& own, const std::vector<Index>& there,
 // l_k - E[l_k | all samples] = (I - J F)(l_k - E[l_k | y_0 … y_k]) - J (w_k - …): the covariance is a sum of three
 // squares.
 void Covariances::smooth_backwards(const Model& model, const Alike& group) {
+  filtered_ = place_;
+  bool steady = false;
   for (Index t = group.end; t-- > 0;) {
     const size_t s = size_t(t);
-    StepCovariance& c = step[s];
+    const bool as_after = t + 1 < group.end && filtered_[s + 1] == filtered_[s];
+    if (steady && as_after) {
+      place_[s] = place_[s + 1];
+      continue;
+    }
+    if (s > 0 && filtered_[s - 1] == filtered_[s]) {
+      const StepCovariance& of_filter = distinct_[filtered_[s]];
+      add(s) = of_filter;
+    }
+    StepCovariance& c = distinct_[place_[s]];
     c.smoothed = c.filtered;
     if (t + 1 == group.end) continue;
+    const StepCovariance& after = at(s + 1);
     const Index n = c.predicted.rows(), q = c.filtered.rows();
     with_columns(model.step[s].A(), model.step[s].B(), group.unknowns[s], f_);
     left_.setIdentity(q, q);
     left_.noalias() -= c.smoother * f_;
     product_.noalias() = left_ * c.filtered;
     c.smoothed.noalias() = product_ * left_.transpose();
-    r_ = model.step[s].Q() + step[s + 1].smoothed.topLeftCorner(n, n);
+    r_ = model.step[s].Q() + after.smoothed.topLeftCorner(n, n);
     cross_.noalias() = c.smoother * r_;
     c.smoothed.noalias() += cross_ * c.smoother.transpose();
     linalg::symmetrise(c.smoothed);
+    steady = as_after && close(c.smoothed, after.smoothed);
   }
 }
 
@@ -111,7 +150,7 @@ void fill_in_outputs(const Step& own, const std::vector<Index>& there, JointCova
 // An available sample has no covariance.
 void Covariances::join(const Model& model, const Alike& group, size_t t, JointCovariance& joint) const {
   const Step& own = model.step[t];
-  const StepCovariance& c = step[t];
+  const StepCovariance& c = at(t);
   const std::vector<Index>&there = group.outputs[t], &unknown = group.unknowns[t];
   const bool goes_on = Index(t) + 1 < group.end;
   const Index n = own.states(), r = own.inputs(), m = own.outputs(), l = n + r, next = goes_on ? own.next_states() : 0;
@@ -124,7 +163,7 @@ void Covariances::join(const Model& model, const Alike& group, size_t t, JointCo
     for (size_t j = 0; j < unknown.size(); ++j) joint.covariance(to, n + unknown[j]) = c.smoothed(from, n + Index(j));
   }
   if (goes_on) {
-    const auto smoothed = step[t + 1].smoothed.topLeftCorner(next, next);
+    const auto smoothed = at(t + 1).smoothed.topLeftCorner(next, next);
     const auto with_x = joint.covariance.block(l, 0, next, l);
     // The covariance of x_{k+1} and l_k is `smoothed` Jᵀ.
     joint.covariance.block(l, 0, next, n).noalias() = smoothed.lazyProduct(c.smoother.topRows(n).transpose());

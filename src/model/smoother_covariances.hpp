@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <deque>
 #include <vector>
 
 #include "model/kalman_step.hpp"
@@ -31,6 +32,8 @@ inline bool partly_missing(const std::vector<Index>& there, Index outputs) {
   return !there.empty() && Index(there.size()) < outputs;
 }
 
+// Covariances do not depend on samples. Where successive steps have the same matrices and the same missing samples,
+// they settle, up to `settled` of their size. The steps then share them.
 class Covariances {
  public:
   // Runs the filter, and with `smooth` also the smoother.
@@ -38,13 +41,21 @@ class Covariances {
   // The joint covariance at step t. The smoother must have run.
   void join(const Model& model, const Alike& group, size_t t, JointCovariance& joint) const;
 
-  std::vector<StepCovariance> step;
+  const StepCovariance& at(size_t t) const { return distinct_[place_[t]]; }
+  // Is the joint covariance at step t that at step t-1?
+  bool joint_as_before(size_t t) const {
+    return t > 0 && t + 1 < place_.size() && place_[t - 1] == place_[t] && place_[t + 1] == place_[t];
+  }
 
  private:
+  StepCovariance& add(size_t t);
   void correct_step(const Step& own, const std::vector<Index>& there, const std::vector<Index>& unknown,
                     StepCovariance& c);
   void smooth_backwards(const Model& model, const Alike& group);
 
+  std::deque<StepCovariance> distinct_;  // the first used_ ones are valid
+  size_t used_ = 0;
+  std::vector<size_t> place_, filtered_;  // of each step in distinct_, and that after the filter
   Matrix prior_, f_, fp_, w_, wfp_, h_, r_, left_, product_, cross_;  // kept to reuse their memory
   Workspace work_;
 };

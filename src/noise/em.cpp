@@ -100,7 +100,8 @@ Model with_constant_states(const Model& model, Index steps) {
   const Index n = model.states();
   const Index begin = model.steps() > 0 ? model.full_begin() : 0;
   Index last = model.steps() > 0 ? model.full_end() - 1 : 0;  // last step whose state has the full dimension
-  const bool to_smooth = model.frame == "raw" && model.method != "known";
+  // The steps of one model have the same coordinates already.
+  const bool to_smooth = model.frame == "raw" && model.method != "known" && model.period != 1;
   if (last <= begin)
     throw std::invalid_argument(
         fmt::format("model: no two successive steps with all {} states found, at least two needed", n));
@@ -314,7 +315,7 @@ const Model& Climb::with(const em::Parameters& parameters) {
 // The start, with the scales set by its moments.
 Point Climb::first_point() {
   const em::Parameters start = estimator_.start();
-  kalman::Smoothed smoothed = smoother_.smooth(with(start), silent_);
+  kalman::Smoothed smoothed = smoother_.smooth(with(start), silent_, estimator_.phases() == 1);
   estimator_.set_scales(smoothed.moments, samples_);
   Point first = estimator_.start() == start ? point_of(start, std::move(smoothed)) : point(estimator_.start());
   if (!std::isfinite(first.penalised))
@@ -324,7 +325,7 @@ Point Climb::first_point() {
 
 Point Climb::point(em::Parameters parameters) {
   if (!parameters.finite()) return {};
-  kalman::Smoothed smoothed = smoother_.smooth(with(parameters), silent_);
+  kalman::Smoothed smoothed = smoother_.smooth(with(parameters), silent_, estimator_.phases() == 1);
   return point_of(std::move(parameters), std::move(smoothed));
 }
 

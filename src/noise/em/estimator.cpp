@@ -114,7 +114,8 @@ Vector typical(const linalg::MatrixList& moments, Index first, Index size) {
 void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples& samples) {
   const double experiments = double(std::max<Index>(1, samples.experiments));
   const auto weight = [&](const linalg::MatrixList& list) {
-    Vector w = typical(list, 0, n_ + r_) * double(steps_) / double(phases_);
+    // Of one phase: the mean over its steps, times their number.
+    Vector w = typical(list, 0, n_ + r_) * double(list.size()) / double(phases_);
     for (double& value : w)
       if (!(value > 0)) value = experiments;  // a signal that is zero may have any weight
     return w;
@@ -123,7 +124,8 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   measurement_weight_ = weight(moments.measured);
   const double count = std::max(1.0, moments.measured_count.sum());
   Matrix state = Matrix::Zero(n_, n_);  // mean second moment
-  for (size_t s = 0; s < size_t(steps_); ++s) state += moments.measured[s].topLeftCorner(n_, n_) / count;
+  for (size_t s = 0; s < size_t(moments.measured.size()); ++s)
+    state += moments.measured[s].topLeftCorner(n_, n_) / count;
   process_floor_ = (smallest_noise * state.diagonal()).array().max(1e-300);
   measurement_floor_ = (smallest_noise * samples.y_square).array().max(1e-300);
   for (Matrix& q : start_.process.shape) q = linalg::bounded_below(q, process_floor_);
@@ -139,7 +141,7 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   process_reference_ = linalg::bounded_below(ratio * state, process_floor_);
   const auto per_phase = [&](const Vector& counts) {
     Vector sums = Vector::Zero(phases_);
-    for (Index t = 0; t < steps_; ++t) sums(t % phases_) += counts(t);
+    for (Index t = 0; t < counts.size(); ++t) sums(t % phases_) += counts(t);
     return sums;
   };
   moved_ = per_phase(moments.moved_count);
@@ -208,7 +210,7 @@ double Estimator::penalty(const Parameters& p) const {
 
 linalg::MatrixList Estimator::phase_roots(const linalg::MatrixList& moments) const {
   linalg::MatrixList sums(phases_, moments.rows(), moments.cols());
-  for (Index t = 0; t < steps_; ++t) sums[size_t(t % phases_)] += moments[size_t(t)];
+  for (Index t = 0; t < moments.size(); ++t) sums[size_t(t % phases_)] += moments[size_t(t)];
   for (size_t g = 0; g < size_t(phases_); ++g) linalg::take_upper_root(sums[g]);
   return sums;
 }

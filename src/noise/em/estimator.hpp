@@ -52,7 +52,8 @@ class Estimator {
   const Parameters& start() const { return start_; }
   // Writes A, B, C, D, Q, R of every step, x0_mean and x0_cov to a model with the steps of the start model.
   void write(const Parameters& p, Model& model) const;
-  // Sets units, floors and weights of the penalty from the moments of the start model.
+  // Sets units, floors and weights of the penalty from the moments of the start model. Here and below, the moments are
+  // those of each step, or one sum of them if there is one phase.
   void set_scales(const kalman::Moments& moments, const kalman::Samples& samples);
   double penalty(const Parameters& p) const;  // to be subtracted from the log-likelihood
   // The M-step: increases the expected log-likelihood minus the penalty to its maximum, first over the matrices, then
