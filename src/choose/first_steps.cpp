@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "choose/folds.hpp"
 #include "linalg/symmetric.hpp"
 #include "tokid/em.hpp"
 #include "tokid/linalg.hpp"
@@ -64,6 +65,12 @@ void set_noise_of_gains(Model& model, const Usual& usual) {
 
 Model with_first_steps(const Model& late, const Ensemble& departures, InitialState initial, int threads) {
   if (!can_begin_earlier(late, initial)) return late;
+  if (const Index steps = refined_steps(departures, late.period); steps < departures.steps()) {
+    Model part = late;
+    part.step.resize(size_t(std::min(steps, late.steps())));
+    part = with_first_steps(part, stretch(departures, 0, steps), initial, threads);
+    return part.k_begin < late.k_begin || part.x0_mean.size() > 0 ? continued(std::move(part), late.k_end()) : late;
+  }
   Model start = with_constant_states(late, departures.steps());
   Usual usual = usual_noise(start);
   if (usual.outputs.maxCoeff() <= 0 || usual.state <= 0) return late;

@@ -48,6 +48,8 @@ Index first_scored(InitialState initial, Index lags, Index period);
 // Goes on with EM from the end of one stage to that of another, in the same stages as cross-validation has. The last
 // stage is repeated if needed. `from`, `to`: iterations. `first`: λ with which EM begins.
 Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options, double first);
+// The number of steps that EM uses: all, unless the steps share their matrices and a part has enough samples for these.
+Index refined_steps(const Ensemble& data, Index period);
 // The iterations at the end of the next stage.
 Index next_stage_end(Index iterations, const RefineOptions& options, double first);
 // Was EM best after so few iterations that more are not tried?

@@ -31,6 +31,9 @@ constexpr double tolerated = 1.1;
 // EM goes on while the one-step error of all experiments exceeds that of the held-out ones by this factor.
 constexpr double as_expected = 1.02;
 constexpr Index most_iterations = 480;
+// In a record so many times longer than the samples of the choices, regressions determine one model for all steps as
+// well as EM does, and EM is not tried unless it is asked for.
+constexpr Index enough_without_em = 8;
 
 // Takes the choices about the realisation from the options. The other choices are made later, from the data.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
@@ -183,6 +186,8 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     const bool longer = after.ahead <= before.ahead + allowed && after.simulation <= before.simulation + allowed;
     one_step = after.one_step <= choice.one_step + allowed;
     if (!longer && period > 0) continue;
+    // A part of the samples may determine a model worse than all of them.
+    if (refined_steps(data, period) < data.steps() && !(after.mean() < before.mean())) continue;
     if (one_step) {
       result.refinement.iterations = found.iterations;
       result.model = std::move(found.model);
@@ -207,6 +212,12 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
   result.refinement.ahead = choice.ahead_without_em;
   result.refinement.states = result.order_scores.best;
   result.refinement.error = choice.trials.front().error;
+}
+
+// Is EM to be tried?
+bool tries_em(const Ensemble& data, const Selection& selected, const Plan& plan, const IdentifyOptions& options) {
+  const bool found_constant = options.period == 0 && plan.choices.variation.period == 1;
+  return options.refine.value_or(!found_constant || data.steps() < enough_without_em * selected.samples->steps());
 }
 
 // The stated jumps within the selected samples, in their steps.
@@ -249,7 +260,8 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
   plan.choices.weighting = scores.weighting;
   if (!options.states) plan.states = scores.best;
   result.model = realise(data, arx, {}, plan, share(options.execution, 0.7, 0.8));
-  if (!options.refine.value_or(true) || result.model.states() == 0 || result.model.states() < plan.states) return;
+  if (!tries_em(data, selected, plan, options) || result.model.states() == 0 || result.model.states() < plan.states)
+    return;
   result.model = with_first_steps(result.model, data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;

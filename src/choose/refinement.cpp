@@ -727,7 +727,24 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
   return choice;
 }
 
+namespace {
+
+// EM of models whose steps share their matrices uses the first steps of long records alone.
+constexpr double enough_refined = 50000;
+
+}  // namespace
+
+Index refined_steps(const Ensemble& data, Index period) {
+  if (period == 0) return data.steps();
+  const double enough = enough_refined * double(period) / double(std::max<Index>(1, data.experiments()));
+  return double(data.steps()) > enough ? std::max(Index(enough), std::min(data.steps(), 2 * period + 1)) : data.steps();
+}
+
 Model refined(Model model, const Ensemble& data, Index from, Index to, const RefineOptions& options, double first) {
+  if (const Index steps = refined_steps(data, options.period.value_or(0)); steps < data.steps()) {
+    model.step.resize(size_t(std::min(steps, model.steps())));
+    return continued(refined(std::move(model), stretch(data, 0, steps), from, to, options, first), data.steps());
+  }
   std::optional<em::Data> samples;
   Index end = 0;
   Stage last;
