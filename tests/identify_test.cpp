@@ -310,6 +310,24 @@ TEST(Identify, NoiseIsSurvivedByEveryOrderChosenAutomatically) {
   }
 }
 
+// The stiffness of the oscillator changes within 13 steps. Ten experiments determine such changes badly, but a long
+// record determines one model with many lags and states well.
+TEST(Identify, OneModelServesALongRecordWhereItPredictsBetter) {
+  ExperimentOptions options{.experiments = 10, .seed = 1, .process_noise = 0.02, .measurement_noise = 0.05};
+  const Ensemble data = experiments(oscillator(2200), options);
+  options.seed = 2;
+  const Ensemble fresh = experiments(oscillator(2200), options);
+  const Identification together = identify(data);
+  EXPECT_EQ(together.plan.choices.variation.period, 1);
+  EXPECT_EQ(together.plan.choices.refinement_iterations, 0);
+  EXPECT_TRUE(mentions(together.findings, "one model is used for all steps"));
+  const Identification varying = identify(data, {.jumps = std::vector<Index>{}});
+  EXPECT_EQ(varying.plan.choices.variation.period, 0);
+  const Validation one = validate(together.model, fresh), many = validate(varying.model, fresh);
+  EXPECT_LT(one.one_step.rmse.maxCoeff(), many.one_step.rmse.maxCoeff());
+  EXPECT_LT(one.simulation.rmse.maxCoeff(), many.simulation.rmse.maxCoeff());
+}
+
 // Few block columns of H_k once left the states of slow and unstable systems to the noise: ratios of 7 to 10 here, with
 // one-step predictions of an unstable observer.
 TEST(Identify, StatesOfSlowSystemsStandOutFromTheNoise) {

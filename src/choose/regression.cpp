@@ -32,6 +32,8 @@ constexpr Index enough_for_em = 12;
 constexpr Index enough_windows = 16;
 // Most steps that the choices for noisy data use, and most steps of all experiments together.
 constexpr Index most_selection_steps = 256, most_selection_samples = 200000;
+// One model for all steps of a long record must have a one-step error smaller by this factor than a model that varies.
+constexpr double clearly_better = 1.25;
 // `stiff`: λ if missing samples leave too few windows to choose λ. `moderate`: λ if a periodic record is too short to
 // choose λ.
 constexpr double stiff = 1e3, moderate = 1.0;
@@ -192,19 +194,26 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   // With stated jumps the matrices do vary. In the regressions, which know no jumps, at least a little.
   if (options.jumps && !options.jumps->empty() && std::isinf(variation.smoothing)) variation.smoothing = stiff;
   if (!options.choices) variation.period = options.period;
-  if (!std::isinf(variation.smoothing) && options.period != 1) return;
+  const bool varies = !std::isinf(variation.smoothing) && options.period != 1;
+  // A record that is much longer than its selection determines many lags of one model for all steps.
+  const bool questioned = varies && options.period == 0 && !options.smoothing && !options.choices && !options.jumps &&
+                          selection.experiments() > 1 && selection.steps() < data.steps();
+  if (varies && !questioned) return;
+  // One regression of all steps has more samples than the regression of one step, so it permits larger lag orders.
+  std::optional<SmoothingChoice> constant;
+  if (options.period == 0 && selection.experiments() > 1) {
+    o.period = 1;
+    o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, o.period, options);
+    constant = choose_smoothing(selection, o);
+    for (SmoothingTrial trial : constant->trials) {
+      trial.smoothing = std::numeric_limits<double>::infinity();
+      result.smoothing_choice.trials.push_back(trial);
+    }
+  }
+  if (questioned && !(constant->error * clearly_better < result.smoothing_choice.error)) return;
   if (options.period == 0 && !options.smoothing) result.findings.push_back({.kind = Finding::Kind::no_variation});
   variation = {0.0, 1};
-  // One regression of all steps has more samples than the regression of one step, so it permits larger lag orders.
-  if (options.period > 0 || selection.experiments() < 2) return;
-  o.period = 1;
-  o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, o.period, options);
-  SmoothingChoice constant = choose_smoothing(selection, o);
-  plan.lags = constant.lags;
-  for (SmoothingTrial& trial : constant.trials) {
-    trial.smoothing = std::numeric_limits<double>::infinity();
-    result.smoothing_choice.trials.push_back(trial);
-  }
+  if (constant) plan.lags = constant->lags;
 }
 
 // One regression couples all steps. `known`: the decision about the initial state, if there is one.
