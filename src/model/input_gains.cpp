@@ -143,7 +143,7 @@ class GainRegression {
       if (!seen.empty()) groups[std::move(seen)].push_back(n);
     }
     for (const auto& [seen, rows] : groups) {
-      const Matrix whitener = linalg::whitener(covariance(seen, seen)).transpose();
+      const Matrix& whitener = whitener_of(covariance(seen, seen));
       const Matrix white = e(rows, seen) * whitener;
       std::vector<Matrix> white_part;
       for (const Matrix& p : part) white_part.emplace_back(p(rows, seen) * whitener);
@@ -154,6 +154,14 @@ class GainRegression {
       squares_ += white.squaredNorm();
       freedom_ += white.size();
     }
+  }
+
+  // Transposed. Successive steps often have the same covariance.
+  const Matrix& whitener_of(const Matrix& covariance) {
+    if (whitened_.rows() == covariance.rows() && whitened_ == covariance) return whitener_;
+    whitened_ = covariance;
+    whitener_ = linalg::whitener(covariance).transpose();
+    return whitener_;
   }
 
   // The data do not determine the gain of an input if the input has no effect, or if other inputs have the same effect.
@@ -194,6 +202,7 @@ class GainRegression {
   Matrix pooled_;                      // covariance, if the model has none
   std::vector<Matrix> error_, alone_;  // (r) of (N × n_k): s_i, and the state of the model for input i alone
   Matrix own_, output_, next_;         // for one step and input
+  Matrix whitened_, whitener_;         // the last covariance and its whitener
   Matrix gram_;                        // lower triangle
   Vector cross_;
   Matrix alone_squares_;   // (r × m)
