@@ -8,7 +8,7 @@ test_packages  := $(build_packages) libgtest-dev libopenmpi-dev openmpi-bin \
 wheel_packages := cmake ninja-build binutils debian-archive-keyring dpkg-dev python3 python3-venv
 wheel_test_packages := $(build_packages) debootstrap python3 python3-venv qemu-user-static
 bench_packages := $(build_packages) libbenchmark-dev libopenblas-serial-dev libopenmpi-dev openmpi-bin \
-                  python3 python3-numpy python3-h5py
+                  python3 python3-numpy python3-h5py python3-dev python3-venv octave octave-control
 cover_packages := $(test_packages) gcovr
 grind_packages := $(test_packages) valgrind
 fuzz_packages  := $(build_packages) clang-16 libclang-rt-16-dev python3
@@ -47,7 +47,7 @@ help:
 	@echo 'make package       packages for Debian, an archive, their sums, release notes (build/package)'
 	@echo 'make release-test  installs these on a Debian that debootstrap makes; as root, for some minutes'
 	@echo 'make portability   builds and tests the last commit on other systems (docs/portability.md); as root, for hours'
-	@echo 'make bench         measures time and memory for ten minutes, writes the tables of docs/performance.md'
+	@echo 'make bench         measures time and memory for twenty minutes, writes the tables of docs/performance.md'
 	@echo 'make studies       rounding errors, coverage, defects, noise, outliers: prints the tables of docs/ (tests/studies/README.md)'
 	@echo 'make zoo           identifies the plants of docs/plants.md under all conditions, for an hour: prints its tables'
 	@echo 'make sbom          what tokid consists of, with versions, in CycloneDX (build/tokid.cdx.json)'
@@ -108,6 +108,8 @@ bench:
 	$(call install,$(bench_packages))
 	@$(configure) bench >/dev/null
 	@cmake --build build
+	@$(python) tests/set_up.py build/bench-venv bench/requirements.txt
+	@$(python) tests/set_up.py build/bench-venv bench/requirements-competitors.txt || echo 'Not all competitors are measured'
 	@$(python) bench/performance.py build
 
 # STUDIES: some of those of tests/studies/README.md, all unless told otherwise

@@ -6,7 +6,8 @@
 
 BUILD holds the tool and the programs of bench/. Figures go to DIR/performance.json (DIR: BUILD/bench), with every
 single measurement; the tables of the document between `<!-- table: NAME -->` and `<!-- end -->` are written anew, those
-of parts that did not run are left as they are. --quick runs everything on small sizes, to see that it works: its
+of parts that did not run are left as they are. The parts numpy, em and n4sid need the Python package of tokid in BUILD
+and the Python of BUILD/bench-venv, which `make bench` sets up; where something is not installed, the table says so. --quick runs everything on small sizes, to see that it works: its
 figures mean nothing, and its document is DIR/performance.md.
 """
 
@@ -26,7 +27,7 @@ from statistics import median
 import h5py
 import numpy as np
 
-from numpy_tokid import largest_difference
+from numpy_tokid import difference_of_files
 
 HERE = Path(__file__).resolve().parent
 DOCUMENT = HERE.parent / "docs" / "performance.md"
@@ -169,6 +170,20 @@ class Runner:
             figures["printed"] = json.loads("\n".join(printed))
         return figures
 
+    def in_process(self, part, *arguments):
+        """What in_process.py found, or {"missing": {"": why}}."""
+        python, package = self.build / "bench-venv" / "bin" / "python", self.build / "python"
+        if not python.exists() or not list((package / "tokid").glob("_tokid*.so")):
+            return {"missing": {"": f"{python} or the Python package of tokid is not there"}}
+        quick = ["--quick"] if self.quick else []
+        result = subprocess.run([python, HERE / "in_process.py", part, *map(str, arguments), *quick,
+                                 f"--repetitions={self.repetitions}"],
+                                env={**os.environ, "PYTHONPATH": str(package)}, stdin=subprocess.DEVNULL,
+                                capture_output=True, text=True, check=False)
+        if result.returncode != 0:
+            raise RuntimeError(f"in_process.py {part}\n{result.stdout}{result.stderr}")
+        return json.loads(result.stdout.splitlines()[-1])
+
     def identify(self, data, model="model.npz"):
         return self.measured(self.program("tokid"), "identify", data, "-o", self.folder / model, "--quiet")
 
@@ -204,6 +219,9 @@ class Results:
     def __init__(self):
         self.figures, self.tables, self.targets = {}, {}, []
 
+    def not_measured(self, what, wanted):
+        self.targets.append([what, "not measured", wanted, "-"])
+
     def target(self, what, measured, wanted, at_most=False, unit=""):
         met = measured <= wanted if at_most else measured >= wanted
         self.targets.append([what, f"{number(measured)}{unit}", f"{'≤' if at_most else '≥'} {wanted}{unit}",
@@ -211,6 +229,171 @@ class Results:
 
 
 # The parts
+
+LONGEST = 60  # [s] of processor time for one identification; what takes longer is stopped
+
+
+def with_gaps(source, target, kind):
+    """The ensemble with missing samples: 10 % of all at random, 30 % of one output, or with ends cut off."""
+    rng = np.random.default_rng(4)
+    with np.load(source) as file:
+        arrays = dict(file)
+    y = arrays["y"]
+    if kind == "random":
+        y[rng.random(y.shape) < 0.1] = np.nan
+    elif kind == "output":
+        y[..., 0][rng.random(y.shape[:2]) < 0.3] = np.nan
+    else:
+        arrays["length"] = rng.integers(y.shape[1] // 2, y.shape[1] + 1, len(y))
+    np.savez(target, **arrays)
+
+
+def noise(run, results):
+    """`tokid identify` with all of its defaults, of the example with noise."""
+    data = run.folder / "noisy.npz"
+
+    def example(experiments, steps):
+        subprocess.run([run.program("tokid"), "example", "oscillator", "--experiments", str(experiments), "--steps",
+                        str(steps), "--process-noise", "0.02", "--measurement-noise", "0.05", "--seed", "1", "-o", data],
+                       stdout=subprocess.DEVNULL, check=True)
+
+    def identified(path=data):
+        """Every repetition, fewer of what takes long; none where it takes too long."""
+        found = []
+        while len(found) < run.repetitions and sum(f["cpu_seconds"] for f in found) < 5:
+            try:
+                found.append(run.measured("prlimit", f"--cpu={LONGEST}", run.program("tokid"), "identify", path, "-o",
+                                          run.folder / "model.npz", "--quiet"))
+            except RuntimeError:
+                if found:
+                    raise
+                return []
+        return found
+
+    def seconds(found):
+        return median(f["cpu_seconds"] for f in found)
+
+    def cells(found):
+        if not found:
+            return [f"> {LONGEST} s", "", "", ""]
+        return [duration(seconds(found)), spread([f["cpu_seconds"] for f in found]), len(found),
+                f"{median(f['peak_bytes'] for f in found) / 1e6:.0f} MB"]
+
+    sizes = [(50, 200), (200, 80), (50, 500), (200, 500), (100_000, 10), (10, 10_000)]
+    series = {"T": [(10, steps) for steps in (100, 1000, 10_000, 100_000)],
+              "N": [(experiments, 10) for experiments in (100, 1000, 10_000, 100_000)]}
+    if run.quick:
+        sizes, series = [(20, 20)], {"T": [(10, 20), (10, 40)], "N": [(10, 20), (20, 20)]}
+    measured, gaps = {}, {}
+    for size in dict.fromkeys([*sizes, *(size for some in series.values() for size in some)]):
+        example(*size)
+        measured[size] = identified()
+        if size == sizes[0]:
+            for kind in ("random", "output", "length"):
+                with_gaps(data, run.folder / "gaps.npz", kind)
+                gaps[kind] = identified(run.folder / "gaps.npz")
+    results.figures["noise"] = {"sizes": [[*size, found] for size, found in measured.items()], "gaps": gaps}
+
+    rows = [["N", "T", "processor time", "", "runs", "peak memory"]]
+    results.tables["noise"] = pad([*rows, *([*size, *cells(measured[size])] for size in sizes)])
+    for symbol, some in series.items():
+        done = [size for size in some if measured[size]]
+        slope = exponent([n * t for n, t in done], [seconds(measured[size]) for size in done]) if len(done) > 1 else None
+        last = ["exponent", "", "-" if slope is None else f"{slope:.3f}", "", "", ""]
+        results.tables[f"noise {symbol}"] = pad([*rows, *([*size, *cells(measured[size])] for size in some), last])
+        what = f"noise: exponent of {symbol}"
+        if len(done) == len(some):
+            results.target(what, slope, 1.05, at_most=True)
+        else:
+            results.not_measured(what, "≤ 1.05")
+    words = {"random": "10 % of the samples of the outputs at random", "output": "30 % of one output",
+             "length": "ends: lengths between T / 2 and T"}
+    rows = [["missing", "processor time", "", "runs", "over complete"]]
+    for kind, found in gaps.items():
+        ratio = seconds(found) / seconds(measured[sizes[0]]) if found and measured[sizes[0]] else None
+        rows.append([words[kind], *cells(found)[:3], number(ratio)])
+        if ratio:
+            results.target(f"noise: {words[kind]} missing, over complete", ratio, 5, at_most=True)
+        else:
+            results.not_measured(f"noise: {words[kind]} missing, over complete", "≤ 5")
+    results.tables["noise gaps"] = pad(rows)
+
+
+def medians(times):
+    return {name: median(values["cpu"]) for name, values in times.items()}
+
+
+def timed(label, times, name, reference):
+    """Cells of a table: label, processor time and its spread, wall time, the first over that of the reference."""
+    cpu = times[name]["cpu"]
+    return [label, duration(median(cpu)), spread(cpu), duration(median(times[name]["wall"])),
+            number(median(cpu) / median(times[reference]["cpu"]))]
+
+
+def numpy(run, results):
+    """The example without noise, the Python package beside a batched script of NumPy."""
+    sizes = [(20, 40)] if run.quick else [(50, 3200), (1000, 3200), (50, 100_000), (1000, 10_000)]
+    wanted = {(50, 3200): 3, (1000, 3200): 5}
+    rows = [["", "N", "T", "processor time", "", "wall time", "over tokid"]]
+    labels = {"tokid": "`tokid.identify`, with its checks and the validation", "numpy": "NumPy, the model",
+              "numpy_validated": "NumPy, the model and its validation"}
+    results.figures["numpy"] = []
+    for size in sizes:
+        found = run.in_process("numpy", *size)
+        results.figures["numpy"].append(found)
+        if "missing" in found:
+            results.tables["numpy"] = pad([rows[0], ["not measured", *size, "", "", "", ""]])
+            for other, factor in wanted.items():
+                results.not_measured(f"in process: faster than NumPy, N = {other[0]}, T = {other[1]}", f"≥ {factor}")
+            return
+        for name, label in labels.items():
+            first, *rest = timed(label, found["times"], name, "tokid")
+            rows.append([first, *size, *rest])
+        if size in wanted:
+            times = medians(found["times"])
+            results.target(f"in process: faster than NumPy, N = {size[0]}, T = {size[1]}",
+                           times["numpy"] / times["tokid"], wanted[size])
+    results.tables["numpy"] = pad(rows)
+
+
+def beside(run, results, part, labels, reference, extra=None):
+    """The table of a part of in_process.py; its times by name."""
+    head = ["", "processor time", "", "wall time", "over tokid", *([extra[0]] if extra else [])]
+    found = run.in_process(part)
+    results.figures[part] = found
+    if "times" not in found:
+        results.tables[part] = pad([head, ["not measured", *[""] * (len(head) - 1)]])
+        return {}
+    rows = [head]
+    for name, label in labels.items():
+        label += f" {found['versions'][name]}" if name in found.get("versions", {}) else ""
+        if name in found["times"]:
+            rows.append(timed(label, found["times"], name, reference) + ([extra[1](found, name)] if extra else []))
+        else:
+            rows.append([f"{label}: not measured, not installed", *[""] * (len(head) - 1)])
+    results.tables[part] = pad(rows)
+    return medians(found["times"])
+
+
+def em(run, results):
+    """One iteration of EM."""
+    labels = {"tokid": "tokid, matrices that vary in time", "tokid_invariant": "tokid, one model for all steps",
+              "dynamax": "dynamax, one model for all steps", "numpy": "NumPy, one model for all steps"}
+    times = beside(run, results, "em", labels, "tokid_invariant")
+    for other in ("dynamax", "numpy"):
+        what = f"EM: an iteration faster than that of {labels[other].split(',')[0]}"
+        if other in times:
+            results.target(what, times[other] / times["tokid_invariant"], 5)
+        else:
+            results.not_measured(what, "≥ 5")
+
+
+def n4sid(run, results):
+    """A time-invariant model of one record with noise."""
+    labels = {"tokid": "tokid", "tokid_no_refine": "tokid, without EM", "octave": "n4sid of Octave", "nfoursid": "nfoursid"}
+    beside(run, results, "n4sid", labels, "tokid",
+           ("above the true Kalman filter", lambda found, name: f"{100 * found['excess'][name]:.2f} %"))
+
 
 def least_squares(run, results):
     found = run.benchmarks("tokid_least_squares")
@@ -257,7 +440,7 @@ def end_to_end(run, results):
         numpy.append(run.measured(*script))
         tool += [run.identify(data) for _ in range(2)]
         read += [read_seconds(data) for _ in range(2)]
-    difference = largest_difference(script_model, run.folder / "model.npz")
+    difference = difference_of_files(script_model, run.folder / "model.npz")
     if not difference <= 1e-8:
         raise RuntimeError(f"the NumPy script and the tool disagree: pulse responses differ by {difference:.1e}")
     data_bytes = 50 * steps * 4 * 8
@@ -275,8 +458,6 @@ def end_to_end(run, results):
         rows.append([label, duration(median(walls[key])), spread(walls[key]), number(median(walls[key]) / tokid),
                      f"{peak / 1e6:.0f} MB" if peak else ""])
     results.tables["end to end"] = pad(rows)
-    results.target("end to end: faster than the NumPy script", median(walls["numpy"]) / tokid, 25)
-    results.target("the same, without the start of Python", median(walls["inside"]) / tokid, 25)
     results.target("end to end: time", tokid, 0.1, at_most=True, unit=" s")
     results.target("end to end: peak memory above the data", above / 1e6, 60, at_most=True, unit=" MB")
 
@@ -376,7 +557,7 @@ def mpi(run, results):
     results.target("MPI: two ranks over one", median(times[1]) / median(times[2]), 1.7)
 
 
-PARTS = {part.__name__: part for part in (least_squares, end_to_end, stages, scaling, streaming, mpi)}
+PARTS = {part.__name__: part for part in (noise, numpy, em, n4sid, least_squares, end_to_end, stages, scaling, streaming, mpi)}
 
 
 # What it was measured on

@@ -245,7 +245,7 @@ def whole_method():
         np.savez(data, u=u, y=y, dt=1.0)
         numpy_tokid.identify(data, script, VARYING_LAGS, 2 * VARYING_LAGS)
         model_of_paper().save(own)
-        difference = numpy_tokid.largest_difference(script, own)
+        difference = numpy_tokid.difference_of_files(script, own)
     # Pulse responses are sums of products of coefficients, which carry the errors of the worst regression.
     worst = max(condition(windows(u, y, k, VARYING_LAGS)) for k in range(VARYING_LAGS, VARYING_STEPS))
     return difference, EPS * worst * u.shape[2] * VARYING_LAGS
