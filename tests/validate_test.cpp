@@ -86,6 +86,25 @@ TEST(OutlyingSamples, AreFoundWhereTheyAre) {
     }
 }
 
+// Steps without an error of consequence are skipped, until one follows.
+TEST(OutlyingSamples, OfDataWithoutNoiseDoNotDependOnTheStepsBefore) {
+  const Model system = oscillator(60);
+  ExperimentOptions options;
+  options.experiments = 30;  // medians over 14 steps
+  Ensemble e = experiments(system, options);
+  e.y(3, 45, 1) += 10.0;
+  const Validation skipped = validate(system, e);
+  ASSERT_EQ(skipped.outlying.size(), 1);
+  EXPECT_EQ(outlying_steps(skipped, 3, 1), std::vector<Index>{45});
+  EXPECT_NEAR(skipped.outlying.front().error, 10.0, 1e-6);
+  e.y(9, 0, 0) += 10.0;  // from the first step on nothing is skipped
+  const Validation all = validate(system, e);
+  ASSERT_EQ(all.outlying.size(), 2);
+  EXPECT_EQ(outlying_steps(all, 3, 1), std::vector<Index>{45});
+  EXPECT_EQ(outlying_steps(all, 9, 0), std::vector<Index>{0});
+  EXPECT_EQ(all.outlying.front().usual, skipped.outlying.front().usual);
+}
+
 TEST(OutlyingSamples, AreFoundInASingleRecordUpToItsEnd) {
   const Model system = constant_system({2, 1, 1}, 321, 0.9, 2);
   Ensemble e = noisy_experiments(system, 1, 2);

@@ -106,7 +106,26 @@ OutlyingSampleCollector::OutlyingSampleCollector(const Model& model, const Ensem
     is_misfit_[size_t(n)] = std::find(misfits.begin(), misfits.end(), data.experiment_label(n)) != misfits.end();
 }
 
+bool OutlyingSampleCollector::of_no_consequence(const Matrix& innovation) const {
+  for (Index j = 0; j < innovation.cols(); ++j)
+    if ((innovation.col(j).array().abs() > of_consequence * spread_(j)).any()) return false;  // false for NaN
+  return true;
+}
+
 void OutlyingSampleCollector::add(Index k, const Matrix& innovation) {
+  if (quiet_ && of_no_consequence(innovation)) {
+    ++skipped_;
+    return;
+  }
+  // At the first error of consequence, the skipped steps are predicted again.
+  if (std::exchange(quiet_, false) && skipped_ > 0)
+    predict_each(model_, data_, initial_state_, [&](Index before, const Matrix& skipped) {
+      if (before < k) collect(before, skipped);
+    });
+  collect(k, innovation);
+}
+
+void OutlyingSampleCollector::collect(Index k, const Matrix& innovation) {
   if (block_.empty()) begin_ = k;
   block_.push_back(innovation);
   restarts_.emplace_back();
@@ -217,6 +236,7 @@ std::vector<OutlyingSampleCollector::Flag> OutlyingSampleCollector::predicted_ag
 }
 
 std::vector<OutlyingSamples> OutlyingSampleCollector::found() {
+  if (quiet_) return {};
   if (!block_.empty()) {
     // The last steps are too few for a median, and are tested together with the steps before them.
     const size_t tested = previous_.size();

@@ -30,6 +30,9 @@ class OutlyingSampleCollector {
     Index experiment, step, output;
     double error;
   };
+  // True if no innovation is large enough to be reported.
+  bool of_no_consequence(const Matrix& innovation) const;
+  void collect(Index k, const Matrix& innovation);
   bool is_far(Index k, Index j, double error) const;
   void test_block(size_t from);
   // Raises the thresholds of outputs whose errors have heavier tails than a normal distribution.
@@ -42,6 +45,10 @@ class OutlyingSampleCollector {
   const Ensemble& data_;
   std::optional<InitialState> initial_state_;
   Vector spread_;  // (m) spread of the outputs
+  // The steps so far have no error of consequence. Nothing of them is kept; if an error of consequence follows, they
+  // are predicted again. Without noise the medians of all steps are thus never needed.
+  bool quiet_ = true;
+  Index skipped_ = 0;  // number of steps of which nothing was kept
   // number of steps that a fault affects, that determine a state, that are tested together
   Index window_, shown_, together_;
   std::vector<bool> is_misfit_;  // (N)
