@@ -5,7 +5,8 @@
     in_process.py numpy EXPERIMENTS STEPS | em | n4sid     [--repetitions R] [--quick] [--octave PROGRAM]
 
 Prints a JSON object. A competitor that is not installed is left out of it, and "missing" says why. Every function is
-called once before it is measured, and the functions take turns. One thread, processor seconds and wall time.
+called once before it is measured, and the functions take turns. One thread, processor seconds and wall time. em and
+n4sid have their sizes from docs/performance.md.
 """
 
 import os
@@ -30,15 +31,19 @@ import tokid
 
 HERE = Path(__file__).resolve().parent
 LAGS = 2  # of the example, in both
+LONG = 10  # [s] of processor time, after which a function is not repeated
 
 
 def measured(functions, repetitions):
-    """{name: {"cpu": [s], "wall": [s]}} of functions without arguments, which take turns."""
+    """{name: {"cpu": [s], "wall": [s]}} of functions without arguments, which take turns and were called before.
+
+    What takes long is repeated less often.
+    """
     found = {name: {"cpu": [], "wall": []} for name in functions}
-    for function in functions.values():
-        function()
     for _ in range(repetitions):
         for name, function in functions.items():
+            if sum(found[name]["cpu"]) > LONG:
+                continue
             gc.collect()
             wall, cpu = time.perf_counter(), time.process_time()
             result = function()
@@ -68,6 +73,7 @@ def beside_numpy(call):
         return numpy_tokid.validate(model, u, y)
 
     difference = numpy_tokid.largest_difference(by_tokid(), numpy_tokid.model_of(u, y, LAGS))
+    validated_by_numpy()
     agree("pulse responses of tokid and NumPy", difference, 1e-8)
     return {"times": measured({"tokid": by_tokid, "numpy": lambda: numpy_tokid.model_of(u, y, LAGS),
                                "numpy_validated": validated_by_numpy}, call.repetitions),
@@ -76,6 +82,7 @@ def beside_numpy(call):
 
 def per_iteration(run, iterations, repetitions):
     """Seconds of one iteration: run(2 K) less run(K), over K, and the same for both."""
+    run(1)
     found = measured({"once": lambda: run(iterations), "twice": lambda: run(2 * iterations)}, repetitions)
     return {clock: [(b - a) / iterations for a, b in zip(found["once"][clock], found["twice"][clock])]
             for clock in ("cpu", "wall")}
@@ -232,8 +239,8 @@ def n4sid(call):
         versions["nfoursid"] = importlib.metadata.version("nfoursid")
     except ImportError as error:
         missing["nfoursid"] = str(error)
-    times = measured(functions, call.repetitions)
     models = {name: function() for name, function in functions.items()}
+    times = measured(functions, call.repetitions)
     try:
         models["octave"], times["octave"], found = octave_n4sid(call.octave, u, y, 4, call.repetitions)
         versions["octave"] = f"{found['octave']}, control {found['control']}"
