@@ -97,11 +97,11 @@ def dynamax_em(start, v, y):
 
     states, outputs, inputs = len(start.F), y.shape[2], v.shape[2]
     ssm = LinearGaussianSSM(states, outputs, inputs, has_dynamics_bias=False, has_emissions_bias=False)
+    start = numpy_em.Parameters(*map(jnp.array, start))
     first, properties = ssm.initialize(
-        initial_mean=jnp.array(start.mean), initial_covariance=jnp.array(start.cov), dynamics_weights=jnp.array(start.F),
-        dynamics_input_weights=jnp.array(start.B), dynamics_covariance=jnp.array(start.Q),
-        emission_weights=jnp.array(start.H), emission_input_weights=jnp.array(start.D),
-        emission_covariance=jnp.array(start.R))
+        initial_mean=start.mean, initial_covariance=start.cov, dynamics_weights=start.F, dynamics_input_weights=start.B,
+        dynamics_covariance=start.Q, emission_weights=start.H, emission_input_weights=start.D,
+        emission_covariance=start.R)
     emissions, all_inputs = jnp.array(y.transpose(1, 0, 2)), jnp.array(v.transpose(1, 0, 2))
 
     @jax.jit
@@ -223,10 +223,12 @@ def n4sid(call):
     steps = 600 if call.quick else 4000
     rng = np.random.default_rng(3)
     A = rng.standard_normal((4, 4))
-    system = (0.95 * A / np.abs(np.linalg.eigvals(A)).max(), *(rng.standard_normal(s) for s in ((4, 2), (2, 4), (2, 2))))
+    A *= 0.95 / np.abs(np.linalg.eigvals(A)).max()
+    system = (A, *(rng.standard_normal(shape) for shape in ((4, 2), (2, 4), (2, 2))))
     noise = (0.3, 1.0)
     (u, y), fresh = (records(system, noise, steps, rng) for _ in range(2))
-    truth = (*system, kalman_gain(system[0], system[2], noise[0]**2 * np.eye(4), noise[1]**2 * np.eye(2), np.zeros((4, 2))))
+    covariances = (noise[0]**2 * np.eye(4), noise[1]**2 * np.eye(2), np.zeros((4, 2)))
+    truth = (*system, kalman_gain(A, system[2], *covariances))
 
     def by_tokid(**options):
         model = tokid.identify(u, y, dt=1.0, period="invariant", states=4, **options)
@@ -247,8 +249,8 @@ def n4sid(call):
     except (ImportError, OSError, subprocess.CalledProcessError) as error:
         missing["octave"] = getattr(error, "stderr", None) or str(error)
     best = one_step_error(*truth, *fresh)
-    return {"times": times, "excess": {name: one_step_error(*model, *fresh) / best - 1 for name, model in models.items()},
-            "steps": steps, "missing": missing, "versions": versions}
+    excess = {name: one_step_error(*model, *fresh) / best - 1 for name, model in models.items()}
+    return {"times": times, "excess": excess, "steps": steps, "missing": missing, "versions": versions}
 
 
 PARTS = {"numpy": beside_numpy, "em": em, "n4sid": n4sid}

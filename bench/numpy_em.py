@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""EM of a linear Gaussian model of all steps in NumPy, for many experiments at once: EM of tokid is measured against this.
+"""EM of one linear Gaussian model in NumPy, for many experiments at once: EM of tokid is measured against this.
 
     x_t = F x_{t-1} + B v_t + w_t,   y_t = H x_t + D v_t + e_t,   x_0 ~ N(mean, cov)
 
-These are the parameters of dynamax; mean and cov are known. Complete data: the covariances of the smoother are the same for all experiments and
-are computed once. The means of all experiments are the rows of one matrix. What needs no recursion is one call for all
-steps.
+These are the parameters of dynamax; mean and cov are known. Data are complete, so that all experiments have the same
+covariances, which are computed once. The means of all experiments are the rows of one matrix. What needs no recursion
+is one call for all steps.
 """
 
 from typing import NamedTuple

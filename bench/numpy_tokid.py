@@ -4,10 +4,10 @@
 
     numpy_tokid.py DATA.npz -o MODEL.npz [--lags P] [--states N] [--check MODEL_OF_TOKID.npz]
 
-Zero initial states and complete data. Numbers in round brackets are the equations of docs/math.md. Each decomposition is
-one call for a stack of steps; the loops run over lags and blocks of steps, not over steps. The time printed is that from
-the file to the file, without the start of Python. --check compares the pulse responses with those of a model that tokid
-identified from the same data, and fails beyond 1e-8.
+Zero initial states and complete data. Numbers in round brackets are the equations of docs/math.md. Each decomposition
+is one call for a stack of steps; the loops run over lags and blocks of steps, not over steps. The time printed is that
+from the file to the file, without the start of Python. --check compares the pulse responses with those of a model that
+tokid identified from the same data, and fails beyond 1e-8.
 """
 
 import argparse
