@@ -231,7 +231,7 @@ class Results:
 
 # The parts
 
-LONGEST = 40  # [s] of processor time for one identification; what takes longer is stopped
+LONGEST = 60  # [s] of processor time for one identification; what takes longer is stopped
 
 
 def with_gaps(source, target, kind):
