@@ -22,7 +22,7 @@ constexpr size_t most_successors = 16;
 // Search for copies in an ensemble.
 class Search {
  public:
-  explicit Search(const Ensemble& ensemble) : e_(ensemble), scales_(scales(ensemble)) {
+  Search(const Ensemble& ensemble, const Scales& scales) : e_(ensemble), scales_(scales) {
     for (Index n = 1; n < e_.experiments(); ++n) several_ = several_ || !alike(0, n);
   }
 
@@ -151,7 +151,7 @@ class Search {
   }
 
   const Ensemble& e_;
-  const Scales scales_;
+  const Scales& scales_;
   bool several_ = false;  // the experiments have different precisions
 };
 
@@ -169,12 +169,14 @@ Index samples_of(const Ensemble& e, Index n) {
 
 }  // namespace
 
-Copies find_copies(const Ensemble& e) {
+Copies find_copies(const Ensemble& ensemble) { return find_copies(ensemble, scales(ensemble)); }
+
+Copies find_copies(const Ensemble& e, const Scales& scales) {
   const Index N = e.experiments();
   Copies result;
   std::vector<Index> parent = range(0, N);
   if (N > 1 && e.steps() > 0) {
-    const Search search(e);
+    const Search search(e, scales);
     search.for_each_pair([&](Index a, Index b) {
       const Index one = root(parent, a), other = root(parent, b);
       if (one != other && search.are_copies(a, b)) parent[size_t(std::max(one, other))] = std::min(one, other);

@@ -446,9 +446,8 @@ bool chosen(const std::vector<DependentExperiment>& combinations, size_t indepen
                      [&](const DependentExperiment& c) { return c.of.size() < independent; });
 }
 
-std::vector<DependentExperiment> made_of_others(const Ensemble& e) {
+std::vector<DependentExperiment> made_of_others(const Ensemble& e, const Scales& s) {
   if (e.experiments() < 2 || e.steps() == 0 || e.outputs() == 0) return {};
-  const Scales s = scales(e);
   const Sizes sizes = sizes_of(e, s);
   const Sketch sums = sketch(e, sizes);
   const Combinations search(sums, sizes);
@@ -476,9 +475,11 @@ std::vector<DependentExperiment> made_of_others(const Ensemble& e) {
 
 }  // namespace
 
-Dependence find_dependence(const Ensemble& ensemble) {
+Dependence find_dependence(const Ensemble& ensemble) { return find_dependence(ensemble, scales(ensemble)); }
+
+Dependence find_dependence(const Ensemble& ensemble, const Scales& scales) {
   Dependence result;
-  result.combinations = made_of_others(ensemble);
+  result.combinations = made_of_others(ensemble, scales);
   result.used = used_experiments(ensemble.experiments(), {}, result);
   return result;
 }
@@ -507,8 +508,10 @@ Dependence dependence_beside(const Copies& copies, const Ensemble& ensemble) {
 }
 
 UsedExperiments used_experiments(const Ensemble& ensemble) {
-  UsedExperiments result{find_copies(ensemble), {}};
-  result.dependent = dependence_beside(result.copies, ensemble);
+  const Scales s = scales(ensemble);
+  UsedExperiments result{find_copies(ensemble, s), {}};
+  const bool all = Index(result.copies.used.size()) == ensemble.experiments();
+  result.dependent = all ? find_dependence(ensemble, s) : dependence_beside(result.copies, ensemble);
   return result;
 }
 

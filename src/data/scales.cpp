@@ -119,6 +119,7 @@ double Precision::rounding(double value) const {
 
 Scales scales(const Ensemble& e) {
   Scales result;
+  if (e.samples().size() == 0) return result;
   result.steps = spread_steps(e);
   measure(e, result);
   for (Index n = 0; n < e.experiments(); ++n)
