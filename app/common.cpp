@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "common.hpp"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -219,34 +220,87 @@ Json json_of(const std::vector<OutlyingSamples>& outlying) {
 
 namespace {
 
-constexpr int bar_width = 30;
+constexpr int bar_width = 20;
+constexpr std::chrono::milliseconds interval{100};
+
+// Columns of the terminal.
+size_t columns() {
+  winsize size{};
+  return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+}
+
+std::string duration(double seconds) {
+  const long whole = std::lround(seconds);
+  return whole < 100    ? fmt::format("{} s", whole)
+         : whole < 6000 ? fmt::format("{} min", std::lround(seconds / 60))
+                        : fmt::format("{:.1f} h", seconds / 3600);
+}
+
+void write(const std::string& text) { std::fwrite(text.data(), 1, text.size(), stderr); }
+std::string blank() { return fmt::format("\r{:{}}\r", "", columns() - 1); }
 
 }  // namespace
 
-ProgressBar::ProgressBar(bool wanted)
-    : enabled_(wanted && isatty(STDERR_FILENO) != 0), next_(Clock::now() + std::chrono::milliseconds(100)) {}
+ProgressBar::ProgressBar(bool wanted) : enabled_(wanted && isatty(STDERR_FILENO) != 0) {
+  if (enabled_) thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+}
 
 ProgressBar::~ProgressBar() {
-  if (!drawn_) return;
-  const std::string blank = fmt::format("\r{:{}}\r", "", bar_width + 8);
-  std::fwrite(blank.data(), 1, blank.size(), stderr);
+  if (!enabled_) return;
+  thread_.request_stop();
+  thread_.join();
+  if (drawn_) write(blank());
 }
 
 Progress ProgressBar::callback() {
   if (!enabled_) return {};
-  return [this](double share) { draw(share); };
+  return [this](const ProgressReport& report) {
+    const std::lock_guard lock(mutex_);
+    report_ = report;
+    reported_ = Clock::now();
+  };
 }
 
-void ProgressBar::draw(double share) {
+void ProgressBar::note_if_longer(double seconds, std::function<std::string()> text) {
+  const std::lock_guard lock(mutex_);
+  note_after_ = seconds;
+  note_ = std::move(text);
+}
+
+void ProgressBar::run(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (!wake_.wait_for(lock, stop, interval, [&stop] { return stop.stop_requested(); })) {
+    if (stop.stop_requested()) return;
+    const ProgressReport report = report_;
+    const Clock::time_point reported = reported_;
+    const bool noting = note_ && report.seconds_left > note_after_;
+    const std::function<std::string()> note = noting ? std::exchange(note_, {}) : nullptr;
+    lock.unlock();
+    if (const std::string text = note ? note() : std::string(); !text.empty()) write(blank() + text + '\n');
+    write(line(report, reported));
+    drawn_ = true;
+    lock.lock();
+  }
+}
+
+std::string ProgressBar::line(const ProgressReport& report, Clock::time_point reported) {
   const Clock::time_point now = Clock::now();
-  if (now < next_) return;
-  next_ = now + std::chrono::milliseconds(50);
-  drawn_ = true;
-  share = std::clamp(share, 0.0, 1.0);
-  const int done = static_cast<int>(share * bar_width);
-  const std::string bar = fmt::format("\r[{}{}] {:3.0f} %", std::string(size_t(done), '#'),
-                                      std::string(size_t(bar_width - done), '.'), 100 * share);
-  std::fwrite(bar.data(), 1, bar.size(), stderr);
+  ProgressReport present = report;
+  present.seconds_left -= std::chrono::duration<double>(now - reported).count();
+  const double share = std::clamp(report.share, 0.0, 1.0), left = time_left_.after(present, now);
+  std::string text;
+  if (!report.open) {
+    const int done = static_cast<int>(share * bar_width);
+    text = fmt::format("[{}{}] {:3.0f} %  ", std::string(size_t(done), '#'), std::string(size_t(bar_width - done), '.'),
+                       100 * share);
+  }
+  text += report.stage;
+  if (report.open && report.stage_share >= 0) text += fmt::format(": {:.0f} %", 100 * report.stage_share);
+  text += fmt::format("{}{}", report.stage.empty() ? "" : ", ",
+                      duration(std::chrono::duration<double>(now - begin_).count()));
+  if (!std::isnan(left)) text += fmt::format(", about {} left", duration(left));
+  text.resize(columns() - 1, ' ');  // overwrites the line before
+  return '\r' + text;
 }
 
 }  // namespace tokid::app

@@ -5,9 +5,14 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <condition_variable>
 #include <filesystem>
+#include <functional>
+#include <mutex>
+#include <stop_token>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <type_traits>
 #include <vector>
 
@@ -89,8 +94,9 @@ void warn(const Findings& findings);
 void add_findings(Json& json, const Findings& findings);
 Json json_of(const std::vector<OutlyingSamples>& outlying);
 
-// A progress bar on stderr. It appears only if stderr is a terminal and the work takes longer than 0.1 s. The
-// destructor erases it.
+// A line on stderr: the share of the work, the present stage, the time so far and the time left. It appears only if
+// stderr is a terminal and the work takes longer than 0.1 s. A thread draws it, so that the time goes on while there is
+// no report. The destructor erases it.
 class ProgressBar {
  public:
   explicit ProgressBar(bool wanted);
@@ -98,13 +104,24 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
   Progress callback();
+  // Prints a line above the bar as soon as the work is known to take `seconds` more. `text` makes the line, in another
+  // thread than the work; empty: nothing is printed.
+  void note_if_longer(double seconds, std::function<std::string()> text);
 
  private:
-  void draw(double share);
+  using Clock = TimeLeft::Clock;
+  void run(const std::stop_token& stop);
+  std::string line(const ProgressReport& report, Clock::time_point reported);
 
-  using Clock = std::chrono::steady_clock;
   bool enabled_, drawn_ = false;
-  Clock::time_point next_;
+  Clock::time_point begin_ = Clock::now(), reported_ = begin_;
+  TimeLeft time_left_{begin_};
+  std::mutex mutex_;  // of the members below
+  ProgressReport report_;
+  double note_after_ = 0.0;  // [s]
+  std::function<std::string()> note_;
+  std::condition_variable_any wake_;
+  std::jthread thread_;  // the last member: it uses the others
 };
 
 }  // namespace tokid::app

@@ -489,6 +489,19 @@ void run_in_blocks(const Call& call) {
   if (team().rank == 0) print_result(call, about_data(file, streamed), streamed.identification);
 }
 
+// One line about the model before EM; empty if it can't be validated.
+std::string about_first(const Model& model, const Ensemble& data) {
+  try {
+    const Vector fit = validate(model, data).one_step.fit;
+    std::vector<std::string> fits;
+    for (Index j = 0; j < fit.size(); ++j)
+      fits.push_back(fmt::format("{} {:.1f} %", printable(model.names.output(j)), fit(j)));
+    return fmt::format("first model, before EM: n = {} states, one-step fit {}", model.states(), fmt::join(fits, ", "));
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
 void run_at_once(const Call& call) {
   // The lock begins before the identification. Otherwise another process could update the old state meanwhile, and this
   // update would be lost.
@@ -499,7 +512,10 @@ void run_at_once(const Call& call) {
     ProgressBar bar(!call.quiet);
     IdentifyOptions options = call.options;
     options.execution.progress = bar.callback();
-    return identify(data, options);
+    return identify(data, options, [&](Model first) {
+      constexpr double worth_it = 5.0;  // [s]
+      bar.note_if_longer(worth_it, [&data, first = std::move(first)] { return about_first(first, data); });
+    });
   });
   std::optional<UpdateState> state;
   if (!call.state.empty()) state = about(call.data, [&] { return update_state(data, result, call.options); });

@@ -127,7 +127,7 @@ TEST(CrossValidate, MeanMotionIsThatOfTheOthers) {
 TEST(CrossValidate, ReportsProgressOfAllFolds) {
   std::vector<double> seen;
   IdentifyOptions options{.states = 4, .lags = 2};
-  options.execution.progress = [&](double share) { seen.push_back(share); };
+  options.execution.progress = [&](const ProgressReport& report) { seen.push_back(report.share); };
   cross_validate(experiments(oscillator(20), {.experiments = 24}), options, {.folds = 2});
   EXPECT_TRUE(std::is_sorted(seen.begin(), seen.end()));
   EXPECT_EQ(seen.back(), 1.0);

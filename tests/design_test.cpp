@@ -529,7 +529,7 @@ TEST(Design, ProgressRisesToTheEnd) {
   std::vector<double> shares;
   PlanOptions options = options_for({4, 2, 2}, 30, 12);
   options.iterations = 5;
-  options.execution.progress = [&](double share) { shares.push_back(share); };
+  options.execution.progress = [&](const ProgressReport& report) { shares.push_back(report.share); };
   plan(oscillator(30), options);
   EXPECT_GE(shares.size(), 10u);  // of three stages with five iterations, and of the windows
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));

@@ -3,6 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <set>
+#include <string>
+
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/observer.hpp"
@@ -405,11 +409,59 @@ TEST(Identify, FramesAreAppliedAndNamed) {
 TEST(Identify, ProgressRunsFromZeroToOne) {
   std::vector<double> seen;
   IdentifyOptions options;
-  options.execution.progress = [&](double share) { seen.push_back(share); };
+  options.execution.progress = [&](const ProgressReport& report) { seen.push_back(report.share); };
   identify(experiments(oscillator(60), {.experiments = 20}), options);
   ASSERT_GT(seen.size(), 10u);
   EXPECT_TRUE(std::is_sorted(seen.begin(), seen.end()));
   EXPECT_EQ(seen.back(), 1.0);
+}
+
+// Noisy data, with and without EM, and by one and by two threads: the share never decreases, no part of it is skipped
+// in one report, and the time left is known once EM runs.
+TEST(Identify, ProgressOfNoisyDataRisesLittleByLittle) {
+  const Ensemble e = experiments(oscillator(40), {.experiments = 20, .process_noise = 0.02, .measurement_noise = 0.05});
+  for (const bool refine : {false, true})
+    for (const int threads : {1, 2}) {
+      std::vector<ProgressReport> seen;
+      IdentifyOptions options;
+      options.refine = refine;
+      options.execution = {threads, [&](const ProgressReport& report) { seen.push_back(report); }};
+      identify(e, options);
+      ASSERT_GT(seen.size(), 50u);
+      double largest = 0.0;
+      bool timed = false;
+      std::set<std::string> stages;
+      for (size_t i = 1; i < seen.size(); ++i) {
+        ASSERT_GE(seen[i].share, seen[i - 1].share) << seen[i - 1].stage << " to " << seen[i].stage;
+        largest = std::max(largest, seen[i].share - seen[i - 1].share);
+        timed = timed || seen[i].seconds_left > 0;
+        stages.insert(seen[i].stage);
+      }
+      EXPECT_LT(largest, refine ? 0.15 : 0.25);
+      EXPECT_EQ(timed, refine);
+      EXPECT_TRUE(stages.contains("choosing lags and lambda") && stages.contains("choosing the number of states"));
+      EXPECT_EQ(stages.contains("EM: all experiments"), refine);
+      EXPECT_EQ(seen.back().share, 1.0);
+    }
+}
+
+// The caller gets the subspace model that EM starts from, once, and in the coordinates that were asked for.
+TEST(Identify, GivesTheFirstModelBeforeEm) {
+  const Ensemble e = experiments(oscillator(40), {.experiments = 30, .process_noise = 0.02, .measurement_noise = 0.05});
+  std::vector<Model> first;
+  const OnModel keep = [&](Model model) { first.push_back(std::move(model)); };
+  IdentifyOptions options;
+  options.frame = Frame::smooth;
+  const Identification result = identify(e, options, keep);
+  ASSERT_EQ(first.size(), 1u);
+  EXPECT_EQ(first[0].method, "subspace");
+  EXPECT_EQ(first[0].frame, result.model.frame);
+  EXPECT_EQ(first[0].provenance.experiments, 30);
+  EXPECT_GT(validate(first[0], e).one_step.fit.minCoeff(), 80);
+  options.refine = false;
+  identify(e, options, keep);
+  identify(experiments(oscillator(40), {.experiments = 20}), {}, keep);
+  EXPECT_EQ(first.size(), 1u) << "a first model where no EM follows";
 }
 
 TEST(Identify, UnitsDoNotMatterWithinTheRangeOfDoublePrecision) {

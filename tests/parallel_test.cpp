@@ -26,7 +26,8 @@ TEST(ParallelFor, CoversEveryIndexOnceForAnyNumberOfThreads) {
 TEST(ParallelFor, ReportsProgressThatEndsAtOne) {
   for (const int threads : {1, 3}) {
     std::vector<double> reported;
-    parallel_for(3, 103, {threads, [&](double share) { reported.push_back(share); }}, [](Index, Index) {});
+    parallel_for(3, 103, {threads, [&](const ProgressReport& report) { reported.push_back(report.share); }},
+                 [](Index, Index) {});
     ASSERT_FALSE(reported.empty());
     for (size_t i = 1; i < reported.size(); ++i) EXPECT_GT(reported[i], reported[i - 1]);
     EXPECT_EQ(reported.back(), 1.0);

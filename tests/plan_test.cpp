@@ -104,7 +104,7 @@ TEST(Folds, ChooseTheSimulatedOrder) {
     const OrderScores one = Folds(e, o).choose_states({}, 8);
     EXPECT_EQ(one.best, 3) << seed;
     EXPECT_TRUE(one.cross_validated);
-    o.threads = 3;
+    o.execution.threads = 3;
     const OrderScores several = Folds(e, o).choose_states({}, 8);
     EXPECT_EQ(several.one_step, one.one_step);
     EXPECT_EQ(several.simulation, one.simulation);

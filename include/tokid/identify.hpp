@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <optional>
 #include <string>
@@ -47,8 +48,12 @@ struct Identification {
   double seconds = 0.0;
 };
 
-// Identifies a model. \throws std::invalid_argument for too few experiments or steps, or too little excitation. For too
-// few experiments, the message states the p that their number permits.
-Identification identify(const Ensemble& ensemble, const IdentifyOptions& options = {});
+// Gets the first model of an identification: the subspace model, before EM refines it. Only noisy data have it.
+using OnModel = std::function<void(Model)>;
+
+// Identifies a model. `on_model`: is called once with the first model, if EM may follow. \throws std::invalid_argument
+// for too few experiments or steps, or too little excitation. For too few experiments, the message states the p that
+// their number permits.
+Identification identify(const Ensemble& ensemble, const IdentifyOptions& options = {}, const OnModel& on_model = {});
 
 }  // namespace tokid

@@ -3,13 +3,12 @@
 #pragma once
 
 #include <functional>
+#include <string>
 
+#include "tokid/progress.hpp"
 #include "tokid/types.hpp"
 
 namespace tokid {
-
-// tokid calls it with the finished share of the work, 0 … 1, from one thread at a time.
-using Progress = std::function<void(double)>;
 
 struct Execution {
   int threads = 1;         // 0: one for each processor of the machine
@@ -20,8 +19,8 @@ struct Execution {
 Index thread_count(const Execution& execution);
 
 // The execution of one stage of the work. It has the same threads, and its progress is reported between `from` and
-// `to`.
-Execution share(const Execution& whole, double from, double to);
+// `to`. `stage`: its name, which stands in front of the names of its own stages; empty: it has none.
+Execution share(const Execution& whole, double from, double to, const std::string& stage = {});
 
 // Calls body(begin, end) on contiguous, disjoint pieces that cover [begin, end). The pieces may run at the same time.
 // If the body writes for each index only the results of this index, the results have the same bits for any number of

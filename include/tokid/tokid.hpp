@@ -31,6 +31,7 @@
 #include "tokid/parallel.hpp"
 #include "tokid/plan.hpp"
 #include "tokid/printable.hpp"
+#include "tokid/progress.hpp"
 #include "tokid/provenance.hpp"
 #include "tokid/random_walk.hpp"
 #include "tokid/refine_model.hpp"

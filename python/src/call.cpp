@@ -1,32 +1,40 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "call.hpp"
 
+#include <cmath>
+
 namespace tokid::python {
 
-template <class Ask>
-void Call::ask(Ask&& python) {
-  next_ = Clock::now() + interval;
-  const nb::gil_scoped_acquire acquire;
-  if (why_) throw Stopped();
-  try {
-    // Python handles signals only in its main thread; in other threads this call does nothing.
-    if (PyErr_CheckSignals() != 0) throw nb::python_error();
-    python();
-  } catch (const nb::python_error&) {
-    why_ = std::current_exception();
-    throw Stopped();
+void Call::report(const ProgressReport& now) {
+  {
+    const std::lock_guard lock(mutex_);
+    last_ = now;
+    fresh_ = true;
+    reported_ = Clock::now();
   }
-}
-
-void Call::report(double share) {
-  if (Clock::now() < next_.load() && share < 1.0) return;
-  ask([&] {
-    if (!listener_.is_none()) listener_(share);
-  });
+  if (Clock::now() < next_.load() && now.share < 1.0) return;
+  ask([this] { tell(); });
 }
 
 void Call::poll() {
-  if (Clock::now() >= next_.load()) ask([] {});
+  if (Clock::now() < next_.load()) return;
+  ask([this] {
+    if (fresh_ || Clock::now() - told_ >= silence) tell();
+  });
+}
+
+void Call::tell() {
+  if (listener_.is_none()) return;
+  ProgressReport now;
+  {
+    const std::lock_guard lock(mutex_);
+    now = last_;
+    fresh_ = false;
+    now.seconds_left -= std::chrono::duration<double>(Clock::now() - reported_).count();
+  }
+  told_ = Clock::now();
+  const double left = now.share < 1.0 ? time_left_.after(now) : 0.0;
+  listener_(now.share, now.stage, std::isnan(left) ? nb::none() : nb::object(nb::float_(left)));
 }
 
 }  // namespace tokid::python

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <exception>
+#include <mutex>
 #include <optional>
 #include <utility>
 
@@ -25,7 +26,22 @@ class Call {
   Call& operator=(const Call&) = delete;
 
   Execution execution(int threads) {
-    return {threads, [this](double share) { report(share); }};
+    return {threads, [this](const ProgressReport& now) { report(now); }};
+  }
+  // Runs python() with the GIL. An exception that it or a signal handler raises stops the computation.
+  template <class Ask>
+  void ask(Ask&& python) {
+    next_ = Clock::now() + interval;
+    const nb::gil_scoped_acquire acquire;
+    if (why_) throw Stopped();
+    try {
+      // Python handles signals only in its main thread; in other threads this call does nothing.
+      if (PyErr_CheckSignals() != 0) throw nb::python_error();
+      python();
+    } catch (const nb::python_error&) {
+      why_ = std::current_exception();
+      throw Stopped();
+    }
   }
 
   // Runs work() without the GIL. If a signal handler or the listener has raised an exception, it is raised here.
@@ -44,15 +60,23 @@ class Call {
 
  private:
   using Clock = std::chrono::steady_clock;
-  static constexpr std::chrono::milliseconds interval{50};
+  static constexpr std::chrono::milliseconds interval{50}, silence{500};
 
-  void report(double share);
-  void poll();  // notices Ctrl-C in computations that report no progress
-  template <class Ask>
-  void ask(Ask&& python);
+  void report(const ProgressReport& now);
+  // Notices Ctrl-C in computations that report no progress. Passes on a report that came too soon after another, and
+  // repeats the last one after a silence.
+  void poll();
+  void tell();
 
-  nb::object listener_;  // called with the finished share of the work; or None
+  nb::object listener_;  // called with the finished share, the stage, and the time left or None; or None
   std::atomic<Clock::time_point> next_;
+  std::atomic<bool> fresh_ = false;  // Python has not got the last report
+  std::mutex mutex_;                 // of the two members below
+  ProgressReport last_;
+  Clock::time_point reported_ = Clock::now();
+  // Used with the GIL alone:
+  TimeLeft time_left_;
+  Clock::time_point told_ = Clock::now();
   std::exception_ptr why_;
 };
 

@@ -19,11 +19,14 @@ namespace {
 // Returns (model, evidence, state or None). The page is written last, so that no page is written if something fails
 // before.
 nb::tuple identified(const Ensemble& data, IdentifyOptions options, int threads, nb::object listener, bool keep_state,
-                     const std::optional<std::filesystem::path>& page, const ReportOptions& page_options) {
+                     const std::optional<std::filesystem::path>& page, const ReportOptions& page_options,
+                     const nb::object& on_model) {
   Call call(std::move(listener));
   options.execution = call.execution(threads);
+  OnModel first;
+  if (!on_model.is_none()) first = [&](Model model) { call.ask([&] { on_model(nb::cast(std::move(model))); }); };
   auto [result, state] = call.run([&] {
-    Identification found = identify(data, options);
+    Identification found = identify(data, options, first);
     std::optional<UpdateState> kept;
     if (keep_state) kept = update_state(data, found, options);
     if (page) save_text(identification_page(found, data, options, page_options).html, *page);
@@ -115,7 +118,7 @@ void bind_identify(nb::module_& module) {
 
   module.def("identify", &identified, nb::arg("data"), nb::arg("options"), nb::arg("threads"),
              nb::arg("listener").none(), nb::arg("keep_state") = false, nb::arg("page").none() = nb::none(),
-             nb::arg("page_options") = ReportOptions());
+             nb::arg("page_options") = ReportOptions(), nb::arg("on_model").none() = nb::none());
 }
 
 }  // namespace tokid::python

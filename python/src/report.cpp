@@ -26,12 +26,8 @@ nb::tuple paper(const std::optional<Path>& directory, std::uint64_t seed, int th
   Call call(std::move(listener));
   const auto [numbers, data] = call.run([&] {
     const Execution execution = call.execution(threads);
-    const auto part = [&execution](double from, double to) {
-      return Execution{execution.threads,
-                       [&execution, from, to](double share) { execution.progress(from + (to - from) * share); }};
-    };
-    const Paper example = paper_example({.seed = seed, .execution = part(0.0, 0.2)});
-    const KalmanStudy study = kalman_study({.seed = seed, .execution = part(0.2, 1.0)});
+    const Paper example = paper_example({.seed = seed, .execution = share(execution, 0.0, 0.2)});
+    const KalmanStudy study = kalman_study({.seed = seed, .execution = share(execution, 0.2, 1.0)});
     std::string json = paper_json(example, study);
     if (directory) {
       std::filesystem::create_directories(*directory);

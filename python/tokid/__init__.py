@@ -29,6 +29,7 @@ from ._paper import paper
 from ._plan import plan
 from ._state_space import MatrixSequence, Step
 from ._tokid import version as __version__
+from ._typing import ProgressShare
 from ._update import update
 from .results import (
     Confidence,
@@ -61,6 +62,7 @@ __all__ = [
     "MatrixSequence",
     "Model",
     "Plan",
+    "ProgressShare",
     "Refinement",
     "Step",
     "TokidWarning",

@@ -57,6 +57,7 @@ def identify(
     experiment_names: Optional[Iterable[Any]] = None,
     threads: int = 1,
     progress: Progress = False,
+    on_model: Optional[Callable[[Model], Any]] = None,
 ) -> Model:
     """Identify a model of every step from repeated experiments.
 
@@ -127,7 +128,10 @@ def identify(
     threads : int, default 1
         Number of threads; 0: all of the machine. The result has the same bits for any number.
     progress : bool or callable, default False
-        True: show a bar, of tqdm if it is installed. A callable gets the finished share of the work, from 0 to 1.
+        True: show a bar, of tqdm if it is installed. A callable gets the finished share of the work, from 0 to 1, as
+        a `ProgressShare`: a float with the attributes `stage` and `seconds_left`.
+    on_model : callable, optional
+        Gets the first model, if the data are noisy and EM may refine it. It is called once, within the call.
 
     Returns
     -------
@@ -173,6 +177,7 @@ def identify(
             bool(keep_state),
             report,
             _options.page("model", "data", 10, 24),
+            None if on_model is None else lambda first: on_model(Model._of(first)),
         )
     warn(text for text in with_remark(evidence.warnings, core, remark) if text not in reported)
     kept = None if state is None else UpdateState._of(state)

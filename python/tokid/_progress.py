@@ -8,16 +8,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Callable, Optional
 
-from ._typing import Progress
+from ._typing import Progress, ProgressShare
 
-Listener = Optional[Callable[[float], Any]]
+# It gets the finished share, the stage and the expected time left [s], None if that is not known.
+Listener = Optional[Callable[[float, str, Optional[float]], Any]]
 
 
 @contextmanager
 def listener(progress: Progress, what: str) -> Iterator[Listener]:
-    """The function that gets the finished share: a bar of tqdm, a line on stderr, or the callable of the user."""
+    """The function that gets the progress: a bar of tqdm, a line on stderr, or the callable of the user."""
     if callable(progress):
-        yield progress
+        yield lambda share, stage, left: progress(ProgressShare._of(share, stage, left))
     elif not progress:
         yield None
     else:
@@ -28,6 +29,11 @@ def listener(progress: Progress, what: str) -> Iterator[Listener]:
             bar.close()
 
 
+def _described(stage: str, left: Optional[float]) -> str:
+    known = "" if left is None else f"about {left:.0f} s left"
+    return ", ".join(text for text in (stage, known) if text)
+
+
 class _Line:
     """One line on stderr, which is overwritten."""
 
@@ -35,10 +41,13 @@ class _Line:
         self._what = what
         self._shown = ""
 
-    def show(self, share: float) -> None:
+    def show(self, share: float, stage: str, left: Optional[float]) -> None:
         text = f"{self._what}: {100 * min(max(share, 0.0), 1.0):3.0f} %"
+        if share < 1:
+            text = f"{text}  {_described(stage, left)}".rstrip()
         if text != self._shown:
-            print("\r" + text, end="", file=sys.stderr, flush=True)
+            blank = "\r" + " " * len(self._shown) if len(text) < len(self._shown) else ""
+            print(f"{blank}\r{text}", end="", file=sys.stderr, flush=True)
             self._shown = text
 
     def close(self) -> None:
@@ -48,10 +57,11 @@ class _Line:
 
 class _Tqdm:
     def __init__(self, tqdm: Any, what: str) -> None:
-        self._bar = tqdm(total=100, desc=what, bar_format="{l_bar}{bar}| {elapsed}<{remaining}")
+        self._bar = tqdm(total=100, desc=what, bar_format="{l_bar}{bar}| {elapsed}{postfix}")
 
-    def show(self, share: float) -> None:
-        self._bar.update(max(0.0, 100 * min(share, 1.0) - self._bar.n))
+    def show(self, share: float, stage: str, left: Optional[float]) -> None:
+        self._bar.n = 100 * min(max(share, 0.0), 1.0)
+        self._bar.set_postfix_str(_described(stage, left) if share < 1 else "")
 
     def close(self) -> None:
         self._bar.close()

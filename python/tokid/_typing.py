@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Callable, Union
+from typing import Any, Callable, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -14,5 +14,29 @@ ComplexArray = npt.NDArray[np.complex128]
 IndexArray = npt.NDArray[np.int64]
 ArrayLike = npt.ArrayLike
 PathLike = Union[str, "os.PathLike[str]"]
-# False: nothing. True: a bar. A callable gets the finished share of the work, from 0 to 1.
-Progress = Union[bool, Callable[[float], Any]]
+
+
+class ProgressShare(float):
+    """The finished share of the work, from 0 to 1.
+
+    Attributes
+    ----------
+    stage : str
+        What tokid does now, such as "choosing lags and lambda"; empty for work of one stage.
+    seconds_left : float or None
+        Expected time until the end [s]; None while it is not known.
+    """
+
+    stage: str
+    seconds_left: Optional[float]
+
+    @classmethod
+    def _of(cls, share: float, stage: str, seconds_left: Optional[float]) -> ProgressShare:
+        self = cls(share)
+        self.stage = stage
+        self.seconds_left = seconds_left
+        return self
+
+
+# False: nothing. True: a bar. A callable gets the finished share of the work.
+Progress = Union[bool, Callable[[ProgressShare], Any]]

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/nan.hpp"
+
 namespace tokid {
 
 namespace {
@@ -28,10 +30,18 @@ Index thread_count(const Execution& execution) {
   return execution.threads > 0 ? execution.threads : std::max(1, int(std::thread::hardware_concurrency()));
 }
 
-Execution share(const Execution& whole, double from, double to) {
+Execution share(const Execution& whole, double from, double to, const std::string& stage) {
   Execution part{whole.threads, {}};
-  if (whole.progress)
-    part.progress = [report = whole.progress, from, to](double done) { report(from + (to - from) * done); };
+  if (!whole.progress) return part;
+  part.progress = [report = whole.progress, from, to, stage](ProgressReport own) {
+    if (!stage.empty()) {
+      if (own.stage.empty()) own.stage_share = own.share;
+      own.stage = own.stage.empty() ? stage : stage + ": " + own.stage;
+    }
+    own.share = from + (to - from) * own.share;
+    if (to - from < 1) own.seconds_left = nan;  // it ends before the whole does
+    report(own);
+  };
   return part;
 }
 
@@ -56,7 +66,7 @@ void parallel_for(Index begin, Index end, const Execution& execution, const std:
         body(first, last);
         const std::lock_guard lock(mutex);
         done += last - first;
-        if (execution.progress) execution.progress(double(done) / double(total));
+        if (execution.progress) execution.progress({.share = double(done) / double(total)});
       } catch (...) {
         const std::lock_guard lock(mutex);
         if (!failure) failure = std::current_exception();

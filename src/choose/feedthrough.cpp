@@ -56,7 +56,7 @@ class HeldOut {
         scales_(Windows(e).channel_sizes().cwiseInverse().replicate(plan.lags + 1, 1)) {
     for (Index f = 0; f < folds; ++f) parts_.push_back(fold(e, f, folds, is_centred(plan)));
     factors_.resize(parts_.size());
-    parallel_for(0, folds, {execution.threads, {}}, [&](Index begin, Index end) {
+    parallel_for(0, folds, execution, [&](Index begin, Index end) {
       for (Index f = begin; f < end; ++f) factors_[size_t(f)] = factors(parts_[size_t(f)].training);
     });
   }

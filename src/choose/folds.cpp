@@ -15,6 +15,8 @@ namespace {
 
 // Number of orders that are tried after the best order so far.
 constexpr Index patience = 4;
+// For the progress: numbers of orders that are usually tried, and of other λ of the regressions on states.
+constexpr double usual_orders = 8.0, usual_moves = 2.0;
 // Standard error of the difference of two models that were validated on the same folds.
 double standard_error(const std::vector<Errors>& a, const std::vector<Errors>& b) {
   const double count = double(a.size()), mean = mean_of(a).mean() - mean_of(b).mean();
@@ -118,7 +120,8 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
   arx_options.feedthrough = options.feedthrough;
   arx_options.variation = options.variation;
   folds_.resize(size_t(count));
-  parallel_for(0, count, {options.threads, {}}, [&](Index begin, Index end) {
+  options_.execution.progress = {};
+  parallel_for(0, count, options.execution, [&](Index begin, Index end) {
     SubspaceOptions o;
     o.variation = options.variation;
     o.output_weights = options.output_weights;
@@ -136,10 +139,11 @@ Folds::Folds(const Ensemble& ensemble, const Options& options) : options_(option
 
 std::optional<std::vector<Errors>> Folds::errors_of_folds(size_t count, Index states,
                                                           const std::function<Model(size_t)>& make, Index first,
+                                                          const Execution& execution,
                                                           const std::vector<Computed>& like) const {
   std::vector<Errors> found(count);
   std::vector<char> complete(count, 0);
-  parallel_for(0, Index(count), {options_.threads, {}}, [&](Index begin, Index end) {
+  parallel_for(0, Index(count), execution, [&](Index begin, Index end) {
     for (Index f = begin; f < end; ++f) {
       Model model = make(size_t(f));
       if (model.steps() == 0 || model.states() != states) continue;
@@ -165,7 +169,8 @@ Model Folds::start(size_t f, Index states, Weighting weighting, double smoothing
 }
 
 // Tries increasing orders. Stops when `patience` orders after the best order had no smaller error.
-OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, Index most) const {
+OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, Index most,
+                          const Execution& execution) const {
   OrderScores result;
   result.smoothing = smoothing;
   result.weighting = weighting;
@@ -174,7 +179,7 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
   std::vector<std::vector<Errors>> of_order;
   for (Index n = least; n <= most && n <= least + Index(best) + patience; ++n) {
     const auto found = errors_of_folds(
-        folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); }, first_);
+        folds_.size(), n, [&](size_t f) { return start(f, n, weighting, smoothing); }, first_, execution);
     if (!found) break;
     of_order.push_back(*found);
     const Errors errors = mean_of(*found);
@@ -186,9 +191,14 @@ OrderScores Folds::scores(Weighting weighting, double smoothing, Index least, In
   return result;
 }
 
-OrderScores Folds::choose_states(std::optional<Index> states, Index most) const {
+OrderScores Folds::choose_states(std::optional<Index> states, Index most, const Execution& execution) const {
+  SearchProgress work(execution);
+  const double orders = states ? 1.0 : std::min(double(most), usual_orders),
+               moves = options_.variation.period > 0 ? 0.0 : usual_moves * std::min(orders, 3.0);
+  work.begin("", double(folds_.size()) * (double(options_.weightings.size()) * orders + moves), 0.0);
   const auto among = [&](Weighting weighting, double smoothing, Index least, Index largest) {
-    return scores(weighting, smoothing, states.value_or(least), states.value_or(largest));
+    return scores(weighting, smoothing, states.value_or(least), states.value_or(largest),
+                  {execution.threads, work.counted()});
   };
   OrderScores all =
       among(options_.weightings.front(), SubspaceOptions::state_share * options_.variation.smoothing, 1, most);

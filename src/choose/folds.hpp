@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "base/search_progress.hpp"
 #include "tokid/choices.hpp"
 #include "tokid/em.hpp"
 #include "tokid/subspace.hpp"
@@ -52,6 +53,8 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
 Index refined_steps(const Ensemble& data, Index period);
 // The iterations at the end of the next stage.
 Index next_stage_end(Index iterations, const RefineOptions& options, double first);
+// The iterations between these ends, with those of the warm-ups.
+double all_iterations(Index from, Index to, const RefineOptions& options, double first);
 // Was EM best after so few iterations that more are not tried?
 bool stopped_early(Index iterations, const RefineOptions& options, double first);
 
@@ -76,19 +79,20 @@ class Folds {
     std::vector<Weighting> weightings = {Weighting::one_step};  // to choose from
     bool centred = false;                                       // departures from a mean motion: see fold()
     Vector output_weights = {};                                 // as in Plan
-    int threads = 1;
+    Execution execution = {};
   };
   // Fits an ARX model and predictors to the experiments outside each fold.
   Folds(const Ensemble& ensemble, const Options& options);
 
   // Chooses n, the weighting and the λ of the regressions on states. `states`: n, if it is given.
-  OrderScores choose_states(std::optional<Index> states, Index most) const;
+  OrderScores choose_states(std::optional<Index> states, Index most, const Execution& execution = {}) const;
   // Chooses n, the λ of EM and its iterations by the likelihood and the errors of held-out experiments. EM starts from
   // subspace models with the weighting of the scores. It begins with `states`. Then it tries more states, which must
   // raise the likelihood significantly, or fewer, which must not reduce it significantly.
-  // If jumps are not stated, they are looked for.
+  // If jumps are not stated, they are looked for. `work` counts iterations of one fold. `iteration`: an
+  // iteration with all data, in this unit.
   RefinementChoice choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
-                                     const StatedRefinement& stated = {}) const;
+                                     const StatedRefinement& stated, SearchProgress& work, double iteration) const;
 
  private:
   class Likelihood;
@@ -101,10 +105,11 @@ class Folds {
   // The steps share their matrices.
   bool pooled() const { return options_.variation.period > 0; }
   Model start(size_t f, Index states, Weighting weighting, double smoothing) const;
-  OrderScores scores(Weighting weighting, double smoothing, Index least, Index most) const;
+  OrderScores scores(Weighting weighting, double smoothing, Index least, Index most, const Execution& execution) const;
   // The errors of the models of the first `count` folds; empty if a model does not have this number of states.
   std::optional<std::vector<Errors>> errors_of_folds(size_t count, Index states,
                                                      const std::function<Model(size_t)>& make, Index first,
+                                                     const Execution& execution,
                                                      const std::vector<Computed>& like = {}) const;
 
   Options options_;

@@ -11,6 +11,7 @@
 #include "base/nan.hpp"
 #include "choose/first_steps.hpp"
 #include "choose/folds.hpp"
+#include "choose/stages.hpp"
 #include "data/channel_sizes.hpp"
 #include "tokid/em.hpp"
 #include "tokid/markov.hpp"
@@ -34,6 +35,13 @@ constexpr Index most_iterations = 480;
 // In a record so many times longer than the samples of the choices, regressions determine one model for all steps as
 // well as EM does, and EM is not tried unless it is asked for.
 constexpr Index enough_without_em = 8;
+// For the progress: the iterations of EM that tell how long one takes, and the time of outliers and validation relative
+// to that of the work between the regressions and EM. It was 0.2 to 0.5 for 50 × 200 to 10 × 10 000 samples.
+constexpr double timed_iterations = 30.0, part_afterwards = 0.3;
+
+double seconds_since(TimeLeft::Clock::time_point begin) {
+  return std::chrono::duration<double>(TimeLeft::Clock::now() - begin).count();
+}
 
 // Takes the choices about the realisation from the options. The other choices are made later, from the data.
 Plan as_asked(const Ensemble& data, Plan plan, const IdentifyOptions& o) {
@@ -117,6 +125,13 @@ std::vector<Weighting> weightings(const Ensemble& selection, const Plan& plan, c
   return result;
 }
 
+// EM with all data, as a part of the progress of a search.
+struct EmOfAll {
+  SearchProgress& work;
+  double iteration = 1.0;  // an iteration, in units of the search
+  int threads = 1;
+};
+
 struct Refined {
   Model model;
   Errors errors;
@@ -127,10 +142,13 @@ struct Refined {
 // the folds. EM therefore goes on while its one-step error is larger than `expected`. If the folds stopped early, it
 // goes on only if the result would not be accepted. Of results that stay larger, the best one is returned.
 Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, const Computed& like, double expected,
-                   const Execution& execution) {
-  const RefineOptions options = refine_options(plan, execution);
+                   const EmOfAll& em) {
+  RefineOptions options = refine_options(plan, {em.threads, {}});
+  options.execution.progress = em.work.counted(em.iteration);
   const double first = plan.choices.refinement_first;
   const auto after = [&](const Model& model, Index from, Index to) {
+    em.work.begin("EM: all experiments", em.iteration * all_iterations(from, to, options, first), 0.0,
+                  SearchProgress::Amount::known);
     Refined result{refined(model, data, from, to, options, first), {}, to};
     result.errors = errors_of(computed_by(result.model, data, plan.initial_state, 0), data, plan.output_weights, &like);
     return result;
@@ -150,8 +168,8 @@ Refined refined_by(const Plan& plan, const Ensemble& data, const Model& begun, c
 // data may exceed the cross-validation error. Such a model is used only if its errors are clearly smaller than before
 // EM. EM minimises one-step errors only. If steps share a model, its errors over many steps must therefore not increase
 // either.
-void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementChoice& choice,
-                      const Execution& execution, Realised& result) {
+void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementChoice& choice, const EmOfAll& em,
+                      Realised& result) {
   const Plan plain = result.plan;
   const Index period = plain.choices.variation.period;
   const double allowed = std::log(tolerated);
@@ -176,8 +194,8 @@ void refine_if_better(const Ensemble& data, const GtvArx& arx, const RefinementC
     for (const Jump& jump : choice.jumps) plan.choices.jumps.push_back(jump.step);
     Refined found;
     try {
-      const Model begun = realise(data, arx, {}, plan, {execution.threads, {}});
-      found = refined_by(plan, data, begun, start, choice.one_step, execution);
+      const Model begun = realise(data, arx, {}, plan, {em.threads, {}});
+      found = refined_by(plan, data, begun, start, choice.one_step, em);
     } catch (const std::runtime_error&) {
       continue;  // EM failed from this start
     }
@@ -243,8 +261,10 @@ void take_steps_of_record(const IdentifyOptions& options, Index begin, Refinemen
 
 // Subspace realisation. n, the weighting, λ and EM are chosen by cross-validation error.
 void realise_by_folds(const Ensemble& data, const Selection& selected, const GtvArx& arx,
-                      const IdentifyOptions& options, Realised& result) {
+                      const IdentifyOptions& options, const BeforeEm& before_em, Realised& result) {
   Plan& plan = result.plan;
+  const Course course = course_of(options);
+  const TimeLeft::Clock::time_point begin = TimeLeft::Clock::now();
   const Ensemble& selection = *selected.samples;
   const Folds folds(selection, {.lags = plan.lags,
                                 .initial_state = selected.from_start ? plan.initial_state : InitialState::unknown,
@@ -253,28 +273,39 @@ void realise_by_folds(const Ensemble& data, const Selection& selected, const Gtv
                                 .weightings = weightings(selection, plan, options),
                                 .centred = is_centred(plan),
                                 .output_weights = plan.output_weights,
-                                .threads = options.execution.threads});
+                                .execution = in_stage(options.execution, WorkStage::folds, course)});
   const Index most = std::min(plan.lags * data.outputs(), most_states);
-  const OrderScores& scores = result.order_scores = folds.choose_states(options.states, most);
+  const OrderScores& scores = result.order_scores =
+      folds.choose_states(options.states, most, in_stage(options.execution, WorkStage::states, course));
   plan.choices.state_smoothing = scores.smoothing;
   plan.choices.weighting = scores.weighting;
   if (!options.states) plan.states = scores.best;
-  result.model = realise(data, arx, {}, plan, share(options.execution, 0.7, 0.8));
+  result.model = realise(data, arx, {}, plan, in_stage(options.execution, WorkStage::realisation, course));
   if (!tries_em(data, selected, plan, options) || result.model.states() == 0 || result.model.states() < plan.states)
     return;
   result.model = with_first_steps(result.model, data, plan.initial_state, options.execution.threads);
   // A stated λ is the λ of the ARX model, not of EM. Only a stated λ of 0 is also the λ of EM.
   const std::optional<double> stated = options.smoothing == 0.0 ? options.smoothing : std::nullopt;
   const OrderRange orders = options.states ? OrderRange{plan.states, plan.states} : OrderRange{1, most};
-  RefinementChoice choice = folds.choose_refinement(plan.states, orders, scores,
-                                                    {.smoothing = stated, .jumps = jumps_within(options, selected)});
+  if (before_em) before_em(result.model, plan);
+  // An iteration with all data takes longer than one of a fold.
+  const double iteration =
+      double(data.experiments() * data.steps()) /
+      (double(fold_count(selection.experiments()) - 1) / double(fold_count(selection.experiments())) *
+       double(selection.experiments() * selection.steps()));
+  const StageShares shares = shares_of(WorkStage::em, course);
+  SearchProgress work(options.execution, shares.from, shares.to);
+  work.tell_time_after(timed_iterations, part_afterwards * seconds_since(begin));
+  RefinementChoice choice = folds.choose_refinement(
+      plan.states, orders, scores, {.smoothing = stated, .jumps = jumps_within(options, selected)}, work, iteration);
   take_steps_of_record(options, selected.begin, choice);
   if (choice.iterations > 0) {
-    refine_if_better(data, arx, choice, options.execution, result);
+    refine_if_better(data, arx, choice, {work, iteration, options.execution.threads}, result);
   } else {
     plan.choices.refinement_smoothing = choice.smoothing;
     result.refinement = std::move(choice);
   }
+  work.end();
   if (const double ratio = result.refinement.ahead.ratio; ratio > surely_ahead)
     result.findings.push_back({.kind = Finding::Kind::uncertain_ahead,
                                .numbers = {{"ratio", ratio}, {"horizon", double(OrderScores::horizon)}}});
@@ -291,10 +322,11 @@ Method automatic_method(const Plan& plan) {
 }
 
 Realised realised(const Ensemble& data, const Selection& selection, const Plan& plan, GtvArx arx,
-                  const IdentifyOptions& options) {
+                  const IdentifyOptions& options, const BeforeEm& before_em) {
   Realised result;
   result.plan = as_asked(data, plan, options);
-  const Execution execution = share(options.execution, 0.6, 0.8);
+  const Execution execution =
+      in_stage(options.execution, WorkStage::realisation, plan.noisy ? Course::noisy : Course::exact);
   if (result.plan.method == Method::tvera) {
     if (plan.noisy && !options.states)
       realise_in_scored_order(data, std::move(arx), execution, result);
@@ -306,9 +338,11 @@ Realised realised(const Ensemble& data, const Selection& selection, const Plan& 
     result.plan.choices.variation = variation;
     result.refinement.smoothing = result.plan.choices.refinement_smoothing;
     result.refinement.iterations = result.plan.choices.refinement_iterations;
-    result.model = realised_as(data, std::move(arx), result.plan, execution);
+    const double from = shares_of(WorkStage::folds, Course::noisy).from,
+                 to = shares_of(WorkStage::em, Course::noisy).to;
+    result.model = realised_as(data, std::move(arx), result.plan, share(options.execution, from, to, "EM"));
   } else if (plan.noisy && plan.coupled && selection.samples->experiments() > 1) {
-    realise_by_folds(data, selection, arx, options, result);
+    realise_by_folds(data, selection, arx, options, before_em, result);
   } else {
     result.model = realise(data, std::move(arx), {}, result.plan, execution);
   }
@@ -321,10 +355,16 @@ Realised realised(const Ensemble& data, const Selection& selection, const Plan& 
 }
 
 Model realised_as(const Ensemble& data, GtvArx arx, const Plan& plan, const Execution& execution) {
-  Model model = realise(data, std::move(arx), data.free, plan, execution);
-  if (plan.choices.refinement_iterations == 0) return model;
-  return refined(std::move(model), data, 0, plan.choices.refinement_iterations, refine_options(plan, execution),
-                 plan.choices.refinement_first);
+  constexpr double until_em = 0.1;  // share of the work
+  const Index iterations = plan.choices.refinement_iterations;
+  const double first = plan.choices.refinement_first;
+  Model model = realise(data, std::move(arx), data.free, plan, share(execution, 0.0, iterations > 0 ? until_em : 1.0));
+  if (iterations == 0) return model;
+  RefineOptions options = refine_options(plan, execution);
+  SearchProgress work(execution, until_em);
+  work.begin("", all_iterations(0, iterations, options, first), 0.0, SearchProgress::Amount::known);
+  options.execution.progress = work.counted();
+  return refined(std::move(model), data, 0, iterations, options, first);
 }
 
 }  // namespace tokid

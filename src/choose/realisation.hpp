@@ -17,9 +17,12 @@ struct Realised {
   Findings findings;
 };
 
+// Gets the model before EM, if EM follows, and its plan.
+using BeforeEm = std::function<void(const Model&, const Plan&)>;
+
 // `selection`: see selection_samples(). \throws as realise() and refine()
 Realised realised(const Ensemble& departures, const Selection& selection, const Plan& plan, GtvArx arx,
-                  const IdentifyOptions& options);
+                  const IdentifyOptions& options, const BeforeEm& before_em = {});
 
 // Returns the model of a decided plan, with the EM iterations of the plan. \throws as above
 Model realised_as(const Ensemble& departures, GtvArx arx, const Plan& plan, const Execution& execution);

@@ -8,6 +8,9 @@
 #include <numeric>
 #include <utility>
 
+#include <fmt/format.h>
+
+#include "base/words.hpp"
 #include "choose/ahead_errors.hpp"
 #include "choose/first_steps.hpp"
 #include "choose/folds.hpp"
@@ -112,6 +115,9 @@ constexpr double hopelessly_behind = 5.0;
 // 0.44 in smooth plants, and at least 0.82 at the jumps of others (bench/zoo).
 constexpr double sharp = 1.25, above_median = 2.0, least_excess = 0.6;
 constexpr size_t most_jumps = 8;
+// For the progress: numbers of λ that are usually tried, in a search and beside another search, and numbers of times
+// that `longer` iterations usually follow: for the best λ, and for each step where a jump is tried.
+constexpr double usual_tries = 6.0, usual_tries_beside = 2.0, usual_longer = 2.5, usual_for_jump = 6.0;
 
 }  // namespace
 
@@ -171,8 +177,13 @@ Vector log_likelihoods_with(const Vector& variances, Model model, const Ensemble
 // The cross-validation of EM for one number of states.
 class Folds::RefinementSearch {
  public:
-  RefinementSearch(const Folds& folds, Index states, const OrderScores& scores, std::vector<Jump> jumps)
+  // `rest`: usual units of work of other searches and of last stages. `iteration`: units of an iteration with all data.
+  RefinementSearch(const Folds& folds, Index states, const OrderScores& scores, std::vector<Jump> jumps,
+                   SearchProgress& work, double rest, double iteration)
       : folds_(folds),
+        work_(work),
+        rest_(rest),
+        iteration_(iteration),
         jumps_(std::move(jumps)),
         count_(std::min(folds.folds_.size(), most_refined)),
         starts_(count_),
@@ -199,9 +210,14 @@ class Folds::RefinementSearch {
     choice_.trials.push_back({.states = states, .error = choice_.error});
   }
 
+  // Only the last stages follow, and no search for other numbers of states.
+  void is_last() { rest_ = 0.0; }
+
   // Tries λ, or only the given one. A longer stage follows only for the best λ.
   void run(std::optional<double> smoothing_given, bool look_for_jumps) {
     if (folds_.options_.variation.period == 1) smoothing_given = 0.0;
+    searched_ = true;
+    work_.begin("EM", (smoothing_given ? 1 : usual_tries) * iterations_of_attempt(), longer_work() + after());
     if (smoothing_given)
       attempt(*smoothing_given);
     else
@@ -209,6 +225,7 @@ class Folds::RefinementSearch {
     if (!smoothing_given && !empty() && least_error()->error() > choice_.error) approach_start();
     if (look_for_jumps && !empty() && !folds_.pooled()) find_jumps();
     if (empty()) return;
+    work_.begin("EM: more iterations", longer_work(), after());
     if (!climbs() || !jumps_.empty())
       continue_best();
     else
@@ -219,6 +236,8 @@ class Folds::RefinementSearch {
   void run_beside(const RefinementSearch& other) {
     first_ = other.first_;
     const double from = other.smoothing();
+    work_.begin(fmt::format("EM: trying {}", words::plural(choice_.states, "state")),
+                usual_tries_beside * iterations_of_attempt(), after());
     Likelihood most = attempt(from);
     if (empty() || least_error()->error() > other.error() + std::log(hopeless) || far_behind(other)) return;
     if (!climbs() || !jumps_.empty()) return continue_best();
@@ -228,6 +247,8 @@ class Folds::RefinementSearch {
 
   // The last stages of the number of states that was chosen.
   void finish() {
+    rest_ = 0.0;
+    work_.begin("EM: more iterations", double(count_) * longest, after(), SearchProgress::Amount::known);
     if (!empty()) continue_best();
   }
 
@@ -311,9 +332,25 @@ class Folds::RefinementSearch {
     return best;
   }
 
+  // The usual work, in iterations of one fold.
+  double iterations_of_attempt() const {
+    const RefineOptions o = options(usual);
+    double all = 0.0;
+    for (const Stage& stage : schedule_of(o, first_).first)
+      all += double(stage.iterations) * (stage.warm_up ? 2.0 : 1.0);
+    return double(count_) * (climbs() ? rung_iterations : all);
+  }
+  // After this search: EM with all data has the iterations that are the best so far.
+  double after() const {
+    const double iterations = empty() ? (climbs() ? longest : iterations_of_attempt() / double(count_))
+                                      : all_iterations(0, chosen()->iterations, options(smoothing()), first_);
+    return rest_ + iteration_ * iterations;
+  }
+  double longer_work() const { return double(count_) * (climbs() ? usual_longer * longer : longest / 2); }
+
   template <class Change>
   void for_each_fold(Change&& change) {
-    parallel_for(0, Index(count_), {folds_.options_.threads, {}}, [&](Index begin, Index end) {
+    parallel_for(0, Index(count_), {folds_.options_.execution.threads, {}}, [&](Index begin, Index end) {
       for (Index f = begin; f < end; ++f) change(size_t(f));
     });
   }
@@ -404,6 +441,8 @@ class Folds::RefinementSearch {
   bool add_jump() {
     const std::vector<Index> candidates = sharp_steps();
     if (candidates.empty()) return false;
+    work_.begin("EM: looking for jumps", usual_for_jump * double(candidates.size()) * double(count_ * longer),
+                longer_work() + after());
     const double smoothing = chosen()->smoothing;
     // A jump is compared with as many iterations without it.
     Likelihood before = likeliest()->likelihood;
@@ -574,6 +613,9 @@ class Folds::RefinementSearch {
     const auto same = [&](double other) { return same_smoothing(other, smoothing); };
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
+      if (searched_ && jumps_.empty())
+        work_.rename(
+            fmt::format("EM: lambda {} of about {}", tried_.size(), std::max(tried_.size(), size_t(usual_tries))));
       const Way& way = way_to(smoothing);
       if (jumps_.empty())
         for (const Attempt& stage : way.stages) keep(stage);
@@ -656,7 +698,9 @@ class Folds::RefinementSearch {
   Model refined_fold(double smoothing, const Stage& stage, size_t f, const Model& start) {
     if (start.steps() == 0) return start;
     try {
-      return refined_in(stage, start, folds_.folds_[f].data.training, samples_[f], options(smoothing));
+      RefineOptions o = options(smoothing);
+      o.execution.progress = work_.counted();
+      return refined_in(stage, start, folds_.folds_[f].data.training, samples_[f], o);
     } catch (const std::runtime_error&) {
       return {};
     }
@@ -664,12 +708,15 @@ class Folds::RefinementSearch {
 
   Errors errors(const std::vector<Model>& models) const {
     const auto found = folds_.errors_of_folds(
-        count_, choice_.states, [&](size_t f) { return models[f]; }, 0, like_);
+        count_, choice_.states, [&](size_t f) { return models[f]; }, 0, folds_.options_.execution, like_);
     constexpr double none = std::numeric_limits<double>::infinity();
     return found ? mean_of(*found) : Errors{none, none, none};
   }
 
   const Folds& folds_;
+  SearchProgress& work_;
+  double rest_, iteration_;  // of the constructor
+  bool searched_ = false;    // for the best λ, not beside another search
   std::vector<Jump> jumps_;  // of all attempts
   size_t count_;
   std::vector<Model> starts_;                     // subspace models
@@ -686,10 +733,14 @@ class Folds::RefinementSearch {
 };
 
 RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders, const OrderScores& scores,
-                                          const StatedRefinement& stated) const {
+                                          const StatedRefinement& stated, SearchProgress& work,
+                                          double iteration) const {
   std::vector<Jump> stated_jumps;
   for (const Index step : stated.jumps.value_or(std::vector<Index>{})) stated_jumps.push_back({step});
-  auto best = std::make_unique<RefinementSearch>(*this, states, scores, stated_jumps);
+  const double fold_count = double(std::min(folds_.size(), most_refined));
+  const double last = fold_count * longest,
+               beside = orders.most > orders.fewest ? usual_tries_beside * fold_count * longer : 0.0;
+  auto best = std::make_unique<RefinementSearch>(*this, states, scores, stated_jumps, work, beside + last, iteration);
   best->run(stated.smoothing, !stated.jumps);
   std::vector<RefinementTrial> trials = best->trials();
   // Takes the other number of states if its likelihood has this advantage, in standard errors, and its error is below
@@ -702,7 +753,8 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
     return true;
   };
   const auto try_order = [&](Index n, double advantage, double allowed) {
-    auto other = std::make_unique<RefinementSearch>(*this, n, scores, best->jumps());
+    auto other =
+        std::make_unique<RefinementSearch>(*this, n, scores, best->jumps(), work, beside / 2 + last, iteration);
     if (stated.smoothing)
       other->run(stated.smoothing, false);
     else
@@ -716,6 +768,7 @@ RefinementChoice Folds::choose_refinement(Index states, const OrderRange& orders
     while (!best->empty() && n > orders.fewest && try_order(n - 1, -noticeable, worth_it)) --n;
   if (n != states && !stated.smoothing) {  // the best λ may differ for this number of states
     const size_t known = best->trials().size();
+    best->is_last();
     best->run({}, !stated.jumps && best->jumps().empty());
     trials.insert(trials.end(), best->trials().begin() + std::ptrdiff_t(known), best->trials().end());
   }
@@ -758,6 +811,16 @@ Model refined(Model model, const Ensemble& data, Index from, Index to, const Ref
   }
   for (; from < to; from += last.iterations) model = refined_in(last, model, data, samples, options);
   return model;
+}
+
+double all_iterations(Index from, Index to, const RefineOptions& options, double first) {
+  double all = 0.0;
+  Index end = 0;
+  for (const Stage& stage : schedule_of(options, first).all()) {
+    end += stage.iterations;
+    if (end > from && end <= to) all += double(stage.iterations) * (stage.warm_up ? 2.0 : 1.0);
+  }
+  return std::max(all, double(to - from));
 }
 
 Index next_stage_end(Index iterations, const RefineOptions& options, double first) {

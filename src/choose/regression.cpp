@@ -14,6 +14,7 @@
 #include "choose/feedthrough.hpp"
 #include "choose/folds.hpp"
 #include "choose/initial_state.hpp"
+#include "choose/stages.hpp"
 #include "data/output_weights.hpp"
 #include "diagnose/regressions.hpp"
 
@@ -76,7 +77,7 @@ void choose_lags(const Ensemble& data, const IdentifyOptions& options, Regressed
   const Index testable = largest_lag_order(effective_experiments(data, result.plan.nominal) - 1, data.inputs(),
                                            data.outputs(), o.feedthrough);
   o.p_max = std::min({most_lags, testable, (data.steps() - 1) / 2});
-  o.execution = share(options.execution, 0.0, 0.1);
+  o.execution = in_stage(options.execution, WorkStage::lags, Course::unknown);
   result.plan.lags = needed;
   if (o.p_max >= needed && o.p_max >= 1) {
     result.lag_order_errors = lag_order_errors(data, o);
@@ -153,7 +154,7 @@ Regressed each_step_alone(const Ensemble& data, const Plan& stated, const Identi
     choose_lags(data, options, result);
   check_size(data, result.plan, options.method == Method::tvera);
   // Unless they are stated, initial states are assumed to be zero if the residuals do not contradict this.
-  result.arx = regressions(data, result.plan, share(options.execution, 0.1, 0.4));
+  result.arx = regressions(data, result.plan, in_stage(options.execution, WorkStage::each_step, Course::unknown));
   GtvArx& arx = result.arx;
   if (const auto known = stated_initial_state(data, options))
     result.initial_state_test = *known;
@@ -204,6 +205,7 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   if (options.period == 0 && selection.experiments() > 1) {
     o.period = 1;
     o.lags = lag_candidates(selection, data, plan.nominal, o.initial_state, o.period, options);
+    o.execution = share(in_stage(options.execution, WorkStage::variation, course_of(options)), 0.7, 1.0);
     constant = choose_smoothing(selection, o);
     for (SmoothingTrial trial : constant->trials) {
       trial.smoothing = std::numeric_limits<double>::infinity();
@@ -233,7 +235,7 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
   o.smoothing = options.smoothing;
   o.centred = is_centred(plan);
   o.output_weights = plan.output_weights;
-  o.execution = share(options.execution, 0.4, 0.6);
+  o.execution = share(in_stage(options.execution, WorkStage::variation, course_of(options)), 0.0, 0.7);
   const Index regressors = unknowns_of(data, o.lags.back(), plan.feedthrough.present);
   o.folds = regressors > 100 ? 3 : fold_count(selection.experiments());
   o.steps = std::clamp<Index>(Index{256} * 60 * 60 / (regressors * regressors), 64, 256);
@@ -260,7 +262,7 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
     append(result.findings, findings_of(survey, sizes, true));
   }
 
-  const Execution execution = share(options.execution, 0.6, 0.7);
+  const Execution execution = in_stage(options.execution, WorkStage::together, course_of(options));
   if (known) {
     result.initial_state_test = *known;
   } else if (variation.period > 0) {
@@ -270,11 +272,11 @@ Regressed coupled(const Ensemble& data, const Selection& selected, const Plan& s
     result.initial_state_test.decision = InitialState::unknown;
     result.initial_state_test.reason = "not stated with the data";
   } else {
-    const GtvArx from_rest = regressions(data, plan, execution);
+    const GtvArx from_rest = regressions(data, plan, share(execution, 0.0, 0.5));
     result.initial_state_test = test_initial_state(from_rest, plan.lags, freedom_of(from_rest, &GtvArxStep::rows));
   }
   plan.initial_state = result.initial_state_test.decision;
-  result.arx = regressions(data, plan, execution);
+  result.arx = regressions(data, plan, share(execution, 0.5, 1.0));
 
   const RegressionSurvey survey = survey_of(result.arx, nominal, 0, result.arx.steps());
   // With as many unknowns as windows there is no residual, so the data may be noisy.
@@ -312,7 +314,9 @@ Regressed with_stated_feedthrough(const Ensemble& data, const Selection& selecti
 Regressed regressed(const Ensemble& data, const Selection& selection, bool nominal, const IdentifyOptions& options) {
   Regressed result = with_stated_feedthrough(data, selection, nominal, options);
   if (options.feedthrough) return result;
-  result.plan.feedthrough = choose_feedthrough(*selection.samples, result.plan, {options.execution.threads, {}});
+  result.plan.feedthrough = choose_feedthrough(
+      *selection.samples, result.plan,
+      in_stage(options.execution, WorkStage::feedthrough, result.plan.coupled ? course_of(options) : Course::exact));
   if (!result.plan.feedthrough.present) result.arx = regressions(data, result.plan, {options.execution.threads, {}});
   append(result.findings, findings_of(result.plan.feedthrough, data.names));
   return result;

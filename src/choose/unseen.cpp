@@ -56,7 +56,7 @@ std::optional<Unseen> unseen(const Ensemble& measured, const Plan& plan, const s
   Unseen result{Innovations(size_t(measured.steps()), Matrix::Constant(N, m, nan)), Matrix::Constant(N, m, nan)};
   try {
     // Each fold writes rows of its own.
-    parallel_for(0, folds, {execution.threads, {}}, [&](Index begin, Index end) {
+    parallel_for(0, folds, execution, [&](Index begin, Index end) {
       for (Index f = begin; f < end; ++f) add(fold_without(out, measured, f, folds, plan), plan, result);
     });
   } catch (const std::invalid_argument&) {

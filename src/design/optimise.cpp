@@ -155,7 +155,7 @@ Matrix descend(Matrix x, Index iterations, const Progress& progress, Function&& 
 
     const double slope = dot(gradient, direction);
     if (!(slope < 0)) break;
-    if (progress) progress(double(i) / double(iterations));
+    if (progress) progress({.share = double(i) / double(iterations)});
     double length = 1.0, next = 0.0;
     Matrix moved;
     bool lower = false;

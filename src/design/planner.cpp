@@ -337,11 +337,7 @@ class Planner {
   }
 
   // Progress of a part of the work.
-  Progress part(double begin, double end) const {
-    if (!options_.execution.progress) return {};
-    return
-        [progress = options_.execution.progress, begin, end](double share) { progress(begin + (end - begin) * share); };
-  }
+  Progress part(double begin, double end) const { return share(options_.execution, begin, end).progress; }
 
   // Evaluates the inputs alone, without a model.
   void forecast_inputs() {

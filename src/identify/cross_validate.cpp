@@ -113,7 +113,8 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
     fold_options.hold_out = 0.0;
     fold_options.frame = Frame::raw;  // the outputs are the same in any frame
     fold_options.execution =
-        share(identify_options.execution, double(i) / double(members.size()), double(i + 1) / double(members.size()));
+        share(identify_options.execution, double(i) / double(members.size()), double(i + 1) / double(members.size()),
+              fmt::format("fold {} of {}", i + 1, members.size()));
     Identification found = identify_without(ensemble.subset(other_rows(ensemble.experiments(), members[i])),
                                             fold_options, i, members.size());
     const Model& model = found.model;

@@ -198,7 +198,7 @@ Examined examined(const Ensemble& used, const Model& model, const Plan& plan, co
   Examined result{outliers(used, options)};
   if (used.experiments() < fewest_experiments(options) || used.experiments() > most_held_out) return result;
   const Stretch middle = middle_of(used, plan);
-  std::vector<Index> suspected = suspects(*middle.samples, middle.plan, quiet);
+  std::vector<Index> suspected = suspects(*middle.samples, middle.plan, share(execution, 0.0, 0.7));
   for (const Outlier& o : result.outliers)
     if (std::find(suspected.begin(), suspected.end(), o.experiment) == suspected.end())
       suspected.push_back(o.experiment);

@@ -13,6 +13,7 @@
 #include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "choose/realisation.hpp"
+#include "choose/stages.hpp"
 #include "data/axes.hpp"
 #include "data/check.hpp"
 #include "data/rows.hpp"
@@ -312,10 +313,29 @@ void take_evidence(NominalTest nominal, Regressed regression, const RegressionSu
   result.singular_value_gap = statistics::median(singular_value_gaps(result.model));
 }
 
+// The model before EM, as its caller gets it.
+Model first_model(Model model, const Plan& plan, const Nominal* nominal, const Ensemble& training,
+                  const IdentifyOptions& options) {
+  Identification found;
+  if (nominal) {
+    model.u_nominal = nominal->u;
+    model.y_nominal = nominal->y;
+  }
+  Findings findings;
+  found.plan = plan;
+  found.model = framed(std::move(model), plan, findings);
+  found.experiments = training.experiments();
+  found.steps = training.steps();
+  found.model.provenance = origin_of(options, true, found);
+  found.model.provenance.data = {fingerprint(training)};
+  found.model.provenance.dt_stated = training.dt_stated;
+  return std::move(found.model);
+}
+
 // `weights`: of the used experiments, between 0 and 1. `measured`: the source of the names of single experiments; null:
 // no findings about single experiments.
 Identification identified(const Ensemble& used, const Vector& weights, const Measured* measured, bool validating,
-                          const IdentifyOptions& options) {
+                          const IdentifyOptions& options, const OnModel& on_model = {}) {
   const auto begin = std::chrono::steady_clock::now();
   check_options(options);
   const Survey all_samples = checked_channels(used);
@@ -353,7 +373,12 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   append(findings, findings_of_regressions(data, samples, regression, survey, options));
 
   const Index regressed_from = regression.arx.k_begin;
-  Realised realisation = realised(data, selection, regression.plan, std::move(regression.arx), options);
+  BeforeEm before_em;
+  if (on_model)
+    before_em = [&](const Model& model, const Plan& plan) {
+      on_model(first_model(model, plan, nominal ? &decision.departures->nominal : nullptr, training, options));
+    };
+  Realised realisation = realised(data, selection, regression.plan, std::move(regression.arx), options, before_em);
   append(findings, std::move(realisation.findings));
   result.plan = std::move(realisation.plan);
   result.model = std::move(realisation.model);
@@ -365,9 +390,12 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   }
   ValidateOptions validation;
   validation.initial_state = result.plan.initial_state;
+  const Course course = !result.plan.noisy ? Course::exact : result.plan.coupled ? course_of(options) : Course::noisy;
   if (measured) {
+    IdentifyOptions examining = options;
+    examining.execution = in_stage(options.execution, WorkStage::examination, course);
     ExperimentFindings found =
-        experiment_findings(used, *measured, parts.held_out_rows, result.model, result.plan, options);
+        experiment_findings(used, *measured, parts.held_out_rows, result.model, result.plan, examining);
     append(findings, std::move(found.findings));
     result.outliers = std::move(found.outliers);
     validation.misfits = std::move(found.labels);
@@ -386,6 +414,8 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
   result.model.provenance.data = {fingerprint(training)};
   result.model.provenance.dt_stated = training.dt_stated;
   if (validating) {
+    const Execution execution = in_stage(options.execution, WorkStage::validation, course);
+    if (execution.progress) execution.progress({});
     scaled.reset();  // frees memory for the validation
     decision.departures.reset();
     result.validation =
@@ -393,7 +423,7 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
     append(findings, result.validation.findings);
     append(findings, findings_of_fit(result.validation.one_step.fit, training.names));
   }
-  if (options.execution.progress) options.execution.progress(1.0);
+  if (options.execution.progress) options.execution.progress({.share = 1.0});
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }
@@ -402,10 +432,11 @@ Identification identified(const Ensemble& used, const Vector& weights, const Mea
 constexpr int most_rounds = 6;
 
 // Identifies after the corrections of measured.treatment. `used`: the experiments in measured.rows.
-Identification identified_after(const Ensemble& used, Measured measured, const IdentifyOptions& options) {
+Identification identified_after(const Ensemble& used, Measured measured, const IdentifyOptions& options,
+                                const OnModel& on_model = {}) {
   const Treatment& treatment = measured.treatment;
   if (treatment.corrections.empty())
-    return identified(used, Vector::Ones(used.experiments()), &measured, true, options);
+    return identified(used, Vector::Ones(used.experiments()), &measured, true, options, on_model);
   const Corrected remaining = corrected(measured.all, measured.rows, treatment.corrections);
   measured.rows = remaining.rows;
   try {
@@ -421,10 +452,11 @@ Identification identified_after(const Ensemble& used, Measured measured, const I
 }
 
 // Identifies again until no more experiments or samples are found that do not fit.
-Identification identified_with_outliers(const Ensemble& used, Measured measured, const IdentifyOptions& options) {
+Identification identified_with_outliers(const Ensemble& used, Measured measured, const IdentifyOptions& options,
+                                        const OnModel& on_model = {}) {
   IdentifyOptions of_round = options;
   of_round.execution = share(options.execution, 0.0, options.outliers == OutlierChoice::keep ? 1.0 : 0.5);
-  Identification result = identified_after(used, measured, of_round);
+  Identification result = identified_after(used, measured, of_round, on_model);
   if (options.outliers == OutlierChoice::keep) return result;
   double done = 0.5;
   for (int round = 1; round < most_rounds; ++round) {
@@ -435,19 +467,19 @@ Identification identified_with_outliers(const Ensemble& used, Measured measured,
     result = identified_after(used, measured, of_round);
   }
   append(result.findings, findings_of_untreated(result.outliers, used.experiments()));
-  if (options.execution.progress) options.execution.progress(1.0);
+  if (options.execution.progress) options.execution.progress({.share = 1.0});
   return result;
 }
 
 }  // namespace
 
-Identification identify(const Ensemble& ensemble, const IdentifyOptions& options) {
+Identification identify(const Ensemble& ensemble, const IdentifyOptions& options, const OnModel& on_model) {
   return with_remark_on_axes(ensemble, [&] {
     UsedExperiments used = used_experiments(ensemble);
     const Measured measured{ensemble, used.rows()};
-    if (used.all(ensemble)) return identified_with_outliers(ensemble, measured, options);
+    if (used.all(ensemble)) return identified_with_outliers(ensemble, measured, options, on_model);
     ensemble.check();  // reports errors with the rows of the caller
-    Identification result = identified_with_outliers(ensemble.subset(measured.rows), measured, options);
+    Identification result = identified_with_outliers(ensemble.subset(measured.rows), measured, options, on_model);
     note_data(result.model.provenance, fingerprint(ensemble));
     const Findings dropped = findings_of(used, ensemble);
     result.findings.insert(result.findings.begin(), dropped.begin(), dropped.end());

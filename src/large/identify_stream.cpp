@@ -245,7 +245,7 @@ void identify_blocks(const EnsembleFile& file, const BlockLayout& layout, const 
           record->put(std::move(block));
         }
       if (options.identify.execution.progress)
-        options.identify.execution.progress(double(resumed + to) / double(layout.count));
+        options.identify.execution.progress({.share = double(resumed + to) / double(layout.count)});
     }
   }
 }

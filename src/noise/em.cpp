@@ -414,7 +414,7 @@ Refinement Climb::run() {
       }
     }
     if (options_.execution.progress)
-      options_.execution.progress(double(result.iterations) / double(options_.iterations));
+      options_.execution.progress({.share = double(result.iterations) / double(options_.iterations)});
   }
   result.noise_segments = noise_segments_;
   result.model = with(now.parameters);
@@ -447,15 +447,24 @@ Refinement em::refine(const Model& model, const Ensemble& data, std::optional<Da
   const double likelihood = kalman::log_likelihoods(start, samples->summed(), {options.execution.threads, {}}).sum();
   // A strong penalty makes all steps equal if the start has no smooth coordinates, and EM needs many iterations to
   // recover. EM with weaker penalties first avoids this.
-  for (const double share : warm_up) {
-    if (!options.warm_up || !std::isfinite(options.smoothing) || options.smoothing * share < weak) continue;
-    RefineOptions o = options;
-    o.smoothing *= share;
+  std::vector<RefineOptions> climbs;
+  for (const double part : warm_up) {
+    if (!options.warm_up || !std::isfinite(options.smoothing) || options.smoothing * part < weak) continue;
+    RefineOptions& o = climbs.emplace_back(options);
+    o.smoothing *= part;
     o.iterations = std::min(options.iterations / 3, warm_up_iterations);
-    o.execution.progress = {};
-    start = kalman_observer(Climb(start, *samples, o, initial).run().model);
   }
-  Refinement result = Climb(start, *samples, options, initial).run();
+  climbs.push_back(options);
+  double all = 0.0, done = 0.0;
+  for (const RefineOptions& o : climbs) all += double(o.iterations);
+  Refinement result;
+  for (RefineOptions& o : climbs) {
+    const double from = done / all;
+    done += double(o.iterations);
+    o.execution = share(options.execution, from, done / all);
+    if (&o != &climbs.front()) start = kalman_observer(std::move(result.model));
+    result = Climb(start, *samples, o, initial).run();
+  }
   for (const Step& step : result.model.step)
     if (!linalg::covariance_factor(step.R()) || !linalg::covariance_factor(step.Q()))
       throw std::runtime_error(
@@ -475,7 +484,7 @@ Refinement em::refine(const Model& model, const Ensemble& data, std::optional<Da
     result.findings.push_back(
         {.kind = data.steps() > model.k_end() ? Finding::Kind::em_extended : Finding::Kind::em_shortened,
          .numbers = {{"steps", double(data.steps())}, {"last", double(model.k_end() - 1)}}});
-  if (options.execution.progress) options.execution.progress(1.0);
+  if (options.execution.progress) options.execution.progress({.share = 1.0});
   return result;
 }
 
@@ -527,10 +536,7 @@ class CrossValidation {
   void run(const std::vector<double>& smoothing, double from, double to) {
     const Index count = Index(smoothing.size()), folds = Index(folds_.size());
     Matrix found(experiments_, count);
-    Execution execution{options_.execution.threads, {}};
-    if (options_.execution.progress)
-      execution.progress = [&](double done) { options_.execution.progress(from + (to - from) * done); };
-    parallel_for(0, folds * count, execution, [&](Index begin, Index end) {
+    parallel_for(0, folds * count, share(options_.execution, from, to), [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
         const Split& part = folds_[size_t(i / count)];
         RefineOptions o = options_;

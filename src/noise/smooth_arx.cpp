@@ -11,6 +11,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "base/search_progress.hpp"
 #include "data/output_weights.hpp"
 #include "data/pooled_windows.hpp"
 #include "data/rows.hpp"
@@ -21,6 +22,8 @@ namespace tokid {
 namespace {
 
 constexpr double inf = std::numeric_limits<double>::infinity();
+// For the progress: pairs of lags and λ that are usually tried.
+constexpr double usual_pairs = 12.0;
 
 // 1 / RMS of each channel over the ensemble, as the scales of the regressors W_k.
 Vector window_scales(const Windows& e, Index lags, bool feedthrough) {
@@ -152,8 +155,11 @@ namespace {
 // Cross-validation errors of (p, λ). The factors of each p are kept for all λ.
 class CandidateErrors {
  public:
-  CandidateErrors(const Ensemble& e, const SmoothingOptions& o)
-      : options_(o), folds_(std::min(o.folds, e.experiments())), weights_(weights_of(o.output_weights, e.outputs())) {
+  CandidateErrors(const Ensemble& e, const SmoothingOptions& o, SearchProgress& work)
+      : options_(o),
+        work_(work),
+        folds_(std::min(o.folds, e.experiments())),
+        weights_(weights_of(o.output_weights, e.outputs())) {
     for (Index f = 0; f < folds_; ++f) parts_.push_back(fold(e, f, folds_, o.centred));
     stretches_ = {{0, e.steps()}};
     if (o.period == 0 && e.steps() > o.steps) {
@@ -171,6 +177,7 @@ class CandidateErrors {
     if (const auto known = errors_.find(key); known != errors_.end()) return known->second;
     const std::vector<Piece>& pieces = factors(lags);
     const Index m = parts_[0].training.outputs();
+    const Progress progress = work_.counted(1.0 / double(pieces.size()));
     std::vector<Matrix> sums(pieces.size(), Matrix::Zero(m, 2));  // squared errors, squared outputs
     parallel_for(0, Index(pieces.size()), {options_.execution.threads, {}}, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) {
@@ -182,6 +189,7 @@ class CandidateErrors {
           sums[size_t(i)].col(0) += residual_square(factor, x[g]).diagonal();
           sums[size_t(i)].col(1) += factor.rightCols(m).colwise().squaredNorm().transpose();
         }
+        if (progress) progress({});
       }
     });
     Matrix sum = Matrix::Zero(m, 2);
@@ -228,6 +236,7 @@ class CandidateErrors {
   }
 
   const SmoothingOptions& options_;
+  SearchProgress& work_;
   Index folds_;
   Vector weights_;  // (m) of the outputs
   std::vector<Split> parts_;
@@ -273,7 +282,9 @@ SmoothingChoice choose_smoothing(const Ensemble& ensemble, const SmoothingOption
   }
   if (options.period == 1) weights = {0.0}, weight = 0;
 
-  CandidateErrors candidates(ensemble, options);
+  SearchProgress work(options.execution);
+  CandidateErrors candidates(ensemble, options, work);
+  work.begin("", std::min(usual_pairs, double(options.lags.size() * weights.size())), 0.0);
   const auto error = [&](Index p, Index w) { return candidates.error(options.lags[size_t(p)], weights[size_t(w)]); };
   Index lag = Index(options.lags.size()) / 2;
   for (bool moved = true; moved;) {

@@ -86,7 +86,7 @@ KalmanStudy kalman_study(const KalmanStudyOptions& options) {
                              gain_difference(model, filter, options)});
     }
     done += 1.0 / double(options.experiments.size());
-    if (options.execution.progress) options.execution.progress(std::min(1.0, done));
+    if (options.execution.progress) options.execution.progress({.share = std::min(1.0, done)});
   }
   return study;
 }

@@ -202,6 +202,29 @@ def test_progress_bar_in_a_terminal(tokid, tmp_path, long_work):
     assert "Written" in stdout and "[#" not in stdout
 
 
+def test_progress_names_stages_and_tells_of_the_first_model(tokid, tmp_path):
+    data = tmp_path / "data.npz"
+    tokid("example", "oscillator", "-o", data, "--experiments", 20, "--steps", 20000, "--process-noise", 0.02,
+          "--measurement-noise", 0.05)
+    terminal, end = pty.openpty()
+    with subprocess.Popen([tokid.executable, "identify", str(data), "-o", str(tmp_path / "model.npz")],
+                          stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=end) as process:
+        os.close(end)
+        shown = b""
+        try:
+            while not re.search(rb"first model.*\n.*% +EM: [^\r]* left", shown, re.DOTALL):
+                shown += os.read(terminal, 4096)
+        finally:
+            process.kill()
+            os.close(terminal)
+    shown = shown.decode()
+    assert "choosing lags and lambda: " in shown and "choosing the number of states: " in shown
+    assert "left" not in shown[:shown.index("EM")], "the time left is not known before EM"
+    (line,) = [line for line in screen(shown) if "first model" in line]
+    assert re.fullmatch(r"first model, before EM: n = \d+ states, one-step fit y1 \d+\.\d %, y2 \d+\.\d %", line)
+    assert not (tmp_path / "model.npz").exists()
+
+
 def test_no_progress_bar_elsewhere(tokid, tmp_path, long_work):
     result = tokid("identify", long_work, "-o", tmp_path / "model.npz", *IDENTIFY_LONG)
     assert "\r" not in result.stderr and "[#" not in result.stderr
