@@ -33,9 +33,19 @@ Model model_with_noise(std::uint64_t seed, Index states = 3) {
   return model;
 }
 
-// Complete experiments, and some with missing inputs, missing outputs and an early end.
+// Complete experiments, some with the same missing inputs, missing outputs and early end, and twenty of which each
+// misses other samples.
 Ensemble with_gaps(const Model& model, Index experiments) {
   Ensemble data = testing::random_experiments(model, experiments, 7, 1.0);
+  Random random(8);
+  for (Index n = 1; n < std::min<Index>(experiments, 60); n += 3) {
+    const Index end = n % 2 == 0 ? steps : steps / 2 + n % 5;
+    for (Index k = 0; k < steps; ++k)
+      for (Index j = 0; j < 2; ++j) {
+        if (random.uniform(0, 1) < 0.3 || k >= end) data.y(n, k, j) = std::nan("");
+        if (random.uniform(0, 1) < 0.1) data.u(n, k, j) = std::nan("");
+      }
+  }
   for (Index n = 0; n < experiments; n += 9) {
     data.u(n, 3, 1) = std::nan("");
     data.y(n, 5, 0) = std::nan("");
@@ -73,29 +83,49 @@ TEST(Smoother, HasTheSameBitsWhateverWasInItsMemoryAndWithAnyThreadsAndInstructi
   }
 }
 
-// Groups of experiments that lie in several pieces, and pieces that go through the steps in several parts.
-TEST(Smoother, SumsOfAllExperimentsAreThoseOfTheirParts) {
-  const Model model = model_with_noise(3);
-  constexpr Index experiments = 1200, part = 5;
-  Ensemble data = with_gaps(model, experiments);
-  // The variance of a missing input is the mean square over all experiments.
-  for (Index n = 0; n < experiments; n += 9) data.u(n, 3, 1) = 1.0;
-  const kalman::Moments all = kalman::Smoother(kalman::samples_of(model, data)).smooth(model).moments;
-  Matrix moved = Matrix::Zero(all.moved.rows(), all.moved.cols() * steps);
-  Matrix measured = Matrix::Zero(all.measured.rows(), all.measured.cols() * steps);
-  Vector counts = Vector::Zero(steps);
-  for (Index n = 0; n < experiments; n += part) {
-    const Ensemble few = data.subset(range(n, n + part));
-    const kalman::Samples samples = kalman::samples_of(model, few);
-    const kalman::Moments own = kalman::Smoother(samples).smooth(model).moments;
-    moved += own.moved.together();
-    measured += own.measured.together();
-    counts += own.measured_count;
+// Groups of experiments that lie in several pieces, pieces that go through the steps in several parts, and experiments
+// that are computed in lanes. A single experiment is computed by neither.
+TEST(Smoother, SumsOfAllExperimentsAreThoseOfEach) {
+  for (const Index states : {1, 3, 6}) {
+    SCOPED_TRACE(states);
+    const Model model = model_with_noise(3, states);
+    constexpr Index experiments = 1200;
+    const Ensemble data = with_gaps(model, experiments);
+    const kalman::Samples samples = kalman::samples_of(model, data);
+    const kalman::Smoothed all = kalman::Smoother(samples).smooth(model);
+    const kalman::Moments& found = all.moments;
+    Matrix moved = Matrix::Zero(found.moved.rows(), found.moved.cols() * steps);
+    Matrix measured = Matrix::Zero(found.measured.rows(), found.measured.cols() * steps);
+    Vector measured_count = Vector::Zero(steps), moved_count = measured_count, x0 = Vector::Zero(states);
+    Matrix x0_square = Matrix::Zero(states, states);
+    // Each likelihood is a sum over steps and outputs.
+    const double tolerance = 100 * epsilon * steps;
+    for (Index row = 0; row < experiments; ++row) {
+      kalman::Samples own = kalman::samples_of(model, data.subset({samples.experiment[size_t(row)]}));
+      own.u_square = samples.u_square;  // the variance of a missing input
+      const kalman::Smoothed alone = kalman::Smoother(own).smooth(model);
+      EXPECT_NEAR(all.log_likelihood(row), alone.log_likelihood(0),
+                  tolerance * (1 + std::abs(alone.log_likelihood(0))));
+      moved += alone.moments.moved.together();
+      measured += alone.moments.measured.together();
+      moved_count += alone.moments.moved_count;
+      measured_count += alone.moments.measured_count;
+      x0 += alone.moments.x0;
+      x0_square += alone.moments.x0_square;
+    }
+    EXPECT_EQ(measured_count, found.measured_count);
+    EXPECT_EQ(moved_count, found.moved_count);
+    EXPECT_EQ(double(experiments), found.x0_count);
+    // Sums of 1200 squares in another order.
+    const auto near = [&](const Matrix& a, const Matrix& b) {
+      EXPECT_LE((a - b).norm(), epsilon * experiments * b.norm());
+    };
+    near(found.moved.together(), moved);
+    near(found.measured.together(), measured);
+    near(found.x0, x0);
+    near(found.x0_square, x0_square);
+    EXPECT_EQ(kalman::log_likelihoods(model, samples), all.log_likelihood);
   }
-  EXPECT_EQ(counts, all.measured_count);
-  // Sums of 1200 squares in another order.
-  EXPECT_LE((moved - all.moved.together()).norm(), epsilon * experiments * moved.norm());
-  EXPECT_LE((measured - all.measured.together()).norm(), epsilon * experiments * measured.norm());
 }
 
 // 49 rows stand for many experiments: 1, and two inputs and outputs at each of twelve steps.

@@ -11,6 +11,7 @@
 
 #include "base/integers.hpp"
 #include "linalg/tall_product.hpp"
+#include "model/lane_smoother.hpp"
 #include "model/smoother_covariances.hpp"
 
 namespace tokid::kalman {
@@ -23,6 +24,9 @@ constexpr Index smallest_piece = 32, most_pieces = 16;
 // At most so many experiments go through all steps together. With many steps they are fewer, so that their numbers
 // stay in the cache.
 constexpr Index most_together = 64, steps_together = 16000;
+// The experiments of a smaller group are computed one by one in lanes: a group has covariances of its own, which take
+// as long as those of this many lanes.
+constexpr Index smallest_group = 16;
 Index together(Index steps) {
   return std::clamp<Index>(steps_together / std::max<Index>(1, steps) / linalg::gram_rows, 1,
                            most_together / linalg::gram_rows) *
@@ -210,13 +214,27 @@ class Means {
 // computed once. The memory of a thread serves one piece after the other.
 class Pieces {
  public:
-  explicit Pieces(const Samples& samples) : samples_(samples), shared_(samples.groups.size()) {
+  // With `in_lanes`, small groups are not computed together, but in lanes. Their models must have a constant state
+  // dimension.
+  explicit Pieces(const Samples& samples, bool in_lanes = false) : samples_(samples), shared_(samples.groups.size()) {
     const Index total = samples.rows, count = std::clamp<Index>(total / smallest_piece, 1, most_pieces);
-    for (Index i = 0; i < count; ++i) pieces_.push_back({i * total / count, (i + 1) * total / count});
-    for (size_t g = 0; g < samples.groups.size(); ++g) {
-      const Alike& group = samples.groups[g];
-      for (const Piece& piece : pieces_)
-        if (group.first < piece.end && piece.end < group.first + group.count) shared_[g].emplace();
+    for (Index i = 0; i < count; ++i) pieces_.push_back({i * total / count, (i + 1) * total / count, {}, {}});
+    for (Piece& piece : pieces_) {
+      std::vector<SingleRow> singles;
+      for (size_t g = 0; g < samples.groups.size(); ++g) {
+        const Alike& group = samples.groups[g];
+        const Index first = std::max(group.first, piece.begin), last = std::min(group.first + group.count, piece.end);
+        if (first >= last) continue;
+        if (in_lanes && samples.groups.size() > 1 && group.count < smallest_group) {
+          for (Index row = first; row < last; ++row) singles.push_back({row, &group});
+          continue;
+        }
+        piece.groups.push_back(g);
+        if (last < group.first + group.count) shared_[g].emplace();
+      }
+      for (size_t i = 0; i < singles.size(); i += LaneSamples::lanes)
+        piece.lanes.emplace_back(
+            samples, std::span(singles).subspan(i, std::min(singles.size() - i, size_t(LaneSamples::lanes))));
     }
   }
 
@@ -226,42 +244,63 @@ class Pieces {
   // Calls body(piece, group, covariances, first, count, means) for the experiments of each group in each piece.
   template <class Body>
   void run(const Model& model, bool smooth, const Execution& execution, Body&& body) {
+    run(model, smooth, execution, body, [](size_t, const LaneModel&, const LaneSamples&, LaneSmoother&) {});
+  }
+  // Also calls lane_body(piece, model, samples, smoother) for experiments in lanes.
+  template <class Body, class LaneBody>
+  void run(const Model& model, bool smooth, const Execution& execution, Body&& body, LaneBody&& lane_body) {
+    std::optional<LaneModel> lane_model;
+    if (std::ranges::any_of(pieces_, [](const Piece& piece) { return !piece.lanes.empty(); }))
+      lane_model.emplace(model, samples_.steps);
     const Execution silent{execution.threads, {}};
     parallel_for(0, Index(shared_.size()), silent, [&](Index begin, Index end) {
       for (Index g = begin; g < end; ++g)
         if (shared_[size_t(g)]) shared_[size_t(g)]->compute(model, samples_, samples_.groups[size_t(g)], smooth);
     });
     const Index threads = std::min(thread_count(execution), count());
-    while (Index(memory_.size()) < threads) memory_.push_back({{}, Means(samples_)});
+    while (Index(memory_.size()) < threads) memory_.push_back({{}, Means(samples_), {}});
     parallel_for(0, threads, execution, [&](Index begin, Index end) {
       for (Index thread = begin; thread < end; ++thread)
-        for (Index i = thread; i < count(); i += threads)
+        for (Index i = thread; i < count(); i += threads) {
           run_piece(model, smooth, size_t(i), memory_[size_t(thread)], body);
+          run_lanes(lane_model, size_t(i), memory_[size_t(thread)], lane_body);
+        }
     });
   }
 
  private:
   struct Piece {
-    Index begin = 0, end = 0;  // rows of the samples
+    Index begin = 0, end = 0;        // rows of the samples
+    std::vector<size_t> groups;      // computed together
+    std::vector<LaneSamples> lanes;  // the other experiments
   };
   struct Memory {
     Covariances covariances;
     Means means;
+    std::optional<LaneSmoother> lanes;
   };
 
   template <class Body>
   void run_piece(const Model& model, bool smooth, size_t i, Memory& memory, Body&& body) {
     const Piece& piece = pieces_[i];
     const Index most = together(samples_.steps);
-    for (size_t g = 0; g < samples_.groups.size(); ++g) {
+    for (const size_t g : piece.groups) {
       const Alike& group = samples_.groups[g];
       const Index first = std::max(group.first, piece.begin);
       const Index last = std::min(group.first + group.count, piece.end);
-      if (first >= last) continue;
       if (!shared_[g]) memory.covariances.compute(model, samples_, group, smooth);
       const Covariances& covariances = shared_[g] ? *shared_[g] : memory.covariances;
       for (Index now = first; now < last; now += most)
         body(i, group, covariances, now, std::min(most, last - now), memory.means);
+    }
+  }
+
+  template <class LaneBody>
+  void run_lanes(const std::optional<LaneModel>& model, size_t i, Memory& memory, LaneBody& lane_body) {
+    for (const LaneSamples& samples : pieces_[i].lanes) {
+      if (!memory.lanes || !memory.lanes->fits(*model))
+        memory.lanes.emplace(samples_.steps, model->n, model->r, model->m);
+      lane_body(i, *model, samples, *memory.lanes);
     }
   }
 
@@ -284,6 +323,12 @@ Moments empty_moments(const Model& model, Index steps) {
   return sums;
 }
 
+bool constant_states(const Model& model) {
+  const Index n = model.n(model.k_begin);
+  return std::ranges::all_of(model.step,
+                             [n](const Step& step) { return step.states() == n && step.next_states() == n; });
+}
+
 void add(const Moments& part, Moments& sum) {
   sum.measured.together() += part.measured.together();
   sum.moved.together() += part.moved.together();
@@ -296,24 +341,23 @@ void add(const Moments& part, Moments& sum) {
 
 }  // namespace
 
-Smoother::Smoother(const Samples& samples) : pieces_(std::make_unique<Pieces>(samples)) {}
+Smoother::Smoother(const Samples& samples) : pieces_(std::make_unique<Pieces>(samples, true)) {}
 Smoother::~Smoother() = default;
 
 Smoothed Smoother::smooth(const Model& model, const Execution& execution, bool together) {
   const Samples& samples = pieces_->samples();
-  const Index n = model.n(model.k_begin);
-  for (const Step& step : model.step)
-    if (step.states() != n || step.next_states() != n)
-      throw std::logic_error("Smoother: the state dimension of the model is not constant");
-  std::vector<Moments> parts(size_t(pieces_->count()));
+  if (!constant_states(model)) throw std::logic_error("Smoother: the state dimension of the model is not constant");
+  std::vector<Moments> parts(size_t(pieces_->count()), empty_moments(model, together ? 1 : samples.steps));
   Smoothed result{Vector::Zero(samples.rows), {}};
   pieces_->run(
       model, true, execution,
       [&](size_t piece, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
-        if (parts[piece].measured_count.size() == 0) parts[piece] = empty_moments(model, together ? 1 : samples.steps);
         means.filter(model, group, covariances, first, count, result.log_likelihood);
         means.smooth(model, group, covariances);
         means.accumulate(model, group, covariances, parts[piece]);
+      },
+      [&](size_t piece, const LaneModel& lane_model, const LaneSamples& lanes, LaneSmoother& smoother) {
+        smoother.smooth(lane_model, lanes, result.log_likelihood, parts[piece]);
       });
   result.moments = std::move(parts.front());
   for (size_t i = 1; i < parts.size(); ++i) add(parts[i], result.moments);
@@ -322,9 +366,15 @@ Smoothed Smoother::smooth(const Model& model, const Execution& execution, bool t
 
 Vector log_likelihoods(const Model& model, const Samples& samples, const Execution& execution) {
   Vector result = Vector::Zero(samples.rows);
-  Pieces(samples).run(model, false, execution,
-                      [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count,
-                          Means& means) { means.filter(model, group, covariances, first, count, result); });
+  Pieces(samples, constant_states(model))
+      .run(
+          model, false, execution,
+          [&](size_t, const Alike& group, const Covariances& covariances, Index first, Index count, Means& means) {
+            means.filter(model, group, covariances, first, count, result);
+          },
+          [&](size_t, const LaneModel& lane_model, const LaneSamples& lanes, LaneSmoother& smoother) {
+            smoother.filter(lane_model, lanes, result);
+          });
   return result;
 }
 
