@@ -486,12 +486,12 @@ LaneSamples::LaneSamples(const Samples& samples, std::span<const SingleRow> memb
     : rows(members.begin(), members.end()),
       steps(std::ranges::max(members, {}, [](const SingleRow& one) { return one.group->end; }).group->end),
       pattern(size_t(steps)),
-      memory_(lanes, {{&u, steps * samples.u_square.size()},
-                      {&y, steps * samples.y_square.size()},
-                      {&there, steps * samples.y_square.size()},
-                      {&variance, steps * samples.u_square.size()},
-                      {&measured, steps},
-                      {&on, steps}}) {
+      memory(lanes, {{&u, steps * samples.u_square.size()},
+                     {&y, steps * samples.y_square.size()},
+                     {&there, steps * samples.y_square.size()},
+                     {&variance, steps * samples.u_square.size()},
+                     {&measured, steps},
+                     {&on, steps}}) {
   const Index r = samples.u_square.size(), m = samples.y_square.size();
   for (Index lane = 0; lane < Index(rows.size()); ++lane) {
     const auto& [row, group] = rows[size_t(lane)];

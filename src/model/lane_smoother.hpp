@@ -21,8 +21,7 @@ struct SingleRow {
 
 // The samples of at most `lanes` experiments. Arrays contain one number for each lane, which is zero where a sample is
 // missing, and at steps after the last output of an experiment.
-class LaneSamples {
- public:
+struct LaneSamples {
   // The number of experiments that are computed together. It is the same for all instruction sets, so that sums over
   // the experiments have the same bits.
   static constexpr Index lanes = 8;
@@ -35,8 +34,9 @@ class LaneSamples {
     double measured = 0, moved = 0;    // number of experiments with an output, and of those that continue
   };
 
-  // `rows`: 1 … lanes rows.
-  LaneSamples(const Samples& samples, std::span<const SingleRow> rows);
+  // `members`: 1 … lanes rows.
+  LaneSamples(const Samples& samples, std::span<const SingleRow> members);
+
   std::vector<SingleRow> rows;
   Index steps = 0;  // up to the last output of any lane
   std::vector<Pattern> pattern;
@@ -44,9 +44,7 @@ class LaneSamples {
   // For each step: inputs (r), outputs (m), 1 for an available output (m), the variance of a missing input (r), 1 if an
   // experiment has any output, and 1 if it continues at the next step.
   double *u = nullptr, *y = nullptr, *there = nullptr, *variance = nullptr, *measured = nullptr, *on = nullptr;
-
- private:
-  linalg::LaneMemory memory_;
+  linalg::LaneMemory memory;  // of these arrays
 };
 
 // The matrices of a model of constant state dimension, step by step in one array each.
