@@ -108,7 +108,8 @@ constexpr Index most_moves = 6;
 // A number of states whose errors are larger by this factor than those of the best number so far does not go on to the
 // last stage.
 constexpr double hopeless = 2.0;
-// Nor one whose likelihood is lower by this many standard errors than that of the best number after as many iterations.
+// After as many iterations, a number of states or a weaker penalty is given up if its likelihood is lower than that of
+// the best one by this many standard errors.
 constexpr double hopelessly_behind = 5.0;
 // A jump is tried where its gain is larger than twice the median gain, and exceeds `sharp` times the gains two steps
 // before and after by this share of the median. Gains vary slowly over time if the matrices do: the excess was at most
@@ -235,14 +236,9 @@ class Folds::RefinementSearch {
   // Tries the λ of a search for another number of states, and the λ around it, unless this number is clearly worse.
   void run_beside(const RefinementSearch& other) {
     first_ = other.first_;
-    const double from = other.smoothing();
-    work_.begin(fmt::format("EM: trying {}", words::plural(choice_.states, "state")),
-                usual_tries_beside * iterations_of_attempt(), after());
-    Likelihood most = attempt(from);
-    if (empty() || least_error()->error() > other.error() + std::log(hopeless) || far_behind(other)) return;
-    if (!climbs() || !jumps_.empty()) return continue_best();
-    climb(from, std::move(most));
-    go_on(chosen()->smoothing);
+    rival_ = &other;
+    search_beside(other);
+    rival_ = nullptr;
   }
 
   // The last stages of the number of states that was chosen.
@@ -353,6 +349,18 @@ class Folds::RefinementSearch {
     parallel_for(0, Index(count_), {folds_.options_.execution.threads, {}}, [&](Index begin, Index end) {
       for (Index f = begin; f < end; ++f) change(size_t(f));
     });
+  }
+
+  void search_beside(const RefinementSearch& other) {
+    const double from = other.smoothing();
+    work_.begin(fmt::format("EM: trying {}", words::plural(choice_.states, "state")),
+                usual_tries_beside * iterations_of_attempt(), after());
+    Likelihood most = attempt(from);
+    if (empty() || least_error()->error() > other.error() + std::log(hopeless)) return;
+    if (behind(other, attempts_.back())) return;
+    if (!climbs() || !jumps_.empty()) return continue_best();
+    climb(from, std::move(most));
+    go_on(chosen()->smoothing);
   }
 
   void choose_smoothing() {
@@ -559,12 +567,20 @@ class Folds::RefinementSearch {
     return best;
   }
 
-  bool far_behind(const RefinementSearch& rival) const {
-    const Attempt& own = attempts_.back();
-    for (const Attempt& other : rival.attempts_)
-      if (same_smoothing(other.smoothing, own.smoothing) && other.iterations == own.iterations)
-        return own.likelihood.advantage(other.likelihood) < -hopelessly_behind;
-    return false;
+  // Is the likelihood hopelessly lower than that of `rival` after as many iterations with the same λ?
+  static bool behind(const RefinementSearch& rival, const Attempt& own) {
+    return std::any_of(rival.attempts_.begin(), rival.attempts_.end(), [&](const Attempt& other) {
+      return same_smoothing(other.smoothing, own.smoothing) && other.iterations == own.iterations &&
+             own.likelihood.advantage(other.likelihood) < -hopelessly_behind;
+    });
+  }
+
+  // A weaker penalty than that of a better attempt fits noise, and fits more of it with further iterations.
+  bool overfits(const Attempt& own) const {
+    return std::any_of(attempts_.begin(), attempts_.end(), [&](const Attempt& other) {
+      return other.iterations == own.iterations && other.smoothing > own.smoothing &&
+             own.likelihood.advantage(other.likelihood) < -hopelessly_behind;
+    });
   }
 
   // With a stronger penalty, EM needs more iterations. It is therefore compared with the best λ once more when both
@@ -641,7 +657,10 @@ class Folds::RefinementSearch {
       now.smoothing = smoothing;
       known = stages.size() - 1;
     }
-    for (size_t i = known; i < stages.size(); ++i) way.stages.push_back(now = refined(std::move(now), stages[i]));
+    for (size_t i = known; i < stages.size(); ++i) {
+      way.stages.push_back(now = refined(std::move(now), stages[i]));
+      if (!climbs() && (overfits(now) || (rival_ && behind(*rival_, now)))) break;
+    }
     return ways_.emplace_back(std::move(way));
   }
 
@@ -726,8 +745,9 @@ class Folds::RefinementSearch {
   std::vector<Computed> like_;
   std::vector<Vector> least_variance_;  // as in least_variance, of each fold
   std::vector<Attempt> attempts_;
-  std::vector<double> tried_;  // λ of all attempts, also of those that failed
-  double first_ = gentle;      // λ with which EM begins
+  std::vector<double> tried_;                // λ of all attempts, also of those that failed
+  double first_ = gentle;                    // λ with which EM begins
+  const RefinementSearch* rival_ = nullptr;  // while another number of states is compared with it
   std::deque<Way> ways_;
   RefinementChoice choice_;
 };
