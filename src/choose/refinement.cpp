@@ -377,12 +377,13 @@ class Folds::RefinementSearch {
   void climb_ladder() {
     double best = first_;
     Likelihood most = attempt(best);
-    for (double next = 10 * best; next < largest && !lost(); next *= 10) try_smoothing(next, 0.0, best, most);
+    for (double next = 10 * best; next < largest && (empty() || !lost(attempts_.back())); next *= 10)
+      try_smoothing(next, 0.0, best, most);
     climb(best, std::move(most));
   }
 
-  // Did the last attempt lose what an earlier one had found?
-  bool lost() const { return !empty() && attempts_.back().error() > least_error()->error() + std::log(hopeless); }
+  // Has this attempt lost what another one has found?
+  bool lost(const Attempt& attempt) const { return attempt.error() > least_error()->error() + std::log(hopeless); }
 
   // With one more jump, the best λ may be larger by decades. A λ in between may be worse than both.
   void choose_larger_smoothing(double best) {
@@ -452,18 +453,28 @@ class Folds::RefinementSearch {
     work_.begin("EM: looking for jumps", usual_for_jump * double(candidates.size()) * double(count_ * longer),
                 longer_work() + after());
     const double smoothing = chosen()->smoothing;
-    // A jump is compared with as many iterations without it.
-    Likelihood before = likeliest()->likelihood;
-    if (jumps_.empty()) {
-      Likelihood more = refined(*chosen(), {longer, smoothing}).likelihood;
-      if (more.sum() > before.sum()) before = std::move(more);
-    }
+    // A jump is compared with as many iterations without it, also with the λ that is the best with the jump.
+    Likelihood most = likeliest()->likelihood;
+    std::vector<double> compared;
+    const auto go_as_far = [&](const Attempt& way) {
+      compared.push_back(way.smoothing);
+      Likelihood more = refined(way, {longer, way.smoothing}).likelihood;
+      if (more.sum() > most.sum()) most = std::move(more);
+    };
+    const bool first = jumps_.empty();
+    if (first) go_as_far(*chosen());
+    const auto before = [&](double best) {
+      const auto same = [&](double other) { return same_smoothing(other, best); };
+      if (first && std::none_of(compared.begin(), compared.end(), same)) go_as_far(way_to(best).stages.back());
+      return most;
+    };
     const auto search = [&] { choose_larger_smoothing(smoothing); };
     for (Index step : candidates)
       if (take_jumps(with_jump(jumps_, step), before, significant, search) > significant) {
         step = moved_jump(step);
         const auto same = [&](const Jump& jump) { return jump.step == step; };
-        std::find_if(jumps_.begin(), jumps_.end(), same)->loss = likeliest()->likelihood.advantage(before);
+        std::find_if(jumps_.begin(), jumps_.end(), same)->loss =
+            likeliest()->likelihood.advantage(before(likeliest()->smoothing));
         return true;
       }
     return false;
@@ -501,19 +512,24 @@ class Folds::RefinementSearch {
   }
 
   double take_at_same_smoothing(std::vector<Jump> jumps, double advantage) {
-    const Attempt before = *likeliest();
-    return take_jumps(std::move(jumps), before.likelihood, advantage, [&] { attempt(before.smoothing); });
+    const Attempt best = *likeliest();
+    return take_jumps(
+        std::move(jumps), [&](double) { return best.likelihood; }, advantage, [&] { attempt(best.smoothing); });
   }
 
-  // Searches with other jumps. Keeps them if the likelihood of the best attempt then exceeds `before` by more than
+  // Searches with other jumps. Keeps them if the likelihood of the best attempt then exceeds before(λ) by more than
   // `least` standard errors. Returns by how many it does.
-  template <class Search>
-  double take_jumps(std::vector<Jump> jumps, const Likelihood& before, double least, Search&& search) {
+  template <class Before, class Search>
+  double take_jumps(std::vector<Jump> jumps, Before&& before, double least, Search&& search) {
     std::vector<Attempt> attempts = std::exchange(attempts_, {});
     std::vector<double> tried = std::exchange(tried_, {});
     std::swap(jumps, jumps_);
     search();
-    const double advantage = (empty() ? Likelihood() : likeliest()->likelihood).advantage(before);
+    double advantage = -std::numeric_limits<double>::infinity();
+    if (!empty()) {
+      const Likelihood found = likeliest()->likelihood;
+      advantage = found.advantage(before(likeliest()->smoothing));
+    }
     if (advantage > least) return advantage;
     std::swap(jumps, jumps_);
     attempts_ = std::move(attempts);
@@ -525,12 +541,12 @@ class Folds::RefinementSearch {
 
   // The steps at which the gain of a jump is the sharpest, for each λ that was tried from the chosen one on, the
   // largest λ first. A model that varies more freely follows a jump by itself, so that its gains are smaller and less
-  // sharp.
+  // sharp. EM that has spoiled its start shows jumps that do not exist.
   std::vector<Index> sharp_steps() {
     std::map<double, const Attempt*, std::greater<>> last;  // for each λ, the attempt with the most iterations
     const double least = chosen()->smoothing;
     for (const Attempt& a : attempts_)
-      if (a.smoothing >= least && a.smoothing > 0) last[a.smoothing] = &a;
+      if (a.smoothing >= least && a.smoothing > 0 && !lost(a)) last[a.smoothing] = &a;
     std::vector<Index> steps;
     for (const auto& [smoothing, attempt] : last) {
       const std::optional<Index> step = sharpest(jump_gains_of(*attempt));
