@@ -84,6 +84,12 @@ Matrix process_noise(const Matrix& s, const Model& model) {
   return q;
 }
 
+// Are the states of the model in the coordinates of a realisation, which may differ from step to step? The steps of one
+// model have the same coordinates already.
+bool in_raw_frame(const Model& model) {
+  return model.frame == "raw" && model.method != "known" && model.period != 1;
+}
+
 void set_noise(const Matrix& s, Model& model) {
   const Matrix q = process_noise(s, model);
   for (Step& step : model.step) {
@@ -100,8 +106,7 @@ Model with_constant_states(const Model& model, Index steps) {
   const Index n = model.states();
   const Index begin = model.steps() > 0 ? model.full_begin() : 0;
   Index last = model.steps() > 0 ? model.full_end() - 1 : 0;  // last step whose state has the full dimension
-  // The steps of one model have the same coordinates already.
-  const bool to_smooth = model.frame == "raw" && model.method != "known" && model.period != 1;
+  const bool to_smooth = in_raw_frame(model);
   if (last <= begin)
     throw std::invalid_argument(
         fmt::format("model: no two successive steps with all {} states found, at least two needed", n));
@@ -274,8 +279,11 @@ em::EstimatorOptions estimator_options(const Model& start, const RefineOptions& 
 
 class Climb {
  public:
-  Climb(const Model& start, const em::Data& data, const RefineOptions& options, InitialState initial)
+  // `any_coordinates`: the states of the start have no coordinates of their own, so that EM may choose them.
+  Climb(const Model& start, const em::Data& data, const RefineOptions& options, InitialState initial,
+        bool any_coordinates)
       : options_(options),
+        any_coordinates_(any_coordinates),
         silent_{options.execution.threads, {}},
         data_(data),
         samples_(data.summed()),
@@ -297,6 +305,7 @@ class Climb {
   void report(const Point& now, Refinement& result) const;
 
   const RefineOptions& options_;
+  bool any_coordinates_;
   Execution silent_;
   const em::Data& data_;
   const kalman::Samples& samples_;
@@ -312,7 +321,7 @@ const Model& Climb::with(const em::Parameters& parameters) {
   return model_;
 }
 
-// The start, with the scales set by its moments.
+// The start, with the scales set by its moments, and perhaps in other coordinates.
 Point Climb::first_point() {
   const em::Parameters start = estimator_.start();
   kalman::Smoothed smoothed = smoother_.smooth(with(start), silent_, estimator_.phases() == 1);
@@ -320,7 +329,12 @@ Point Climb::first_point() {
   Point first = estimator_.start() == start ? point_of(start, std::move(smoothed)) : point(estimator_.start());
   if (!std::isfinite(first.penalised))
     throw std::runtime_error("the likelihood of the starting model is not finite: it does not fit the data at all");
-  return first;
+  // Coordinates that were estimated step by step vary so much that the penalty would ruin the model.
+  std::optional<em::Parameters> other =
+      any_coordinates_ ? estimator_.with_less_penalty(first.parameters) : std::nullopt;
+  if (!other) return first;
+  Point changed = point(std::move(*other));
+  return changed.penalised > first.penalised ? changed : first;
 }
 
 Point Climb::point(em::Parameters parameters) {
@@ -462,8 +476,9 @@ Refinement em::refine(const Model& model, const Ensemble& data, std::optional<Da
     const double from = done / all;
     done += double(o.iterations);
     o.execution = share(options.execution, from, done / all);
+    const bool any_coordinates = &o == &climbs.front() && in_raw_frame(model);
     if (&o != &climbs.front()) start = kalman_observer(std::move(result.model));
-    result = Climb(start, *samples, o, initial).run();
+    result = Climb(start, *samples, o, initial, any_coordinates).run();
   }
   for (const Step& step : result.model.step)
     if (!linalg::covariance_factor(step.R()) || !linalg::covariance_factor(step.Q()))
@@ -495,7 +510,7 @@ Vector jump_gains(const Model& model, const Ensemble& data, const RefineOptions&
     throw std::invalid_argument(fmt::format("smoothing: {} found, more than 0 needed", options.smoothing));
   const InitialState initial = initial_state_of(model, data, options);
   const Model start = starting_model(model, data, options, initial);
-  return Climb(start, em::Data(start, data), options, initial).jump_gains();
+  return Climb(start, em::Data(start, data), options, initial, in_raw_frame(model)).jump_gains();
 }
 
 Vector log_likelihoods(const Model& model, const Ensemble& data, const Execution& execution) {

@@ -120,8 +120,9 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
       if (!(value > 0)) value = experiments;  // a signal that is zero may have any weight
     return w;
   };
-  process_weight_ = weight(moments.moved);
-  measurement_weight_ = weight(moments.measured);
+  variation_.jumps = options_.jumps;
+  variation_.process_weight = weight(moments.moved);
+  variation_.measurement_weight = weight(moments.measured);
   const double count = std::max(1.0, moments.measured_count.sum());
   Matrix state = Matrix::Zero(n_, n_);  // mean second moment
   for (size_t s = 0; s < size_t(moments.measured.size()); ++s)
@@ -135,10 +136,10 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
   const Vector size = (typical(moments.measured, 0, n_) * of_step).cwiseMax(process_floor_);
   const Vector scale = (size.array() / state.diagonal().array().max(process_floor_.array())).sqrt();
   state = scale.asDiagonal() * state * scale.asDiagonal();
-  measurement_reference_ = linalg::bounded_below(options_.innovation_cov, measurement_floor_);
+  variation_.measurement_reference = linalg::bounded_below(options_.innovation_cov, measurement_floor_);
   const Vector output = (typical(moments.measured, n_ + r_, m_) * of_step).cwiseMax(measurement_floor_);
-  const double ratio = (measurement_reference_.diagonal().array() / output.array()).mean();
-  process_reference_ = linalg::bounded_below(ratio * state, process_floor_);
+  const double ratio = (variation_.measurement_reference.diagonal().array() / output.array()).mean();
+  variation_.process_reference = linalg::bounded_below(ratio * state, process_floor_);
   const auto per_phase = [&](const Vector& counts) {
     Vector sums = Vector::Zero(phases_);
     for (Index t = 0; t < counts.size(); ++t) sums(t % phases_) += counts(t);
@@ -166,19 +167,6 @@ void Estimator::set_scales(const kalman::Moments& moments, const kalman::Samples
 
 namespace {
 
-// Σ ‖V^{-1/2} (Θ_g - Θ_{g-1}) W^{1/2}‖² over the phases without jumps, with V = `reference` and W = diag(weight)
-double variation(const linalg::MatrixList& theta, const std::vector<Index>& jumps, const Matrix& reference,
-                 const Vector& weight) {
-  const Index l = theta.cols(), changes = theta.size() - 1;
-  const Matrix& all = theta.together();
-  const Matrix difference = whitener_of(reference) * (all.rightCols(l * changes) - all.leftCols(l * changes));
-  double sum = 0.0;
-  for (Index g = 1; g <= changes; ++g)
-    if (!std::binary_search(jumps.begin(), jumps.end(), g))
-      sum += difference.middleCols(l * (g - 1), l).colwise().squaredNorm().dot(weight);
-  return sum;
-}
-
 // Σ_g count_g log det of the noise of phase g
 double log_determinants(const Noise& noise, const Vector& counts) {
   Matrix w;
@@ -193,10 +181,7 @@ double log_determinants(const Noise& noise, const Vector& counts) {
 
 double Estimator::penalty(const Parameters& p) const {
   double sum = 0.0;
-  if (options_.smoothing > 0 && phases_ > 1)
-    sum += 0.5 * options_.smoothing *
-           (variation(p.ab, options_.jumps, process_reference_, process_weight_) +
-            variation(p.cd, options_.jumps, measurement_reference_, measurement_weight_));
+  if (options_.smoothing > 0 && phases_ > 1) sum += options_.smoothing * variation_.of(p.ab, p.cd);
   if (pooled_)
     sum -= 0.5 * (process_spent_ * log_determinants(p.process, moved_) +
                   measurement_spent_ * log_determinants(p.measurement, measured_));
@@ -206,6 +191,28 @@ double Estimator::penalty(const Parameters& p) const {
     sum += 0.5 * double(n_ + 1) * (log_det + (w * x0_prior_ * w.transpose()).trace());
   }
   return sum;
+}
+
+std::optional<Parameters> Estimator::with_less_penalty(const Parameters& p) const {
+  if (!(options_.smoothing > 0) || !options_.estimate_matrices || phases_ < steps_ || phases_ < 2 || n_ == 0)
+    return std::nullopt;
+  std::optional<Coordinates> found = with_less_variation(p.ab, p.cd, variation_);
+  if (!found) return std::nullopt;
+  Parameters result = p;
+  result.ab = std::move(found->ab);
+  result.cd = std::move(found->cd);
+  const auto covariance_in = [&](const Matrix& cov, const Matrix& s) {
+    Matrix changed = s * cov * s.transpose();
+    linalg::symmetrise(changed);
+    return changed;
+  };
+  Matrix mean = Matrix::Zero(n_, n_);
+  for (Index k = 0; k < steps_; ++k)
+    mean += covariance_in(p.process.shape[0], found->s[size_t(k) + 1]) / double(steps_);
+  result.process.shape[0] = linalg::bounded_below(mean, process_floor_);
+  result.x0_mean = found->s[0] * p.x0_mean;
+  result.x0_cov = covariance_in(p.x0_cov, found->s[0]);
+  return result;
 }
 
 linalg::MatrixList Estimator::phase_roots(const linalg::MatrixList& moments) const {
@@ -267,8 +274,9 @@ void Estimator::regress(const linalg::MatrixList& process, const linalg::MatrixL
     regress_each(output, of_outputs, m_, next.cd);
     return;
   }
-  const Walks walks[] = {walks_of(process, p.process, all, process_reference_, process_weight_),
-                         walks_of(output, p.measurement, of_outputs, measurement_reference_, measurement_weight_)};
+  const Walks walks[] = {
+      walks_of(process, p.process, all, variation_.process_reference, variation_.process_weight),
+      walks_of(output, p.measurement, of_outputs, variation_.measurement_reference, variation_.measurement_weight)};
   const Matrix back[] = {linalg::pseudo_inverse(walks[0].t), linalg::pseudo_inverse(walks[1].t)};
   const WalkRows rows[] = {{walks[0].rows, walks[0].stiffness}, {walks[1].rows, walks[1].stiffness}};
   linalg::MatrixList* const coefficients[] = {&next.ab, &next.cd};
@@ -295,9 +303,9 @@ Vector Estimator::jump_gains(const kalman::Moments& moments, const Parameters& p
         gains.segment(begin, end - begin) += tokid::jump_gains(own, walks.stiffness.col(i)) / walks.noise(i);
       }
   };
-  add(moments.moved, p.process, n_ + r_, process_reference_, process_weight_);
-  add(moments.measured, p.measurement, options_.feedthrough ? n_ + r_ : n_, measurement_reference_,
-      measurement_weight_);
+  add(moments.moved, p.process, n_ + r_, variation_.process_reference, variation_.process_weight);
+  add(moments.measured, p.measurement, options_.feedthrough ? n_ + r_ : n_, variation_.measurement_reference,
+      variation_.measurement_weight);
   return gains;
 }
 
@@ -405,8 +413,10 @@ class Reader {
 
 Vector Estimator::coordinates(const Parameters& p) const {
   Writer write;
-  const Matrix process = whitener_of(process_reference_), measurement = whitener_of(measurement_reference_);
-  const Vector process_units = process_weight_.cwiseSqrt(), measurement_units = measurement_weight_.cwiseSqrt();
+  const Matrix process = whitener_of(variation_.process_reference),
+               measurement = whitener_of(variation_.measurement_reference);
+  const Vector process_units = variation_.process_weight.cwiseSqrt(),
+               measurement_units = variation_.measurement_weight.cwiseSqrt();
   if (options_.estimate_matrices) {
     write(in_units(p.ab, process, process_units));
     write(in_units(p.cd, measurement, measurement_units));
@@ -427,9 +437,10 @@ Parameters Estimator::parameters(const Vector& coordinates, const Parameters& li
   Parameters p = like;
   Reader read(coordinates);
   const auto inverse_of = [](const Matrix& reference) { return linalg::pseudo_inverse(whitener_of(reference)); };
-  const Matrix process = inverse_of(process_reference_), measurement = inverse_of(measurement_reference_);
-  const Vector process_units = process_weight_.cwiseSqrt().cwiseInverse();
-  const Vector measurement_units = measurement_weight_.cwiseSqrt().cwiseInverse();
+  const Matrix process = inverse_of(variation_.process_reference),
+               measurement = inverse_of(variation_.measurement_reference);
+  const Vector process_units = variation_.process_weight.cwiseSqrt().cwiseInverse();
+  const Vector measurement_units = variation_.measurement_weight.cwiseSqrt().cwiseInverse();
   if (options_.estimate_matrices) {
     p.ab.together() = read(n_, (n_ + r_) * phases_);
     p.cd.together() = read(m_, (n_ + r_) * phases_);

@@ -2,7 +2,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
+#include <utility>
+#include <vector>
+
 #include "model/smoother.hpp"
+#include "noise/em/state_coordinates.hpp"
 
 namespace tokid::em {
 
@@ -56,6 +61,10 @@ class Estimator {
   // those of each step, or one sum of them if there is one phase.
   void set_scales(const kalman::Moments& moments, const kalman::Samples& samples);
   double penalty(const Parameters& p) const;  // to be subtracted from the log-likelihood
+  // The parameters in other coordinates of the states, in which the penalty is smaller. Empty if there is no penalty on
+  // the variation, or if none were found. The likelihood stays nearly the same: a process noise that is constant gets
+  // its mean covariance in the new coordinates.
+  std::optional<Parameters> with_less_penalty(const Parameters& p) const;
   // The M-step: increases the expected log-likelihood minus the penalty to its maximum, first over the matrices, then
   // over each covariance with these matrices, and last over the scales with this covariance as shape.
   Parameters maximise(const kalman::Moments& moments, const Parameters& p) const;
@@ -96,8 +105,7 @@ class Estimator {
   Index n_, r_, m_, steps_, phases_;
   bool pooled_;
   Parameters start_;
-  Matrix process_reference_, measurement_reference_;  // V
-  Vector process_weight_, measurement_weight_;        // W
+  Variation variation_;
   Vector process_floor_, measurement_floor_;
   Vector moved_, measured_;                               // (phases) number of samples
   double process_spent_ = 0.0, measurement_spent_ = 0.0;  // share of the samples that the coefficients use
