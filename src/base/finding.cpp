@@ -464,7 +464,9 @@ constexpr Entry table[] = {
            number(f, "smoothing"));
      }},
     {Kind::no_variation, "no_variation", note,
-     [](const Finding&) { return std::string("no variation over time found: one model is used for all steps"); }},
+     [](const Finding&) {
+       return std::string("one model is used for all steps: models that vary over time do not predict better");
+     }},
     {Kind::feedthrough_or_feedback, "feedthrough_or_feedback", warning,
      [](const Finding& f) {
        return fmt::format(

@@ -200,7 +200,8 @@ std::vector<Option> table() {
       option("output_weights", &O::output_weights, output_weights(),
              "Weights of the outputs in the choices and for the states that are kept (default equal)"),
       option("refine", &O::refine, or_auto(yes_or_no()),
-             "Maximum likelihood by EM, as far as it lowers the cross-validation error (default for noisy data)",
+             "Maximum likelihood by EM, as far as it lowers the cross-validation error (default for noisy data, not for "
+             "one model of a long record)",
              "No EM"),
       option("initial_state", &O::initial_state,
              or_auto(one_of<InitialState>({{"zero", InitialState::zero}, {"unknown", InitialState::unknown}})),
