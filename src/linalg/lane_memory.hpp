@@ -14,6 +14,9 @@ namespace tokid::linalg {
 // line.
 class LaneMemory {
  public:
+  // The addresses stay valid in a moved object, but not in a copy.
+  LaneMemory(const LaneMemory&) = delete;
+  LaneMemory(LaneMemory&&) noexcept = default;
   // `arrays`: for each array, the pointer that gets its address, and its number of vectors.
   LaneMemory(Index lanes, std::initializer_list<std::pair<double**, Index>> arrays) {
     constexpr std::uintptr_t cache_line = 64;
