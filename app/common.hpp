@@ -94,7 +94,8 @@ void warn(const Findings& findings);
 void add_findings(Json& json, const Findings& findings);
 Json json_of(const std::vector<OutlyingSamples>& outlying);
 
-// A line on stderr: the share of the work, the present stage, the time so far and the time left. It appears only if
+// A line on stderr: the finished share, the present stage, the time so far and the time left. While the amount of work
+// is open, the share is that of the stage and there is no time left. The line appears only if
 // stderr is a terminal and the work takes longer than 0.1 s. A thread draws it, so that the time goes on while there is
 // no report. The destructor erases it.
 class ProgressBar {

@@ -160,7 +160,7 @@ std::string smoothing_text(const Call& call, const Identification& result) {
   const Index period = result.plan.choices.variation.period;
   if (period == 1)
     return call.options.period == 1 ? "one model for all steps, as asked"
-                                    : "one model for all steps: models that vary do not predict better";
+                                    : "one model for all steps: models that vary over time do not predict better";
   const char* why = call.options.smoothing ? "as asked" : "by cross-validation error";
   return fmt::format("{}lambda = {} over time, {}",
                      period > 1 ? fmt::format("steps k and k + {} share a model; ", period) : std::string(),

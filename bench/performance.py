@@ -18,6 +18,7 @@ import os
 import platform
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -164,7 +165,8 @@ class Runner:
                                 env=self.environment, stdin=subprocess.DEVNULL, capture_output=True, text=True,
                                 check=False)
         if result.returncode != 0:
-            raise RuntimeError(f"{' '.join(map(str, command))}\n{result.stdout}{result.stderr}")
+            raise RuntimeError(f"{' '.join(map(str, command))}: exit status {result.returncode}\n"
+                               f"{result.stdout}{result.stderr}")
         *printed, figures = result.stdout.strip().splitlines()
         figures = json.loads(figures)
         if printed and printed[0].startswith("{"):
@@ -212,7 +214,9 @@ def duration(seconds):
 
 
 def spread(values):
-    """Half the range over the median."""
+    """Half the range over the median, of several values."""
+    if len(values) < 2:
+        return ""
     return f"± {50 * (max(values) - min(values)) / median(values):.0f} %"
 
 
@@ -265,8 +269,10 @@ def noise(run, results):
             try:
                 found.append(run.measured("prlimit", f"--cpu={LONGEST}", run.program("tokid"), "identify", path, "-o",
                                           run.folder / "model.npz", "--quiet"))
-            except RuntimeError:
-                if found:
+            except RuntimeError as stopped:
+                # Only the limit of processor time may have stopped it, by one of these signals.
+                signals = (256 - signal.SIGKILL, 256 - signal.SIGXCPU)
+                if found or not any(f": exit status {status}\n" in str(stopped) for status in signals):
                     raise
                 return []
         return found
@@ -300,7 +306,7 @@ def noise(run, results):
     for symbol, some in series.items():
         done = [size for size in some if measured[size]]
         times = [seconds(measured[size]) for size in done]
-        slope = exponent([n * t for n, t in done], times) if len(done) > 1 else None
+        slope = exponent([n * t for n, t in done], times) if done == some else None
         last = ["exponent", "", "-" if slope is None else f"{slope:.3f}", "", "", ""]
         results.tables[f"noise {symbol}"] = pad([*rows, *([*size, *cells(measured[size])] for size in some), last])
         what = f"noise: exponent of {symbol}"

@@ -24,7 +24,10 @@ void Call::poll() {
 }
 
 void Call::tell() {
-  if (listener_.is_none()) return;
+  // Python releases the GIL while the listener runs. Another thread could otherwise call it then.
+  if (listener_.is_none() || telling_) return;
+  telling_ = true;
+  const ScopeExit end([this] { telling_ = false; });
   ProgressReport now;
   {
     const std::lock_guard lock(mutex_);

@@ -18,6 +18,19 @@ namespace tokid::python {
 // catches some of these and continues.
 struct Stopped {};
 
+// Calls a function at the end of a scope, also after an exception.
+template <class Function>
+class ScopeExit {
+ public:
+  explicit ScopeExit(Function function) : function_(std::move(function)) {}
+  ~ScopeExit() { function_(); }
+  ScopeExit(const ScopeExit&) = delete;
+  ScopeExit& operator=(const ScopeExit&) = delete;
+
+ private:
+  Function function_;
+};
+
 // The progress of one call. Any thread of the library may report it. Python is called at most 20 times a second.
 class Call {
  public:
@@ -75,6 +88,7 @@ class Call {
   ProgressReport last_;
   Clock::time_point reported_ = Clock::now();
   // Used with the GIL alone:
+  bool telling_ = false;  // the listener runs
   TimeLeft time_left_;
   Clock::time_point told_ = Clock::now();
   std::exception_ptr why_;

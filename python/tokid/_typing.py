@@ -27,8 +27,8 @@ class ProgressShare(float):
         Expected time until the end [s]; None while it is not known.
     """
 
-    stage: str
-    seconds_left: Optional[float]
+    stage: str = ""
+    seconds_left: Optional[float] = None
 
     @classmethod
     def _of(cls, share: float, stage: str, seconds_left: Optional[float]) -> ProgressShare:

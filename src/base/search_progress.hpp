@@ -1,4 +1,4 @@
-// The progress of a search: nobody knows beforehand how much it tries.
+// The progress of a search whose amount of work is not known beforehand.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -10,9 +10,9 @@
 namespace tokid {
 
 // Counts work in units that take about the same time, such as iterations of one fold. Only usual amounts of work are
-// stated beforehand. If U units are usual for a part and u are done, U·exp(−u/U) are expected to follow: about the
-// difference at first, and never none. The share moves at the rate at which it would reach its end with the expected
-// work, so it neither stands still nor decreases if the search takes more or less than usual.
+// stated beforehand. If U units are usual for a part and u are done, U·exp(−u/U) are expected to follow. That is about
+// U − u at first, and always more than zero. The share moves as if exactly this work followed. So it neither stands
+// still nor decreases if the search takes more or less work than usual.
 class SearchProgress {
  public:
   // The search takes the progress of `execution` from `from` to `to`.
@@ -29,8 +29,8 @@ class SearchProgress {
   void end();
   // The progress of work in which each report counts as so many units. Several threads may report at the same time.
   Progress counted(double units = 1.0);
-  // From now on, reports state the time left. The first `units` tell how long a unit takes. `afterwards`: expected time
-  // of the work after the search [s].
+  // From now on, reports state the time left, once `units` units are done. A unit is expected to take as long as those so
+  // far. `afterwards`: expected time of the work after the search [s].
   void tell_time_after(double units, double afterwards) {
     timed_ = units;
     afterwards_ = afterwards;

@@ -647,7 +647,7 @@ class Folds::RefinementSearch {
       tried_.push_back(smoothing);
       if (searched_ && jumps_.empty())
         work_.rename(
-            fmt::format("EM: lambda {} of about {}", tried_.size(), std::max(tried_.size(), size_t(usual_tries))));
+            fmt::format("EM: lambda, attempt {} of about {}", tried_.size(), std::max(tried_.size(), size_t(usual_tries))));
       const Way& way = way_to(smoothing);
       if (jumps_.empty())
         for (const Attempt& stage : way.stages) keep(stage);

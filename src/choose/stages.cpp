@@ -20,13 +20,14 @@ constexpr std::array<Row, 11> rows{{
     {"choosing lags and lambda", 0.20, 0.22, 0.12},
     {"regressions of all steps", 0.24, 0.24, 0.13},
     {"testing feedthrough", 0.24, 0.32, 0.15},
-    {"cross-validation models", 0.24, 0.38, 0.16},
+    {"models of the folds", 0.24, 0.38, 0.16},
     {"choosing the number of states", 0.24, 0.80, 0.24},
     {"realisation", 0.40, 0.86, 0.25},
     {"EM", 0.40, 0.86, 0.94},
     {"looking for outliers", 0.50, 0.97, 0.98},
     {"validating", 1.00, 1.00, 1.00},
 }};
+static_assert(rows.size() == size_t(WorkStage::validation) + 1);
 
 double end_of(const Row& row, Course course) {
   return course == Course::noisy_with_em ? row.with_em : course == Course::noisy ? row.noisy : row.exact;

@@ -27,11 +27,11 @@ enum class Course { unknown, exact, noisy, noisy_with_em };
 struct StageShares {
   double from = 0.0, to = 1.0;
 };
-// The course of noisy data.
+// The course of an identification of noisy data: with EM or without.
 Course course_of(const IdentifyOptions& options);
 StageShares shares_of(WorkStage stage, Course course);
-// The part of the progress that is that of a stage. Where EM follows, the amount of
-// work is open before it. The little work after it states no time left either.
+// The execution of one stage. If EM may follow, the amount of work is open before it. The short work after EM states no
+// time left either.
 Execution in_stage(const Execution& whole, WorkStage stage, Course course);
 
 }  // namespace tokid
