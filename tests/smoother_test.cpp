@@ -33,8 +33,8 @@ Model model_with_noise(std::uint64_t seed, Index states = 3) {
   return model;
 }
 
-// Complete experiments, some with the same missing inputs, missing outputs and early end, and twenty of which each
-// misses other samples.
+// Complete experiments, and some with the same missing inputs, missing outputs and early end. Twenty experiments each
+// miss other samples.
 Ensemble with_gaps(const Model& model, Index experiments) {
   Ensemble data = testing::random_experiments(model, experiments, 7, 1.0);
   Random random(8);

@@ -51,10 +51,9 @@ struct Identification {
 // Gets the first model of an identification: the subspace model, before EM refines it. Only noisy data have it.
 using OnModel = std::function<void(Model)>;
 
-// Identifies a model. `on_model` is called at most once, in the calling thread, with the first model. It is not called if
-// no EM follows. Its exceptions end the identification. \throws std::invalid_argument
-// for too few experiments or steps, or too little excitation. For too few experiments, the message states the p that
-// their number permits.
+// Identifies a model. `on_model` is called at most once, in the calling thread, with the first model. It is not called
+// if no EM follows. Its exceptions end the identification. \throws std::invalid_argument for too few experiments or
+// steps, or too little excitation. For too few experiments, the message states the p that their number permits.
 Identification identify(const Ensemble& ensemble, const IdentifyOptions& options = {}, const OnModel& on_model = {});
 
 }  // namespace tokid

@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "base/statistics.hpp"
 #include "base/words.hpp"
 #include "choose/ahead_errors.hpp"
 #include "choose/first_steps.hpp"
@@ -109,8 +110,9 @@ constexpr Index most_moves = 6;
 // last stage.
 constexpr double hopeless = 2.0;
 // After as many iterations, a number of states or a weaker penalty is given up if its likelihood is lower than that of
-// the best one by this many standard errors.
-constexpr double hopelessly_behind = 5.0;
+// the best one, and chance would do that with less than this probability: five standard errors of many experiments, and
+// more of few.
+constexpr double hopeless_probability = 3e-7;
 // A jump is tried where its gain is larger than twice the median gain, and exceeds `sharp` times the gains two steps
 // before and after by this share of the median. Gains vary slowly over time if the matrices do: the excess was at most
 // 0.44 in smooth plants, and at least 0.82 at the jumps of others (bench/zoo).
@@ -145,6 +147,10 @@ class Folds::Likelihood {
     for (size_t i = 0; i < of_experiment_.size(); ++i)
       square += std::pow(of_experiment_[i] - other.of_experiment_[i] - difference / count, 2);
     return difference / std::sqrt(std::max(square * count / std::max(1.0, count - 1), 1e-300));
+  }
+  bool hopelessly_below(const Likelihood& other) const {
+    const double freedom = double(of_experiment_.size()) - 1.0;
+    return freedom > 0 && advantage(other) < -statistics::student_quantile(1 - hopeless_probability, freedom);
   }
 
  private:
@@ -295,6 +301,7 @@ class Folds::RefinementSearch {
   struct Way {
     double smoothing = 0.0;
     std::vector<Attempt> stages;
+    bool given_up = false;  // before its last stage
   };
 
   const Attempt* least_error() const {
@@ -357,7 +364,7 @@ class Folds::RefinementSearch {
                 usual_tries_beside * iterations_of_attempt(), after());
     Likelihood most = attempt(from);
     if (empty() || least_error()->error() > other.error() + std::log(hopeless)) return;
-    if (behind(other, attempts_.back())) return;
+    if (!folds_.pooled() && behind(other, attempts_.back())) return;
     if (!climbs() || !jumps_.empty()) return continue_best();
     climb(from, std::move(most));
     go_on(chosen()->smoothing);
@@ -382,7 +389,7 @@ class Folds::RefinementSearch {
     climb(best, std::move(most));
   }
 
-  // Has this attempt lost what another one has found?
+  // Is the error of this attempt larger than the least one by the factor `hopeless`?
   bool lost(const Attempt& attempt) const { return attempt.error() > least_error()->error() + std::log(hopeless); }
 
   // With one more jump, the best λ may be larger by decades. A λ in between may be worse than both.
@@ -456,9 +463,9 @@ class Folds::RefinementSearch {
     // A jump is compared with as many iterations without it, also with the λ that is the best with the jump.
     Likelihood most = likeliest()->likelihood;
     std::vector<double> compared;
-    const auto go_as_far = [&](const Attempt& way) {
-      compared.push_back(way.smoothing);
-      Likelihood more = refined(way, {longer, way.smoothing}).likelihood;
+    const auto go_as_far = [&](const Attempt& from) {
+      compared.push_back(from.smoothing);
+      Likelihood more = refined(from, {longer, from.smoothing}).likelihood;
       if (more.sum() > most.sum()) most = std::move(more);
     };
     const bool first = jumps_.empty();
@@ -546,9 +553,10 @@ class Folds::RefinementSearch {
     std::map<double, const Attempt*, std::greater<>> last;  // for each λ, the attempt with the most iterations
     const double least = chosen()->smoothing;
     for (const Attempt& a : attempts_)
-      if (a.smoothing >= least && a.smoothing > 0 && !lost(a)) last[a.smoothing] = &a;
+      if (a.smoothing >= least && a.smoothing > 0) last[a.smoothing] = &a;
     std::vector<Index> steps;
     for (const auto& [smoothing, attempt] : last) {
+      if (lost(*attempt)) continue;
       const std::optional<Index> step = sharpest(jump_gains_of(*attempt));
       if (step && std::find(steps.begin(), steps.end(), *step) == steps.end()) steps.push_back(*step);
     }
@@ -587,15 +595,16 @@ class Folds::RefinementSearch {
   static bool behind(const RefinementSearch& rival, const Attempt& own) {
     return std::any_of(rival.attempts_.begin(), rival.attempts_.end(), [&](const Attempt& other) {
       return same_smoothing(other.smoothing, own.smoothing) && other.iterations == own.iterations &&
-             own.likelihood.advantage(other.likelihood) < -hopelessly_behind;
+             own.likelihood.hopelessly_below(other.likelihood);
     });
   }
 
-  // A weaker penalty than that of a better attempt fits noise, and fits more of it with further iterations.
+  // Has an attempt with a larger λ and as many iterations a much larger likelihood? This λ then fits noise, and would
+  // fit more of it.
   bool overfits(const Attempt& own) const {
     return std::any_of(attempts_.begin(), attempts_.end(), [&](const Attempt& other) {
       return other.iterations == own.iterations && other.smoothing > own.smoothing &&
-             own.likelihood.advantage(other.likelihood) < -hopelessly_behind;
+             own.likelihood.hopelessly_below(other.likelihood);
     });
   }
 
@@ -646,13 +655,14 @@ class Folds::RefinementSearch {
     if (std::none_of(tried_.begin(), tried_.end(), same)) {
       tried_.push_back(smoothing);
       if (searched_ && jumps_.empty())
-        work_.rename(
-            fmt::format("EM: lambda, attempt {} of about {}", tried_.size(), std::max(tried_.size(), size_t(usual_tries))));
+        work_.rename(fmt::format("EM: lambda, attempt {} of about {}", tried_.size(),
+                                 std::max(tried_.size(), size_t(usual_tries))));
       const Way& way = way_to(smoothing);
       if (jumps_.empty())
         for (const Attempt& stage : way.stages) keep(stage);
-      for (const Stage& stage : schedule_of(options(smoothing), first_).jumping)
-        keep(refined(way.stages.back(), stage));
+      if (!way.given_up)
+        for (const Stage& stage : schedule_of(options(smoothing), first_).jumping)
+          keep(refined(way.stages.back(), stage));
     }
     Likelihood most;
     for (const Attempt& a : attempts_)
@@ -675,7 +685,9 @@ class Folds::RefinementSearch {
     }
     for (size_t i = known; i < stages.size(); ++i) {
       way.stages.push_back(now = refined(std::move(now), stages[i]));
-      if (!climbs() && (overfits(now) || (rival_ && behind(*rival_, now)))) break;
+      if (climbs() || folds_.pooled()) continue;
+      way.given_up = overfits(now) || (rival_ && behind(*rival_, now));
+      if (way.given_up) break;
     }
     return ways_.emplace_back(std::move(way));
   }

@@ -187,11 +187,13 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   }
   // If few windows have no missing sample, an infinite λ may only mean that they do not determine the variation over
   // time. A large finite λ is then used. EM uses every sample and chooses another λ.
-  if (!options.smoothing && !options.choices && std::isinf(variation.smoothing) &&
-      windows_are_scarce(selection, plan.lags)) {
-    variation.smoothing = stiff;
-    result.findings.push_back({.kind = Finding::Kind::smoothing_by_gaps, .numbers = {{"smoothing", stiff}}});
-  }
+  const bool by_gaps = !options.smoothing && !options.choices && std::isinf(variation.smoothing) &&
+                       windows_are_scarce(selection, plan.lags);
+  if (by_gaps) variation.smoothing = stiff;
+  const auto report_gaps = [&] {
+    if (by_gaps)
+      result.findings.push_back({.kind = Finding::Kind::smoothing_by_gaps, .numbers = {{"smoothing", stiff}}});
+  };
   // With stated jumps the matrices do vary. In the regressions, which know no jumps, at least a little.
   if (options.jumps && !options.jumps->empty() && std::isinf(variation.smoothing)) variation.smoothing = stiff;
   if (!options.choices) variation.period = options.period;
@@ -199,7 +201,7 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
   // A record that is much longer than its selection determines many lags of one model for all steps.
   const bool questioned = varies && options.period == 0 && !options.smoothing && !options.choices && !options.jumps &&
                           selection.experiments() > 1 && selection.steps() < data.steps();
-  if (varies && !questioned) return;
+  if (varies && !questioned) return report_gaps();
   // One regression of all steps has more samples than the regression of one step, so it permits larger lag orders.
   std::optional<SmoothingChoice> constant;
   if (options.period == 0 && selection.experiments() > 1) {
@@ -212,7 +214,7 @@ void choose_variation(const Ensemble& data, const Ensemble& selection, const Ide
       result.smoothing_choice.trials.push_back(trial);
     }
   }
-  if (questioned && !(constant->error * clearly_better < result.smoothing_choice.error)) return;
+  if (questioned && !(constant->error * clearly_better < result.smoothing_choice.error)) return report_gaps();
   if (options.period == 0 && !options.smoothing) result.findings.push_back({.kind = Finding::Kind::no_variation});
   variation = {0.0, 1};
   if (constant) plan.lags = constant->lags;

@@ -108,7 +108,7 @@ OutlyingSampleCollector::OutlyingSampleCollector(const Model& model, const Ensem
 
 bool OutlyingSampleCollector::of_no_consequence(const Matrix& innovation) const {
   for (Index j = 0; j < innovation.cols(); ++j)
-    if ((innovation.col(j).array().abs() > of_consequence * spread_(j)).any()) return false;  // false for NaN
+    if ((innovation.col(j).array().abs() > of_consequence * spread_(j)).any()) return false;  // also for a missing sample (NaN)
   return true;
 }
 
@@ -166,7 +166,7 @@ void OutlyingSampleCollector::test_block(size_t from) {
       double& usual = usual_(begin_ + Index(i), j);
       usual = std::fmax(of_block, N > 2 ? share_of_step * median_size(block_[i].col(j)) : nan);
       const auto errors = block_[i].col(j).array().abs();
-      tested_.col(j).array() += (errors >= 0).cast<double>();  // false for NaN
+      tested_.col(j).array() += (errors >= 0).cast<double>();  // also for a missing sample (NaN)
       in_tail_.col(j).array() += (errors > in_tail * usual).cast<double>();
     }
   }

@@ -16,7 +16,11 @@ void with_columns(const ConstMatrixRef& a, const ConstMatrixRef& b, const std::v
 
 constexpr double settled = 1e-14;
 
-bool close(const ConstMatrixRef& a, const ConstMatrixRef& b) { return (a - b).norm() <= settled * b.norm(); }
+// Do covariances differ by at most `settled` in units of the standard deviations?
+bool close(const ConstMatrixRef& a, const ConstMatrixRef& b) {
+  const Vector unit = b.diagonal().cwiseMax(0.0).cwiseSqrt();
+  return ((a - b).cwiseAbs().array() <= (settled * unit * unit.transpose()).array()).all();
+}
 
 // Do the steps t-1 and t have the same matrices and the same missing samples?
 bool as_before(const Model& model, const Alike& group, size_t t) {

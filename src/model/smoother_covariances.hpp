@@ -33,7 +33,7 @@ inline bool partly_missing(const std::vector<Index>& there, Index outputs) {
 }
 
 // Covariances do not depend on samples. Where successive steps have the same matrices and the same missing samples,
-// they settle, up to `settled` of their size. The steps then share them.
+// they settle: from step to step they change by less than `settled`. The steps then share them.
 class Covariances {
  public:
   // Runs the filter, and with `smooth` also the smoother.

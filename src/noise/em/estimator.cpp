@@ -38,12 +38,6 @@ double freedom_of(Index phases, double smoothing) {
   return sum;
 }
 
-Matrix whitener_of(const Matrix& covariance) {
-  Matrix w;
-  linalg::inverse_root(covariance, w);
-  return w;
-}
-
 }  // namespace
 
 bool Parameters::finite() const {
@@ -201,17 +195,11 @@ std::optional<Parameters> Estimator::with_less_penalty(const Parameters& p) cons
   Parameters result = p;
   result.ab = std::move(found->ab);
   result.cd = std::move(found->cd);
-  const auto covariance_in = [&](const Matrix& cov, const Matrix& s) {
-    Matrix changed = s * cov * s.transpose();
-    linalg::symmetrise(changed);
-    return changed;
-  };
   Matrix mean = Matrix::Zero(n_, n_);
-  for (Index k = 0; k < steps_; ++k)
-    mean += covariance_in(p.process.shape[0], found->s[size_t(k) + 1]) / double(steps_);
+  for (size_t k = 1; k <= size_t(steps_); ++k)
+    mean += found->s[k] * p.process.shape[0] * found->s[k].transpose() / double(steps_);
+  linalg::symmetrise(mean);
   result.process.shape[0] = linalg::bounded_below(mean, process_floor_);
-  result.x0_mean = found->s[0] * p.x0_mean;
-  result.x0_cov = covariance_in(p.x0_cov, found->s[0]);
   return result;
 }
 

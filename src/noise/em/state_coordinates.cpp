@@ -17,18 +17,12 @@ constexpr int newton_steps = 3, gradient_iterations = 20;
 // A step is halved at most so many times.
 constexpr int halvings = 3;
 
-Matrix whitener(const Matrix& covariance) {
-  Matrix w;
-  linalg::inverse_root(covariance, w);
-  return w;
-}
-
 // Σ ‖V^{-1/2} (Θ_k - Θ_{k-1}) W^{1/2}‖² over the steps without jumps
 double square_of_changes(const linalg::MatrixList& theta, const std::vector<Index>& jumps, const Matrix& reference,
                          const Vector& weight) {
   const Index l = theta.cols(), changes = theta.size() - 1;
   const Matrix& all = theta.together();
-  const Matrix difference = whitener(reference) * (all.rightCols(l * changes) - all.leftCols(l * changes));
+  const Matrix difference = whitener_of(reference) * (all.rightCols(l * changes) - all.leftCols(l * changes));
   double sum = 0.0;
   for (Index k = 1; k <= changes; ++k)
     if (!std::binary_search(jumps.begin(), jumps.end(), k))
@@ -50,11 +44,10 @@ struct Changes {
   }
 };
 
-// The changes as linear functions of E_0 … E_T, where the new states are (I + E_k) x_k. In coordinates in which V = I,
-// they are
-// (A_{k+1} - A_k + E_{k+2} A_{k+1} - A_{k+1} E_{k+1} - E_{k+1} A_k + A_k E_k) W^{1/2},
-// (B_{k+1} - B_k + E_{k+2} B_{k+1} - E_{k+1} B_k) W^{1/2} and (C_{k+1} - C_k - C_{k+1} E_{k+1} + C_k E_k) W^{1/2}.
-// D does not depend on the coordinates.
+// The changes as linear functions of E_1 … E_T, where the new states are (I + E_k) x_k. E_0 = 0, so that the
+// distribution of x_0 stays the same. In coordinates in which V = I, they are (A_{k+1} - A_k + E_{k+2} A_{k+1} -
+// A_{k+1} E_{k+1} - E_{k+1} A_k + A_k E_k) W^{1/2}, (B_{k+1} - B_k + E_{k+2} B_{k+1} - E_{k+1} B_k) W^{1/2} and
+// (C_{k+1} - C_k - C_{k+1} E_{k+1} + C_k E_k) W^{1/2}. D does not depend on the coordinates.
 class Linearised {
  public:
   Linearised(const linalg::MatrixList& ab, const linalg::MatrixList& cd, const Variation& variation)
@@ -63,7 +56,7 @@ class Linearised {
         m_(cd.rows()),
         steps_(ab.size()),
         jumps_(variation.jumps),
-        to_white_(whitener(variation.process_reference)),
+        to_white_(whitener_of(variation.process_reference)),
         from_white_(to_white_.inverse()),
         weight_a_(to_white_ * variation.process_weight.head(n_).cwiseSqrt().asDiagonal()),
         weight_c_(to_white_ * variation.measurement_weight.head(n_).cwiseSqrt().asDiagonal()),
@@ -71,7 +64,7 @@ class Linearised {
         a_(steps_, n_, n_),
         b_(steps_, n_, r_),
         c_(steps_, m_, n_) {
-    const Matrix of_outputs = whitener(variation.measurement_reference);
+    const Matrix of_outputs = whitener_of(variation.measurement_reference);
     for (size_t k = 0; k < size_t(steps_); ++k) {
       a_[k] = to_white_ * ab[k].leftCols(n_) * from_white_;
       b_[k] = to_white_ * ab[k].rightCols(r_);
@@ -128,6 +121,7 @@ class Linearised {
       e[k].noalias() += a_[k].transpose().lazyProduct(a);
       e[k].noalias() += c_[k].transpose().lazyProduct(c);
     });
+    e[0].setZero();
   }
 
   // The E that conjugate gradients find for the smallest sum of squares, in the coordinates of the model.
@@ -140,7 +134,9 @@ class Linearised {
     double square = descent.together().squaredNorm();
     for (int i = 0; i < gradient_iterations && square > 0; ++i) {
       apply(direction, change);
-      const double length = square / change.squared_norm();
+      const double curvature = change.squared_norm();
+      if (!(curvature > 0)) break;
+      const double length = square / curvature;
       e.together() += length * direction.together();
       rest.add(length, change);
       apply_transposed(rest, descent);
@@ -184,6 +180,12 @@ Coordinates moved(const linalg::MatrixList& ab, const linalg::MatrixList& cd, co
 }
 
 }  // namespace
+
+Matrix whitener_of(const Matrix& covariance) {
+  Matrix w;
+  linalg::inverse_root(covariance, w);
+  return w;
+}
 
 double Variation::of(const linalg::MatrixList& ab, const linalg::MatrixList& cd) const {
   return 0.5 * (square_of_changes(ab, jumps, process_reference, process_weight) +

@@ -23,8 +23,11 @@ struct Variation {
 
 struct Coordinates {
   linalg::MatrixList ab, cd;  // [A B] and [C D] in the new coordinates
-  std::vector<Matrix> s;      // (T+1) S_k (n × n): the new states are S_k x_k
+  std::vector<Matrix> s;      // (T+1) S_k (n × n): the new states are S_k x_k. S_0 = I
 };
+
+// W with W S Wᵀ = I, lower triangular; a direction without variance has a zero row.
+Matrix whitener_of(const Matrix& covariance);
 
 // Coordinates with less variation, by a few Gauss-Newton steps, or nothing if these find none. Inputs and outputs of
 // the model stay the same. It takes O(T n³) operations.
