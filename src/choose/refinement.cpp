@@ -109,9 +109,8 @@ constexpr Index most_moves = 6;
 // A number of states whose errors are larger by this factor than those of the best number so far does not go on to the
 // last stage.
 constexpr double hopeless = 2.0;
-// After as many iterations, a number of states or a weaker penalty is given up if its likelihood is lower than that of
-// the best one, and chance would do that with less than this probability: five standard errors of many experiments, and
-// more of few.
+// After as many iterations, a number of states is given up if its likelihood is lower than that of the best one, and
+// chance would do that with less than this probability: five standard errors of many experiments, and more of few.
 constexpr double hopeless_probability = 3e-7;
 // A jump is tried where its gain is larger than twice the median gain, and exceeds `sharp` times the gains two steps
 // before and after by this share of the median. Gains vary slowly over time if the matrices do: the excess was at most
@@ -301,7 +300,6 @@ class Folds::RefinementSearch {
   struct Way {
     double smoothing = 0.0;
     std::vector<Attempt> stages;
-    bool given_up = false;  // before its last stage
   };
 
   const Attempt* least_error() const {
@@ -472,7 +470,7 @@ class Folds::RefinementSearch {
     if (first) go_as_far(*chosen());
     const auto before = [&](double best) {
       const auto same = [&](double other) { return same_smoothing(other, best); };
-      if (first && std::none_of(compared.begin(), compared.end(), same)) go_as_far(way_to(best).stages.back());
+      if (first && std::none_of(compared.begin(), compared.end(), same)) go_as_far(complete_way_to(best).stages.back());
       return most;
     };
     const auto search = [&] { choose_larger_smoothing(smoothing); };
@@ -599,15 +597,6 @@ class Folds::RefinementSearch {
     });
   }
 
-  // Has an attempt with a larger λ and as many iterations a much larger likelihood? This λ then fits noise, and would
-  // fit more of it.
-  bool overfits(const Attempt& own) const {
-    return std::any_of(attempts_.begin(), attempts_.end(), [&](const Attempt& other) {
-      return other.iterations == own.iterations && other.smoothing > own.smoothing &&
-             own.likelihood.hopelessly_below(other.likelihood);
-    });
-  }
-
   // With a stronger penalty, EM needs more iterations. It is therefore compared with the best λ once more when both
   // have had more of them.
   void choose_longer() {
@@ -657,12 +646,11 @@ class Folds::RefinementSearch {
       if (searched_ && jumps_.empty())
         work_.rename(fmt::format("EM: lambda, attempt {} of about {}", tried_.size(),
                                  std::max(tried_.size(), size_t(usual_tries))));
-      const Way& way = way_to(smoothing);
+      const Way& way = jumps_.empty() ? way_to(smoothing) : complete_way_to(smoothing);
       if (jumps_.empty())
         for (const Attempt& stage : way.stages) keep(stage);
-      if (!way.given_up)
-        for (const Stage& stage : schedule_of(options(smoothing), first_).jumping)
-          keep(refined(way.stages.back(), stage));
+      for (const Stage& stage : schedule_of(options(smoothing), first_).jumping)
+        keep(refined(way.stages.back(), stage));
     }
     Likelihood most;
     for (const Attempt& a : attempts_)
@@ -671,8 +659,8 @@ class Folds::RefinementSearch {
   }
 
   // The first stages of this λ, without jumps. Those of smaller λ, which its ladder shares, are not repeated.
-  const Way& way_to(double smoothing) {
-    for (const Way& known : ways_)
+  Way& way_to(double smoothing) {
+    for (Way& known : ways_)
       if (same_smoothing(known.smoothing, smoothing)) return known;
     const std::vector<Stage> stages = schedule_of(options(smoothing), first_).first;
     Way way{smoothing, {}};
@@ -685,11 +673,18 @@ class Folds::RefinementSearch {
     }
     for (size_t i = known; i < stages.size(); ++i) {
       way.stages.push_back(now = refined(std::move(now), stages[i]));
-      if (climbs() || folds_.pooled()) continue;
-      way.given_up = overfits(now) || (rival_ && behind(*rival_, now));
-      if (way.given_up) break;
+      if (!climbs() && !folds_.pooled() && rival_ && behind(*rival_, now)) break;
     }
     return ways_.emplace_back(std::move(way));
+  }
+
+  // Also the stages that were given up: with a jump, this λ may be the best.
+  const Way& complete_way_to(double smoothing) {
+    Way& way = way_to(smoothing);
+    const std::vector<Stage> stages = schedule_of(options(smoothing), first_).first;
+    while (way.stages.size() < (climbs() ? 1 : stages.size()))
+      way.stages.push_back(refined(way.stages.back(), stages[way.stages.size()]));
+    return way;
   }
 
   void keep(const Attempt& attempt) {

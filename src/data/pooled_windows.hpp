@@ -13,6 +13,12 @@ namespace tokid {
 // are many, and if their noise is far above rounding errors; otherwise the windows are factorised.
 Matrix pooled_window_factor(const Windows& windows, Index lags, Index begin, Index end, const Execution& execution);
 
+// Do regressions of one model use this factor? Those of a shorter record take little time with each window.
+inline bool pools_windows(const Windows& windows, Index groups) {
+  constexpr Index long_record = 512;
+  return groups == 1 && windows.steps() > long_record;
+}
+
 // The number of experiments in the windows of each step begin … end-1.
 std::vector<Index> window_counts(const Windows& windows, Index lags, Index begin, Index end);
 

@@ -8,8 +8,9 @@
 #include <vector>
 
 #include "linalg/lane_memory.hpp"
+#include "model/moments.hpp"
 #include "model/samples.hpp"
-#include "model/smoother.hpp"
+#include "tokid/model.hpp"
 
 namespace tokid::kalman {
 

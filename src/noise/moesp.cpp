@@ -42,7 +42,7 @@ class Moesp {
         from_rest_(arx.k_begin == 0),
         noisy_(o.noisy),
         sizes_(weighted_sizes(e, o)) {
-    if (groups_ == 1) {
+    if (pools_windows(e, groups_)) {
       const Index begin = from_rest_ ? 0 : lags_;
       windows_ = arx.window_factor;
       if (!windows_)
@@ -177,9 +177,9 @@ class Moesp {
       squares += y.colwise().squaredNorm().transpose();
       count(g) += experiments;
     };
-    if (groups_ == 1) add(0, *windows_, windows_count_);
+    if (windows_) add(0, *windows_, windows_count_);
     const bool every_row = e_.missing() == 0;
-    for (Index k = lags_; groups_ > 1 && k + 1 < e_.steps(); ++k) {
+    for (Index k = lags_; !windows_ && k + 1 < e_.steps(); ++k) {
       const auto window = e_.window_and_output(k, lags_);
       const Matrix rows = every_row ? Matrix(window) : Matrix(window(e_.complete_rows(k, lags_), Eigen::all));
       add(variation_.group(k), rows, double(rows.rows()));
@@ -212,7 +212,7 @@ class Moesp {
   Index groups_, r_, m_, through_, lags_, n_ = 0;  // through_: number of inputs with feedthrough
   bool from_rest_, noisy_;
   Vector sizes_;
-  std::shared_ptr<const Matrix> windows_;  // if there is one group: the factor of its windows
+  std::shared_ptr<const Matrix> windows_;  // of the only group of a long record: the factor of its windows
   double windows_count_ = 0.0;
   Model model_;
 };
@@ -250,12 +250,13 @@ PredictorFactors projection_factors(const Ensemble& e, const GtvArx& arx, const 
         }
         stack.add(rows);
       };
-      if (groups == 1) {
+      const bool together = pools_windows(e, groups);
+      if (together) {
         const Index last = lags + f - 1;  // of the first window
         add(pooled_window_factor(e, last, last, e.steps(), {o.execution.threads, {}}));
         for (const Index rows : window_counts(e, last, last, e.steps())) count += double(rows);
       }
-      for (Index k = g; groups > 1 && k + f <= e.steps(); k += groups) {
+      for (Index k = g; !together && k + f <= e.steps(); k += groups) {
         if (k < lags) continue;
         const auto all = e.samples().middleCols((k - lags) * d, (lags + f) * d);
         add(every_row ? Matrix(all) : Matrix(all(e.complete_rows(k + f - 1, lags + f - 1), Eigen::all)));

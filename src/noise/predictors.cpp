@@ -33,7 +33,7 @@ constexpr double enough_rows = 5.0;
 class Steps {
  public:
   Steps(const Windows& e, const GtvArx& arx, const SubspaceOptions& o)
-      : data(e), variation(o.variation), lags(largest_lags(arx)), begin(arx.k_begin), together_(arx.window_factor) {
+      : data(e), variation(o.variation), lags(largest_lags(arx)), begin(arx.k_begin) {
     if (e.inputs() != arx.inputs || e.outputs() != arx.outputs || e.steps() != arx.steps())
       throw std::invalid_argument(fmt::format("ARX model: {} steps, {} inputs, {} outputs found, {}, {}, {} needed",
                                               arx.steps(), arx.inputs, arx.outputs, e.steps(), e.inputs(),
@@ -41,7 +41,8 @@ class Steps {
     if (variation.period > 0 && e.steps() < lags + std::min(variation.period, e.steps()))
       throw std::invalid_argument(fmt::format("steps: {} found, at least {} needed (lag order and period)", e.steps(),
                                               lags + variation.period));
-    if (groups() != 1) return;
+    if (!pools_windows(e, groups())) return;
+    together_ = arx.window_factor;
     if (!together_)
       together_ = std::make_shared<Matrix>(pooled_window_factor(e, lags, begin, e.steps(), {o.execution.threads, {}}));
     const std::vector<Index> counts = window_counts(e, lags, begin, e.steps());
@@ -78,7 +79,7 @@ class Steps {
   // number of experiments that they represent. If there is only one group, its windows come as one factor.
   template <class Body>
   void each_window(Index g, Body&& body) const {
-    if (groups() == 1) return body(begin, *together_, together_count_);
+    if (together_) return body(begin, *together_, together_count_);
     for (const Index k : of(g)) body(k, data.rows(k, lags), double(data.count(k, lags)));
   }
 
@@ -93,7 +94,7 @@ class Steps {
     return p;
   }
 
-  std::shared_ptr<const Matrix> together_;  // the windows of the only group
+  std::shared_ptr<const Matrix> together_;  // the windows of the only group of a long record
   double together_count_ = 0.0;
 };
 

@@ -204,7 +204,7 @@ def test_progress_bar_in_a_terminal(tokid, tmp_path, long_work):
 
 def test_progress_names_stages_and_tells_of_the_first_model(tokid, tmp_path):
     data = tmp_path / "data.npz"
-    tokid("example", "oscillator", "-o", data, "--experiments", 20, "--steps", 20000, "--process-noise", 0.02,
+    tokid("example", "oscillator", "-o", data, "--experiments", 200, "--steps", 600, "--process-noise", 0.02,
           "--measurement-noise", 0.05)
     terminal, end = pty.openpty()
     with subprocess.Popen([tokid.executable, "identify", str(data), "-o", str(tmp_path / "model.npz")],
