@@ -29,8 +29,8 @@ class SearchProgress {
   void end();
   // The progress of work in which each report counts as so many units. Several threads may report at the same time.
   Progress counted(double units = 1.0);
-  // From now on, reports state the time left, once `units` units are done. A unit is expected to take as long as those so
-  // far. `afterwards`: expected time of the work after the search [s].
+  // From now on, reports state the time left, once `units` units are done. A unit is expected to take as long as those
+  // so far. `afterwards`: expected time of the work after the search [s].
   void tell_time_after(double units, double afterwards) {
     timed_ = units;
     afterwards_ = afterwards;

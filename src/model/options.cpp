@@ -199,10 +199,11 @@ std::vector<Option> table() {
              "What the states must explain (auto: by cross-validation); projection: PO-MOESP"),
       option("output_weights", &O::output_weights, output_weights(),
              "Weights of the outputs in the choices and for the states that are kept (default equal)"),
-      option("refine", &O::refine, or_auto(yes_or_no()),
-             "Maximum likelihood by EM, as far as it lowers the cross-validation error (default for noisy data, not for "
-             "one model of a long record)",
-             "No EM"),
+      option(
+          "refine", &O::refine, or_auto(yes_or_no()),
+          "Maximum likelihood by EM, as far as it lowers the cross-validation error (default for noisy data, not for "
+          "one model of a long record)",
+          "No EM"),
       option("initial_state", &O::initial_state,
              or_auto(one_of<InitialState>({{"zero", InitialState::zero}, {"unknown", InitialState::unknown}})),
              "States at step 0 (auto: as the data say, else by test)"),

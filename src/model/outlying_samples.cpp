@@ -108,7 +108,8 @@ OutlyingSampleCollector::OutlyingSampleCollector(const Model& model, const Ensem
 
 bool OutlyingSampleCollector::of_no_consequence(const Matrix& innovation) const {
   for (Index j = 0; j < innovation.cols(); ++j)
-    if ((innovation.col(j).array().abs() > of_consequence * spread_(j)).any()) return false;  // also for a missing sample (NaN)
+    if ((innovation.col(j).array().abs() > of_consequence * spread_(j)).any())
+      return false;  // also for a missing sample (NaN)
   return true;
 }
 

@@ -86,9 +86,7 @@ Matrix process_noise(const Matrix& s, const Model& model) {
 
 // Are the states of the model in the coordinates of a realisation, which may differ from step to step? The steps of one
 // model have the same coordinates already.
-bool in_raw_frame(const Model& model) {
-  return model.frame == "raw" && model.method != "known" && model.period != 1;
-}
+bool in_raw_frame(const Model& model) { return model.frame == "raw" && model.method != "known" && model.period != 1; }
 
 void set_noise(const Matrix& s, Model& model) {
   const Matrix q = process_noise(s, model);
