@@ -4,10 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <functional>
 #include <optional>
+#include <vector>
 
 #include "model/step_fields.hpp"
 #include "testing.hpp"
+#include "tokid/parallel.hpp"
 
 namespace tokid::testing {
 namespace {
@@ -162,6 +165,54 @@ TEST(Step, OfMatrices) {
 }
 
 // Millions of steps are held at once.
+// Copies have the numbers in one place until one of them is written to, whatever is written and in whichever of them.
+TEST(Step, SharesNumbersUntilTheyDiffer) {
+  Random random(19);
+  const auto place = [](const Step& step) { return step.A().data(); };
+  const Step first(random.matrix(3, 3), random.matrix(3, 1), random.matrix(2, 3), random.matrix(2, 1),
+                   random.matrix(3, 2));
+  const std::vector<std::function<void(Step&)>> writers = {
+      [](Step& s) { s.A()(0, 0) += 1; }, [](Step& s) { s.G().setZero(); }, [](Step& s) { s.set_Q(Matrix::Ones(3, 3)); },
+      [](Step& s) { s.set_lags(4); }, [](Step& s) { s.set_singular_values(Vector::Ones(2)); }};
+  for (size_t i = 0; i < writers.size(); ++i)
+    for (const bool write_copy : {false, true}) {
+      SCOPED_TRACE(i);
+      Step original = first;
+      Step copy = original;
+      EXPECT_EQ(place(original), place(first));
+      EXPECT_EQ(place(copy), place(first));
+      Step &written = write_copy ? copy : original, &other = write_copy ? original : copy;
+      writers[i](written);
+      EXPECT_NE(place(written), place(first));
+      EXPECT_EQ(place(other), place(first));
+      EXPECT_FALSE(written == first);
+      EXPECT_TRUE(other == first);
+      const double* own = place(written);
+      written.A()(1, 1) = 5;  // the only owner writes in place
+      EXPECT_EQ(place(written), own);
+    }
+}
+
+// Threads that write to copies of one step do not see each other.
+TEST(Step, CopiesAreIndependentOfThreads) {
+  constexpr Index count = 200;
+  for (int round = 0; round < 20; ++round) {
+    std::vector<Step> steps(size_t(count), Step(2, 2, 1, 1));
+    parallel_for(0, count, {4, {}}, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k) {
+        steps[size_t(k)].A().setConstant(double(k));
+        steps[size_t(k)].set_lags(k);
+      }
+    });
+    for (Index k = 0; k < count; ++k) {
+      const Step& step = steps[size_t(k)];
+      EXPECT_EQ(Matrix(step.A()), Matrix::Constant(2, 2, double(k)));
+      EXPECT_EQ(step.lags(), k);
+      EXPECT_EQ(Matrix(step.B()), Matrix::Zero(2, 1));
+    }
+  }
+}
+
 TEST(Step, IsSmall) { EXPECT_LE(sizeof(Step), 48u); }
 
 }  // namespace

@@ -2,15 +2,55 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <type_traits>
+#include <utility>
 
 #include "tokid/linalg.hpp"
 
 namespace tokid {
 
+// Numbers in one block of memory. Copies share the block until one of them is written to, which then gets a block of
+// its own. Threads may use copies at the same time, as if each had its own block.
+class SharedNumbers {
+ public:
+  SharedNumbers() = default;
+  explicit SharedNumbers(Index size);  // zeros
+  SharedNumbers(const SharedNumbers& other) noexcept : block_(other.block_) {
+    if (block_) block_->owners.fetch_add(1, std::memory_order_relaxed);
+  }
+  SharedNumbers(SharedNumbers&& other) noexcept : block_(std::exchange(other.block_, nullptr)) {}
+  SharedNumbers& operator=(SharedNumbers other) noexcept {
+    std::swap(block_, other.block_);
+    return *this;
+  }
+  ~SharedNumbers();
+
+  Index size() const { return block_ ? block_->size : 0; }
+  const double* data() const { return block_ ? block_->numbers() : nullptr; }
+  Eigen::Map<const Vector> values() const { return {data(), size()}; }
+  // For writing. Invalidates data() and values() if the block was shared.
+  double* own() {
+    if (block_ && block_->owners.load(std::memory_order_acquire) > 1) separate();
+    return block_ ? block_->numbers() : nullptr;
+  }
+
+ private:
+  struct Block {
+    std::atomic<std::int32_t> owners;
+    Index size;
+    double* numbers() { return reinterpret_cast<double*>(this + 1); }
+  };
+  void separate();
+
+  Block* block_ = nullptr;
+};
+
 // Long models have millions of steps with few numbers each. One allocation for each matrix would take three times the
-// memory. The functions set_… add a part, and forget_… remove it; both invalidate all views of the step.
+// memory. Copies of a step share their numbers until they are written to, so that a periodic model has them only once.
+// Writing to a copy, the functions set_…, which add a part, and forget_…, which remove it, invalidate all views of the
+// step.
 class Step {
  public:
   using View = Eigen::Map<const Matrix>;
@@ -127,7 +167,7 @@ class Step {
   View view(Part part) const { return {at(part), rows(part), cols(part)}; }
   Writable writable(Part part) {
     need(part);
-    return {numbers_.data() + begin(part), rows(part), cols(part)};
+    return {numbers_.own() + begin(part), rows(part), cols(part)};
   }
   void set(Part part, const Matrix& value);
   void set(Part part, double value);
@@ -135,7 +175,7 @@ class Step {
   double* room_for(Part part, Index size);
   bool whole() const;  // after reading: has numbers_ the size of all parts?
 
-  Vector numbers_;
+  SharedNumbers numbers_;
   std::int32_t states_ = 0, next_states_ = 0, inputs_ = 0, outputs_ = 0, singular_values_ = 0;
   std::uint32_t parts_ = system;
 };

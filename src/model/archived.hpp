@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <stdexcept>
 #include <type_traits>
@@ -17,6 +18,17 @@ inline constexpr size_t archive::least_bytes<Step> = 6 * sizeof(std::int32_t) + 
 template <class Archive, class C>
 requires std::is_same_v<std::remove_const_t<C>, Channels>
 void fields(Archive& archive, C& c) { archive(c.input_names, c.output_names, c.input_units, c.output_units); }
+
+template <class Archive, class N>
+requires std::is_same_v<std::remove_const_t<N>, SharedNumbers>
+void fields(Archive& archive, N& numbers) {
+  Vector values = numbers.values();
+  archive(values);
+  if constexpr (!std::is_const_v<N>) {
+    numbers = SharedNumbers(values.size());
+    std::copy_n(values.data(), values.size(), numbers.own());
+  }
+}
 
 template <class Archive, class S>
 requires std::is_same_v<std::remove_const_t<S>, Step>

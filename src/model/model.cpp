@@ -187,6 +187,7 @@ Matrix observability(const Model& model, Index k, Index rows) {
 Model continued(Model model, Index end) {
   if (model.period <= 0 || model.steps() < model.period) return model;
   const size_t period = size_t(model.period);
+  model.step.reserve(model.step.size() + size_t(std::max<Index>(0, end - model.k_end())));
   for (Index k = model.k_end(); k < end; ++k) model.step.push_back(Step(model.step[model.step.size() - period]));
   for (Matrix* nominal : {&model.u_nominal, &model.y_nominal}) {
     const Index known = nominal->rows();

@@ -26,14 +26,14 @@ class Riccati {
   };
   // A filter step with l = [x; ε] and no other noise of the outputs: y = C x + ε. F = [A -G] and w = w'.
   Step advance(size_t s) {
-    const Matrix& sigma = noise_.innovation[s];
+    const Matrix& sigma = noise_.innovation[s % noise_.innovation.size()];
     Matrix seen = linalg::stacked(sigma, root_ * model_.step[s].C().transpose());
     drop_rounding(seen, noise_.output_size);
     Matrix rest = linalg::stacked(-sigma * model_.step[s].G().transpose(), root_ * model_.step[s].A().transpose());
     const Matrix missing = missing_noise(seen);
     rest = linalg::stacked(rest, Matrix::Zero(missing.rows(), rest.cols()));
     const Matrix gain = kalman::prediction_gain(linalg::stacked(seen, missing), rest);
-    root_ = kalman::next_root(rest, noise_.state[s]);
+    root_ = kalman::next_root(rest, noise_.state[s % noise_.state.size()]);
     return {-gain, kalman::covariance_of(seen)};
   }
 
@@ -72,13 +72,14 @@ void filter_gains(Model& model, const NoiseRoots& noise) {
   }
   // The filter needs the gains of the noise, and the new ones replace them. The steady gains of one period hold for
   // all.
-  const size_t own = steady ? size_t(model.period) : model.step.size();
+  const size_t all = model.step.size(), own = steady ? std::min(size_t(model.period), all) : all;
   std::vector<Riccati::Step> found;
-  for (size_t s = 0; s < std::min(own, model.step.size()); ++s) found.push_back(filter.advance(s));
-  for (size_t s = 0; s < model.step.size(); ++s) {
-    model.step[s].G() = found[s % own].gain;
-    model.step[s].set_innovation_cov(found[s % own].innovation_cov);
+  for (size_t s = 0; s < own; ++s) found.push_back(filter.advance(s));
+  for (size_t s = 0; s < own; ++s) {
+    model.step[s].G() = found[s].gain;
+    model.step[s].set_innovation_cov(found[s].innovation_cov);
   }
+  for (size_t s = own; s < all; ++s) model.step[s] = model.step[s - own];
 }
 
 }  // namespace tokid

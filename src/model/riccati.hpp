@@ -18,10 +18,11 @@ inline constexpr double least_noise = 1e-6;
 // zero. `size` (m) are the norms of the outputs. Without this, the gains would depend on rounding errors.
 void drop_rounding(Matrix& residuals, const Vector& size);
 
-// The residuals of the regressions for a model in innovations form, as roots of the covariances Σ and Q'.
+// The residuals of the regressions for a model in innovations form, as roots of the covariances Σ and Q': of each step,
+// or of the steps of one period.
 struct NoiseRoots {
-  std::vector<Matrix> innovation;  // (S) of (· × m)
-  std::vector<Matrix> state;       // (S) of (· × n_{k+1}), in addition to the innovations
+  std::vector<Matrix> innovation;  // of (· × m)
+  std::vector<Matrix> state;       // of (· × n_{k+1}), in addition to the innovations
   Vector output_size;              // (m) RMS over all steps
 };
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <new>
 #include <stdexcept>
 
 namespace tokid {
@@ -29,6 +30,25 @@ void need_shape(const char* name, const Matrix& a, Index rows, Index cols) {
 
 }  // namespace
 
+SharedNumbers::SharedNumbers(Index size) {
+  if (size == 0) return;
+  static_assert(sizeof(Block) % alignof(double) == 0);
+  block_ = new (::operator new(sizeof(Block) + size_t(size) * sizeof(double))) Block{{1}, size};
+  std::uninitialized_fill_n(block_->numbers(), size, 0.0);
+}
+
+SharedNumbers::~SharedNumbers() {
+  if (!block_ || block_->owners.fetch_sub(1, std::memory_order_acq_rel) > 1) return;
+  block_->~Block();
+  ::operator delete(block_);
+}
+
+void SharedNumbers::separate() {
+  SharedNumbers copy(size());
+  std::copy_n(data(), size(), copy.block_->numbers());
+  *this = std::move(copy);
+}
+
 void Step::Writable::need_shape(Index found_rows, Index found_cols) const {
   if (found_rows != rows() || found_cols != cols())
     throw std::invalid_argument(
@@ -40,7 +60,7 @@ Step::Step(Index states, Index next_states, Index inputs, Index outputs)
       next_states_(dimension(next_states)),
       inputs_(dimension(inputs)),
       outputs_(dimension(outputs)) {
-  numbers_.setZero(begin_besides(Part::innovation_cov));
+  numbers_ = SharedNumbers(begin_besides(Part::innovation_cov));
 }
 
 Step::Step(const Matrix& A, const Matrix& B, const Matrix& C, const Matrix& D, const Matrix& G)
@@ -59,7 +79,7 @@ Step::Step(const Matrix& A, const Matrix& B, const Matrix& C, const Matrix& D, c
 bool Step::operator==(const Step& other) const {
   return states_ == other.states_ && next_states_ == other.next_states_ && inputs_ == other.inputs_ &&
          outputs_ == other.outputs_ && parts_ == other.parts_ && singular_values_ == other.singular_values_ &&
-         numbers_ == other.numbers_;
+         (numbers_.data() == other.numbers_.data() || numbers_.values() == other.numbers_.values());
 }
 
 Index Step::begin_besides(Part part) const {
@@ -74,12 +94,13 @@ double* Step::room_for(Part part, Index size) {
   const Index first = begin(part), found = has(part) ? rows(part) * cols(part) : 0;
   if (found != size) {
     const Index after = numbers_.size() - first - found;
-    Vector numbers(first + size + after);
-    numbers << numbers_.head(first), Vector::Zero(size), numbers_.tail(after);
+    SharedNumbers numbers(first + size + after);
+    std::copy_n(numbers_.data(), first, numbers.own());
+    std::copy_n(numbers_.data() + first + found, after, numbers.own() + first + size);
     numbers_ = std::move(numbers);
   }
   parts_ |= bit(part);
-  return numbers_.data() + first;
+  return numbers_.own() + first;
 }
 
 void Step::not_known(Part part) { throw std::logic_error(fmt::format("step: {} is not known", names[unsigned(part)])); }
@@ -119,7 +140,8 @@ Step Step::outline() const {
   result.states_ = states_, result.next_states_ = next_states_, result.inputs_ = inputs_, result.outputs_ = outputs_;
   result.parts_ = parts_ & (bit(Part::condition) | bit(Part::rank) | bit(Part::lags));
   const Index first = begin_besides(Part::condition);
-  result.numbers_ = numbers_.tail(numbers_.size() - first);
+  result.numbers_ = SharedNumbers(numbers_.size() - first);
+  std::copy_n(numbers_.data() + first, result.numbers_.size(), result.numbers_.own());
   return result;
 }
 

@@ -70,10 +70,9 @@ class Moesp {
     model_.step.assign(size_t(groups_), Step(n_, n_, r_, m_));
     shift();
     simulate_inputs();
-    for (Index k = groups_; k < e_.steps(); ++k) model_.step.push_back(Step(model_.step[size_t(k - groups_)]));
-    for (Index k = 0; k < e_.steps(); ++k) {
-      model_.step[size_t(k)].set_lags(lags_);
-      model_.step[size_t(k)].set_singular_values(factors_.group[size_t(variation_.group(k))].singular_values);
+    for (size_t g = 0; g < model_.step.size(); ++g) {
+      model_.step[g].set_lags(lags_);
+      model_.step[g].set_singular_values(factors_.group[g].singular_values);
     }
     find_gains();
     return std::move(model_);
@@ -185,24 +184,23 @@ class Moesp {
       add(variation_.group(k), rows, double(rows.rows()));
     }
     std::vector<Matrix> gain;
-    NoiseRoots of_group, noise;
+    NoiseRoots noise;
     noise.output_size = (squares / std::max(1.0, count.sum())).cwiseSqrt();
     for (Index g = 0; g < groups_; ++g) {
       const Matrix factor = stacks[size_t(g)].factor() / std::sqrt(std::max(1.0, count(g)));
       Matrix innovations = factor.leftCols(m_), rest = factor.rightCols(n_);
       drop_rounding(innovations, noise.output_size);
       gain.emplace_back(-kalman::prediction_gain(innovations, rest));
-      of_group.innovation.push_back(std::move(innovations));
-      of_group.state.push_back(std::move(rest));
+      noise.innovation.push_back(std::move(innovations));
+      noise.state.push_back(std::move(rest));
     }
-    for (Index k = 0; k < e_.steps(); ++k) {
-      const Index g = variation_.group(k);
+    for (Index g = 0; g < groups_; ++g) {
+      Step& step = model_.step[size_t(g)];
       // Without noise there is no ε. The gain then comes from the map of the next state.
-      model_.step[size_t(k)].G() = noisy_ ? gain[size_t(g)] : Matrix(-state(next(g)).rightCols(m_));
-      noise.innovation.push_back(of_group.innovation[size_t(g)]);
-      noise.state.push_back(of_group.state[size_t(g)]);
-      model_.step[size_t(k)].set_innovation_cov(kalman::covariance_of(noise.innovation.back()));
+      step.G() = noisy_ ? gain[size_t(g)] : Matrix(-state(next(g)).rightCols(m_));
+      step.set_innovation_cov(kalman::covariance_of(noise.innovation[size_t(g)]));
     }
+    model_ = continued(std::move(model_), e_.steps());
     if (noisy_) filter_gains(model_, noise);
   }
 

@@ -446,7 +446,7 @@ class StateRegressions {
 // The residuals of the regressions as roots of the covariances of each step. With few experiments, all steps of full
 // dimension share one covariance. With many experiments, each step has its own.
 NoiseRoots noise_roots(const Steps& steps, const StateRegressions& sizes, const std::vector<Fitted>& outputs,
-                       const std::vector<Fitted>& next_states, Index k_begin, const SubspaceOptions& o) {
+                       const std::vector<Fitted>& next_states, Index begin, Index end, const SubspaceOptions& o) {
   const Index m = steps.data.outputs();
   const bool pooled = o.variation.smoothing > 0 && steps.varying();
   Index most = 0;
@@ -473,7 +473,7 @@ NoiseRoots noise_roots(const Steps& steps, const StateRegressions& sizes, const 
   };
   NoiseRoots noise;
   noise.output_size = (squares / std::max(1.0, rows_outputs)).cwiseSqrt();
-  for (Index k = k_begin; k < steps.data.steps(); ++k) {
+  for (Index k = begin; k < end; ++k) {
     const Index g = steps.group(k), next = sizes.states(steps.next(g));
     const Fitted &y = outputs[size_t(g)], &x = next_states[size_t(g)];
     noise.innovation.push_back(pooled ? root(shared_outputs, rows_outputs, 0, m)
@@ -503,8 +503,9 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
   model.period = o.variation.period;
   if (steps.smooth()) model.frame = "smooth";
   model.k_begin = steps.varying() ? steps.begin : 0;
-  const NoiseRoots noise = noise_roots(steps, regressions, outputs, next_states, model.k_begin, o);
-  for (Index k = model.k_begin; k < e.steps(); ++k) {
+  const Index own = steps.varying() ? e.steps() : steps.groups();  // the steps of later periods repeat them
+  const NoiseRoots noise = noise_roots(steps, regressions, outputs, next_states, model.k_begin, own, o);
+  for (Index k = model.k_begin; k < own; ++k) {
     const Index group = steps.group(k), next_group = steps.next(group);
     const Index n = regressions.states(group), next = regressions.states(next_group);
     const size_t g = size_t(group);
@@ -522,8 +523,9 @@ Model realise(const Windows& e, const GtvArx& arx, const PredictorFactors& facto
     step.set_singular_values(factors.group[g].singular_values);
     step.set_condition(y.condition);
     step.set_rank(y.rank);
-    step.set_lags(arx.step[size_t(k)].lags > 0 ? arx.step[size_t(k)].lags : steps.lags);
+    step.set_lags(steps.varying() && arx.step[size_t(k)].lags > 0 ? arx.step[size_t(k)].lags : steps.lags);
   }
+  model = continued(std::move(model), e.steps());
   if (o.noisy) filter_gains(model, noise);
   return model;
 }
