@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "io/formats/formats.hpp"
+#include "io/formats/model_pieces.hpp"
 #include "io/formats/sample_time.hpp"
 #include "io/formats/schema.hpp"
 #include "io/guard/atomic_file.hpp"
@@ -161,7 +162,15 @@ void io::save_arrays(const fs::path& path, const WriteOptions& options, const st
 
 void save_model(const Model& model, const fs::path& path, const WriteOptions& options) {
   model.check();
-  io::save_arrays(path, options, [&](io::Layout layout) { return io::arrays_of(model, layout); });
+  naming_write(path, [&] {
+    const Format format = format_of(path);
+    io::AtomicFile file(path);
+    if (format == Format::hdf5)
+      io::write_hdf5(io::pieces_of(model), file.path());
+    else
+      write(io::arrays_of(model, layout_of(format)), file.path(), format, options);
+    file.commit();
+  });
 }
 
 void save_text(std::string_view text, const fs::path& path) {

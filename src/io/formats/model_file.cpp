@@ -5,7 +5,7 @@
 #include <cerrno>
 
 #include "io/formats/files.hpp"
-#include "io/formats/hdf5_sink.hpp"
+#include "io/formats/model_pieces.hpp"
 #include "io/formats/schema.hpp"
 #include "io/guard/atomic_file.hpp"
 #include "io/naming.hpp"
@@ -79,44 +79,23 @@ struct ModelFile::Content {
     return size_t(name == "u_nominal" || name == "y_nominal" ? nominal_rows : outline.steps());
   }
 
-  void commit() {
-    const io::Arrays small = io::small_arrays_of(outline);
-    for (const auto& [name, array] : small)
-      if (const auto* texts = std::get_if<std::vector<std::string>>(&array.values)) io::check_texts(name, *texts);
-    io::Arrays shapes;  // the shapes of the large data sets
+  io::ModelPieces pieces() const {
+    io::ModelPieces result{io::small_arrays_of(outline), {}, [this](const auto& use) {
+                             spool.for_each([&](const std::string& record) { use(rows_of(record)); });
+                           }};
     spool.for_each([&](const std::string& record) {
-      if (!shapes.empty()) return;
-      shapes = rows_of(record);
-      for (auto& [name, array] : shapes) array = {array.shape, {}}, array.shape.front() = row_count(name);
+      if (!result.shapes.empty()) return;
+      result.shapes = rows_of(record);
+      for (auto& [name, array] : result.shapes) array = {array.shape, {}}, array.shape.front() = row_count(name);
     });
-
-    io::AtomicFile file(path);
-    io::written_by_library([&] { write(small, shapes, file.path()); });
-    file.commit();
+    return result;
   }
 
-  void write(const io::Arrays& small, const io::Arrays& shapes, const fs::path& to) const {
-    std::uint64_t bytes = 0;
-    for (const auto* arrays : {&small, &shapes})
-      for (const auto& [name, array] : *arrays) bytes += io::stored_bytes(array);
-    io::Hdf5Sink sink(to, bytes);
-    for (const auto& [name, array] : small) sink.write(name, array);
-    {
-      std::vector<io::Hdf5Sink::Rows> large;
-      std::vector<Index> done(shapes.size(), 0);
-      for (const auto& [name, array] : shapes) large.emplace_back(sink, name, array.shape);
-      spool.for_each([&](const std::string& record) {
-        const io::Arrays rows = rows_of(record);
-        if (rows.size() != shapes.size())
-          throw std::logic_error("steps of a model that hold other fields than the first ones");
-        for (size_t i = 0; i < rows.size(); ++i) {
-          const Index count = Index(rows[i].second.shape.front());
-          large[i].write(done[i], count, std::get<std::vector<double>>(rows[i].second.values).data());
-          done[i] += count;
-        }
-      });
-    }
-    sink.close();
+  void commit() {
+    const io::ModelPieces all = pieces();
+    io::AtomicFile file(path);
+    io::write_hdf5(all, file.path());
+    file.commit();
   }
 
   fs::path path;

@@ -203,12 +203,17 @@ Arrays small_arrays_of(const Model& model) {
   return arrays;
 }
 
-Arrays step_arrays_of(const Model& model, Index states, Index singular_values, Layout layout) {
+Arrays nominal_arrays_of(const Model& model) {
   Arrays arrays;
-  if (model.has(&Step::has_singular_values))
-    arrays.emplace_back("singular_values", singular_values_array(model, singular_values));
   for (const auto& [name, trajectory, channels] : nominal_fields)
     if ((model.*trajectory).rows() > 0) arrays.emplace_back(name, matrix_array(model.*trajectory));
+  return arrays;
+}
+
+Arrays step_arrays_of(const Model& model, Index states, Index singular_values, Layout layout) {
+  Arrays arrays = nominal_arrays_of(model);
+  if (model.has(&Step::has_singular_values))
+    arrays.emplace_back("singular_values", singular_values_array(model, singular_values));
   // In reverse order, so that A is written last.
   for (auto field = step_fields::all.rbegin(); field != step_fields::all.rend(); ++field)
     if (!field->optional || has(model, *field))

@@ -19,8 +19,10 @@ Arrays arrays_of(const Ensemble& ensemble, Layout layout);
 Arrays arrays_of(const Model& model, Layout layout);
 
 // The two parts of a model's arrays. The size of the small arrays depends little on the number of steps. The step
-// arrays have a row for each step, padded to `states` states and `singular_values` singular values.
+// arrays have a row for each step, padded to `states` states and `singular_values` singular values. They begin with the
+// nominal trajectory.
 Arrays small_arrays_of(const Model& model);
+Arrays nominal_arrays_of(const Model& model);
 Arrays step_arrays_of(const Model& model, Index states, Index singular_values, Layout layout);
 Index singular_value_count(const Model& model);  // the largest number of any step
 
