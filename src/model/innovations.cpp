@@ -73,6 +73,17 @@ double standardised(double sum, const Cumulants& c) {
   return c.variance > 0 ? (sum - c.mean) / std::sqrt(c.variance) : nan;
 }
 
+// Keeps the entries of the last steps: entry k replaces entry k - count.
+template <class T>
+class Latest {
+ public:
+  explicit Latest(Index count) : kept_(size_t(count)) {}
+  T& at(Index k) { return kept_[size_t(k) % kept_.size()]; }
+
+ private:
+  std::vector<T> kept_;
+};
+
 // Adds up the traces of the whiteness test.
 class WhitenessSums {
  public:
@@ -145,26 +156,30 @@ Whiteness whiteness_over_experiments(const Innovations& innovations, Index lags)
   const auto enough = [few = size_t(too_few(innovations))](const std::vector<Index>& rows) {
     return rows.size() > few;
   };
-  std::vector<std::vector<Index>> rows;
-  std::vector<Centred> over;
-  for (const Matrix& e : innovations) {
-    rows.push_back(finite_rows(e));
-    over.push_back(enough(rows.back()) ? centred(e(rows.back(), Eigen::all)) : Centred{});
-  }
+  struct Innovation {
+    std::vector<Index> rows;
+    Centred over;
+  };
+  Latest<Innovation> latest(lags + 1);
   WhitenessSums sums(steps, lags, m);
-  for (Index k = 1; k < steps; ++k)
+  for (Index k = 0; k < steps; ++k) {
+    const Matrix& e = innovations[size_t(k)];
+    Innovation& now = latest.at(k);
+    now.rows = finite_rows(e);
+    now.over = enough(now.rows) ? centred(e(now.rows, Eigen::all)) : Centred{};
     for (Index j = 1; j <= std::min(lags, k); ++j) {
-      const size_t now = size_t(k), before = size_t(k - j);
-      if (rows[now] == rows[before]) {
-        sums.add(k, j, over[now], over[before]);
+      const Innovation& before = latest.at(k - j);
+      if (now.rows == before.rows) {
+        sums.add(k, j, now.over, before.over);
         continue;
       }
       std::vector<Index> both;
-      std::set_intersection(rows[now].begin(), rows[now].end(), rows[before].begin(), rows[before].end(),
+      std::set_intersection(now.rows.begin(), now.rows.end(), before.rows.begin(), before.rows.end(),
                             std::back_inserter(both));
       if (enough(both))
-        sums.add(k, j, centred(innovations[now](both, Eigen::all)), centred(innovations[before](both, Eigen::all)));
+        sums.add(k, j, centred(e(both, Eigen::all)), centred(innovations[size_t(k - j)](both, Eigen::all)));
     }
+  }
   return sums.result(Pooling::experiments);
 }
 
@@ -288,7 +303,12 @@ class IndependenceSums {
 Independence independence_over_experiments(const Innovations& innovations, const Ensemble& data, Index first,
                                            Index last) {
   IndependenceSums sums(last - first + 1);
-  std::vector<std::optional<Matrix>> whole(innovations.size());  // bases over all experiments
+  // Bases over all experiments. Step k needs those of the steps k - last … k - first.
+  struct Basis {
+    Index step = -1;
+    Matrix basis;
+  };
+  Latest<Basis> whole(last - first + 1);
   for (Index k = 0; k < data.steps(); ++k) {
     const std::vector<Index> rows = finite_rows(innovations[size_t(k)]);
     if (static_cast<Index>(rows.size()) <= too_few(innovations)) continue;
@@ -300,9 +320,9 @@ Independence independence_over_experiments(const Innovations& innovations, const
         bases.back() = input_basis(data.input(k - j)(rows, Eigen::all));
         continue;
       }
-      auto& basis = whole[size_t(k - j)];
-      if (!basis) basis = input_basis(data.input(k - j));
-      bases.back() = *basis;
+      Basis& kept = whole.at(k - j);
+      if (kept.step != k - j) kept = {k - j, input_basis(data.input(k - j))};
+      bases.back() = kept.basis;
     }
     sums.add(centred(innovations[size_t(k)](rows, Eigen::all)), bases);
   }
@@ -421,13 +441,14 @@ NormalisedSquares normalised_squares(const Model& model, const Innovations& inno
   result.step = result.step_p = Vector::Constant(T, nan);
   if (!model.has(&Step::has_innovation_cov)) return result;
   Squares total(N);
+  std::vector<Index> seen, whitened;  // outputs
+  const double* of = nullptr;         // the covariance of the whitener; repeated steps share theirs
+  Matrix whitener;
+  Index directions = 0;
   for (Index k = model.k_begin; k < std::min(T, model.k_end()); ++k) {
     const Step::View covariance = model.at(k).innovation_cov();
     if (!covariance.allFinite()) continue;
     Squares step(N);
-    std::vector<Index> seen, whitened;  // outputs
-    Matrix whitener;
-    Index directions = 0;
     for (Index n = 0; n < N; ++n) {
       const Vector e = innovations[size_t(k)].row(n);
       seen.clear();
@@ -435,8 +456,9 @@ NormalisedSquares normalised_squares(const Model& model, const Innovations& inno
       for (Index j = 0; j < e.size(); ++j)
         if (std::isfinite(e(j)) && covariance(j, j) > smallest_variance) seen.push_back(j);
       if (seen.empty()) continue;
-      if (seen != whitened) {
+      if (seen != whitened || covariance.data() != of) {
         whitened = seen;
+        of = covariance.data();
         whitener = linalg::whitener(covariance(seen, seen));
         directions = stated_directions(covariance(seen, seen));
       }

@@ -135,14 +135,15 @@ class GainRegression {
         freedom_ -= e.col(j).array().isNaN().all() ? 0 : 1;
       }
     const Matrix& covariance = !model_.has(&Step::has_innovation_cov) ? pooled_ : model_.at(k).innovation_cov();
-    std::map<std::vector<Index>, std::vector<Index>> groups;  // available outputs → experiments
+    for (auto& [seen, rows] : groups_) rows.clear();
     for (Index n = 0; n < e.rows(); ++n) {
-      std::vector<Index> seen;
+      seen_.clear();
       for (Index j = 0; j < e.cols(); ++j)
-        if (std::isfinite(e(n, j)) && covariance(j, j) > 0) seen.push_back(j);
-      if (!seen.empty()) groups[std::move(seen)].push_back(n);
+        if (std::isfinite(e(n, j)) && covariance(j, j) > 0) seen_.push_back(j);
+      if (!seen_.empty()) groups_[seen_].push_back(n);
     }
-    for (const auto& [seen, rows] : groups) {
+    for (const auto& [seen, rows] : groups_) {
+      if (rows.empty()) continue;
       const Matrix& whitener = whitener_of(covariance(seen, seen));
       const Matrix white = e(rows, seen) * whitener;
       std::vector<Matrix> white_part;
@@ -203,7 +204,10 @@ class GainRegression {
   std::vector<Matrix> error_, alone_;  // (r) of (N × n_k): s_i, and the state of the model for input i alone
   Matrix own_, output_, next_;         // for one step and input
   Matrix whitened_, whitener_;         // the last covariance and its whitener
-  Matrix gram_;                        // lower triangle
+  // Available outputs → their experiments at the present step.
+  std::map<std::vector<Index>, std::vector<Index>> groups_;
+  std::vector<Index> seen_;
+  Matrix gram_;  // lower triangle
   Vector cross_;
   Matrix alone_squares_;   // (r × m)
   Vector output_squares_;  // (m)

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
 #include "base/nan.hpp"
 #include "data/subjects.hpp"
@@ -66,14 +67,16 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
   result.noisy = errors.totals.noisy();
   if (result.noisy) result.outlying = outlying.found();
   if (result.noisy && options.whiteness_lags > 0) {
-    const Innovations e = model_innovations(model, data, options.initial_state);
-    const Innovations scaled = standardised(model, e);
-    result.whiteness = whiteness(scaled, options.whiteness_lags);
-    // Without feedthrough, an input may respond to the output of its own step.
-    const Index first = has_feedthrough(model.provenance) ? 0 : 1;
-    result.independence = independence(scaled, data, first, options.whiteness_lags);
-    result.feedback = independence(scaled, data, -options.whiteness_lags, first - 1);
-    result.squares = normalised_squares(model, e);
+    {
+      Innovations e = model_innovations(model, data, options.initial_state);
+      result.squares = normalised_squares(model, e);
+      e = standardised(model, std::move(e));
+      result.whiteness = whiteness(e, options.whiteness_lags);
+      // Without feedthrough, an input may respond to the output of its own step.
+      const Index first = has_feedthrough(model.provenance) ? 0 : 1;
+      result.independence = independence(e, data, first, options.whiteness_lags);
+      result.feedback = independence(e, data, -options.whiteness_lags, first - 1);
+    }
     result.gains = input_gains(model, data, innovations());
   }
   result.whiteness_p = result.whiteness.p;
@@ -132,7 +135,10 @@ Validation validate_in_numbers(const Model& model, const Ensemble& data, const V
     errors.simulated(k, error);
   });
   return validation(model, data, options, errors, outlying, [&] {
-    return predict(model, data, {1, options.initial_state}).innovations;
+    Innovations all(size_t(data.steps()), Matrix::Constant(data.experiments(), model.outputs, nan));
+    predict_each(model, data, options.initial_state,
+                 [&](Index k, const Matrix& innovation) { all[size_t(k)] = innovation; });
+    return all;
   });
 }
 
