@@ -7,7 +7,11 @@
 #include <fstream>
 
 #include "io/formats/provenance_text.hpp"
+#include "large/choices_archive.hpp"
+#include "large/decide.hpp"
+#include "large/finding_archive.hpp"
 #include "large/reader.hpp"
+#include "members.hpp"
 #include "testing.hpp"
 #include "tokid/example.hpp"
 #include "tokid/io.hpp"
@@ -215,6 +219,59 @@ TEST_F(Stream, SameBytesForAnyNumberOfThreads) {
     stream(e, 40, {.execution = {threads, {}}});
     std::ifstream a(model(), std::ios::binary), b(folder_ / "alone.h5", std::ios::binary);
     EXPECT_TRUE(std::equal(std::istreambuf_iterator<char>(a), {}, std::istreambuf_iterator<char>(b), {})) << threads;
+  }
+}
+
+struct SharedCase {
+  const char* name;
+  ExperimentOptions experiments;
+  IdentifyOptions options;
+  double mean_motion = 0.0;
+  double late_noise = 0.0;  // in the second half alone
+  bool em = false;          // EM is tried
+};
+
+// Three stretches. If the first one has no noise, it hands its lag order on, and the searches that other members have
+// begun by themselves do not count, except where there is noise.
+TEST_F(Stream, EveryNumberOfMembersDecidesAlike) {
+  const std::vector<SharedCase> cases{
+      {"no noise", {.experiments = 20, .seed = 21}, {}},
+      {"no noise, hold-out, mean motion", {.experiments = 30, .seed = 22}, {.hold_out = 0.25}, 5.0},
+      {"no noise in the first half", {.experiments = 16, .seed = 23}, {.states = 4, .refine = false}, 0.0, 0.05},
+      {"noise",
+       {.experiments = 12, .seed = 24, .measurement_noise = 0.05},
+       {.lags = 3, .smoothing = 1.0, .refine = false}},
+      {"EM",
+       {.experiments = 6, .seed = 25, .measurement_noise = 0.05},
+       {.states = 1, .lags = 1, .smoothing = 0.0},
+       0.0,
+       0.0,
+       true},
+      {"TVERA", {.experiments = 40, .seed = 26, .measurement_noise = 0.05}, {.lags = 3, .method = Method::tvera}}};
+  for (const SharedCase& c : cases) {
+    Ensemble e = experiments(slow_system(1100), c.experiments);
+    Random random(27);
+    for (Index k = 0; k < e.steps(); ++k) {
+      e.input(k).array() += c.mean_motion * std::sin(0.1 * double(k));
+      e.output(k).array() += c.mean_motion;
+      if (2 * k > e.steps()) e.output(k) += c.late_noise * random.matrix(e.experiments(), e.outputs());
+    }
+    const EnsembleFile file(data(e));
+    const stream::Decision alone = stream::decide(file, c.options, {});
+    EXPECT_EQ(alone.plan.nominal, c.mean_motion > 0) << c.name;
+    EXPECT_EQ(alone.plan.noisy, c.late_noise + c.experiments.measurement_noise > 0) << c.name;
+    EXPECT_EQ(alone.evidence.refinement.trials.size() > 1, c.em) << c.name;
+    for (const Index members : {2, 5}) {
+      stream::Decision shared;
+      Threads(members).run([&](const Team& team) {
+        stream::Decision own = stream::decide(file, c.options, team);
+        if (team.rank == 0) shared = std::move(own);
+      });
+      EXPECT_EQ(archive::packed(shared.plan), archive::packed(alone.plan)) << c.name << ", " << members;
+      EXPECT_EQ(archive::packed(shared.evidence), archive::packed(alone.evidence)) << c.name << ", " << members;
+      EXPECT_EQ(archive::packed(shared.evidence.findings), archive::packed(alone.evidence.findings)) << c.name;
+      EXPECT_EQ(shared.evidence.outliers.size(), alone.evidence.outliers.size()) << c.name;
+    }
   }
 }
 

@@ -17,7 +17,7 @@ struct StreamOptions {
   IdentifyOptions identify = {};     // options; empty ones are chosen from stretches at the beginning, middle and end
   Index block = 0;                   // steps of a block; 0: as many as fit into memory_per_thread
   double memory_per_thread = 100e6;  // [bytes]
-  Team team = {};                    // the processes that share the blocks
+  Team team = {};                    // the processes that share the stretches and the blocks
   // true: stores finished blocks in a resume journal next to the model, MODEL.resume, until the model is complete. If
   // there is a journal, the identification continues from it. The model has the same bits for any number of threads and
   // team members.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <stdexcept>
 
@@ -16,6 +17,7 @@
 #include "diagnose/model_states.hpp"
 #include "diagnose/outliers.hpp"
 #include "identify/identify.hpp"
+#include "large/choices_archive.hpp"
 #include "model/options.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/remarks.hpp"
@@ -47,23 +49,43 @@ void check(const IdentifyOptions& o) {
 
 struct Part {
   Index begin = 0;
-  Ensemble whole;  // all experiments of the stretch
+  Ensemble whole;     // all experiments of the stretch
+  Ensemble training;  // without those that are held out
 };
 
-std::vector<Part> stretches(const EnsembleFile& file, const IdentifyOptions& o) {
+// Stretches of the record: their first steps, and the number of steps that each of them has.
+struct Stretches {
+  std::vector<Index> begins;
+  Index length = 0;
+};
+
+Stretches stretches(const EnsembleFile& file, const IdentifyOptions& o) {
   const double step = double(file.experiments() * file.channels()) * sizeof(double);
   const Index total = file.steps();
-  const Index length =
+  Stretches result{
+      {0},
       std::min(total, std::max(Index(std::clamp(stretch_bytes / step, double(fewest_steps), double(most_steps))),
-                               8 * o.lags.value_or(0)));
-  std::vector<Index> begins(1, 0);
+                               8 * o.lags.value_or(0)))};
+  const Index length = result.length;
   for (const Index begin : {(total - length) / 2, total - length})
-    if (begin >= length / 2 + begins.back()) begins.push_back(begin);
-  for (const Index begin : begins) file.expect(begin, begin + length);
-  std::vector<Part> result;
-  for (const Index begin : begins) {
-    result.push_back({begin, file.read(begin, begin + length)});
-    result.back().whole.free = {};
+    if (begin >= length / 2 + result.begins.back()) result.begins.push_back(begin);
+  return result;
+}
+
+// The samples of the stretches. The first member of the team examines all stretches. The other members read only the
+// stretches that they identify, and their other parts are empty.
+std::vector<Part> parts_of(const EnsembleFile& file, const Stretches& stretches, double hold_out, const Team& team) {
+  std::vector<Index> wanted;
+  for (Index i = 0; i < Index(stretches.begins.size()); ++i)
+    if (team.rank == 0 || i % team.size == team.rank) wanted.push_back(i);
+  const auto begin = [&](Index i) { return stretches.begins[size_t(i)]; };
+  for (const Index i : wanted) file.expect(begin(i), begin(i) + stretches.length);
+  std::vector<Part> result(stretches.begins.size());
+  for (const Index i : wanted) {
+    Ensemble whole = file.read(begin(i), begin(i) + stretches.length);
+    whole.free = {};
+    Ensemble training = hold_out > 0 ? split(whole, hold_out).training : whole;
+    result[size_t(i)] = {begin(i), std::move(whole), std::move(training)};
   }
   return result;
 }
@@ -79,13 +101,13 @@ Ensemble in_a_row(const std::vector<const Ensemble*>& stretches) {
 
 // Tests the mean motion in one test over the steps of all stretches. The error probability therefore does not depend on
 // the number of stretches.
-NominalTest test_nominal(const std::vector<Part>& parts, const std::vector<Ensemble>& data) {
+NominalTest test_nominal(const std::vector<Part>& parts) {
   std::vector<const Ensemble*> stretches;
-  for (const Ensemble& e : data) stretches.push_back(&e);
+  for (const Part& part : parts) stretches.push_back(&part.training);
   NominalTest test = tokid::test_nominal(in_a_row(stretches));
   for (NominalTest::Departure& departure : test.departures)
     for (Index& k : departure.steps) {
-      const Index length = data.front().steps();
+      const Index length = parts.front().training.steps();
       k = parts[size_t(k / length)].begin + k % length;
     }
   return test;
@@ -152,31 +174,54 @@ bool demands_more(const Identification& a, const Identification& b) {
   return a.plan.lags > b.plan.lags;
 }
 
-// Identifies each stretch. The result is empty for a stretch with too few samples for a decision. Only the first
-// stretch begins at step 0, so the initial states are unknown in the others.
-std::vector<std::optional<Identification>> identified(const std::vector<Part>& parts, const std::vector<Ensemble>& data,
-                                                      const IdentifyOptions& options) {
-  std::vector<std::optional<Identification>> result(parts.size());
-  result.front() =
-      with_remark_on_axes(parts.front().whole, [&] { return identify_part(data.front(), options, false); });
-  // If a lag order is exact in the first stretch, it is probably exact in the others. This saves their searches.
-  const Plan& first = result.front()->plan;
-  const bool exact = !first.noisy && !first.coupled && !options.lags;
-  for (size_t i = 1; i < data.size(); ++i) {
-    IdentifyOptions later = options;
-    later.initial_state = InitialState::unknown;
-    if (exact) later.lags = first.lags;
-    try {
-      Identification own = identify_part(data[i], later, false);
-      if (exact && own.plan.noisy) {
-        later.lags.reset();
-        own = identify_part(data[i], later, false);
-      }
-      result[i] = std::move(own);
-    } catch (const std::invalid_argument&) {
-      continue;  // too few samples in this stretch
-    }
+// Identifies a stretch after the first one. Only the first stretch begins at step 0, so the initial states are unknown
+// in the others. Empty for a stretch with too few samples for a decision.
+std::optional<Identification> later_stretch(const Ensemble& data, IdentifyOptions options, std::optional<Index> lags) {
+  options.initial_state = InitialState::unknown;
+  if (lags) options.lags = lags;
+  try {
+    return identify_part(data, options, false);
+  } catch (const std::invalid_argument&) {
+    return std::nullopt;
   }
+}
+
+// Identifies the stretches, shared among the processes of the team: member i identifies the stretches i, i + size, …
+// The first member gets the results for all stretches; empty for a stretch with too few samples for a decision.
+std::vector<std::optional<Identification>> identified(const std::vector<Part>& parts, const IdentifyOptions& options,
+                                                      const Team& team) {
+  const Index count = Index(parts.size());
+  std::vector<std::optional<Identification>> result(parts.size());
+  std::optional<Index> exact_lags;
+  // A member that has no part in the first stretch begins with its own search for the lag order. It needs this search
+  // if there is noise. Without noise, the time is lost in which it would wait for the first stretch.
+  const bool searches = team.rank > 0 && team.rank < count;
+  std::optional<Identification> searched;
+  if (team.rank == 0) {
+    result.front() =
+        with_remark_on_axes(parts.front().whole, [&] { return identify_part(parts.front().training, options, false); });
+    const Plan& first = result.front()->plan;
+    if (!first.noisy && !first.coupled && !options.lags) exact_lags = first.lags;
+  } else if (searches) {
+    searched = later_stretch(parts[size_t(team.rank)].training, options, {});
+  }
+  // If a lag order is exact in the first stretch, it is probably exact in the others. This saves their searches.
+  exact_lags = archive::unpacked<std::optional<Index>>(team.broadcast(archive::packed(exact_lags)));
+  for (Index i = team.rank == 0 ? team.size : team.rank; i < count; i += team.size) {
+    const Ensemble& data = parts[size_t(i)].training;
+    std::optional<Identification>& own = result[size_t(i)];
+    if (exact_lags) own = later_stretch(data, options, exact_lags);
+    if (exact_lags && !(own && own->plan.noisy)) continue;
+    own = searches && i == team.rank ? std::move(searched) : later_stretch(data, options, {});
+  }
+  if (team.size == 1) return result;
+  std::map<Index, Identification> mine;
+  for (Index i = team.rank == 0 ? count : team.rank; i < count; i += team.size)
+    if (result[size_t(i)]) mine.emplace(i, std::move(*result[size_t(i)]));
+  const std::vector<std::string> all = team.gather(archive::packed(mine));
+  for (size_t member = 1; member < all.size(); ++member)
+    for (auto& [i, own] : archive::unpacked<std::map<Index, Identification>>(all[member]))
+      result[size_t(i)] = std::move(own);
   return result;
 }
 
@@ -213,12 +258,9 @@ Plan joint_plan(const std::vector<const Identification*>& found, const Identific
 
 }  // namespace
 
-Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
+Decision decide(const EnsembleFile& file, const IdentifyOptions& options, const Team& team) {
   check(options);
-  const std::vector<Part> parts = stretches(file, options);
-  std::vector<Ensemble> data;
-  for (const Part& part : parts)
-    data.push_back(options.hold_out > 0 ? split(part.whole, options.hold_out).training : part.whole);
+  std::vector<Part> parts = parts_of(file, stretches(file, options), options.hold_out, team);
   IdentifyOptions o = options;
   o.hold_out = 0.0;
   o.frame = Frame::raw;
@@ -227,10 +269,12 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
 
   NominalTest nominal;
   if (!options.nominal) {
-    nominal = test_nominal(parts, data);
-    o.nominal = nominal.significant ? NominalChoice::mean : NominalChoice::none;
+    if (team.rank == 0) nominal = test_nominal(parts);
+    const bool significant = archive::unpacked<bool>(team.broadcast(archive::packed(nominal.significant)));
+    o.nominal = significant ? NominalChoice::mean : NominalChoice::none;
   }
-  const std::vector<std::optional<Identification>> of_stretches = identified(parts, data, o);
+  const std::vector<std::optional<Identification>> of_stretches = identified(parts, o, team);
+  if (team.rank > 0) return {};
   std::vector<const Identification*> found;
   for (const auto& own : of_stretches)
     if (own) found.push_back(&*own);
@@ -239,6 +283,8 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options) {
     if (demands_more(*own, *chosen)) chosen = own;
 
   Decision result;
+  std::vector<Ensemble> data;
+  for (Part& part : parts) data.push_back(std::move(part.training));
   result.plan = joint_plan(found, *chosen, options, std::move(data));
   result.evidence = *chosen;
   result.evidence.nominal_test = nominal;

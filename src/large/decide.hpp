@@ -11,7 +11,9 @@ struct Decision {
   Identification evidence;  // of the stretch whose choices are used, with the plan and findings for all
 };
 
+// Every member of the team must call this function. The members share the stretches, and only the first one gets the
+// decision. It has the same bits for any number of members.
 // \throws std::invalid_argument as identify(), and for options that need all steps of the record at once
-Decision decide(const EnsembleFile& data, const IdentifyOptions& options);
+Decision decide(const EnsembleFile& data, const IdentifyOptions& options, const Team& team);
 
 }  // namespace tokid::stream

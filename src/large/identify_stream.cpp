@@ -262,8 +262,7 @@ Streamed identify_stream(const EnsembleFile& file, const std::filesystem::path& 
     if (options.resume) journal = std::make_shared<stream::Journal>(path);
   }
   if (file.inputs() == 0) throw std::invalid_argument("ensemble: 0 inputs found, at least one needed");
-  stream::Decision decision;
-  if (team.rank == 0) decision = stream::decide(file, options.identify);
+  stream::Decision decision = stream::decide(file, options.identify, team);
   // All processes use exactly the decision of the first process.
   const std::string plan = team.broadcast(archive::packed(decision.plan));
   const BlockLayout layout = layout_of(file, options, archive::unpacked<Plan>(plan));

@@ -42,13 +42,16 @@ def said_by_tokid(errors):
     return [line for line in (line.strip("\0 ") for line in errors.splitlines()) if line.startswith("tokid: ")]
 
 
-def test_every_number_of_processes_writes_the_same_file(tmp_path):
-    data = write_ensemble(tmp_path / "data.h5", steps=900)
+@pytest.mark.parametrize("noise, options", [(0.0, ["--block", "70"]), (0.1, ["--block", "300", "--lags", "2", "--states", "2", "--no-refine"])],
+                         ids=["exact", "noisy"])
+def test_every_number_of_processes_writes_the_same_file(tmp_path, noise, options):
+    """They share the stretches that decide, and the blocks."""
+    data = write_ensemble(tmp_path / "data.h5", steps=900, noise=noise)
     alone = tmp_path / "alone.h5"
-    subprocess.run([os.environ["TOKID"], "identify", data, "-o", alone, "--block", "70", "--quiet"], check=True)
+    subprocess.run([os.environ["TOKID"], "identify", data, "-o", alone, "--quiet", *options], check=True)
     for processes in (1, 2, 4):
         model = tmp_path / f"model-{processes}.h5"
-        result = mpi(processes, "identify", data, "-o", model, "--block", 70)
+        result = mpi(processes, "identify", data, "-o", model, *options)
         assert result.returncode == 0, result.stderr
         assert result.stdout.count("Written") == 1
         assert model.read_bytes() == alone.read_bytes()
