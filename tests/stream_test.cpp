@@ -275,6 +275,26 @@ TEST_F(Stream, EveryNumberOfMembersDecidesAlike) {
   }
 }
 
+TEST_F(Stream, BlocksOfAutomaticLengthAreSharedEvenly) {
+  const double bytes_of_step = 25 * 4 * sizeof(double) * 4;  // with the copies of a block in memory
+  const auto streamed = [&](Index steps, double length) {
+    const EnsembleFile file(data(experiments(slow_system(steps), {.experiments = 25})));
+    StreamOptions o;
+    o.memory_per_thread = length * bytes_of_step;
+    return identify_stream(file, model(), o);
+  };
+  for (const double length : {120.0, 150.0, 220.0, 370.0, 400.0, 5000.0}) {
+    const Streamed found = streamed(1100, length);
+    EXPECT_EQ(found.blocks % 4, 0) << length;
+    EXPECT_LE(double(found.block), length + 1);
+    const double fewest = std::ceil(1100 / length);
+    EXPECT_LE((double(found.blocks) - fewest) * double(found.overlap), 0.05 * (1100 + fewest * double(found.overlap)));
+    expect_same(load_model(model()), identify(load_ensemble(folder_ / "data.h5")).model);
+  }
+  EXPECT_EQ(streamed(100, 5000).blocks, 1);
+  EXPECT_EQ(streamed(500, 5000).blocks, 2);
+}
+
 TEST_F(Stream, HeldOutExperimentsJudge) {
   const Ensemble e = experiments(slow_system(300), {.experiments = 40, .seed = 12});
   const Both both = stream(e, 100, {.hold_out = 0.25});

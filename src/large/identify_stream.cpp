@@ -47,6 +47,19 @@ constexpr Index fading = 96;
 // Number of blocks of each thread before the results are put in order. It limits the number of results in memory.
 constexpr Index blocks_at_a_time = 4;
 
+// Blocks of automatic length are a multiple of four, or of two, if this adds at most this share of steps to read. Two
+// or four processes or threads then have equal shares of the blocks.
+constexpr double most_added = 0.05;
+
+Index shared_evenly(Index count, Index steps, Index overlap) {
+  const double read = double(steps + count * overlap);
+  for (const Index even : {4, 2}) {
+    const Index more = ceil_div(count, even) * even;
+    if (double((more - count) * overlap) <= most_added * read) return more;
+  }
+  return count;
+}
+
 BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Plan plan) {
   BlockLayout layout;
   const Index p = plan.lags;
@@ -78,6 +91,7 @@ BlockLayout layout_of(const EnsembleFile& file, const StreamOptions& options, Pl
         length, overlap, p));
   }
   layout.count = ceil_div(layout.steps, length);
+  if (options.block == 0) layout.count = shared_evenly(layout.count, layout.steps, overlap);
   return layout;
 }
 
