@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <stdexcept>
+#include <type_traits>
 
 #include "choose/feedthrough.hpp"
 #include "choose/realisation.hpp"
@@ -18,6 +19,7 @@
 #include "diagnose/outliers.hpp"
 #include "identify/identify.hpp"
 #include "large/choices_archive.hpp"
+#include "large/finding_archive.hpp"
 #include "model/options.hpp"
 #include "tokid/dependence.hpp"
 #include "tokid/remarks.hpp"
@@ -113,10 +115,54 @@ NominalTest test_nominal(const std::vector<Part>& parts) {
   return test;
 }
 
-// Reports findings about single experiments and about channels that cannot be separated, based on the stretches alone.
-// `found`: the identifications of the stretches; empty for a stretch whose identification failed.
-void examine(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found, bool states_asked,
-             Identification& result) {
+// What a stretch tells about single experiments and about channels that cannot be separated.
+struct Examined {
+  Findings findings;
+  std::vector<Index> stuck;  // experiments with an output that stays constant
+  std::vector<Outlier> outliers;
+};
+
+template <class Archive, class E>
+requires std::is_same_v<std::remove_const_t<E>, Examined>
+void fields(Archive& archive, E& e) { archive(e.findings, e.stuck, e.outliers); }
+
+// `found`: the identification of the stretch; empty if it failed. `plan`: that of all blocks.
+Examined examined(const Part& part, const std::optional<Identification>& found, const Plan& plan, bool states_asked) {
+  Examined result;
+  const Ensemble& whole = part.whole;
+  append(result.findings, findings_of_dependent_outputs(whole, part.begin));
+  StuckOutputs stuck = stuck_outputs(whole, part.begin);
+  result.stuck = std::move(stuck.experiments);
+  append(result.findings, std::move(stuck.findings));
+  append(result.findings,
+         excitation(whole, {.lags = plan.lags, .noisy = plan.noisy, .shared = plan.coupled, .origin = part.begin})
+             .findings);
+  if (states_asked && found) append(result.findings, findings_of_hidden_states(found->model, part.begin));
+  const OutlierOptions o{.lags = plan.lags,
+                         .nominal = plan.nominal,
+                         .zero_start = found && found->model.initial_state == InitialState::zero,
+                         .period = plan.choices.variation.period,
+                         .model = found ? &found->model : nullptr};
+  result.outliers = plan.noisy ? outliers(whole, o) : outliers_without_noise(whole, o);
+  return result;
+}
+
+// Examines the stretches. Each member of the team examines those that it has identified. Only the first member has the
+// plan, and gets what all stretches tell.
+std::vector<Examined> examined(const std::vector<Part>& parts, const std::vector<std::optional<Identification>>& found,
+                               const Plan& of_first, bool states_asked, const Team& team) {
+  const auto plan = archive::unpacked<Plan>(team.broadcast(archive::packed(of_first)));
+  std::map<Index, Examined> mine;
+  for (size_t i = size_t(team.rank); i < parts.size(); i += size_t(team.size))
+    mine.emplace(Index(i), examined(parts[i], found[i], plan, states_asked));
+  std::vector<Examined> result(parts.size());
+  for (const std::string& member : team.gather(archive::packed(mine)))
+    for (auto& [i, own] : archive::unpacked<std::map<Index, Examined>>(member)) result[size_t(i)] = std::move(own);
+  return result;
+}
+
+// Reports what the stretches tell, each finding once, and the worst ratio of each outlier.
+void report(const std::vector<Part>& parts, std::vector<Examined> of_stretches, Identification& result) {
   Findings findings;
   std::vector<Index> stuck;
   const auto add = [&findings](Findings more) {
@@ -125,17 +171,9 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
                        [&](const Finding& other) { return same_words(other, finding); }))
         findings.push_back(std::move(finding));
   };
-  for (size_t i = 0; i < parts.size(); ++i) {
-    const Part& part = parts[i];
-    add(findings_of_dependent_outputs(part.whole, part.begin));
-    StuckOutputs own = stuck_outputs(part.whole, part.begin);
-    stuck.insert(stuck.end(), own.experiments.begin(), own.experiments.end());
+  for (Examined& own : of_stretches) {
     add(std::move(own.findings));
-    add(excitation(
-            part.whole,
-            {.lags = result.plan.lags, .noisy = result.plan.noisy, .shared = result.plan.coupled, .origin = part.begin})
-            .findings);
-    if (states_asked && found[i]) add(findings_of_hidden_states(found[i]->model, part.begin));
+    stuck.insert(stuck.end(), own.stuck.begin(), own.stuck.end());
   }
 
   std::vector<const Ensemble*> stretches;
@@ -146,14 +184,8 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
   result.dependent = dependence_beside(result.copies, first);
   add(findings_of(result.dependent, first));
 
-  for (size_t i = 0; i < parts.size(); ++i) {
-    const Ensemble& whole = parts[i].whole;
-    const OutlierOptions o{.lags = result.plan.lags,
-                           .nominal = result.plan.nominal,
-                           .zero_start = found[i] && found[i]->model.initial_state == InitialState::zero,
-                           .period = result.plan.choices.variation.period,
-                           .model = found[i] ? &found[i]->model : nullptr};
-    for (Outlier& own : result.plan.noisy ? outliers(whole, o) : outliers_without_noise(whole, o)) {
+  for (Examined& stretch : of_stretches)
+    for (Outlier& own : stretch.outliers) {
       const auto same = std::find_if(result.outliers.begin(), result.outliers.end(),
                                      [&](const Outlier& other) { return other.experiment == own.experiment; });
       if (same == result.outliers.end())
@@ -161,7 +193,6 @@ void examine(const std::vector<Part>& parts, const std::vector<std::optional<Ide
       else if (same->ratio < own.ratio)
         *same = std::move(own);
     }
-  }
   add(findings_of(result.outliers, stuck));
   for (Finding& finding : findings) finding.scope = Finding::Scope::deciding_stretches;
   append(result.findings, std::move(findings));
@@ -217,13 +248,16 @@ std::vector<std::optional<Identification>> identified(const std::vector<Part>& p
   if (team.size == 1) return result;
   std::map<Index, Identification> mine;
   for (Index i = team.rank == 0 ? count : team.rank; i < count; i += team.size)
-    if (result[size_t(i)]) mine.emplace(i, std::move(*result[size_t(i)]));
+    if (result[size_t(i)]) mine.emplace(i, *result[size_t(i)]);
   const std::vector<std::string> all = team.gather(archive::packed(mine));
   for (size_t member = 1; member < all.size(); ++member)
     for (auto& [i, own] : archive::unpacked<std::map<Index, Identification>>(all[member]))
       result[size_t(i)] = std::move(own);
   return result;
 }
+
+// Do the stretches show no variation over time?
+bool is_constant(const Plan& plan) { return plan.coupled && plan.choices.variation.period > 0; }
 
 // The plan for all blocks: the plan of the stretch `chosen`, with noise and coupling if any stretch has them. If the
 // mean motion is removed, `data` become departures.
@@ -256,6 +290,29 @@ Plan joint_plan(const std::vector<const Identification*>& found, const Identific
   return plan;
 }
 
+// The plan for all blocks and its evidence, from the identifications of the stretches. \throws as joint_plan()
+Decision joint_decision(const EnsembleFile& file, const std::vector<std::optional<Identification>>& of_stretches,
+                        const IdentifyOptions& options, std::vector<Part>& parts) {
+  std::vector<const Identification*> found;
+  for (const auto& own : of_stretches)
+    if (own) found.push_back(&*own);
+  const Identification* chosen = found.front();
+  for (const Identification* own : found)
+    if (demands_more(*own, *chosen)) chosen = own;
+
+  Decision result;
+  std::vector<Ensemble> data;
+  for (Part& part : parts) data.push_back(std::move(part.training));
+  result.plan = joint_plan(found, *chosen, options, std::move(data));
+  result.evidence = *chosen;
+  result.evidence.initial_state_test = found.front()->initial_state_test;
+  result.evidence.findings = remarks(parts.front().whole);
+  if (is_constant(result.plan))
+    result.evidence.findings.push_back({.kind = Finding::Kind::constant_stretches, .numbers = {{"smoothing", stiff}}});
+  append(result.evidence.findings, findings_of(result.plan.feedthrough, file.names()));
+  return result;
+}
+
 }  // namespace
 
 Decision decide(const EnsembleFile& file, const IdentifyOptions& options, const Team& team) {
@@ -274,29 +331,13 @@ Decision decide(const EnsembleFile& file, const IdentifyOptions& options, const 
     o.nominal = significant ? NominalChoice::mean : NominalChoice::none;
   }
   const std::vector<std::optional<Identification>> of_stretches = identified(parts, o, team);
-  if (team.rank > 0) return {};
-  std::vector<const Identification*> found;
-  for (const auto& own : of_stretches)
-    if (own) found.push_back(&*own);
-  const Identification* chosen = found.front();
-  for (const Identification* own : found)
-    if (demands_more(*own, *chosen)) chosen = own;
-
   Decision result;
-  std::vector<Ensemble> data;
-  for (Part& part : parts) data.push_back(std::move(part.training));
-  result.plan = joint_plan(found, *chosen, options, std::move(data));
-  result.evidence = *chosen;
-  result.evidence.nominal_test = nominal;
-  result.evidence.initial_state_test = found.front()->initial_state_test;
-  result.evidence.plan = result.plan;
-  result.evidence.findings = remarks(parts.front().whole);
-  const bool constant = result.plan.coupled && result.plan.choices.variation.period > 0;
-  if (constant)
-    result.evidence.findings.push_back({.kind = Finding::Kind::constant_stretches, .numbers = {{"smoothing", stiff}}});
-  append(result.evidence.findings, findings_of(result.plan.feedthrough, file.names()));
-  examine(parts, of_stretches, options.states.has_value(), result.evidence);
-  if (constant) result.plan.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
+  if (team.rank == 0) result = joint_decision(file, of_stretches, options, parts);
+  std::vector<Examined> told = examined(parts, of_stretches, result.plan, options.states.has_value(), team);
+  if (team.rank > 0) return {};
+  report(parts, std::move(told), result.evidence);
+  if (is_constant(result.plan)) result.plan.choices = NoisyChoices{{stiff, 0}, SubspaceOptions::state_share * stiff};
+  result.evidence.nominal_test = std::move(nominal);
   result.evidence.plan = result.plan;
   return result;
 }

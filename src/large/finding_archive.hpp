@@ -1,4 +1,4 @@
-// Serialises findings for messages between processes.
+// Serialises findings and outliers for messages between processes.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -9,6 +9,7 @@
 
 #include "base/archive.hpp"
 #include "tokid/finding.hpp"
+#include "tokid/outlier.hpp"
 
 namespace tokid {
 
@@ -33,6 +34,12 @@ requires std::is_same_v<std::remove_const_t<F>, Finding>
 void fields(Archive& archive, F& f) {
   archive(f.kind, f.scope, f.channels, f.experiments, f.steps, f.numbers, f.terms, f.groups, f.names, f.explanation,
           f.detail, f.file);
+}
+
+template <class Archive, class O>
+requires std::is_same_v<std::remove_const_t<O>, Outlier>
+void fields(Archive& archive, O& o) {
+  archive(o.experiment, o.ratio, o.explanation, o.name, o.outputs, o.weight, o.held_out);
 }
 
 }  // namespace tokid
