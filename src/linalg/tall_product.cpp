@@ -109,24 +109,41 @@ HWY_INLINE void columns_of(const Sum& s, size_t row) {
   for (; column < s.columns; ++column) tile<rounding, vectors, 1>(s, row, column);
 }
 
+// One row, which rounds like whole vectors, so that a row has the same result at any place. Several columns at once, so
+// that their sums need not wait for each other.
+template <Rounding rounding, size_t columns>
+HWY_INLINE void single_row(const Sum& s, size_t row, size_t column) {
+  const hn::CappedTag<double, 1> one;
+  hn::Vec<hn::CappedTag<double, 1>> sum[columns];
+#pragma GCC unroll 4
+  for (size_t c = 0; c < columns; ++c)
+    sum[c] = hn::Set(one, s.start ? s.start[row + (column + c) * s.start_stride] : 0.0);
+  for (size_t p = 0; p < s.count; ++p) {
+    const Factors& f = s.products[p];
+    for (size_t i = 0; i < f.inner; ++i) {
+      const auto x = hn::Set(one, f.x[i * f.x_stride + row]);
+#pragma GCC unroll 4
+      for (size_t c = 0; c < columns; ++c) {
+        const auto w = hn::Set(one, f.w[i * f.w_stride + column + c]);
+        sum[c] = f.minus ? with_product<rounding, true>(sum[c], w, x) : with_product<rounding, false>(sum[c], w, x);
+      }
+    }
+  }
+#pragma GCC unroll 4
+  for (size_t c = 0; c < columns; ++c) s.out[row + (column + c) * s.out_stride] = hn::GetLane(sum[c]);
+}
+
 template <Rounding rounding>
 HWY_INLINE void sum_of_products(const Sum& s) {
-  const hn::CappedTag<double, 1> one;  // rounds like whole vectors, so that a row has the same result at any place
   size_t row = 0;
   for (; row + 2 * lanes <= s.rows; row += 2 * lanes) columns_of<rounding, 2>(s, row);
   for (; row + lanes <= s.rows; row += lanes) columns_of<rounding, 1>(s, row);
-  for (; row < s.rows; ++row)
-    for (size_t c = 0; c < s.columns; ++c) {
-      auto sum = hn::Set(one, s.start ? s.start[row + c * s.start_stride] : 0.0);
-      for (size_t p = 0; p < s.count; ++p) {
-        const Factors& f = s.products[p];
-        for (size_t i = 0; i < f.inner; ++i) {
-          const auto x = hn::Set(one, f.x[i * f.x_stride + row]), w = hn::Set(one, f.w[i * f.w_stride + c]);
-          sum = f.minus ? with_product<rounding, true>(sum, w, x) : with_product<rounding, false>(sum, w, x);
-        }
-      }
-      s.out[row + c * s.out_stride] = hn::GetLane(sum);
-    }
+  for (; row < s.rows; ++row) {
+    size_t column = 0;
+    for (; column + 4 <= s.columns; column += 4) single_row<rounding, 4>(s, row, column);
+    for (; column + 2 <= s.columns; column += 2) single_row<rounding, 2>(s, row, column);
+    for (; column < s.columns; ++column) single_row<rounding, 1>(s, row, column);
+  }
 }
 
 void SumOfProducts(const Sum& s) { sum_of_products<Rounding::fused>(s); }
@@ -193,10 +210,9 @@ void sum_up(const ConstMatrixRef* start, std::initializer_list<TallProduct> prod
     throw std::logic_error("tall_products: start does not have the shape of out");
   Sum sum{};
   for (const TallProduct& p : products) {
-    if (!fits(p.x.rows(), p.w.rows()) || p.x.cols() != p.w.cols())
+    if (!fits(p.x.rows, p.w.rows) || p.x.cols != p.w.cols)
       throw std::logic_error("tall_products: the factors do not fit each other or out");
-    sum.products[sum.count++] = {
-        p.x.data(), p.w.data(), size_t(p.x.cols()), size_t(p.x.outerStride()), size_t(p.w.outerStride()), p.minus};
+    sum.products[sum.count++] = {p.x.data, p.w.data, size_t(p.x.cols), size_t(p.x.stride), size_t(p.w.stride), p.minus};
   }
   sum.rows = size_t(out.rows());
   sum.columns = size_t(out.cols());

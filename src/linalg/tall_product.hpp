@@ -8,10 +8,32 @@
 
 namespace tokid::linalg {
 
+// A matrix or a part of one, without a copy. An Eigen::Ref would do the same, but takes longer to make than a product
+// of few rows.
+struct Operand {
+  template <class Derived>
+  Operand(const Eigen::MatrixBase<Derived>& a)  // NOLINT: as Eigen::Ref
+      : data(a.derived().data()), rows(a.rows()), cols(a.cols()), stride(stride_of(a.derived())) {}
+
+  const double* data;
+  Index rows, cols;
+  Index stride;  // from column to column
+
+ private:
+  template <class Derived>
+  static Index stride_of(const Derived& a) {
+    static_assert((Eigen::internal::traits<Derived>::Flags & Eigen::DirectAccessBit) != 0, "no matrix in memory");
+    if constexpr (Derived::RowsAtCompileTime == 1) return a.innerStride();
+    static_assert(Derived::RowsAtCompileTime == 1 || (!Derived::IsRowMajor && Derived::InnerStrideAtCompileTime == 1),
+                  "columns are not contiguous");
+    return a.outerStride();
+  }
+};
+
 // x wᵀ, or -x wᵀ with `minus`, for tall x (rows × p) and small w (q × p). Each row belongs to one experiment, and w is
 // a matrix of the model.
 struct TallProduct {
-  ConstMatrixRef x, w;
+  Operand x, w;
   bool minus = false;
 };
 

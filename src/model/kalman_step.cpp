@@ -30,8 +30,8 @@ void correct(const Matrix& p, const Matrix& h, const Matrix& r, Workspace& work,
   work.left.noalias() -= c.gain * h;
   work.product.noalias() = work.left * p;
   c.filtered.noalias() = work.product * work.left.transpose();
-  work.product.noalias() = c.gain * r;
-  c.filtered.noalias() += work.product * c.gain.transpose();
+  work.noise.noalias() = c.gain * r;
+  c.filtered.noalias() += work.noise * c.gain.transpose();
   linalg::symmetrise(c.filtered);
 }
 

@@ -31,7 +31,7 @@ struct Correction {
 struct Workspace {
   Matrix hp;          // H P (m × q)
   Matrix innovation;  // S (m × m)
-  Matrix whp, left, product;
+  Matrix whp, left, product, noise;
 };
 
 // Computes a correction from P (q × q), H (m × q), R (m × m). P' is computed in Joseph's form (above), a sum of

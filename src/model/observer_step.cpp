@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "model/observer_step.hpp"
 
-#include "linalg/tall_product.hpp"
-
 namespace tokid::observer {
 
 // ŷ = C x + D u
+void output(const Step& step, const Operand& x, const Operand& u, Eigen::Ref<Matrix> y) {
+  linalg::tall_products({{x, step.C()}, {u, step.D()}}, y);
+}
+
 void output(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, Matrix& y) {
   y.resize(x.rows(), step.outputs());
-  linalg::tall_products({{x, step.C()}, {u, step.D()}}, y);
+  output(step, x, u, Eigen::Ref<Matrix>(y));
 }
 
 // e = y - ŷ
@@ -19,16 +21,24 @@ void innovation(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef&
 }
 
 // x⁺ = A x + B u - G e
-void next_state(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, const ConstMatrixRef& e,
-                Matrix& next) {
-  next.resize(x.rows(), step.next_states());
+void next_state(const Step& step, const Operand& x, const Operand& u, const Operand& e, Eigen::Ref<Matrix> next) {
   linalg::tall_products({{x, step.A()}, {u, step.B()}, {e, step.G(), true}}, next);
 }
 
+void next_state(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, const ConstMatrixRef& e,
+                Matrix& next) {
+  next.resize(x.rows(), step.next_states());
+  next_state(step, x, u, e, Eigen::Ref<Matrix>(next));
+}
+
 // x⁺ = A x + B u
+void next_state(const Step& step, const Operand& x, const Operand& u, Eigen::Ref<Matrix> next) {
+  linalg::tall_products({{x, step.A()}, {u, step.B()}}, next);
+}
+
 void next_state(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, Matrix& next) {
   next.resize(x.rows(), step.next_states());
-  linalg::tall_products({{x, step.A()}, {u, step.B()}}, next);
+  next_state(step, x, u, Eigen::Ref<Matrix>(next));
 }
 
 }  // namespace tokid::observer

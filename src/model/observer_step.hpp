@@ -6,6 +6,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "linalg/tall_product.hpp"
 #include "tokid/model.hpp"
 
 namespace tokid::observer {
@@ -19,5 +20,11 @@ void innovation(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef&
 void next_state(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, const ConstMatrixRef& e,
                 Matrix& next);
 void next_state(const Step& step, const ConstMatrixRef& x, const ConstMatrixRef& u, Matrix& next);
+
+// The same for results that have their shape already. These allocate no memory, and are the fastest for few rows.
+using linalg::Operand;
+void output(const Step& step, const Operand& x, const Operand& u, Eigen::Ref<Matrix> y);
+void next_state(const Step& step, const Operand& x, const Operand& u, const Operand& e, Eigen::Ref<Matrix> next);
+void next_state(const Step& step, const Operand& x, const Operand& u, Eigen::Ref<Matrix> next);
 
 }  // namespace tokid::observer

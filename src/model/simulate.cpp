@@ -10,8 +10,10 @@
 
 #include "base/nan.hpp"
 #include "model/channels.hpp"
+#include "model/observer_rows.hpp"
 #include "model/observer_step.hpp"
 #include "model/smoother.hpp"
+#include "model/state_estimate.hpp"
 #include "model/step_by_step.hpp"
 #include "tokid/parallel.hpp"
 
@@ -93,146 +95,6 @@ void simulate_each(const Model& model, const Ensemble& inputs, Index k, Matrix x
 
 namespace {
 
-// The observer for all experiments, with one row for each. An experiment is blind while its state is not known. The
-// predictions of a blind experiment are NaN until enough samples determine its state again.
-class Observer {
- public:
-  // Starts at step k. x is the state of all experiments, if it is known.
-  Observer(const Model& model, const Ensemble& data, Index k, const std::optional<Vector>& x)
-      : model_(model),
-        data_(data),
-        window_(estimation_window(model)),
-        k_(k),
-        x_(Matrix::Zero(data.experiments(), model.n(k))),
-        since_(size_t(data.experiments()), x ? sees : k),
-        all_see_(x.has_value()) {
-    if (x) x_.rowwise() += x->transpose();
-  }
-
-  Index k() const { return k_; }
-
-  // x̂_k, with rows of NaN where the state is not known.
-  Matrix state() const {
-    Matrix x = x_;
-    blank(x);
-    return x;
-  }
-
-  // Advances to step k+1. Returns ŷ_k and y_k - ŷ_k (N × m), with rows of NaN where x̂_k is not known.
-  void advance(Matrix& y, Matrix& innovation) {
-    input_departure(model_, data_, k_, u_);
-    const bool inputs_missing = !std::isfinite(u_.sum());  // true at least if one is missing
-    if (inputs_missing) {
-      for (Index n = 0; n < u_.rows(); ++n) {
-        if (u_.row(n).allFinite()) continue;
-        u_.row(n).setZero();
-        since_[size_t(n)] = k_ + 1;
-        all_see_ = false;
-      }
-    }
-    correct(k_, data_, x_, y, innovation);
-    blank(y);
-    blank(innovation);
-    ++k_;
-    if (k_ < model_.k_end()) recover();
-  }
-
- private:
-  // Sets the rows of blind experiments to NaN.
-  void blank(Matrix& rows) const {
-    if (all_see_) return;
-    for (size_t n = 0; n < since_.size(); ++n)
-      if (since_[n] != sees) rows.row(Index(n)).setConstant(nan);
-  }
-
-  // x̂_{k+1} = A_k x̂_k + B_k u_k - G_k (y_k - ŷ_k) from the inputs u_                                       (9)
-  void correct(Index k, const Ensemble& data, Matrix& x, Matrix& y, Matrix& innovation) {
-    const Step& step = model_.at(k);
-    observer::output(step, x, u_, y);
-    output_departure(model_, data, k, innovation);
-    innovation -= y;
-    seen_ = innovation;
-    if (!std::isfinite(seen_.sum())) fill_in(step, seen_);
-    observer::next_state(step, x, u_, seen_, next_);
-    x.swap(next_);
-  }
-
-  // Estimates missing innovations from the available ones of the same step: E[ε_q | ε_o] = S_qo S_oo⁻¹ ε_o, with q
-  // missing and o available. This is necessary, because the gain may use several outputs to cancel their common noise.
-  // If the model has no covariance S, missing innovations become zero.
-  void fill_in(const Step& step, Matrix& innovations) const {
-    std::vector<Index> seen, missing, before;
-    Matrix conditional;  // (missing × seen), the same for experiments with the same gaps
-    for (Index n = 0; n < innovations.rows(); ++n) {
-      missing.clear();
-      seen.clear();
-      for (Index j = 0; j < innovations.cols(); ++j) (std::isnan(innovations(n, j)) ? missing : seen).push_back(j);
-      if (missing.empty()) continue;
-      if (seen.empty() || !model_.has(&Step::has_innovation_cov)) {
-        for (const Index j : missing) innovations(n, j) = 0.0;
-        continue;
-      }
-      if (missing != before) {
-        const Step::View covariance = step.innovation_cov();
-        const Matrix whitener = linalg::whitener(covariance(seen, seen));
-        conditional = covariance(missing, seen) * whitener.transpose() * whitener;
-        before = missing;
-      }
-      const Vector known = innovations(n, seen).transpose();
-      innovations(n, missing) = (conditional * known).transpose();
-    }
-  }
-
-  // Restores the state of a blind experiment if its recent samples determine the state. If the window is too short, it
-  // grows up to twice its size.
-  void recover() {
-    if (all_see_) return;
-    std::map<Index, std::vector<Index>> windows;  // first step → experiments
-    for (size_t n = 0; n < since_.size(); ++n) {
-      if (since_[n] == sees || k_ - since_[n] < window_) continue;
-      const Index from = std::max(since_[n], k_ - 2 * window_);
-      if (may_determine(Index(n), from)) windows[from].push_back(Index(n));
-    }
-    for (const auto& [from, rows] : windows) {
-      const Ensemble part = data_.subset(rows);
-      Matrix x = estimate_state(model_, part, from, k_ - from).transpose();
-      for (Index k = from; k < k_; ++k) {
-        input_departure(model_, part, k, u_);
-        correct(k, part, x, y_, innovation_);
-      }
-      for (size_t i = 0; i < rows.size(); ++i) {
-        if (!x.row(Index(i)).allFinite()) continue;
-        x_.row(rows[i]) = x.row(Index(i));
-        since_[size_t(rows[i])] = sees;
-      }
-    }
-    all_see_ = std::all_of(since_.begin(), since_.end(), [](Index k) { return k == sees; });
-  }
-
-  bool may_determine(Index n, Index from) const {
-    Index samples = 0;
-    for (Index k = from; k < k_; ++k) {
-      if (!data_.input(k).row(n).allFinite()) return false;
-      for (const double y : data_.output(k).row(n)) samples += std::isfinite(y);
-    }
-    return samples >= model_.n(from);
-  }
-
-  static constexpr Index sees = -1;
-
-  const Model& model_;
-  const Ensemble& data_;
-  Index window_, k_;
-  Matrix x_;                  // (N × n_k)
-  std::vector<Index> since_;  // (N) first step after the loss of the state, or `sees`
-  bool all_see_;
-  Matrix u_, y_, innovation_, seen_, next_;  // values of one step
-};
-
-}  // namespace
-
-namespace {
-
 // The outputs at step k + ahead - 1, simulated from the state x (N × n_k) at step k.
 Matrix outputs_ahead(const Model& model, const Ensemble& data, Index k, Matrix x, Index ahead) {
   Matrix u, next, y;
@@ -297,12 +159,15 @@ void observe(const Model& model, const Ensemble& data, const PredictOptions& opt
     }
     return;
   }
-  Observer observer(model, data, start ? model.k_begin : model.full_begin(), start);
-  for (Matrix y, innovation; observer.k() < end;) {
+  observer::Rows rows(model, data.experiments(), start ? model.k_begin : model.full_begin(), start);
+  Matrix u, measured, y(data.experiments(), model.outputs), innovation(y);
+  while (rows.k() < end) {
     checkpoint();
-    const Index k = observer.k();
-    before(k, [&observer] { return observer.state(); });
-    observer.advance(y, innovation);
+    const Index k = rows.k();
+    before(k, [&rows] { return rows.state(); });
+    input_departure(model, data, k, u);
+    output_departure(model, data, k, measured);
+    rows.advance(observer::Rows::of(u), observer::Rows::of(measured), y, innovation);
     after(k, y, innovation);
   }
 }
@@ -357,35 +222,6 @@ std::vector<bool> pattern(const Ensemble& data, Index n, Index k, Index window) 
   return present;
 }
 
-// Directions of the state count as not observed if their effect on the samples is below this share of the largest
-// effect.
-constexpr double unseen = 1e-12;
-
-// The states of experiments with the same pattern of available samples. They are NaN if these samples do not determine
-// all of the state.
-Matrix estimate_alike(const Model& model, const Ensemble& data, Index k, Index window, const Matrix& whitener) {
-  const Index m = model.outputs, experiments = data.experiments(), n = model.n(k);
-  Matrix sensitivity(window * m, n), innovations(window * m, experiments);
-  Matrix transition = Matrix::Identity(n, n);  // transition of the error of x_k through the observer
-  Matrix x = Matrix::Zero(experiments, n), u, innovation, next;
-  for (Index j = k; j < k + window; ++j) {
-    const Step& step = model.at(j);
-    input_departure(model, data, j, u);
-    observer::innovation(step, x, u, output_departure(model, data, j), innovation);
-    Vector present = Vector::Ones(m);
-    for (Index i = 0; i < m; ++i)
-      if (!std::isfinite(data.y(0, j, i))) present(i) = 0.0, innovation.col(i).setZero();
-    const Matrix seen = present.asDiagonal() * step.C();
-    sensitivity.middleRows((j - k) * m, m) = whitener * seen * transition;
-    innovations.middleRows((j - k) * m, m) = whitener * innovation.transpose();
-    observer::next_state(step, x, u, innovation, next);
-    x.swap(next);
-    transition = (step.A() + step.G() * seen) * transition;
-  }
-  const linalg::MinimumNorm solution = linalg::minimum_norm(sensitivity, innovations, unseen);
-  return solution.rank < n ? Matrix::Constant(n, experiments, nan) : solution.x;
-}
-
 }  // namespace
 
 Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index window) {
@@ -396,12 +232,6 @@ Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index w
     throw std::invalid_argument(fmt::format(
         "estimate_state: steps {} to {} found, steps within {} to {} needed, which model and data both have", k,
         k + window - 1, model.k_begin, std::min(model.k_end(), data.steps()) - 1));
-  // One whitener for the whole window, because rounding errors may make the covariance of a single step singular.
-  Matrix covariance = Matrix::Zero(model.outputs, model.outputs);
-  if (model.has(&Step::has_innovation_cov))
-    for (Index j = k; j < k + window; ++j) covariance += model.at(j).innovation_cov();
-  const Matrix whitener = linalg::whitener(covariance);
-
   std::map<std::vector<bool>, std::vector<Index>> groups;
   for (Index n = 0; n < data.experiments(); ++n) groups[pattern(data, n, k, window)].push_back(n);
   Matrix x = Matrix::Constant(model.n(k), data.experiments(), nan);
@@ -410,7 +240,13 @@ Matrix estimate_state(const Model& model, const Ensemble& data, Index k, Index w
     for (size_t c = 0; c < present.size(); ++c)
       inputs_known = inputs_known && (present[c] || Index(c) % data.channels() >= data.inputs());
     if (!inputs_known) continue;
-    x(Eigen::all, rows) = estimate_alike(model, data.subset(rows), k, window, whitener);
+    const Ensemble part = data.subset(rows);
+    observer::Window samples{k, std::vector<Matrix>(size_t(window)), std::vector<Matrix>(size_t(window))};
+    for (Index j = 0; j < window; ++j) {
+      input_departure(model, part, k + j, samples.u[size_t(j)]);
+      output_departure(model, part, k + j, samples.y[size_t(j)]);
+    }
+    x(Eigen::all, rows) = observer::estimate(model, samples).transpose();
   }
   return x;
 }

@@ -36,8 +36,7 @@ Index together(Index steps) {
 }  // namespace
 
 // Filters and smooths the means of experiments of one group. Experiments are rows.
-// This is the observer (9), split so that the state after its correction by y_k is also available. Products are rounded
-// before they are added: EM amplifies rounding errors, and its results must not depend on the instruction set.
+// This is the observer (9), split so that the state after its correction by y_k is also available.
 class Means {
  public:
   explicit Means(const Samples& samples) : samples_(&samples) {}
@@ -53,26 +52,15 @@ class Means {
       const Step& step = model.step[s];
       const StepCovariance& c = covariances.at(s);
       const std::vector<Index>& there = group.outputs[s];
-      auto l = estimated(s);
-      l.leftCols(step.states()) = predicted(s);
-      l.rightCols(l.cols() - step.states()).setZero();
+      correct_means(step, there, c, predicted(s), inputs(s), outputs(s), innovation_, estimated(s));
       if (!there.empty()) {
-        linalg::tall_products(outputs(s), {{predicted(s), step.C(), true}, {inputs(s), step.D(), true}}, innovation_,
-                              separate);
-        each_missing(there, model.outputs, [this](Index j) { innovation_.col(j).setZero(); });
         linalg::tall_products({{innovation_, c.whitener}}, white_, separate);
         squares_ = white_.array().square().rowwise().sum();
         log_likelihood.segment(first, count).array() -=
             0.5 * (squares_.head(count).array() + weight_ * (c.log_det + double(there.size()) * log_two_pi));
         if (squares) squares->row(t).segment(first, count) = squares_.head(count) / double(there.size());
-        linalg::tall_products(l, {{innovation_, c.gain}}, l, separate);
       }
-      const std::vector<Index>& unknown = group.unknowns[s];
-      of_unknown_ = step.B()(Eigen::all, unknown);
-      linalg::tall_products({{l.leftCols(step.states()), step.A()},
-                             {inputs(s), step.B()},
-                             {l.rightCols(Index(unknown.size())), of_unknown_}},
-                            predicted(s + 1), separate);
+      advance_means(step, group.unknowns[s], estimated(s), inputs(s), of_unknown_, predicted(s + 1));
     }
   }
 

@@ -7,27 +7,9 @@ namespace tokid::kalman {
 
 namespace {
 
-// both = [a, these columns of b]
-void with_columns(const ConstMatrixRef& a, const ConstMatrixRef& b, const std::vector<Index>& columns, Matrix& both) {
-  both.resize(a.rows(), a.cols() + Index(columns.size()));
-  both.leftCols(a.cols()) = a;
-  both.rightCols(Index(columns.size())) = b(Eigen::all, columns);
-}
-
-constexpr double settled = 1e-14;
-
-// Do covariances differ by at most `settled` in units of the standard deviations?
-bool close(const ConstMatrixRef& a, const ConstMatrixRef& b) {
-  const Vector unit = b.diagonal().cwiseMax(0.0).cwiseSqrt();
-  return ((a - b).cwiseAbs().array() <= (settled * unit * unit.transpose()).array()).all();
-}
-
-// Do the steps t-1 and t have the same matrices and the same missing samples?
-bool as_before(const Model& model, const Alike& group, size_t t) {
-  if (t == 0 || group.outputs[t] != group.outputs[t - 1] || group.unknowns[t] != group.unknowns[t - 1]) return false;
-  const Step &a = model.step[t - 1], &b = model.step[t];
-  return a.states() == b.states() && a.next_states() == b.next_states() && a.next_states() == a.states() &&
-         a.A() == b.A() && a.B() == b.B() && a.C() == b.C() && a.D() == b.D() && a.Q() == b.Q() && a.R() == b.R();
+// Do the steps t-1 and t have the same missing samples?
+bool same_missing(const Alike& group, size_t t) {
+  return group.outputs[t] == group.outputs[t - 1] && group.unknowns[t] == group.unknowns[t - 1];
 }
 
 }  // namespace
@@ -42,48 +24,26 @@ StepCovariance& Covariances::add(size_t t) {
 void Covariances::compute(const Model& model, const Samples& samples, const Alike& group, bool smooth) {
   place_.resize(size_t(group.end));
   used_ = 0;
-  bool steady = false;
-  Matrix p = Matrix::Zero(model.n(model.k_begin), model.n(model.k_begin));
-  if (model.x0_cov.size() > 0) p = model.x0_cov;
+  filter_.start(model.x0_cov.size() > 0 ? model.x0_cov
+                                        : Matrix(Matrix::Zero(model.n(model.k_begin), model.n(model.k_begin))));
   for (Index t = 0; t < group.end; ++t) {
     const size_t s = size_t(t);
-    if (steady && as_before(model, group, s)) {
+    if (t > 0 && filter_.settled_as(model.step[s - 1], model.step[s], same_missing(group, s))) {
       place_[s] = place_[s - 1];
       continue;
     }
     StepCovariance& c = add(s);
-    const std::vector<Index>& unknown = group.unknowns[s];
-    const Index n = p.rows(), q = n + Index(unknown.size());
-    prior_.setZero(q, q);
-    prior_.topLeftCorner(n, n) = p;
-    for (size_t i = 0; i < unknown.size(); ++i) prior_(n + Index(i), n + Index(i)) = samples.u_square(unknown[i]);
-    correct_step(model.step[s], group.outputs[s], unknown, c);
+    filter_.correct(model.step[s], group.outputs[s], group.unknowns[s], samples.u_square, c);
     if (t + 1 == group.end) break;
 
-    with_columns(model.step[s].A(), model.step[s].B(), unknown, f_);
-    propagate(c.filtered, f_, model.step[s].Q(), fp_, c.predicted);
-    steady = p.rows() == c.predicted.rows() && close(c.predicted, p);
-    p = c.predicted;
+    filter_.advance(model.step[s], group.unknowns[s], c);
+    c.predicted = filter_.P();
     if (!smooth) continue;
-    linalg::inverse_root(p, w_);
-    wfp_.noalias() = w_ * fp_;
+    linalg::inverse_root(c.predicted, w_);
+    wfp_.noalias() = w_ * filter_.effect();
     c.smoother.noalias() = wfp_.transpose() * w_;
   }
   if (smooth) smooth_backwards(model, group);
-}
-
-void Covariances::correct_step(const Step& own, const std::vector<Index>& there, const std::vector<Index>& unknown,
-                               StepCovariance& c) {
-  c.log_det = 0.0;
-  if (there.empty()) {
-    c.filtered = prior_;
-    c.gain.setZero(prior_.rows(), own.outputs());
-    return;
-  }
-  with_columns(own.C(), own.D(), unknown, h_);
-  r_ = own.R();
-  leave_out_missing(there, h_, r_);
-  correct(prior_, h_, r_, work_, c);
 }
 
 // l_k - E[l_k | all samples] = (I - J F)(l_k - E[l_k | y_0 … y_k]) - J (w_k - …): the covariance is a sum of three
@@ -116,7 +76,7 @@ void Covariances::smooth_backwards(const Model& model, const Alike& group) {
     cross_.noalias() = c.smoother * r_;
     c.smoothed.noalias() += cross_ * c.smoother.transpose();
     linalg::symmetrise(c.smoothed);
-    steady = as_after && close(c.smoothed, after.smoothed);
+    steady = as_after && nearly_equal(c.smoothed, after.smoothed);
   }
 }
 

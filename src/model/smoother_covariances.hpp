@@ -5,7 +5,7 @@
 #include <deque>
 #include <vector>
 
-#include "model/kalman_step.hpp"
+#include "model/filter_step.hpp"
 #include "model/samples.hpp"
 
 namespace tokid::kalman {
@@ -33,7 +33,7 @@ inline bool partly_missing(const std::vector<Index>& there, Index outputs) {
 }
 
 // Covariances do not depend on samples. Where successive steps have the same matrices and the same missing samples,
-// they settle: from step to step they change by less than `settled`. The steps then share them.
+// they settle: from step to step they change by less than nearly_equal() sees. The steps then share them.
 class Covariances {
  public:
   // Runs the filter, and with `smooth` also the smoother.
@@ -49,15 +49,13 @@ class Covariances {
 
  private:
   StepCovariance& add(size_t t);
-  void correct_step(const Step& own, const std::vector<Index>& there, const std::vector<Index>& unknown,
-                    StepCovariance& c);
   void smooth_backwards(const Model& model, const Alike& group);
 
   std::deque<StepCovariance> distinct_;  // the first used_ ones are valid
   size_t used_ = 0;
   std::vector<size_t> place_, filtered_;  // of each step in distinct_, and that after the filter
-  Matrix prior_, f_, fp_, w_, wfp_, h_, r_, left_, product_, cross_;  // kept to reuse their memory
-  Workspace work_;
+  FilterCovariance filter_;
+  Matrix f_, w_, wfp_, r_, left_, product_, cross_;  // kept to reuse their memory
 };
 
 }  // namespace tokid::kalman
