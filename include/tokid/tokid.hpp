@@ -25,6 +25,7 @@
 #include "tokid/model.hpp"
 #include "tokid/model_file.hpp"
 #include "tokid/observer.hpp"
+#include "tokid/online_observer.hpp"
 #include "tokid/options.hpp"
 #include "tokid/outlier.hpp"
 #include "tokid/paper.hpp"
