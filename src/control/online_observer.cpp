@@ -203,15 +203,13 @@ struct OnlineObserver::Content {
   // The state at the first step, if it is known.
   std::optional<Vector> known_start() const {
     const InitialState initial = options.initial_state.value_or(model.initial_state);
-    if (starts_from_zero(model, initial)) return Vector::Zero(model.n(model.k_begin));
-    if (options.initial_estimate && has_initial_estimate(model, initial)) return model.x0_mean;
-    return std::nullopt;
+    return observer::known_start(model, initial, options.initial_estimate);
   }
 
   void start() {
     k = 0;
     const std::optional<Vector> x0 = known_start();
-    first = x0 ? model.k_begin : model.full_begin();
+    first = observer::first_step(model, x0);
     if (x0 && options.samples_missing && model.has(&Step::has_Q) && model.has(&Step::has_R)) {
       const InitialState initial = options.initial_state.value_or(model.initial_state);
       const Index n = model.n(model.k_begin);

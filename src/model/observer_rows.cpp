@@ -13,6 +13,12 @@
 
 namespace tokid::observer {
 
+std::optional<Vector> known_start(const Model& model, InitialState initial, bool estimate) {
+  if (starts_from_zero(model, initial)) return Vector::Zero(model.n(model.k_begin));
+  if (estimate && has_initial_estimate(model, initial)) return model.x0_mean;
+  return std::nullopt;
+}
+
 Rows::Rows(const Model& model, Index experiments, Index k, const std::optional<Vector>& x)
     : model_(model),
       window_(estimation_window(model)),

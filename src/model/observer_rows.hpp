@@ -10,6 +10,14 @@
 
 namespace tokid::observer {
 
+// The state at the first step of a model, if it is known; as PredictOptions for `initial` and `estimate`.
+std::optional<Vector> known_start(const Model& model, InitialState initial, bool estimate);
+
+// The first step of the observer: that of the model if the state there is known, else the first one with all states.
+inline Index first_step(const Model& model, const std::optional<Vector>& start) {
+  return start ? model.k_begin : model.full_begin();
+}
+
 // An experiment is blind while its state is not known. The predictions of a blind experiment are NaN until enough
 // samples determine its state again. A row depends on no other row, to the last bit.
 class Rows {

@@ -136,9 +136,7 @@ namespace {
 // The state at the first step, if it is known.
 std::optional<Vector> known_start(const Model& model, const Ensemble& data, const PredictOptions& options) {
   const InitialState initial = options.initial_state.value_or(data.initial_state.value_or(model.initial_state));
-  if (starts_from_zero(model, initial)) return Vector::Zero(model.n(model.k_begin));
-  if (options.initial_estimate && has_initial_estimate(model, initial)) return model.x0_mean;
-  return std::nullopt;
+  return observer::known_start(model, initial, options.initial_estimate);
 }
 
 // At each step, calls before(k, state) with a function that gives x̂_k (N × n_k), then after(k, ŷ_k, y_k - ŷ_k). Rows
@@ -159,7 +157,7 @@ void observe(const Model& model, const Ensemble& data, const PredictOptions& opt
     }
     return;
   }
-  observer::Rows rows(model, data.experiments(), start ? model.k_begin : model.full_begin(), start);
+  observer::Rows rows(model, data.experiments(), observer::first_step(model, start), start);
   Matrix u, measured, y(data.experiments(), model.outputs), innovation(y);
   while (rows.k() < end) {
     checkpoint();
