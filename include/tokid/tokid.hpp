@@ -21,6 +21,7 @@
 #include "tokid/innovations.hpp"
 #include "tokid/io.hpp"
 #include "tokid/lag_orders.hpp"
+#include "tokid/learning.hpp"
 #include "tokid/linalg.hpp"
 #include "tokid/markov.hpp"
 #include "tokid/model.hpp"

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -167,6 +168,15 @@ Roots::Roots(const std::string& name, const std::vector<Matrix>& weights, Index 
           "{}: a matrix that is no weight found; a symmetric matrix without negative eigenvalues needed", name));
     roots_.emplace_back(factor->transpose());
   }
+}
+
+// Without the columns of some entries, FᵀF is the weight of the other ones.
+void Roots::leave_out_missing(const Matrix& targets) {
+  if (empty() || !targets.hasNaN()) return;
+  if (count() == 1) roots_.resize(size_t(targets.rows()), Matrix(roots_.front()));
+  for (Index s = 0; s < targets.rows(); ++s)
+    for (Index j = 0; j < targets.cols(); ++j)
+      if (std::isnan(targets(s, j))) roots_[size_t(s)].col(j).setZero();
 }
 
 Matrix weight_at(const std::vector<Matrix>& weights, Index s, Index size) {

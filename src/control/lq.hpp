@@ -21,6 +21,9 @@ class Roots {
   const Matrix& at(Index s) const { return roots_.size() == 1 ? roots_.front() : roots_[size_t(s)]; }
   Index count() const { return Index(roots_.size()); }
 
+  // Takes the weight of the entries that are NaN in `targets` (S × size) away.
+  void leave_out_missing(const Matrix& targets);
+
  private:
   std::vector<Matrix> roots_;
 };
