@@ -43,4 +43,5 @@ NB_MODULE(_tokid, module) {
   python::bind_refine(module);
   python::bind_confidence(module);
   python::bind_plan(module);
+  python::bind_control(module);
 }

@@ -35,5 +35,6 @@ void bind_plan(nb::module_& module);
 void bind_report(nb::module_& module);
 void bind_stream(nb::module_& module);
 void bind_update(nb::module_& module);
+void bind_control(nb::module_& module);
 
 }  // namespace tokid::python

@@ -18,13 +18,16 @@ The model includes an observer, and the evidence for every choice of the identif
 
 from typing import TYPE_CHECKING, Any
 
+from ._controller import Controller
 from ._ensemble import Ensemble
 from ._errors import IoError, TokidWarning
 from ._example import example, example_system
 from ._files import load
 from ._identify import cross_validate, identify, identify_file
+from ._learning import LiftedMap
 from ._lock import FileLock
 from ._model import Model, UpdateState
+from ._observer import Observer
 from ._paper import paper
 from ._plan import plan
 from ._state_space import MatrixSequence, Step
@@ -32,12 +35,16 @@ from ._tokid import version as __version__
 from ._typing import ProgressShare
 from ._update import update
 from .results import (
+    ClosedLoop,
     Confidence,
     CrossValidation,
+    ExpectedCost,
     Finding,
     Fit,
     Identification,
     Interval,
+    LearnedRun,
+    Observation,
     Plan,
     Refinement,
     Validation,
@@ -50,17 +57,24 @@ if TYPE_CHECKING:
     from . import sklearn as sklearn
 
 __all__ = [
+    "ClosedLoop",
     "Confidence",
+    "Controller",
     "CrossValidation",
     "Ensemble",
+    "ExpectedCost",
     "FileLock",
     "Finding",
     "Fit",
     "Identification",
     "Interval",
     "IoError",
+    "LearnedRun",
+    "LiftedMap",
     "MatrixSequence",
     "Model",
+    "Observation",
+    "Observer",
     "Plan",
     "ProgressShare",
     "Refinement",

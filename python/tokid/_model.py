@@ -14,11 +14,14 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
-from . import _arrays, _control, _dataframe, _dataset, _experiments, _options, _tokid
+from . import _arrays, _control, _controller, _dataframe, _dataset, _experiments, _learning, _options, _tokid
+from ._controller import Controller
 from ._ensemble import Ensemble
 from ._errors import reading, warn, writing
 from ._held import Held
+from ._learning import LiftedMap
 from ._lock import FileLock
+from ._observer import Observer
 from ._progress import listener
 from ._samples import labels_of, name_channels, named, plural
 from ._state_space import LISTS, StateSpace, core_from, matrices_of, state_of
@@ -29,6 +32,7 @@ from .results import (
     CrossValidation,
     Finding,
     Identification,
+    LearnedRun,
     Refinement,
     Updated,
     Validation,
@@ -717,6 +721,131 @@ class Model(StateSpace):
 
     def _same(self, core: _tokid.Model, **changed: Any) -> Model:
         return Model._of(core, replace(self._origin, **changed))
+
+    # Use: observer, control, learning
+
+    def observer(
+        self,
+        *,
+        initial_state: str = "auto",
+        initial_estimate: bool = True,
+        samples_missing: bool = False,
+        input_square: Optional[ArrayLike] = None,
+    ) -> Observer:
+        """Return the observer for samples that arrive step by step.
+
+        Parameters
+        ----------
+        initial_state, initial_estimate
+            As in `predict`.
+        samples_missing : bool, default False
+            True: samples may be missing. If the model has `Q`, `R` and a known or estimated initial state, a Kalman
+            filter for the available samples then replaces the observer, as in `predict` for data with missing samples.
+        input_square : array_like, shape (r,), optional
+            Mean squares of the inputs as departures from the nominal trajectory: the variances of missing inputs in the
+            Kalman filter.
+
+        Returns
+        -------
+        Observer
+        """
+        return Observer._of(self, initial_state, initial_estimate, samples_missing, input_square)
+
+    def lqr(
+        self,
+        output_weight: ArrayLike,
+        input_weight: Optional[ArrayLike] = None,
+        *,
+        input_rate_weight: Optional[ArrayLike] = None,
+        terminal_weight: Optional[ArrayLike] = None,
+        begin: Optional[int] = None,
+        end: Optional[int] = None,
+        y_reference: Optional[ArrayLike] = None,
+        u_reference: Optional[ArrayLike] = None,
+    ) -> Controller:
+        """Design a finite-horizon LQR; with the observer of the model it is the LQG controller.
+
+        The cost is the sum of weighted squares of outputs and inputs, as departures from the nominal trajectory or from
+        the references, and of the changes of the input from step to step.
+
+        Parameters
+        ----------
+        output_weight, input_weight, input_rate_weight : array_like, optional
+            A number, a diagonal (m,) or (r,), a matrix, or a matrix for each step (S, m, m). The sum of the two weights
+            on inputs must be positive definite.
+        terminal_weight : array_like, optional
+            Weight that is added to `output_weight` at the last step.
+        begin, end : int, optional
+            Steps begin ... end-1; by default those of the model. A periodic model goes on beyond its end.
+        y_reference, u_reference : array_like, shapes (S, m), (S, r), optional
+            Departures from the nominal trajectory that outputs and inputs shall have; by default zero.
+
+        Returns
+        -------
+        Controller
+
+        Examples
+        --------
+        >>> system = tokid.example_system("oscillator", steps=40)
+        >>> controller = system.lqr(1.0, 0.1, terminal_weight=[10.0, 10.0])
+        >>> len(controller.K), controller.K[0].shape, controller.cost_to_go[0].shape
+        (40, (2, 4), (4, 4))
+        """
+        return _controller.lqr(
+            self,
+            output_weight,
+            input_weight,
+            input_rate_weight,
+            terminal_weight,
+            begin,
+            end,
+            y_reference,
+            u_reference,
+        )
+
+    def lifted_map(self, begin: Optional[int] = None, end: Optional[int] = None) -> LiftedMap:
+        """Return the map from the inputs of all steps to their outputs, from rest, as an operator.
+
+        Parameters
+        ----------
+        begin, end : int, optional
+            Steps begin ... end-1; by default those of the model. A periodic model goes on beyond its end.
+        """
+        return LiftedMap._of(self, begin, end)
+
+    def learn(
+        self,
+        reference: ArrayLike,
+        u: ArrayLike,
+        y: ArrayLike,
+        *,
+        error_weight: ArrayLike = 1.0,
+        input_weight: Optional[ArrayLike] = None,
+        input_change_weight: Optional[ArrayLike] = None,
+        input_rate_weight: Optional[ArrayLike] = None,
+    ) -> LearnedRun:
+        """Compute the inputs of the next run from those of the last one: norm-optimal iterative learning.
+
+        The next inputs minimise the weighted squares of the predicted error, of the inputs as departures from the
+        nominal trajectory, of their change from the last run, and of their change from step to step. All runs begin
+        from the same state.
+
+        Parameters
+        ----------
+        reference : array_like, shape (T, m)
+            Outputs that the runs shall have. NaN where an output is free.
+        u, y : array_like, shapes (T, r), (T, m)
+            Inputs and outputs of the last run. NaN marks a missing output.
+        error_weight, input_weight, input_change_weight, input_rate_weight : array_like, optional
+            As in `lqr`. The sum of the weights on inputs must be positive definite.
+
+        Returns
+        -------
+        LearnedRun
+        """
+        return _learning.learn(
+            self, reference, u, y, error_weight, input_weight, input_change_weight, input_rate_weight
+        )
 
     # Objects of other packages
 

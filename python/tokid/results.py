@@ -1269,3 +1269,85 @@ class Paper(_Result):
 
     printed: list[PrintedNumber]
     data: dict[str, Any]
+
+
+@dataclass(frozen=True, repr=False)
+class Observation(_Result):
+    """What one step of an observer shows. NaN where the state is not known, and where a sample is missing.
+
+    Attributes
+    ----------
+    prediction : ndarray, shape (m,)
+        One-step prediction of the output.
+    innovation : ndarray, shape (m,)
+        Output minus prediction.
+    normalised_square : float
+        Square of the innovation in units of its covariance, over the available outputs. Its mean is `outputs` if the
+        covariance is right. NaN if the model has no `innovation_cov`.
+    outputs : int
+        Number of available outputs.
+    """
+
+    prediction: Array
+    innovation: Array
+    normalised_square: float
+    outputs: int
+
+
+@dataclass(frozen=True, repr=False)
+class ExpectedCost(_Result):
+    """The parts of an expected cost, for outputs without measurement noise.
+
+    Attributes
+    ----------
+    outputs, inputs, input_rates : float
+        Expected weighted squares.
+    measurement_noise : float
+        What the noise that enters the outputs at the same step adds to the weighted outputs. No controller changes it.
+    """
+
+    outputs: float
+    inputs: float
+    input_rates: float
+    measurement_noise: float
+
+    @property
+    def total(self) -> float:
+        """The sum of `outputs`, `inputs` and `input_rates`."""
+        return self.outputs + self.inputs + self.input_rates
+
+
+@dataclass(frozen=True, repr=False)
+class ClosedLoop(_Result):
+    """A simulation of a closed loop.
+
+    Attributes
+    ----------
+    data : Ensemble
+        Inputs and measured outputs of the experiments, from step 0 on.
+    cost : ndarray, shape (N,)
+        Cost of each experiment, for outputs without measurement noise.
+    """
+
+    data: Ensemble
+    cost: Array
+
+
+@dataclass(frozen=True, repr=False)
+class LearnedRun(_Result):
+    """The next run of iterative learning.
+
+    Attributes
+    ----------
+    u : ndarray, shape (T, r)
+        Inputs of the next run.
+    predicted : ndarray, shape (T, m)
+        Its outputs, as predicted by the last run and the model.
+    error, predicted_error : ndarray, shape (m,)
+        RMS of reference minus output, in the last run and as predicted for the next one.
+    """
+
+    u: Array
+    predicted: Array
+    error: Array
+    predicted_error: Array

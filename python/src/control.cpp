@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/control.hpp"
+
+#include "arrays.hpp"
+#include "call.hpp"
+#include "tokid/learning.hpp"
+#include "tokid/online_observer.hpp"
+
+namespace tokid::python {
+
+namespace {
+
+std::vector<Matrix> matrices_of(const std::vector<AnyArray>& arrays) {
+  std::vector<Matrix> matrices;
+  matrices.reserve(arrays.size());
+  for (const AnyArray& array : arrays) matrices.push_back(matrix_of(array));
+  return matrices;
+}
+
+Matrix matrix_or_empty(const std::optional<AnyArray>& array) { return array ? matrix_of(*array) : Matrix(); }
+Vector vector_or_empty(const std::optional<AnyArray>& array) { return array ? vector_of(*array) : Vector(); }
+
+nb::list arrays_of(const std::vector<Matrix>& matrices) {
+  nb::list list;
+  for (const Matrix& matrix : matrices) list.append(array_of(Matrix(matrix)));
+  return list;
+}
+
+// (S × r); zero without references
+Matrix feedforward_of(const Controller& controller) {
+  if (controller.feedforward.size() > 0) return controller.feedforward;
+  return Matrix::Zero(controller.u_nominal.rows(), controller.u_nominal.cols());
+}
+
+void bind_observer(nb::module_& module) {
+  nb::class_<OnlineObserver>(module, "OnlineObserver", "The observer of the library; tokid.Observer is what users see.")
+      .def(
+          "__init__",
+          [](OnlineObserver* self, const Model& model, std::optional<InitialState> initial_state, bool initial_estimate,
+             bool samples_missing, const std::optional<AnyArray>& input_square) {
+            new (self) OnlineObserver(
+                model, {initial_state, initial_estimate, samples_missing, vector_or_empty(input_square)});
+          },
+          nb::arg("model"), nb::arg("initial_state").none(), nb::arg("initial_estimate"), nb::arg("samples_missing"),
+          nb::arg("input_square").none())
+      .def("step",
+           [](OnlineObserver& observer, const AnyArray& u, const AnyArray& y) {
+             const Observation& shown = observer.step(vector_of(u), vector_of(y));
+             return nb::make_tuple(array_of(Vector(shown.prediction)), array_of(Vector(shown.innovation)),
+                                   shown.normalised_square, shown.outputs);
+           })
+      .def_prop_ro("k", &OnlineObserver::k)
+      .def_prop_ro("knows_state", &OnlineObserver::knows_state)
+      .def_prop_ro(
+          "state", [](const OnlineObserver& observer) { return array_of(observer.state()); }, nb::rv_policy::move)
+      .def("predict",
+           [](const OnlineObserver& observer, const AnyArray& u) { return array_of(observer.predict(matrix_of(u))); })
+      .def("reset", &OnlineObserver::reset);
+}
+
+void bind_controller(nb::module_& module) {
+  nb::class_<ExpectedCost>(module, "ExpectedCost", "The parts of an expected cost.")
+      .def_ro("outputs", &ExpectedCost::outputs)
+      .def_ro("inputs", &ExpectedCost::inputs)
+      .def_ro("input_rates", &ExpectedCost::input_rates)
+      .def_ro("measurement_noise", &ExpectedCost::measurement_noise);
+
+  nb::class_<Lqr>(module, "Lqr", "A controller of the library; tokid.Controller is what users see of it.")
+      .def_prop_ro("begin", [](const Lqr& lqr) { return lqr.controller.begin; })
+      .def_prop_ro("end", [](const Lqr& lqr) { return lqr.controller.end(); })
+      .def_prop_ro("dt", [](const Lqr& lqr) { return lqr.controller.dt; })
+      .def_prop_ro("K", [](const Lqr& lqr) { return arrays_of(lqr.controller.K); })
+      .def_prop_ro("L", [](const Lqr& lqr) { return arrays_of(lqr.controller.L); })
+      .def_prop_ro(
+          "feedforward", [](const Lqr& lqr) { return array_of(feedforward_of(lqr.controller)); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "u_nominal", [](const Lqr& lqr) { return array_of(Matrix(lqr.controller.u_nominal)); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "y_nominal", [](const Lqr& lqr) { return array_of(Matrix(lqr.controller.y_nominal)); }, nb::rv_policy::move)
+      .def_prop_ro("cost_to_go", [](const Lqr& lqr) { return arrays_of(lqr.cost_to_go.P); })
+      .def("expected_cost",
+           [](const Lqr& lqr, const Model& model, const Model& truth) {
+             return without_gil([&] { return expected_cost(lqr.controller, model, truth); });
+           })
+      .def(
+          "simulate",
+          [](const Lqr& lqr, const Model& model, const Model& truth, Index experiments, std::uint64_t seed, bool noise,
+             const std::optional<AnyArray>& u_min, const std::optional<AnyArray>& u_max,
+             const std::optional<AnyArray>& x0) {
+            const SimulateControlOptions options{
+                experiments, seed, noise, vector_or_empty(u_min), vector_or_empty(u_max), matrix_or_empty(x0)};
+            ClosedLoopSimulation found =
+                without_gil([&] { return simulate_control(lqr.controller, model, truth, options); });
+            return nb::make_tuple(std::move(found.data), array_of(std::move(found.cost)));
+          },
+          nb::arg("model"), nb::arg("truth"), nb::arg("experiments"), nb::arg("seed"), nb::arg("noise"),
+          nb::arg("u_min").none(), nb::arg("u_max").none(), nb::arg("x0").none());
+  module.def(
+      "lqr",
+      [](const Model& model, const std::vector<AnyArray>& output, const std::vector<AnyArray>& input,
+         const std::vector<AnyArray>& input_rate, const std::optional<AnyArray>& terminal, Index begin, Index end,
+         const std::optional<AnyArray>& y_reference, const std::optional<AnyArray>& u_reference) {
+        const CostWeights weights{matrices_of(output), matrices_of(input), matrices_of(input_rate),
+                                  matrix_or_empty(terminal)};
+        const ControlOptions options{begin, end, matrix_or_empty(y_reference), matrix_or_empty(u_reference)};
+        return without_gil([&] { return lqr(model, weights, options); });
+      },
+      nb::arg("model"), nb::arg("output"), nb::arg("input"), nb::arg("input_rate"), nb::arg("terminal").none(),
+      nb::arg("begin"), nb::arg("end"), nb::arg("y_reference").none(), nb::arg("u_reference").none());
+}
+
+void bind_learning(nb::module_& module) {
+  nb::class_<LiftedMap>(module, "LiftedMap", "The lifted map of the library; tokid.LiftedMap is what users see of it.")
+      .def(nb::init<const Model&, Index, Index>(), nb::arg("model"), nb::arg("begin"), nb::arg("end"))
+      .def_prop_ro("begin", &LiftedMap::begin)
+      .def_prop_ro("steps", &LiftedMap::steps)
+      .def_prop_ro("inputs", &LiftedMap::inputs)
+      .def_prop_ro("outputs", &LiftedMap::outputs)
+      .def("product", [](const LiftedMap& map, const AnyArray& u) { return array_of(map.product(matrix_of(u))); })
+      .def("transposed_product",
+           [](const LiftedMap& map, const AnyArray& y) { return array_of(map.transposed_product(matrix_of(y))); })
+      .def("dense", [](const LiftedMap& map) { return array_of(without_gil([&] { return map.dense(); })); });
+  module.def(
+      "learn",
+      [](const Model& model, const AnyArray& reference, const AnyArray& u, const AnyArray& y,
+         const std::vector<AnyArray>& error, const std::vector<AnyArray>& input,
+         const std::vector<AnyArray>& input_change, const std::vector<AnyArray>& input_rate) {
+        const LearningWeights weights{matrices_of(error), matrices_of(input), matrices_of(input_change),
+                                      matrices_of(input_rate)};
+        const Matrix wanted = matrix_of(reference), last_u = matrix_of(u), last_y = matrix_of(y);
+        LearnedRun found = without_gil([&] { return learn(model, wanted, last_u, last_y, weights); });
+        return nb::make_tuple(array_of(std::move(found.u)), array_of(std::move(found.predicted)),
+                              array_of(std::move(found.error)), array_of(std::move(found.predicted_error)));
+      },
+      nb::arg("model"), nb::arg("reference"), nb::arg("u"), nb::arg("y"), nb::arg("error"), nb::arg("input"),
+      nb::arg("input_change"), nb::arg("input_rate"));
+}
+
+}  // namespace
+
+void bind_control(nb::module_& module) {
+  bind_observer(module);
+  bind_controller(module);
+  bind_learning(module);
+}
+
+}  // namespace tokid::python

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The use of models: observers step by step, LQR and LQG, iterative learning."""
+
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tokid
+
+ZOO = Path(__file__).resolve().parents[2] / "bench" / "zoo"
+
+
+@pytest.fixture(scope="module")
+def system():
+    return tokid.example_system("oscillator", steps=30, process_noise=0.1, measurement_noise=0.2)
+
+
+@pytest.fixture(scope="module")
+def zoo():
+    """The modules of bench/zoo."""
+    sys.path.insert(0, str(ZOO))
+    try:
+        import conditions
+        import measures
+        import truth
+
+        yield conditions, measures, truth
+    finally:
+        sys.path.remove(str(ZOO))
+
+
+def test_observer_has_the_bits_of_predict(noisy, model):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", tokid.TokidWarning)  # few experiments
+        models = [model, tokid.identify(noisy)]
+    for filtered in models:
+        observer = filtered.observer()
+        predicted = filtered.predict(noisy)
+        ahead = filtered.predict(noisy, horizon=4)
+        for n in range(3):
+            observer.reset()
+            for k in range(noisy.steps):
+                if k + 4 <= noisy.steps and k >= filtered.k_begin:
+                    assert np.array_equal(observer.predict(noisy.u[n, k : k + 4])[3], ahead[n, k + 3], equal_nan=True)
+                seen = observer.step(noisy.u[n, k], noisy.y[n, k])
+                assert np.array_equal(seen.prediction, predicted[n, k], equal_nan=True)
+                assert np.array_equal(seen.innovation, noisy.y[n, k] - predicted[n, k], equal_nan=True)
+                assert observer.k == k + 1 and seen.outputs == 2
+        assert observer.knows_state and observer.state.shape == (filtered.state_dim[-1],)
+
+
+def test_observer_with_missing_samples(system):
+    data = tokid.example("oscillator", experiments=1, steps=30, process_noise=0.1, measurement_noise=0.2)
+    u, y = np.array(data.u), np.array(data.y)
+    y[0, ::4, 1] = u[0, 11, 0] = np.nan
+    square = np.nanmean(u[0] ** 2, axis=0)
+    observer = system.observer(samples_missing=True, input_square=square)
+    predicted = system.predict(u, y)
+    for k in range(30):
+        seen = observer.step(u[0, k], y[0, k])
+        # The mean of squares is summed in another order here.
+        assert seen.prediction == pytest.approx(predicted[0, k], rel=1e-12, nan_ok=True)
+        assert seen.outputs == (1 if k % 4 == 0 else 2) and np.isnan(seen.innovation[1]) == (k % 4 == 0 or k == 11)
+    assert "step 30, state known" in repr(observer)
+
+
+def test_observer_refuses(system):
+    observer = system.observer()
+    with pytest.raises(ValueError, match=r"u: shape \(3,\) found, \(2,\) needed"):
+        observer.step([1, 2, 3], [1, 2])
+    with pytest.raises(ValueError, match="y: an infinite sample found"):
+        observer.step([1, 2], [1, np.inf])
+    with pytest.raises(ValueError, match="steps 0 to 30 found"):
+        observer.predict(np.zeros((31, 2)))
+    with pytest.raises(TypeError, match=r"tokid\.Model\.observer"):
+        tokid.Observer()
+
+
+def riccati(model, q, r):
+    """Gains by the recursion of textbooks."""
+    p, gains = np.zeros((model.states, model.states)), []
+    for k in reversed(range(model.k_begin, model.k_end)):
+        s = model.at(k)
+        weight = r + s.D.T @ q @ s.D + s.B.T @ p @ s.B
+        gain = np.linalg.solve(weight, s.D.T @ q @ s.C + s.B.T @ p @ s.A)
+        closed, seen = s.A - s.B @ gain, s.C - s.D @ gain
+        p = closed.T @ p @ closed + seen.T @ q @ seen + gain.T @ r @ gain
+        gains.append(gain)
+    return gains[::-1], p
+
+
+def test_lqr_and_its_weights(system):
+    exact, cost = riccati(system, np.diag([1.0, 2.0]), 0.5 * np.eye(2))
+    for output in ([1, 2], np.diag([1.0, 2.0]), np.tile(np.diag([1.0, 2.0]), (30, 1, 1))):
+        controller = system.lqr(output, 0.5)
+        for found, gain in zip(controller.K, exact):
+            assert found == pytest.approx(gain, rel=1e-9, abs=1e-9)
+        assert controller.cost_to_go[0] == pytest.approx(cost, rel=1e-9)
+    assert (controller.begin, controller.end, len(controller.L)) == (0, 30, 0)
+    assert not controller.feedforward.any() and "steps 0 to 29" in repr(controller)
+    with_rates = system.lqr(1.0, 0.5, input_rate_weight=2.0, y_reference=np.ones((20, 2)), end=20)
+    assert with_rates.L[3].shape == (2, 2) and with_rates.feedforward.shape == (20, 2) and with_rates.feedforward.any()
+    with pytest.raises(ValueError, match="output_weight: shape"):
+        system.lqr([1, 2, 3], 1.0)
+    with pytest.raises(ValueError, match="input: no weight on inputs found"):
+        system.lqr(1.0)
+    with pytest.raises(ValueError, match="y_reference: 3 x 2 found"):
+        system.lqr(1.0, 1.0, y_reference=np.ones((3, 2)))
+
+
+def test_expected_cost_and_simulation(system):
+    controller = system.lqr(1.0, 0.1, input_rate_weight=0.1)
+    cost = controller.expected_cost()
+    loop = controller.simulate(experiments=2000, seed=5)
+    assert loop.data.u.shape == (2000, 30, 2) and loop.cost.shape == (2000,)
+    assert loop.cost.mean() == pytest.approx(cost.total, abs=4 * loop.cost.std() / np.sqrt(2000))
+    assert cost.total == cost.outputs + cost.inputs + cost.input_rates and cost.measurement_noise == pytest.approx(
+        30 * 2 * 0.2**2
+    )
+    # Without control, or with the observer of another model, it costs more.
+    assert cost.total < system.lqr(1.0, 1e6).expected_cost().total
+    slow = tokid.Model.from_matrices(*(list(getattr(system, name)) for name in "ABCD"), dt=system.dt)
+    assert controller.expected_cost(model=slow).total > 1.01 * cost.total
+    limited = controller.simulate(experiments=3, u_min=-0.1, u_max=[0.1, 0.2], x0=[1, 0, 0, 0], noise=False)
+    assert limited.data.u.min() == -0.1 and np.array_equal(limited.cost, limited.cost[:1].repeat(3))
+    with pytest.raises(ValueError, match="truth: int found"):
+        controller.expected_cost(3)
+
+
+def of_zoo(truth):
+    """The truth of a plant as a model with noise."""
+    s = truth.system
+    return tokid.Model.from_matrices(
+        s.A, s.B, s.C, s.D, Q=s.Q, R=s.R, x0_mean=np.zeros(len(s.P0)), x0_cov=s.P0, dt=truth.plant.dt,
+        initial_state="unknown" if s.P0.any() else "zero",
+    ).kalman_observer()  # fmt: skip
+
+
+@pytest.mark.parametrize("plant", ["oscillator", "rotor", "stage_separation"])
+def test_lqg_on_plants_of_the_zoo(plant, zoo):
+    conditions, measures, truths = zoo
+    truth = truths.truth_of(plant, conditions.Condition(experiments=60))
+    assert truth.law is None  # open loop
+    u, y, _ = truths.experiments(truth, 60, 7, nonlinear=True)
+    model = tokid.identify(u.transpose(1, 0, 2), y.transpose(1, 0, 2), dt=truth.plant.dt)
+    known = of_zoo(truth)
+    wy, wu = truth.y_scale**-2, truth.plant.u_std**-2
+    begin, end = model.full_begin, model.k_end
+    best = known.lqr(wy, wu, begin=begin, end=end).expected_cost().total
+    cost = model.lqr(wy, wu, begin=begin, end=end).expected_cost(known).total
+    # The same by second moments, written down by hand.
+    assert best == pytest.approx(measures.control_cost(measures.of_truth(truth.system), truth, begin, end), rel=1e-8)
+    assert cost <= 1.3 * best
+
+
+def test_lifted_map(system):
+    lifted = system.lifted_map(2, 20)
+    matrix = lifted.dense()
+    assert matrix.shape == lifted.shape == (36, 36) and lifted.begin == 2
+    rng = np.random.default_rng(1)
+    u, y = rng.normal(size=(18, 2)), rng.normal(size=(18, 2))
+    assert lifted.product(u).ravel() == pytest.approx(matrix @ u.ravel())
+    assert lifted.transposed_product(y).ravel() == pytest.approx(matrix.T @ y.ravel())
+    linalg = pytest.importorskip("scipy.sparse.linalg")
+    operator = linalg.aslinearoperator(lifted)
+    assert operator @ u.ravel() == pytest.approx(matrix @ u.ravel()) and operator.shape == (36, 36)
+    assert operator.H @ y.ravel() == pytest.approx(matrix.T @ y.ravel())
+
+
+def test_learning(system):
+    rng = np.random.default_rng(2)
+    reference = np.cumsum(rng.normal(size=(30, 2)), axis=0) * 0.1
+    reference[:3] = np.nan  # no input reaches these outputs in time
+    u, errors = np.zeros((30, 2)), []
+    for _ in range(5):
+        y = system.simulate(u) + 0.3
+        run = system.learn(reference, u, y, input_change_weight=1e-6)
+        errors.append(np.sqrt(np.nanmean((reference - y) ** 2)))
+        assert run.error == pytest.approx(np.sqrt(np.nanmean((reference - y) ** 2, axis=0)))
+        assert run.predicted == pytest.approx(system.simulate(run.u) + 0.3, abs=1e-9)
+        u = run.u
+    assert errors[-1] < errors[0] / 10 and run.u.shape == (30, 2)
+    lifted, error = system.lifted_map().dense(), np.nan_to_num(reference - y).ravel()
+    last = system.learn(reference, u, y, error_weight=[1, 2], input_weight=0.1, input_change_weight=0.3)
+    q = np.diag(np.tile([1.0, 2.0], 30) * ~np.isnan(reference).ravel())
+    exact = np.linalg.solve(lifted.T @ q @ lifted + 0.4 * np.eye(60), lifted.T @ q @ error - 0.1 * u.ravel())
+    assert (last.u - u).ravel() == pytest.approx(exact, rel=1e-7, abs=1e-9)
+    with pytest.raises(ValueError, match=r"y: shape \(29, 2\) found, \(30, 2\) needed"):
+        system.learn(reference, u, y[1:])

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Controllers of the departures from the nominal trajectory: LQR and LQG."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Optional
+
+import numpy as np
+
+from . import _arrays, _options, _tokid
+from ._ensemble import Ensemble
+from ._state_space import StateSpace
+from ._typing import Array, ArrayLike
+from ._weights import weights
+from .results import ClosedLoop, ExpectedCost
+
+
+class Controller:
+    """A linear law of control for the steps k = begin ... end-1::
+
+        u[k] = u_nominal[k] + feedforward[k] - K[k] x[k] - L[k] (u[k-1] - u_nominal[k-1])
+
+    x[k] is the state that the observer of the model predicts from the outputs up to step k-1. `Model.lqr` makes
+    controllers. Arrays begin with step `begin`.
+    """
+
+    __slots__ = ("_core", "_model", "__weakref__")
+    _core: _tokid.Lqr
+    _model: StateSpace
+
+    def __init__(self) -> None:
+        raise TypeError("controllers come from tokid.Model.lqr")
+
+    @classmethod
+    def _of(cls, core: _tokid.Lqr, model: StateSpace) -> Controller:
+        self = cls.__new__(cls)
+        self._core = core
+        self._model = model
+        return self
+
+    @property
+    def model(self) -> StateSpace:
+        """The model that the controller was designed on."""
+        return self._model
+
+    @property
+    def begin(self) -> int:
+        """First step."""
+        return self._core.begin
+
+    @property
+    def end(self) -> int:
+        """Step after the last one."""
+        return self._core.end
+
+    @property
+    def K(self) -> Sequence[Array]:
+        """Gains of the state, S arrays (r, n)."""
+        return self._core.K
+
+    @property
+    def L(self) -> Sequence[Array]:
+        """Gains of the last input, S arrays (r, r); empty without input-rate weights."""
+        return self._core.L
+
+    @property
+    def feedforward(self) -> Array:
+        """Inputs (S, r) beside the feedback; zero without references."""
+        return self._core.feedforward
+
+    @property
+    def u_nominal(self) -> Array:
+        """Nominal inputs (S, r) of the model."""
+        return self._core.u_nominal
+
+    @property
+    def y_nominal(self) -> Array:
+        """Nominal outputs (S, m) of the model."""
+        return self._core.y_nominal
+
+    @property
+    def cost_to_go(self) -> Sequence[Array]:
+        """S+1 matrices P: x[k]' P[k] x[k] is the smallest cost from step k on, if the state is known and the
+        references are zero. With input-rate weights, x[k] is followed by the last input."""
+        return self._core.cost_to_go
+
+    def expected_cost(self, truth: Optional[StateSpace] = None, *, model: Optional[StateSpace] = None) -> ExpectedCost:
+        """Return the exact expectation of the cost, with the observer in the loop.
+
+        Parameters
+        ----------
+        truth : Model, optional
+            The system that is controlled, with its noise: `Q` and `R`, else `innovation_cov` with `G`, else none. By
+            default the model of the controller; the result is then the cost that LQG predicts.
+        model : Model, optional
+            The model whose observer is used, by default that of the controller.
+
+        Returns
+        -------
+        ExpectedCost
+        """
+        observed, true = self._loop(truth, model)
+        cost = self._core.expected_cost(observed._core, true._core)
+        return ExpectedCost(cost.outputs, cost.inputs, cost.input_rates, cost.measurement_noise)
+
+    def simulate(
+        self,
+        truth: Optional[StateSpace] = None,
+        *,
+        model: Optional[StateSpace] = None,
+        experiments: int = 1,
+        seed: int = 1,
+        noise: bool = True,
+        u_min: Optional[ArrayLike] = None,
+        u_max: Optional[ArrayLike] = None,
+        x0: Optional[ArrayLike] = None,
+    ) -> ClosedLoop:
+        """Simulate the closed loop with the observer.
+
+        Parameters
+        ----------
+        truth, model : Model, optional
+            As in `expected_cost`.
+        experiments : int, default 1
+            Number of experiments N.
+        seed : int, default 1
+            Seed of the noise. The same seed gives the same experiments on every machine.
+        noise : bool, default True
+            False: no noise.
+        u_min, u_max : array_like, shape (r,) or a number, optional
+            Limits of the inputs.
+        x0 : array_like, shape (N, n) or (n,), optional
+            Initial states of the true system. By default they are random with `x0_mean` and `x0_cov` of the truth if
+            these are unknown and known in distribution, else zero.
+
+        Returns
+        -------
+        ClosedLoop
+            Inputs and measured outputs from step 0 on, and the cost of each experiment.
+        """
+        observed, true = self._loop(truth, model)
+        count = _options.integer("experiments", experiments, 1)
+        start = None
+        if x0 is not None:
+            states = int(true._core.state_dim[0])
+            start = _arrays.numbers("x0", x0)
+            if start.ndim == 1:
+                start = np.broadcast_to(start, (count, start.shape[0]))
+            start = np.ascontiguousarray(_arrays.shaped("x0", start, (count, states)).T)
+        data, cost = self._core.simulate(
+            observed._core,
+            true._core,
+            count,
+            _options.integer("seed", seed, 0, 2**64 - 1),
+            bool(noise),
+            _limit("u_min", u_min, true.inputs),
+            _limit("u_max", u_max, true.inputs),
+            start,
+        )
+        return ClosedLoop(Ensemble._of(data), cost)
+
+    def _loop(self, truth: Optional[StateSpace], model: Optional[StateSpace]) -> tuple[StateSpace, StateSpace]:
+        for name, given in (("truth", truth), ("model", model)):
+            if given is not None and not isinstance(given, StateSpace):
+                raise ValueError(f"{name}: {type(given).__name__} found, a tokid.Model needed")
+        return model or self._model, truth or self._model
+
+    def __repr__(self) -> str:
+        return f"<tokid.Controller: steps {self.begin} to {self.end - 1}, r = {self.u_nominal.shape[1]}>"
+
+
+def _limit(name: str, value: Optional[ArrayLike], inputs: int) -> Optional[Array]:
+    if value is None:
+        return None
+    array: Array = np.array(np.broadcast_to(_arrays.numbers(name, value), (inputs,)), dtype=np.float64)
+    return array
+
+
+def lqr(
+    model: StateSpace,
+    output_weight: ArrayLike,
+    input_weight: Optional[ArrayLike],
+    input_rate_weight: Optional[ArrayLike],
+    terminal_weight: Optional[ArrayLike],
+    begin: Optional[int],
+    end: Optional[int],
+    y_reference: Optional[ArrayLike],
+    u_reference: Optional[ArrayLike],
+) -> Controller:
+    """See `Model.lqr`."""
+    terminal = weights("terminal_weight", terminal_weight, model.outputs)
+    if len(terminal) > 1:
+        raise ValueError(f"terminal_weight: {len(terminal)} matrices found, one needed")
+    references = [
+        None if value is None else _arrays.shaped(name, value, (None, size), "S, channels")
+        for name, value, size in (
+            ("y_reference", y_reference, model.outputs),
+            ("u_reference", u_reference, model.inputs),
+        )
+    ]
+    core = _tokid.lqr(
+        model._core,
+        weights("output_weight", output_weight, model.outputs),
+        weights("input_weight", input_weight, model.inputs),
+        weights("input_rate_weight", input_rate_weight, model.inputs),
+        terminal[0] if terminal else None,
+        _options.step("begin", begin),
+        _options.step("end", end),
+        *references,
+    )
+    return Controller._of(core, model)
