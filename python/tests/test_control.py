@@ -190,3 +190,46 @@ def test_learning(system):
     assert (last.u - u).ravel() == pytest.approx(exact, rel=1e-7, abs=1e-9)
     with pytest.raises(ValueError, match=r"y: shape \(29, 2\) found, \(30, 2\) needed"):
         system.learn(reference, u, y[1:])
+
+
+@pytest.mark.parametrize("period", [0, 30])
+@pytest.mark.parametrize("missing", [False, True])
+def test_learning_with_limits_of_the_inputs(system, missing, period):
+    pytest.importorskip("piqp")
+    optimize = pytest.importorskip("scipy.optimize")
+    rng = np.random.default_rng(3)
+    steps = 40 if period else 30
+    model = tokid.Model.from_matrices(*(list(getattr(system, name)) for name in "ABCD"), period=period,
+                                      u_nominal=rng.normal(size=(30, 2)), y_nominal=np.zeros((30, 2)))
+    reference, u, y = (0.1 * rng.normal(size=(steps, 2)) for _ in range(3))
+    if missing:
+        reference[5, 0] = y[9, 1] = np.nan
+    weights = {"error_weight": [1, 2], "input_weight": 1e-4, "input_change_weight": 2e-4, "input_rate_weight": 1e-3}
+    free = model.learn(reference, u, y, **weights)
+    assert np.array_equal(model.learn(reference, u, y, **weights, u_min=-99.0).u, free.u)
+    low, high = -0.2, np.array([0.3, 0.1])
+    found = model.learn(reference, u, y, **weights, u_min=low, u_max=high)
+    assert free.u.min() < low <= found.u.min() < low + 1e-8  # an interior-point method
+    assert np.all(found.u <= high) and np.all(found.u.max(axis=0) > high - 1e-8)
+
+    # The dense problem as least squares with bounds.
+    counted = ~np.isnan(reference - y).ravel()
+    nominal = model.u_nominal[np.arange(steps) % 30]
+    root = np.sqrt(np.tile([1.0, 2.0], steps)) * counted
+    difference = np.eye(2 * steps) - np.eye(2 * steps, k=-2)
+    rows = np.vstack([root[:, None] * model.lifted_map(0, steps).dense(), 1e-2 * np.eye(2 * steps),
+                      np.sqrt(2e-4) * np.eye(2 * steps), np.sqrt(1e-3) * difference])
+    departures = (u - nominal).ravel()
+    sides = np.concatenate([root * np.nan_to_num(reference - y).ravel(), -1e-2 * departures, np.zeros(2 * steps),
+                            -np.sqrt(1e-3) * difference @ departures])
+    bounds = (low - u).ravel(), (high - u).ravel()
+    exact = optimize.lsq_linear(rows, sides, bounds, method="bvls", tol=1e-14).x
+    # Both solvers stop when the gradient is about 1e-10; the Hessian has eigenvalues down to 3e-4.
+    assert (found.u - u).ravel() == pytest.approx(exact, abs=1e-5)
+    change = model.lifted_map(0, steps).product(found.u - u)
+    assert found.predicted == pytest.approx(y + change, nan_ok=True)
+    assert found.predicted_error == pytest.approx(np.sqrt(np.nanmean((reference - y - change) ** 2, axis=0)))
+    with pytest.raises(ValueError, match="u_min: a limit above u_max found"):
+        model.learn(reference, u, y, **weights, u_min=1.0, u_max=0.0)
+    with pytest.raises(ValueError, match=r"u_max: shape \(3,\) found"):
+        model.learn(reference, u, y, **weights, u_max=[1, 2, 3])

@@ -8,6 +8,7 @@ from typing import Any, Optional
 import numpy as np
 
 from . import _arrays, _options, _tokid
+from ._input_limits import limited_change
 from ._state_space import StateSpace
 from ._typing import Array, ArrayLike
 from ._weights import weights
@@ -85,18 +86,65 @@ def learn(
     input_weight: Optional[ArrayLike],
     input_change_weight: Optional[ArrayLike],
     input_rate_weight: Optional[ArrayLike],
+    u_min: Optional[ArrayLike],
+    u_max: Optional[ArrayLike],
 ) -> LearnedRun:
     """See `Model.learn`."""
     wanted: Any = _arrays.shaped("reference", reference, (None, model.outputs), "T, m")
     steps = len(wanted)
-    found = _tokid.learn(
-        model._core,
-        wanted,
-        _arrays.shaped("u", u, (steps, model.inputs)),
-        _arrays.shaped("y", y, (steps, model.outputs)),
+    last = [_arrays.shaped("u", u, (steps, model.inputs)), _arrays.shaped("y", y, (steps, model.outputs))]
+    costs = [
         weights("error_weight", error_weight, model.outputs),
         weights("input_weight", input_weight, model.inputs),
         weights("input_change_weight", input_change_weight, model.inputs),
         weights("input_rate_weight", input_rate_weight, model.inputs),
+    ]
+    found = LearnedRun(*_tokid.learn(model._core, wanted, *last, *costs))
+    limits = [_limit("u_min", u_min, -np.inf, last[0].shape), _limit("u_max", u_max, np.inf, last[0].shape)]
+    if np.any(limits[0] > limits[1]):
+        raise ValueError("u_min: a limit above u_max found, limits up to u_max needed")
+    part = slice(model.k_begin, steps if model.period else min(steps, model.k_end))  # steps with a model
+    if np.all(found.u[part] >= limits[0][part]) and np.all(found.u[part] <= limits[1][part]):
+        return found
+    return _limited(model, wanted, last[0], last[1], costs, limits, part)
+
+
+def _limit(name: str, value: Optional[ArrayLike], default: float, shape: tuple[int, int]) -> Any:
+    if value is None:
+        return np.full(shape, default)
+    try:
+        return np.array(np.broadcast_to(_arrays.numbers(name, value), shape), dtype=np.float64)
+    except ValueError:
+        raise ValueError(f"{name}: shape {np.shape(value)} found, a number, ({shape[1]},) or {shape} needed") from None
+
+
+def _limited(
+    model: StateSpace, wanted: Any, u: Any, y: Any, costs: list[list[Any]], limits: list[Any], part: slice
+) -> LearnedRun:
+    """The next run with limits of the inputs."""
+    u, y = np.array(u, dtype=np.float64), np.array(y, dtype=np.float64)
+    count = part.stop - part.start
+    nominal = np.zeros((part.stop, model.inputs))
+    known = np.asarray(model._core.continued(part.stop).u_nominal)[: part.stop]
+    if known.size:
+        nominal[: len(known)] = known
+    change = limited_change(
+        model,
+        part.start,
+        (wanted - y)[part],
+        u[part] - nominal[part],
+        (limits[0][part] - u[part], limits[1][part] - u[part]),
+        *costs,
     )
-    return LearnedRun(*found)
+    following, predicted = u.copy(), y.copy()
+    following[part] = np.clip(u[part] + change, limits[0][part], limits[1][part])
+    lifted = LiftedMap._of(model, part.start, part.start + count)
+    predicted[part] += lifted.product(following[part] - u[part])
+    return LearnedRun(following, predicted, _rms(wanted - y), _rms(wanted - predicted))
+
+
+def _rms(error: Any) -> Array:
+    known = ~np.isnan(error)
+    squares = np.where(known, np.nan_to_num(error) ** 2, 0.0).sum(axis=0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(squares / known.sum(axis=0)))

@@ -823,6 +823,8 @@ class Model(StateSpace):
         input_weight: Optional[ArrayLike] = None,
         input_change_weight: Optional[ArrayLike] = None,
         input_rate_weight: Optional[ArrayLike] = None,
+        u_min: Optional[ArrayLike] = None,
+        u_max: Optional[ArrayLike] = None,
     ) -> LearnedRun:
         """Compute the inputs of the next run from those of the last one: norm-optimal iterative learning.
 
@@ -838,13 +840,16 @@ class Model(StateSpace):
             Inputs and outputs of the last run. NaN marks a missing output.
         error_weight, input_weight, input_change_weight, input_rate_weight : array_like, optional
             As in `lqr`. The sum of the weights on inputs must be positive definite.
+        u_min, u_max : array_like, a number, shape (r,) or (T, r), optional
+            Limits of the inputs. If the inputs would exceed them, PIQP solves a quadratic program:
+            ``pip install tokid[limits]``.
 
         Returns
         -------
         LearnedRun
         """
         return _learning.learn(
-            self, reference, u, y, error_weight, input_weight, input_change_weight, input_rate_weight
+            self, reference, u, y, error_weight, input_weight, input_change_weight, input_rate_weight, u_min, u_max
         )
 
     # Objects of other packages
