@@ -45,11 +45,12 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
   if (content == Content::page) known = {".html", ".htm"};
   if (std::find(known.begin(), known.end(), extension) == known.end())
     refuse(fmt::format("extension '{}' found, one of {} needed to write {}", extension, fmt::join(known, ", "),
-                       content == Content::page     ? "a page"
-                       : content == Content::model  ? "a model"
-                       : content == Content::bounds ? "bounds"
-                       : content == Content::state  ? "a state"
-                                                    : "an ensemble"));
+                       content == Content::page         ? "a page"
+                       : content == Content::model      ? "a model"
+                       : content == Content::bounds     ? "bounds"
+                       : content == Content::state      ? "a state"
+                       : content == Content::controller ? "a controller"
+                                                        : "an ensemble"));
 
   std::error_code error;
   for (const fs::path& other : kept)

@@ -55,6 +55,7 @@ void add_commands(CLI::App& tool) {
   add_predict(tool);
   add_info(tool);
   add_plan(tool);
+  add_lqr(tool);
   add_example(tool);
   add_convert(tool);
 }

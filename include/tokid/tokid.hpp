@@ -5,6 +5,7 @@
 #include "tokid/choices.hpp"
 #include "tokid/conclusion.hpp"
 #include "tokid/control.hpp"
+#include "tokid/controller_file.hpp"
 #include "tokid/copies.hpp"
 #include "tokid/corrections.hpp"
 #include "tokid/cross_validate.hpp"

@@ -3,6 +3,7 @@
 
 #include "arrays.hpp"
 #include "call.hpp"
+#include "tokid/controller_file.hpp"
 #include "tokid/learning.hpp"
 #include "tokid/online_observer.hpp"
 
@@ -78,6 +79,13 @@ void bind_controller(nb::module_& module) {
       .def_prop_ro(
           "y_nominal", [](const Lqr& lqr) { return array_of(Matrix(lqr.controller.y_nominal)); }, nb::rv_policy::move)
       .def_prop_ro("cost_to_go", [](const Lqr& lqr) { return arrays_of(lqr.cost_to_go.P); })
+      .def("save",
+           [](const Lqr& lqr, const std::filesystem::path& path, bool mat73) {
+             without_gil([&] {
+               save_controller(lqr.controller, path, {mat73});
+               return 0;
+             });
+           })
       .def("expected_cost",
            [](const Lqr& lqr, const Model& model, const Model& truth) {
              return without_gil([&] { return expected_cost(lqr.controller, model, truth); });
@@ -95,6 +103,9 @@ void bind_controller(nb::module_& module) {
           },
           nb::arg("model"), nb::arg("truth"), nb::arg("experiments"), nb::arg("seed"), nb::arg("noise"),
           nb::arg("u_min").none(), nb::arg("u_max").none(), nb::arg("x0").none());
+  module.def("load_controller", [](const std::filesystem::path& path) {
+    return without_gil([&] { return Lqr{load_controller(path), {}}; });
+  });
   module.def(
       "lqr",
       [](const Model& model, const std::vector<AnyArray>& output, const std::vector<AnyArray>& input,

@@ -111,6 +111,25 @@ def test_lqr_and_its_weights(system):
         system.lqr(1.0, 1.0, y_reference=np.ones((3, 2)))
 
 
+@pytest.mark.parametrize("extension", [".npz", ".h5", ".mat"])
+def test_files_of_controllers(system, extension, tmp_path):
+    file = tmp_path / f"controller{extension}"
+    for controller in (system.lqr(1.0, 0.1), system.lqr([1, 2], 0.1, input_rate_weight=0.2, terminal_weight=3.0, end=20,
+                                                        y_reference=np.ones((20, 2)))):  # fmt: skip
+        controller.save(file)
+        loaded = tokid.Controller.load(file, system)
+        for name in ("begin", "end", "u_nominal", "y_nominal", "feedforward"):
+            assert np.array_equal(getattr(loaded, name), getattr(controller, name)), name
+        for name in "KL":
+            pairs = list(zip(getattr(loaded, name), getattr(controller, name)))
+            assert all(np.array_equal(a, b) for a, b in pairs) and len(pairs) == len(getattr(controller, name))
+        assert loaded.expected_cost() == controller.expected_cost()
+        assert len(loaded.cost_to_go) == 0
+    system.save(file)
+    with pytest.raises(tokid.IoError, match="a model found, a controller of tokid lqr"):
+        tokid.Controller.load(file, system)
+
+
 def test_expected_cost_and_simulation(system):
     controller = system.lqr(1.0, 0.1, input_rate_weight=0.1)
     cost = controller.expected_cost()

@@ -10,8 +10,9 @@ import numpy as np
 
 from . import _arrays, _options, _tokid
 from ._ensemble import Ensemble
+from ._errors import reading, writing
 from ._state_space import StateSpace
-from ._typing import Array, ArrayLike
+from ._typing import Array, ArrayLike, PathLike
 from ._weights import weights
 from .results import ClosedLoop, ExpectedCost
 
@@ -38,6 +39,40 @@ class Controller:
         self._core = core
         self._model = model
         return self
+
+    @classmethod
+    def load(cls, path: PathLike, model: StateSpace) -> Controller:
+        """Read a controller from .npz, .h5 or .mat.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+        model : Model
+            The model with the observer of the loop.
+
+        Raises
+        ------
+        IoError
+            If the file can't be read or contains something else. It is an OSError.
+        """
+        if not isinstance(model, StateSpace):
+            raise ValueError(f"model: {type(model).__name__} found, a tokid.Model needed")
+        with reading(path) as file:
+            return cls._of(_tokid.load_controller(file), model)
+
+    def save(self, path: PathLike, *, mat73: bool = False) -> None:
+        """Write the controller to .npz, .h5 or .mat. The file appears as a whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            The file; its extension determines the format.
+        mat73 : bool, default False
+            Write a .mat of MATLAB version 7.3.
+        """
+        with writing(path) as file:
+            self._core.save(file, bool(mat73))
 
     @property
     def model(self) -> StateSpace:
@@ -82,7 +117,8 @@ class Controller:
     @property
     def cost_to_go(self) -> Sequence[Array]:
         """S+1 matrices P: x[k]' P[k] x[k] is the smallest cost from step k on, if the state is known and the
-        references are zero. With input-rate weights, x[k] is followed by the last input."""
+        references are zero. With input-rate weights, x[k] is followed by the last input. Empty if the controller was
+        read from a file."""
         return self._core.cost_to_go
 
     def expected_cost(self, truth: Optional[StateSpace] = None, *, model: Optional[StateSpace] = None) -> ExpectedCost:

@@ -101,6 +101,7 @@ FileKind file_kind(const fs::path& path) {
     if (io::is_ensemble(found)) return FileKind::ensemble;
     if (io::is_update_state(found))
       fail("an update state of identify --state found, an ensemble or a model needed; only tokid update reads a state");
+    if (io::is_controller(found)) fail("a controller of tokid lqr found, an ensemble or a model needed");
     fail("neither an ensemble ('u', 'y') nor a model ('A', 'state_dim') found among {}", io::quoted(found));
   });
 }

@@ -175,6 +175,7 @@ const Names& model_names() {
 }
 
 bool is_update_state(const Names& found) { return contains(found, "window_factors"); }
+bool is_controller(const Names& found) { return contains(found, "controller_gain"); }
 bool is_model(const Names& found) { return contains(found, "A") && contains(found, "state_dim"); }
 
 Index singular_value_count(const Model& model) {

@@ -13,6 +13,7 @@ const Names& model_names();
 bool is_ensemble(const Names& found);
 bool is_model(const Names& found);
 bool is_update_state(const Names& found);
+bool is_controller(const Names& found);
 
 // The required arrays come last. A file that lost its end therefore lacks a required array, and is refused.
 Arrays arrays_of(const Ensemble& ensemble, Layout layout);

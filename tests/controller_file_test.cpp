@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/controller_file.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "testing.hpp"
+
+namespace tokid::testing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class ControllerFile : public ::testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override { fs::create_directories(folder_); }
+  void TearDown() override { fs::remove_all(folder_); }
+  fs::path file(const char* extension = nullptr) const {
+    return folder_ / fmt::format("controller{}", extension ? extension : GetParam());
+  }
+
+ private:
+  fs::path folder_ = fs::temp_directory_path() / fmt::format("tokid-controller-{}", getpid());
+};
+
+// Of a model whose first steps have fewer states, with all optional parts or without them.
+Controller controller_of(Index steps, bool full) {
+  Model model = random_system({3, 2, 2}, steps, 1.0, 1);
+  if (steps > 1) {
+    const Step first = model.step[0];
+    model.step[0] = Step(first.A().leftCols(1), first.B(), first.C().leftCols(1), first.D(), first.G());
+  }
+  model.dt = 0.25;
+  Random random(2);
+  const Matrix one = Matrix::Identity(2, 2);
+  CostWeights weights{.output = {2 * one}, .input = {one}};
+  ControlOptions options;
+  if (full) {
+    model.names = {{"force", "torque"}, {"x", "angle"}, {"N", "N m"}, {"m", "rad"}};
+    model.u_nominal = random.matrix(steps, 2);
+    model.y_nominal = random.matrix(steps, 2);
+    weights.output.assign(size_t(steps), 3 * one);
+    weights.input_rate = {0.5 * one};
+    weights.terminal = 4 * one;
+    options.y_reference = random.matrix(steps, 2);
+    options.u_reference = random.matrix(steps, 2);
+  }
+  return lqr(model, weights, options).controller;
+}
+
+void expect_equal(const Controller& a, const Controller& b) {
+  EXPECT_EQ(a.begin, b.begin);
+  EXPECT_EQ(a.outputs, b.outputs);
+  EXPECT_EQ(a.dt, b.dt);
+  EXPECT_EQ(a.names.input_names, b.names.input_names);
+  EXPECT_EQ(a.names.output_units, b.names.output_units);
+  EXPECT_EQ(a.K, b.K);
+  EXPECT_EQ(a.L, b.L);
+  EXPECT_EQ(a.feedforward, b.feedforward);
+  EXPECT_EQ(a.u_nominal, b.u_nominal);
+  EXPECT_EQ(a.y_nominal, b.y_nominal);
+  EXPECT_EQ(a.u_reference, b.u_reference);
+  EXPECT_EQ(a.y_reference, b.y_reference);
+  EXPECT_EQ(a.weights.output, b.weights.output);
+  EXPECT_EQ(a.weights.input, b.weights.input);
+  EXPECT_EQ(a.weights.input_rate, b.weights.input_rate);
+  EXPECT_EQ(a.weights.terminal, b.weights.terminal);
+}
+
+TEST_P(ControllerFile, ReturnsWhatWasWritten) {
+  for (const Index steps : {1, 2, 6})
+    for (const bool full : {false, true}) {
+      const Controller controller = controller_of(steps, full);
+      save_controller(controller, file());
+      expect_equal(load_controller(file()), controller);
+      EXPECT_THROW(load_model(file()), IoError);
+      EXPECT_THROW(file_kind(file()), IoError);
+    }
+}
+
+TEST_P(ControllerFile, RefusesOtherFiles) {
+  save_model(random_system({3, 2, 2}, 5, 1.0, 3), file());
+  EXPECT_THROW(load_controller(file()), IoError);
+  Controller bad = controller_of(4, true);
+  bad.K[2] = Matrix::Constant(2, 3, nan);
+  save_controller(bad, file());
+  EXPECT_THROW(load_controller(file()), IoError);
+  bad = controller_of(4, true);
+  bad.y_nominal.conservativeResize(3, Eigen::NoChange);
+  EXPECT_EQ(message([&] { save_controller(bad, file()); }),
+            "controller: parts of different sizes found, those that lqr() gives needed");
+}
+
+INSTANTIATE_TEST_SUITE_P(Formats, ControllerFile, ::testing::Values(".npz", ".h5", ".mat"));
+
+}  // namespace
+}  // namespace tokid::testing
