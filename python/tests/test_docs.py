@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The examples of docs/python.md and of the docstrings."""
+"""The examples of docs/python.md, docs/control.md and of the docstrings."""
 
 import doctest
 import importlib
@@ -27,9 +27,10 @@ def test_docstrings(name, tmp_path, monkeypatch):
         assert name == "_tokid"
 
 
-def test_guide(tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", ["python.md", "control.md"])
+def test_guide(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    page = Path(__file__).resolve().parents[2] / "docs" / "python.md"
+    page = Path(__file__).resolve().parents[2] / "docs" / name
     found = doctest.testfile(str(page), module_relative=False, optionflags=FLAGS)
     assert found.failed == 0 and found.attempted > 20
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the documents show is what the tool prints.
 
-With TOKID_UPDATE_DOCS=1 in the environment, the outputs in docs/guide.md are written anew instead of compared.
+With TOKID_UPDATE_DOCS=1 in the environment, the outputs in these documents are written anew instead of compared.
 """
 
 import os
@@ -14,7 +14,7 @@ import pytest
 
 from conftest import ROOT
 
-GUIDE = ROOT / "docs" / "guide.md"
+PAGES = {"guide.md": 8, "control.md": 3}  # and their least numbers of commands
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -50,8 +50,10 @@ def same(shown, printed):
     return all(abs(a - b) <= 0.02 * abs(a) or max(abs(a), abs(b)) < 1e-7 for a, b in pairs)
 
 
-def test_guide(tokid, tmp_path):
-    text = updated = GUIDE.read_text()
+@pytest.mark.parametrize("name", PAGES)
+def test_guide(tokid, name, tmp_path):
+    page = ROOT / "docs" / name
+    text = updated = page.read_text()
     update = os.environ.get("TOKID_UPDATE_DOCS") == "1"
     commands = 0
     for match, session in session_blocks(text):
@@ -64,10 +66,10 @@ def test_guide(tokid, tmp_path):
                 for before, now in zip_longest(shown, printed, fillvalue=""):
                     assert same(before, now), f"{command}\nshown:   {before}\nprinted: {now}"
         updated = updated.replace(match[0], block + "```")
-    assert commands >= 8
+    assert commands >= PAGES[name]
     if update:
-        GUIDE.write_text(updated)
-        pytest.skip("docs/guide.md written anew")
+        page.write_text(updated)
+        pytest.skip(f"docs/{name} written anew")
 
 
 def test_readme(tokid, tmp_path):
