@@ -478,5 +478,35 @@ TEST(Uncertainty, WrongOptionsAreRefused) {
   EXPECT_THROW(bootstrap(data, fails, functional, {}), std::runtime_error);
 }
 
+// The bounds of confidence(), entry by entry: the function lists Markov parameters.
+TEST(FunctionBounds, AgreeWithConfidence) {
+  const Model system = random_system({2, 1, 1}, 12, 0.9, 140);
+  const Ensemble data = with_noise(random_experiments(system, 30, 141), 0.05, 142);
+  IdentifyOptions options;
+  options.states = 2;
+  options.lags = 2;
+  options.method = Method::tvera;
+  options.smoothing = 0.0;
+  const Model model = identify(data, options).model;
+  ConfidenceOptions o;
+  o.method = BoundsMethod::bootstrap;
+  o.replicates = 20;
+  const Confidence whole = confidence(model, data, o);
+  const auto last = [](const Model& m) {
+    return Vector((Vector(2) << pulse_response(m, 9, 8)(0, 0), pulse_response(m, 9, 7)(0, 0)).finished());
+  };
+  const FunctionBounds found = function_bounds(model, data, last, o);
+  EXPECT_EQ(found.replicates, whole.replicates);
+  for (Index gap = 1; gap <= 2; ++gap) {
+    const Interval& step = whole.markov.step[9];
+    EXPECT_NEAR(found.interval.lower(gap - 1), step.lower(0, gap), 1e-10);
+    EXPECT_NEAR(found.interval.upper(gap - 1), step.upper(0, gap), 1e-10);
+  }
+  EXPECT_EQ(message([&] { function_bounds(model, data, last, o, 3); }),
+            "steps: 3 found, a divisor of the 2 entries of the function needed");
+  o.level = 1.0;
+  EXPECT_EQ(message([&] { function_bounds(model, data, last, o); }), "level: 1 found, 0 < level < 1 needed");
+}
+
 }  // namespace
 }  // namespace tokid::testing

@@ -156,8 +156,8 @@ const char* to_string(BoundsMethod method);
 
 struct ConfidenceOptions {
   double level = 0.95;
-  // Empty: the factors if the model follows from regressions of single steps. Otherwise the bootstrap, if there are more
-  // experiments than states, inputs and a mean motion.
+  // Empty: the factors if the model follows from regressions of single steps. Otherwise the bootstrap, if there are
+  // more experiments than states, inputs and a mean motion.
   std::optional<BoundsMethod> method = {};
   Index replicates = 200;  // B of the bootstrap
   std::uint64_t seed = 1;
@@ -186,14 +186,29 @@ struct Confidence {
 };
 
 // Computes the bounds of a model. With the factors, the estimates come from the regressions, which the model
-// approximates. With the bootstrap, the estimates come from the model. If EM made the model, each replicate continues EM
-// from the model; otherwise it is identified with the options and the orders of the model. With smoothing over time, a
-// model with a tenth of λ is identified as well. The squared differences from it, averaged over five steps, add to the
-// variances, because λ has a bias. `data` must be the ensemble of the identification, including the held-out
+// approximates. With the bootstrap, the estimates come from the model. If EM made the model, each replicate continues
+// EM from the model; otherwise it is identified with the options and the orders of the model. With smoothing over time,
+// a model with a tenth of λ is identified as well. The squared differences from it, averaged over five steps, add to
+// the variances, because λ has a bias. `data` must be the ensemble of the identification, including the held-out
 // experiments, which the function does not use.
 // \throws std::invalid_argument for options out of range, a number of experiments that differs from the identification,
 // or a model that was not identified
 Confidence confidence(const Model& model, const Ensemble& data, const ConfidenceOptions& options = {});
+
+// Bounds of a function of the model, by the bootstrap as in confidence(), with the bias of smoothing. The function must
+// not depend on the coordinates of the states, because the replicates have other coordinates. Its entries may be those
+// of `steps` equal parts, one after the other; the bias is then averaged over five parts.
+struct FunctionBounds {
+  Interval interval;       // (entries × 1); NaN where half of the replicates have no value
+  Index replicates = 0;    // successful
+  double freedom = 0.0;    // degrees of freedom of Student's t
+  double smoothing = 0.0;  // λ whose bias is included; 0: none
+  Findings findings;
+};
+// Uses level, replicates, seed and execution of the options. \throws std::invalid_argument as confidence(), and for
+// fewer experiments than the bootstrap needs or a number of entries that is no multiple of `steps`
+FunctionBounds function_bounds(const Model& model, const Ensemble& data, const Functional& function,
+                               const ConfidenceOptions& options = {}, Index steps = 1);
 
 // Writes .npz, .h5 or .mat; docs/formats.md has the names and shapes. \throws IoError
 void save_confidence(const Confidence& confidence, const std::filesystem::path& path, const WriteOptions& options = {});

@@ -16,7 +16,7 @@
 #include "uncertainty/halves.hpp"
 #include "uncertainty/interval.hpp"
 #include "uncertainty/replicate.hpp"
-#include "uncertainty/smoothing_bias.hpp"
+#include "uncertainty/replication.hpp"
 
 namespace tokid {
 
@@ -24,41 +24,10 @@ const char* to_string(BoundsMethod method) { return method == BoundsMethod::fact
 
 namespace {
 
-// Models count as the same if they differ by less than this. They may differ by rounding errors, which noisy Hankel
-// matrices amplify.
-constexpr double same = 1e-6;
-// Weaker smoothing for the bias: this share of λ. The bias that is left is about the same share.
-constexpr double weaker = 0.1;
 // A step is reported if the bias of its Markov parameters is larger than their scatter by this factor.
 constexpr double reported_bias = 2.0;
 // Bounds from the factors are reported as too narrow if fewer Markov parameters of two halves agree.
 constexpr double least_agreement = 0.85;
-
-// The experiments that the identification used, as they were measured.
-Ensemble training_part(const Model& model, const Ensemble& data, const IdentifyOptions& identification) {
-  if (model.inputs != data.inputs() || model.outputs != data.outputs())
-    throw std::invalid_argument(fmt::format("channels: {} inputs and {} outputs found, the model has {} and {}",
-                                            data.inputs(), data.outputs(), model.inputs, model.outputs));
-  const UsedExperiments used = used_experiments(data);
-  Corrected remaining = corrected(used.all(data) ? data : data.subset(used.rows()), model.provenance.corrections);
-  if (remaining.weights.minCoeff() < 1)
-    throw std::invalid_argument(
-        "outliers: downweight found in the options of the model, and experiments that count less than others. Bounds "
-        "need experiments of equal weight. Identify with the option outliers drop or keep");
-  Ensemble training = std::move(remaining.data);
-  if (identification.hold_out > 0) training = split(training, identification.hold_out, identification.period).training;
-  const Index recorded = model.provenance.experiments;
-  if (recorded > 0 && recorded != training.experiments())
-    throw std::invalid_argument(
-        fmt::format("experiments: {} found{}, the model was identified from {}: bounds need the ensemble of the "
-                    "identification",
-                    training.experiments(), identification.hold_out > 0 ? " without those held out" : "", recorded));
-  if (training.steps() != model.k_end())
-    throw std::invalid_argument(
-        fmt::format("steps: {} found, the model ends with step {}: bounds need the ensemble of the identification",
-                    training.steps(), model.k_end() - 1));
-  return training;
-}
 
 // The blocks and units of the realisation, as in identify().
 TveraOptions realisation(const Model& model, const Ensemble& departing, const IdentifyOptions& o) {
@@ -73,17 +42,6 @@ TveraOptions realisation(const Model& model, const Ensemble& departing, const Id
   return tvera_options(plan, model.outputs);
 }
 
-bool differ(const Vector& a, const Vector& b) {
-  double largest = 0.0, difference = 0.0;
-  for (Index i = 0; i < a.size(); ++i) {
-    if (std::isnan(a(i)) && std::isnan(b(i))) continue;
-    if (!std::isfinite(a(i) - b(i))) return true;
-    largest = std::max(largest, std::abs(a(i)));
-    difference = std::max(difference, std::abs(a(i) - b(i)));
-  }
-  return difference > same * largest;
-}
-
 void add_nominal(const Model& model, OutputBounds& bounds) {
   for (size_t k = 0; k < bounds.step.size() && Index(k) < model.y_nominal.rows(); ++k)
     for (Matrix* part : {&bounds.step[k].estimate, &bounds.step[k].lower, &bounds.step[k].upper})
@@ -95,7 +53,7 @@ class Bounds {
   Bounds(const Model& model, const Ensemble& data, const ConfidenceOptions& options)
       : model_(model), options_(options), identification_(identify_options(model.provenance)) {
     uncertainty::check_level(options.level);
-    data_ = training_part(model, data, identification_);
+    data_ = uncertainty::training_part(model, data, identification_);
     if (options.band < 0 || options.band >= data_.steps())
       throw std::invalid_argument(
           fmt::format("band: {} found, 1 to {} (or automatic) needed", options.band, data_.steps() - 1));
@@ -113,7 +71,7 @@ class Bounds {
   }
 
   Confidence run() {
-    if (!has_seen(model_.provenance, data_)) report({.kind = Finding::Kind::bounds_of_other_data});
+    append(result_.findings, uncertainty::findings_of_data(model_, data_));
     if (result_.method == BoundsMethod::factors)
       from_factors();
     else
@@ -192,52 +150,14 @@ class Bounds {
     std::optional<Spectrum> spectrum;
     with_frame([&] { spectrum = closed_loop_spectrum(model_, loop_); });
     const Functional functional = [&](const Model& model) { return everything(model, spectrum); };
-    BootstrapOptions o;
-    o.level = options_.level;
-    o.replicates = options_.replicates;
-    o.seed = options_.seed;
-    o.nominal = with_nominal();
-    o.period = model_.period;
-    o.execution = options_.execution;
-    const bool by_em = uncertainty::by_em(model_);
-    if (by_em || model_.provenance.choices) o.unknowns = uncertainty::unknowns_of_states(model_, data_.steps());
-    const Identifier f = uncertainty::identifier(model_, identification_);
-    Bootstrap found = by_em ? bootstrap(model_, data_, f, functional, o) : bootstrap(data_, f, functional, o);
-    result_.replicates = found.replicates;
-    result_.freedom = found.freedom;
-    if (found.replicates < options_.replicates)
-      report({.kind = Finding::Kind::replicates_failed,
-              .numbers = {{"failed", double(options_.replicates - found.replicates)},
-                          {"replicates", double(options_.replicates)}}});
-    if (!by_em && differ(functional(model_), found.interval.estimate.col(0)))
-      report({.kind = Finding::Kind::bounds_of_other_model});
-    add_bias(functional, spectrum, found);
-    scatter(found, spectrum);
-  }
-
-  // Widens the intervals by the bias of the smoothing over time: the change of the estimates with weaker smoothing.
-  void add_bias(const Functional& functional, const std::optional<Spectrum>& spectrum, Bootstrap& found) {
-    const double smoothing = uncertainty::smoothing_of(model_);
-    if (std::isinf(smoothing)) {
-      const bool stated = identification_.period > 0 || std::isinf(identification_.smoothing.value_or(0.0));
-      if (!stated) report({.kind = Finding::Kind::bounds_of_constant_system});
-      return;
-    }
-    if (smoothing == 0) return;
-    Vector change;
-    try {
-      Model weak = uncertainty::identifier(model_, identification_, weaker)(departing_);
-      weak.u_nominal = model_.u_nominal;
-      weak.y_nominal = model_.y_nominal;
-      change = functional(weak) - found.interval.estimate.col(0);
-    } catch (const std::exception&) {  // also too few experiments for so little penalty
-      return report({.kind = Finding::Kind::bounds_without_bias, .numbers = {{"smoothing", smoothing}}});
-    }
-    result_.smoothing = smoothing;
-    Vector squares = Vector::Zero(change.size());
-    for (const uncertainty::PerStep& place : places(spectrum)) uncertainty::add_local_squares(change, place, squares);
-    report_bias(squares, found.interval);
-    uncertainty::widen(found.interval, squares, uncertainty::StudentT(options_.level)(found.freedom));
+    const uncertainty::Replication found =
+        uncertainty::replicate(model_, data_, identification_, functional, places(spectrum), options_);
+    result_.replicates = found.bootstrap.replicates;
+    result_.freedom = found.bootstrap.freedom;
+    result_.smoothing = found.smoothing;
+    append(result_.findings, found.findings);
+    if (found.smoothing > 0) report_bias(found);
+    scatter(found.bootstrap, spectrum);
   }
 
   // The places of Markov parameters, outputs and eigenvalues in the list of everything().
@@ -257,16 +177,16 @@ class Bounds {
   }
 
   // Stores the size of the bias of the Markov parameters over their scatter, and reports the steps where it is large.
-  void report_bias(const Vector& squares, const Interval& interval) {
+  void report_bias(const uncertainty::Replication& found) {
     const Index steps = data_.steps(), size = model_.outputs * (band_ + 1) * model_.inputs;
     result_.bias = Vector::Constant(steps, nan);
     std::vector<Index> large;
     for (Index k = 0; k < steps; ++k) {
       double bias = 0.0, scatter = 0.0;
       for (Index i = k * size; i < (k + 1) * size; ++i)
-        if (std::isfinite(interval.deviation(i))) {
-          bias += squares(i);
-          scatter += interval.deviation(i) * interval.deviation(i);
+        if (std::isfinite(found.scatter(i))) {
+          bias += found.bias_squares(i);
+          scatter += found.scatter(i) * found.scatter(i);
         }
       if (scatter > 0) result_.bias(k) = std::sqrt(bias / scatter);
       if (result_.bias(k) > reported_bias) large.push_back(k);
