@@ -27,6 +27,7 @@
 #include "tokid/markov.hpp"
 #include "tokid/model.hpp"
 #include "tokid/model_file.hpp"
+#include "tokid/modes.hpp"
 #include "tokid/observer.hpp"
 #include "tokid/online_observer.hpp"
 #include "tokid/options.hpp"

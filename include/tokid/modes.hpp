@@ -1,0 +1,86 @@
+// Modes of a time-varying model: natural frequency, damping and shape with the time frozen, and Floquet multipliers.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <complex>
+#include <vector>
+
+#include "tokid/model.hpp"
+#include "tokid/uncertainty.hpp"
+
+namespace tokid {
+
+// Eigenvalues of A_k depend on the coordinates, which may differ at each step. Frozen modes therefore use coordinates
+// that the outputs define. O_j = observability(model, j, W) maps the state at step j to the outputs of W steps, with
+// the inputs at zero. A window of outputs has the same meaning at every step, so O_j⁺ O_{j+1} A_j maps states at step j
+// to states at step j, and its eigenvalues are those of every model of the system. The window and its successor are
+// centred at step k = j + W/2. The mean of these maps over the W+1 steps around k is the frozen A of step k, in
+// coordinates z = Qᵀ O_j x_j with an orthonormal basis Q of the window at k. Near the ends, the mean has fewer steps.
+//
+// The error is of first order in the variation over 1/|s|. For a lightly damped mode of positions and velocities, it is
+// of second order in the frequency. docs/modes.md derives both.
+
+struct ModesOptions {
+  Index window = 0;   // W, even; 0: the steps that determine a state, at least 2⌈n/m⌉
+  double slow = 0.1;  // a mode is valid up to this variation
+  Execution execution = {};
+};
+
+// Modes at the steps begin … begin+S-1, with n columns: the columns follow modes over time. A conjugate pair has two
+// columns, the one with positive imaginary part first. Columns are sorted by their median |s|.
+struct Modes {
+  Index begin = 0;   // first step
+  double dt = 1.0;   // [s]
+  Index window = 0;  // W
+  double slow = 0.1;
+  // (S × n) s = log(z)/dt [1/s] of the eigenvalues z of the frozen A. Frequencies above π/dt appear below it
+  // (aliasing). |z| below 1e-12 counts as 1e-12. NaN where the outputs of the window do not determine the state.
+  Eigen::MatrixXcd poles;
+  // (S) of (m × n): the outputs of each mode, the largest one 1
+  std::vector<Eigen::MatrixXcd> shapes;
+  // (S × n) relative change of pole and shape during 1/|s|: √(|ṡ/s|² + θ²)/|s| with the angle θ [rad/s] of the shape.
+  // NaN with a single step.
+  Matrix variation;
+  // (S × n): variation ≤ slow, and z is no negative real number, which no continuous system has. Other frozen modes
+  // describe the motion poorly.
+  Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> valid;
+
+  Index steps() const { return poles.rows(); }  // S
+  Index count() const { return poles.cols(); }  // n
+};
+// A periodic model has modes at all P steps of a period.
+// \throws std::invalid_argument for an odd or too short window, a negative limit, or a model with fewer than W+1 steps
+Modes modes(const Model& model, const ModesOptions& options = {});
+
+Matrix natural_frequencies(const Modes& modes);  // (S × n) |s| [rad/s]
+Matrix damping_ratios(const Modes& modes);       // (S × n) -Re s/|s|; NaN for s = 0
+
+// The frozen system at step k, as a model of one step with period 1, in the coordinates z of above. B is the mean of
+// Qᵀ O_{j+1} B_j, D that of D_k. C fits the window: its block i is C Aⁱ. Equal to the model if that is time-invariant.
+// \throws std::invalid_argument as modes(), and for a step without modes or without the whole state in the window
+Model frozen_system(const Model& model, Index k, const ModesOptions& options = {});
+
+// C (e^{iω dt} I - A)⁻¹ B + D (m × r) of a time-invariant step at each frequency ω [rad/s]. Infinite or very large at a
+// pole. \throws std::invalid_argument unless A is square
+std::vector<Eigen::MatrixXcd> frequency_response(const Step& system, double dt, const Vector& frequencies);
+
+// (n) eigenvalues of A_{k+P-1} … A_k of a periodic model, in decreasing size. They are the same for each k and in all
+// coordinates: exp(multiplier) measures growth over a period exactly, at any speed of variation. Multipliers below
+// about 1e-16 times the largest are lost in rounding errors. \throws std::invalid_argument without a period
+Eigen::VectorXcd floquet_multipliers(const Model& model);
+
+// Bounds of frequencies and damping ratios, by function_bounds(). The modes of replicates are those with the nearest
+// poles. The error of freezing the time is not included.
+struct ModeBounds {
+  Modes modes;
+  Interval frequency;  // (S × n) [rad/s]
+  Interval damping;    // (S × n)
+  double level = 0.95;
+  Index replicates = 0;  // successful
+  Findings findings;
+};
+// \throws std::invalid_argument as modes() and function_bounds()
+ModeBounds mode_bounds(const Model& model, const Ensemble& data, const ModesOptions& options = {},
+                       const ConfidenceOptions& confidence = {});
+
+}  // namespace tokid

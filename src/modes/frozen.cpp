@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "modes/frozen.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "base/integers.hpp"
+#include "tokid/linalg.hpp"
+#include "tokid/parallel.hpp"
+
+namespace tokid::modes_of {
+
+namespace {
+
+// The window determines the state if its smallest singular value is above this share of the largest, with columns of
+// norm one. Below it, half of the digits would be lost.
+constexpr double determined = 1e-8;
+
+Index chosen_window(const Model& model, Index window) {
+  const Index n = model.states(), m = model.outputs;
+  if (n == 0) throw std::invalid_argument("model: no states found, at least 1 needed for modes");
+  if (window == 0) {
+    const Index steps = std::max(estimation_window(model), 2 * ceil_div(n, m));
+    return steps + steps % 2;
+  }
+  const Index least = ceil_div(n, m) + ceil_div(n, m) % 2;
+  if (window < least || window % 2 != 0)
+    throw std::invalid_argument(
+        fmt::format("window: {} found, an even number of steps from {} on needed for {} states and {} outputs", window,
+                    least, n, m));
+  return window;
+}
+
+// The size of each output, so that the units of the outputs do not matter: the geometric mean over the inputs of the
+// norms of its pulse responses to the inputs of the steps begin … end-1. Another unit of an input then multiplies all
+// sizes by the same factor.
+Vector output_sizes(const Model& model, Index begin, Index end, Index band) {
+  const Index m = model.outputs, r = model.inputs;
+  Matrix squares = Matrix::Zero(m, r);
+  for (Index i = begin; i < end; ++i) {
+    checkpoint();
+    Matrix x = model.at(i).B();
+    for (Index k = i + 1; k < std::min(model.k_end(), i + 1 + band); ++k) {
+      squares += (model.at(k).C() * x).cwiseAbs2();
+      x = model.at(k).A() * x;
+    }
+  }
+  Vector result = Vector::Ones(m);
+  for (Index j = 0; j < m; ++j) {
+    double sum = 0.0;
+    Index count = 0;
+    for (Index i = 0; i < r; ++i)
+      if (squares(j, i) > 0 && std::isfinite(squares(j, i))) sum += std::log(squares(j, i)) / 2, ++count;
+    if (count > 0) result(j) = std::exp(sum / double(count));
+  }
+  return result;
+}
+
+}  // namespace
+
+Frozen::Frozen(const Model& model, Index window) : half_(chosen_window(model, window) / 2) {
+  const Index reach = 2 * half_;
+  if (model.period > 0) {
+    shift_ = ceil_div(reach, model.period) * model.period;
+    begin_ = model.full_begin();
+    count_ = model.period;
+    model_ = continued(model, begin_ + shift_ + count_ + reach);
+  } else {
+    model_ = model;
+  }
+  first_ = model_.full_begin() + half_;
+  // The window from j+1 = k-half+1 on must lie within the model, and the state must be whole at j and j+1.
+  last_ = std::min(model_.k_end() - 1 - half_, model_.full_end() - 2 + half_);
+  if (last_ < first_)
+    throw std::invalid_argument(
+        fmt::format("window: {} steps found, the model has {} with all states, {} needed. State a shorter window",
+                    window == 0 ? 2 * half_ : window, model_.k_end() - model_.full_begin(), 2 * half_ + 1));
+  if (model.period == 0) begin_ = first_, count_ = last_ - first_ + 1;
+  scale_ = model.period > 0 ? output_sizes(model_, begin_, begin_ + count_, reach)
+                            : output_sizes(model_, model.k_begin, model.k_end(), reach);
+}
+
+Matrix Frozen::observed(Index j) const {
+  Matrix o = observability(model_, j, 2 * half_);
+  for (Index row = 0; row < o.rows(); ++row) o.row(row) /= scale_(row % scale_.size());
+  return o;
+}
+
+std::vector<Step> Frozen::systems(Index first, Index count) const {
+  std::vector<Step> result;
+  std::vector<Matrix> observed_from;  // O_j from step `from` on
+  Index from = 0;
+  for (Index k = first + shift_; k < first + shift_ + count; ++k) {
+    checkpoint();
+    const Index reach = std::min({half_, k - first_, last_ - k}), begin = k - half_ - reach;
+    const Index end = k - half_ + reach + 2;
+    if (observed_from.empty()) from = begin;
+    observed_from.erase(observed_from.begin(), observed_from.begin() + (begin - from));
+    from = begin;
+    while (from + Index(observed_from.size()) < end)
+      observed_from.push_back(observed(from + Index(observed_from.size())));
+    result.push_back(system(k, reach, observed_from, from));
+  }
+  return result;
+}
+
+Step Frozen::system(Index k, Index reach, const std::vector<Matrix>& observed, Index from) const {
+  const Index n = model_.states(), m = model_.outputs, r = model_.inputs, centre = k - half_;
+  const auto window = [&](Index j) -> const Matrix& { return observed[size_t(j - from)]; };
+  const Matrix scaled = window(centre) * linalg::inverse_norms(window(centre)).asDiagonal();
+  const Vector sigma = linalg::singular_values(scaled);
+  const Step none(0, 0, r, m);
+  if (!(sigma(n - 1) > determined * sigma(0))) return none;
+  const Matrix basis = linalg::orthonormal_factor(scaled);  // Q
+
+  Matrix A = Matrix::Zero(n, n), B = Matrix::Zero(n, r), D = Matrix::Zero(m, r);
+  for (Index j = centre - reach; j <= centre + reach; ++j) {
+    const Matrix before = basis.transpose() * window(j), after = basis.transpose() * window(j + 1);
+    A += linalg::solve(before.transpose(), (after * model_.at(j).A()).transpose()).transpose();
+    B += after * model_.at(j).B();
+    D += model_.at(j + half_).D();
+  }
+  const double share = 1.0 / double(2 * reach + 1);
+  A *= share;
+  if (!A.allFinite()) return none;
+
+  // C is the least-squares solution of C Aⁱ = block i of Q.
+  Matrix sum = Matrix::Zero(n, m), gram = Matrix::Zero(n, n), power = Matrix::Identity(n, n);
+  for (Index i = 0; i < 2 * half_; ++i) {
+    sum += power * basis.middleRows(i * m, m).transpose();
+    gram += power * power.transpose();
+    power = A * power;
+  }
+  const Matrix C = scale_.asDiagonal() * linalg::solve(gram, sum).transpose();
+  if (!C.allFinite()) return none;
+  return Step(A, share * B, C, share * D, Matrix::Zero(n, m));
+}
+
+}  // namespace tokid::modes_of

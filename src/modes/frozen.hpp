@@ -1,0 +1,35 @@
+// The frozen system of one step, in coordinates that a window of outputs defines.
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "tokid/model.hpp"
+
+namespace tokid::modes_of {
+
+// The windows of outputs of one model. A periodic model is extended, so that all its steps have windows.
+class Frozen {
+ public:
+  // \throws std::invalid_argument for an odd or too short window, or a model with too few steps
+  Frozen(const Model& model, Index window);
+
+  Index window() const { return 2 * half_; }
+  Index begin() const { return begin_; }  // first step with modes
+  Index count() const { return count_; }  // number of steps with modes
+  // The systems of `count` steps, from step `first` on; without states where the window does not determine the state.
+  // The observer gains are zero.
+  std::vector<Step> systems(Index first, Index count) const;
+
+ private:
+  Matrix observed(Index j) const;  // O_j of the scaled outputs (W·m × n)
+  Step system(Index k, Index reach, const std::vector<Matrix>& observed, Index from) const;
+
+  Model model_;
+  Index half_ = 1, begin_ = 0, count_ = 0;
+  Index shift_ = 0;             // a step k has its windows at k + shift_
+  Index first_ = 0, last_ = 0;  // steps of the extended model with a window
+  Vector scale_;                // (m) sizes of the outputs
+};
+
+}  // namespace tokid::modes_of

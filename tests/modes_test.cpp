@@ -1,0 +1,447 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/modes.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <functional>
+#include <numbers>
+#include <numeric>
+
+#include "modes/tracks.hpp"
+#include "noisy.hpp"
+#include "testing.hpp"
+#include "tokid/identify.hpp"
+#include "tokid/uncertainty.hpp"
+
+namespace tokid::testing {
+namespace {
+
+using Complex = std::complex<double>;
+using Continuous = std::function<Matrix(double)>;  // A(t) of ẋ = A x
+
+// The transition over one step, by the fourth-order Runge-Kutta method in `parts` parts.
+Matrix transition(const Continuous& a, double t, double dt, Index parts = 20) {
+  const double h = dt / double(parts);
+  Matrix x = Matrix::Identity(a(t).rows(), a(t).rows());
+  for (Index i = 0; i < parts; ++i, t += h) {
+    const Matrix k1 = a(t) * x, k2 = a(t + h / 2) * (x + h / 2 * k1), k3 = a(t + h / 2) * (x + h / 2 * k2),
+                 k4 = a(t + h) * (x + h * k3);
+    x += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+  }
+  return x;
+}
+
+// Oscillators with the frequencies w_i(t) [rad/s] and damping z. Each output shows all positions; forces act on all.
+struct Oscillators {
+  std::vector<std::function<double(double)>> w;
+  double damping = 0.02;
+  Matrix C;
+  double dt = 0.05;
+
+  Index n() const { return 2 * Index(w.size()); }
+  Matrix rate(double t) const {
+    const Index half = n() / 2;
+    Matrix a = Matrix::Zero(n(), n());
+    for (Index i = 0; i < half; ++i) {
+      const double wi = w[size_t(i)](t);
+      a(i, half + i) = 1;
+      a(half + i, i) = -wi * wi;
+      a(half + i, half + i) = -2 * damping * wi;
+    }
+    return a;
+  }
+  Model model(Index steps) const {
+    Model result;
+    result.inputs = 1;
+    result.outputs = C.rows();
+    result.dt = dt;
+    result.method = "known";
+    for (Index k = 0; k < steps; ++k) {
+      Step& step = result.step.emplace_back(n(), n(), 1, C.rows());
+      step.A() = transition([&](double t) { return rate(t); }, double(k) * dt, dt);
+      step.B().bottomRows(n() / 2).setConstant(dt);
+      step.C().leftCols(n() / 2) = C;
+    }
+    return result;
+  }
+};
+
+Oscillators one(const std::function<double(double)>& w, double damping = 0.02) {
+  return {{w}, damping, Matrix::Identity(1, 1)};
+}
+
+std::vector<Matrix> transformations(const Model& model, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Matrix> S;
+  for (const Index n : state_dims(model))
+    S.emplace_back(random.orthogonal(n) * (1 + random.matrix(n, 1).array().abs()).matrix().asDiagonal() *
+                   random.orthogonal(n));
+  return S;
+}
+
+// Condition number of the eigenvalues and of the windows of outputs: the factor of rounding errors.
+double condition(const Model& model, Index window) {
+  double result = 1.0;
+  for (Index k = model.k_begin; k + window < model.k_end(); ++k) {
+    const Vector sigma = linalg::singular_values(observability(model, k, window));
+    const linalg::Eigensystem e = linalg::eigensystem(model.at(k).A());
+    result = std::max(result, sigma(0) / sigma(sigma.size() - 1) * e.right.norm() * e.left.norm());
+  }
+  return result;
+}
+
+Eigen::VectorXcd row(const Eigen::MatrixXcd& poles, Index k) { return poles.row(k).transpose(); }
+
+// The largest distance of two sets of poles over their largest size.
+double distance(const Eigen::VectorXcd& a, const Eigen::VectorXcd& b) {
+  return (matched(a, b) - b).cwiseAbs().maxCoeff() / b.cwiseAbs().maxCoeff();
+}
+
+const std::vector<SystemSize> sizes{{1, 1, 1}, {2, 1, 1}, {3, 2, 1}, {4, 2, 2}, {6, 2, 3}, {5, 5, 1}};
+
+TEST(Assignment, HasTheSmallestCostOfAllPermutations) {
+  Random random(1);
+  for (const Index n : {1, 2, 3, 4, 5, 6})
+    for (int repeat = 0; repeat < 10; ++repeat) {
+      const Matrix cost = random.matrix(n, n);
+      const auto total = [&](const std::vector<Index>& columns) {
+        double sum = 0.0;
+        for (Index i = 0; i < n; ++i) sum += cost(i, columns[size_t(i)]);
+        return sum;
+      };
+      std::vector<Index> columns = range(0, n);
+      double least = total(columns);
+      while (std::next_permutation(columns.begin(), columns.end())) least = std::min(least, total(columns));
+      std::vector<Index> found = modes_of::assignment(cost);
+      EXPECT_NEAR(total(found), least, 10 * double(n) * epsilon * (1 + cost.norm()));
+      std::sort(found.begin(), found.end());
+      EXPECT_EQ(found, range(0, n));
+    }
+}
+
+TEST(Modes, OfATimeInvariantSystemAreItsEigenvalues) {
+  for (const SystemSize& size : sizes)
+    for (const Index period : {0, 1}) {
+      Model model = constant_system(size, 40, 1.0, 10 + std::uint64_t(size.n));
+      model.dt = 0.3;
+      model.period = period;
+      if (period == 1) model.step.resize(1);
+      const Modes found = modes(model);
+      EXPECT_EQ(found.steps(), period == 1 ? 1 : 40 - found.window) << name(size);
+      const Eigen::VectorXcd z = linalg::eigenvalues(model.step[0].A());
+      Eigen::VectorXcd s(z.size());
+      for (Index i = 0; i < z.size(); ++i) s(i) = std::log(z(i)) / 0.3;
+      const double tolerance =
+          1e3 * epsilon * condition(constant_system(size, 40, 1.0, 10 + std::uint64_t(size.n)), found.window);
+      for (Index k = 0; k < found.steps(); ++k) {
+        EXPECT_LE(distance(row(found.poles, k), s), tolerance) << name(size);
+        for (Index i = 0; i < found.count(); ++i) {
+          EXPECT_LE(found.variation(k, i) * std::abs(found.poles(k, i)), tolerance * s.cwiseAbs().maxCoeff() / 0.3);
+          EXPECT_EQ(found.shapes[size_t(k)].col(i).cwiseAbs().maxCoeff(), 1.0);
+        }
+      }
+    }
+}
+
+// The poles belong to the outputs alone: time-varying coordinates and units do not change them.
+TEST(Modes, DoNotDependOnCoordinatesOrUnits) {
+  for (const SystemSize& size : sizes) {
+    const Model model = random_system(size, 30, 1.0, 20 + std::uint64_t(size.n));
+    const std::vector<Matrix> S = transformations(model, 30);
+    Model units = model;
+    Random random(31);
+    Vector y(size.m), u(size.r);
+    for (double& value : y) value = std::pow(10.0, random.uniform(-4, 4));
+    for (double& value : u) value = std::pow(10.0, random.uniform(-4, 4));
+    for (Step& step : units.step) {
+      step.B() = step.B() * u.asDiagonal();
+      step.C() = y.asDiagonal() * step.C();
+      step.D() = y.asDiagonal() * step.D() * u.asDiagonal();
+    }
+    const Modes found = modes(model), moved = modes(transform(model, S)), scaled = modes(units);
+    ASSERT_EQ(found.steps(), moved.steps());
+    // Maps of a window divide by the smallest singular value of the next windows, too.
+    const double tolerance =
+        1e3 * epsilon * std::pow(condition(model, found.window), 2) * condition(transform(model, S), found.window);
+    for (Index k = 0; k < found.steps(); ++k) {
+      EXPECT_LE(distance(row(moved.poles, k), row(found.poles, k)), tolerance) << name(size) << " step " << k;
+      EXPECT_LE(distance(row(scaled.poles, k), row(found.poles, k)), tolerance) << name(size) << " step " << k;
+    }
+  }
+}
+
+TEST(Modes, OfASlowSystemInAnyCoordinatesFollowTheSameColumns) {
+  const Oscillators plant{{[](double t) { return 3 + 0.1 * t; }, [](double t) { return 8 - 0.2 * t; }},
+                          0.02,
+                          (Matrix(2, 2) << 1, 0.5, -0.3, 1).finished()};
+  const Model model = plant.model(80);
+  const Modes found = modes(model), moved = modes(transform(model, transformations(model, 40)));
+  const double tolerance = 1e3 * epsilon * std::pow(condition(model, found.window), 2);
+  EXPECT_LE((found.poles - moved.poles).norm(), tolerance * found.poles.norm());
+  for (size_t k = 0; k < found.shapes.size(); ++k)
+    EXPECT_LE((found.shapes[k] - moved.shapes[k]).norm(), 10 * tolerance * found.shapes[k].norm());
+  EXPECT_TRUE(found.valid.all());
+  EXPECT_TRUE((found.valid == moved.valid).all());
+}
+
+// The frequency errs in second order and the damping ratio in first order of the rate of variation.
+TEST(Modes, ErrAsDerivedForSlowVariation) {
+  const auto errors = [](double rate) {
+    const Oscillators plant{
+        {[=](double t) { return 3 * (1 + rate * t); }, [=](double t) { return 5 * (1 - rate * t); }},
+        0.02,
+        (Matrix(1, 2) << 1, 1).finished()};
+    const Modes found = modes(plant.model(60));
+    const Matrix frequency = natural_frequencies(found), damping = damping_ratios(found);
+    double of_frequency = 0.0, of_damping = 0.0;
+    for (Index k = 0; k < found.steps(); ++k)
+      for (const Index i : {0, 2}) {
+        const double truth = plant.w[size_t(i / 2)](double(found.begin + k) * plant.dt);
+        of_frequency = std::max(of_frequency, std::abs(frequency(k, i) / truth - 1));
+        of_damping = std::max(of_damping, std::abs(damping(k, i) - plant.damping));
+      }
+    return std::pair(of_frequency, of_damping);
+  };
+  const auto [fast_frequency, fast_damping] = errors(0.04);
+  const auto [slow_frequency, slow_damping] = errors(0.01);
+  EXPECT_GT(fast_damping, 1e-4);  // the order of zero is not known
+  EXPECT_LT(slow_damping, 0.3 * fast_damping);
+  // Damping makes a part of the frequency's error of first order: the damping ratio times the error of the damping.
+  EXPECT_LT(slow_frequency, 0.12 * fast_frequency + 0.02 * slow_damping);
+  EXPECT_LT(fast_frequency, 0.04);
+}
+
+// Outputs that grow like exp(gt) multiply the window of each step by exp(g dt): poles move by g, an error of first
+// order.
+TEST(Modes, MoveByTheGrowthOfTheSensors) {
+  Model model = one([](double) { return 4.0; }).model(30);
+  const Modes still = modes(model);
+  const double growth = 0.3;
+  for (Index k = 0; k < model.steps(); ++k) model.at(k).C() *= std::exp(growth * double(k) * model.dt);
+  const Modes moved = modes(model);
+  EXPECT_LE((moved.poles - still.poles - Eigen::MatrixXcd::Constant(still.steps(), 2, growth)).cwiseAbs().maxCoeff(),
+            1e3 * epsilon * condition(model, still.window) / model.dt);
+}
+
+TEST(Modes, VariationIsTheChangeOverARadian) {
+  const double rate = 0.15;
+  const Modes found = modes(one([=](double t) { return 5 + rate * t; }, 0.01).model(100));
+  for (Index k = 5; k + 5 < found.steps(); ++k) {
+    const double w = 5 + rate * double(found.begin + k) * found.dt;
+    EXPECT_NEAR(found.variation(k, 0), rate / (w * w), 0.1 * rate / (w * w));
+  }
+  EXPECT_TRUE(found.valid.all());
+  const Modes fast = modes(one([](double t) { return 3 + 2 * std::sin(4 * t); }).model(100));
+  EXPECT_LT(double(fast.valid.count()), 0.3 * double(fast.valid.size()));
+  ModesOptions all;
+  all.slow = 1e9;
+  EXPECT_GT(modes(one([](double t) { return 3 + 2 * std::sin(4 * t); }).model(100), all).valid.count(),
+            fast.valid.count());
+}
+
+TEST(Modes, KeepTheirColumnsWhereFrequenciesCross) {
+  const Oscillators plant{
+      {[](double t) { return 4 + 0.3 * t; }, [](double t) { return 5.03 - 0.3 * t; }}, 0.02, Matrix::Identity(2, 2)};
+  const Modes found = modes(plant.model(70));
+  const Matrix frequency = natural_frequencies(found);
+  // The truth of each column is that of its first step, also after the crossing at t = 1.7 s.
+  for (Index i = 0; i < 4; ++i) {
+    const auto truth = [&](Index k, size_t mode) { return plant.w[mode](double(found.begin + k) * plant.dt); };
+    const size_t mode = std::abs(frequency(0, i) - truth(0, 0)) < std::abs(frequency(0, i) - truth(0, 1)) ? 0 : 1;
+    for (Index k = 0; k < found.steps(); ++k) EXPECT_NEAR(frequency(k, i), truth(k, mode), 0.01 * truth(k, mode)) << k;
+  }
+  for (Index k = 0; k < found.steps(); ++k)
+    for (Index i = 0; i < 4; i += 2) {
+      EXPECT_GT(found.poles(k, i).imag(), 0);
+      EXPECT_EQ(found.poles(k, i + 1), std::conj(found.poles(k, i)));
+    }
+}
+
+// One output shows no shapes: only the course of the poles tells two modes apart.
+TEST(Modes, AreFollowedByTheCourseOfTheirPoles) {
+  Random random(45);
+  std::vector<modes_of::StepModes> steps;
+  const auto truth = [](Index k, Index mode) {
+    const double t = 0.05 * double(k);
+    const Complex upper = mode < 2 ? Complex(-0.1, 4 + 0.3 * t) : Complex(-0.3, 5.033 - 0.3 * t);
+    return mode % 2 == 0 ? upper : std::conj(upper);
+  };
+  for (Index k = 0; k < 70; ++k) {
+    std::vector<Index> order = range(0, 4);
+    for (size_t i = 3; i > 0; --i) std::swap(order[i], order[size_t(random.uniform(0, double(i) + 0.999))]);
+    modes_of::StepModes& step = steps.emplace_back(Eigen::VectorXcd(4), Eigen::MatrixXcd::Ones(1, 4));
+    for (Index i = 0; i < 4; ++i) step.poles(i) = truth(k, order[size_t(i)]);
+    if (k % 9 == 5) step.poles.setConstant(Complex(nan, nan));
+  }
+  modes_of::follow(steps);
+  for (Index i = 0; i < 4; ++i) {
+    Index mode = 0;
+    while (steps[0].poles(i) != truth(0, mode)) ++mode;
+    for (Index k = 0; k < 70; ++k) {
+      if (k % 9 == 5)
+        EXPECT_TRUE(std::isnan(steps[size_t(k)].poles(i).real()));
+      else
+        EXPECT_EQ(steps[size_t(k)].poles(i), truth(k, mode)) << k;
+    }
+  }
+}
+
+TEST(Modes, WithoutAContinuousSystemAreNotValid) {
+  Model model = constant_system({2, 2, 1}, 12, 1.0, 50);
+  for (Step& step : model.step) step.A() = (Matrix(2, 2) << -0.5, 0.1, 0, 0.8).finished();
+  const Modes found = modes(model);
+  for (Index k = 0; k < found.steps(); ++k)
+    for (Index i = 0; i < 2; ++i) EXPECT_EQ(found.valid(k, i), found.poles(k, i).imag() == 0.0);
+  EXPECT_EQ(found.valid.count(), found.steps());
+}
+
+TEST(Modes, AreNaNWhereTheOutputsDoNotShowTheState) {
+  Model model = random_system({3, 1, 1}, 40, 1.0, 60);
+  for (Index k = 10; k < 40; ++k) model.at(k).C().setZero();
+  const Modes found = modes(model);
+  EXPECT_TRUE(found.poles.row(0).allFinite());
+  EXPECT_TRUE(found.poles.row(found.steps() - 1).real().array().isNaN().all());
+  EXPECT_FALSE(found.valid.row(found.steps() - 1).any());
+  EXPECT_EQ(message([&] { frozen_system(model, 30); }),
+            "window: the outputs of the 6 steps around step 30 don't determine the state; a longer window needed");
+}
+
+TEST(Modes, OfAPeriodicModelRepeat) {
+  for (const Index period : {1, 3, 7, 20}) {
+    Model model = periodic_system({4, 2, 1}, 3 * period, period, 1.0, 70 + std::uint64_t(period));
+    model.period = period;
+    const Modes found = modes(model);
+    EXPECT_EQ(found.steps(), period);
+    EXPECT_EQ(found.begin, 0);
+    Model shorter = model;
+    shorter.step.resize(size_t(period));
+    EXPECT_EQ(modes(shorter).poles, found.poles);
+    for (Index first = 1; first < period; ++first) {
+      const Modes later = modes(from_step(model, first));
+      EXPECT_EQ(later.begin, first);
+      const double tolerance = 1e3 * epsilon * std::pow(condition(model, found.window), 2);
+      for (Index k = 0; k < period; ++k)
+        EXPECT_LE(distance(row(later.poles, k), row(found.poles, (first + k) % period)), tolerance);
+    }
+  }
+  // One output has no other output to which its size matters: far from the ends, the same as without a period.
+  Model model = periodic_system({2, 1, 1}, 40, 5, 1.0, 75);
+  const Modes without = modes(model);
+  model.period = 5;
+  const Modes found = modes(model);
+  for (Index k = 10; k < 30; ++k)
+    EXPECT_LE(distance(row(without.poles, k - without.begin), row(found.poles, k % 5)),
+              1e3 * epsilon * std::pow(condition(model, found.window), 2));
+}
+
+TEST(Modes, HaveTheSameBitsForAnyNumberOfThreads) {
+  const Model model = random_system({4, 2, 2}, 200, 1.0, 80);
+  ModesOptions options;
+  const Modes single = modes(model, options);
+  options.execution.threads = 3;
+  const Modes several = modes(model, options);
+  EXPECT_TRUE((single.poles.array() == several.poles.array()).all());
+  EXPECT_TRUE((single.variation.array() == several.variation.array()).all());
+}
+
+TEST(Modes, RefuseWrongOptions) {
+  const Model model = random_system({4, 2, 1}, 10, 1.0, 90);
+  ModesOptions options;
+  options.window = 3;
+  EXPECT_EQ(message([&] { modes(model, options); }),
+            "window: 3 found, an even number of steps from 2 on needed for 4 states and 2 outputs");
+  options.window = 10;
+  EXPECT_EQ(message([&] { modes(model, options); }),
+            "window: 10 steps found, the model has 10 with all states, 11 needed. State a shorter window");
+  options = {};
+  options.slow = nan;
+  EXPECT_EQ(message([&] { modes(model, options); }), "slow: nan found, 0 or more needed");
+  EXPECT_EQ(message([&] { modes(Model()); }), "model: no states found, at least 1 needed for modes");
+  EXPECT_EQ(message([&] { frozen_system(model, 1); }), "step: 1 found, 2 to 7 needed with a window of 4 steps");
+  EXPECT_EQ(message([&] { floquet_multipliers(model); }), "period: 0 found in a model of 10 steps, 1 to 10 needed");
+  EXPECT_EQ(message([&] { frequency_response(Step(2, 3, 1, 1), 1.0, Vector::Ones(1)); }),
+            "A: 3 x 2 found, a square matrix needed");
+}
+
+TEST(FrozenSystem, OfATimeInvariantModelHasItsPulseResponses) {
+  for (const SystemSize& size : sizes) {
+    const Model model = constant_system(size, 40, 1.0, 100 + std::uint64_t(size.n));
+    const Model frozen = frozen_system(model, 20);
+    const Model longer = continued(frozen, 20);
+    const double tolerance = 1e3 * epsilon * std::pow(condition(model, modes(model).window), 2);
+    EXPECT_LE((frozen.step[0].D() - model.step[0].D()).norm(), tolerance * model.step[0].D().norm());
+    for (Index gap = 1; gap < 15; ++gap)
+      EXPECT_LE((pulse_response(longer, gap, 0) - pulse_response(model, gap, 0)).norm(),
+                tolerance * (1 + pulse_response(model, 1, 0).norm()))
+          << name(size);
+  }
+}
+
+// Beside complex arithmetic: C (zI - A)⁻¹ B + D.
+TEST(FrequencyResponse, IsThatOfTheTransferFunction) {
+  for (const SystemSize& size : sizes) {
+    const Step step = constant_system(size, 1, 0.9, 110 + std::uint64_t(size.n)).step[0];
+    const Vector w = (Vector(4) << 0, 0.1, 2, std::numbers::pi / 0.2).finished();
+    const std::vector<Eigen::MatrixXcd> found = frequency_response(step, 0.2, w);
+    for (Index i = 0; i < w.size(); ++i) {
+      const Complex z = std::exp(Complex(0, w(i) * 0.2));
+      const Eigen::MatrixXcd resolvent = z * Eigen::MatrixXcd::Identity(size.n, size.n) - step.A().cast<Complex>();
+      const Eigen::MatrixXcd expected =
+          step.C().cast<Complex>() * resolvent.fullPivLu().solve(step.B().cast<Complex>()) + step.D().cast<Complex>();
+      const Eigen::VectorXd sigma = resolvent.jacobiSvd().singularValues();
+      EXPECT_LE((found[size_t(i)] - expected).norm(),
+                100 * double(size.n) * epsilon * sigma(0) / sigma(size.n - 1) * (1 + expected.norm()));
+    }
+  }
+}
+
+TEST(Floquet, MultipliersDoNotDependOnCoordinatesOrTheFirstStep) {
+  for (const Index period : {1, 2, 5, 12}) {
+    Model model = periodic_system({3, 1, 1}, 3 * period, period, 1.0, 120 + std::uint64_t(period));
+    model.period = period;
+    Matrix product = Matrix::Identity(3, 3);
+    for (Index k = 0; k < period; ++k) product = model.at(k).A() * product;
+    const Eigen::VectorXcd found = floquet_multipliers(model);
+    const linalg::Eigensystem e = linalg::eigensystem(product);
+    const double tolerance = 1e3 * double(period) * epsilon * e.right.norm() * e.left.norm();
+    EXPECT_LE(distance(found, e.values), tolerance);
+    for (Index i = 0; i + 1 < 3; ++i) EXPECT_GE(std::abs(found(i)), std::abs(found(i + 1)));
+    for (Index k = 1; k < period; ++k)
+      EXPECT_LE(distance(floquet_multipliers(from_step(model, k)), found), 100 * tolerance);
+    // A periodic change of coordinates.
+    std::vector<Matrix> S = transformations(model, 130);
+    for (size_t k = size_t(period); k < S.size(); ++k) S[k] = S[k - size_t(period)];
+    EXPECT_LE(distance(floquet_multipliers(transform(model, S)), found), 100 * tolerance);
+  }
+}
+
+TEST(ModeBounds, HoldTheTruthOfASlowSystem) {
+  const Oscillators plant = one([](double t) { return 4 + 0.2 * t; }, 0.05);
+  const Model system = plant.model(60);
+  double held = 0.0, all = 0.0;
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    Ensemble data = random_experiments(system, 30, 150 + seed);
+    data = with_noise(std::move(data), 0.01, 160 + seed);
+    data.dt = plant.dt;
+    const Model model = identify(data).model;
+    ConfidenceOptions o;
+    o.replicates = 40;
+    const ModeBounds found = mode_bounds(model, data, {}, o);
+    EXPECT_EQ(found.replicates, 40);
+    if (found.modes.count() != 2) continue;
+    EXPECT_EQ(found.frequency.estimate, natural_frequencies(found.modes));
+    for (Index k = 0; k < found.modes.steps(); ++k) {
+      const double truth = plant.w[0](double(found.modes.begin + k) * plant.dt);
+      held += found.frequency.lower(k, 0) <= truth && truth <= found.frequency.upper(k, 0);
+      all += 1;
+    }
+  }
+  ASSERT_GT(all, 60);
+  EXPECT_GE(held, 0.85 * all);
+}
+
+}  // namespace
+}  // namespace tokid::testing
