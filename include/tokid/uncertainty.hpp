@@ -197,7 +197,9 @@ Confidence confidence(const Model& model, const Ensemble& data, const Confidence
 
 // Bounds of a function of the model, by the bootstrap as in confidence(), with the bias of smoothing. The function must
 // not depend on the coordinates of the states, because the replicates have other coordinates. Its entries may be those
-// of `steps` equal parts, one after the other; the bias is then averaged over five parts.
+// of `steps` equal parts, one after the other; the bias is then averaged over five parts. Replicates of EM
+// take up to ten times the iterations of confidence(), because functions such as poles depend on what the data hardly
+// show.
 struct FunctionBounds {
   Interval interval;       // (entries × 1); NaN where half of the replicates have no value
   Index replicates = 0;    // successful

@@ -13,8 +13,12 @@ bool by_em(const Model& model);
 // steps share one model.
 double smoothing_of(const Model& model);
 
+// How close EM comes to the most likely model of a replicate. Outputs and Markov parameters need few iterations.
+enum class Care { usual, thorough };
+
 // Identifies with the options, orders and choices of the model, and with its λ times `share`.
-Identifier identifier(const Model& model, const IdentifyOptions& identification, double share = 1.0);
+Identifier identifier(const Model& model, const IdentifyOptions& identification, double share = 1.0,
+                      Care care = Care::usual);
 
 // The unknowns of a regression of the states on states and inputs. If steps share a model, they share their rows as
 // well.

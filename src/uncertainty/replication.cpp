@@ -10,7 +10,6 @@
 #include "tokid/identify.hpp"
 #include "tokid/validate.hpp"
 #include "uncertainty/interval.hpp"
-#include "uncertainty/replicate.hpp"
 
 namespace tokid {
 
@@ -37,7 +36,8 @@ bool differ(const Vector& a, const Vector& b) {
 
 // Widens the intervals by the bias of the smoothing over time: the change of the estimates with weaker smoothing.
 void add_bias(const Model& model, const Ensemble& training, const IdentifyOptions& identification,
-              const Functional& functional, const std::vector<PerStep>& places, double level, Replication& result) {
+              const Functional& functional, const std::vector<PerStep>& places, double level, Care care,
+              Replication& result) {
   const double smoothing = smoothing_of(model);
   if (std::isinf(smoothing)) {
     const bool stated = identification.period > 0 || std::isinf(identification.smoothing.value_or(0.0));
@@ -48,8 +48,8 @@ void add_bias(const Model& model, const Ensemble& training, const IdentifyOption
   Vector change;
   try {
     const bool with_nominal = model.y_nominal.rows() > 0;
-    Model weak = identifier(model, identification,
-                            weaker)(with_nominal ? departures(training, {model.u_nominal, model.y_nominal}) : training);
+    const Identifier f = identifier(model, identification, weaker, care);
+    Model weak = f(with_nominal ? departures(training, {model.u_nominal, model.y_nominal}) : training);
     weak.u_nominal = model.u_nominal;
     weak.y_nominal = model.y_nominal;
     change = functional(weak) - result.bootstrap.interval.estimate.col(0);
@@ -97,7 +97,7 @@ Findings findings_of_data(const Model& model, const Ensemble& training) {
 
 Replication replicate(const Model& model, const Ensemble& training, const IdentifyOptions& identification,
                       const Functional& functional, const std::vector<PerStep>& places,
-                      const ConfidenceOptions& options) {
+                      const ConfidenceOptions& options, Care care) {
   BootstrapOptions o;
   o.level = options.level;
   o.replicates = options.replicates;
@@ -107,7 +107,7 @@ Replication replicate(const Model& model, const Ensemble& training, const Identi
   o.execution = options.execution;
   const bool em = by_em(model);
   if (em || model.provenance.choices) o.unknowns = unknowns_of_states(model, training.steps());
-  const Identifier f = identifier(model, identification);
+  const Identifier f = identifier(model, identification, 1.0, care);
   Replication result;
   result.bootstrap = em ? bootstrap(model, training, f, functional, o) : bootstrap(training, f, functional, o);
   if (result.bootstrap.replicates < options.replicates)
@@ -117,7 +117,7 @@ Replication replicate(const Model& model, const Ensemble& training, const Identi
   if (!em && differ(functional(model), result.bootstrap.interval.estimate.col(0)))
     result.findings.push_back({.kind = Finding::Kind::bounds_of_other_model});
   result.scatter = result.bootstrap.interval.deviation.col(0);
-  add_bias(model, training, identification, functional, places, options.level, result);
+  add_bias(model, training, identification, functional, places, options.level, care, result);
   return result;
 }
 
@@ -132,8 +132,9 @@ FunctionBounds function_bounds(const Model& model, const Ensemble& data, const F
   if (steps < 1 || entries % steps != 0)
     throw std::invalid_argument(
         fmt::format("steps: {} found, a divisor of the {} entries of the function needed", steps, entries));
+  const std::vector<uncertainty::PerStep> places{{0, steps, entries / steps}};
   uncertainty::Replication found =
-      uncertainty::replicate(model, training, identification, function, {{0, steps, entries / steps}}, options);
+      uncertainty::replicate(model, training, identification, function, places, options, uncertainty::Care::thorough);
   FunctionBounds result;
   result.interval = std::move(found.bootstrap.interval);
   result.replicates = found.bootstrap.replicates;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tokid/options.hpp"
+#include "uncertainty/replicate.hpp"
 #include "uncertainty/smoothing_bias.hpp"
 
 namespace tokid::uncertainty {
@@ -27,6 +28,6 @@ struct Replication {
 // replicates, seed and execution of the options. \throws as bootstrap()
 Replication replicate(const Model& model, const Ensemble& training, const IdentifyOptions& identification,
                       const Functional& functional, const std::vector<PerStep>& places,
-                      const ConfidenceOptions& options);
+                      const ConfidenceOptions& options, Care care = Care::usual);
 
 }  // namespace tokid::uncertainty
