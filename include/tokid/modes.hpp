@@ -70,7 +70,8 @@ std::vector<Eigen::MatrixXcd> frequency_response(const Step& system, double dt, 
 Eigen::VectorXcd floquet_multipliers(const Model& model);
 
 // Bounds of frequencies and damping ratios, by function_bounds(). The modes of replicates are those with the nearest
-// poles. The error of freezing the time is not included.
+// poles. The intervals include the error of freezing the time that grows with the window, as far as it exceeds its
+// standard error: the change with a window of half the length shows it.
 struct ModeBounds {
   Modes modes;
   Interval frequency;  // (S × n) [rad/s]

@@ -19,14 +19,15 @@ namespace {
 // norm one. Below it, half of the digits would be lost.
 constexpr double determined = 1e-8;
 
+Index even(Index steps) { return steps + steps % 2; }
+
+Index least_window(const Model& model) { return even(ceil_div(model.states(), model.outputs)); }
+
 Index chosen_window(const Model& model, Index window) {
   const Index n = model.states(), m = model.outputs;
   if (n == 0) throw std::invalid_argument("model: no states found, at least 1 needed for modes");
-  if (window == 0) {
-    const Index steps = std::max(estimation_window(model), 2 * ceil_div(n, m));
-    return steps + steps % 2;
-  }
-  const Index least = ceil_div(n, m) + ceil_div(n, m) % 2;
+  if (window == 0) return even(std::max(estimation_window(model), 2 * ceil_div(n, m)));
+  const Index least = least_window(model);
   if (window < least || window % 2 != 0)
     throw std::invalid_argument(
         fmt::format("window: {} found, an even number of steps from {} on needed for {} states and {} outputs", window,
@@ -60,6 +61,8 @@ Vector output_sizes(const Model& model, Index begin, Index end, Index band) {
 }
 
 }  // namespace
+
+Index half_window(const Model& model, Index window) { return std::max(least_window(model), even(window / 2)); }
 
 Frozen::Frozen(const Model& model, Index window) : half_(chosen_window(model, window) / 2) {
   const Index reach = 2 * half_;

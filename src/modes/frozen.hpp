@@ -8,6 +8,9 @@
 
 namespace tokid::modes_of {
 
+// About half of a window, but at least the shortest one that can determine the state: an even number of steps.
+Index half_window(const Model& model, Index window);
+
 // The windows of outputs of one model. A periodic model is extended, so that all its steps have windows.
 class Frozen {
  public:
