@@ -110,6 +110,7 @@ class Command {
 void add_identify(CLI::App& tool);
 void add_validate(CLI::App& tool);
 void add_confidence(CLI::App& tool);
+void add_modes(CLI::App& tool);
 void add_simulate(CLI::App& tool);
 void add_predict(CLI::App& tool);
 void add_info(CLI::App& tool);

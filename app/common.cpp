@@ -43,9 +43,11 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
   std::vector<std::string> known{".npz", ".h5", ".hdf5", ".mat"};
   if (content == Content::ensemble) known.emplace_back(".csv");
   if (content == Content::page) known = {".html", ".htm"};
+  if (content == Content::table) known = {".csv"};
   if (std::find(known.begin(), known.end(), extension) == known.end())
     refuse(fmt::format("extension '{}' found, one of {} needed to write {}", extension, fmt::join(known, ", "),
                        content == Content::page         ? "a page"
+                       : content == Content::table      ? "a table"
                        : content == Content::model      ? "a model"
                        : content == Content::bounds     ? "bounds"
                        : content == Content::state      ? "a state"

@@ -51,6 +51,7 @@ void add_commands(CLI::App& tool) {
   add_report(tool);
   add_paper(tool);
   add_confidence(tool);
+  add_modes(tool);
   add_simulate(tool);
   add_predict(tool);
   add_info(tool);
