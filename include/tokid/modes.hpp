@@ -12,10 +12,11 @@ namespace tokid {
 
 // Eigenvalues of A_k depend on the coordinates, which may differ at each step. Frozen modes therefore use coordinates
 // that the outputs define. O_j = observability(model, j, W) maps the state at step j to the outputs of W steps, with
-// the inputs at zero. A window of outputs has the same meaning at every step, so O_j⁺ O_{j+1} A_j maps states at step j
-// to states at step j, and its eigenvalues are those of every model of the system. The window and its successor are
-// centred at step k = j + W/2. The mean of these maps over the W+1 steps around k is the frozen A of step k, in
-// coordinates z = Qᵀ O_j x_j with an orthonormal basis Q of the window at k. Near the ends, the mean has fewer steps.
+// the inputs at zero. Outputs are divided by the size of their pulse responses. A window of outputs has the same
+// meaning at every step, so O_j⁺ O_{j+1} A_j maps states at step j to states at step j, and its eigenvalues are those
+// of every model of the system. The window and its successor are centred at step k = j + W/2. The mean of these maps
+// over the W+1 steps around k is the frozen A of step k, in coordinates z = Qᵀ O_j x_j with an orthonormal basis Q of
+// the window at k. Near the ends, the mean has fewer steps.
 //
 // The error is of first order in the variation over 1/|s|. For a lightly damped mode of positions and velocities, it is
 // of second order in the frequency. docs/modes.md derives both.
@@ -65,7 +66,7 @@ Model frozen_system(const Model& model, Index k, const ModesOptions& options = {
 std::vector<Eigen::MatrixXcd> frequency_response(const Step& system, double dt, const Vector& frequencies);
 
 // (n) eigenvalues of A_{k+P-1} … A_k of a periodic model, in decreasing size. They are the same for each k and in all
-// coordinates: exp(multiplier) measures growth over a period exactly, at any speed of variation. Multipliers below
+// coordinates, and say exactly how the state grows over a period, at any speed of variation. Multipliers below
 // about 1e-16 times the largest are lost in rounding errors. \throws std::invalid_argument without a period
 Eigen::VectorXcd floquet_multipliers(const Model& model);
 

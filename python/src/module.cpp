@@ -42,6 +42,7 @@ NB_MODULE(_tokid, module) {
   python::bind_cross_validate(module);
   python::bind_refine(module);
   python::bind_confidence(module);
+  python::bind_modes(module);
   python::bind_plan(module);
   python::bind_control(module);
 }

@@ -30,6 +30,7 @@ void bind_example(nb::module_& module);
 void bind_validate(nb::module_& module);
 void bind_refine(nb::module_& module);
 void bind_confidence(nb::module_& module);
+void bind_modes(nb::module_& module);
 void bind_cross_validate(nb::module_& module);
 void bind_plan(nb::module_& module);
 void bind_report(nb::module_& module);

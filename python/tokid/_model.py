@@ -7,10 +7,10 @@ import copy
 import html
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Optional, Union, overload
 
 import numpy as np
 
@@ -25,14 +25,17 @@ from ._observer import Observer
 from ._progress import listener
 from ._samples import labels_of, name_channels, named, plural
 from ._state_space import LISTS, StateSpace, core_from, matrices_of, state_of
-from ._typing import Array, ArrayLike, PathLike, Progress
+from ._typing import Array, ArrayLike, ComplexArray, PathLike, Progress
 from .results import (
     Additions,
     Confidence,
     CrossValidation,
     Finding,
+    FunctionBounds,
     Identification,
+    Interval,
     LearnedRun,
+    Modes,
     Refinement,
     Updated,
     Validation,
@@ -42,6 +45,18 @@ from .results import (
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
     import xarray  # type: ignore[import-not-found, unused-ignore]
+
+
+_INTERVAL = ("estimate", "deviation", "lower", "upper")
+
+
+def _bootstrap_options(level: float, replicates: Optional[int], seed: Optional[int], threads: int) -> dict[str, Any]:
+    return {
+        "level": _options.real("level", level, 1e-6, 1 - 1e-9),
+        "replicates": 200 if replicates is None else _options.integer("replicates", replicates, 2, 1_000_000),
+        "seed": 1 if seed is None else _options.integer("seed", seed, 1, 2**64 - 1),
+        "threads": _options.threads(threads),
+    }
 
 
 @dataclass(frozen=True)
@@ -464,11 +479,13 @@ class Model(StateSpace):
         data, _ = self._data(u, y, outputs=True)
         return _tokid.log_likelihoods(self._core, data, threads=_options.threads(threads), listener=None)
 
+    @overload
     def confidence(
         self,
         u: Union[ArrayLike, Ensemble],
         y: Optional[ArrayLike] = None,
         *,
+        function: None = None,
         level: float = 0.95,
         method: str = "auto",
         replicates: Optional[int] = None,
@@ -477,13 +494,50 @@ class Model(StateSpace):
         seed: Optional[int] = None,
         threads: int = 1,
         progress: Progress = False,
-    ) -> Confidence:
-        """Compute confidence bounds of the parameters, outputs and eigenvalues.
+    ) -> Confidence: ...
+
+    @overload
+    def confidence(
+        self,
+        u: Union[ArrayLike, Ensemble],
+        y: Optional[ArrayLike] = None,
+        *,
+        function: Callable[[Model], ArrayLike],
+        level: float = 0.95,
+        method: str = "auto",
+        replicates: Optional[int] = None,
+        band: Union[int, str] = "auto",
+        reference_step: Optional[int] = None,
+        seed: Optional[int] = None,
+        threads: int = 1,
+        progress: Progress = False,
+    ) -> FunctionBounds: ...
+
+    def confidence(
+        self,
+        u: Union[ArrayLike, Ensemble],
+        y: Optional[ArrayLike] = None,
+        *,
+        function: Optional[Callable[[Model], ArrayLike]] = None,
+        level: float = 0.95,
+        method: str = "auto",
+        replicates: Optional[int] = None,
+        band: Union[int, str] = "auto",
+        reference_step: Optional[int] = None,
+        seed: Optional[int] = None,
+        threads: int = 1,
+        progress: Progress = False,
+    ) -> Union[Confidence, FunctionBounds]:
+        """Compute confidence bounds of the parameters, outputs and eigenvalues, or of a function of the model.
 
         Parameters
         ----------
         u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
             All experiments of the identification, including held-out ones.
+        function : callable, optional
+            Maps a model to an array of real numbers, always of the same shape, with NaN for a missing value. It must
+            not depend on the coordinates of the states, because replicates have other coordinates. The bounds are then
+            those of its values, by the bootstrap; `method`, `band` and `reference_step` have no effect.
         level : float, default 0.95
             Probability that an interval contains the true value.
         method : {"auto", "factors", "bootstrap"}
@@ -503,9 +557,11 @@ class Model(StateSpace):
 
         Returns
         -------
-        Confidence
+        Confidence, or FunctionBounds with `function`
         """
         data, _ = self._data(u, y, outputs=True)
+        if function is not None:
+            return self._function_bounds(data, function, level, replicates, seed, threads, progress)
         methods = {"auto": None, "factors": _tokid.BoundsMethod.factors, "bootstrap": _tokid.BoundsMethod.bootstrap}
         with listener(progress, "confidence") as listening:
             result: Confidence = _tokid.confidence(
@@ -522,6 +578,122 @@ class Model(StateSpace):
             )
         warn(result.warnings)
         return result
+
+    def _function_bounds(
+        self,
+        data: _tokid.Ensemble,
+        function: Callable[[Model], ArrayLike],
+        level: float,
+        replicates: Optional[int],
+        seed: Optional[int],
+        threads: int,
+        progress: Progress,
+    ) -> FunctionBounds:
+        shape = np.shape(function(self))
+
+        def values(core: _tokid.Model) -> Array:
+            found = np.asarray(function(Model._of(core)), dtype=float)
+            if found.shape != shape:
+                raise ValueError(f"function: values of shape {found.shape} found, {shape} needed as for the model itself")
+            return np.ascontiguousarray(found.ravel())
+
+        with listener(progress, "confidence") as listening:
+            result: FunctionBounds = _tokid.function_bounds(
+                self._core,
+                data,
+                values,
+                **_bootstrap_options(level, replicates, seed, threads),
+                listener=listening,
+            )
+        warn(result.warnings)
+        arrays = {name: getattr(result.interval, name).reshape(shape) for name in _INTERVAL}
+        return replace(result, interval=Interval(**arrays))
+
+    def modes(
+        self,
+        u: Union[ArrayLike, Ensemble, None] = None,
+        y: Optional[ArrayLike] = None,
+        *,
+        window: Union[int, str] = "auto",
+        slow: float = 0.1,
+        level: float = 0.95,
+        replicates: Optional[int] = None,
+        seed: Optional[int] = None,
+        threads: int = 1,
+        progress: Progress = False,
+    ) -> Modes:
+        """Compute natural frequencies and damping ratios over time, with the time frozen at each step.
+
+        Parameters
+        ----------
+        u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble, optional
+            All experiments of the identification. With them, the modes have intervals, by the bootstrap.
+        window : int or "auto"
+            Even number of steps whose outputs define the states. "auto": the steps that determine a state.
+        slow : float, default 0.1
+            A mode is valid if it varies by at most this share while it turns by one radian.
+        level : float, default 0.95
+            Probability that an interval contains the true value.
+        replicates : int, optional
+            Number of bootstrap replicates, by default 200.
+        seed : int, optional
+            Seed of the bootstrap, by default 1.
+        threads, progress
+            As in `tokid.identify`.
+
+        Returns
+        -------
+        Modes
+        """
+        data = None if u is None else self._data(u, y, outputs=True)[0]
+        with listener(progress, "modes") as listening:
+            result: Modes = _tokid.modes(
+                self._core,
+                data,
+                window=_options.count_or_auto("window", window),
+                slow=_options.real("slow", slow, 0.0),
+                **_bootstrap_options(level, replicates, seed, threads),
+                listener=listening,
+            )
+        warn(result.warnings)
+        return result
+
+    def frozen(self, step: int, *, window: Union[int, str] = "auto") -> Model:
+        """Return the time-invariant model that this model resembles around a step, in coordinates of `modes`.
+
+        Parameters
+        ----------
+        step : int
+            The step.
+        window : int or "auto"
+            As in `modes`.
+        """
+        return Model._of(
+            _tokid.frozen_system(
+                self._core, _options.integer("step", step, 0), window=_options.count_or_auto("window", window)
+            )
+        )
+
+    def frequency_response(
+        self, frequencies: ArrayLike, step: int, *, window: Union[int, str] = "auto"
+    ) -> ComplexArray:
+        """Return the frequency responses (F, m, r) with the time frozen at a step.
+
+        Parameters
+        ----------
+        frequencies : array_like, shape (F,)
+            Frequencies [rad/s].
+        step : int
+            The step.
+        window : int or "auto"
+            As in `modes`.
+        """
+        wanted = np.atleast_1d(np.asarray(frequencies, dtype=float)).ravel()
+        if not np.isfinite(wanted).all():
+            raise ValueError("frequencies: NaN or infinity found, finite numbers needed")
+        frozen = self.frozen(step, window=window)
+        response: ComplexArray = _tokid.frequency_response(frozen._core, 0, wanted)
+        return response
 
     def cross_validate(
         self,

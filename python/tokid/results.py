@@ -1060,6 +1060,96 @@ class Confidence(_Found):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class FunctionBounds(_Found):
+    """Bounds of a function of a model, by the bootstrap.
+
+    Attributes
+    ----------
+    interval : Interval
+        Arrays with the shape of the function's values.
+    level : float
+        Probability that an interval contains the true value.
+    replicates : int
+        Number of replicates with a successful identification.
+    freedom : float
+        Degrees of freedom of Student's t.
+    smoothing : float
+        The λ whose bias the intervals include; 0 if they include none.
+    findings : list of Finding
+    """
+
+    interval: Interval
+    level: float
+    replicates: int
+    freedom: float
+    smoothing: float
+    findings: list[Finding]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Modes(_Found):
+    """Natural frequencies and damping ratios with the time frozen, at the steps begin … begin+S-1.
+
+    The columns follow modes over time. A conjugate pair has two columns, the one with positive imaginary part first.
+
+    Attributes
+    ----------
+    begin : int
+        Step of the first entry.
+    dt : float
+        Sample time [s].
+    window : int
+        Number of steps whose outputs define the states.
+    slow : float
+        Largest variation of a valid mode.
+    poles : ndarray of complex, shape (S, n)
+        s [1/s]. NaN where the window does not determine the state.
+    frequency, damping : ndarray, shape (S, n)
+        Natural frequencies |s| [rad/s] and damping ratios -Re s/|s|.
+    shapes : ndarray of complex, shape (S, m, n)
+        Outputs of each mode; the largest one is 1.
+    variation : ndarray, shape (S, n)
+        Relative change of pole and shape while the mode turns by one radian.
+    valid : ndarray of bool, shape (S, n)
+        False: the frozen mode describes the motion poorly.
+    multipliers : ndarray of complex, shape (n,), or None
+        Floquet multipliers of a periodic model.
+    level : float or None
+        Probability that an interval contains the true value.
+    frequency_bounds, damping_bounds : Interval of shape (S, n), or None
+        Intervals; only with data.
+    findings : list of Finding
+    """
+
+    begin: int
+    dt: float
+    window: int
+    slow: float
+    poles: ComplexArray
+    frequency: Array
+    damping: Array
+    shapes: ComplexArray
+    variation: Array
+    valid: npt.NDArray[np.bool_]
+    multipliers: Optional[ComplexArray]
+    level: Optional[float]
+    frequency_bounds: Optional[Interval]
+    damping_bounds: Optional[Interval]
+    findings: list[Finding]
+
+    @property
+    def steps(self) -> npt.NDArray[np.int_]:
+        """The step of each row, shape (S,)."""
+        return self.begin + np.arange(len(self.poles))
+
+    @property
+    def time(self) -> Array:
+        """The time of each row [s], shape (S,)."""
+        time: Array = np.multiply(self.steps, self.dt, dtype=np.float64)
+        return time
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan(_Found):
     """A number of experiments, and inputs for them.
 
