@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import modal
 from conditions import Condition, cells, short_cells
 from intervals import measure
 from measures import HORIZON, ahead, evaluate, filtered, first_state, of_truth, read_model
 from plants import PLANTS
 from run import make_data
 from table import read
-from truth import experiments, truth_of
+from truth import experiments, plant_of, truth_of
 
 BROAD = Condition(noise="high", coloured=True, initial="unknown")
 
@@ -140,6 +141,24 @@ def test_intervals_hold_the_truth_near_jumps_too(noise):
     held, judged, finite = sum(found)[:, :3].T
     assert (judged == finite).all()
     assert (held / judged >= 0.9).all()
+
+
+@needs_tool
+@pytest.mark.parametrize("plant, modes, most", [("launch_vehicle", 2, 0.005), ("mass_chain", 1, 0.001), ("beam", 5, 0.02)])
+def test_frozen_modes_of_exact_plants(plant, modes, most):
+    rows = np.array(modal.measure(os.environ["TOKID"], plant, Condition(), 1, modal.true_poles(plant_of(plant)), exact=True))
+    frozen = rows[~np.isnan(rows[:, 3])]
+    assert len(np.unique(frozen[:, 0])) == modes and len(frozen) > 0.95 * len(rows)
+    assert np.abs(frozen[:, 3]).max() < most
+
+
+@needs_tool
+def test_frozen_modes_of_an_identified_plant():
+    rows = np.array(modal.measure(os.environ["TOKID"], "stiffness_jump", Condition(), 1,
+                                  modal.true_poles(plant_of("stiffness_jump")), replicates=30))
+    frozen = rows[~np.isnan(rows[:, 3])]
+    assert len(frozen) > 0.9 * len(rows) and np.median(np.abs(frozen[:, 3])) < 0.002
+    assert frozen[:, 5].mean() > 0.8
 
 
 @needs_tool
