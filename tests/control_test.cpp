@@ -393,16 +393,13 @@ TEST(SimulateControl, RunsTheObserverThatRunsOnline) {
       OnlineObserver observer(model);
       for (Index n = 0; n < 3; ++n) {
         observer.reset();
-        Vector held = Vector::Zero(2);
+        Vector last = Vector::Constant(2, nan);  // does not matter at the first step
         for (Index k = 0; k < 30; ++k) {
-          Vector du = Vector::Zero(2);
-          if (observer.knows_state())
-            du = controller.feedforward.row(k).transpose() - controller.K[size_t(k)] * observer.state() -
-                 controller.L[size_t(k)] * held;
-          const Vector u = du + controller.u_nominal.row(k).transpose();
+          const Vector u = observer.knows_state() ? controller.input(k, observer.state(), last)
+                                                  : Vector(controller.u_nominal.row(k).transpose());
           // Both compute the same sums of a few products, in another order.
           EXPECT_LE((runs.data.input(k).row(n).transpose() - u).norm(), 1e-12 * (1 + u.norm())) << n << " " << k;
-          held = runs.data.input(k).row(n).transpose() - controller.u_nominal.row(k).transpose();
+          last = runs.data.input(k).row(n).transpose();
           observer.step(runs.data.input(k).row(n).transpose(), runs.data.output(k).row(n).transpose());
         }
         EXPECT_TRUE(observer.knows_state());
@@ -438,20 +435,76 @@ TEST(SimulateControl, RepeatsItselfAndKeepsLimits) {
   EXPECT_EQ(most, 0.2);
 }
 
+// The loop begins with the truth. The model may begin with it or later, but not before it.
+TEST(SimulateControl, TruthDoesNotBeginAfterTheModel) {
+  const Model system = random_system({3, 2, 1}, 12, 1.0, 135);
+  const CostWeights weights{.output = {Matrix::Identity(2, 2)}, .input = {Matrix::Identity(1, 1)}};
+  for (const Index of_model : {0, 2, 4})
+    for (const Index of_truth : {0, 2, 4}) {
+      const Model model = from_step(system, of_model), truth = from_step(system, of_truth);
+      const Controller controller = lqr(model, weights, {.begin = 4}).controller;
+      const std::string found = message([&] { simulate_control(controller, model, truth); });
+      EXPECT_EQ(found, message([&] { expected_cost(controller, model, truth); }));
+      EXPECT_EQ(found, of_truth <= of_model
+                           ? "no exception"
+                           : "truth: first step " + std::to_string(of_truth) + " found, " + std::to_string(of_model) +
+                                 " or earlier needed, the first of the model");
+    }
+}
+
+TEST(Lqr, LawRefusesWhatDoesNotFit) {
+  const Case c = random_case({3, 2, 2}, 8, {.rate = true}, 136);
+  const Controller controller = lqr(c.model, c.weights, {.begin = 2}).controller;
+  const Vector x = Vector::Ones(3), u = Vector::Ones(2);
+  EXPECT_EQ(message([&] { controller.input(1, x, u); }), "k: 1 found, steps 2 to 7 needed");
+  EXPECT_EQ(message([&] { controller.input(2, u, u); }),
+            "x, u_last: 2 and 2 numbers found, 3 states and 2 inputs needed");
+  EXPECT_EQ(message([&] { controller.input(3, x, x); }),
+            "x, u_last: 3 and 3 numbers found, 3 states and 2 inputs needed");
+  Controller bad = controller;
+  bad.feedforward = Matrix::Zero(2, 2);
+  EXPECT_EQ(message([&] { expected_cost(bad, c.model, c.model); }),
+            "controller: parts of different sizes found, those that lqr() gives needed");
+}
+
+// Weights are in units of their own.
+TEST(Lqr, WeightsOfVeryDifferentUnits) {
+  const Case c = random_case({3, 2, 2}, 8, {}, 137);
+  const Matrix input = Vector{{1e-10, 1e6}}.asDiagonal();
+  const auto refusal = [&](const CostWeights& weights) { return message([&] { lqr(c.model, weights); }); };
+  EXPECT_EQ(refusal({.output = c.weights.output, .input = {input}}), "no exception");
+  EXPECT_NE(refusal({.output = c.weights.output, .input = {Matrix::Ones(2, 2)}}), "no exception");
+  EXPECT_EQ(refusal({.output = {Matrix::Identity(2, 2)}, .input = {input}, .terminal = -0.5 * Matrix::Identity(2, 2)}),
+            "terminal: a matrix that is no weight found; a symmetric matrix without negative eigenvalues needed");
+}
+
 TEST(SimulateControl, RefusesWhatDoesNotFit) {
   const Case c = random_case({3, 2, 1}, 8, {}, 131), other = random_case({4, 2, 1}, 8, {}, 132);
   const Controller controller = lqr(c.model, c.weights).controller;
   const auto refusal = [&](const Model& model, const Model& truth, const SimulateControlOptions& options = {}) {
     return message([&] { simulate_control(controller, model, truth, options); });
   };
-  EXPECT_EQ(refusal(other.model, c.model), "model: 4 states found at step 0, 3 of the controller needed");
+  const char* const another =
+      "model: other matrices or coordinates found, those of the model needed from which the controller was designed";
+  EXPECT_EQ(refusal(other.model, c.model), another);
+  Random random(133);
+  std::vector<Matrix> coordinates(9, Matrix::Identity(3, 3) + 0.1 * random.matrix(3, 3));
+  EXPECT_EQ(refusal(transform(c.model, coordinates), c.model), another);
+  EXPECT_EQ(message([&] { expected_cost(controller, transform(c.model, coordinates), c.model); }), another);
+  Model filter = noisy_model(c, false, InitialState::zero, 134);  // other gains and noise, the same system
+  EXPECT_EQ(refusal(filter, c.model), "no exception");
   EXPECT_EQ(refusal(c.model, random_case({3, 2, 2}, 8, {}, 1).model),
             "truth: 2 inputs and 2 outputs found, 1 and 2 of the controller needed");
   EXPECT_EQ(refusal(c.model, from_step(c.model, 1)), "truth: steps 1 to 7 found, 0 to 7 of the controller needed");
   EXPECT_EQ(refusal(c.model, c.model, {.experiments = 0}), "experiments: 0 found, at least 1 needed");
   EXPECT_EQ(refusal(c.model, c.model, {.u_min = Vector::Zero(2)}),
             "u_min: 2 numbers found, one for each of 1 inputs needed");
+  EXPECT_EQ(refusal(c.model, c.model, {.u_max = Vector::Constant(1, nan)}), "u_max: NaN found, numbers needed");
+  EXPECT_EQ(refusal(c.model, c.model, {.u_min = Vector::Ones(1), .u_max = -Vector::Ones(1)}),
+            "u_min: a limit above u_max found, limits up to u_max needed");
   EXPECT_EQ(refusal(c.model, c.model, {.x0 = Matrix::Zero(2, 1)}), "x0: 2 x 1 found, 3 states x 1 experiments needed");
+  EXPECT_EQ(refusal(c.model, c.model, {.x0 = Matrix::Constant(3, 1, nan)}),
+            "x0: a value that is not finite found, finite ones needed");
   EXPECT_EQ(refusal(c.model, other.model), "no exception");  // the truth may have other states
 }
 

@@ -55,6 +55,7 @@ void expect_equal(const Controller& a, const Controller& b) {
   EXPECT_EQ(a.begin, b.begin);
   EXPECT_EQ(a.outputs, b.outputs);
   EXPECT_EQ(a.dt, b.dt);
+  EXPECT_EQ(a.system, b.system);
   EXPECT_EQ(a.names.input_names, b.names.input_names);
   EXPECT_EQ(a.names.output_units, b.names.output_units);
   EXPECT_EQ(a.K, b.K);

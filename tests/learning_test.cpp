@@ -166,6 +166,16 @@ TEST(Learn, BeginsLaterAndEndsEarlierThanTheRun) {
 }
 
 // Runs on a true system that the model only resembles, with a disturbance that every run repeats.
+// The input before the first step of the model is known and stays, so the rate is taken to it.
+TEST(Learn, AConstantInputHasNoRateWhereTheModelBegins) {
+  const Model model = from_step(random_system({3, 2, 2}, 20, 1.0, 45), 4);
+  Random random(46);
+  const Matrix u = Matrix::Ones(20, 2), y = random.matrix(20, 2), one = Matrix::Identity(2, 2);
+  const LearnedRun next =
+      learn(model, y, u, y, {.error = {one}, .input_change = {1e-6 * one}, .input_rate = {100 * one}});
+  EXPECT_LE((next.u - u).norm(), 1e-12 * u.norm());  // the right-hand sides are exactly zero
+}
+
 TEST(Learn, ConvergesFromRunToRun) {
   for (const SystemSize& size : {SystemSize{2, 1, 1}, {4, 2, 2}, {3, 1, 2}}) {
     Random random(41);

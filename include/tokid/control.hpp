@@ -22,11 +22,13 @@ struct CostWeights {
 
 // A linear law of control for the steps begin … end-1:
 //   u_k = ū_k + v_k - K_k x̂_k - L_k (u_{k-1} - ū_{k-1}),   ū_k: nominal input
-// It uses the state x̂_k that an observer predicts from the outputs up to step k-1.
+// It uses the state x̂_k that an observer predicts from the outputs up to step k-1. The gains belong to the coordinates
+// of the model: other functions refuse a controller with another model.
 struct Controller {
   Index begin = 0;                  // first step
   Index outputs = 0;                // m of the model
   double dt = 1.0;                  // [s] of the model
+  std::uint64_t system = 0;         // digest of A_k, B_k, C_k, D_k of the model at these steps
   Channels names;                   // of the model
   std::vector<Matrix> K;            // (S) r × n_k
   std::vector<Matrix> L;            // (S) r × r; empty without input-rate weights
@@ -37,6 +39,14 @@ struct Controller {
 
   Index steps() const { return Index(K.size()); }
   Index end() const { return begin + steps(); }
+
+  // u_k (r) from x̂_k (n_k) and the last input u_{k-1} (r). Without input-rate weights, u_{k-1} does not matter. Before
+  // the first step of the controller, inputs count as nominal.
+  // \throws std::invalid_argument for another step or a wrong size
+  Vector input(Index k, const Eigen::Ref<const Vector>& x, const Eigen::Ref<const Vector>& u_last) const;
+
+  // \throws std::invalid_argument if the parts do not fit each other
+  void check() const;
 };
 
 // The cost of a controller, with the state known. V_k(z) = zᵀ P_k z - 2 p_kᵀ z + c_k is the smallest cost of the steps
@@ -61,7 +71,8 @@ struct Lqr {
 };
 
 // The finite-horizon LQR of a model, by a backward recursion of square roots: each step is one QR factorisation, so
-// that P_k is a sum of squares. With the observer of the model it is the LQG controller, by the separation principle.
+// that P_k is a sum of squares. With the observer of the model it is the LQG controller, by the separation principle,
+// if the gains G are those of the Kalman filter: after EM, or by kalman_observer(). Other gains make the loop costlier.
 // \throws std::invalid_argument for weights of a wrong number or shape or that are no covariance, if R + S is singular
 // at a step, or for steps outside the model; the message names the argument
 Lqr lqr(const Model& model, const CostWeights& weights, const ControlOptions& options = {});
@@ -80,8 +91,8 @@ struct ExpectedCost {
 // of its model. Before the first step of the controller, inputs are those of the nominal trajectory of the model. The
 // noise is that of `truth`: Q and R, or else innovation_cov with the observer gain (innovations form), or none; its
 // initial states have x0_mean and x0_cov if they are unknown and both are stated, else they are zero. \throws
-// std::invalid_argument if numbers of channels or states disagree, or if a model does not have all steps from the first
-// one of `truth` to the end of the controller
+// std::invalid_argument if numbers of channels disagree, if `model` is not the model of the controller, if `truth`
+// begins after `model`, or if one of them does not have all steps of the controller
 ExpectedCost expected_cost(const Controller& controller, const Model& model, const Model& truth);
 
 struct ClosedLoopSimulation {
@@ -99,7 +110,8 @@ struct SimulateControlOptions {
 
 // Simulates the closed loop with the observer of `model` step by step, as OnlineObserver runs it. While the observer
 // does not know its state, inputs are those of the nominal trajectory. The same seed gives the same experiments on
-// every machine. \throws as expected_cost(), and for limits or x0 of a wrong shape
+// every machine. \throws as expected_cost(), for limits or x0 of a wrong shape or that are not finite, and for a lower
+// limit above the upper one
 ClosedLoopSimulation simulate_control(const Controller& controller, const Model& model, const Model& truth,
                                       const SimulateControlOptions& options = {});
 

@@ -38,7 +38,9 @@ struct LearningWeights {
   std::vector<Matrix> error = {};         // (m × m) of the error, reference minus output
   std::vector<Matrix> input = {};         // (r × r) of the input, as departure from the nominal trajectory
   std::vector<Matrix> input_change = {};  // (r × r) of the change of the input from the last run to the next
-  std::vector<Matrix> input_rate = {};    // (r × r) of the change of the input from step to step
+  // (r × r) of the change of the input from step to step, as departure from the nominal trajectory. Before step 0,
+  // inputs count as nominal.
+  std::vector<Matrix> input_rate = {};
 };
 
 struct LearnedRun {

@@ -78,6 +78,10 @@ void bind_controller(nb::module_& module) {
           "u_nominal", [](const Lqr& lqr) { return array_of(Matrix(lqr.controller.u_nominal)); }, nb::rv_policy::move)
       .def_prop_ro(
           "y_nominal", [](const Lqr& lqr) { return array_of(Matrix(lqr.controller.y_nominal)); }, nb::rv_policy::move)
+      .def("input",
+           [](const Lqr& lqr, Index k, const AnyArray& x, const AnyArray& u_last) {
+             return array_of(lqr.controller.input(k, vector_of(x), vector_of(u_last)));
+           })
       .def_prop_ro("cost_to_go", [](const Lqr& lqr) { return arrays_of(lqr.cost_to_go.P); })
       .def("save",
            [](const Lqr& lqr, const std::filesystem::path& path, bool mat73) {

@@ -147,6 +147,32 @@ def test_expected_cost_and_simulation(system):
     assert limited.data.u.min() == -0.1 and np.array_equal(limited.cost, limited.cost[:1].repeat(3))
     with pytest.raises(ValueError, match="truth: int found"):
         controller.expected_cost(3)
+    with pytest.raises(ValueError, match="u_max: NaN found"):
+        controller.simulate(u_max=[1, np.nan])
+    with pytest.raises(ValueError, match=r"u_min: shape \(3,\) found"):
+        controller.simulate(u_min=[1, 2, 3])
+
+
+def test_law(system):
+    controller = system.lqr(1.0, 0.1, input_rate_weight=0.1, begin=3, y_reference=np.ones((27, 2)))
+    state, last = np.arange(4.0), np.array([0.5, -1.0])
+    law = controller.feedforward[2] - controller.K[2] @ state - controller.L[2] @ last
+    assert controller.input(5, state, last) == pytest.approx(law)
+    first = controller.feedforward[0] - controller.K[0] @ state
+    assert controller.input(3, state) == pytest.approx(first)
+    with pytest.raises(ValueError, match="last_input: nothing found"):
+        controller.input(5, state)
+    with pytest.raises(ValueError, match="k: 2 found, steps 3 to 29 needed"):
+        controller.input(2, state, last)
+
+
+def test_controllers_belong_to_their_model(system, tmp_path):
+    controller = system.lqr(1.0, 0.1)
+    controller.save(tmp_path / "controller.npz")
+    other = system.frame("smooth")
+    for found in (controller, tokid.Controller.load(tmp_path / "controller.npz", other)):
+        with pytest.raises(ValueError, match="model: other matrices or coordinates found"):
+            found.expected_cost(system, model=other)
 
 
 def of_zoo(truth):
@@ -283,5 +309,7 @@ def test_learning_with_limits_of_the_inputs(system, missing, period):
     assert found.predicted_error == pytest.approx(np.sqrt(np.nanmean((reference - y - change) ** 2, axis=0)))
     with pytest.raises(ValueError, match="u_min: a limit above u_max found"):
         model.learn(reference, u, y, **weights, u_min=1.0, u_max=0.0)
+    with pytest.raises(ValueError, match="u_min: NaN found"):
+        model.learn(reference, u, y, **weights, u_min=np.nan)
     with pytest.raises(ValueError, match=r"u_max: shape \(3,\) found"):
         model.learn(reference, u, y, **weights, u_max=[1, 2, 3])

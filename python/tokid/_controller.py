@@ -121,6 +121,29 @@ class Controller:
         read from a file."""
         return self._core.cost_to_go
 
+    def input(self, k: int, state: ArrayLike, last_input: Optional[ArrayLike] = None) -> Array:
+        """Return the input (r,) of step k.
+
+        Parameters
+        ----------
+        k : int
+            The step.
+        state : array_like, shape (n,)
+            The state that the observer predicts from the outputs up to step k-1.
+        last_input : array_like, shape (r,), optional
+            The input of step k-1, needed with input-rate weights. Before the first step of the controller, inputs count
+            as nominal.
+        """
+        if last_input is None:
+            if len(self.L) > 0 and k > self.begin:
+                raise ValueError("last_input: nothing found, the input of the step before needed, as rates have weights")
+            last_input = np.zeros(self.u_nominal.shape[1])
+        return self._core.input(
+            _options.integer("k", k, 0),
+            _arrays.shaped("state", state, (None,), "n"),
+            _arrays.shaped("last_input", last_input, (None,), "r"),
+        )
+
     def expected_cost(self, truth: Optional[StateSpace] = None, *, model: Optional[StateSpace] = None) -> ExpectedCost:
         """Return the exact expectation of the cost, with the observer in the loop.
 
@@ -209,7 +232,10 @@ class Controller:
 def _limit(name: str, value: Optional[ArrayLike], inputs: int) -> Optional[Array]:
     if value is None:
         return None
-    array: Array = np.array(np.broadcast_to(_arrays.numbers(name, value), (inputs,)), dtype=np.float64)
+    given = _arrays.numbers(name, value)
+    if given.shape not in ((), (inputs,)):
+        raise ValueError(f"{name}: shape {given.shape} found, a number or ({inputs},) needed")
+    array: Array = np.array(np.broadcast_to(given, (inputs,)), dtype=np.float64)
     return array
 
 

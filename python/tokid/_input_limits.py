@@ -29,6 +29,7 @@ def limited_change(
     begin: int,
     error: Array,
     departures: Array,
+    before: Array,
     limits: tuple[Array, Array],
     error_weight: Sequence[Any],
     input_weight: Sequence[Any],
@@ -38,6 +39,7 @@ def limited_change(
     """Return the change (S, r) of the inputs of the steps begin ... that minimises the cost of `Model.learn`.
 
     error (S, m): reference minus output, NaN where it does not count. departures (S, r): inputs of the last run.
+    before (r,): the input of the step before them.
     limits: smallest and largest change (S, r).
     """
     piqp = need("piqp", "learn with limits of the inputs", "tokid[limits]")
@@ -70,6 +72,8 @@ def limited_change(
     )
     gradient = -(response.T @ (q @ np.nan_to_num(error).ravel()))
     gradient[:inputs] += own @ departures.ravel()
+    if rate_weight:
+        gradient[:r] -= _at(rate_weight, 0) @ before
 
     scale = float(abs(squares).max())
     free = np.full(states, np.inf)

@@ -101,6 +101,9 @@ def learn(
     ]
     found = LearnedRun(*_tokid.learn(model._core, wanted, *last, *costs))
     limits = [_limit("u_min", u_min, -np.inf, last[0].shape), _limit("u_max", u_max, np.inf, last[0].shape)]
+    for name, limit in zip(("u_min", "u_max"), limits):
+        if np.any(np.isnan(limit)):
+            raise ValueError(f"{name}: NaN found, numbers needed")
     if np.any(limits[0] > limits[1]):
         raise ValueError("u_min: a limit above u_max found, limits up to u_max needed")
     part = slice(model.k_begin, steps if model.period else min(steps, model.k_end))  # steps with a model
@@ -133,6 +136,7 @@ def _limited(
         part.start,
         (wanted - y)[part],
         u[part] - nominal[part],
+        u[part.start - 1] - nominal[part.start - 1] if part.start > 0 else np.zeros(model.inputs),
         (limits[0][part] - u[part], limits[1][part] - u[part]),
         *costs,
     )

@@ -935,7 +935,10 @@ class Model(StateSpace):
         y_reference: Optional[ArrayLike] = None,
         u_reference: Optional[ArrayLike] = None,
     ) -> Controller:
-        """Design a finite-horizon LQR; with the observer of the model it is the LQG controller.
+        """Design a finite-horizon LQR.
+
+        With the observer of the model it is the LQG controller, if the observer gains are those of the Kalman filter:
+        after EM, or by `kalman_observer`.
 
         The cost is the sum of weighted squares of outputs and inputs, as departures from the nominal trajectory or from
         the references, and of the changes of the input from step to step.

@@ -7,6 +7,9 @@
 #include <optional>
 #include <stdexcept>
 
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
 #include "base/nan.hpp"
 #include "base/random.hpp"
 #include "control/lq.hpp"
@@ -35,6 +38,20 @@ void check_reference(const char* name, const Matrix& reference, Index steps, Ind
     throw std::invalid_argument(fmt::format("{}: a value that is not finite found, finite ones needed", name));
 }
 
+std::uint64_t digest_of_system(const Model& model, Index begin, Index end) {
+  XXH3_state_t state;
+  XXH3_64bits_reset(&state);
+  for (Index k = begin; k < end; ++k) {
+    const Step& step = step_at(model, k);
+    for (const Step::View& part : {step.A(), step.B(), step.C(), step.D()}) {
+      const std::int64_t shape[] = {part.rows(), part.cols()};
+      XXH3_64bits_update(&state, shape, sizeof(shape));
+      XXH3_64bits_update(&state, part.data(), size_t(part.size()) * sizeof(double));
+    }
+  }
+  return XXH3_64bits_digest(&state);
+}
+
 CostToGo cost_to_go_of(const lq::Solution& solution) {
   CostToGo cost;
   for (size_t s = 0; s < solution.root.size(); ++s) {
@@ -47,6 +64,33 @@ CostToGo cost_to_go_of(const lq::Solution& solution) {
 }
 
 }  // namespace
+
+void Controller::check() const {
+  const Index S = steps(), r = u_nominal.cols();
+  const auto has_shape = [S](const Matrix& a, Index columns, bool needed) {
+    return (a.size() == 0 && !needed) || (a.rows() == S && a.cols() == columns);
+  };
+  bool fits = S > 0 && r > 0 && outputs > 0 && has_shape(u_nominal, r, true) && has_shape(y_nominal, outputs, true) &&
+              has_shape(feedforward, r, false) && has_shape(u_reference, r, false) &&
+              has_shape(y_reference, outputs, false) && (L.empty() || Index(L.size()) == S);
+  for (const Matrix& gain : K) fits = fits && gain.rows() == r;
+  for (const Matrix& gain : L) fits = fits && gain.rows() == r && gain.cols() == r;
+  if (!fits) throw std::invalid_argument("controller: parts of different sizes found, those that lqr() gives needed");
+}
+
+Vector Controller::input(Index k, const Eigen::Ref<const Vector>& x, const Eigen::Ref<const Vector>& u_last) const {
+  if (k < begin || k >= end())
+    throw std::invalid_argument(fmt::format("k: {} found, steps {} to {} needed", k, begin, end() - 1));
+  const Index s = k - begin;
+  const Matrix& gain = K[size_t(s)];
+  if (x.size() != gain.cols() || (!L.empty() && u_last.size() != gain.rows()))
+    throw std::invalid_argument(fmt::format("x, u_last: {} and {} numbers found, {} states and {} inputs needed",
+                                            x.size(), u_last.size(), gain.cols(), gain.rows()));
+  Vector u = u_nominal.row(s).transpose() - gain * x;
+  if (!L.empty() && s > 0) u -= L[size_t(s)] * (u_last - u_nominal.row(s - 1).transpose());
+  if (feedforward.size() > 0) u += feedforward.row(s).transpose();
+  return u;
+}
 
 Lqr lqr(const Model& model, const CostWeights& weights, const ControlOptions& options) {
   model.check();
@@ -79,6 +123,7 @@ Lqr lqr(const Model& model, const CostWeights& weights, const ControlOptions& op
   controller.begin = begin;
   controller.outputs = m;
   controller.dt = model.dt;
+  controller.system = digest_of_system(model, begin, end);
   controller.names = model.names;
   controller.K = std::move(solution.K);
   controller.L = std::move(solution.L);
@@ -127,7 +172,7 @@ struct Loop {
 
 void check_loop(const Loop& loop) {
   const Controller& c = loop.controller;
-  if (c.steps() == 0) throw std::invalid_argument("controller: no step found, at least one needed");
+  c.check();
   for (const auto& [name, model] : {std::pair{"model", &loop.model}, {"truth", &loop.truth}}) {
     model->check();
     if (model->steps() == 0) throw std::invalid_argument(fmt::format("{}: no step found, at least one needed", name));
@@ -138,10 +183,12 @@ void check_loop(const Loop& loop) {
       throw std::invalid_argument(fmt::format("{}: steps {} to {} found, {} to {} of the controller needed", name,
                                               model->k_begin, model->k_end() - 1, c.begin, c.end() - 1));
   }
-  for (Index k = c.begin; k < c.end(); ++k)
-    if (c.K[loop.step(k)].cols() != states_at(loop.model, k))
-      throw std::invalid_argument(fmt::format("model: {} states found at step {}, {} of the controller needed",
-                                              states_at(loop.model, k), k, c.K[loop.step(k)].cols()));
+  if (digest_of_system(loop.model, c.begin, c.end()) != c.system)
+    throw std::invalid_argument(
+        "model: other matrices or coordinates found, those of the model needed from which the controller was designed");
+  if (loop.truth.k_begin > loop.model.k_begin)
+    throw std::invalid_argument(fmt::format("truth: first step {} found, {} or earlier needed, the first of the model",
+                                            loop.truth.k_begin, loop.model.k_begin));
 }
 
 // The weights of a controller, step by step.
@@ -203,7 +250,7 @@ InitialMoments initial_moments(const Model& truth) {
   return {truth.x0_mean, *factor};
 }
 
-// E[a M bᵀ …]: the weighted second moment of rows·z for E[z zᵀ] = moments.
+// E[(rows·z)ᵀ · weight · (rows·z)] for E[z zᵀ] = moments.
 double weighted(const Matrix& weight, const Matrix& rows, const Matrix& moments) {
   return (weight * rows * moments).cwiseProduct(rows).sum();
 }
@@ -366,6 +413,8 @@ class LoopSimulation {
       if (options_.x0.rows() != n || options_.x0.cols() != N_)
         throw std::invalid_argument(fmt::format("x0: {} x {} found, {} states x {} experiments needed",
                                                 options_.x0.rows(), options_.x0.cols(), n, N_));
+      if (!options_.x0.allFinite())
+        throw std::invalid_argument("x0: a value that is not finite found, finite ones needed");
       return options_.x0.transpose();
     }
     Matrix x = initial.mean.transpose().replicate(N_, 1);
@@ -446,10 +495,16 @@ class LoopSimulation {
   ClosedLoopSimulation result_;
 };
 
-void check_limit(const char* name, const Vector& limit, Index needed) {
-  if (limit.size() > 0 && (limit.size() != needed || limit.hasNaN()))
-    throw std::invalid_argument(
-        fmt::format("{}: {} numbers found, one for each of {} inputs needed", name, limit.size(), needed));
+void check_limits(const Vector& u_min, const Vector& u_max, Index inputs) {
+  for (const auto& [name, limit] : {std::pair{"u_min", &u_min}, {"u_max", &u_max}}) {
+    if (limit->size() == 0) continue;
+    if (limit->size() != inputs)
+      throw std::invalid_argument(
+          fmt::format("{}: {} numbers found, one for each of {} inputs needed", name, limit->size(), inputs));
+    if (limit->hasNaN()) throw std::invalid_argument(fmt::format("{}: NaN found, numbers needed", name));
+  }
+  if (u_min.size() > 0 && u_max.size() > 0 && (u_min.array() > u_max.array()).any())
+    throw std::invalid_argument("u_min: a limit above u_max found, limits up to u_max needed");
 }
 
 }  // namespace
@@ -460,8 +515,7 @@ ClosedLoopSimulation simulate_control(const Controller& controller, const Model&
   check_loop(loop);
   if (options.experiments < 1)
     throw std::invalid_argument(fmt::format("experiments: {} found, at least 1 needed", options.experiments));
-  check_limit("u_min", options.u_min, truth.inputs);
-  check_limit("u_max", options.u_max, truth.inputs);
+  check_limits(options.u_min, options.u_max, truth.inputs);
   return LoopSimulation(loop, options).run();
 }
 

@@ -142,12 +142,13 @@ LearnedRun learn(const Model& model, const Matrix& reference, const Matrix& u, c
         "reference: {} steps found, more than {} needed, the first step of the model", steps, model.k_begin));
 
   const Matrix error = reference - y;
-  Matrix y_target = error.middleRows(begin, count), departures = u.middleRows(begin, count), rates = departures;
-  for (Index s = 0; s < count; ++s)
-    if (const Index row = nominal_row(model, model.u_nominal, begin + s); row >= 0)
-      departures.row(s) -= model.u_nominal.row(row);
-  rates = departures;
-  rates.bottomRows(count - 1) -= departures.topRows(count - 1);
+  Matrix y_target = error.middleRows(begin, count), all = u.topRows(end);  // all inputs as departures
+  for (Index k = 0; k < end; ++k)
+    if (const Index row = nominal_row(model, model.u_nominal, k); row >= 0) all.row(k) -= model.u_nominal.row(row);
+  const Matrix departures = all.bottomRows(count);
+  Matrix rates = all;  // the input before step 0 is nominal
+  rates.bottomRows(end - 1) -= all.topRows(end - 1);
+  rates = rates.bottomRows(count).eval();
   lq::Roots output("error", weights.error, m, count);
   output.leave_out_missing(y_target);
   y_target = y_target.array().isNaN().select(0.0, y_target);

@@ -49,7 +49,11 @@ void need_positive_definite(const Problem& p) {
     Matrix sum = Matrix::Zero(p.model.inputs, p.model.inputs);
     for (const Roots* roots : {&p.input, &p.change, &p.rate})
       if (!roots->empty()) sum += roots->at(s).transpose() * roots->at(s);
-    const Vector values = linalg::symmetric_eigenvalues(sum);
+    // Inputs have different units, so each is scaled to weight one.
+    const Vector scale = sum.diagonal().cwiseSqrt().cwiseInverse();
+    const bool weighted = (sum.diagonal().array() > 0).all();
+    const Vector values =
+        weighted ? linalg::symmetric_eigenvalues(scale.asDiagonal() * sum * scale.asDiagonal()) : Vector::Zero(1);
     constexpr double rounding = 8 * std::numeric_limits<double>::epsilon();
     if (!(values(0) > rounding * double(sum.rows()) * values(values.size() - 1)))
       throw std::invalid_argument(
@@ -186,7 +190,7 @@ Matrix weight_at(const std::vector<Matrix>& weights, Index s, Index size) {
 
 std::vector<Matrix> with_terminal(const std::vector<Matrix>& output, const Matrix& terminal, Index size, Index steps) {
   if (terminal.size() == 0) return output;
-  need_square("terminal", terminal, size);
+  Roots("terminal", {terminal}, size, 1);  // checks it
   if (!output.empty()) need_count("output", output.size(), steps);
   std::vector<Matrix> all;
   for (Index s = 0; s < steps; ++s) all.push_back(weight_at(output, s, size));

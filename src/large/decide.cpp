@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -228,13 +229,18 @@ std::vector<std::optional<Identification>> identified(const std::vector<Part>& p
   // if there is noise. Without noise, the time is lost in which it would wait for the first stretch.
   const bool searches = team.rank > 0 && team.rank < count;
   std::optional<Identification> searched;
+  std::exception_ptr failed;
   if (team.rank == 0) {
     result.front() =
         with_remark_on_axes(parts.front().whole, [&] { return identify_part(parts.front().training, options, false); });
     const Plan& first = result.front()->plan;
     if (!first.noisy && !first.coupled && !options.lags) exact_lags = first.lags;
   } else if (searches) {
-    searched = later_stretch(parts[size_t(team.rank)].training, options, {});
+    try {
+      searched = later_stretch(parts[size_t(team.rank)].training, options, {});
+    } catch (const std::runtime_error&) {
+      failed = std::current_exception();  // matters only if the search was needed
+    }
   }
   // If a lag order is exact in the first stretch, it is probably exact in the others. This saves their searches.
   exact_lags = archive::unpacked<std::optional<Index>>(team.broadcast(archive::packed(exact_lags)));
@@ -243,6 +249,7 @@ std::vector<std::optional<Identification>> identified(const std::vector<Part>& p
     std::optional<Identification>& own = result[size_t(i)];
     if (exact_lags) own = later_stretch(data, options, exact_lags);
     if (exact_lags && !(own && own->plan.noisy)) continue;
+    if (i == team.rank && failed) std::rethrow_exception(failed);
     own = searches && i == team.rank ? std::move(searched) : later_stretch(data, options, {});
   }
   if (team.size == 1) return result;

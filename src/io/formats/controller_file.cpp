@@ -2,6 +2,7 @@
 #include "tokid/controller_file.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <stdexcept>
 
 #include "io/formats/files.hpp"
@@ -14,10 +15,16 @@ namespace {
 using namespace io;
 
 const Names& controller_names() {
-  static const Names names{"k_begin",       "dt",           "state_dim",         "controller_gain", "input_gain",
-                           "feedforward",   "u_nominal",    "y_nominal",         "u_reference",     "y_reference",
-                           "output_weight", "input_weight", "input_rate_weight", "terminal_weight", "input_names",
-                           "output_names",  "input_units",  "output_units"};
+  static const Names names{"k_begin",         "dt",
+                           "state_dim",       "controller_gain",
+                           "input_gain",      "system",
+                           "feedforward",     "u_nominal",
+                           "y_nominal",       "u_reference",
+                           "y_reference",     "output_weight",
+                           "input_weight",    "input_rate_weight",
+                           "terminal_weight", "input_names",
+                           "output_names",    "input_units",
+                           "output_units"};
   return names;
 }
 
@@ -53,6 +60,7 @@ Arrays arrays_of(const Controller& c, Layout layout) {
   };
   arrays.emplace_back("k_begin", scalar(c.begin));
   arrays.emplace_back("dt", scalar(c.dt));
+  arrays.emplace_back("system", scalar(fmt::format("{:016x}", c.system)));
   add_channels(c.names, arrays);
   add_stack("output_weight", c.weights.output, m, m);
   add_stack("input_weight", c.weights.input, r, r);
@@ -108,6 +116,10 @@ Controller controller_of(const Fields& fields) {
   Controller c;
   c.begin = fields.integer("k_begin");
   c.dt = fields.number("dt");
+  const std::string system = fields.text("system");
+  if (const char* const end = system.data() + system.size();
+      std::from_chars(system.data(), end, c.system, 16).ptr != end || system.size() != 16)
+    fail("data set 'system': '{}' found, 16 hexadecimal digits needed", system);
   c.names = channels_of(fields);
   if (c.begin < 0) fail("data set 'k_begin': {} found, 0 or more needed", c.begin);
   if (!(c.dt > 0)) fail("data set 'dt': {} found, a positive number needed", c.dt);
@@ -132,19 +144,10 @@ Controller controller_of(const Fields& fields) {
   return c;
 }
 
-void check(const Controller& c) {
-  const Index S = c.steps(), r = c.u_nominal.cols();
-  bool fits = S > 0 && r > 0 && c.outputs > 0 && c.u_nominal.rows() == S && c.y_nominal.rows() == S &&
-              c.y_nominal.cols() == c.outputs && (c.L.empty() || Index(c.L.size()) == S);
-  for (const Matrix& K : c.K) fits = fits && K.rows() == r;
-  for (const Matrix& L : c.L) fits = fits && L.rows() == r && L.cols() == r;
-  if (!fits) throw std::invalid_argument("controller: parts of different sizes found, those that lqr() gives needed");
-}
-
 }  // namespace
 
 void save_controller(const Controller& controller, const std::filesystem::path& path, const WriteOptions& options) {
-  check(controller);
+  controller.check();
   save_arrays(path, options, [&](Layout layout) { return arrays_of(controller, layout); });
 }
 
