@@ -44,6 +44,7 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
   if (content == Content::ensemble) known.emplace_back(".csv");
   if (content == Content::page) known = {".html", ".htm"};
   if (content == Content::table) known = {".csv"};
+  if (content == Content::code) known = {".c", ".h"};
   if (std::find(known.begin(), known.end(), extension) == known.end())
     refuse(fmt::format("extension '{}' found, one of {} needed to write {}", extension, fmt::join(known, ", "),
                        content == Content::page         ? "a page"
@@ -52,6 +53,7 @@ void check_output(const fs::path& path, Content content, const std::vector<fs::p
                        : content == Content::bounds     ? "bounds"
                        : content == Content::state      ? "a state"
                        : content == Content::controller ? "a controller"
+                       : content == Content::code       ? "C"
                                                         : "an ensemble"));
 
   std::error_code error;

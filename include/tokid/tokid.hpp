@@ -10,6 +10,7 @@
 #include "tokid/corrections.hpp"
 #include "tokid/cross_validate.hpp"
 #include "tokid/dependence.hpp"
+#include "tokid/deploy.hpp"
 #include "tokid/design.hpp"
 #include "tokid/em.hpp"
 #include "tokid/ensemble.hpp"

@@ -58,7 +58,7 @@ def launch_vehicle(folder):
 
 
 @pytest.mark.parametrize("page, least, prepare", [
-    ("guide.md", 8, None), ("control.md", 3, None), ("modes.md", 6, launch_vehicle)])
+    ("guide.md", 8, None), ("control.md", 3, None), ("deploy.md", 5, None), ("modes.md", 6, launch_vehicle)])
 def test_pages(tokid, tmp_path, page, least, prepare):
     document = ROOT / "docs" / page
     text = updated = document.read_text()

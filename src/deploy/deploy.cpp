@@ -1,0 +1,369 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tokid/deploy.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+
+#include "deploy/source.hpp"
+#include "deploy/tables.hpp"
+#include "model/continuation.hpp"
+#include "model/observer_rows.hpp"
+#include "tokid/io.hpp"
+#include "tokid/version.hpp"
+
+namespace tokid {
+
+namespace c_code {
+
+namespace {
+
+// The steps k = 0 … end-1 of the tables. After the last one the tables begin again at end - period.
+struct Rows {
+  Index begin = 0, end = 0;  // the model has the steps from `begin` on
+  Index period = 0;          // 0: the model ends
+  bool nominal = false;      // has the model a nominal trajectory?
+};
+
+Rows rows_of(const Model& model) {
+  Rows rows{model.k_begin, model.k_end(), goes_on(model) ? model.period : 0, model.u_nominal.rows() > 0};
+  const Index known = model.u_nominal.rows();
+  // A periodic model has a nominal trajectory that may begin to repeat later, or end.
+  if (rows.period > 0) rows.end = std::max(rows.end, known < rows.period && known > 0 ? known + rows.period : known);
+  return rows;
+}
+
+void check_name(const std::string& name) {
+  const auto letter = [](char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0; };
+  const auto part = [&](char c) { return letter(c) || c == '_' || std::isdigit(static_cast<unsigned char>(c)) != 0; };
+  if (!name.empty() && name.size() <= 64 && letter(name.front()) && std::all_of(name.begin(), name.end(), part)) return;
+  throw std::invalid_argument(
+      fmt::format("name: '{}' found, a letter, then letters, digits and '_' needed, at most 64 in all", name));
+}
+
+void check_model(const Model& model, const Rows& rows) {
+  model.check();
+  if (model.steps() == 0) throw std::invalid_argument("model: no step found, at least one needed");
+  if (rows.period == 0) return;
+  if (const Index first = step_at(model, model.k_end()).states(); first != model.n(model.k_end()))
+    throw std::invalid_argument(
+        fmt::format("model: {} states found at the end of its period, {} needed: those at the begin of the period",
+                    model.n(model.k_end()), first));
+}
+
+void check_controller(const Controller& c, const Model& model, const Rows& rows) {
+  const auto need = [](bool holds, const std::string& what) {
+    if (!holds) throw std::invalid_argument("controller: " + what);
+  };
+  const Index S = c.steps(), r = model.inputs;
+  need(S > 0, "no step found, at least one needed");
+  need(c.u_nominal.cols() == r && c.outputs == model.outputs,
+       fmt::format("{} inputs and {} outputs found, {} and {} of the model needed", c.u_nominal.cols(), c.outputs, r,
+                   model.outputs));
+  need(c.begin >= rows.begin && has_step(model, c.end() - 1),
+       fmt::format("steps {} to {} found, steps of the model needed", c.begin, c.end() - 1));
+  need(c.u_nominal.rows() == S && (c.L.empty() || Index(c.L.size()) == S) &&
+           (c.feedforward.size() == 0 || (c.feedforward.rows() == S && c.feedforward.cols() == r)),
+       "parts of different sizes found, those that lqr() gives needed");
+  for (Index k = c.begin; k < c.end(); ++k) {
+    const size_t s = size_t(k - c.begin);
+    need(c.K[s].rows() == r && c.K[s].cols() == states_at(model, k),
+         fmt::format("a gain of {} x {} found at step {}, {} x {} of the model needed", c.K[s].rows(), c.K[s].cols(), k,
+                     r, states_at(model, k)));
+    need(c.L.empty() || (c.L[s].rows() == r && c.L[s].cols() == r),
+         fmt::format("an input gain of a wrong shape found at step {}, {} x {} needed", k, r, r));
+    const Index row = nominal_row(model, model.u_nominal, k);
+    const bool same =
+        row < 0 ? c.u_nominal.row(Index(s)).isZero(0) : c.u_nominal.row(Index(s)) == model.u_nominal.row(row);
+    need(same, fmt::format("another nominal input found at step {}, that of the model needed", k));
+    need(c.K[s].allFinite() && (c.L.empty() || c.L[s].allFinite()) && c.feedforward.allFinite(),
+         fmt::format("a gain or feedforward that is not finite found at step {}", k));
+  }
+}
+
+// The state at the first step.
+Vector start_of(const Model& model, const DeployOptions& options) {
+  if (const std::optional<Vector> x0 = observer::known_start(model, model.initial_state, true)) return *x0;
+  if (options.start_from_zero) return Vector::Zero(model.n(model.k_begin));
+  throw std::invalid_argument(fmt::format(
+      "model: an unknown initial state at step {} found, a known one or x0_mean needed. With start_from_zero the "
+      "observer starts from zero, and its first predictions are wrong",
+      model.k_begin));
+}
+
+void append_rows(const Matrix& matrix, std::vector<double>& block) {
+  for (Index i = 0; i < matrix.rows(); ++i)
+    for (Index j = 0; j < matrix.cols(); ++j) block.push_back(matrix(i, j));
+}
+
+// The rows of [C D] and of [A B -G], which multiply [x; u] and [x; u; e].
+std::vector<double> system_block(const Step& step) {
+  const Index n = step.states(), next = step.next_states(), r = step.inputs(), m = step.outputs();
+  Matrix output(m, n + r), transition(next, n + r + m);
+  output << step.C(), step.D();
+  transition << step.A(), step.B(), -step.G();
+  std::vector<double> block;
+  append_rows(output, block);
+  append_rows(transition, block);
+  return block;
+}
+
+// Scales of the outputs, then the lower triangle of the covariance, row by row.
+std::vector<double> covariance_block(const Step& step) {
+  constexpr double least = std::numeric_limits<double>::min();
+  const Step::View covariance = step.innovation_cov();
+  std::vector<double> block;
+  for (Index j = 0; j < step.outputs(); ++j)
+    block.push_back(covariance(j, j) > least ? 1 / std::sqrt(covariance(j, j)) : 0.0);
+  for (Index i = 0; i < step.outputs(); ++i)
+    for (Index j = 0; j <= i; ++j) block.push_back(covariance(i, j));
+  return block;
+}
+
+std::vector<double> nominal_block(const Model& model, Index k) {
+  std::vector<double> block;
+  for (const Matrix* trajectory : {&model.u_nominal, &model.y_nominal}) {
+    const Index row = nominal_row(model, *trajectory, k);
+    append_rows(row < 0 ? Matrix(Matrix::Zero(1, trajectory->cols())) : Matrix(trajectory->row(row)), block);
+  }
+  return block;
+}
+
+// For each input: the feedforward, if there is one, and the rows of -K and -L.
+std::vector<double> law_block(const Controller& controller, size_t s) {
+  std::vector<double> block;
+  for (Index i = 0; i < controller.K[s].rows(); ++i) {
+    if (controller.feedforward.size() > 0) block.push_back(controller.feedforward(Index(s), i));
+    append_rows(-controller.K[s].row(i), block);
+    if (!controller.L.empty()) append_rows(-controller.L[s].row(i), block);
+  }
+  return block;
+}
+
+Operations step_operations(const Model& model, bool nominal) {
+  const Index r = model.inputs, m = model.outputs;
+  Index products = 0;
+  for (const Step& step : model.step) {
+    const Index n = step.states();
+    products = std::max(products, m * (n + r) + step.next_states() * (n + r + m));
+  }
+  return {products, products + m + (nominal ? r + 2 * m : 0), 0};
+}
+
+// Of estimate_missing() with o available outputs of m.
+Operations missing_operations(Index o, Index m) {
+  Operations count{1, 0, 0};
+  for (Index j = 0; j < o; ++j) {
+    count.multiplications += (o - j) * (2 + 2 * j);
+    count.additions += (o - j) * j + 1;
+    count.divisions += o - j - 1;
+  }
+  count.multiplications += o + o * (o - 1);
+  count.additions += o * (o - 1);
+  count.divisions += o;
+  count.multiplications += 2 * o * (m - o);
+  count.additions += o * (m - o);
+  return count;
+}
+
+Operations with_missing(Operations step, Index m) {
+  Operations most;
+  for (Index o = 1; o < m; ++o) {
+    const Operations count = missing_operations(o, m);
+    most.multiplications = std::max(most.multiplications, count.multiplications);
+    most.additions = std::max(most.additions, count.additions);
+    most.divisions = std::max(most.divisions, count.divisions);
+  }
+  return {step.multiplications + most.multiplications, step.additions + most.additions,
+          step.divisions + most.divisions};
+}
+
+Operations control_operations(const Controller& controller, bool nominal) {
+  Index products = 0;
+  const Index r = controller.u_nominal.cols();
+  for (const Matrix& K : controller.K) products = std::max(products, r * (K.cols() + (controller.L.empty() ? 0 : r)));
+  return {products, products + (nominal ? r : 0), 0};
+}
+
+std::string in_words(const Operations& count) {
+  std::string text = fmt::format("{} multiplications, {} additions", count.multiplications, count.additions);
+  if (count.divisions > 0) text += fmt::format(", {} division{}", count.divisions, count.divisions == 1 ? "" : "s");
+  return text;
+}
+
+std::string channel_lines(const char* symbol, const std::vector<std::string>& names,
+                          const std::vector<std::string>& units) {
+  std::string lines;
+  for (size_t i = 0; i < names.size(); ++i) {
+    const std::string unit = comment_text(units[i]);
+    lines += fmt::format(" *   {}[{}]  {}{}\n", symbol, i, comment_text(names[i]),
+                         unit.empty() ? "" : fmt::format(" [{}]", unit));
+  }
+  return lines;
+}
+
+std::string upper(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  return text;
+}
+
+std::string description(const Model& model, const Rows& rows, const Vector& start, bool known) {
+  std::string text =
+      fmt::format(" * Model: n = {} states, r = {} inputs, m = {} outputs, steps {} to {}, dt = {} s.\n",
+                  model.states(), model.inputs, model.outputs, model.k_begin, model.k_end() - 1, model.dt);
+  if (rows.period == 1)
+    text += " * Its matrices do not change from the last step on, and the observer runs on without end.\n";
+  else if (rows.period > 1)
+    text += fmt::format(" * It repeats itself every {} steps, and the observer runs on without end.\n", rows.period);
+  const bool varies = std::any_of(model.step.begin(), model.step.end(), [&](const Step& step) {
+    return step.states() != model.states() || step.next_states() != model.states();
+  });
+  if (varies)
+    text +=
+        " * The number of states varies from step to step: before step k, the first n_k numbers of x are the state.\n"
+        " * The matrices lie in the tables without padding, and a further table says where those of a step begin.\n";
+  if (!known)
+    text += fmt::format(
+        " * The initial state at step {} is unknown. The observer starts from zero, so its first predictions are\n"
+        " * wrong. Their error decays as the observer does.\n",
+        model.k_begin);
+  else if (start.isZero(0))
+    text += fmt::format(" * The state at step {} is zero.\n", model.k_begin);
+  else
+    text += fmt::format(" * The state at step {} is the mean of the initial states of the model.\n", model.k_begin);
+  return text;
+}
+
+}  // namespace
+
+}  // namespace c_code
+
+DeployedCode deploy(const Model& model, const DeployOptions& options, const Controller* controller) {
+  using namespace tokid::c_code;
+  DeployedCode code;
+  code.name = options.name.empty() ? "observer" : options.name;
+  check_name(code.name);
+  const Rows rows = rows_of(model);
+  check_model(model, rows);
+  if (controller) check_controller(*controller, model, rows);
+  const Vector start = start_of(model, options);
+  const bool known = observer::known_start(model, model.initial_state, true).has_value();
+  const bool held = controller && !controller->L.empty();
+  const Index r = model.inputs, m = model.outputs, largest = std::max<Index>(model.states(), 1);
+
+  Blocks systems, covariances, nominals, laws;
+  std::vector<Index> states;
+  const bool estimates = m > 1 && model.has(&Step::has_innovation_cov);
+  for (Index k = rows.begin; k < rows.end; ++k) {
+    const Step& step = step_at(model, k);
+    systems.add(system_block(step));
+    states.push_back(step.states());
+    if (estimates) covariances.add(covariance_block(step));
+  }
+  states.push_back(step_at(model, rows.end - 1).next_states());
+  for (Index k = 0; rows.nominal && k < rows.end; ++k) nominals.add(nominal_block(model, k));
+  for (size_t s = 0; controller && s < controller->K.size(); ++s) laws.add(law_block(*controller, s));
+
+  Tables tables(options.single_precision);
+  Words words{{"name", code.name},
+              {"guard", upper(code.name) + "_H"},
+              {"file", options.header.empty() ? code.name + ".h" : options.header},
+              {"version", version},
+              {"real", options.single_precision ? "float" : "double"},
+              {"limit", options.single_precision ? "FLT" : "DBL"},
+              {"n", fmt::format("{}", largest)},
+              {"states_n", fmt::format("{}", model.states())},
+              {"r", fmt::format("{}", r)},
+              {"m", fmt::format("{}", m)},
+              {"begin", fmt::format("{}u", rows.begin)},
+              {"end", fmt::format("{}u", rows.end)},
+              {"period", fmt::format("{}u", rows.period)},
+              {"n0", fmt::format("{}", start.size())}};
+  const std::string count =
+      tables.lookup("states_of", "number of states before each step, and after the last", states, "@row@");
+  words["states"] = filled(count, {{"row", "step"}});
+  words["next_states"] = filled(count, {{"row", "(step + 1)"}});
+  words["system"] = tables.place("systems", "of each step the rows of [C D], then those of [A B -G]", systems, "step");
+  if (rows.nominal)
+    words["nominal"] =
+        tables.place("nominals", "of each step the nominal inputs, then the nominal outputs", nominals, "row");
+  if (estimates)
+    words["covariance"] = tables.place(
+        "covariances",
+        "of each step 1 / standard deviation of the innovations, then the lower triangle of their covariance",
+        covariances, "step");
+  if (controller) {
+    words["law"] = tables.place("laws", law_comment(controller->feedforward.size() > 0, held), laws, "step");
+    words["control_begin"] = fmt::format("{}u", controller->begin);
+    words["control_end"] = fmt::format("{}u", controller->end());
+    words["control_first"] = fmt::format("{}", controller->begin);
+    words["control_last"] = fmt::format("{}", controller->end() - 1);
+  }
+  if (!start.isZero(0)) tables.numbers("start", "state at the first step", {{start.begin(), start.end()}});
+
+  const Index size = options.single_precision ? 4 : 8;
+  code.stored_steps = systems.count();
+  code.table_bytes = tables.bytes();
+  code.state_bytes = size * (largest + (held ? r : 0)) + 8;
+  code.step = step_operations(model, rows.nominal);
+  code.step_missing = estimates ? with_missing(code.step, m) : code.step;
+  if (controller) code.control = control_operations(*controller, rows.nominal);
+
+  const Channels names = complete(model.names, r, m);
+  words["channels"] = channel_lines("u", names.input_names, names.input_units) +
+                      channel_lines("y", names.output_names, names.output_units);
+  words["description"] = description(model, rows, start, known);
+  words["stored"] = fmt::format("{} different step{}", code.stored_steps, code.stored_steps == 1 ? "" : "s");
+  words["table_bytes"] = fmt::format("{}", code.table_bytes);
+  words["state_bytes"] = fmt::format("{}", code.state_bytes);
+  words["operations"] = in_words(code.step);
+  words["operations_missing"] = in_words(code.step_missing);
+  words["operations_control"] = in_words(code.control);
+  words["tables"] = tables.text();
+  const Features features{.nominal = rows.nominal,
+                          .estimates = estimates,
+                          .begins = rows.begin > 0,
+                          .period = rows.period > 0,
+                          .start = !start.isZero(0),
+                          .controller = controller != nullptr,
+                          .held = held,
+                          .feedforward = controller && controller->feedforward.size() > 0,
+                          .control_later = controller && controller->begin > 0};
+  code.header = header_text(words, features);
+  code.source = source_text(words, features);
+  return code;
+}
+
+std::filesystem::path deployed_header(const std::filesystem::path& source) {
+  const std::string stem = source.stem().string();
+  if (source.extension() != ".c")
+    throw IoError(
+        fmt::format("{}: extension '{}' found, .c needed to write C", source.string(), source.extension().string()));
+  const auto plain = [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-' || c == '.';
+  };
+  if (stem.empty() || !std::all_of(stem.begin(), stem.end(), plain))
+    throw IoError(fmt::format("{}: a name that #include may not accept found, letters, digits, '_', '-' and '.' needed",
+                              source.string()));
+  return std::filesystem::path(source).replace_extension(".h");
+}
+
+DeployedCode save_deployed(const Model& model, const std::filesystem::path& source, DeployOptions options,
+                           const Controller* controller) {
+  const std::filesystem::path header = deployed_header(source);
+  if (options.name.empty()) options.name = source.stem().string();
+  options.header = header.filename().string();
+  DeployedCode code = deploy(model, options, controller);
+  FilesTogether files;
+  save_text(code.header, header);
+  save_text(code.source, source);
+  files.commit();
+  return code;
+}
+
+}  // namespace tokid

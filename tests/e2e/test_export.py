@@ -1,0 +1,477 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""tokid export: the C code, compiled and run, against `tokid predict` and recursions in NumPy.
+
+TOKID_EXPORT_MODELS in the environment is the number of random models of test_random_models, which prints the worst
+differences with `-s`.
+"""
+
+import ctypes
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from conftest import ROOT
+import support
+
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror"]
+OK, EARLY, ENDED, BAD_SAMPLE = range(4)
+EPSILON = {"double": np.finfo(float).eps, "float": np.finfo(np.float32).eps}
+
+
+def compiled(folder, sources, *flags):
+    library = folder / f"{Path(sources[0]).stem}.so"
+    subprocess.run(["gcc", *STRICT, *(flags or ["-O2"]), "-shared", "-fPIC", *map(str, sources), "-o", str(library)],
+                   check=True)
+    return ctypes.CDLL(str(library))
+
+
+class Code:
+    """The functions of an exported model."""
+
+    def __init__(self, library, name, model, precision="double"):
+        self.type = np.dtype(precision if precision == "double" else "float32")
+        self.states, (self.outputs, _) = max(model["A"].shape[-1], 1), model["C"].shape[1:]
+        self.inputs = model["B"].shape[-1]
+        self._init, self._step = library[f"{name}_init"], library[f"{name}_step"]
+        self._control = getattr(library, f"{name}_control", None)
+        self.memory = np.zeros(4096, np.uint8)
+        self.prediction, self.innovation = np.empty((2, self.outputs), self.type)
+        self.reset()
+
+    def reset(self):
+        self.memory[:] = 255
+        self._init(self.pointer(self.memory))
+
+    @staticmethod
+    def pointer(array):
+        return ctypes.c_void_p(array.ctypes.data)
+
+    @property
+    def x(self):
+        return self.memory.view(self.type)[:self.states]
+
+    def step(self, u, y):
+        self.prediction[:] = self.innovation[:] = 77
+        u, y = np.ascontiguousarray(u, self.type), np.ascontiguousarray(y, self.type)
+        return self._step(*map(self.pointer, (self.memory, u, y, self.prediction, self.innovation)))
+
+    def control(self):
+        u = np.full(self.inputs, 77, self.type)
+        return self._control(self.pointer(self.memory), self.pointer(u)), u
+
+    def predict(self, u, y):
+        """(T, m), NaN where the status is not OK."""
+        found = np.full(y.shape, np.nan)
+        for k in range(len(y)):
+            if self.step(u[k], y[k]) == OK:
+                found[k] = self.prediction
+        return found
+
+
+def random_model(rng, kind, n, m, r, steps=24):
+    """A model with an observer whose state error decays. `kind`: varying, periodic, invariant or dimensions."""
+    count = {"invariant": 1, "periodic": 5}.get(kind, steps)
+    dims, empty = np.full(count + 1, n), False
+    if kind == "dimensions":
+        empty = rng.random() < 0.5  # begins with no state
+        dims = np.minimum(np.arange(count + 1) + (not empty), n)
+        dims[count // 2] = max(n - 1, 0)
+    A = 0.9 * np.linalg.qr(rng.standard_normal((count, n, n)))[0]
+    model = {"A": A, "B": rng.standard_normal((count, n, r)), "C": rng.standard_normal((count, m, n)),
+             "D": rng.standard_normal((count, m, r)), "G": 0.05 * rng.standard_normal((count, n, m)), "dt": 0.1}
+    # |A + G C| must stay below 1, so that neither the states nor the rounding errors grow
+    for s in range(count):
+        model["G"][s] *= min(1.0, 0.05 / max(np.linalg.norm(model["G"][s] @ model["C"][s], 2), 1e-9))
+    for s in range(count):
+        for name in "ABG":
+            model[name][s, dims[s + 1]:] = 0
+        for name in "AC":
+            model[name][s, :, dims[s]:] = 0
+    model["state_dim"] = dims
+    model["k_begin"] = 0
+    if kind in ("periodic", "invariant"):
+        model["period"] = count
+    elif not empty and rng.random() < 0.3:
+        model["k_begin"] = 3
+    if rng.random() < 0.7:
+        root = rng.standard_normal((count, m, m))
+        model["innovation_cov"] = root @ root.transpose(0, 2, 1) + 0.1 * np.eye(m)
+    if rng.random() < 0.7:
+        nominal = int(rng.integers(1, steps))
+        if kind not in ("periodic", "invariant"):
+            nominal = model["k_begin"] + count
+        model["u_nominal"], model["y_nominal"] = rng.standard_normal((nominal, r)), rng.standard_normal((nominal, m))
+    model["initial_state"] = "zero"
+    if model["k_begin"] > 0 or (not empty and rng.random() < 0.5):
+        model["initial_state"] = "unknown"
+        model["x0_mean"], model["x0_cov"] = rng.standard_normal(dims[0]), np.eye(dims[0])
+    return model
+
+
+def grid():
+    for kind in ("varying", "periodic", "invariant", "dimensions"):
+        for n in range(1, 9):
+            for m in range(1, 4):
+                for r in range(1, 4):
+                    yield kind, n, m, r
+
+
+def test_random_models(tokid, tmp_path):
+    """Equal to the predictions of the tool, with missing outputs. The bounds are eps x number of products x size:
+    |A + G C| is below 1, so that the rounding errors of a step decay as the states do. A sum over its age is at most
+    1 / (1 - 0.95) = 20 steps' worth."""
+    rng = np.random.default_rng(31)
+    sizes = list(grid())
+    count = int(os.environ.get("TOKID_EXPORT_MODELS", "24"))
+    steps, worst = 30, {"double": 0.0, "float": 0.0}
+    relative = {"double": 0.0, "float": 0.0}
+    jobs = []
+    for i in range(count):
+        kind, n, m, r = sizes[i * 37 % len(sizes)]  # 37 is prime to the number of sizes
+        model = random_model(rng, kind, n, m, r)
+        file = tmp_path / f"m{i}.npz"
+        np.savez(file, **model)
+        u, y = rng.standard_normal((1, steps, r)), rng.standard_normal((1, steps, m))
+        if i % 2:
+            y[rng.random(y.shape) < 0.2] = np.nan
+        np.savez(tmp_path / f"d{i}.npz", u=u, y=y, dt=0.1, initial_state=model["initial_state"])
+        tokid("predict", file, tmp_path / f"d{i}.npz", "-o", tmp_path / f"p{i}.npz")
+        for precision, flag in (("double", []), ("float", ["--float"])):
+            tokid("export", file, "-o", tmp_path / f"{precision}{i}.c", *flag)
+        jobs.append((model, u[0], y[0], np.load(tmp_path / f"p{i}.npz")["y"][0]))
+    compared = 0
+    for begin in range(0, count, 25):
+        for precision in worst:
+            names = {i: f"{precision}{i}" for i in range(begin, min(begin + 25, count))}
+            library = compiled(tmp_path, [tmp_path / f"{name}.c" for name in names.values()], "-O1")
+            for i, name in names.items():
+                model, u, y, expected = jobs[i]
+                found = Code(library, name, model, precision).predict(u, y)
+                assert np.array_equal(np.isnan(found), np.isnan(expected)), name
+                assert not np.isnan(expected).all(), name
+                varies = len(set(model["state_dim"])) > 1
+                assert ("number of states varies" in (tmp_path / f"{name}.h").read_text()) == varies
+                compared += np.sum(~np.isnan(expected))
+                n, (m, r) = model["A"].shape[-1], (y.shape[1], u.shape[1])
+                size = max(np.nanmax(np.abs(v)) for v in (expected, y, u))
+                error = np.nanmax(np.abs(found - expected))
+                worst[precision] = max(worst[precision], error / np.nanmax(np.abs(expected)))
+                relative[precision] = max(relative[precision], error / size / EPSILON[precision])
+                bound = 20 * (n + m + r) * EPSILON[precision] * size * max(1, np.abs(model["C"]).sum(-1).max())
+                assert error <= bound, (name, error, bound)
+    print(f"\n{count} models, {compared} predictions: worst difference relative to the largest output {worst}, in eps "
+          f"{relative}")
+    assert worst["double"] <= 1e-12 and worst["float"] <= 1e-4
+    assert worst["float"] > 1e-9  # it is float
+
+
+@pytest.fixture(scope="module")
+def folder(tokid, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("export")
+    tokid("example", "oscillator", "-o", folder / "data.npz", "--experiments", 40, "--steps", 40, "--process-noise", 0.1,
+          "--measurement-noise", 0.1)
+    tokid("identify", folder / "data.npz", "-o", folder / "model.npz", "--states", 4, "--quiet")
+    return folder
+
+
+def save(folder, model, **changes):
+    model = {name: value for name, value in {**model, **changes}.items() if value is not None}
+    np.savez(folder / "changed.npz", **model)
+    return folder / "changed.npz"
+
+
+def test_status_of_steps(tokid, folder):
+    rng = np.random.default_rng(1)
+    model = random_model(rng, "varying", 3, 2, 2, steps=6)
+    model.update(k_begin=2, initial_state="unknown", x0_mean=np.array([1.0, -2.0, 0.5]), x0_cov=np.eye(3),
+                 u_nominal=rng.standard_normal((8, 2)), y_nominal=rng.standard_normal((8, 2)))
+    tokid("export", save(folder, model), "-o", folder / "status.c")
+    code = Code(compiled(folder, [folder / "status.c"]), "status", model)
+    u, y = rng.standard_normal((9, 2)), rng.standard_normal((9, 2))
+    assert np.array_equal(code.x, model["x0_mean"])
+    for k in range(2):
+        assert code.step(u[k], y[k]) == EARLY and np.all(code.prediction == 77)
+        assert np.array_equal(code.x, model["x0_mean"])
+    for bad_u, bad_y in ([np.nan, 0], [0, 0]), ([0, np.inf], [0, 0]), ([0, 0], [-np.inf, 0]):
+        before = code.memory.copy()
+        assert code.step(bad_u, bad_y) == BAD_SAMPLE and np.array_equal(before, code.memory)
+        assert np.all(code.prediction == 77)
+    for k in range(2, 8):
+        assert code.step(u[k], y[k]) == OK
+        assert np.allclose(code.innovation, y[k] - code.prediction, rtol=0, atol=1e-14)
+    before = code.memory.copy()
+    assert code.step(u[8], y[8]) == ENDED and np.array_equal(before, code.memory)
+    code.reset()
+    assert np.array_equal(code.x, model["x0_mean"]) and code.step(u[0], y[0]) == EARLY
+    # null pointers
+    code.step(u[1], y[1])
+    assert code._step(*map(code.pointer, (code.memory, u[2], y[2])), None, None) == OK
+
+
+def test_missing_outputs(tokid, folder):
+    """Missing innovations are S_qo S_oo^-1 e_o, or zero without a covariance; they are NaN in the result."""
+    rng = np.random.default_rng(2)
+    model = random_model(rng, "varying", 3, 3, 1, steps=8)
+    root = rng.standard_normal((8, 3, 3))
+    model.update(k_begin=0, initial_state="zero", u_nominal=None, y_nominal=None, x0_mean=None, x0_cov=None)
+    for covariance in (root @ root.transpose(0, 2, 1) + 0.1 * np.eye(3), np.full((8, 3, 3), -1.0), None):
+        name = "missing" + ("x" if covariance is None else "y" if covariance[0, 0, 0] < 0 else "")
+        tokid("export", save(folder, model, innovation_cov=covariance), "-o", folder / f"{name}.c")
+        code = Code(compiled(folder, [folder / f"{name}.c"]), name, model)
+        x = np.zeros(3)
+        for k in range(8):
+            u, y = rng.standard_normal(1), rng.standard_normal(3)
+            y[[q for q in range(3) if k >> q & 1]] = np.nan
+            assert code.step(u, y) == OK
+            e = y - model["C"][k] @ x - model["D"][k] @ u
+            assert np.allclose(code.innovation, e, rtol=0, atol=1e-13, equal_nan=True)
+            q, o = np.isnan(e), ~np.isnan(e)
+            e[q] = 0
+            if name == "missing" and o.any():
+                e[q] = covariance[k][np.ix_(q, o)] @ np.linalg.solve(covariance[k][np.ix_(o, o)], e[o])
+            x = model["A"][k] @ x + model["B"][k] @ u - model["G"][k] @ e
+            assert np.allclose(code.x, x, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("rates", [False, True])
+@pytest.mark.parametrize("kind", ["varying", "periodic", "invariant", "dimensions"])
+def test_controller(tokid, folder, kind, rates):
+    rng = np.random.default_rng(3)
+    model = random_model(rng, kind, 3, 2, 2)
+    model.update(k_begin=0, initial_state="zero", x0_mean=None, x0_cov=None,
+                 u_nominal=rng.standard_normal((24, 2)), y_nominal=rng.standard_normal((24, 2)))
+    for begin, end in ((0, 20), (4, 24)):
+        file = save(folder, model)
+        tokid("lqr", file, "--begin", begin, "--end", end, "-o", folder / "c.npz",
+              *(["--input-rate-weight", 0.3] if rates else []))
+        law = dict(np.load(folder / "c.npz"))
+        law["feedforward"] = rng.standard_normal((end - begin, 2))
+        if begin > 0:
+            np.savez(folder / "c.npz", **law)
+        else:
+            law["feedforward"][:] = 0
+        name = f"{kind}{rates}{begin}"
+        tokid("export", file, "--controller", folder / "c.npz", "-o", folder / f"{name}.c")
+        code = Code(compiled(folder, [folder / f"{name}.c"]), name, model)
+        previous, end_of_model = np.zeros(2), 30 if "period" in model else 24
+        for k in range(30):
+            nominal = model["u_nominal"][k] if k < 24 else None
+            status, u = code.control()
+            if k >= end_of_model:
+                assert status == ENDED and np.all(u == 77)
+                break
+            if begin <= k < end:
+                s = k - begin
+                states = law["state_dim"][s]
+                expected = law["feedforward"][s] - law["controller_gain"][s][:, :states] @ code.x[:states]
+                if rates:
+                    expected -= law["input_gain"][s] @ previous
+                assert status == OK and np.allclose(u, nominal + expected, rtol=1e-12, atol=1e-12)
+            else:
+                assert status == (EARLY if k < begin else ENDED)
+                if nominal is not None:
+                    assert np.array_equal(u, nominal)
+            u = np.clip(u, -2, 2)  # the law continues from the inputs that were applied
+            if nominal is not None:
+                previous = u - nominal if k >= begin else np.zeros(2)
+            assert code.step(u, rng.standard_normal(2)) == OK
+
+
+COUNTER = r"""
+struct Counted {
+  double value; static long mul, add, div;
+  Counted(double v = 0) : value(v) {}
+  operator double() const { return value; }
+  Counted& operator+=(Counted b) { ++add; value += b.value; return *this; }
+  Counted& operator-=(Counted b) { ++add; value -= b.value; return *this; }
+  Counted& operator/=(Counted b) { ++div; value /= b.value; return *this; }
+};
+long Counted::mul = 0; long Counted::add = 0; long Counted::div = 0;
+static Counted operator*(Counted a, Counted b) { ++Counted::mul; return a.value * b.value; }
+static Counted operator+(Counted a, Counted b) { ++Counted::add; return a.value + b.value; }
+static Counted operator-(Counted a, Counted b) { ++Counted::add; return a.value - b.value; }
+static Counted operator/(Counted a, Counted b) { ++Counted::div; return a.value / b.value; }
+static Counted operator*(double a, Counted b) { return Counted(a) * b; }
+static bool operator==(Counted a, Counted b) { return a.value == b.value; }
+static bool operator>(Counted a, int b) { return a.value > b; }
+static bool operator>=(Counted a, double b) { return a.value >= b; }
+static bool operator<=(Counted a, double b) { return a.value <= b; }
+"""
+COUNTS = r"""
+extern "C" void counts(int missing, int control, long *found) {
+  counted_state state; Counted u[4] = {1, 2, 3, 4}, y[4] = {1, 2, 3, 4}, p[4], e[4];
+  counted_init(&state);
+  for (int j = 0; j < missing; ++j) y[j] = NAN;
+  for (int k = 0; k < 4; ++k) counted_step(&state, u, y, p, e);
+  Counted::mul = Counted::add = Counted::div = 0;
+  if (control) CONTROL; else counted_step(&state, u, y, p, e);
+  found[0] = Counted::mul; found[1] = Counted::add; found[2] = Counted::div; found[3] = sizeof(state);
+}
+"""
+
+
+@pytest.mark.parametrize("nominal", [False, True])
+@pytest.mark.parametrize("n, m, r", [(4, 2, 2), (3, 3, 1), (5, 1, 3), (2, 4, 2)])
+def test_operations_are_those_that_run(tokid, folder, n, m, r, nominal):
+    """The code, compiled as C++ with numbers that count."""
+    rng = np.random.default_rng(4)
+    model = random_model(rng, "varying", n, m, r)
+    model.update(k_begin=0, initial_state="zero", x0_mean=None, x0_cov=None, u_nominal=None, y_nominal=None,
+                 innovation_cov=np.eye(m) + 0.5 * np.ones((24, m, m)))
+    if nominal:
+        model.update(u_nominal=rng.standard_normal((24, r)), y_nominal=rng.standard_normal((24, m)))
+    tokid("lqr", save(folder, model), "--input-rate-weight", 1, "-o", folder / "c.npz")
+    report = tokid.json("export", folder / "changed.npz", "--controller", folder / "c.npz", "-o", folder / "counted.c")
+    header, source = (folder / "counted.h").read_text(), (folder / "counted.c").read_text()
+    header, replaced = re.subn("typedef double counted_real;", "typedef Counted counted_real;", header)
+    source, included = re.subn('#include "counted.h"', lambda _: header, source)
+    assert replaced == included == 1
+    code = folder / "counted.cpp"
+    code.write_text("#include <cmath>\n#include <cfloat>\n" + COUNTER + source +
+                    COUNTS.replace("CONTROL", "counted_control(&state, u)"))
+    library = folder / f"counted{n}{m}{r}{nominal}.so"
+    subprocess.run(["g++", "-w", "-fpermissive", "-shared", "-fPIC", code, "-o", library], check=True)
+    counts = ctypes.CDLL(str(library)).counts
+
+    def run(missing, control=0):
+        found = (ctypes.c_long * 4)()
+        counts(missing, control, found)
+        return dict(zip(("multiplications", "additions", "divisions"), found)), found[3]
+
+    plain, size = run(0)
+    assert plain == report["operations"] and size > 0
+    assert run(0, 1)[0] == report["operations_control"]
+    missing = [run(q)[0] for q in range(m)]
+    for name, most in report["operations_missing"].items():
+        assert max(count[name] for count in missing) == most
+
+
+def test_sizes_are_those_of_the_object(tokid, folder):
+    """Equal steps are stored once: the tables of a periodic model do not grow with its length."""
+    rng = np.random.default_rng(5)
+    model = random_model(rng, "varying", 4, 2, 2)
+    model.update(k_begin=0, initial_state="zero", x0_mean=None, x0_cov=None, u_nominal=None, y_nominal=None,
+                 innovation_cov=np.eye(2) + np.zeros((24, 1, 1)))
+    same = {name: np.repeat(model[name][:3], 8, axis=0) for name in "ABCDG"}
+    for name, changes, stored in (("all", {}, 24), ("few", same, 3), ("one", {name: np.repeat(model[name][:1], 24, 0)
+                                                                             for name in "ABCDG"}, 1)):
+        for precision in ("double", "float"):
+            report = tokid.json("export", save(folder, model, **changes), "-o", folder / f"{name}.c",
+                                *(["--float"] if precision == "float" else []))
+            assert report["stored_steps"] == stored and report["precision"] == precision
+            subprocess.run(["gcc", *STRICT, "-c", folder / f"{name}.c", "-o", folder / "size.o"], check=True)
+            symbols = subprocess.run(["nm", "-S", folder / "size.o"], capture_output=True, text=True, check=True).stdout
+            assert sum(int(line.split()[1], 16) for line in symbols.splitlines() if re.search(" r ", line)) == \
+                report["table_bytes"]
+            assert not re.search(" U ", symbols)  # calls nothing
+            header = (folder / f"{name}.h").read_text()
+            assert f"Tables: {report['table_bytes']} bytes" in header
+            assert f"State: {report['state_bytes']} bytes" in header
+            test = folder / f"size_{name}_{precision}.c"
+            test.write_text(f'#include "{name}.h"\nint size(void) {{ return (int)sizeof({name}_state); }}\n')
+            assert compiled(folder, [test]).size() == report["state_bytes"]
+
+
+@pytest.mark.parametrize("flags", [["-O0"], ["-O2"], ["-O3", "-march=native"]])
+def test_identified_model(tokid, folder, flags):
+    """A model of noisy data, exported from all formats, compiled in the strictest way."""
+    tokid("predict", folder / "model.npz", folder / "data.npz", "-o", folder / "predicted.npz")
+    data, expected = np.load(folder / "data.npz"), np.load(folder / "predicted.npz")["y"]
+    texts = set()
+    for extension in ("npz", "h5", "mat"):
+        tokid("convert", folder / "model.npz", folder / f"copy.{extension}")
+        tokid("export", folder / f"copy.{extension}", "-o", folder / "plain.c", "--name", "my_plant")
+        texts.add((folder / "plain.c").read_text())
+    assert len(texts) == 1
+    library = compiled(folder, [folder / "plain.c"], *flags)
+    model = support.load(folder / "model.npz")
+    for n in range(5):
+        found = Code(library, "my_plant", model).predict(data["u"][n], data["y"][n])
+        support.assert_close(found, expected[n], 1e-12)
+
+
+def test_names_in_comments(tokid, folder):
+    """Names that would end a comment, or that a compiler warns of, do no harm."""
+    model = support.load(folder / "model.npz")
+    names = ["a */ int x; /* b", "tri??/graph \\"]
+    file = save(folder, model, input_names=names, output_names=["\u202eturned", "gr\u00fcn"],
+                input_units=["N", ""], output_units=["m\\", "rad"])
+    tokid("export", file, "-o", folder / "names.c")
+    compiled(folder, [folder / "names.c"])
+    header = (folder / "names.h").read_text()
+    assert "y[1]  gr\u00fcn [rad]" in header and "u[0]  a * / int x; / * b [N]" in header
+
+
+@pytest.mark.parametrize("name", ["1st", "a b", "_x", "x-y", "x;y", "gr\u00fcn", "x" * 65])
+def test_bad_names(tokid, folder, name):
+    refused = tokid("export", folder / "model.npz", "--name", name, "-o", folder / "no.c", status=2)
+    assert refused.stderr.startswith("tokid: name: ") and "needed" in refused.stderr
+    assert not (folder / "no.c").exists() and not (folder / "no.h").exists()
+
+
+def test_refusals(tokid, folder):
+    model = support.load(folder / "model.npz")
+
+    def refused(message, *words, output="no.c"):
+        stderr = tokid("export", *words, "-o", folder / output, status=2).stderr
+        assert message in stderr and not list(folder.glob("no.*")), stderr
+
+    refused("extension '.h' found, .c needed", folder / "model.npz", output="no.h")
+    refused("that #include may not accept", folder / "model.npz", output='no"x.c')
+    refused("name: '2no' found", folder / "model.npz", output="2no.c")
+    refused("model.npz", folder / "model.npz", "--controller", folder / "model.npz")
+    refused("unknown initial state", save(folder, model, initial_state="unknown", x0_mean=None, x0_cov=None))
+    refused("in single precision", save(folder, model, B=1e39 * model["B"]), "--float")
+    tokid("lqr", folder / "model.npz", "-o", folder / "c.npz")
+    law = dict(np.load(folder / "c.npz"))
+    save(folder, model, **{name: model[name][:20] for name in ("A", "B", "C", "D", "G", "innovation_cov")},
+         state_dim=model["state_dim"][:21], **dict.fromkeys(("Q", "R", "K", "singular_values", "condition", "rank", "lags")))
+    refused("controller: steps", folder / "changed.npz", "--controller", folder / "c.npz")
+    law["u_nominal"] = law["u_nominal"] + 1
+    np.savez(folder / "c2.npz", **law)
+    refused("controller: another nominal input", folder / "model.npz", "--controller", folder / "c2.npz")
+
+
+def test_start_from_zero(tokid, folder):
+    """An unknown initial state counts as zero on demand, and the header says so."""
+    model = support.load(folder / "model.npz")
+    file = save(folder, model, initial_state="unknown", x0_mean=None, x0_cov=None)
+    tokid("export", file, "-o", folder / "zero.c", "--start-from-zero")
+    tokid("export", folder / "model.npz", "-o", folder / "known.c", "--name", "zero")
+    assert "starts from zero" in (folder / "zero.h").read_text()
+    code = [(folder / name).read_text().replace(name[:-2] + ".h", "") for name in ("zero.c", "known.c")]
+    assert code[0] == code[1]
+
+
+def test_files_appear_together(tokid, folder):
+    """If the header can't be written, the source is not written either."""
+    (folder / "both.h").mkdir()
+    tokid("export", folder / "model.npz", "-o", folder / "both.c", status=2)
+    assert not (folder / "both.c").exists()
+
+
+def test_loop_of_the_documents(tokid, tmp_path):
+    """The program of docs/deploy.md closes the loop as the law in NumPy does."""
+    page = (ROOT / "docs/deploy.md").read_text()
+    for line in re.findall(r"^\$ tokid (.*)$", page, re.MULTILINE):
+        tokid(*line.split(), cwd=tmp_path)
+    (tmp_path / "main.c").write_text(re.search(r"^```c\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[1])
+    subprocess.run(["gcc", *STRICT, "main.c", "observer.c", "-o", "main"], cwd=tmp_path, check=True)
+    y = np.load(tmp_path / "data.npz")["y"][0]
+    text = "".join(f"{a!r} {b!r}\n" for a, b in y.tolist())
+    shown = subprocess.run([tmp_path / "main"], input=text, capture_output=True, text=True, check=True).stdout
+    found = np.array([line.split() for line in shown.splitlines()], float)
+    tokid("convert", tmp_path / "model.npz", tmp_path / "model.h5")
+    with h5py.File(tmp_path / "model.h5") as model, h5py.File(tmp_path / "controller.h5") as law:
+        x, held, expected = np.zeros(4), np.zeros(2), []
+        for k in range(60):
+            A, B, C, D, G = (model[name][k] for name in "ABCDG")
+            held = -law["controller_gain"][k] @ x - law["input_gain"][k] @ held
+            expected.append(held)
+            x = A @ x + B @ held - G @ (y[k] - C @ x - D @ held)
+    support.assert_close(found, np.array(expected), 1e-8)  # nine digits are printed
