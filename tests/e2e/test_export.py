@@ -475,3 +475,66 @@ def test_loop_of_the_documents(tokid, tmp_path):
             expected.append(held)
             x = A @ x + B @ held - G @ (y[k] - C @ x - D @ held)
     support.assert_close(found, np.array(expected), 1e-8)  # nine digits are printed
+
+
+TARGET = r"""
+#include <stdio.h>
+#include "target.h"
+#ifdef __arm__
+extern void _start(void);
+static void reset(void)
+{
+  *(volatile unsigned *)0xE000ED88 |= 0xFu << 20; /* CPACR: switches the floating-point unit on */
+  __asm__ volatile("dsb\n isb");
+  _start();
+}
+__attribute__((section(".vectors"), used)) static void (*const vectors[])(void) = {(void (*)(void))0x20400000, reset};
+#endif
+static const target_real u[STEPS][target_inputs] = { U }, y[STEPS][target_outputs] = { Y };
+int main(void)
+{
+  target_state state;
+  target_real prediction[target_outputs], input[target_inputs];
+  int k, j;
+  target_init(&state);
+  for (k = 0; k < STEPS; ++k) {
+    if (target_control(&state, input) != target_ok) return 1;
+    if (target_step(&state, u[k], y[k], prediction, 0) != target_ok) return 2;
+    for (j = 0; j < target_outputs; ++j) printf("%.17g ", (double)prediction[j]);
+    for (j = 0; j < target_inputs; ++j) printf("%.17g ", (double)input[j]);
+    printf("\n");
+  }
+  return 0;
+}
+"""
+CORTEX_M4 = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "--specs=rdimon.specs",
+             "-Wl,--section-start=.vectors=0"]
+EMULATED = ["qemu-system-arm", "-M", "mps2-an386", "-semihosting", "-nographic", "-kernel"]
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_on_a_microcontroller(tokid, folder, precision):
+    """The same numbers as on this machine, from a Cortex-M4 in QEMU, whose hardware computes with float alone."""
+    tokid("lqr", folder / "model.npz", "--input-rate-weight", 0.1, "-o", folder / "c.npz")
+    tokid("export", folder / "model.npz", "--controller", folder / "c.npz", "-o", folder / "target.c",
+          *(["--float"] if precision == "float" else []))
+    data = np.load(folder / "data.npz")
+    u, y = data["u"][1], data["y"][1].copy()
+    y[5, 0] = y[9] = np.nan
+
+    def table(values):
+        rows = (", ".join("0.0 / 0.0" if np.isnan(value) else repr(value) for value in row) for row in values.tolist())
+        return ", ".join("{" + row + "}" for row in rows)
+
+    program = TARGET.replace("STEPS", str(len(u)))
+    (folder / "main.c").write_text(program.replace("U }", table(u) + " }").replace("Y }", table(y) + " }"))
+    shown = []
+    for compiler, run in ((["gcc", *STRICT], ["./here"]),
+                          (["arm-none-eabi-gcc", *STRICT, *CORTEX_M4], [*EMULATED, "there.elf"])):
+        subprocess.run([*compiler, "-O2", "main.c", "target.c", "-o", run[-1]], cwd=folder, check=True)
+        result = subprocess.run(run, cwd=folder, capture_output=True, text=True, check=True, timeout=120,
+                                stdin=subprocess.DEVNULL)
+        shown.append(np.array([line.split() for line in result.stdout.splitlines()], float))
+    assert shown[0].shape == (len(u), 4) and np.isfinite(shown[0]).all()
+    # Fused products may round differently: a few units in the last place for each of at most 8 products
+    support.assert_close(shown[1], shown[0], 20 * 8 * EPSILON[precision])
