@@ -4,6 +4,7 @@
 #include "arrays.hpp"
 #include "call.hpp"
 #include "tokid/controller_file.hpp"
+#include "tokid/deploy.hpp"
 #include "tokid/learning.hpp"
 #include "tokid/online_observer.hpp"
 
@@ -124,6 +125,25 @@ void bind_controller(nb::module_& module) {
       nb::arg("begin"), nb::arg("end"), nb::arg("y_reference").none(), nb::arg("u_reference").none());
 }
 
+nb::tuple counts(const Operations& operations) {
+  return nb::make_tuple(operations.multiplications, operations.additions, operations.divisions);
+}
+
+void bind_export(nb::module_& module) {
+  module.def(
+      "export_c",
+      [](const Model& model, const std::filesystem::path& path, const Lqr* controller, const std::string& name,
+         bool single_precision, bool start_from_zero) {
+        const DeployOptions options{name, {}, single_precision, start_from_zero};
+        const DeployedCode code = without_gil(
+            [&] { return save_deployed(model, path, options, controller ? &controller->controller : nullptr); });
+        return nb::make_tuple(code.name, code.table_bytes, code.state_bytes, code.stored_steps, counts(code.step),
+                              counts(code.step_missing), counts(code.control));
+      },
+      nb::arg("model"), nb::arg("path"), nb::arg("controller").none(), nb::arg("name"), nb::arg("single_precision"),
+      nb::arg("start_from_zero"));
+}
+
 void bind_learning(nb::module_& module) {
   nb::class_<LiftedMap>(module, "LiftedMap", "The lifted map of the library; tokid.LiftedMap is what users see of it.")
       .def(nb::init<const Model&, Index, Index>(), nb::arg("model"), nb::arg("begin"), nb::arg("end"))
@@ -156,6 +176,7 @@ void bind_learning(nb::module_& module) {
 void bind_control(nb::module_& module) {
   bind_observer(module);
   bind_controller(module);
+  bind_export(module);
   bind_learning(module);
 }
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Optional, Union, overload
 
 import numpy as np
 
-from . import _arrays, _control, _controller, _dataframe, _dataset, _experiments, _learning, _options, _tokid
+from . import _arrays, _control, _controller, _dataframe, _dataset, _experiments, _export, _learning, _options, _tokid
 from ._controller import Controller
 from ._ensemble import Ensemble
 from ._errors import reading, warn, writing
@@ -30,6 +30,7 @@ from .results import (
     Additions,
     Confidence,
     CrossValidation,
+    ExportedCode,
     Finding,
     FunctionBounds,
     Identification,
@@ -977,6 +978,40 @@ class Model(StateSpace):
             y_reference,
             u_reference,
         )
+
+    def export_c(
+        self,
+        path: PathLike,
+        controller: Optional[Controller] = None,
+        *,
+        name: Optional[str] = None,
+        single_precision: bool = False,
+        start_from_zero: bool = False,
+    ) -> ExportedCode:
+        """Write the observer as C99 source, and a controller, for machines without this package.
+
+        docs/deploy.md explains the code. The file and its header appear together or not at all.
+
+        Parameters
+        ----------
+        path : path
+            The source to write, with the extension .c. The header, .h, is written beside it.
+        controller : Controller, optional
+            A controller of this model.
+        name : str, optional
+            The beginning of all names in C, by default the name of the file.
+        single_precision : bool, default False
+            True: numbers are float, else double.
+        start_from_zero : bool, default False
+            Start from the zero state if the initial state is unknown. Without it, such a model is refused unless it has
+            `x0_mean`.
+
+        Returns
+        -------
+        ExportedCode
+            Bytes of the tables and of the state, and the operations of a step.
+        """
+        return _export.export_c(self, path, controller, name, single_precision, start_from_zero)
 
     def lifted_map(self, begin: Optional[int] = None, end: Optional[int] = None) -> LiftedMap:
         """Return the map from the inputs of all steps to their outputs, from rest, as an operator.

@@ -1407,6 +1407,52 @@ class ExpectedCost(_Result):
         return self.outputs + self.inputs + self.input_rates
 
 
+@dataclass(frozen=True)
+class Operations:
+    """Operations of one call of exported code, at most.
+
+    Attributes
+    ----------
+    multiplications, additions, divisions : int
+        Subtractions are additions.
+    """
+
+    multiplications: int
+    additions: int
+    divisions: int
+
+
+@dataclass(frozen=True, repr=False)
+class ExportedCode(_Result):
+    """The sizes of C code.
+
+    Attributes
+    ----------
+    name : str
+        The beginning of all names in C.
+    table_bytes : int
+        Bytes of the constant tables.
+    state_bytes : int
+        Bytes of the struct of the state.
+    stored_steps : int
+        Number of different steps. Equal ones are in the tables once.
+    step : Operations
+        One step with all outputs.
+    step_missing : Operations
+        One step if outputs are missing.
+    control : Operations
+        One input of the controller; zero without one.
+    """
+
+    name: str
+    table_bytes: int
+    state_bytes: int
+    stored_steps: int
+    step: Operations
+    step_missing: Operations
+    control: Operations
+
+
 @dataclass(frozen=True, repr=False)
 class ClosedLoop(_Result):
     """A simulation of a closed loop.
