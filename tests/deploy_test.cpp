@@ -8,6 +8,7 @@
 
 #include "deploy/tables.hpp"
 #include "testing.hpp"
+#include "tokid/io.hpp"
 
 namespace tokid::testing {
 namespace {

@@ -8,6 +8,7 @@ differences with `-s`.
 import ctypes
 import os
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -364,7 +365,8 @@ def test_sizes_are_those_of_the_object(tokid, folder):
             report = tokid.json("export", save(folder, model, **changes), "-o", folder / f"{name}.c",
                                 *(["--float"] if precision == "float" else []))
             assert report["stored_steps"] == stored and report["precision"] == precision
-            subprocess.run(["gcc", *STRICT, "-c", folder / f"{name}.c", "-o", folder / "size.o"], check=True)
+            subprocess.run(["gcc", *STRICT, "-fno-stack-protector", "-c", folder / f"{name}.c", "-o", folder / "size.o"],
+                           check=True)
             symbols = subprocess.run(["nm", "-S", folder / "size.o"], capture_output=True, text=True, check=True).stdout
             assert sum(int(line.split()[1], 16) for line in symbols.splitlines() if re.search(" r ", line)) == \
                 report["table_bytes"]
@@ -515,6 +517,9 @@ EMULATED = ["qemu-system-arm", "-M", "mps2-an386", "-semihosting", "-nographic",
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_on_a_microcontroller(tokid, folder, precision):
     """The same numbers as on this machine, from a Cortex-M4 in QEMU, whose hardware computes with float alone."""
+    for program in ("arm-none-eabi-gcc", "qemu-system-arm"):
+        if not shutil.which(program):
+            pytest.fail(f"{program} not found. On Debian: gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm")
     tokid("lqr", folder / "model.npz", "--input-rate-weight", 0.1, "-o", folder / "c.npz")
     tokid("export", folder / "model.npz", "--controller", folder / "c.npz", "-o", folder / "target.c",
           *(["--float"] if precision == "float" else []))
