@@ -99,6 +99,10 @@ TEST(Deploy, RefusesWithTheReason) {
   Controller other = controller;
   other.K[1] = Matrix::Zero(1, 2);
   EXPECT_EQ(refused(model, {}, &other), "controller: a gain of 1 x 2 found at step 1, 1 x 3 of the model needed");
+  Model turned = model;
+  turned.step[2].D()(0, 0) += 1;
+  EXPECT_EQ(refused(turned, {}, &controller),
+            "controller: gains for other matrices or coordinates found, those for this model needed");
   other = controller;
   other.begin = 1;
   EXPECT_EQ(refused(model, {}, &other), "controller: steps 1 to 6 found, steps of the model needed");

@@ -7,12 +7,10 @@
 #include <optional>
 #include <stdexcept>
 
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
 #include "base/nan.hpp"
 #include "base/random.hpp"
 #include "control/lq.hpp"
+#include "control/system_digest.hpp"
 #include "model/continuation.hpp"
 #include "model/kalman_step.hpp"
 #include "model/observer_rows.hpp"
@@ -36,20 +34,6 @@ void check_reference(const char* name, const Matrix& reference, Index steps, Ind
                                             reference.cols(), steps, channels));
   if (!reference.allFinite())
     throw std::invalid_argument(fmt::format("{}: a value that is not finite found, finite ones needed", name));
-}
-
-std::uint64_t digest_of_system(const Model& model, Index begin, Index end) {
-  XXH3_state_t state;
-  XXH3_64bits_reset(&state);
-  for (Index k = begin; k < end; ++k) {
-    const Step& step = step_at(model, k);
-    for (const Step::View& part : {step.A(), step.B(), step.C(), step.D()}) {
-      const std::int64_t shape[] = {part.rows(), part.cols()};
-      XXH3_64bits_update(&state, shape, sizeof(shape));
-      XXH3_64bits_update(&state, part.data(), size_t(part.size()) * sizeof(double));
-    }
-  }
-  return XXH3_64bits_digest(&state);
 }
 
 CostToGo cost_to_go_of(const lq::Solution& solution) {

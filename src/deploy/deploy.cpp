@@ -10,6 +10,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "control/system_digest.hpp"
 #include "deploy/source.hpp"
 #include "deploy/tables.hpp"
 #include "model/continuation.hpp"
@@ -60,23 +61,18 @@ void check_controller(const Controller& c, const Model& model, const Rows& rows)
   const auto need = [](bool holds, const std::string& what) {
     if (!holds) throw std::invalid_argument("controller: " + what);
   };
-  const Index S = c.steps(), r = model.inputs;
-  need(S > 0, "no step found, at least one needed");
+  const Index r = model.inputs;
+  c.check();
   need(c.u_nominal.cols() == r && c.outputs == model.outputs,
        fmt::format("{} inputs and {} outputs found, {} and {} of the model needed", c.u_nominal.cols(), c.outputs, r,
                    model.outputs));
   need(c.begin >= rows.begin && has_step(model, c.end() - 1),
        fmt::format("steps {} to {} found, steps of the model needed", c.begin, c.end() - 1));
-  need(c.u_nominal.rows() == S && (c.L.empty() || Index(c.L.size()) == S) &&
-           (c.feedforward.size() == 0 || (c.feedforward.rows() == S && c.feedforward.cols() == r)),
-       "parts of different sizes found, those that lqr() gives needed");
   for (Index k = c.begin; k < c.end(); ++k) {
     const size_t s = size_t(k - c.begin);
     need(c.K[s].rows() == r && c.K[s].cols() == states_at(model, k),
          fmt::format("a gain of {} x {} found at step {}, {} x {} of the model needed", c.K[s].rows(), c.K[s].cols(), k,
                      r, states_at(model, k)));
-    need(c.L.empty() || (c.L[s].rows() == r && c.L[s].cols() == r),
-         fmt::format("an input gain of a wrong shape found at step {}, {} x {} needed", k, r, r));
     const Index row = nominal_row(model, model.u_nominal, k);
     const bool same =
         row < 0 ? c.u_nominal.row(Index(s)).isZero(0) : c.u_nominal.row(Index(s)) == model.u_nominal.row(row);
@@ -84,6 +80,8 @@ void check_controller(const Controller& c, const Model& model, const Rows& rows)
     need(c.K[s].allFinite() && (c.L.empty() || c.L[s].allFinite()) && c.feedforward.allFinite(),
          fmt::format("a gain or feedforward that is not finite found at step {}", k));
   }
+  need(digest_of_system(model, c.begin, c.end()) == c.system,
+       "gains for other matrices or coordinates found, those for this model needed");
 }
 
 // The state at the first step.
