@@ -65,8 +65,25 @@ void add_cross_validation(const Call& call, const Model& model, const CrossValid
   page.table(rows);
 }
 
+constexpr Index listed_experiments = 5;
+
+// The experiments with the largest excess, and the output where they have it.
+void add_experiments(const Model& model, const Ensemble& data, const ExperimentFits& fits, Page& page) {
+  if (fits.worst_first.size() < 2) return;
+  std::vector<std::vector<std::string>> rows{
+      {"worst experiments", "output", "simulation", "one step", "error / median"}};
+  for (const Index n : fits.worst_first) {
+    Index j = 0;
+    const Vector excess = fits.excess.row(n).array().isNaN().select(-1.0, fits.excess.row(n));
+    if (!(excess.maxCoeff(&j) >= 0) || Index(rows.size()) > listed_experiments) break;
+    rows.push_back({data.experiment_label(n), output_label(model.names, j), percent(fits.simulation_fit(n, j)),
+                    percent(fits.one_step_fit(n, j)), fmt::format("{:.2f}", excess(j))});
+  }
+  if (rows.size() > 1) page.table(rows);
+}
+
 std::string report(const Call& call, const Model& model, const Ensemble& data, const Validation& v,
-                   const std::optional<CrossValidation>& cross) {
+                   const ExperimentFits& experiments, const std::optional<CrossValidation>& cross) {
   Page page;
   page.row("Model", call.model.string());
   page.row("", describe(model));
@@ -79,6 +96,7 @@ std::string report(const Call& call, const Model& model, const Ensemble& data, c
   add_table(call, model, v, &Fit::fit, percent, page);
   page.row("RMS error", "");
   add_table(call, model, v, &Fit::rmse, number, page);
+  if (v.noisy) add_experiments(model, data, experiments, page);
   const Conclusions found = conclusions(v, model.names);
   page.row("Innovations", in_words(found.nis));
   page.row("Whiteness", in_words(found.whiteness));
@@ -122,8 +140,21 @@ Json json(const CrossValidation& cross) {
   return j;
 }
 
+Json json(const Ensemble& data, const ExperimentFits& fits) {
+  Json list = Json::array();
+  for (const Index n : fits.worst_first)
+    list.push_back({{"experiment", n},
+                    {"name", data.experiment_names.empty() ? Json() : Json(data.experiment_label(n))},
+                    {"simulation_fit", numbers(fits.simulation_fit.row(n))},
+                    {"one_step_fit", numbers(fits.one_step_fit.row(n))},
+                    {"simulation_rmse", numbers(fits.simulation_rmse.row(n))},
+                    {"one_step_rmse", numbers(fits.one_step_rmse.row(n))},
+                    {"excess", numbers(fits.excess.row(n))}});
+  return list;
+}
+
 Json json(const Call& call, const Model& model, const Ensemble& data, const Validation& v,
-          const std::optional<CrossValidation>& cross) {
+          const ExperimentFits& experiments, const std::optional<CrossValidation>& cross) {
   Json j;
   j["model"] = call.model.string();
   j["data"] = call.data.string();
@@ -142,6 +173,7 @@ Json json(const Call& call, const Model& model, const Ensemble& data, const Vali
       {"simulation", v.simulation.samples}, {"one_step", v.one_step.samples}, {"horizon", v.horizon.samples}};
   j["first_predicted"] = v.first_predicted;
   j["first_simulated"] = v.first_simulated;
+  j["worst_experiments_first"] = json(data, experiments);
   j["nis"] = v.squares.ratio;
   j["nis_p"] = v.squares.p;
   j["nis_presumes_normal"] = std::isnan(v.squares.p) ? Json() : Json(v.squares.normal);
@@ -163,6 +195,7 @@ CrossValidation cross_validation(const Call& call, const Model& model, const Ens
   CrossValidateOptions options;
   options.folds = call.folds;
   options.horizon = call.options.horizon;
+  options.first_step = call.options.first_step;
   ProgressBar bar(true);
   identify.execution.progress = bar.callback();
   return about(call.data, [&] { return cross_validate(data, identify, options); });
@@ -172,6 +205,7 @@ void run(const Call& call) {
   const Model model = load_model(call.model);
   const Ensemble data = load_data(model, call.data, call.read);
   Validation result = about(call.data, [&] { return validate_distinct(model, data, call.options); });
+  const ExperimentFits experiments = experiment_fits(model, data, call.options);
   Findings findings = remarks(model, data);
   append(findings, std::move(result.findings));
   append(findings, differences(model, data));
@@ -182,9 +216,9 @@ void run(const Call& call) {
   }
   result.findings = std::move(findings);
   if (call.json)
-    print(json(call, model, data, result, cross));
+    print(json(call, model, data, result, experiments, cross));
   else
-    print(report(call, model, data, result, cross));
+    print(report(call, model, data, result, experiments, cross));
   warn(result.findings);
 }
 
@@ -198,6 +232,8 @@ void add_validate(CLI::App& tool) {
   command.argument("DATA", call->data, "Ensemble: .npz, .h5, .mat or .csv");
   command.columns(call->read);
   command.horizon(call->options.horizon);
+  command.number<Index>("--from", call->options.first_step, "STEP",
+                        "First step of the fits, to compare models that begin at different steps", 0, 1'000'000'000);
   command.number<Index>(
       "--cross-validate", call->folds, "K",
       "Also cross-validate with the options of the model: identify from all but one of K parts of DATA at a time, "

@@ -52,6 +52,18 @@ TEST(CrossValidate, EveryExperimentIsJudgedOnceByAModelThatHasNotSeenIt) {
   }
 }
 
+TEST(CrossValidate, FitsBeginAtTheGivenStep) {
+  const Ensemble data = with_noise(experiments(oscillator(20), {.experiments = 24}), 0.1, 1);
+  const IdentifyOptions known{.states = 4, .lags = 2, .method = Method::tvera};
+  const CrossValidation late = cross_validate(data, known, {.folds = 3, .first_step = 12});
+  EXPECT_EQ(late.one_step.samples, 24 * 8);
+  EXPECT_EQ(late.folds[0].simulation.samples, 8 * 8);
+  EXPECT_NE(message([&] {
+              cross_validate(data, known, {.folds = 3, .first_step = 20});
+            }).find("first_step: 20 found, 0 to 19 needed"),
+            std::string::npos);
+}
+
 TEST(CrossValidate, ExperimentsAreNamedAsInTheWholeEnsemble) {
   Ensemble data = experiments(oscillator(20), {.experiments = 24});
   const IdentifyOptions known{.states = 4, .lags = 2, .method = Method::tvera};

@@ -265,6 +265,51 @@ TEST(Coordinates, SimilarityTellsModelsApart) {
   EXPECT_FALSE(kinematically_similar(model, other).similar);
 }
 
+TEST(Coordinates, RelativeErrorIsThatOfEachResponse) {
+  const Model truth = observed_system({3, 2, 2}, 12, 81);
+  Model model = truth;
+  // Twice the first output, and one and a half times the effect of the second input.
+  for (Step& step : model.step) {
+    step.C().row(0) *= 2;
+    step.D().row(0) *= 2;
+    step.B().col(1) *= 1.5;
+    step.D().col(1) *= 1.5;
+  }
+  const Similarity found = kinematically_similar(model, truth, 1e-8, 5);
+  const Matrix expected{{1.0, 2.0}, {0.0, 0.5}};
+  // Sums of up to 12·5 squares in one order, of numbers that are products of three exact multiples.
+  EXPECT_LE((found.relative_error - expected).cwiseAbs().maxCoeff(), 60 * epsilon);
+  EXPECT_EQ(found.begin, 0);
+  EXPECT_EQ(found.end, 12);
+  EXPECT_EQ(found.band, 5);
+  model = truth;
+  for (Step& step : model.step) step.B().col(0).setZero(), step.D().col(0).setZero();
+  EXPECT_TRUE(kinematically_similar(truth, model).relative_error.col(0).array().isNaN().all());
+  EXPECT_TRUE((kinematically_similar(model, truth).relative_error.col(0).array() == 1).all());
+}
+
+TEST(Coordinates, SimilarityContinuesModelsThatGoOn) {
+  Model a = observed_system({2, 1, 1}, 2, 83), b = observed_system({2, 1, 1}, 3, 84);
+  a.period = 2;
+  b.period = 3;
+  const Similarity both = kinematically_similar(a, b, 1e-8, 4);
+  EXPECT_EQ(both.end, 2 * 3 + 4);
+  EXPECT_GT(both.max_difference, 1e-3);
+  EXPECT_TRUE(kinematically_similar(a, continued(a, 11)).similar);
+  const Model varying = cut(a, 1, 9);
+  Model ends = varying;
+  ends.period = 0;
+  EXPECT_EQ(kinematically_similar(a, ends).end, 9);
+  EXPECT_EQ(kinematically_similar(ends, a).begin, 1);
+  EXPECT_TRUE(kinematically_similar(ends, a).similar);
+  ends.at(8).D() *= 2;
+  EXPECT_FALSE(kinematically_similar(a, ends).similar);
+  EXPECT_NE(message([&] {
+              kinematically_similar(cut(ends, 1, 3), cut(ends, 5, 7));
+            }).find("steps 1 to 2 and 5 to 6 found, common steps needed"),
+            std::string::npos);
+}
+
 TEST(Coordinates, ReferenceFrameEndsWhereItsCoordinatesFail) {
   Model model = random_system({2, 2, 1}, 30, 1.0, 99);
   for (size_t k = 0; k < 30; ++k) {
@@ -419,6 +464,140 @@ TEST(Model, FromStepKeepsTheRest) {
   EXPECT_EQ(rest.at(6).A(), model.step[6].A());
   EXPECT_EQ(rest.n(10), 2);
   EXPECT_THROW(from_step(model, 11), std::invalid_argument);
+}
+
+TEST(Model, CutKeepsTheStepsBetween) {
+  Model model = observed_system({2, 1, 1}, 10, 86);
+  model.x0_mean = Vector::Ones(2);
+  const Model part = cut(model, 3, 7);
+  part.check();
+  EXPECT_EQ(part.k_begin, 3);
+  EXPECT_EQ(part.k_end(), 7);
+  EXPECT_EQ(part.at(6).A(), model.step[6].A());
+  EXPECT_EQ(part.x0_mean.size(), 0);
+  EXPECT_EQ(cut(model, 0, 4).x0_mean, model.x0_mean);
+  EXPECT_NE(message([&] { cut(model, 3, 11); }).find("cut: steps 3 to 10 found, steps within 0 to 9 needed"),
+            std::string::npos);
+  EXPECT_THROW(cut(model, 7, 3), std::invalid_argument);
+  EXPECT_THROW(cut(part, 2, 5), std::invalid_argument);
+}
+
+TEST(Model, CutContinuesPeriodicModels) {
+  Model model = observed_system({2, 1, 1}, 4, 86);
+  model.period = 4;
+  const Model longer = cut(model, 2, 11);
+  EXPECT_EQ(longer.k_end(), 11);
+  EXPECT_EQ(longer.at(10).A(), model.step[2].A());
+  EXPECT_EQ(longer.period, 4);
+  // Whether the part goes on depends on its steps, not on those that the model stores.
+  EXPECT_EQ(cut(continued(model, 12), 0, 8).period, 4);
+  EXPECT_EQ(cut(model, 0, 8).period, 4);
+  EXPECT_EQ(cut(model, 0, 3).period, 0);
+  EXPECT_EQ(cut(model, 3, 4).period, 0);
+  EXPECT_EQ(from_step(model, 3).period, 0);
+  EXPECT_THROW(cut(model, 5, 5), std::invalid_argument);
+}
+
+// Parts in different coordinates, cut from one system, make the system again.
+TEST(Join, TwoPartsOfASystemMakeTheSystem) {
+  for (const SystemSize size : {SystemSize{1, 1, 1}, {4, 2, 2}, {5, 1, 3}}) {
+    const Index rows = smallest_lag_order(size);
+    Model system = observed_system(size, 24, 91);
+    for (Step& step : system.step) {
+      step.set_Q(Matrix::Identity(size.n, size.n));
+      step.set_K(Matrix::Ones(size.n, size.m));
+      step.set_lags(rows);
+    }
+    const Model other = transform(system, bases(system, 92));
+    const Model earlier = cut(system, 0, 12 + rows), later = cut(other, 8, 24);
+    for (const Index k : {8, 10, 12}) {
+      const JoinedModel joined = join(earlier, later, k, rows);
+      joined.model.check();
+      EXPECT_EQ(joined.model.k_begin, 0);
+      EXPECT_EQ(joined.model.k_end(), 24);
+      // Bases and observability matrices of few rows have condition numbers up to some 1e3 each.
+      EXPECT_LE(joined.misfit, 1e-10) << name(size);
+      EXPECT_TRUE(kinematically_similar(joined.model, system, 1e-9, 24).similar) << name(size);
+      EXPECT_EQ(joined.model.at(k - 1).K(), earlier.at(k - 1).K());
+      EXPECT_EQ(joined.model.at(k).lags(), rows);
+      const Matrix Q = joined.model.at(k - 1).Q(), expected = other.at(k - 1).Q();  // of the state at k, as `later`
+      EXPECT_LE((Q - expected).norm(), 1e-9 * expected.norm());
+    }
+  }
+}
+
+TEST(Join, KeepsNominalTrajectoriesAndCommonParts) {
+  Model earlier = observed_system({2, 1, 1}, 12, 93), later = earlier;
+  earlier.u_nominal = Matrix::Constant(12, 1, 1), earlier.y_nominal = Matrix::Constant(12, 1, 2);
+  later.u_nominal = Matrix::Constant(12, 1, 3), later.y_nominal = Matrix::Constant(12, 1, 4);
+  for (Step& step : later.step) step.set_R(Matrix::Identity(1, 1));
+  earlier.provenance.data = {"a"}, later.provenance.data = {"a", "b"};
+  const Model model = join(earlier, later, 5, 2).model;
+  model.check();
+  EXPECT_EQ(model.u_nominal(4, 0), 1);
+  EXPECT_EQ(model.y_nominal(5, 0), 4);
+  EXPECT_FALSE(model.has(&Step::has_R));
+  EXPECT_EQ(model.provenance.data, (std::vector<std::string>{"a", "b"}));
+  later.u_nominal.resize(0, 0), later.y_nominal.resize(0, 0);
+  EXPECT_NE(message([&] { join(earlier, later, 5, 2); }).find("in the earlier model only"), std::string::npos);
+}
+
+// The misfit is of the order of the changes.
+TEST(Join, TellsHowMuchTheModelsDiffer) {
+  const Model system = observed_system({3, 2, 1}, 20, 94);
+  for (const auto part : system_parts) {
+    Model off = system;
+    for (Step& step : off.step) (step.*part)() *= 1.01;
+    const double misfit = join(system, off, 10, 3).misfit;
+    EXPECT_GT(misfit, 1e-3);
+    EXPECT_LT(misfit, 0.1);
+  }
+}
+
+// One row of outputs leaves a state of two unknown, however well the outputs of this row agree.
+TEST(Join, NeedsRowsThatDetermineTheState) {
+  const Model system = observed_system({2, 1, 1}, 12, 95);
+  const Model other = transform(system, bases(system, 96));
+  EXPECT_NE(message([&] { join(system, other, 5, 1); }).find("1 block rows of step 5 don't determine its 2 states"),
+            std::string::npos);
+  EXPECT_LE(join(system, other, 5, 2).misfit, 1e-10);  // as in the first test of joints
+  Model unseen = system;
+  for (Step& step : unseen.step) step.C().setZero();
+  EXPECT_THROW(join(unseen, unseen, 5, 3), std::invalid_argument);
+}
+
+TEST(Join, ContinuesPeriodicModelsAndKeepsWhatItCan) {
+  Model cycle = observed_system({2, 1, 1}, 4, 97);
+  cycle.period = 4;
+  cycle.x0_mean = Vector::Ones(2);
+  cycle.method = "tvera";
+  Model later = cut(cycle, 2, 14);
+  later.method = "subspace";
+  for (Model* model : {&cycle, &later})
+    for (Step& step : model->step) step.set_lags(2), step.set_R(Matrix::Identity(1, 1));
+  const Model joined = join(cycle, later, 6, 2).model;
+  joined.check();
+  EXPECT_EQ(joined.k_end(), 14);
+  EXPECT_EQ(joined.period, 0);
+  EXPECT_EQ(joined.x0_mean, cycle.x0_mean);
+  EXPECT_EQ(joined.method, "known");
+  EXPECT_FALSE(joined.has(&Step::has_lags));
+  EXPECT_TRUE(joined.has(&Step::has_R));
+  EXPECT_TRUE(kinematically_similar(joined, cycle).similar);
+}
+
+TEST(Join, RefusesModelsThatDoNotFitTogether) {
+  const Model model = observed_system({2, 1, 1}, 12, 95);
+  EXPECT_NE(message([&] {
+              join(cut(model, 0, 6), cut(model, 6, 12), 6, 2);
+            }).find("join: step 6 with 2 block rows found; the models have steps 0 to 5 and 6 to 11"),
+            std::string::npos);
+  EXPECT_THROW(join(model, model, 0, 2), std::invalid_argument);
+  EXPECT_THROW(join(model, observed_system({3, 1, 1}, 12, 95), 5, 3), std::invalid_argument);
+  EXPECT_THROW(join(model, observed_system({2, 1, 2}, 12, 95), 5, 2), std::invalid_argument);
+  Model slow = model;
+  slow.dt = 2 * model.dt;
+  EXPECT_NE(message([&] { join(model, slow, 5, 2); }).find("sample times"), std::string::npos);
 }
 
 TEST(Model, PulseResponsesAreThoseOfEachStep) {

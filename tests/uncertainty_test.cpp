@@ -6,6 +6,7 @@
 #include "studies/coverage.hpp"
 #include "tokid/example.hpp"
 #include "tokid/identify.hpp"
+#include "tokid/observer.hpp"
 #include "tokid/refine_model.hpp"
 #include "uncertainty/replicate.hpp"
 
@@ -149,6 +150,72 @@ TEST(Uncertainty, SameBitsForAnyNumberOfThreads) {
     EXPECT_TRUE(known.any());
     EXPECT_TRUE((known.select(results[0][i].array(), 0) == known.select(results[1][i].array(), 0)).all()) << i;
   }
+}
+
+TEST(Uncertainty, RelativeErrorsAreThoseOfAllResponses) {
+  MarkovBounds bounds{.inputs = 2, .outputs = 1, .band = 1, .k_begin = 0, .step = {}};
+  // Blocks of two inputs: h_kk, and h_{k,k-1}, which the first step does not have.
+  const auto interval = [](const Matrix& estimate, const Matrix& deviation) {
+    return Interval{estimate, deviation, estimate - 2 * deviation, estimate + 2 * deviation};
+  };
+  bounds.step.push_back(interval(Matrix{{3, 0, nan, nan}}, Matrix{{0.3, 0.1, nan, nan}}));
+  bounds.step.push_back(interval(Matrix{{0, 0, 4, 0}}, Matrix{{0, 0.1, 0.4, 0.1}}));
+  const RelativeError found = relative_error(bounds);
+  // √(0.3² + 0.4²) / √(3² + 4²); rounding of six operations
+  EXPECT_NEAR(found.expected(0, 0), 0.1, 6 * epsilon);
+  EXPECT_NEAR(found.limit(0, 0), 0.2, 6 * epsilon);
+  EXPECT_TRUE(std::isnan(found.expected(0, 1)) && std::isnan(found.limit(0, 1)));
+}
+
+// Experiments of a system in innovations form: x' = A x + B u - G e, y = C x + D u + e. If its observer is deadbeat,
+// the errors of the ARX equations are the innovations e, and those of different steps are uncorrelated.
+Ensemble with_innovations(const Model& system, Index experiments, double size, std::uint64_t seed) {
+  Random random(seed);
+  Ensemble data(experiments, system.steps(), system.inputs, system.outputs);
+  data.initial_state = InitialState::zero;
+  for (Index n = 0; n < experiments; ++n) {
+    Vector x = Vector::Zero(system.n(0));
+    for (Index k = 0; k < system.steps(); ++k) {
+      const Step& step = system.at(k);
+      const Vector u = random.matrix(system.inputs, 1), e = size * random.matrix(system.outputs, 1);
+      data.input(k).row(n) = u.transpose();
+      data.output(k).row(n) = (step.C() * x + step.D() * u + e).transpose();
+      x = step.A() * x + step.B() * u - step.G() * e;
+    }
+  }
+  return data;
+}
+
+// The limit holds for the stated part of data sets or more, and the RMS of the errors is the expected one.
+TEST(Uncertainty, RelativeErrorsHaveTheirProbability) {
+  Model system = turning_system({2, 1, 1}, 12, 3);
+  set_gains(system, deadbeat_gain(system).G);
+  constexpr int trials = 200;
+  const Index band = 4;
+  int held = 0;
+  double squares = 0.0;
+  for (int trial = 0; trial < trials; ++trial) {
+    const Ensemble data = with_innovations(system, 60, 1e-3, 100 + std::uint64_t(trial));
+    const GtvArx arx = regressions(data, 2);
+    const MarkovBounds bounds = markov_bounds(arx, band);
+    double error = 0.0, size = 0.0;
+    for (Index k = bounds.k_begin; k < 12; ++k)
+      for (Index lag = 0; lag <= std::min(band, k - bounds.k_begin); ++lag) {
+        const double truth = lag == 0 ? system.at(k).D()(0, 0) : pulse_response(system, k, k - lag)(0, 0);
+        const double h = bounds.step[size_t(k)].estimate(0, lag);
+        error += (h - truth) * (h - truth);
+        size += h * h;
+      }
+    const RelativeError limits = relative_error(bounds);
+    const double relative = std::sqrt(error / size);
+    held += relative <= limits.limit(0, 0);
+    squares += (relative / limits.expected(0, 0)) * (relative / limits.expected(0, 0));
+  }
+  // Three standard deviations of a proportion of 95 % in 200 trials are 5 %.
+  EXPECT_GE(held, int(0.90 * trials));
+  // Squares of relative errors have standard deviations of at most √2 times their mean: 10 % for the mean of 200
+  // trials, and these are three. The noise is so small that the bias, which grows with its square, does not count.
+  EXPECT_NEAR(squares / trials, 1.0, 0.3);
 }
 
 TEST(Uncertainty, NoiseFreeDataAreKnownToRounding) {

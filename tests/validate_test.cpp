@@ -45,6 +45,127 @@ TEST(Validate, TrueModelsFitNoiseFreeDataCompletely) {
   }
 }
 
+TEST(Fit, BeginsAtTheGivenStep) {
+  Ensemble y(2, 6, 1, 1), computed = y;
+  Random random(3);
+  for (Index k = 0; k < 6; ++k)
+    for (Index n = 0; n < 2; ++n) {
+      y.y(n, k, 0) = random.normal();
+      computed.y(n, k, 0) = k < 2 ? nan : random.normal();
+    }
+  EXPECT_EQ(fit(y, computed, {}, 2).fit(0), fit(y, computed).fit(0));
+  Ensemble late = computed;
+  for (Index n = 0; n < 2; ++n) late.y(n, 2, 0) = nan;
+  EXPECT_EQ(fit(y, computed, {}, 3).fit(0), fit(y, late).fit(0));
+  EXPECT_EQ(fit(y, computed, {}, 3).samples, 6);
+}
+
+// A model that is wrong before the first step of the fits, and one that begins late, have the fits of the whole model.
+TEST(Validate, FitsBeginAtTheGivenStep) {
+  const Model system = oscillator(40);
+  ExperimentOptions options;
+  options.experiments = 8;
+  const Ensemble data = with_noise(experiments(system, options), 0.1, 1);
+  const ValidateOptions late{.horizon = 4, .first_step = 20};
+  const Validation all = validate(system, data), v = validate(system, data, late);
+  EXPECT_EQ(v.first_predicted, 20);
+  EXPECT_EQ(v.first_simulated, 20);
+  EXPECT_EQ(v.one_step.samples, 8 * 20);
+  EXPECT_EQ(v.whiteness_p, all.whiteness_p);  // the tests take all steps
+  EXPECT_EQ(v.simulation.fit(0), fit(data, simulate_data(system, data), {}, 20).fit(0));
+  EXPECT_EQ(v.one_step.fit(0), fit(data, predict(system, data).y, {}, 20).fit(0));
+  EXPECT_EQ(v.horizon.fit(0), fit(data, predict(system, data, {4}).y, {}, 20).fit(0));
+  Model off = system;
+  for (Index k = 0; k < 20; ++k) off.at(k).C() *= 2, off.at(k).D() *= 2;
+  EXPECT_EQ(validate(off, data, late).simulation.fit(0), v.simulation.fit(0));
+  EXPECT_LT(validate(off, data).simulation.fit(0), v.simulation.fit(0));
+}
+
+TEST(Validate, FirstStepsOfFitsAreChecked) {
+  const Model system = oscillator(40);
+  ExperimentOptions options;
+  options.experiments = 8;
+  Ensemble data = with_noise(experiments(system, options), 0.1, 1);
+  const std::string words = "first_step: 40 found, 0 to 39 needed";
+  EXPECT_NE(message([&] { validate(system, data, {.first_step = 40}); }).find(words), std::string::npos);
+  EXPECT_NE(message([&] { experiment_fits(system, data, {.first_step = 40}); }).find(words), std::string::npos);
+  EXPECT_NE(message([&] { fit(data, data, {}, 40); }).find(words), std::string::npos);
+  EXPECT_THROW(validate(system, data, {.first_step = -1}), std::invalid_argument);
+  EXPECT_THROW(fit(data, data, {}, -1), std::invalid_argument);
+  // No outputs are left for the fits. Predictions exist all the same, and no finding says otherwise.
+  for (Index k = 30; k < 40; ++k) data.output(k).setConstant(nan);
+  const Validation v = validate(system, data, {.first_step = 31});
+  EXPECT_EQ(v.first_predicted, 31);
+  EXPECT_EQ(v.one_step.samples, 0);
+  EXPECT_EQ(mentions(v.findings, "no step could be predicted"), 0);
+}
+
+// Each row must be what fit() says of this experiment alone.
+TEST(ExperimentFits, AreTheFitsOfSingleExperiments) {
+  const Model system = random_system({3, 2, 2}, 30, 1.0, 5);
+  Ensemble data = with_noise(random_experiments(system, 7, 6, 1.0), 0.1, 7);
+  data.initial_state = InitialState::unknown;
+  for (Index k = 5; k < 12; ++k) data.y(2, k, 1) = nan;
+  for (Index k = 0; k < 30; ++k) data.y(4, k, 0) += 3 * std::cos(k);
+  Model nominal = system;
+  nominal.u_nominal = Random(8).matrix(30, 2);
+  nominal.y_nominal = Random(9).matrix(30, 2);
+  for (const Model* model : {&system, static_cast<const Model*>(&nominal)})
+    for (const Index first : {0, 11}) {
+      ValidateOptions options;
+      options.first_step = first;
+      const ExperimentFits found = experiment_fits(*model, data, options);
+      const Ensemble predicted = predict(*model, data).y, simulated = simulate_data(*model, data);
+      for (Index n = 0; n < 7; ++n) {
+        const Fit one = fit(data.subset({n}), predicted.subset({n}), model->y_nominal, first),
+                  all = fit(data.subset({n}), simulated.subset({n}), model->y_nominal, first);
+        for (Index j = 0; j < 2; ++j) {
+          // Both sum up to 60 squares, in another order: relative errors of the sums below 60 ε, and the fit is
+          // 100 times a root of their quotient.
+          const double tolerance = 60 * epsilon;
+          EXPECT_NEAR(found.one_step_rmse(n, j), one.rmse(j), tolerance * one.rmse(j));
+          EXPECT_NEAR(found.simulation_rmse(n, j), all.rmse(j), tolerance * all.rmse(j));
+          EXPECT_NEAR(found.one_step_fit(n, j), one.fit(j), tolerance * (200 + std::abs(one.fit(j))));
+          EXPECT_NEAR(found.simulation_fit(n, j), all.fit(j), tolerance * (200 + std::abs(all.fit(j))));
+        }
+      }
+      EXPECT_EQ(found.worst_first.size(), 7u);
+      if (model == &nominal) continue;  // a trajectory that does not belong to the data spoils all experiments
+      EXPECT_EQ(found.worst_first.front(), 4);
+      EXPECT_EQ(found.excess(4, 0), found.excess.maxCoeff());
+    }
+}
+
+// Models that begin late or go on, and experiments of other lengths.
+TEST(ExperimentFits, CoverTheStepsThatAreThere) {
+  Model period = random_system({2, 2, 1}, 6, 1.0, 5);
+  period.period = 6;
+  const Model whole = cut(period, 0, 30), late = from_step(whole, 9);
+  Ensemble data = with_noise(random_experiments(whole, 5, 6), 0.1, 7);
+  data.initial_state = InitialState::zero;
+  set_length(data, {30, 30, 20, 30, 30});
+  const ExperimentFits found = experiment_fits(whole, data), of_late = experiment_fits(late, data);
+  EXPECT_EQ(experiment_fits(period, data).one_step_rmse, found.one_step_rmse);
+  const Fit of_short = fit(data.subset({2}), predict(whole, data).y.subset({2}));
+  EXPECT_EQ(of_short.samples, 20);
+  // Sums of 20 squares in another order.
+  EXPECT_NEAR(found.one_step_rmse(2, 1), of_short.rmse(1), 20 * epsilon * of_short.rmse(1));
+  EXPECT_NEAR(of_late.one_step_rmse(2, 1), fit(data.subset({2}), predict(late, data).y.subset({2})).rmse(1),
+              20 * epsilon * of_short.rmse(1));
+}
+
+TEST(ExperimentFits, PutExperimentsWithoutOutputsLast) {
+  const Model system = oscillator(20);
+  ExperimentOptions options;
+  options.experiments = 4;
+  Ensemble data = with_noise(experiments(system, options), 0.1, 1);
+  for (Index k = 0; k < 20; ++k) data.y(0, k, 0) = data.y(0, k, 1) = nan;
+  const ExperimentFits found = experiment_fits(system, data);
+  EXPECT_EQ(found.worst_first.back(), 0);
+  EXPECT_TRUE(std::isnan(found.one_step_fit(0, 0)) && std::isnan(found.excess(0, 0)));
+  EXPECT_FALSE(found.excess.bottomRows(3).array().isNaN().any());
+}
+
 TEST(Validate, SaysWhenNothingCanBePredicted) {
   const Model system = oscillator(40);
   ExperimentOptions options;

@@ -32,7 +32,7 @@ print(model)
 # outputs for new inputs; `align` puts the model into the coordinates of the truth, where the matrices agree too.
 
 # %%
-pulse_error = model.difference(truth)
+pulse_error = model.difference(truth).largest
 fresh = tokid.example("oscillator", experiments=5, steps=100, seed=2)
 simulated = model.simulate(fresh)
 output_error = np.abs(simulated - fresh.y).max() / np.abs(fresh.y).max()

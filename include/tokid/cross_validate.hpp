@@ -18,6 +18,7 @@ struct CrossValidateOptions {
   // Empty: experiment n is in fold n mod K. If the conditions drift from the first to the last experiment, each fold
   // then contains all conditions. A seed: the folds are random.
   std::optional<std::uint64_t> seed = {};
+  Index first_step = 0;  // of the fits, as in ValidateOptions
 };
 
 struct Fold {

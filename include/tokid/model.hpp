@@ -147,6 +147,24 @@ Model continued(Model model, Index end);
 // \throws std::invalid_argument for k outside the model
 Model from_step(Model model, Index k);
 
+// The model with the steps begin … end-1 only. A periodic model is continued where needed, and stays periodic if a
+// whole period is left. \throws std::invalid_argument for steps outside the model, or none
+Model cut(Model model, Index begin, Index end);
+
+// Joins two models of the same system at step k: the result has the steps of `earlier` before k, and those of `later`
+// from k on. The given number of block rows of O_k of both models gives the state of `later` from that of `earlier`.
+// Therefore both models need the steps k … k+rows-1; periodic models are continued. The result has the optional parts
+// that both models have, and the rows of both nominal trajectories. It ends with the last step of `later`.
+struct JoinedModel {
+  Model model;
+  // How much the models differ at the steps k … k+rows-1. The larger one of two relative differences: of the outputs
+  // from a state, ‖O_k(earlier) - O_k(later)·S‖_F / ‖O_k(earlier)‖_F, and of the pulse responses as in Similarity.
+  double misfit = 0.0;
+};
+// \throws std::invalid_argument where channels, sample times or state dimensions disagree, steps are missing, or the
+// block rows do not determine the state
+JoinedModel join(const Model& earlier, const Model& later, Index k, Index rows);
+
 // Changes the coordinates to x'_k = S_k x_k with S (S+1 matrices n_k × n_k). The outputs do not change.
 // \throws std::invalid_argument for a wrong shape or a singular matrix
 Model transform(const Model& model, const std::vector<Matrix>& S);
@@ -171,10 +189,14 @@ FramedModel align(const Model& model, const Model& reference, Index rows);
 Model smooth_frame(const Model& model, Index rows);
 
 // Two models are kinematically similar if their Markov parameters agree. The Markov parameters of the common steps with
-// γ ≤ band are compared.
+// γ ≤ band are compared. Models that go on are continued: to the end of the other one, or over a common period.
 struct Similarity {
   double max_difference = 0.0;  // largest ‖h1 - h2‖_F over the largest ‖h‖_F of both models at the same step k
   bool similar = false;
+  // (m × r) ‖h1 - h2‖ / ‖h2‖ of the response of each output to each input, over all compared k and γ; NaN where b has
+  // no response. This is the relative error of `a` if `b` is the truth.
+  Matrix relative_error;
+  Index begin = 0, end = 0, band = 0;  // compared: pulses and responses at the steps begin … end-1, γ ≤ band
 };
 Similarity kinematically_similar(const Model& a, const Model& b, double tolerance = 1e-8, Index band = 0);
 

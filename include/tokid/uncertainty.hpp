@@ -46,6 +46,15 @@ struct MarkovBounds {
   Index k_begin = 0;           // pulses before this step have no estimate
   std::vector<Interval> step;  // (T) of (m × (band+1)·r): block γ of step k is h_{k,k-γ}; NaN for k-γ < k_begin
 };
+// The relative error of the pulse responses that noise causes, for each output and input as in
+// Similarity::relative_error, over the responses with bounds. NaN without a response.
+struct RelativeError {
+  Matrix expected;  // (m × r) ‖standard errors‖ / ‖estimates‖: RMS of the relative error
+  // (m × r) ‖half widths of the intervals‖ / ‖estimates‖. The relative error is below it with the probability `level`
+  // or more, because no sum of squared normal errors with a given mean has longer tails than a single one.
+  Matrix limit;
+};
+RelativeError relative_error(const MarkovBounds& bounds);
 // \throws std::invalid_argument for band < 1 or a level outside 0 … 1
 MarkovBounds markov_bounds(const GtvArx& arx, Index band, const BoundsOptions& options = {});
 

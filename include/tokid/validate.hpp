@@ -16,6 +16,9 @@ struct ValidateOptions {
   std::optional<InitialState> initial_state = {};  // as in PredictOptions
   // Known outliers: labels of experiments (Ensemble::experiment_label()). Their samples are not reported as outlying.
   std::vector<std::string> misfits = {};
+  // The fits compare from this step on, so that models that begin at different steps can be compared. The tests
+  // take all steps.
+  Index first_step = 0;
 };
 
 // Fit of output j: 100·(1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%], over all experiments and steps where both y and ŷ are known. ȳ is
@@ -26,7 +29,8 @@ struct Fit {
   Vector rmse;        // (m) in the unit of the output
   Index samples = 0;  // samples compared per output, the smallest number over the outputs
 };
-Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nominal = {});
+// Steps before first_step are not compared.
+Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nominal = {}, Index first_step = 0);
 
 // Outlying samples of one output of one experiment. Their one-step prediction errors exceed the usual error of the
 // experiments at these steps by 6 standard deviations of a normal distribution, or more if the errors have heavier
@@ -52,14 +56,27 @@ struct Validation {
   NormalisedSquares squares;
   InputGains gains;
   std::vector<OutlyingSamples> outlying;  // only for noisy data
-  Index first_predicted = 0;              // first step with a prediction
-  Index first_simulated = 0;              // first step with a simulation
+  Index first_predicted = 0;              // first step of the fit of the predictions
+  Index first_simulated = 0;              // first step of the fit of the simulation
   Findings findings;
 };
 // Validates a model on data. \throws std::invalid_argument where channels disagree or no step of the data has a model
+// or the first step of the fits is outside them
 Validation validate(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
 // Validates without copies and dependent experiments. The findings name the experiments that are left out.
 Validation validate_distinct(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
+
+// Fits of each experiment alone: (N × m). They are as in Fit, but ȳ is the mean over the steps of the experiment if the
+// model has no nominal trajectory. NaN where nothing can be compared.
+struct ExperimentFits {
+  Matrix simulation_fit, one_step_fit;    // [%]
+  Matrix simulation_rmse, one_step_rmse;  // in the units of the outputs
+  // RMS error one step ahead, as a multiple of its median over the experiments. NaN if the median is zero.
+  Matrix excess;
+  std::vector<Index> worst_first;  // the rows in falling order of their largest excess; those without one come last
+};
+// All experiments count, copies too. \throws as validate()
+ExperimentFits experiment_fits(const Model& model, const Ensemble& data, const ValidateOptions& options = {});
 
 // The conclusion of each test of the innovations, for the tool, the page and Python.
 Conclusions conclusions(const Validation& validation, const Channels& names);

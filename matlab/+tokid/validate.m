@@ -9,6 +9,7 @@ function evidence = validate(model, varargin)
 % errors in the units of the outputs, whiteness_p, nis and more (docs/formats.md). What is not known is [] or NaN.
 % Model and data may be the names of files. What can be said of data: see tokid.ensemble. Options:
 %   'horizon'             steps ahead that outputs are predicted (default 1)
+%   'from'                first step of the fits, to compare models that begin at different steps (default 0)
 %   'cross_validate'      K: also identify anew from all but one of K parts of the data at a time
 %   'inputs', 'outputs'   columns of a .csv
 %
@@ -17,7 +18,7 @@ function evidence = validate(model, varargin)
 % SPDX-License-Identifier: BSD-3-Clause
 
 tokid.internal.need(nargin, 'model');
-known = {'horizon', 'value'; 'cross_validate', 'value'; 'inputs', 'list'; 'outputs', 'list'};
+known = {'horizon', 'value'; 'from', 'value'; 'cross_validate', 'value'; 'inputs', 'list'; 'outputs', 'list'};
 [folder, clean] = tokid.internal.folder(); %#ok<ASGLU>
 [file, of_model] = tokid.internal.take_model(folder, model);
 [data, pairs, files] = tokid.internal.take_data(folder, true, varargin, model, {});

@@ -40,7 +40,12 @@ nb::any object_of(const MarkovBounds& b) {
           for (size_t i = 0; i < r; ++i) values.push_back((step.*part)(Index(j), Index(g * r + i)));
     return array_of(std::move(values), {T, blocks, m, r});
   });
-  return make("MarkovBounds", {{"band", b.band}, {"k_begin", b.k_begin}, {"interval", interval}});
+  const RelativeError error = relative_error(b);
+  return make("MarkovBounds", {{"band", b.band},
+                               {"k_begin", b.k_begin},
+                               {"interval", interval},
+                               {"relative_error", error.expected},
+                               {"relative_error_limit", error.limit}});
 }
 
 // (N, T, m); None without bounds

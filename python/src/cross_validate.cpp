@@ -39,14 +39,14 @@ void bind_cross_validate(nb::module_& module) {
   module.def(
       "cross_validate",
       [](const Ensemble& data, IdentifyOptions identify, Index folds, Index horizon, std::optional<std::uint64_t> seed,
-         int threads, nb::object listener) {
+         Index first_step, int threads, nb::object listener) {
         Call call(std::move(listener));
         identify.execution = call.execution(threads);
-        const CrossValidateOptions options{folds, horizon, seed};
+        const CrossValidateOptions options{folds, horizon, seed, first_step};
         return object_of(call.run([&] { return cross_validate(data, identify, options); }));
       },
       nb::arg("data"), nb::arg("options"), nb::kw_only(), nb::arg("folds"), nb::arg("horizon"), nb::arg("seed").none(),
-      nb::arg("threads"), nb::arg("listener").none());
+      nb::arg("first_step"), nb::arg("threads"), nb::arg("listener").none());
 }
 
 }  // namespace tokid::python

@@ -7,6 +7,7 @@
 #include "call.hpp"
 #include "io/formats/provenance_text.hpp"
 #include "model/step_fields.hpp"
+#include "results.hpp"
 
 namespace tokid::python {
 
@@ -307,6 +308,12 @@ void bind_model(nb::module_& module) {
              for (size_t s = 0; s < model.step.size(); ++s) model.step[s].G() = gain.G[s];
              return std::pair(std::move(model), gain.steps);
            })
+      .def("cut", [](const Model& model, Index begin, Index end) { return cut(model, begin, end); })
+      .def("join",
+           [](const Model& model, const Model& later, Index k, Index rows) {
+             JoinedModel joined = without_gil([&] { return join(model, later, k, rows); });
+             return std::pair(std::move(joined.model), joined.misfit);
+           })
       .def("from_step", [](const Model& model, Index k) { return from_step(model, k); })
       .def("continued", &continued)
       .def("transform",
@@ -323,11 +330,10 @@ void bind_model(nb::module_& module) {
            })
       .def("align", [](const Model& model, const Model& reference,
                        Index rows) { return without_gil([&] { return align(model, reference, rows).model; }); })
-      .def("difference",
-           [](const Model& model, const Model& other, Index band) {
-             return without_gil([&] { return kinematically_similar(model, other, 0.0, band).max_difference; });
-           })
       .def("identify_options", [](const Model& model) { return identify_options(model.provenance); });
+  module.def("difference", [](const Model& model, const Model& other, Index band) {
+    return object_of(without_gil([&] { return kinematically_similar(model, other, 0.0, band); }));
+  });
 }
 
 }  // namespace tokid::python

@@ -235,6 +235,23 @@ nb::any object_of(const OutlyingSamples& o) {
                                   {"weight", o.weight}});
 }
 
+nb::any object_of(const Similarity& s) {
+  return make("ModelDifference", {{"relative_error", s.relative_error},
+                                  {"largest", s.max_difference},
+                                  {"begin", s.begin},
+                                  {"end", s.end},
+                                  {"band", s.band}});
+}
+
+nb::any object_of(const ExperimentFits& f) {
+  return make("ExperimentFits", {{"simulation_fit", f.simulation_fit},
+                                 {"one_step_fit", f.one_step_fit},
+                                 {"simulation_rmse", f.simulation_rmse},
+                                 {"one_step_rmse", f.one_step_rmse},
+                                 {"excess", f.excess},
+                                 {"worst_first", f.worst_first}});
+}
+
 nb::any object_of(const Validation& v, const Channels& names) {
   nb::list outlying;
   for (const OutlyingSamples& o : v.outlying) outlying.append(object_of(o));

@@ -43,6 +43,8 @@ struct Field {
 nb::any make(const char* type, std::initializer_list<Field> fields);
 
 nb::any object_of(const Fit& fit);
+nb::any object_of(const ExperimentFits& fits);
+nb::any object_of(const Similarity& similarity);
 nb::any object_of(const Validation& validation, const Channels& names);
 nb::any object_of(const NoisyChoices& choices);
 nb::any object_of(const LikelihoodChoice& choice);

@@ -188,7 +188,56 @@ def test_markov_parameters(model, data):
     assert np.allclose(h[20, 1], model.C[20] @ model.A[19] @ model.B[18])
     system = tokid.example_system("oscillator", steps=30)
     assert np.allclose(h[6:], system.markov(4)[6:], atol=1e-9)
-    assert model.difference(system, band=6) < 1e-8 < model.difference(tokid.example_system(steps=30, dt=0.06))
+    assert model.difference(system, band=6).largest < 1e-8
+    other = tokid.example_system(steps=30, dt=0.06)
+    found = model.difference(other, band=4)
+    assert found.largest > 0.01
+    own, theirs = model.markov(4), other.markov(4)
+    begin = model.k_begin
+    for k in range(model.k_begin, 30):  # responses to pulses before the first step of either model are not compared
+        for lag in range(1, 5):
+            if k - lag < begin:
+                own[k, lag - 1] = theirs[k, lag - 1] = np.nan
+    own, theirs = own[begin:], theirs[begin:]
+    squares = np.nansum((own - theirs) ** 2, axis=(0, 1)) + sum(
+        (model.D[k] - other.D[k]) ** 2 for k in range(begin, 30)
+    )
+    size = np.nansum(theirs**2, axis=(0, 1)) + sum(other.D[k] ** 2 for k in range(begin, 30))
+    assert np.allclose(found.relative_error, np.sqrt(squares / size), rtol=1e-10)
+    assert (found.begin, found.end, found.band) == (begin, 30, 4)
+
+
+def test_fits_of_experiments_and_steps(model, data):
+    fits = model.experiment_fits(data, first_step=5)
+    predicted, simulated = model.predict(data.u, data.y), model.simulate(data.u)
+    error = np.sqrt(np.mean((data.y - predicted)[:, 5:] ** 2, axis=1))
+    assert np.allclose(fits.one_step_rmse, error, rtol=1e-12, atol=1e-13)
+    assert fits.simulation_rmse.shape == fits.excess.shape == data.y[:, 0].shape
+    assert sorted(fits.worst_first) == list(range(len(data.y)))
+    late = model.validate(data, first_step=5)
+    assert late.first_predicted == late.first_simulated == 5
+    assert late.one_step.samples == len(data.y) * (data.y.shape[1] - 5)
+    cross = model.cross_validate(data, folds=2, first_step=5)
+    assert cross.one_step.samples == late.one_step.samples
+    for call in (model.validate, model.experiment_fits, model.cross_validate):
+        with pytest.raises(ValueError, match="first_step: 30 found, 0 to 29 needed"):
+            call(data, first_step=30)
+
+
+def test_parts_of_a_model():
+    system = tokid.example_system("oscillator", steps=30)
+    part = system.cut(5, 20)
+    assert (part.k_begin, part.k_end) == (5, 20) and np.array_equal(part.A[2], system.A[7])
+    assert system.cut().k_end == 30 and system.cut(end=3).k_end == 3
+    joined, misfit = system.cut(end=20).frame("smooth").join(system.cut(12))
+    assert misfit < 1e-12 and joined.difference(system).largest < 1e-10
+    assert (joined.k_begin, joined.k_end) == (0, 30)
+    with pytest.raises(ValueError, match="cut: steps 5 to 39 found, steps within 0 to 29 needed"):
+        system.cut(5, 40)
+    with pytest.raises(ValueError, match="join: step 8 with 2 block rows found"):
+        system.cut(end=10).join(system.cut(12))
+    with pytest.raises(ValueError, match="later: str found, a tokid.Model needed"):
+        system.join("model.npz")
 
 
 def test_coordinates(model, data):

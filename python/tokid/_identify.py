@@ -191,6 +191,7 @@ def cross_validate(
     folds: int = 5,
     horizon: int = 1,
     seed: Optional[int] = None,
+    first_step: int = 0,
     dt: Optional[float] = None,
     length: Optional[ArrayLike] = None,
     free_y: Optional[ArrayLike] = None,
@@ -212,6 +213,8 @@ def cross_validate(
         Steps ahead of the predictions for `CrossValidation.horizon`.
     seed : int, optional
         Seed of a random order of the experiments. By default, experiment n is in fold n mod `folds`.
+    first_step : int, default 0
+        First step of the fits.
     dt, length, free_y
         As in `Ensemble`, for arrays.
     threads, progress
@@ -235,7 +238,7 @@ def cross_validate(
             _tokid.cross_validate,
             core,
             checked,
-            **_options.cross_validation(folds, horizon, seed, threads),
+            **_options.cross_validation(folds, horizon, seed, first_step, threads),
             listener=listening,
         )
     warn(result.warnings)

@@ -30,12 +30,14 @@ from .results import (
     Additions,
     Confidence,
     CrossValidation,
+    ExperimentFits,
     ExportedCode,
     Finding,
     FunctionBounds,
     Identification,
     Interval,
     LearnedRun,
+    ModelDifference,
     Modes,
     Refinement,
     Updated,
@@ -372,6 +374,7 @@ class Model(StateSpace):
         horizon: int = 1,
         whiteness_lags: int = _tokid.test_lags,
         initial_state: str = "auto",
+        first_step: int = 0,
     ) -> Validation:
         """Validate the model on data: fits of simulation and prediction, and tests of the innovations.
 
@@ -385,6 +388,8 @@ class Model(StateSpace):
             Lags of the tests of the innovations. 0: no tests.
         initial_state : {"auto", "zero", "unknown"}, default "auto"
             States at step 0.
+        first_step : int, default 0
+            First step of the fits, to compare models that begin at different steps. The tests take all steps.
 
         Returns
         -------
@@ -397,9 +402,39 @@ class Model(StateSpace):
             _options.integer("horizon", horizon, 1),
             _options.integer("whiteness_lags", whiteness_lags, 0),
             _options.initial_state(initial_state),
+            _options.integer("first_step", first_step, 0),
         )
         warn(validation.warnings)
         return validation
+
+    def experiment_fits(
+        self,
+        u: Union[ArrayLike, Ensemble],
+        y: Optional[ArrayLike] = None,
+        *,
+        initial_state: str = "auto",
+        first_step: int = 0,
+    ) -> ExperimentFits:
+        """Return the fits of each experiment alone, and the order of the experiments from the worst to the best.
+
+        Parameters
+        ----------
+        u, y : array_like, shapes (N, T, r), (N, T, m), or Ensemble
+            Experiments, preferably not the training data.
+        initial_state : {"auto", "zero", "unknown"}, default "auto"
+            States at step 0.
+        first_step : int, default 0
+            First step of the fits.
+
+        Returns
+        -------
+        ExperimentFits
+        """
+        data, _ = self._data(u, y, outputs=True)
+        fits: ExperimentFits = _tokid.experiment_fits(
+            self._core, data, _options.initial_state(initial_state), _options.integer("first_step", first_step, 0)
+        )
+        return fits
 
     def refine(
         self,
@@ -704,6 +739,7 @@ class Model(StateSpace):
         folds: int = 5,
         horizon: int = 1,
         seed: Optional[int] = None,
+        first_step: int = 0,
         threads: int = 1,
         progress: Progress = False,
     ) -> CrossValidation:
@@ -719,6 +755,8 @@ class Model(StateSpace):
             Steps ahead of the predictions for `CrossValidation.horizon`.
         seed : int, optional
             Seed of a random order of the experiments. By default, experiment n is in fold n mod `folds`.
+        first_step : int, default 0
+            First step of the fits.
         threads, progress
             As in `tokid.identify`.
 
@@ -731,7 +769,7 @@ class Model(StateSpace):
             result: CrossValidation = _tokid.cross_validate(
                 data,
                 self._core.identify_options(),
-                **_options.cross_validation(folds, horizon, seed, threads),
+                **_options.cross_validation(folds, horizon, seed, first_step, threads),
                 listener=listening,
             )
         warn(result.warnings)
@@ -851,8 +889,8 @@ class Model(StateSpace):
         """
         return self._same(self._core.align(_core_of("reference", reference), self._window("rows", rows)))
 
-    def difference(self, other: Model, *, band: Optional[int] = None) -> float:
-        """Return the largest difference of the Markov parameters of two models, relative to the largest at its step.
+    def difference(self, other: Model, *, band: Optional[int] = None) -> ModelDifference:
+        """Compare the pulse responses (Markov parameters) of two models. They do not depend on the coordinates.
 
         Parameters
         ----------
@@ -860,8 +898,14 @@ class Model(StateSpace):
             A model with the same inputs and outputs.
         band : int, optional
             Largest number of steps between input and output; by default twice the state dimension.
+
+        Returns
+        -------
+        ModelDifference
         """
-        return self._core.difference(_core_of("other", other), 0 if band is None else _options.integer("band", band, 1))
+        steps = 0 if band is None else _options.integer("band", band, 1)
+        found: ModelDifference = _tokid.difference(self._core, _core_of("other", other), steps)
+        return found
 
     def kalman_observer(self) -> Model:
         """Return the model with its Kalman filter as observer: `K`, `G`, `innovation_cov` from `Q`, `R`, `x0_cov`."""
@@ -891,6 +935,42 @@ class Model(StateSpace):
     def from_step(self, k: int) -> Model:
         """Return the model from step k on, with all values of these steps."""
         return self._same(self._core.from_step(_options.integer("k", k, self.k_begin, self.k_end)), state=None)
+
+    def cut(self, begin: Optional[int] = None, end: Optional[int] = None) -> Model:
+        """Return the steps begin … end-1 of the model, with all values of these steps.
+
+        A periodic model is continued where needed, and stays periodic if its last step is not cut off.
+
+        Parameters
+        ----------
+        begin, end : int, optional
+            First step, and the step after the last one; by default those of the model.
+        """
+        first = self.k_begin if begin is None else _options.integer("begin", begin, 0)
+        after = self.k_end if end is None else _options.integer("end", end, 0)
+        return self._same(self._core.cut(first, after), state=None)
+
+    def join(self, later: Model, *, step: Optional[int] = None, rows: Optional[int] = None) -> tuple[Model, float]:
+        """Return this model continued by a later one, and a misfit of both at their common steps.
+
+        The misfit is the larger one of two relative differences at these steps: of the outputs that a state causes, and
+        of the pulse responses. It is 0 if both are the same system; observer gains do not count.
+
+        Parameters
+        ----------
+        later : Model
+            Another model of the same system. Both models need the steps from `step` to `step + rows - 1`, because the
+            outputs of these steps give the state of one model from that of the other.
+        step : int, optional
+            First step that is taken from `later`; by default the last possible one.
+        rows : int, optional
+            Number of common steps; by default the number that determines a state.
+        """
+        core, other = self._core, _core_of("later", later)
+        common = max(core.estimation_window(), other.estimation_window()) if rows is None else self._window("rows", rows)
+        k = self.k_end - common if step is None else _options.integer("step", step, 0)
+        joined, misfit = core.join(other, k, common)
+        return Model._of(joined), misfit
 
     def _same(self, core: _tokid.Model, **changed: Any) -> Model:
         return Model._of(core, replace(self._origin, **changed))

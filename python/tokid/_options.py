@@ -94,12 +94,13 @@ def threads(value: Any) -> int:
     return integer("threads", value, 0, 1024)
 
 
-def cross_validation(folds: Any, horizon: Any, seed: Any, processors: Any) -> dict[str, Any]:
+def cross_validation(folds: Any, horizon: Any, seed: Any, first_step: Any, processors: Any) -> dict[str, Any]:
     """The options of a cross-validation, without those of its identifications."""
     return {
         "folds": integer("folds", folds, 2),
         "horizon": integer("horizon", horizon, 1, 1_000_000),
         "seed": None if seed is None else integer("seed", seed, 0, 2**64 - 1),
+        "first_step": integer("first_step", first_step, 0),
         "threads": threads(processors),
     }
 

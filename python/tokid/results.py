@@ -174,6 +174,30 @@ class Fit(_Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class ExperimentFits(_Result):
+    """The fits of each experiment alone.
+
+    Attributes
+    ----------
+    simulation_fit, one_step_fit : ndarray, shape (N, m)
+        As `Fit.fit` [%], but ȳ is the mean of the experiment if the model has no nominal trajectory.
+    simulation_rmse, one_step_rmse : ndarray, shape (N, m)
+        Root mean square errors, in the units of the outputs.
+    excess : ndarray, shape (N, m)
+        RMS error one step ahead, as a multiple of its median over the experiments. NaN if the median is zero.
+    worst_first : list of int
+        The experiments in falling order of their largest excess.
+    """
+
+    simulation_fit: Array
+    one_step_fit: Array
+    simulation_rmse: Array
+    one_step_rmse: Array
+    excess: Array
+    worst_first: list[int]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Whiteness(_Result):
     """Test: are the innovations of different steps correlated?
 
@@ -968,11 +992,46 @@ class MarkovBounds(_Result):
         Pulses before this step have no estimate.
     interval : Interval of shape (T, band + 1, m, r)
         Entry [k, g] is h(k, k-g), with h(k, k) = D[k].
+    relative_error : ndarray, shape (m, r)
+        The error to expect from noise, for comparison with `ModelDifference.relative_error` of the same `band`.
+        Standard errors over estimates, RMS over all steps.
+    relative_error_limit : ndarray, shape (m, r)
+        The error is smaller with the probability `Confidence.level` or more.
     """
 
     band: int
     k_begin: int
     interval: Interval
+    relative_error: Array
+    relative_error_limit: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelDifference(_Result):
+    """The difference of the pulse responses of two models, for pulses and responses at the steps begin … end-1.
+
+    A periodic model is continued to the end of the other one, or both over a common period.
+
+    Attributes
+    ----------
+    relative_error : ndarray, shape (m, r)
+        ‖h - h'‖ / ‖h'‖ of the response of each output to each input, over all steps; h' is that of the other model.
+        NaN where the other model has no response. `Confidence.markov.relative_error` is the error to expect from noise,
+        if the other model is the truth.
+    largest : float
+        Largest difference at one step, relative to the largest response at this step. A single step with small
+        responses can make it large, so it is a test of equality.
+    begin, end : int
+        First step, and the step after the last one.
+    band : int
+        Responses up to this number of steps after the pulse are compared.
+    """
+
+    relative_error: Array
+    largest: float
+    begin: int
+    end: int
+    band: int
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,6 +14,7 @@
 #include "data/check.hpp"
 #include "data/rows.hpp"
 #include "identify/identify.hpp"
+#include "model/comparison.hpp"
 #include "tokid/dependence.hpp"
 
 namespace tokid {
@@ -90,6 +91,7 @@ Identification identify_without(const Ensemble& training, const IdentifyOptions&
 CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& identify_options,
                                const CrossValidateOptions& options) {
   check_horizon(options.horizon, ensemble.steps());
+  check_first_step(options.first_step, ensemble.steps());
   const UsedExperiments used = used_experiments(ensemble);
   if (!used.all(ensemble)) {  // a copy or sum in another fold would make errors look too small
     CrossValidation result = cross_validate(ensemble.subset(used.rows()), identify_options, options);
@@ -125,7 +127,7 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
               {},         std::move(found.findings)};
     const auto evaluate = [&](const Ensemble& computed, Pooled& pooled) {
       pooled.add(members[i], computed);
-      return fit(kept, computed, model.y_nominal);
+      return fit(kept, computed, model.y_nominal, options.first_step);
     };
     const Ensemble next = predict(model, kept, {1, model.initial_state}).y;
     fold.simulation = evaluate(simulate_data(model, kept, model.initial_state), simulation);
@@ -137,9 +139,9 @@ CrossValidation cross_validate(const Ensemble& ensemble, const IdentifyOptions& 
   Nominal mean = nominal ? nominal_trajectory(ensemble) : Nominal{};
   if (nominal && identify_options.period > 0) share_phases(mean, identify_options.period);
   const Matrix& reference = mean.y;
-  result.simulation = fit(ensemble, simulation.outputs(), reference);
-  result.one_step = fit(ensemble, one_step.outputs(), reference);
-  result.horizon = fit(ensemble, horizon.outputs(), reference);
+  result.simulation = fit(ensemble, simulation.outputs(), reference, options.first_step);
+  result.one_step = fit(ensemble, one_step.outputs(), reference, options.first_step);
+  result.horizon = fit(ensemble, horizon.outputs(), reference, options.first_step);
   result.simulation_spread = spread(result.folds, &Fold::simulation);
   result.one_step_spread = spread(result.folds, &Fold::one_step);
   result.horizon_spread = spread(result.folds, &Fold::horizon);

@@ -10,6 +10,7 @@
 #include "choose/realisation.hpp"
 #include "diagnose/model_states.hpp"
 #include "model/archived.hpp"
+#include "model/coordinates.hpp"
 
 namespace tokid::stream {
 
@@ -34,17 +35,6 @@ void rotate(Model& model, const Matrix& r) {
     if (model.has(&Step::has_Q)) model.step[s].set_Q(back * model.step[s].Q() * r);
     if (model.has(&Step::has_K)) model.step[s].set_K(back * model.step[s].K());
   }
-}
-
-// Changes the last step so that the state after it has the coordinates x' = S x, where S = `s`.
-void lead_into(Model& model, const Matrix& s) {
-  const Step& last = model.step.back();
-  Step next(s * last.A(), s * last.B(), last.C(), last.D(), s * last.G());
-  next.take_diagnostics_of(last);
-  if (last.has_Q()) next.set_Q(s * last.Q() * s.transpose());
-  if (last.has_R()) next.set_R(last.R());
-  if (last.has_K()) next.set_K(last.K());
-  model.step.back() = std::move(next);
 }
 
 bool same_dimension(const Model& model) {

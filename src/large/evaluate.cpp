@@ -16,7 +16,7 @@ const Matrix none;  // the data are departures, so there is no nominal trajector
 // Runs the observer and the simulation together over the samples. Empty if a sample is missing.
 std::optional<ErrorTotals> walk(const Model& model, const Ensemble& data, Index begin, Index end, bool zero,
                                 bool first) {
-  ErrorCollector errors(data, none);
+  ErrorCollector errors(data, none, 0);
   Index k = zero ? model.k_begin : model.full_begin();
   const Index window = zero ? 0 : estimation_window(model), known = k + window;
   end = std::min(end, model.k_end());
@@ -52,7 +52,7 @@ ErrorTotals evaluate(const Model& model, const Ensemble& data, Index begin, Inde
   const bool zero = first && starts_from_zero(model, initial);
   if (zero || !first || !has_initial_estimate(model, initial))
     if (std::optional<ErrorTotals> totals = walk(model, data, begin, end, zero, first)) return *std::move(totals);
-  ErrorCollector errors(data, none);
+  ErrorCollector errors(data, none, 0);
   const Prediction prediction = predict(model, data, {1, initial});
   const Ensemble simulation = simulate_data(model, data, initial);
   for (Index k = begin; k < end; ++k) {

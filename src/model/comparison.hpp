@@ -15,6 +15,11 @@ struct Comparison {
 // \throws as validate(), which returns only the first field
 Comparison compare(const Model& model, const Ensemble& data, const ValidateOptions& options);
 
+// \throws std::invalid_argument unless 0 ≤ first_step < end
+void check_first_step(Index first_step, Index end);
+// \throws std::invalid_argument where the data end before the model begins, or options.first_step is out of range
+void check_steps(const Model& model, const Ensemble& data, const ValidateOptions& options);
+
 // validate() without findings on outlying samples. It is for callers that have the complete data and add these findings
 // themselves.
 Validation validate_in_numbers(const Model& model, const Ensemble& data, const ValidateOptions& options);

@@ -76,7 +76,8 @@ Fit fit_of(const std::vector<ErrorSums>& sums, bool departures) {
   return result;
 }
 
-ErrorCollector::ErrorCollector(const Ensemble& data, const Matrix& y_nominal) : data_(data), y_nominal_(y_nominal) {
+ErrorCollector::ErrorCollector(const Ensemble& data, const Matrix& y_nominal, Index first_step)
+    : data_(data), y_nominal_(y_nominal), first_step_(first_step) {
   totals.one_step.resize(size_t(data.outputs()));
   totals.simulation.resize(size_t(data.outputs()));
 }
@@ -84,14 +85,18 @@ ErrorCollector::ErrorCollector(const Ensemble& data, const Matrix& y_nominal) : 
 void ErrorCollector::predicted(Index k, const Matrix& error) {
   for (Index j = 0; j < error.cols(); ++j) {
     const ErrorSums s = sums_of(k, error, j);
-    if (s.count > 0 && !first_predicted) first_predicted = k;
-    totals.one_step[size_t(j)].add(s);
+    any_predicted = any_predicted || s.count > 0;
+    if (k >= first_step_) {
+      if (s.count > 0 && !first_predicted) first_predicted = k;
+      totals.one_step[size_t(j)].add(s);
+    }
     totals.innovation += s.error;
     totals.output += s.spread + double(s.count) * s.mean * s.mean;
   }
 }
 
 void ErrorCollector::simulated(Index k, const Matrix& error) {
+  if (k < first_step_) return;
   for (Index j = 0; j < error.cols(); ++j) {
     const ErrorSums s = sums_of(k, error, j);
     if (s.count > 0 && !first_simulated) first_simulated = k;

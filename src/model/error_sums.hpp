@@ -36,8 +36,8 @@ Fit fit_of(const std::vector<ErrorSums>& sums, bool departures);
 class ErrorCollector {
  public:
   // Compares the outputs of the data as departures from the nominal trajectory (T × m). Without one, y_nominal is
-  // empty.
-  ErrorCollector(const Ensemble& data, const Matrix& y_nominal);
+  // empty. The fits begin at first_step.
+  ErrorCollector(const Ensemble& data, const Matrix& y_nominal, Index first_step);
 
   // Adds the errors (N × m) of step k; NaN without an error. The collector keeps the sums of the outputs for one step
   // only. Therefore add both errors of a step before the next step.
@@ -45,14 +45,16 @@ class ErrorCollector {
   void simulated(Index k, const Matrix& error);
 
   ErrorTotals totals;
-  // The first steps with an error.
+  // The first steps of the fits with an error.
   std::optional<Index> first_predicted, first_simulated;
+  bool any_predicted = false;  // also before the first step of the fits
 
  private:
   ErrorSums sums_of(Index k, const Matrix& error, Index j);
 
   const Ensemble& data_;
   const Matrix& y_nominal_;
+  Index first_step_;
   Index step_ = -1;
   std::vector<ErrorSums> outputs_;  // sums of the outputs at step_
   Vector y_;

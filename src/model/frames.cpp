@@ -5,9 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 
 #include "base/nan.hpp"
+#include "model/continuation.hpp"
+#include "model/coordinates.hpp"
 #include "tokid/linalg.hpp"
 #include "tokid/parallel.hpp"
 
@@ -17,10 +20,15 @@ namespace {
 
 // A change of coordinates with a pivot below this share of the largest can't be inverted.
 constexpr double not_invertible = 1e-12;
-// Coordinates with a smallest singular value below this share of the largest would lose half of the digits.
-constexpr double frame_condition = 1e-8;
-
 }  // namespace
+
+bool determines_state(const Matrix& rows) {
+  constexpr double half_of_the_digits = 1e-8;
+  if (rows.cols() == 0) return true;
+  if (rows.rows() < rows.cols()) return false;
+  const Vector sigma = linalg::singular_values(rows);
+  return sigma(sigma.size() - 1) > half_of_the_digits * sigma(0);
+}
 
 // Â_k = S_{k+1} A_k S_k⁻¹ and so on: (41) with S = T⁻¹, which leaves the Markov parameters as they are (42).
 Model transform(const Model& model, const std::vector<Matrix>& S) {
@@ -66,8 +74,7 @@ FramedModel framed(const Model& model, Index s, Coordinates&& coordinates) {
     if (k < model.k_begin || k > model.k_end()) return false;
     const Matrix candidate = coordinates(k);
     if (candidate.rows() != model.n(k) || candidate.size() == 0) return false;
-    const Vector sigma = linalg::singular_values(candidate);
-    if (!(sigma(sigma.size() - 1) > frame_condition * sigma(0))) return false;
+    if (!determines_state(candidate)) return false;
     S[model.index(k)] = candidate;
     return true;
   };
@@ -146,13 +153,32 @@ Similarity kinematically_similar(const Model& a, const Model& b, double toleranc
     throw std::invalid_argument(fmt::format(
         "kinematically_similar: models with {} and {} inputs, {} and {} outputs found, equal numbers needed", a.inputs,
         b.inputs, a.outputs, b.outputs));
-  const Index begin = std::max(a.k_begin, b.k_begin), end = std::min(a.k_end(), b.k_end());
   if (band <= 0) band = 2 * std::max(a.states(), b.states());
+  // Models that go on are compared over all steps of the other one. If both go on, all responses to the pulses of a
+  // common period are compared.
+  const Index begin = std::max(a.k_begin, b.k_begin);
+  if (goes_on(a) && goes_on(b)) {
+    const Index all = begin + std::lcm(a.period, b.period) + band;
+    if (a.k_end() < all || b.k_end() < all)
+      return kinematically_similar(continued(a, all), continued(b, all), tolerance, band);
+  } else if (ends_early(a, b.k_end())) {
+    return kinematically_similar(continued(a, b.k_end()), b, tolerance, band);
+  } else if (ends_early(b, a.k_end())) {
+    return kinematically_similar(a, continued(b, a.k_end()), tolerance, band);
+  }
+  const Index end = std::min(a.k_end(), b.k_end());
+  if (end <= begin)
+    throw std::invalid_argument(
+        fmt::format("kinematically_similar: steps {} to {} and {} to {} found, common steps needed", a.k_begin,
+                    a.k_end() - 1, b.k_begin, b.k_end() - 1));
   // Goes forward from each pulse with one product per Markov parameter, and collects the scale of each step k.
-  Vector difference = Vector::Zero(std::max<Index>(0, end - begin)), scale = difference;
+  Vector difference = Vector::Zero(end - begin), scale = difference;
+  Matrix squares = Matrix::Zero(a.outputs, a.inputs), all_squares = squares;
   const auto compare = [&](Index k, const ConstMatrixRef& x, const ConstMatrixRef& y) {
     difference(k - begin) = std::max(difference(k - begin), (x - y).norm());
     scale(k - begin) = std::max({scale(k - begin), x.norm(), y.norm()});
+    squares += (x - y).cwiseAbs2();
+    all_squares += y.cwiseAbs2();
   };
   for (Index i = begin; i < end; ++i) {
     checkpoint();
@@ -165,6 +191,10 @@ Similarity kinematically_similar(const Model& a, const Model& b, double toleranc
     }
   }
   Similarity result;
+  result.relative_error = (all_squares.array() > 0).select((squares.array() / all_squares.array()).sqrt(), nan);
+  result.begin = begin;
+  result.end = end;
+  result.band = band;
   for (Index k = 0; k < difference.size(); ++k)
     if (scale(k) > 0) result.max_difference = std::max(result.max_difference, difference(k) / scale(k));
   result.similar = result.max_difference <= tolerance;

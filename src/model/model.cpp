@@ -198,19 +198,6 @@ Model continued(Model model, Index end) {
   return model;
 }
 
-Model from_step(Model model, Index k) {
-  if (k < model.k_begin || k > model.k_end())
-    throw std::invalid_argument(
-        fmt::format("from_step: step {} found, {} to {} needed", k, model.k_begin, model.k_end()));
-  model.step.erase(model.step.begin(), model.step.begin() + (k - model.k_begin));
-  if (k > model.k_begin) {  // x0_mean and x0_cov belong to the old first step
-    model.x0_mean.resize(0);
-    model.x0_cov.resize(0, 0);
-  }
-  model.k_begin = k;
-  return model;
-}
-
 void check_finite(const Model& model) {
   for (const Step& step : model.step)
     for (const Step::View& a : {step.A(), step.B(), step.C(), step.D(), step.G(),

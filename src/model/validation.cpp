@@ -17,15 +17,16 @@
 
 namespace tokid {
 
-Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nominal) {
+Fit fit(const Ensemble& measured, const Ensemble& computed, const Matrix& y_nominal, Index first_step) {
   if (measured.experiments() != computed.experiments() || measured.steps() != computed.steps() ||
       measured.outputs() != computed.outputs())
     throw std::invalid_argument(
         fmt::format("fit: {} x {} x {} measured and {} x {} x {} computed outputs found, equal sizes needed",
                     measured.experiments(), measured.steps(), measured.outputs(), computed.experiments(),
                     computed.steps(), computed.outputs()));
-  ErrorCollector errors(measured, y_nominal);
-  for (Index k = 0; k < measured.steps(); ++k) errors.simulated(k, measured.output(k) - computed.output(k));
+  check_first_step(first_step, measured.steps());
+  ErrorCollector errors(measured, y_nominal, first_step);
+  for (Index k = first_step; k < measured.steps(); ++k) errors.simulated(k, measured.output(k) - computed.output(k));
   return fit_of(errors.totals.simulation, y_nominal.rows() > 0);
 }
 
@@ -43,12 +44,6 @@ Innovations standardised(const Model& model, Innovations innovations) {
   return innovations;
 }
 
-void check_steps(const Model& model, const Ensemble& data) {
-  if (std::min(model.k_end(), data.steps()) <= model.k_begin)
-    throw std::invalid_argument(
-        fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
-}
-
 // Computes the validation from the errors of all steps. It calls innovations() only if they are tested.
 template <class OneStepErrors>
 Validation validation(const Model& model, const Ensemble& data, const ValidateOptions& options,
@@ -58,8 +53,9 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
   result.one_step = result.horizon = fit_of(errors.totals.one_step, departures);
   result.simulation = fit_of(errors.totals.simulation, departures);
   if (options.horizon != 1)
-    result.horizon = fit(data, predict(model, data, {options.horizon, options.initial_state}).y, model.y_nominal);
-  result.first_predicted = errors.first_predicted.value_or(0);
+    result.horizon = fit(data, predict(model, data, {options.horizon, options.initial_state}).y, model.y_nominal,
+                         options.first_step);
+  result.first_predicted = errors.first_predicted.value_or(options.first_step);
   result.first_simulated = errors.first_simulated.value_or(data.steps() - 1);
   const Vector untested = Vector::Constant(model.inputs, nan);
   result.gains = {untested, untested, untested};
@@ -80,7 +76,7 @@ Validation validation(const Model& model, const Ensemble& data, const ValidateOp
     result.gains = input_gains(model, data, innovations());
   }
   result.whiteness_p = result.whiteness.p;
-  if (!errors.first_predicted)
+  if (!errors.any_predicted)
     result.findings.push_back({.kind = Finding::Kind::nothing_predicted,
                                .numbers = {{"begin", double(model.k_begin)},
                                            {"end", double(model.k_end() - 1)},
@@ -100,13 +96,26 @@ void name_outlying(Validation& validation, const Channels& channels) {
 
 }  // namespace
 
+void check_first_step(Index first_step, Index end) {
+  if (first_step < 0 || first_step >= std::max<Index>(end, 1))
+    throw std::invalid_argument(fmt::format(
+        "first_step: {} found, 0 to {} needed. That is the last step that can be compared", first_step, end - 1));
+}
+
+void check_steps(const Model& model, const Ensemble& data, const ValidateOptions& options) {
+  if (std::min(model.k_end(), data.steps()) <= model.k_begin)
+    throw std::invalid_argument(
+        fmt::format("data: {} steps found, the model begins at step {}", data.steps(), model.k_begin));
+  check_first_step(options.first_step, std::min(model.k_end(), data.steps()));
+}
+
 Comparison compare(const Model& model, const Ensemble& data, const ValidateOptions& options) {
   if (ends_early(model, data.steps())) return compare(continued(model, data.steps()), data, options);
-  check_steps(model, data);
+  check_steps(model, data, options);
   Comparison compared;
   compared.prediction = predict(model, data, {1, options.initial_state});
   compared.simulated = simulate_data(model, data, options.initial_state);
-  ErrorCollector errors(data, model.y_nominal);
+  ErrorCollector errors(data, model.y_nominal, options.first_step);
   OutlyingSampleCollector outlying(model, data, options);
   for (Index k = 0; k < data.steps(); ++k) {
     outlying.add(k, compared.prediction.innovations[size_t(k)]);
@@ -121,8 +130,8 @@ Comparison compare(const Model& model, const Ensemble& data, const ValidateOptio
 
 Validation validate_in_numbers(const Model& model, const Ensemble& data, const ValidateOptions& options) {
   if (ends_early(model, data.steps())) return validate_in_numbers(continued(model, data.steps()), data, options);
-  check_steps(model, data);
-  ErrorCollector errors(data, model.y_nominal);
+  check_steps(model, data, options);
+  ErrorCollector errors(data, model.y_nominal, options.first_step);
   OutlyingSampleCollector outlying(model, data, options);
   predict_each(model, data, options.initial_state, [&](Index k, const Matrix& innovation) {
     outlying.add(k, innovation);

@@ -96,6 +96,22 @@ Interval with_gaps(Interval interval) {
 
 }  // namespace
 
+RelativeError relative_error(const MarkovBounds& bounds) {
+  Matrix errors = Matrix::Zero(bounds.outputs, bounds.inputs), widths = errors, sizes = errors;
+  for (const Interval& step : bounds.step)
+    for (Index block = 0; block <= bounds.band; ++block) {
+      const auto part = [&](const Matrix& all) { return all.middleCols(block * bounds.inputs, bounds.inputs).array(); };
+      const auto known = !part(step.deviation).isNaN();
+      errors.array() += known.select(part(step.deviation).square(), 0.0);
+      widths.array() += known.select(((part(step.upper) - part(step.lower)) / 2).square(), 0.0);
+      sizes.array() += known.select(part(step.estimate).square(), 0.0);
+    }
+  const auto relative = [&](const Matrix& squares) -> Matrix {
+    return (sizes.array() > 0).select((squares.array() / sizes.array()).sqrt(), nan);
+  };
+  return {relative(errors), relative(widths)};
+}
+
 MarkovBounds markov_bounds(const GtvArx& arx, Index band, const BoundsOptions& options) {
   if (band < 1) throw std::invalid_argument(fmt::format("band: {} found, at least 1 needed", band));
   arx.require_noise_shape();

@@ -139,6 +139,38 @@ def test_validation_figures(tokid, noisy):
     assert result["tested_over"] == "experiments"
 
 
+def test_fits_from_a_common_step_on(tokid, noisy):
+    model, fresh = load(noisy / "model.npz"), load(noisy / "fresh.npz")
+    first = 13
+    result = tokid.json("validate", noisy / "model.npz", noisy / "fresh.npz", "--horizon", 4, "--from", first)
+    for key, computed in (("simulation", simulate(model, fresh["u"])),
+                          ("one_step", predict(model, fresh["u"], fresh["y"])),
+                          ("horizon", predict(model, fresh["u"], fresh["y"], 4))):
+        expected = fit(fresh["y"][:, first:], computed[:, first:])
+        np.testing.assert_allclose(result[f"{key}_fit"], expected, rtol=0, atol=1e-8)
+    assert result["first_predicted"] == result["first_simulated"] == first
+    call = ["validate", noisy / "model.npz", noisy / "fresh.npz", "--from"]
+    assert f"from step {first} on" in tokid(*call, first).stdout
+    assert "first_step: 30 found, 0 to 29 needed" in tokid(*call, 30, status=2).stderr
+
+
+def test_worst_experiments_are_listed_first(tokid, noisy):
+    model, fresh = load(noisy / "model.npz"), load(noisy / "fresh.npz")
+    listed = tokid.json("validate", noisy / "model.npz", noisy / "fresh.npz")["worst_experiments_first"]
+    errors = np.sqrt(np.mean((fresh["y"] - predict(model, fresh["u"], fresh["y"])) ** 2, axis=1))
+    assert sorted(entry["experiment"] for entry in listed) == list(range(len(errors)))
+    # tokid takes the upper one of two middle values as median.
+    excess = errors / np.sort(errors, axis=0)[len(errors) // 2]
+    for entry in listed:
+        np.testing.assert_allclose(entry["one_step_rmse"], errors[entry["experiment"]], rtol=1e-10)
+        np.testing.assert_allclose(entry["excess"], excess[entry["experiment"]], rtol=1e-10)
+    largest = [max(entry["excess"]) for entry in listed]
+    assert largest == sorted(largest, reverse=True)
+    page = tokid("validate", noisy / "model.npz", noisy / "fresh.npz").stdout
+    rows = page.split("worst experiments")[1].splitlines()[1:6]
+    assert [int(row.split()[0]) for row in rows] == [entry["experiment"] for entry in listed[:5]]
+
+
 def test_normalised_innovations_squared(tokid, noisy):
     model, fresh = load(noisy / "model.npz"), load(noisy / "fresh.npz")
     result = tokid.json("validate", noisy / "model.npz", noisy / "fresh.npz")

@@ -160,7 +160,9 @@ def test_validate(tokid, oscillator):
                   "conclusions": lambda v: {test: (c["result"], c["reason"]) for test, c in v.items()} == dict.fromkeys(
                       ["nis", "whiteness", "independence", "gains", "feedback"], ("untested", "rounding_level")),
                   "nis_presumes_normal": lambda v: v is None, "cross_validation": lambda v: v is None, "horizon": lambda v: v == 3, "warnings": texts, "findings": findings,
-                  "first_predicted": lambda v: v == 0, "output_names": lambda v: v == ["y1", "y2"]})
+                  "first_predicted": lambda v: v == 0, "output_names": lambda v: v == ["y1", "y2"],
+                  "worst_experiments_first": lambda v: len(v) == found["experiments"] and set(v[0]) == {
+                      "experiment", "name", "simulation_fit", "one_step_fit", "simulation_rmse", "one_step_rmse", "excess"}})
 
 
 def test_cross_validation(tokid, oscillator):
