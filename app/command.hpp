@@ -116,6 +116,7 @@ void add_predict(CLI::App& tool);
 void add_info(CLI::App& tool);
 void add_plan(CLI::App& tool);
 void add_lqr(CLI::App& tool);
+void add_learn(CLI::App& tool);
 void add_export(CLI::App& tool);
 void add_example(CLI::App& tool);
 void add_convert(CLI::App& tool);

@@ -3,12 +3,11 @@
 #include "command.hpp"
 #include "common.hpp"
 #include "tokid/controller_file.hpp"
+#include "weights.hpp"
 
 namespace tokid::app {
 
 namespace {
-
-using Weights = std::vector<double>;  // one for all channels, or one for each
 
 struct Call {
   fs::path model, output;
@@ -16,25 +15,6 @@ struct Call {
   Index begin = -1, end = -1;
   bool json = false;
 };
-
-// "0.5" or "0.5,2,1"
-std::optional<Weights> weights(const std::string& text) {
-  Weights values;
-  for (const std::string& part : split_at_commas(text)) {
-    const auto value = parse_number(part, 0.0, std::numeric_limits<double>::max());
-    if (!value) return std::nullopt;
-    values.push_back(*value);
-  }
-  return values;
-}
-
-Matrix diagonal(const char* option, const Weights& values, Index channels) {
-  if (values.size() == 1) return values[0] * Matrix::Identity(channels, channels);
-  if (Index(values.size()) != channels)
-    throw std::invalid_argument(fmt::format("{}: {} numbers found, one or one for each of {} channels needed", option,
-                                            values.size(), channels));
-  return Eigen::Map<const Vector>(values.data(), channels).asDiagonal();
-}
 
 CostWeights cost_of(const Call& call, const Model& model) {
   CostWeights cost;
@@ -57,12 +37,6 @@ std::optional<Costs> costs_of(const Controller& controller, const Model& model) 
   for (std::vector<Matrix>* gains : {&idle.K, &idle.L})
     for (Matrix& gain : *gains) gain.setZero();
   return Costs{expected_cost(controller, model, model), expected_cost(idle, model, model)};
-}
-
-std::string list(const Weights& values) {
-  std::string text;
-  for (const double value : values) text += (text.empty() ? "" : ", ") + number(value);
-  return text;
 }
 
 std::string report(const Call& call, const Model& model, const Controller& controller,
@@ -113,8 +87,9 @@ Json json(const Call& call, const Controller& controller, const std::optional<Co
 void run(const Call& call) {
   check_output(call.output, Content::controller, {call.model});
   const Model model = load_model(call.model);
+  const CostWeights weights = cost_of(call, model);
   const Controller controller = about(call.model, [&] {
-    return lqr(model, cost_of(call, model), {call.begin, call.end}).controller;
+    return lqr(model, weights, {call.begin, call.end}).controller;
   });
   const std::optional<Costs> costs = about(call.model, [&] { return costs_of(controller, model); });
   save_controller(controller, call.output);
@@ -131,17 +106,14 @@ void add_lqr(CLI::App& tool) {
   constexpr Index most = 1'000'000'000;
   Command command(tool, "lqr", "Controller of the departures from the nominal trajectory",
                   "tokid lqr model.npz --output-weight 100,1 --input-weight 0.1 -o controller.h5");
-  const char* needed = "numbers from 0 on needed, such as 2 or 0.5,2";
   command.argument("MODEL", call->model, "Model: .npz, .h5 or .mat");
   command.output(call->output, "Controller to write: .npz, .h5 or .mat");
-  command.value("--output-weight", call->outputs, "W,...",
-                "Weights of squared outputs, one or one for each (default 1)", weights, needed);
-  command.value("--input-weight", call->inputs, "W,...", "Weights of squared inputs, one or one for each (default 1)",
-                weights, needed);
-  command.value("--input-rate-weight", call->rates, "W,...",
-                "Weights of squared changes of the inputs from step to step (default none)", weights, needed);
-  command.value("--terminal-weight", call->terminal, "W,...",
-                "Weights that are added to those of the outputs at the last step (default none)", weights, needed);
+  add_weights(command, "--output-weight", call->outputs, "Weights of squared outputs, one or one for each (default 1)");
+  add_weights(command, "--input-weight", call->inputs, "Weights of squared inputs, one or one for each (default 1)");
+  add_weights(command, "--input-rate-weight", call->rates,
+              "Weights of squared changes of the inputs from step to step (default none)");
+  add_weights(command, "--terminal-weight", call->terminal,
+              "Weights that are added to those of the outputs at the last step (default none)");
   command.number<Index>("--begin", call->begin, "K", "First step (default that of the model)", 0, most);
   command.number<Index>("--end", call->end, "K",
                         "Step after the last one (default that of the model; periodic models go on)", 1, most);

@@ -57,6 +57,7 @@ void add_commands(CLI::App& tool) {
   add_info(tool);
   add_plan(tool);
   add_lqr(tool);
+  add_learn(tool);
   add_export(tool);
   add_example(tool);
   add_convert(tool);

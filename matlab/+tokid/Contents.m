@@ -20,6 +20,10 @@
 %   tokid.confidence    intervals
 %   tokid.report        a page that shows whether to trust the model
 %
+% What a model is for
+%   tokid.lqr           a controller of the departures from the nominal trajectory
+%   tokid.learn         the inputs of the next run from a reference and the last run
+%
 % The tool
 %   tokid.tool          where the command line tool is, which these functions call
 

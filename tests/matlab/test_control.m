@@ -1,0 +1,45 @@
+function test_control(name)
+% Controllers and learning, against the tool and against their equations.
+
+% SPDX-License-Identifier: BSD-3-Clause
+
+feval(name);
+end
+
+function [model, data] = identified()
+data = tokid.example_data('oscillator', 'experiments', 40, 'steps', 20);
+model = tokid.identify(data, 'states', 4, 'lags', 2);
+end
+
+function case_controller_of_the_tool()
+[model, ~] = identified();
+tokid.write('model.npz', model);
+expected = by_tool('lqr', 'model.npz', '--output-weight', '3,2', '--input-weight', '0.5', '--input-rate-weight', '0.25', ...
+                   '--begin', '4', 'controller.mat');
+[controller, evidence] = tokid.lqr(model, 'output_weight', [3 2], 'input_weight', 0.5, 'input_rate_weight', 0.25, ...
+                                   'begin', 4);
+assert(isequal(controller.controller_gain, expected.controller_gain));
+assert(isequal(size(controller.controller_gain, 3), 16) && controller.k_begin == 4);
+assert(evidence.begin == 4 && evidence.expected_cost.total > 0);
+throws('tokid:option', 'option ''weight'' found', @() tokid.lqr(model, 'weight', 1));
+throws('tokid:option', '3 numbers found', @() tokid.lqr(model, 'output_weight', [1 2 3]));
+end
+
+function case_learning_follows_the_reference()
+% Without noise, and nearly without a weight on the inputs, one run suffices.
+[model, data] = identified();
+wanted = tokid.example_data('oscillator', 'experiments', 1, 'steps', 20, 'seed', 3);
+reference = reshape(wanted.y, 20, 2);
+u = zeros(20, 2);
+y = reshape(tokid.simulate(model, reshape(u, 1, 20, 2)), 20, 2);
+next = tokid.learn(model, reference, u, y, 'input_change_weight', 1e-9);
+assert(all(next.predicted_error < 1e-3 * next.error));
+near(reshape(tokid.simulate(model, reshape(next.u, 1, 20, 2)), 20, 2), next.predicted, 1e-9);
+near(sqrt(mean((reference - y) .^ 2))', next.error(:), 1e-12);
+reference(1:3, :) = NaN;
+next = tokid.learn(model, reference, u, y, 'input_weight', 1, 'error_weight', [1 2]);
+assert(all(isfinite(next.u(:))));
+throws('tokid:shape', 'reference [19 2]', @() tokid.learn(model, reference(1:19, :), u, y, 'input_weight', 1));
+throws('tokid:input', 'no weight on inputs found', @() tokid.learn(model, reference, u, y));
+throws('tokid:input', 'y: none found', @() tokid.learn(model, reference, u));
+end
