@@ -53,6 +53,10 @@ std::string report(const Call& call, const Model& model, const Controller& contr
                                  number(c.outputs), number(c.inputs),
                                  call.rates.empty() ? "" : fmt::format(", input rates {}", number(c.input_rates))));
     page.row("", fmt::format("{} with the nominal inputs alone", number(costs->nominal.total())));
+    if (c.presumes_zero_state)
+      page.row(
+          "",
+          "This presumes that the observer begins with the state zero. Until it has estimated the state, the inputs are nominal.");
   } else {
     page.row("Cost", "not known, because the model has no noise");
   }
@@ -79,6 +83,7 @@ Json json(const Call& call, const Controller& controller, const std::optional<Co
   j["input_rate_weight"] = call.rates;
   j["terminal_weight"] = call.terminal;
   j["expected_cost"] = costs ? json_of(costs->controlled) : Json();
+  j["presumes_zero_state"] = costs ? Json(costs->controlled.presumes_zero_state) : Json();
   j["nominal_cost"] = costs ? json_of(costs->nominal) : Json();
   j["version"] = version;
   return j;

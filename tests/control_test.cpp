@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "testing.hpp"
+#include "tokid/example.hpp"
 #include "tokid/observer.hpp"
 #include "tokid/online_observer.hpp"
 
@@ -350,6 +351,19 @@ TEST(ExpectedCost, IsTheMeanOfSimulations) {
       EXPECT_NEAR(mean, expected, 4 * deviation) << innovations << begin;
       EXPECT_LT(deviation, 0.05 * expected);
     }
+}
+
+TEST(ExpectedCost, SaysWhatItPresumesOfTheInitialState) {
+  Model model = oscillator(12);
+  for (Step& step : model.step) step.set_innovation_cov(Matrix::Identity(2, 2));
+  const Controller controller =
+      lqr(model, {.output = {Matrix::Identity(2, 2)}, .input = {Matrix::Identity(2, 2)}}).controller;
+  EXPECT_FALSE(expected_cost(controller, model, model).presumes_zero_state);
+  model.initial_state = InitialState::unknown;
+  EXPECT_TRUE(expected_cost(controller, model, model).presumes_zero_state);
+  model.x0_mean = Vector::Zero(4);
+  model.x0_cov = Matrix::Identity(4, 4);
+  EXPECT_FALSE(expected_cost(controller, model, model).presumes_zero_state);
 }
 
 TEST(ExpectedCost, HasItsMinimumAtTheGainsOfLqg) {

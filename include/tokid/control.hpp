@@ -83,6 +83,9 @@ struct ExpectedCost {
   // What the noise that enters the outputs at the same step adds to the weighted outputs, tr(Q_k R_k), or
   // tr(Q_k S_k) in innovations form. No controller changes it.
   double measurement_noise = 0.0;
+  // true: the model knows neither the initial state nor its distribution, and the observer is presumed to begin with
+  // zero. Before it has estimated the state from some samples, the inputs of the real loop are nominal.
+  bool presumes_zero_state = false;
   double total() const { return outputs + inputs + input_rates; }  // without measurement_noise
 };
 
@@ -109,9 +112,8 @@ struct SimulateControlOptions {
 };
 
 // Simulates the closed loop with the observer of `model` step by step, as OnlineObserver runs it. While the observer
-// does not know its state, inputs are those of the nominal trajectory. The same seed gives the same experiments on
-// every machine. \throws as expected_cost(), for limits or x0 of a wrong shape or that are not finite, and for a lower
-// limit above the upper one
+// does not know its state, inputs are those of the nominal trajectory. \throws as expected_cost(), for limits or x0 of
+// a wrong shape or that are not finite, and for a lower limit above the upper one
 ClosedLoopSimulation simulate_control(const Controller& controller, const Model& model, const Model& truth,
                                       const SimulateControlOptions& options = {});
 

@@ -65,7 +65,8 @@ void bind_controller(nb::module_& module) {
       .def_ro("outputs", &ExpectedCost::outputs)
       .def_ro("inputs", &ExpectedCost::inputs)
       .def_ro("input_rates", &ExpectedCost::input_rates)
-      .def_ro("measurement_noise", &ExpectedCost::measurement_noise);
+      .def_ro("measurement_noise", &ExpectedCost::measurement_noise)
+      .def_ro("presumes_zero_state", &ExpectedCost::presumes_zero_state);
 
   nb::class_<Lqr>(module, "Lqr", "A controller of the library; tokid.Controller is what users see of it.")
       .def_prop_ro("begin", [](const Lqr& lqr) { return lqr.controller.begin; })

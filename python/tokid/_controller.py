@@ -161,7 +161,7 @@ class Controller:
         """
         observed, true = self._loop(truth, model)
         cost = self._core.expected_cost(observed._core, true._core)
-        return ExpectedCost(cost.outputs, cost.inputs, cost.input_rates, cost.measurement_noise)
+        return ExpectedCost(cost.outputs, cost.inputs, cost.input_rates, cost.measurement_noise, cost.presumes_zero_state)
 
     def simulate(
         self,
@@ -184,7 +184,7 @@ class Controller:
         experiments : int, default 1
             Number of experiments N.
         seed : int, default 1
-            Seed of the noise. The same seed gives the same experiments on every machine.
+            Seed of the noise.
         noise : bool, default True
             False: no noise.
         u_min, u_max : array_like, shape (r,) or a number, optional

@@ -1453,12 +1453,16 @@ class ExpectedCost(_Result):
         Expected weighted squares.
     measurement_noise : float
         What the noise that enters the outputs at the same step adds to the weighted outputs. No controller changes it.
+    presumes_zero_state : bool
+        True: the model knows neither the initial state nor its distribution, and the observer is presumed to begin with
+        zero. Before it has estimated the state from some samples, the inputs of the real loop are nominal.
     """
 
     outputs: float
     inputs: float
     input_rates: float
     measurement_noise: float
+    presumes_zero_state: bool
 
     @property
     def total(self) -> float:

@@ -345,6 +345,8 @@ ExpectedCost expected_cost(const Controller& controller, const Model& model, con
   check_loop(loop);
   LoopMoments moments(loop);
   ExpectedCost cost;
+  cost.presumes_zero_state = !observer::known_start(model, model.initial_state, true) &&
+                             loop.begin() < model.k_begin + estimation_window(model);
   for (Index k = loop.begin(); k < loop.end(); ++k) {
     checkpoint();
     moments.advance(k, cost);

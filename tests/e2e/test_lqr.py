@@ -39,6 +39,7 @@ def test_gains_and_cost(tokid, folder):
     assert np.array_equal(found["output_weight"], [np.diag([2.0, 3])]) and "input_gain" not in found
     cost = report["expected_cost"]
     assert cost["total"] == cost["outputs"] + cost["inputs"] < report["nominal_cost"]["total"]
+    assert report["presumes_zero_state"] is False
     assert (report["begin"], report["end"]) == (model["k_begin"], model["k_begin"] + len(model["A"]))
 
 
@@ -72,6 +73,17 @@ def test_text(tokid, folder):
     model = dict(np.load(folder / "model.npz"))
     np.savez(known, **{name: value for name, value in model.items() if name not in ("innovation_cov", "Q", "R", "K")})
     assert "not known, because the model has no noise" in tokid("lqr", known, "-o", folder / "c.h5").stdout
+
+
+def test_costs_of_unknown_initial_states(tokid, folder):
+    tokid("example", "oscillator", "-o", folder / "unknown.npz", "--experiments", 40, "--steps", 30, "--initial-state",
+          "unknown", "--process-noise", 0.1, "--measurement-noise", 0.1)
+    tokid("identify", folder / "unknown.npz", "-o", folder / "unknown_model.npz", "--states", 4, "--lags", 3, "--no-refine",
+          "--quiet")
+    assert "x0_mean" not in np.load(folder / "unknown_model.npz")
+    call = ["lqr", folder / "unknown_model.npz", "-o", folder / "c.npz"]
+    assert tokid.json(*call)["presumes_zero_state"] is True
+    assert "presumes that the observer begins with the state zero" in tokid(*call).stdout
 
 
 @pytest.mark.parametrize("words, message", [
