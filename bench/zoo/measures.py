@@ -11,7 +11,7 @@ from typing import Optional
 import numpy as np
 from scipy.linalg import block_diag
 
-from truth import experiments, kalman, lqr, normal
+from truth import experiments, kalman, lqr, normal, simulate
 
 HORIZON = 20  # steps ahead, and longest pulse response
 FRESH = 200  # experiments
@@ -239,3 +239,28 @@ def evaluate(model, truth, seed, nominal=(0.0, 0.0)):
             "one_step_start": near(0), "one_step_jump": None if jump is None else near(jump),
             "ahead": ratio(far / size, far_exact / size), "pulse": pulse_error(model, truth, begin, end),
             "control": control_ratio(model, truth, begin, end)}
+
+
+def learning_errors(truth, output, learn, runs=6, seed=11):
+    """RMS errors of one output in the runs of the nonlinear plant, which learns to follow a rise and a fall of 5 RMS.
+
+    `learn(reference, inputs, measured, weight)` gives the inputs (T, r) of the next run from those of the last one and
+    its measured outputs (T, m); `reference` is NaN for the other outputs, and `weight` (m) has their units. Each run has
+    noise of its own. What counts is the output without noise.
+    """
+    system = truth.system
+    steps, n, r, m = len(system.A), system.A.shape[1], system.B.shape[2], system.C.shape[1]
+    rise = np.clip((np.linspace(0, 1, steps) - 0.1) / 0.8, 0, 1)
+    reference, weight = np.full((steps, m), np.nan), np.zeros(m)
+    reference[:, output] = 5 * truth.y_scale[output] * np.sin(np.pi * rise) ** 2
+    weight[output] = truth.y_scale[output] ** -2
+    rng, inputs, found = np.random.default_rng(seed), np.zeros((steps, r)), []
+    for _ in range(runs):
+        w, v = normal(rng, system.Q, 1), normal(rng, system.R, 1)
+        exact, measured = (
+            simulate(truth.step, truth.output, None, np.zeros((1, n)), inputs[:, None], size * w, size * v)[1][:, 0]
+            for size in (0, 1)
+        )
+        found.append(np.sqrt(np.nanmean((reference - exact) ** 2)))
+        inputs = learn(reference, inputs, measured, weight)
+    return np.array(found)

@@ -237,34 +237,21 @@ def test_learning(system):
         system.learn(reference, u, y[1:])
 
 
-# Five runs of the nonlinear plant, each with noise of its own. What counts is the output without noise.
 @pytest.mark.parametrize("plant, output", [("batch_reactor", 1), ("battery", 0), ("crane", 0)])
 def test_learning_on_nonlinear_plants_of_the_zoo(plant, output, zoo):
-    conditions, _, truths = zoo
+    conditions, measures, truths = zoo
     truth = truths.truth_of(plant, conditions.Condition(experiments=60))
-    system = truth.system
-    steps, n, r, m = len(system.A), system.A.shape[1], system.B.shape[2], system.C.shape[1]
     u, y, _ = truths.experiments(truth, 60, 7, nonlinear=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", tokid.TokidWarning)
         model = tokid.identify(u.transpose(1, 0, 2), y.transpose(1, 0, 2), dt=truth.plant.dt)
-    reference, weight = np.full((steps, m), np.nan), np.zeros(m)
-    rise = np.clip((np.linspace(0, 1, steps) - 0.1) / 0.8, 0, 1)
-    reference[:, output] = 5 * truth.y_scale[output] * np.sin(np.pi * rise) ** 2
-    weight[output] = truth.y_scale[output] ** -2
 
     def errors(designed):
-        """RMS errors of the runs 0 to 5 by a model."""
-        rng, inputs, found = np.random.default_rng(11), np.zeros((steps, r)), []
-        for _ in range(6):
-            w, v = truths.normal(rng, system.Q, 1), truths.normal(rng, system.R, 1)
-            plays = [truths.simulate(truth.step, truth.output, None, np.zeros((1, n)), inputs[:, None], size * w, size * v)
-                     for size in (0, 1)]  # fmt: skip
-            exact, measured = (play[1][:, 0] for play in plays)
-            found.append(np.sqrt(np.nanmean((reference - exact) ** 2)))
-            inputs = designed.learn(reference, inputs, measured, error_weight=weight,
-                                    input_change_weight=0.05 * truth.plant.u_std**-2).u  # fmt: skip
-        return found
+        def learn(reference, inputs, measured, weight):
+            change = 0.05 * truth.plant.u_std**-2
+            return designed.learn(reference, inputs, measured, error_weight=weight, input_change_weight=change).u
+
+        return measures.learning_errors(truth, output, learn)
 
     by_model, by_truth = errors(model), errors(of_zoo(truth))
     assert by_model[5] < 0.1 * by_model[0] and by_model[5] <= 1.5 * by_truth[5]
