@@ -1,4 +1,5 @@
 // Serialises the choices of an identification, with the tests and errors behind them, for messages between processes.
+// The structured bindings fail to compile if a member is added and not named here.
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
@@ -11,46 +12,67 @@ namespace tokid {
 
 template <class Archive, class T>
 requires std::is_same_v<std::remove_const_t<T>, InitialStateTest>
-void fields(Archive& archive, T& t) { archive(t.statistic, t.threshold, t.decision, t.reason); }
+void fields(Archive& archive, T& t) {
+  auto& [statistic, threshold, decision, reason] = t;
+  archive(statistic, threshold, decision, reason);
+}
 
 template <class Archive, class E>
 requires std::is_same_v<std::remove_const_t<E>, LagOrderErrors>
-void fields(Archive& archive, E& e) { archive(e.steps, e.error, e.mean, e.best); }
+void fields(Archive& archive, E& e) {
+  auto& [steps, error, mean, best] = e;
+  archive(steps, error, mean, best);
+}
 
 template <class Archive, class T>
 requires std::is_same_v<std::remove_const_t<T>, SmoothingTrial>
-void fields(Archive& archive, T& t) { archive(t.lags, t.smoothing, t.error); }
+void fields(Archive& archive, T& t) {
+  auto& [lags, smoothing, error] = t;
+  archive(lags, smoothing, error);
+}
 
 template <class Archive, class C>
 requires std::is_same_v<std::remove_const_t<C>, SmoothingChoice>
-void fields(Archive& archive, C& c) { archive(c.trials, c.lags, c.smoothing, c.error); }
+void fields(Archive& archive, C& c) {
+  auto& [trials, lags, smoothing, error] = c;
+  archive(trials, lags, smoothing, error);
+}
 
 template <class Archive, class S>
 requires std::is_same_v<std::remove_const_t<S>, OrderScores>
 void fields(Archive& archive, S& s) {
-  archive(s.states, s.one_step, s.ahead, s.simulation, s.cross_validated, s.smoothing, s.weighting, s.price, s.smallest,
-          s.uncertainty, s.best);
+  auto& [states, one_step, ahead, simulation, cross_validated, smoothing, weighting, price, smallest, uncertainty,
+         best] = s;
+  archive(states, one_step, ahead, simulation, cross_validated, smoothing, weighting, price, smallest, uncertainty,
+          best);
 }
 
 template <class Archive, class T>
 requires std::is_same_v<std::remove_const_t<T>, RefinementTrial>
 void fields(Archive& archive, T& t) {
-  archive(t.states, t.smoothing, t.iterations, t.error, t.log_likelihood, t.jumps);
+  auto& [states, smoothing, iterations, error, log_likelihood, jumps] = t;
+  archive(states, smoothing, iterations, error, log_likelihood, jumps);
 }
 
 template <class Archive, class J>
 requires std::is_same_v<std::remove_const_t<J>, Jump>
-void fields(Archive& archive, J& j) { archive(j.step, j.loss); }
+void fields(Archive& archive, J& j) {
+  auto& [step, loss] = j;
+  archive(step, loss);
+}
 
 template <class Archive, class C>
 requires std::is_same_v<std::remove_const_t<C>, AheadCertainty>
-void fields(Archive& archive, C& c) { archive(c.ratio, c.model_share); }
+void fields(Archive& archive, C& c) {
+  auto& [ratio, model_share] = c;
+  archive(ratio, model_share);
+}
 
 template <class Archive, class C>
 requires std::is_same_v<std::remove_const_t<C>, RefinementChoice>
 void fields(Archive& archive, C& c) {
-  archive(c.trials, c.states, c.smoothing, c.first_smoothing, c.iterations, c.error, c.one_step, c.jumps, c.ahead,
-          c.ahead_without_em);
+  auto& [trials, states, smoothing, first_smoothing, iterations, error, one_step, jumps, ahead, ahead_without_em] = c;
+  archive(trials, states, smoothing, first_smoothing, iterations, error, one_step, jumps, ahead, ahead_without_em);
 }
 
 // The model and the choices. The nominal test, the validation and the findings are left out, because an identification
