@@ -143,5 +143,24 @@ TEST(Tvera, RefusesBlocksBeyondTheBand) {
   EXPECT_THROW(tvera(s.parameters, free, {.rows = 2, .cols = 2}), std::invalid_argument);
 }
 
+TEST(Tvera, RefusesFactorsOfOtherMarkovParameters) {
+  const Stage s = stage(random_system({2, 2, 1}, 20, 1.0, 55), 2, 20, 4);
+  const TveraOptions options{.rows = 3, .cols = 2};
+  const HankelFactors factors = hankel_factors(s.parameters, {}, options);
+  EXPECT_NO_THROW(realise(s.parameters, factors, options));
+  const auto refuses = [&](auto&& change) {
+    HankelFactors changed = factors;
+    change(changed);
+    EXPECT_THROW(realise(s.parameters, changed, options), std::invalid_argument);
+  };
+  refuses([](HankelFactors& f) { f.step.pop_back(); });
+  refuses([](HankelFactors& f) { f.k_begin = 1; });
+  refuses([](HankelFactors& f) { f.step[7].u.conservativeResize(4, Eigen::NoChange); });
+  refuses([](HankelFactors& f) { f.step[7].singular_values.conservativeResize(1); });
+  refuses([](HankelFactors& f) { f.rows = 5; });
+  EXPECT_THROW(realise(s.parameters, factors, {.output_size = Vector::Ones(3)}), std::invalid_argument);
+  EXPECT_THROW(realise(s.parameters, factors, {.input_size = Vector::Zero(1)}), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace tokid::testing

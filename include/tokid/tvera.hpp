@@ -39,7 +39,8 @@ HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, con
 
 // O_k↓: O_k without its first block row; O_{k+1}↑: as many first rows of O_{k+1}. A_k = (O_{k+1}↑)⁺ O_k↓, B_k =
 // O_{k+1}⁺ [h_{k+1,k}; …], C_k = first block row of O_k, G_k = O_{k+1}⁺ P_{k+1} (38), (40). Every step has a model. The
-// state dimension is min(states, rank H_k), so it grows at the start and falls at the end.
+// state dimension is min(states, rank H_k), so it grows at the start and falls at the end. \throws
+// std::invalid_argument for factors of other steps or sizes than those of the Markov parameters
 Model realise(const Markov& markov, const HankelFactors& factors, const TveraOptions& options);
 
 // hankel_factors() and realise() in one call.

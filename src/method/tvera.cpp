@@ -279,18 +279,22 @@ class Realisation {
   Matrix equations_, responses_;
 };
 
+void check_sizes(const Markov& markov, const TveraOptions& options) {
+  const auto needs = [](const char* name, const Vector& sizes, Index channels) {
+    if (sizes.size() > 0 && (sizes.size() != channels || !(sizes.array() > 0).all()))
+      throw std::invalid_argument(
+          fmt::format("{}: {} values found, {} positive values needed", name, sizes.size(), channels));
+  };
+  needs("output_size", options.output_size, markov.outputs);
+  needs("input_size", options.input_size, markov.inputs);
+}
+
 void check(const Markov& markov, const FreeResponse& free, const TveraOptions& options) {
   if (options.rows < 1 || options.cols < 1 || options.states < 0)
     throw std::invalid_argument(
         fmt::format("tvera: {} block rows, {} block columns and {} states found, at least 1, 1 and 0 needed",
                     options.rows, options.cols, options.states));
-  const auto check_sizes = [](const char* name, const Vector& sizes, Index channels) {
-    if (sizes.size() > 0 && (sizes.size() != channels || !(sizes.array() > 0).all()))
-      throw std::invalid_argument(
-          fmt::format("{}: {} values found, {} positive values needed", name, sizes.size(), channels));
-  };
-  check_sizes("output_size", options.output_size, markov.outputs);
-  check_sizes("input_size", options.input_size, markov.inputs);
+  check_sizes(markov, options);
   if (options.rows + options.cols - 1 > markov.band && markov.band < markov.steps() - 1)
     throw std::invalid_argument(
         fmt::format("tvera: {} x {} blocks need Markov parameters up to {} steps apart, but the band is {}. Use fewer "
@@ -299,6 +303,26 @@ void check(const Markov& markov, const FreeResponse& free, const TveraOptions& o
   if (free.experiments > 0 && free.y.cols() != free.steps * markov.outputs)
     throw std::invalid_argument(fmt::format("free_y: {} samples per experiment found, {} steps x {} outputs needed",
                                             free.y.cols(), free.steps, markov.outputs));
+}
+
+// The factors may be a caller's own.
+void check(const Markov& markov, const HankelFactors& factors) {
+  const Index needed = markov.steps() - factors.k_begin, m = markov.outputs;
+  if (factors.k_begin < markov.i_begin || Index(factors.step.size()) != needed)
+    throw std::invalid_argument(
+        fmt::format("factors: {} from step {} on found, {} needed, from step {} or later to step {}",
+                    factors.step.size(), factors.k_begin, needed, markov.i_begin, markov.steps() - 1));
+  if (factors.rows > markov.band && markov.band < markov.steps() - 1)
+    throw std::invalid_argument(
+        fmt::format("factors: {} block rows found, at most {} needed, the band of the Markov parameters", factors.rows,
+                    markov.band));
+  for (Index k = factors.k_begin; k < markov.steps(); ++k) {
+    const HankelFactor& factor = factors.step[size_t(k - factors.k_begin)];
+    const Index rows = std::min(factors.rows, markov.steps() - k) * m, values = factor.singular_values.size();
+    if (factor.u.rows() != rows || factor.u.cols() != values)
+      throw std::invalid_argument(fmt::format("factors: u of {} x {} found at step {}, {} x {} needed", factor.u.rows(),
+                                              factor.u.cols(), k, rows, values));
+  }
 }
 
 HankelFactors factors_of(const Markov& markov, const FreeResponse& free, const TveraOptions& options,
@@ -339,6 +363,8 @@ HankelFactors hankel_factors(const Markov& markov, const FreeResponse& free, con
 }
 
 Model realise(const Markov& markov, const HankelFactors& factors, const TveraOptions& options) {
+  check_sizes(markov, options);
+  check(markov, factors);
   Model model = unwritten(markov, factors.k_begin);
   write(markov, factors, options, Units(markov, options), 0, model.steps(), model);
   return model;
