@@ -81,6 +81,13 @@ NumPyArray samples_view(Ensemble& ensemble, Index offset, Index channels, nb::ha
   return {ensemble.samples().data() + N * offset, 3, shape.data(), owner, strides.data()};
 }
 
+FreeResponse free_response_of(const AnyArray& y) {
+  const Index experiments = Index(y.shape(0)), steps = Index(y.shape(1)), m = Index(y.shape(2));
+  Ensemble samples(experiments, steps, 0, m, 1.0, Ensemble::Samples::unset);
+  write_samples(y, samples, 0);
+  return {experiments, steps, samples.samples()};
+}
+
 NumPyArray outputs_of(const Ensemble& ensemble) {
   const Index N = ensemble.experiments(), T = ensemble.steps(), m = ensemble.outputs();
   std::vector<double> values(size_t(N * T * m));

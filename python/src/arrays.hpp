@@ -23,6 +23,9 @@ void write_samples(const AnyArray& samples, Ensemble& ensemble, Index offset);
 // `owner` keeps the samples alive.
 NumPyArray samples_view(Ensemble& ensemble, Index offset, Index channels, nb::handle owner);
 
+// Free responses (Nf × Tf × m).
+FreeResponse free_response_of(const AnyArray& y);
+
 // A copy of the outputs (N × T × m), in the order of C.
 NumPyArray outputs_of(const Ensemble& ensemble);
 

@@ -34,13 +34,6 @@ std::optional<NumPyArray> free_outputs(nb::handle self) {
   return NumPyArray(free.y.data(), 3, shape.data(), self, strides.data());
 }
 
-void set_free_outputs(Ensemble& e, const AnyArray& y) {
-  const Index experiments = Index(y.shape(0)), steps = Index(y.shape(1)), m = Index(y.shape(2));
-  Ensemble samples(experiments, steps, 0, m, 1.0, Ensemble::Samples::unset);
-  write_samples(y, samples, 0);
-  e.free = {experiments, steps, samples.samples()};
-}
-
 // Sets samples beyond the lengths to NaN. It does not write a sample that is NaN already, because other threads may be
 // reading. The caller holds the GIL.
 void clear_beyond_lengths(Ensemble& e) {
@@ -110,7 +103,7 @@ void bind_ensemble(nb::module_& module) {
       .def_prop_rw(
           "output_units", [](const Ensemble& e) { return e.names.output_units; },
           [](Ensemble& e, Names names) { e.names.output_units = std::move(names); })
-      .def_prop_rw("free_y", &free_outputs, &set_free_outputs)
+      .def_prop_rw("free_y", &free_outputs, [](Ensemble& e, const AnyArray& y) { e.free = free_response_of(y); })
       .def("write_inputs", [](Ensemble& e, const AnyArray& u) { write_samples(u, e, 0); })
       .def("write_outputs", [](Ensemble& e, const AnyArray& y) { write_samples(y, e, e.inputs()); })
       .def("u",

@@ -45,4 +45,5 @@ NB_MODULE(_tokid, module) {
   python::bind_modes(module);
   python::bind_plan(module);
   python::bind_control(module);
+  python::bind_stages(module);
 }

@@ -37,5 +37,6 @@ void bind_report(nb::module_& module);
 void bind_stream(nb::module_& module);
 void bind_update(nb::module_& module);
 void bind_control(nb::module_& module);
+void bind_stages(nb::module_& module);
 
 }  // namespace tokid::python

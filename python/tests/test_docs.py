@@ -13,7 +13,7 @@ import tokid
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 # Those of optional packages have tests of their own.
-MODULES = [name for _, name, _ in pkgutil.iter_modules(tokid.__path__) if name.startswith("_") or name == "results"]
+MODULES = [name for _, name, _ in pkgutil.iter_modules(tokid.__path__) if name.startswith("_") or name in ("results", "stages")]
 
 
 @pytest.mark.parametrize("name", ["", *MODULES])

@@ -152,7 +152,8 @@ assert data.missing == 0 and np.isnan(data.u[70, 199, 0]) and found() == alone
 
 
 @pytest.mark.filterwarnings("ignore:not converged")
-def test_threads_in_parallel(noisy):
+@pytest.mark.parametrize("refine", [tokid.Model.refine, tokid.stages.refine])
+def test_threads_in_parallel(noisy, refine):
     """A thread that sleeps and counts gets the GIL again and again while four calls are under way. Did one of them hold
     it, no other would be under way when it ends."""
     model = tokid.identify(noisy, refine=False)
@@ -161,7 +162,7 @@ def test_threads_in_parallel(noisy):
     def work(i):
         begin.wait()
         within.add(i)
-        model.refine(noisy, smoothing=1.0, iterations=400, tolerance=0.0)
+        refine(model, noisy, smoothing=1.0, iterations=400, tolerance=0.0)
         left.add(i)
 
     threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
@@ -223,6 +224,7 @@ except KeyboardInterrupt:
 
 @pytest.mark.parametrize("call", ["tokid.identify(data)", "tokid.identify(data, threads=2)",
                                   "model.refine(data, iterations=100000, tolerance=0.0, smoothing=0.1)",
+                                  "tokid.stages.refine(model, data, iterations=100000, tolerance=0.0, smoothing=0.1)",
                                   "tokid.cross_validate(data, folds=10)",
                                   "data.save('data.h5'); tokid.identify_file('data.h5', 'model.h5', block=400)"])
 def test_ctrl_c_stops_a_long_call(tmp_path, call):

@@ -18,6 +18,7 @@ The model includes an observer, and the evidence for every choice of the identif
 
 from typing import TYPE_CHECKING, Any
 
+from . import stages as stages
 from ._controller import Controller
 from ._ensemble import Ensemble
 from ._errors import IoError, TokidWarning
@@ -98,6 +99,7 @@ __all__ = [
     "load",
     "paper",
     "plan",
+    "stages",
     "update",
 ]
 

@@ -1,0 +1,467 @@
+// The stages of the method. Their values are dataclasses of arrays in tokid/stages.py; here they become the values of
+// the library, and the results become fields.
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "arrays.hpp"
+#include "call.hpp"
+#include "results.hpp"
+#include "tokid/em.hpp"
+#include "tokid/plan.hpp"
+#include "tokid/subspace.hpp"
+
+namespace tokid::python {
+
+namespace {
+
+// The dataclasses hold their numbers in the order of C.
+using Numbers = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+using Counts = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// One (rows × cols) matrix for each step, as an array (T, rows, cols).
+class Stack {
+ public:
+  explicit Stack(Numbers numbers) : numbers_(std::move(numbers)) {}
+  Index steps() const { return Index(numbers_.shape(0)); }
+  Index rows() const { return Index(numbers_.shape(1)); }
+  Index cols() const { return Index(numbers_.shape(2)); }
+  Eigen::Map<const RowMajor> operator[](Index k) const {
+    return {numbers_.data() + k * rows() * cols(), rows(), cols()};
+  }
+
+ private:
+  Numbers numbers_;
+};
+
+// The inverse: matrix(k) is the top left part of a (rows × cols) matrix of zeros.
+template <class Matrices>
+NumPyArray stacked(Index steps, Index rows, Index cols, Matrices&& matrix) {
+  std::vector<double> values(size_t(steps * rows * cols), 0.0);
+  for (Index k = 0; k < steps; ++k) matrix(k, Eigen::Map<RowMajor>(values.data() + k * rows * cols, rows, cols));
+  return array_of(std::move(values), {size_t(steps), size_t(rows), size_t(cols)});
+}
+
+template <class Entries>
+void check_finite(const char* name, Index k, const Entries& entries) {
+  if (!entries.allFinite())
+    throw std::invalid_argument(
+        fmt::format("{}: a number that is not finite found at step {}, numbers needed", name, k));
+}
+
+void check_covariance(const char* name, Index k, const ConstMatrixRef& s) {
+  check_finite(name, k, s);
+  if (!linalg::covariance_factor(s))
+    throw std::invalid_argument(fmt::format(
+        "{}: another matrix found at step {}, a covariance needed (symmetric, positive semidefinite)", name, k));
+}
+
+template <class Result>
+Result field(nb::handle value, const char* name) {
+  return nb::cast<Result>(value.attr(name));
+}
+
+Stack stack_field(nb::handle value, const char* name) { return Stack(field<Numbers>(value, name)); }
+
+bool is_known(nb::handle value, const char* name) { return !value.attr(name).is_none(); }
+
+// Fills the regression of one step of `arx` from the arrays of the dataclass.
+class ArxFields {
+ public:
+  explicit ArxFields(nb::handle value)
+      : coefficients_(stack_field(value, "coefficients")),
+        residual_cov_(stack_field(value, "residual_cov")),
+        output_rms_(field<Numbers>(value, "output_rms")),
+        lags_(field<Counts>(value, "lags")),
+        lags_max_(*std::max_element(lags_.data(), lags_.data() + lags_.shape(0))) {
+    if (is_known(value, "noise_shape")) noise_shape_.emplace(stack_field(value, "noise_shape"));
+    if (is_known(value, "rank")) rank_.emplace(field<Counts>(value, "rank"));
+    if (is_known(value, "condition")) condition_.emplace(field<Numbers>(value, "condition"));
+    if (is_known(value, "rows")) rows_.emplace(field<Counts>(value, "rows"));
+    if (is_known(value, "freedom")) freedom_.emplace(field<Counts>(value, "freedom"));
+    arx_.feedthrough = field<bool>(value, "feedthrough");
+    arx_.resize(coefficients_.steps(), field<Index>(value, "inputs"), coefficients_.rows(), lags_max_,
+                noise_shape_.has_value());
+    arx_.begin_at(field<Index>(value, "k_begin"));
+    for (Index k = arx_.k_begin; k < arx_.steps(); ++k) write(k);
+  }
+
+  GtvArx take() && { return std::move(arx_); }
+
+ private:
+  void write(Index k) {
+    const Index d = arx_.inputs + arx_.outputs;
+    GtvArxStep& step = arx_.step[size_t(k)];
+    step.lags = lags_.data()[k];
+    if (condition_) step.condition = condition_->data()[k];
+    if (rows_) step.rows = rows_->data()[k];
+    if (freedom_) step.freedom = freedom_->data()[k];
+    const Index own = arx_.regressors(k), before = (lags_max_ - step.lags) * d;
+    const auto all = coefficients_[k];
+    check_finite("coefficients", k, all);
+    // Samples before step 0 are zero, and so their coefficients have no effect.
+    const Index absent = std::max<Index>(0, lags_max_ - k) * d;
+    if (!all.middleCols(absent, std::max<Index>(0, before - absent)).isZero(0))
+      throw std::invalid_argument(fmt::format(
+          "coefficients: nonzero ones of older samples found at step {}, {} lags needed as in lags", k, step.lags));
+    if (!arx_.feedthrough && !all.rightCols(arx_.inputs).isZero(0))
+      throw std::invalid_argument(fmt::format(
+          "coefficients: nonzero ones of the inputs of step {} found, zeros needed without feedthrough", k));
+    arx_.coefficients(k) = all.middleCols(before, own);
+    check_covariance("residual_cov", k, Matrix(residual_cov_[k]));
+    arx_.residual_cov(k) = residual_cov_[k];
+    const Eigen::Map<const Vector> rms(output_rms_.data() + k * arx_.outputs, arx_.outputs);
+    if (!(rms.array() >= 0).all() || !rms.allFinite())
+      throw std::invalid_argument(
+          fmt::format("output_rms: another value found at step {}, numbers from 0 on needed", k));
+    arx_.output_rms(k) = rms;
+    if (noise_shape_)
+      write_shape(k, (*noise_shape_)[k].middleRows(before, own));
+    else if (rank_)
+      step.rank = rank_->data()[k];
+  }
+
+  void write_shape(Index k, const Matrix& given) {
+    check_finite("noise_shape", k, given);
+    Matrix shape = given;
+    GtvArxStep& step = arx_.step[size_t(k)];
+    if (rank_) {
+      step.rank = rank_->data()[k];
+      const Index most = std::min(shape.rows(), shape.cols());
+      if (step.rank < 0 || step.rank > most)
+        throw std::invalid_argument(fmt::format("rank: {} found at step {}, 0 to {} needed", step.rank, k, most));
+      shape = given.leftCols(step.rank);
+    } else if (shape.cols() > shape.rows()) {  // the same X·Xᵀ from fewer columns
+      Matrix transposed = given.transpose();
+      shape = linalg::triangular_factor(transposed).transpose();
+    }
+    step.rank = shape.cols();
+    arx_.noise_shape(k) = shape;
+  }
+
+  Stack coefficients_, residual_cov_;
+  Numbers output_rms_;
+  Counts lags_;
+  Index lags_max_;
+  std::optional<Stack> noise_shape_;
+  std::optional<Counts> rank_, rows_, freedom_;
+  std::optional<Numbers> condition_;
+  GtvArx arx_;
+};
+
+GtvArx arx_of(nb::handle value) { return ArxFields(value).take(); }
+
+nb::dict dict_of(std::initializer_list<Field> fields) {
+  nb::dict result;
+  for (const Field& f : fields) result[f.name] = f.value;
+  return result;
+}
+
+nb::dict fields_of(const GtvArx& arx) {
+  const Index T = arx.steps(), m = arx.outputs, r = arx.inputs, d = r + m;
+  Index lags_max = 0, rank_max = 0;
+  std::vector<Index> lags, rows, freedom, rank;
+  std::vector<double> condition, rms;
+  for (const GtvArxStep& step : arx.step) {
+    lags_max = std::max(lags_max, step.lags);
+    rank_max = std::max(rank_max, step.rank);
+    lags.push_back(step.lags);
+    rows.push_back(step.rows);
+    freedom.push_back(step.freedom);
+    rank.push_back(step.rank);
+    condition.push_back(step.condition);
+  }
+  for (Index k = 0; k < T; ++k) rms.insert(rms.end(), arx.output_rms(k).begin(), arx.output_rms(k).end());
+  const Index L = lags_max * d + r;
+  const auto before = [&](Index k) { return (lags_max - arx.step[size_t(k)].lags) * d; };
+  nb::object shapes = nb::none();
+  if (arx.has_noise_shape())
+    shapes = nb::cast(stacked(T, L, rank_max, [&](Index k, auto&& x) {
+      if (k < arx.k_begin) return;
+      x.block(before(k), 0, arx.regressors(k), arx.step[size_t(k)].rank) = arx.noise_shape(k);
+    }));
+  return dict_of({{"coefficients", nb::cast(stacked(T, m, L,
+                                                    [&](Index k, auto&& all) {
+                                                      if (k < arx.k_begin) return;
+                                                      all.middleCols(before(k), arx.regressors(k)) =
+                                                          arx.coefficients(k);
+                                                    }))},
+                  {"lags", lags},
+                  {"residual_cov", nb::cast(stacked(T, m, m, [&](Index k, auto&& s) { s = arx.residual_cov(k); }))},
+                  {"output_rms", nb::cast(array_of(std::move(rms), {size_t(T), size_t(m)}))},
+                  {"noise_shape", shapes},
+                  {"feedthrough", arx.feedthrough},
+                  {"k_begin", arx.k_begin},
+                  {"rank", rank},
+                  {"condition", condition},
+                  {"rows", rows},
+                  {"freedom", freedom}});
+}
+
+// The blocks of all steps as an array (T, band, rows, cols); block γ-1 of matrix(k) is in columns (γ-1)·cols ….
+template <class Matrices>
+NumPyArray blocks(Index T, Index band, Index rows, Index cols, Matrices&& matrix) {
+  std::vector<double> values(size_t(T * band * rows * cols));
+  for (Index k = 0; k < T; ++k)
+    for (Index g = 0; g < band; ++g)
+      Eigen::Map<RowMajor>(values.data() + (k * band + g) * rows * cols, rows, cols) =
+          matrix(k).middleCols(g * cols, cols);
+  return array_of(std::move(values), {size_t(T), size_t(band), size_t(rows), size_t(cols)});
+}
+
+nb::dict fields_of(const Markov& h) {
+  const Index T = h.steps(), m = h.outputs, r = h.inputs;
+  return dict_of({{"system", nb::cast(blocks(T, h.band, m, r, [&](Index k) { return h.system(k); }))},
+                  {"gain", nb::cast(blocks(T, h.band, m, m, [&](Index k) { return h.gain(k); }))},
+                  {"D", nb::cast(stacked(T, m, r, [&](Index k, auto&& d) { d = h.D(k); }))},
+                  {"system_noise", nb::cast(blocks(T, h.band, m, r, [&](Index k) { return h.system_noise(k); }))},
+                  {"i_begin", h.i_begin}});
+}
+
+Markov markov_of(nb::handle value) {
+  const auto system = field<Numbers>(value, "system"), gain = field<Numbers>(value, "gain");
+  std::optional<Numbers> noise;
+  if (is_known(value, "system_noise")) noise = field<Numbers>(value, "system_noise");
+  const Stack D = stack_field(value, "D");
+  const Index T = Index(system.shape(0)), band = Index(system.shape(1)), m = Index(system.shape(2)),
+              r = Index(system.shape(3));
+  Markov h(T, r, m, band, field<Index>(value, "i_begin"));
+  const auto block = [&](const Numbers& numbers, Index k, Index i, Index cols) {
+    return Eigen::Map<const RowMajor>(numbers.data() + (k * band + k - i - 1) * m * cols, m, cols);
+  };
+  for (Index k = h.i_begin; k < T; ++k) {
+    check_finite("D", k, D[k]);
+    h.D(k) = D[k];
+    for (Index i = std::max(h.i_begin, k - band); i < k; ++i) {
+      check_finite("system", k, block(system, k, i, r));
+      check_finite("gain", k, block(gain, k, i, m));
+      h.h(k, i) = block(system, k, i, r);
+      h.h_gain(k, i) = block(gain, k, i, m);
+      if (!noise) continue;
+      if (!(block(*noise, k, i, r).array() >= 0).all())
+        throw std::invalid_argument(
+            fmt::format("system_noise: another value found at step {}, variances from 0 on needed", k));
+      h.h_noise(k, i) = block(*noise, k, i, r);
+    }
+  }
+  return h;
+}
+
+nb::dict fields_of(const HankelFactors& factors, const TveraOptions& options) {
+  nb::list u, singular_values;
+  std::vector<double> scale, error;
+  for (const HankelFactor& factor : factors.step) {
+    u.append(array_of(factor.u));
+    singular_values.append(array_of(factor.singular_values));
+    scale.push_back(factor.scale);
+    error.push_back(factor.error);
+  }
+  return dict_of({{"u", nb::object(u)},
+                  {"singular_values", nb::object(singular_values)},
+                  {"scale", scale},
+                  {"error", error},
+                  {"rows", factors.rows},
+                  {"cols", factors.cols},
+                  {"k_begin", factors.k_begin},
+                  {"output_size", options.output_size},
+                  {"input_size", options.input_size}});
+}
+
+HankelFactors factors_of(nb::handle value) {
+  HankelFactors factors{field<Index>(value, "rows"), field<Index>(value, "cols"), field<Index>(value, "k_begin"), {}};
+  const auto u = field<std::vector<AnyArray>>(value, "u");
+  const auto singular_values = field<std::vector<AnyArray>>(value, "singular_values");
+  const auto scale = field<Numbers>(value, "scale"), error = field<Numbers>(value, "error");
+  for (size_t s = 0; s < u.size(); ++s)
+    factors.step.push_back({matrix_of(u[s]), vector_of(singular_values[s]), scale.data()[s], error.data()[s]});
+  return factors;
+}
+
+Vector vector_or_empty(const std::optional<AnyArray>& array) { return array ? vector_of(*array) : Vector(); }
+
+// A model as the stages make it: `data` and D = 0 without feedthrough are noted.
+Model noted(Model model, const Ensemble& data, bool feedthrough) {
+  Provenance& provenance = model.provenance;
+  note_data(provenance, fingerprint(data));
+  provenance.experiments = data.experiments();
+  provenance.dt_stated = data.dt_stated;
+  provenance.feedthrough = {.present = feedthrough, .reason = FeedthroughChoice::Reason::stated};
+  provenance.version = version;
+  return model;
+}
+
+InitialState initial_state_of(const Ensemble& data) { return data.initial_state.value_or(InitialState::unknown); }
+
+nb::dict regressed_each(const Ensemble& data, std::vector<Index> lags, bool feedthrough, double tolerance,
+                        bool noise_shape, Index spent, int threads) {
+  GtvArxOptions options;
+  options.lags = std::move(lags);
+  options.initial_state = initial_state_of(data);
+  options.feedthrough = feedthrough;
+  options.tolerance = tolerance;
+  options.noise_shape = noise_shape;
+  options.spent = spent;
+  options.execution.threads = threads;
+  return fields_of(without_gil([&] { return gtv_arx(data, options); }));
+}
+
+nb::dict regressed_together(const Ensemble& data, Index lags, double smoothing, Index period, bool feedthrough,
+                            int threads) {
+  const SmoothArxOptions options{lags, initial_state_of(data), feedthrough, {smoothing, period}, {threads, {}}};
+  return fields_of(without_gil([&] { return smooth_arx(data, options); }));
+}
+
+nb::dict factorised(nb::handle parameters, Index rows, Index cols, const std::optional<AnyArray>& free_y,
+                    const std::optional<AnyArray>& output_size, const std::optional<AnyArray>& input_size,
+                    int threads) {
+  const Markov h = markov_of(parameters);
+  TveraOptions options;
+  options.rows = rows;
+  options.cols = cols;
+  options.output_size = vector_or_empty(output_size);
+  options.input_size = vector_or_empty(input_size);
+  options.execution.threads = threads;
+  const FreeResponse free = free_y ? free_response_of(*free_y) : FreeResponse{};
+  return fields_of(without_gil([&] { return hankel_factors(h, free, options); }), options);
+}
+
+Model realised(nb::handle parameters, nb::handle value, Index states, double noise_factor, int threads) {
+  const Markov h = markov_of(parameters);
+  const HankelFactors factors = factors_of(value);
+  TveraOptions options;
+  options.rows = factors.rows;
+  options.cols = factors.cols;
+  options.states = states;
+  options.noise_factor = noise_factor;
+  options.output_size = vector_of(field<AnyArray>(value, "output_size"));
+  options.input_size = vector_of(field<AnyArray>(value, "input_size"));
+  options.execution.threads = threads;
+  return without_gil([&] {
+    Model model = realise(h, factors, options);
+    model.provenance.version = version;
+    return model;
+  });
+}
+
+Model with_regressions(const Model& model, const Ensemble& data, nb::handle value) {
+  const GtvArx arx = arx_of(value);
+  if (arx.steps() != model.k_end() || arx.inputs != model.inputs || arx.outputs != model.outputs)
+    throw std::invalid_argument(
+        fmt::format("arx: {} steps, {} inputs, {} outputs found, {}, {}, {} needed as in the model", arx.steps(),
+                    arx.inputs, arx.outputs, model.k_end(), model.inputs, model.outputs));
+  Plan plan;
+  plan.initial_state = initial_state_of(data);
+  return without_gil([&] { return noted(completed(model, data, arx, plan), data, arx.feedthrough); });
+}
+
+Model subspace_model(const Ensemble& data, nb::handle value, Index states, Index future, Weighting weighting,
+                     double smoothing, Index period, double state_smoothing,
+                     const std::optional<AnyArray>& output_weights, bool noisy, int threads) {
+  const GtvArx arx = arx_of(value);
+  SubspaceOptions options;
+  options.states = states;
+  options.future = future;
+  options.weighting = weighting;
+  options.variation = {smoothing, period};
+  options.state_smoothing = state_smoothing;
+  options.output_weights = vector_or_empty(output_weights);
+  options.noisy = noisy;
+  options.execution.threads = threads;
+  return without_gil([&] {
+    return noted(from_known_state(subspace(data, arx, options), initial_state_of(data)), data, arx.feedthrough);
+  });
+}
+
+nb::tuple refined_by_em(const Model& model, const Ensemble& data, RefineOptions options) {
+  options.initial_state = data.initial_state;
+  Refinement result = without_gil([&] {
+    Refinement found = refine(model, data, options);
+    note_data(found.model.provenance, fingerprint(data));
+    found.model.provenance.refinement = {options.smoothing, found.iterations};
+    found.model.provenance.version = version;
+    return found;
+  });
+  const nb::dict fields = dict_of({{"start_log_likelihood", result.start_log_likelihood},
+                                   {"log_likelihood", result.log_likelihood},
+                                   {"penalised", result.penalised},
+                                   {"iterations", result.iterations},
+                                   {"converged", result.converged},
+                                   {"noise_segments", result.noise_segments},
+                                   {"findings", list_of(result.findings)}});
+  return nb::make_tuple(std::move(result.model), fields);
+}
+
+void bind_regressions(nb::module_& module) {
+  module.def("stage_windows", [](const Ensemble& data, Index k, Index lags) {
+    return array_of(without_gil([&] { return Windows(data).rows(k, lags); }));
+  });
+  module.def("stage_channel_sizes",
+             [](const Ensemble& data) { return array_of(without_gil([&] { return Windows(data).channel_sizes(); })); });
+  module.def("stage_gtv_arx", &regressed_each, nb::arg("data"), nb::arg("lags"), nb::arg("feedthrough"),
+             nb::arg("tolerance"), nb::arg("noise_shape"), nb::arg("spent"), nb::arg("threads"));
+  module.def("stage_smooth_arx", &regressed_together, nb::arg("data"), nb::arg("lags"), nb::arg("smoothing"),
+             nb::arg("period"), nb::arg("feedthrough"), nb::arg("threads"));
+}
+
+void bind_realisations(nb::module_& module) {
+  nb::enum_<Weighting>(module, "Weighting")
+      .value("one_step", Weighting::one_step)
+      .value("many_steps", Weighting::many_steps)
+      .value("projection", Weighting::projection);
+  module.def("stage_markov", [](nb::handle value, Index band, int threads) {
+    const GtvArx arx = arx_of(value);
+    return fields_of(without_gil([&] { return markov(arx, band, {threads, {}}); }));
+  });
+  module.def("stage_hankel_factors", &factorised, nb::arg("markov"), nb::arg("rows"), nb::arg("cols"),
+             nb::arg("free_y").none(), nb::arg("output_size").none(), nb::arg("input_size").none(), nb::arg("threads"));
+  module.def("stage_realise", &realised, nb::arg("markov"), nb::arg("factors"), nb::arg("states"),
+             nb::arg("noise_factor"), nb::arg("threads"));
+  module.def("stage_completed", &with_regressions, nb::arg("model"), nb::arg("data"), nb::arg("arx"));
+  module.def("stage_subspace", &subspace_model, nb::arg("data"), nb::arg("arx"), nb::arg("states"), nb::arg("future"),
+             nb::arg("weighting"), nb::arg("smoothing"), nb::arg("period"), nb::arg("state_smoothing"),
+             nb::arg("output_weights").none(), nb::arg("noisy"), nb::arg("threads"));
+  module.def("stage_with_nominal", [](Model model, const AnyArray& u, const AnyArray& y) {
+    model.u_nominal = matrix_of(u);
+    model.y_nominal = matrix_of(y);
+    model.check();
+    return model;
+  });
+}
+
+void bind_em(nb::module_& module) {
+  module.def(
+      "stage_refine",
+      [](const Model& model, const Ensemble& data, double smoothing, std::optional<Index> period, Index iterations,
+         double tolerance, bool feedthrough, std::vector<Index> jumps, bool estimate_matrices, bool accelerate,
+         bool warm_up, int threads) {
+        RefineOptions options;
+        options.smoothing = smoothing;
+        options.period = period;
+        options.iterations = iterations;
+        options.tolerance = tolerance;
+        options.feedthrough = feedthrough;
+        options.jumps = std::move(jumps);
+        options.estimate_matrices = estimate_matrices;
+        options.accelerate = accelerate;
+        options.warm_up = warm_up;
+        options.execution.threads = threads;
+        return refined_by_em(model, data, std::move(options));
+      },
+      nb::arg("model"), nb::arg("data"), nb::arg("smoothing"), nb::arg("period").none(), nb::arg("iterations"),
+      nb::arg("tolerance"), nb::arg("feedthrough"), nb::arg("jumps"), nb::arg("estimate_matrices"),
+      nb::arg("accelerate"), nb::arg("warm_up"), nb::arg("threads"));
+}
+
+}  // namespace
+
+void bind_stages(nb::module_& module) {
+  bind_regressions(module);
+  bind_realisations(module);
+  bind_em(module);
+}
+
+}  // namespace tokid::python
