@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "python"
-NAMES = ["mujoco_swing_up", "paper_example", "pendubot"]
+NAMES = ["mujoco_swing_up", "own_regression", "paper_example", "pendubot"]
 
 
 @pytest.fixture
@@ -66,6 +66,19 @@ def test_paper_example(notebook):
     assert found["noisy"].states == 4
     # Nothing beats the truth, by more than chance; the identified model comes within a point of it.
     assert np.all(np.subtract(best, identified) > -0.05) and np.all(np.subtract(best, identified) < 1)
+
+
+def test_own_regression(notebook):
+    table = notebook("own_regression")["table"]
+    best = np.array(table["true system", ""])
+    figures = {stage: np.array([table[name, stage] for name, kind in table if kind == stage]) for stage in ("subspace", "EM")}
+    alone, ridge, coupled = figures["subspace"]
+    # With few experiments, a ridge, or a penalty on variation, halves the errors of simulations and of pulse responses.
+    for better in (ridge, coupled):
+        assert best[1] - better[1] < 0.6 * (best[1] - alone[1]) and better[2] < 0.7 * alone[2]
+    # EM makes similar models of all, which come close to the truth, the best predictor but for chance.
+    assert np.all(figures["EM"][:, 0] > best[0] - 0.4) and np.all(figures["EM"][:, 0] < best[0] + 0.05)
+    assert np.all(figures["EM"][:, 1] > best[1] - 2) and np.all(figures["EM"][:, 2] < 3.5)
 
 
 def test_pendubot(notebook, monkeypatch):
