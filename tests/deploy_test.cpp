@@ -33,6 +33,8 @@ TEST(Deploy, NumbersReadBackAsTheSameBits) {
   EXPECT_EQ(c_code::number_text(1e-300, true), "0.0f");
   EXPECT_EQ(message([] { c_code::number_text(-1e39, true); }),
             "model: the number -1e+39 found, at most 3.4e+38 needed in single precision. Use other units");
+  for (const bool single : {false, true})
+    EXPECT_EQ(message([&] { c_code::number_text(nan, single); }), "model: nan found, finite numbers needed");
 }
 
 TEST(Deploy, CommentsDoNotEnd) {

@@ -37,11 +37,14 @@ struct DeployedCode {
 // outputs by innovation_cov. The code solves no regression, and therefore
 // - an input must not be missing: NAME_step() then returns a status code and leaves the state as it was;
 // - the state must be known at the first step: zero or x0_mean. Other models need start_from_zero.
-// A step after the end of a model without period returns a status code.
+// A step after the end of a model without period returns a status code, and so does a step or an input with a result
+// beyond the range of the numbers: whenever the status is NAME_ok, the state and all results are finite, but for the
+// innovations of missing outputs.
 // With a controller of this model there is also NAME_control(), which gives u_k from x̂_k before y_k is known.
 // The code allocates no memory, and includes <float.h> and <stdint.h> alone.
 // \throws std::invalid_argument for a name that C does not accept, a model that is not consistent or has no step, an
-// unknown initial state without start_from_zero, numbers beyond the range of float, or a controller of another model
+// unknown initial state without start_from_zero, numbers that are not finite or beyond the range of float, or a
+// controller of another model
 DeployedCode deploy(const Model& model, const DeployOptions& options = {}, const Controller* controller = nullptr);
 
 // The header that belongs to a source file: FILE.h for FILE.c.

@@ -53,9 +53,10 @@ enum { @name@_states = @states_n@, @name@_inputs = @r@, @name@_outputs = @m@ };
 /* Status of a call. */
 enum {
   @name@_ok = 0,
-  @name@_early = 1,     /* before the first step */
-  @name@_ended = 2,     /* after the last step */
-  @name@_bad_sample = 3 /* an input is missing (NaN) or infinite, or an output is infinite */
+  @name@_early = 1,      /* before the first step */
+  @name@_ended = 2,      /* after the last step */
+  @name@_bad_sample = 3, /* an input is missing (NaN) or infinite, or an output is infinite */
+  @name@_overflow = 4    /* a result is beyond the range of @real@ */
 };
 
 typedef struct {
@@ -77,8 +78,12 @@ void @name@_init(@name@_state *state);
  * which uses u and the samples before step k, and the innovation (@m@): y minus this prediction. Both may be null
  * pointers.
  * A missing output is NaN, and so is its innovation. @missing_rule@
- * If the status is not @name@_ok, the prediction and the innovation are not set. With @name@_early,
- * the step is counted; with other codes, the state remains as it was. */
+ * With @name@_ok, the new state is finite, and so are all results but the innovations of missing outputs.
+ * With other codes, the prediction and the innovation are not set. With @name@_early, the step is counted;
+ * with @name@_ended, @name@_bad_sample and @name@_overflow, the state remains as it was.
+ * After @name@_bad_sample and @name@_overflow, call the function again for this step, with
+ * samples that are finite, or with outputs marked as missing. If nothing but NaN is left of y and the status remains
+ * @name@_overflow, the state itself is too large: set its x to zero, or go to step 0. */
 int @name@_step(@name@_state *state, const @name@_real *u, const @name@_real *y,
                 @name@_real *prediction, @name@_real *innovation);
 )";
@@ -86,8 +91,9 @@ int @name@_step(@name@_state *state, const @name@_real *u, const @name@_real *y,
 constexpr std::string_view header_control_function = R"(
 /* The input u (@r@) of step k, from the state before step k. Call @name@_step() afterwards with the input
  * that was applied, for example after limits. The controller has the steps @control_first@ to @control_last@. Before and after
- * it, u is the nominal input, and the status is @name@_early or @name@_ended. After the last step of
- * the model, u is not set. */
+ * it, u is the nominal input, and the status is @name@_early or @name@_ended. With
+ * @name@_overflow, u is the nominal input, too. Thus u is finite, except after the last step of the model,
+ * where it is not set. */
 int @name@_control(const @name@_state *state, @name@_real *u);
 )";
 
@@ -209,6 +215,8 @@ constexpr std::string_view source_step = R"(  state->k = 0;
 int @name@_step(@name@_state *state, const real *u, const real *y, real *prediction, real *innovation)
 {
 @row_declaration@  real v[STATES + INPUTS + OUTPUTS]; /* x, u and e */
+  real after[STATES];                /* x of the next step */
+  real predicted[OUTPUTS];
   real *e;
   const real *matrix;
 )";
@@ -255,13 +263,14 @@ constexpr std::string_view step_output = R"(  e = v + n + INPUTS;
     matrix += n + INPUTS;
 )";
 constexpr std::string_view step_innovation_nominal = R"(    e[j] = y[j] - nominal[INPUTS + j] - sum;
-    if (prediction) prediction[j] = sum + nominal[INPUTS + j];
+    predicted[j] = sum + nominal[INPUTS + j];
 )";
 constexpr std::string_view step_innovation = R"(    e[j] = y[j] - sum;
-    if (prediction) prediction[j] = sum;
+    predicted[j] = sum;
 )";
-constexpr std::string_view step_missing = R"(    if (innovation) innovation[j] = e[j];
-    if (!(e[j] == e[j])) missing = 1;
+constexpr std::string_view step_missing = R"(    if (!is_finite(predicted[j])) return @name@_overflow;
+    if (!(y[j] == y[j])) missing = 1;
+    else if (!is_finite(e[j])) return @name@_overflow;
   }
 )";
 constexpr std::string_view step_estimate = R"(  if (missing) {
@@ -271,9 +280,17 @@ constexpr std::string_view step_estimate = R"(  if (missing) {
 )";
 constexpr std::string_view step_zero = R"(  if (missing) estimate_missing(e);
 )";
-constexpr std::string_view step_end = R"(  for (i = 0; i < next; ++i) {
-    state->x[i] = add_products(0, matrix, v, n + INPUTS + OUTPUTS); /* A x + B u - G e */
+constexpr std::string_view step_next = R"(  for (i = 0; i < next; ++i) {
+    after[i] = add_products(0, matrix, v, n + INPUTS + OUTPUTS); /* A x + B u - G e */
+    if (!is_finite(after[i])) return @name@_overflow;
     matrix += n + INPUTS + OUTPUTS;
+  }
+  /* All results are finite. */
+  for (i = 0; i < next; ++i) state->x[i] = after[i];
+)";
+constexpr std::string_view step_end = R"(  for (j = 0; j < OUTPUTS; ++j) {
+    if (prediction) prediction[j] = predicted[j];
+    if (innovation) innovation[j] = y[j] == y[j] ? e[j] : y[j];
   }
   advance(state);
   return @name@_ok;
@@ -285,7 +302,7 @@ int @name@_control(const @name@_state *state, real *u)
 {
 @control_row_declaration@  const real *law;
 )";
-constexpr std::string_view control_declarations = R"(  real sum;
+constexpr std::string_view control_declarations = R"(  real input[INPUTS], sum;
 @control_step_declaration@  int i, n;
 )";
 constexpr std::string_view control_zero = R"(  for (i = 0; i < INPUTS; ++i) u[i] = 0;
@@ -310,13 +327,14 @@ constexpr std::string_view control_feedback = R"(    sum = add_products(0, law, 
 constexpr std::string_view control_held = R"(    sum = add_products(sum, law, state->held, INPUTS);
     law += INPUTS;
 )";
-constexpr std::string_view control_add_nominal = R"(    u[i] += sum;
-  }
+constexpr std::string_view control_add_nominal = R"(    input[i] = u[i] + sum;
 )";
-constexpr std::string_view control_set = R"(    u[i] = sum;
-  }
+constexpr std::string_view control_set = R"(    input[i] = sum;
 )";
-constexpr std::string_view control_end = R"(  return @name@_ok;
+constexpr std::string_view control_end = R"(    if (!is_finite(input[i])) return @name@_overflow;
+  }
+  for (i = 0; i < INPUTS; ++i) u[i] = input[i];
+  return @name@_ok;
 }
 )";
 
@@ -398,14 +416,15 @@ std::string source_text(const Words& given, const Features& has) {
                                        {true, step_sizes},
                                        {has.nominal, step_departure},
                                        {!has.nominal, step_plain_inputs},
-                                       {has.held && has.control_later, step_hold_from},
-                                       {has.held && !has.control_later, step_hold},
                                        {true, step_output},
                                        {has.nominal, step_innovation_nominal},
                                        {!has.nominal, step_innovation},
                                        {true, step_missing},
                                        {has.estimates, step_estimate},
                                        {!has.estimates, step_zero},
+                                       {true, step_next},
+                                       {has.held && has.control_later, step_hold_from},
+                                       {has.held && !has.control_later, step_hold},
                                        {true, step_end}},
                                       words);
   if (!has.controller) return observer;

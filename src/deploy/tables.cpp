@@ -42,6 +42,7 @@ std::string comment_text(std::string_view text) {
 }
 
 std::string number_text(double value, bool single_precision) {
+  if (!std::isfinite(value)) throw std::invalid_argument(fmt::format("model: {} found, finite numbers needed", value));
   if (single_precision && std::abs(value) > double(std::numeric_limits<float>::max()))
     throw std::invalid_argument(
         fmt::format("model: the number {} found, at most {:.3g} needed in single precision. Use other units", value,

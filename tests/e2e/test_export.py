@@ -20,7 +20,7 @@ from conftest import ROOT
 import support
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror"]
-OK, EARLY, ENDED, BAD_SAMPLE = range(4)
+OK, EARLY, ENDED, BAD_SAMPLE, OVERFLOW = range(5)
 EPSILON = {"double": np.finfo(float).eps, "float": np.finfo(np.float32).eps}
 
 
@@ -212,6 +212,54 @@ def test_status_of_steps(tokid, folder):
     # null pointers
     code.step(u[1], y[1])
     assert code._step(*map(code.pointer, (code.memory, u[2], y[2])), None, None) == OK
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+@pytest.mark.parametrize("kind", ["varying", "dimensions"])
+def test_overflow(tokid, folder, kind, precision):
+    """Whatever the samples are: with OK everything is finite, with OVERFLOW the state is as it was, and another try of
+    the same step goes on as if nothing had happened."""
+    rng = np.random.default_rng(6)
+    model = random_model(rng, kind, 4, 3, 2)
+    root = rng.standard_normal((24, 3, 3))
+    model.update(k_begin=0, initial_state="zero", x0_mean=None, x0_cov=None,
+                 innovation_cov=root @ root.transpose(0, 2, 1) + 0.1 * np.eye(3),
+                 u_nominal=rng.standard_normal((24, 2)), y_nominal=rng.standard_normal((24, 3)))
+    file, name = save(folder, model), f"large_{kind}_{precision}"
+    tokid("lqr", file, "--input-weight", 1e-4, "--input-rate-weight", 1e-4, "-o", folder / "c.npz")  # large gains
+    tokid("export", file, "--controller", folder / "c.npz", "-o", folder / f"{name}.c",
+          *(["--float"] if precision == "float" else []))
+    library = compiled(folder, [folder / f"{name}.c"])
+    tried, plain = (Code(library, name, model, precision) for _ in range(2))
+    largest, seen = float(np.finfo(tried.type).max), set()
+    for k in range(24):
+        status, u = tried.control()
+        assert status == OK and np.isfinite(u).all()
+        for _ in range(8):
+            large = [rng.choice([0, 0.1, 1], size) * largest * rng.choice([-1, 1], size) for size in (2, 3)]
+            large[1][rng.random(3) < 0.3] = np.nan
+            before = tried.memory.copy()
+            status = tried.step(*large)
+            seen.add(status)
+            if status == OVERFLOW:
+                assert np.array_equal(tried.memory, before)
+                assert np.all(tried.prediction == 77) and np.all(tried.innovation == 77)
+                continue
+            assert status == OK and np.isfinite(tried.x).all() and np.isfinite(tried.prediction).all()
+            assert np.array_equal(np.isnan(tried.innovation), np.isnan(large[1]))
+            assert not np.isinf(tried.innovation).any()
+            tried.memory[:] = before
+            tried.x[:] = largest * rng.uniform(-1, 1, 4)
+            status, u = tried.control()
+            seen.add(("control", status))
+            assert np.isfinite(u).all() and status in (OK, OVERFLOW)
+            if status == OVERFLOW:
+                assert np.array_equal(u, model["u_nominal"][k].astype(tried.type))
+            tried.memory[:] = before
+        u, y = rng.standard_normal(2), rng.standard_normal(3)
+        assert tried.step(u, y) == plain.step(u, y) == OK
+        assert np.array_equal(tried.memory, plain.memory) and np.array_equal(tried.prediction, plain.prediction)
+    assert seen == {OK, OVERFLOW, ("control", OK), ("control", OVERFLOW)}
 
 
 def test_missing_outputs(tokid, folder):
