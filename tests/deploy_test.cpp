@@ -83,7 +83,7 @@ TEST(Deploy, RefusesWithTheReason) {
   };
   EXPECT_EQ(refused(model), "no exception");
   EXPECT_EQ(refused(model, {.name = "a b"}),
-            "name: 'a b' found, a letter, then letters, digits and '_' needed, at most 64 in all");
+            "name: 'a b' found, a letter, then letters, digits and '_', in all at most 64, needed");
   Model empty;
   empty.outputs = 1;
   EXPECT_EQ(refused(empty), "model: no step found, at least one needed");
@@ -117,6 +117,10 @@ TEST(Deploy, RefusesWithTheReason) {
 }
 
 TEST(Deploy, NamesTheHeaderAfterTheSource) {
+  const Model model = random_system({1, 1, 1}, 1, 0.9, 3);
+  EXPECT_EQ(message([&] { save_deployed(model, "folder/2nd.c"); }),
+            "name: '2nd' found, which is that of the file, a letter, then letters, digits and '_', in all at most 64, "
+            "needed. State another name");
   EXPECT_EQ(deployed_header("folder/my-plant.v2.c"), "folder/my-plant.v2.h");
   for (const char* bad : {"a.h", "a", "a b.c", "a\".c", ".c"}) EXPECT_THROW(deployed_header(bad), IoError) << bad;
 }

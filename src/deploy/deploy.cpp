@@ -39,12 +39,12 @@ Rows rows_of(const Model& model) {
   return rows;
 }
 
-void check_name(const std::string& name) {
+constexpr const char* name_rule = "a letter, then letters, digits and '_', in all at most 64,";
+
+bool is_name(const std::string& name) {
   const auto letter = [](char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0; };
   const auto part = [&](char c) { return letter(c) || c == '_' || std::isdigit(static_cast<unsigned char>(c)) != 0; };
-  if (!name.empty() && name.size() <= 64 && letter(name.front()) && std::all_of(name.begin(), name.end(), part)) return;
-  throw std::invalid_argument(
-      fmt::format("name: '{}' found, a letter, then letters, digits and '_' needed, at most 64 in all", name));
+  return !name.empty() && name.size() <= 64 && letter(name.front()) && std::all_of(name.begin(), name.end(), part);
 }
 
 void check_model(const Model& model, const Rows& rows) {
@@ -205,11 +205,6 @@ std::string channel_lines(const char* symbol, const std::vector<std::string>& na
   return lines;
 }
 
-std::string upper(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
-  return text;
-}
-
 std::string description(const Model& model, const Rows& rows, const Vector& start, bool known) {
   std::string text =
       fmt::format(" * Model: n = {} states, r = {} inputs, m = {} outputs, steps {} to {}, dt = {} s.\n",
@@ -245,7 +240,8 @@ DeployedCode deploy(const Model& model, const DeployOptions& options, const Cont
   using namespace tokid::c_code;
   DeployedCode code;
   code.name = options.name.empty() ? "observer" : options.name;
-  check_name(code.name);
+  if (!is_name(code.name))
+    throw std::invalid_argument(fmt::format("name: '{}' found, {} needed", code.name, name_rule));
   const Rows rows = rows_of(model);
   check_model(model, rows);
   if (controller) check_controller(*controller, model, rows);
@@ -269,7 +265,7 @@ DeployedCode deploy(const Model& model, const DeployOptions& options, const Cont
 
   Tables tables(options.single_precision);
   Words words{{"name", code.name},
-              {"guard", upper(code.name) + "_H"},
+              {"guard", "TOKID_" + code.name + "_H"},  // as it is spelled, because C tells plant and Plant apart
               {"file", options.header.empty() ? code.name + ".h" : options.header},
               {"version", version},
               {"real", options.single_precision ? "float" : "double"},
@@ -354,7 +350,13 @@ std::filesystem::path deployed_header(const std::filesystem::path& source) {
 DeployedCode save_deployed(const Model& model, const std::filesystem::path& source, DeployOptions options,
                            const Controller* controller) {
   const std::filesystem::path header = deployed_header(source);
-  if (options.name.empty()) options.name = source.stem().string();
+  if (options.name.empty()) {
+    options.name = source.stem().string();
+    if (!c_code::is_name(options.name))
+      throw std::invalid_argument(
+          fmt::format("name: '{}' found, which is that of the file, {} needed. State another name", options.name,
+                      c_code::name_rule));
+  }
   options.header = header.filename().string();
   DeployedCode code = deploy(model, options, controller);
   FilesTogether files;

@@ -18,8 +18,8 @@ std::string filled(std::string_view pattern, const Words& words);
 // A text for a comment of C: one line, without the characters that end a comment or begin another one.
 std::string comment_text(std::string_view text);
 
-// The shortest digits that read back as the same number. \throws std::invalid_argument for a number beyond the range, or
-// one that is not finite
+// The shortest digits that read back as the same number. \throws std::invalid_argument for a number beyond the range,
+// or one that is not finite
 std::string number_text(double value, bool single_precision);
 
 // A table of numbers for each of a list of rows. Equal blocks share their place.

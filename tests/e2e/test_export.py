@@ -457,6 +457,16 @@ def test_names_in_comments(tokid, folder):
     assert "y[1]  gr\u00fcn [rad]" in header and "u[0]  a * / int x; / * b [N]" in header
 
 
+def test_names_that_differ_in_case(tokid, folder):
+    """A program can include both headers."""
+    for file, name in (("one", "plant"), ("two", "Plant"), ("three", "plant_H")):
+        tokid("export", folder / "model.npz", "--name", name, "-o", folder / f"{file}.c")
+    (folder / "all.c").write_text(
+        '#include "one.h"\n#include "two.h"\n#include "three.h"\n#include "one.h"\n'
+        "int sizes(void) { return plant_states + 10 * Plant_states + 100 * plant_H_states; }\n")
+    assert compiled(folder, [folder / f"{file}.c" for file in ("all", "one", "two", "three")]).sizes() == 444
+
+
 @pytest.mark.parametrize("name", ["1st", "a b", "_x", "x-y", "x;y", "gr\u00fcn", "x" * 65])
 def test_bad_names(tokid, folder, name):
     refused = tokid("export", folder / "model.npz", "--name", name, "-o", folder / "no.c", status=2)
